@@ -1,0 +1,117 @@
+//! The one error type of this crate.
+
+/// Why a computation was refused or could not be finished.
+///
+/// Fields carry what is needed to name the culprit to a person and to replay the failure.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A parameter outside its range.
+    #[error("{field} = {value} is out of range: {allowed}")]
+    OutOfRange {
+        /// Name of the parameter, as written in input files.
+        field: &'static str,
+        /// The value given.
+        value: f64,
+        /// The range, in words.
+        allowed: &'static str,
+    },
+    /// Two lists that must have one entry per sphere do not.
+    #[error("{field} has {found} entries for {expected} spheres")]
+    Length {
+        /// Name of the list.
+        field: &'static str,
+        /// Entries found.
+        found: usize,
+        /// Entries needed.
+        expected: usize,
+    },
+    /// The configuration has no sphere.
+    #[error("a configuration needs at least one sphere")]
+    NoSpheres,
+    /// Surfaces that touch or overlap: the fluid between them cannot be described.
+    #[error("spheres {i} and {j} overlap: gap {gap:.3e} (centres {separation:.6} apart)")]
+    Overlap {
+        /// First sphere.
+        i: usize,
+        /// Second sphere.
+        j: usize,
+        /// Surface-to-surface gap, in a.
+        gap: f64,
+        /// Distance of the centres, in a.
+        separation: f64,
+    },
+    /// A cell in which a sphere could meet two images of one neighbour.
+    #[error(
+        "the cell is {side:.4} wide along {direction}, less than {needed:.4}, twice the lubrication cut-off: use more spheres or a larger cell"
+    )]
+    CellTooSmall {
+        /// `x` or `y`.
+        direction: char,
+        /// Side of the cell, in a.
+        side: f64,
+        /// Smallest side allowed, in a.
+        needed: f64,
+    },
+    /// No layer of this area fraction could be made.
+    #[error(
+        "no start layer of {spheres} spheres at area fraction {area_fraction} with gaps of at least {gap}: reached {reached:.4}; {advice}"
+    )]
+    CannotPack {
+        /// Number of spheres.
+        spheres: usize,
+        /// Area fraction asked for.
+        area_fraction: f64,
+        /// Smallest gap asked for, in a.
+        gap: f64,
+        /// Area fraction reached.
+        reached: f64,
+        /// What to change.
+        advice: &'static str,
+    },
+    /// A matrix that must be positive definite is not.
+    #[error("the {matrix} matrix is not positive definite (pivot {pivot}, of sphere {sphere})")]
+    NotPositiveDefinite {
+        /// Which matrix.
+        matrix: &'static str,
+        /// Row at which the factorization broke down.
+        pivot: usize,
+        /// Sphere that row belongs to.
+        sphere: usize,
+    },
+    /// A number that is not finite came out of a computation.
+    #[error("{quantity} of sphere {sphere} is not finite")]
+    NotFinite {
+        /// Which quantity.
+        quantity: &'static str,
+        /// Sphere it belongs to.
+        sphere: usize,
+    },
+    /// A step of a simulation failed.
+    #[error("step {step} (strain {strain:.4}): {source}")]
+    Step {
+        /// Number of the step, from 0.
+        step: u64,
+        /// Strain at its start.
+        strain: f64,
+        /// What went wrong.
+        #[source]
+        source: Box<Error>,
+    },
+    /// A snapshot that does not belong to these parameters.
+    #[error("snapshot does not fit: {reason}")]
+    Snapshot {
+        /// In what it differs.
+        reason: &'static str,
+    },
+    /// A pair of spheres named in the input that cannot be meant.
+    #[error("pair [{i}, {j}] {reason}")]
+    BadPair {
+        /// First sphere.
+        i: usize,
+        /// Second sphere.
+        j: usize,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+}

@@ -1,0 +1,6 @@
+//! Linear algebra: the only modules that name faer.
+//!
+//! Everything runs on one thread (`Par::Seq`), allocates only in constructors and sums in a fixed
+//! order, so the same input gives the same bits.
+
+pub mod dense;

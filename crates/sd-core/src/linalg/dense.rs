@@ -1,0 +1,420 @@
+//! Dense column-major matrices and their factorizations.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt;
+use faer::linalg::matmul::{self, triangular::BlockStructure};
+use faer::linalg::{triangular_inverse, triangular_solve};
+use faer::{Accum, MatMut, MatRef, Par, Spec};
+
+/// A dense matrix `[rows × columns]`, stored by columns.
+#[derive(Debug, Clone, Default)]
+pub struct Matrix {
+    /// Number of rows.
+    rows: usize,
+    /// Number of columns.
+    columns: usize,
+    /// Entries, column after column.
+    values: Vec<f64>,
+}
+
+impl Matrix {
+    /// All zeros.
+    pub fn zeros(rows: usize, columns: usize) -> Self {
+        Self {
+            rows,
+            columns,
+            values: vec![0.0; rows * columns],
+        }
+    }
+
+    /// Takes a new shape and sets all entries to zero; allocates only beyond the largest shape so far.
+    pub fn reset(&mut self, rows: usize, columns: usize) {
+        self.rows = rows;
+        self.columns = columns;
+        self.values.clear();
+        self.values.resize(rows * columns, 0.0);
+    }
+
+    /// Takes a new shape, leaving old entries wherever they fall: for matrices that are about to be overwritten.
+    pub fn reshape(&mut self, rows: usize, columns: usize) {
+        self.rows = rows;
+        self.columns = columns;
+        self.values.resize(rows * columns, 0.0);
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Number of columns.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// One column.
+    pub fn column(&self, j: usize) -> &[f64] {
+        &self.values[j * self.rows..(j + 1) * self.rows]
+    }
+
+    /// One column, to write.
+    pub fn column_mut(&mut self, j: usize) -> &mut [f64] {
+        &mut self.values[j * self.rows..(j + 1) * self.rows]
+    }
+
+    /// All entries, column after column.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// All entries, to write.
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
+    /// Copies the lower triangle onto the upper.
+    pub fn mirror_lower(&mut self) {
+        for j in 0..self.columns {
+            for i in j + 1..self.rows {
+                self[(j, i)] = self[(i, j)];
+            }
+        }
+    }
+
+    /// `y = A x`, with all of A.
+    pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
+        y.fill(0.0);
+        for (j, &xj) in x.iter().enumerate() {
+            for (yi, aij) in y.iter_mut().zip(self.column(j)) {
+                *yi += aij * xj;
+            }
+        }
+    }
+
+    /// A block as faer sees it.
+    fn view(&self, row: usize, column: usize, rows: usize, columns: usize) -> MatRef<'_, f64> {
+        MatRef::from_column_major_slice(&self.values, self.rows, self.columns)
+            .submatrix(row, column, rows, columns)
+    }
+
+    /// The whole as faer sees it.
+    fn view_mut(&mut self) -> MatMut<'_, f64> {
+        MatMut::from_column_major_slice_mut(&mut self.values, self.rows, self.columns)
+    }
+}
+
+impl std::ops::Index<(usize, usize)> for Matrix {
+    type Output = f64;
+    fn index(&self, (i, j): (usize, usize)) -> &f64 {
+        &self.values[j * self.rows + i]
+    }
+}
+
+impl std::ops::IndexMut<(usize, usize)> for Matrix {
+    fn index_mut(&mut self, (i, j): (usize, usize)) -> &mut f64 {
+        &mut self.values[j * self.rows + i]
+    }
+}
+
+/// The matrix had a pivot ≤ 0 at this row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NotPositive {
+    /// Row of the first bad pivot.
+    pub pivot: usize,
+}
+
+/// Cholesky factorization `A = L Lᵀ` of a symmetric positive definite matrix, with its workspace.
+pub struct Cholesky {
+    /// L in the lower triangle; the upper triangle has no meaning.
+    factor: Matrix,
+    /// Scratch, sized for the largest matrix so far.
+    scratch: MemBuffer,
+    /// Largest dimension the scratch serves.
+    capacity: usize,
+}
+
+impl Default for Cholesky {
+    fn default() -> Self {
+        Self::new(0)
+    }
+}
+
+impl Cholesky {
+    /// Workspace for matrices up to `[n × n]`; larger ones make it grow.
+    pub fn new(n: usize) -> Self {
+        let mut factor = Matrix::zeros(n, n);
+        factor.reset(0, 0);
+        Self {
+            factor,
+            scratch: scratch(n),
+            capacity: n,
+        }
+    }
+
+    /// The matrix to fill (lower triangle) before [`Cholesky::factor`]; holds L afterwards.
+    pub fn matrix_mut(&mut self) -> &mut Matrix {
+        &mut self.factor
+    }
+
+    /// L, in the lower triangle.
+    pub fn lower(&self) -> &Matrix {
+        &self.factor
+    }
+
+    /// Factors the matrix written into [`Cholesky::matrix_mut`], in place. Cost n³/3.
+    ///
+    /// # Errors
+    /// [`NotPositive`] with the row at which it broke down.
+    pub fn factor(&mut self) -> Result<(), NotPositive> {
+        let n = self.factor.rows;
+        if n > self.capacity {
+            self.scratch = scratch(n);
+            self.capacity = n;
+        }
+        llt::factor::cholesky_in_place(
+            self.factor.view_mut(),
+            llt::factor::LltRegularization::default(),
+            Par::Seq,
+            MemStack::new(&mut self.scratch),
+            Spec::default(),
+        )
+        .map(|_| ())
+        .map_err(|llt::factor::LltError::NonPositivePivot { index }| NotPositive { pivot: index })
+    }
+
+    /// `b ← L⁻¹ b`, for each column of b.
+    pub fn solve_lower(&self, b: &mut Matrix) {
+        let n = self.factor.rows;
+        triangular_solve::solve_lower_triangular_in_place(
+            self.factor.view(0, 0, n, n),
+            b.view_mut(),
+            Par::Seq,
+        );
+    }
+
+    /// `b ← L⁻ᵀ b`, for each column of b.
+    pub fn solve_upper(&self, b: &mut Matrix) {
+        let n = self.factor.rows;
+        triangular_solve::solve_upper_triangular_in_place(
+            self.factor.view(0, 0, n, n).transpose(),
+            b.view_mut(),
+            Par::Seq,
+        );
+    }
+
+    /// `x ← A⁻¹ x` for one vector.
+    pub fn solve(&self, x: &mut [f64]) {
+        self.solve_lower_vector(x);
+        self.solve_upper_vector(x);
+    }
+
+    /// `x ← L⁻¹ x` for one vector.
+    pub fn solve_lower_vector(&self, x: &mut [f64]) {
+        let n = self.factor.rows;
+        for j in 0..n {
+            let column = &self.factor.column(j)[j..];
+            let xj = x[j] / column[0];
+            x[j] = xj;
+            for (xi, lij) in x[j + 1..].iter_mut().zip(&column[1..]) {
+                *xi -= lij * xj;
+            }
+        }
+    }
+
+    /// `x ← L⁻ᵀ x` for one vector.
+    pub fn solve_upper_vector(&self, x: &mut [f64]) {
+        let n = self.factor.rows;
+        for j in (0..n).rev() {
+            let column = &self.factor.column(j)[j..];
+            x[j] = (x[j] - dot(&column[1..], &x[j + 1..])) / column[0];
+        }
+    }
+
+    /// Lower triangle of the trailing `[m × m]` block of A⁻¹, written into `out`; `work` is scratch.
+    ///
+    /// The trailing block of the inverse is `(L₂₂ L₂₂ᵀ)⁻¹`, L₂₂ the trailing block of L, whatever stands before it.
+    pub fn trailing_inverse(&self, m: usize, work: &mut Matrix, out: &mut Matrix) {
+        let start = self.factor.rows - m;
+        work.reset(m, m);
+        out.reshape(m, m);
+        triangular_inverse::invert_lower_triangular(
+            work.view_mut(),
+            self.factor.view(start, start, m, m),
+            Par::Seq,
+        );
+        matmul::triangular::matmul(
+            out.view_mut(),
+            BlockStructure::TriangularLower,
+            Accum::Replace,
+            work.view(0, 0, m, m).transpose(),
+            BlockStructure::TriangularUpper,
+            work.view(0, 0, m, m),
+            BlockStructure::TriangularLower,
+            1.0,
+            Par::Seq,
+        );
+    }
+}
+
+/// Dot product in four fixed partial sums, which the compiler can vectorise.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let tail: f64 = a8
+        .remainder()
+        .iter()
+        .zip(b8.remainder())
+        .map(|(x, y)| x * y)
+        .sum();
+    for (x, y) in a8.zip(b8) {
+        for k in 0..8 {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    sums.iter().sum::<f64>() + tail
+}
+
+/// Scratch for a Cholesky factorization of dimension n.
+fn scratch(n: usize) -> MemBuffer {
+    MemBuffer::new(llt::factor::cholesky_in_place_scratch::<f64>(
+        n,
+        Par::Seq,
+        Spec::default(),
+    ))
+}
+
+/// Lower triangle of `C = Aᵀ B` for a product known to be symmetric.
+pub fn symmetric_product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
+    c.reshape(a.columns, b.columns);
+    matmul::triangular::matmul(
+        c.view_mut(),
+        BlockStructure::TriangularLower,
+        Accum::Replace,
+        a.view(0, 0, a.rows, a.columns).transpose(),
+        BlockStructure::Rectangular,
+        b.view(0, 0, b.rows, b.columns),
+        BlockStructure::Rectangular,
+        1.0,
+        Par::Seq,
+    );
+}
+
+/// Lower triangle of `C ← C + α A Bᵀ` for a product known to be symmetric.
+pub fn add_symmetric_outer(c: &mut Matrix, a: &Matrix, b: &Matrix, alpha: f64) {
+    matmul::triangular::matmul(
+        c.view_mut(),
+        BlockStructure::TriangularLower,
+        Accum::Add,
+        a.view(0, 0, a.rows, a.columns),
+        BlockStructure::Rectangular,
+        b.view(0, 0, b.rows, b.columns).transpose(),
+        BlockStructure::Rectangular,
+        alpha,
+        Par::Seq,
+    );
+}
+
+/// `C ← A B`.
+pub fn product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
+    c.reshape(a.rows, b.columns);
+    matmul::matmul(
+        c.view_mut(),
+        Accum::Replace,
+        a.view(0, 0, a.rows, a.columns),
+        b.view(0, 0, b.rows, b.columns),
+        1.0,
+        Par::Seq,
+    );
+}
+
+/// Solves `A x = b` in place by Gaussian elimination with partial pivoting; A is overwritten. For small or one-off systems.
+///
+/// # Errors
+/// [`NotPositive`] with the column in which no usable pivot was found.
+pub fn solve_general(a: &mut Matrix, b: &mut Matrix) -> Result<(), NotPositive> {
+    let n = a.rows;
+    if n == 0 {
+        return Ok(());
+    }
+    let lu = a.view(0, 0, n, n).partial_piv_lu();
+    for k in 0..n {
+        let pivot = lu.U()[(k, k)];
+        if pivot == 0.0 || !pivot.is_finite() {
+            return Err(NotPositive { pivot: k });
+        }
+    }
+    faer::linalg::solvers::Solve::solve_in_place(&lu, b.view_mut());
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A well-conditioned symmetric positive definite matrix without structure.
+    fn spd(n: usize) -> Matrix {
+        let mut a = Matrix::zeros(n, n);
+        for j in 0..n {
+            for i in 0..n {
+                a[(i, j)] = 1.0 / (1.0 + (i as f64 - j as f64).abs()) + f64::from(u8::from(i == j));
+            }
+        }
+        a
+    }
+
+    #[test]
+    fn solve_has_small_residual() {
+        let n = 57;
+        let a = spd(n);
+        let b: Vec<f64> = (0..n).map(|i| (i as f64).sin()).collect();
+        let mut cholesky = Cholesky::new(n);
+        cholesky.matrix_mut().clone_from(&a);
+        cholesky.factor().unwrap();
+        let mut x = b.clone();
+        cholesky.solve(&mut x);
+        let mut ax = vec![0.0; n];
+        a.multiply(&x, &mut ax);
+        assert!(ax.iter().zip(&b).all(|(p, q)| (p - q).abs() < 1e-13));
+    }
+
+    #[test]
+    fn trailing_block_of_the_inverse() {
+        let (n, m) = (20, 7);
+        let a = spd(n);
+        let mut cholesky = Cholesky::new(n);
+        cholesky.matrix_mut().clone_from(&a);
+        cholesky.factor().unwrap();
+        let (mut work, mut block) = (Matrix::default(), Matrix::default());
+        cholesky.trailing_inverse(m, &mut work, &mut block);
+        for j in 0..m {
+            let mut column = vec![0.0; n];
+            column[n - m + j] = 1.0;
+            cholesky.solve(&mut column);
+            for i in j..m {
+                assert!((block[(i, j)] - column[n - m + i]).abs() < 1e-13);
+            }
+        }
+    }
+
+    #[test]
+    fn indefinite_matrix_names_its_row() {
+        let mut cholesky = Cholesky::new(3);
+        let matrix = cholesky.matrix_mut();
+        matrix.reset(3, 3);
+        matrix[(0, 0)] = 1.0;
+        matrix[(1, 1)] = 1.0;
+        matrix[(2, 2)] = -1.0;
+        assert_eq!(cholesky.factor(), Err(NotPositive { pivot: 2 }));
+    }
+
+    #[test]
+    fn general_solve() {
+        let mut a = Matrix::zeros(2, 2);
+        a[(0, 1)] = 2.0;
+        a[(1, 0)] = 4.0;
+        let mut b = Matrix::zeros(2, 1);
+        b.column_mut(0).copy_from_slice(&[6.0, 8.0]);
+        solve_general(&mut a, &mut b).unwrap();
+        assert_eq!(b.column(0), [2.0, 3.0]);
+    }
+}
