@@ -106,11 +106,17 @@ pub(crate) fn lanes(radial: &[f64; RADIAL], separation: Vec2) -> Lanes {
 /// Durlofsky, Brady & Bossis 1987, reduced to the planar modes.
 pub fn pair_mobility(separation: Vec2, radius_i: f64, radius_j: f64) -> ModeBlock {
     let (i, j) = (FiniteSize::new(radius_i), FiniteSize::new(radius_j));
+    let [ij, ji] = pair_lanes(separation, &i, &j);
+    kernels::blocks(&ij, &ji).to_modes()
+}
+
+/// Lanes of pair (i, j) and of pair (j, i) at separation `x_i − x_j`.
+pub(crate) fn pair_lanes(separation: Vec2, i: &FiniteSize, j: &FiniteSize) -> [Lanes; 2] {
     let (point, laplacian) = RadialChain::distance(separation.norm_squared()).radial_functions();
     let (point, laplacian) = (lanes(&point, separation), lanes(&laplacian, separation));
-    let ij = kernels::finite_size(&point, &laplacian, &i.factors(&j));
-    let ji = kernels::finite_size(&point, &laplacian, &j.factors(&i));
-    kernels::blocks(&ij, &ji).to_modes() / (8.0 * PI)
+    [i.factors(j), j.factors(i)].map(|factors| {
+        kernels::finite_size(&point, &laplacian, &factors).map(|value| value / (8.0 * PI))
+    })
 }
 
 /// Diagonal of the mobility of an isolated sphere: 1/(6πa) twice, 1/(8πa³), and 3/(20πa³) three times.
