@@ -1,5 +1,6 @@
 //! Two spheres alone: resistance functions at any separation and size ratio.
 
+mod near_contact;
 mod series;
 
 use crate::error::Error;
@@ -33,6 +34,36 @@ pub struct Scalars {
     pub y_m: [f64; 2],
     /// Transverse stresslet from transverse strain.
     pub z_m: [f64; 2],
+}
+
+impl Scalars {
+    /// In the order of the fields.
+    pub(crate) fn to_array(self) -> [f64; 20] {
+        let mut all = [0.0; 20];
+        for (to, from) in all.chunks_exact_mut(2).zip([
+            self.x_a, self.y_a, self.y_b, self.y_c, self.x_g, self.y_g, self.y_h, self.x_m, self.y_m, self.z_m,
+        ]) {
+            to.copy_from_slice(&from);
+        }
+        all
+    }
+
+    /// From the order of the fields.
+    pub(crate) fn from_array(all: &[f64; 20]) -> Self {
+        let at = |k: usize| [all[2 * k], all[2 * k + 1]];
+        Self {
+            x_a: at(0),
+            y_a: at(1),
+            y_b: at(2),
+            y_c: at(3),
+            x_g: at(4),
+            y_g: at(5),
+            y_h: at(6),
+            x_m: at(7),
+            y_m: at(8),
+            z_m: at(9),
+        }
+    }
 }
 
 /// The size ratio as ≥ 1, and whether it was inverted.
