@@ -2,6 +2,7 @@
 
 pub mod cell;
 pub mod error;
+pub mod far_field;
 pub mod instant;
 pub mod linalg;
 pub mod modes;
