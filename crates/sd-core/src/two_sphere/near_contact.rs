@@ -142,11 +142,7 @@ impl NearContact {
     }
 
     /// From stored coefficients; `None` if there are too few.
-    pub(super) fn from_fitted(
-        size_ratio: f64,
-        scale: f64,
-        fitted: Vec<[f64; 20]>,
-    ) -> Option<Self> {
+    pub(super) fn from_fitted(size_ratio: f64, scale: f64, fitted: Vec<[f64; 20]>) -> Option<Self> {
         (fitted.len() == 2 * TERMS).then(|| Self {
             scale,
             singular: [singular(size_ratio), singular(1.0 / size_ratio)],
@@ -197,27 +193,36 @@ mod tests {
     #[test]
     fn fit_meets_solutions_inside_the_switch() {
         for (ratio, gaps) in [
-            (1.0, vec![7e-3, 2e-3]),
-            (0.5, vec![7e-3, 2e-3]),
-            (2.0, vec![4e-3]),
-            (0.1, vec![7e-3]),
-            (10.0, vec![4e-3]),
-            (0.01, vec![1.5e-2]),
-            (100.0, vec![1.2e-2]),
+            (1.0, vec![2e-3, 7e-3, 5e-2, 0.1]),
+            (0.5, vec![4e-3, 5e-2, 0.1]),
+            (10.0, vec![7e-3, 5e-2, 0.1]),
+            (100.0, vec![5e-2]),
         ] {
             let fit = NearContact::solve(ratio);
             for gap in gaps {
-                for gap in [gap, 3e-2, 5e-2, 0.1] {let xi = gap * xi_per_smaller_radius(ratio);
+                let xi = gap * xi_per_smaller_radius(ratio);
                 let worst = difference(&fit.evaluate(xi), &series::solve(ratio, xi, 1.0), 0.1);
-                println!("size ratio {ratio}, gap/a {gap:.1e}: {worst:.1e}");
-                assert!(worst < 2e-9, "{ratio} {gap}: {worst:e}");}
+                assert!(worst < 2e-9, "{ratio} {gap}: {worst:e}");
             }
         }
     }
 
     #[test]
+    #[ignore = "half a minute: very small gaps"]
+    fn fit_meets_solutions_far_inside_the_switch() {
+        for (ratio, gap) in [(1.0, 5e-4), (2.0, 1e-3), (10.0, 2e-3), (100.0, 8e-3)] {
+            let xi = gap * xi_per_smaller_radius(ratio);
+            let fit = NearContact::solve(ratio).evaluate(xi);
+            let worst = difference(&fit, &series::solve(ratio, xi, 1.0), 0.1);
+            println!("size ratio {ratio}, gap/a {gap:.1e}: {worst:.1e}");
+            // The rounding of solving, which grows toward contact.
+            assert!(worst < 2e-8, "{ratio} {gap}: {worst:e}");
+        }
+    }
+
+    #[test]
     fn logarithmic_term_of_y12m_is_748() {
-        // With 728 the fit would miss by 4e-7 at ξ = 1e-3 and by more above.
+        // With 728 the term itself would differ by 7e-5 here, and the fit could not make up for it.
         let fit = NearContact::solve(1.0);
         let solved = series::solve(1.0, 2e-3, 1.0)[0].y_m[1];
         assert!((fit.evaluate(2e-3)[0].y_m[1] - solved).abs() < 1e-9);

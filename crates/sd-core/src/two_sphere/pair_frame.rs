@@ -57,7 +57,7 @@ const AXIAL_POWER: [usize; 4] = [0, 1, 0, 1];
 const ODD_POWER: [usize; 6] = [0, 1, 1, 0, 1, 1];
 
 /// The power of length of every entry, less one: 0, 1 or 2.
-pub(super) const LENGTH_POWER: [usize; ENTRIES] = {
+pub(super) static LENGTH_POWER: [usize; ENTRIES] = {
     let mut power = [2; ENTRIES];
     let mut row = 0;
     while row < 6 {
@@ -77,7 +77,7 @@ pub(super) const LENGTH_POWER: [usize; ENTRIES] = {
 /// For every entry of the pair (j, i), the entry of (i, j) it equals up to sign.
 ///
 /// Exchanging the spheres turns n round, which changes the sign of velocities only.
-pub(super) const EXCHANGED: [(usize, f64); ENTRIES] = {
+pub(super) static EXCHANGED: [(usize, f64); ENTRIES] = {
     let mut map = [(0, 1.0); ENTRIES];
     let mut row = 0;
     while row < 6 {
@@ -232,11 +232,7 @@ pub(super) fn far_field_entries(radii: [f64; 2], distance: f64) -> [f64; ENTRIES
 /// K = 1 / (cᵀ R⁻¹ c),   c = (−1, −l_i, 1, −l_j) on (U_y, Ω of i; U_y, Ω of j),   l = a + g/2
 /// ```
 /// R is the odd velocity block of the two-sphere resistance; in mu·a.
-pub(super) fn slip_resistance(
-    resistance: &[f64; ENTRIES],
-    radii: [f64; 2],
-    gap: f64,
-) -> f64 {
+pub(super) fn slip_resistance(resistance: &[f64; ENTRIES], radii: [f64; 2], gap: f64) -> f64 {
     let half_gap = 0.5 * gap;
     let modes = [0, 1, 3, 4];
     let block = SMatrix::<f64, 4, 4>::from_fn(|r, c| resistance[odd(modes[r], modes[c])]);

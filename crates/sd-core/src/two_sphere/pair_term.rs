@@ -71,12 +71,14 @@ impl PairTerm {
     }
 
     /// Axial entry.
+    #[inline]
     fn axial(&self, row: usize, column: usize) -> f64 {
         self.entries[axial(row, column)]
     }
 
     /// Odd entry.
-    fn odd(&self, row: usize, column: usize) -> f64 {
+    #[inline]
+    pub(super) fn odd(&self, row: usize, column: usize) -> f64 {
         self.entries[odd(row, column)]
     }
 
@@ -87,7 +89,7 @@ impl PairTerm {
 
     /// `R_FU [6 × 6]`, forces and torques of both from velocities of both.
     pub fn force_velocity(&self, n: Vec2) -> SMatrix<f64, 6, 6> {
-        let t = Vec2::new(-n.y, n.x);
+        let (xx, xy, yy) = (n.x * n.x, n.x * n.y, n.y * n.y);
         let mut out = SMatrix::<f64, 6, 6>::zeros();
         for p in 0..2 {
             for q in 0..2 {
@@ -95,27 +97,25 @@ impl PairTerm {
                 let across = self.odd(3 * p, 3 * q);
                 let force_spin = self.odd(3 * p, 3 * q + 1);
                 let torque_velocity = self.odd(3 * p + 1, 3 * q);
-                let (row, column) = (3 * p, 3 * q);
-                for a in 0..2 {
-                    for b in 0..2 {
-                        out[(row + a, column + b)] = along * n[a] * n[b] + across * t[a] * t[b];
-                    }
-                    out[(row + a, column + 2)] = force_spin * t[a];
-                    out[(row + 2, column + a)] = torque_velocity * t[a];
-                }
-                out[(row + 2, column + 2)] = self.odd(3 * p + 1, 3 * q + 1);
+                let block = SMatrix::<f64, 3, 3>::new(
+                    along * xx + across * yy,
+                    (along - across) * xy,
+                    -force_spin * n.y,
+                    (along - across) * xy,
+                    along * yy + across * xx,
+                    force_spin * n.x,
+                    -torque_velocity * n.y,
+                    torque_velocity * n.x,
+                    self.odd(3 * p + 1, 3 * q + 1),
+                );
+                out.fixed_view_mut::<3, 3>(3 * p, 3 * q).copy_from(&block);
             }
         }
         out
     }
 
     /// `R_FE e`: forces and torques of both from strains `(e1, e2, e3)` of both.
-    pub fn force_from_strain(
-        &self,
-        n: Vec2,
-        e_i: &Vector3<f64>,
-        e_j: &Vector3<f64>,
-    ) -> PairVector {
+    pub fn force_from_strain(&self, n: Vec2, e_i: &Vector3<f64>, e_j: &Vector3<f64>) -> PairVector {
         let strains = Strains::along(n, e_i, e_j);
         let mut out = PairVector::zeros();
         for p in 0..2 {
@@ -138,7 +138,9 @@ impl PairTerm {
         let across = [0, 3].map(|k| n.x * v[k + 1] - n.y * v[k]);
         let spin = [v[2], v[5]];
         let row = |p: usize| {
-            let axial: f64 = (0..2).map(|q| self.axial(2 * p + 1, 2 * q) * along[q]).sum();
+            let axial: f64 = (0..2)
+                .map(|q| self.axial(2 * p + 1, 2 * q) * along[q])
+                .sum();
             let shear: f64 = (0..2)
                 .map(|q| {
                     self.odd(3 * p + 2, 3 * q) * across[q]
@@ -167,7 +169,8 @@ impl PairTerm {
         let sum = |entry: &dyn Fn(usize) -> f64, e: &[f64; 2]| entry(0) * e[0] + entry(1) * e[1];
         Strains {
             axial: [0, 1].map(|p| sum(&|q| self.axial(2 * p + 1, 2 * q + 1), &strains.axial)),
-            transverse: [0, 1].map(|p| sum(&|q| self.entries[transverse(p, q)], &strains.transverse)),
+            transverse: [0, 1]
+                .map(|p| sum(&|q| self.entries[transverse(p, q)], &strains.transverse)),
             shear: [0, 1].map(|p| sum(&|q| self.odd(3 * p + 2, 3 * q + 2), &strains.shear)),
         }
         .to_layer(n)
@@ -195,7 +198,11 @@ mod tests {
         let v = PairVector::from_iterator([0, 1, 2, 6, 7, 8].map(|k| vector[k]));
         let only = |strain: bool| {
             SVector::<f64, 12>::from_fn(|k, _| {
-                if (k % 6 >= 3) == strain { vector[k] } else { 0.0 }
+                if (k % 6 >= 3) == strain {
+                    vector[k]
+                } else {
+                    0.0
+                }
             })
         };
         let (from_v, from_e) = (lab * only(false), lab * only(true));
@@ -207,7 +214,10 @@ mod tests {
             (pair.force_velocity(n) * v, part(&from_v, false)),
             (pair.force_from_strain(n, &e_i, &e_j), part(&from_e, false)),
             (pair.stresslet_from_velocity(n, &v), part(&from_v, true)),
-            (pair.stresslet_from_strain(n, &e_i, &e_j), part(&from_e, true)),
+            (
+                pair.stresslet_from_strain(n, &e_i, &e_j),
+                part(&from_e, true),
+            ),
         ];
         for (found, expected) in pairs {
             assert!((found - expected).norm() < 1e-13, "{found} {expected}");

@@ -28,6 +28,10 @@ const SPLIT: usize = 37;
 const NODES: usize = 8;
 /// The entries, the slip resistance, and one unused.
 const LANES: usize = ENTRIES + 2;
+/// Lanes summed together, few enough to stay in registers.
+const BLOCK: usize = 12;
+/// Blocks of lanes.
+const BLOCKS: usize = LANES / BLOCK;
 /// Place of the slip resistance.
 const SLIP: usize = ENTRIES;
 
@@ -46,10 +50,10 @@ pub struct NearField {
     size_ratio: f64,
     /// What it was made from.
     solved: Solved,
-    /// Coefficients of the singular terms.
-    singular: [[f64; LANES]; 3],
-    /// Coefficients by interval and power of the local variable in [−1, 1].
-    regular: Vec<[[f64; LANES]; NODES]>,
+    /// Coefficients of the singular terms, by block and term.
+    singular: [[[f64; BLOCK]; 3]; BLOCKS],
+    /// Coefficients by interval, block, and power of the local variable in [−1, 1].
+    regular: Vec<[[[f64; BLOCK]; NODES]; BLOCKS]>,
 }
 
 /// All that had to be solved for.
@@ -176,19 +180,20 @@ impl NearField {
             near_contact::singular(size_ratio),
             near_contact::singular(1.0 / size_ratio),
         ];
-        let singular: [[f64; LANES]; 3] = std::array::from_fn(|k| {
-            let entries = pair_frame::resistance_entries(
-                &[coefficients[0][k], coefficients[1][k]],
-                radii,
-            );
-            std::array::from_fn(|lane| entries.get(lane).copied().unwrap_or(0.0))
-        });
+        let mut singular = [[[0.0; BLOCK]; 3]; BLOCKS];
+        for k in 0..3 {
+            let both = [coefficients[0][k], coefficients[1][k]];
+            let entries = pair_frame::resistance_entries(&both, radii);
+            for (lane, entry) in entries.into_iter().enumerate() {
+                singular[lane / BLOCK][k][lane % BLOCK] = entry;
+            }
+        }
         let to_powers = powers_from_nodes();
         let mut beyond = solved.nodes.iter();
         let least = near_contact::switch(size_ratio);
         let regular = (0..INTERVALS)
             .map(|interval| {
-                let mut powers = [[0.0; LANES]; NODES];
+                let mut powers = [[[0.0; BLOCK]; NODES]; BLOCKS];
                 for (node, weights) in to_powers.iter().enumerate() {
                     let xi = node_xi(interval, node);
                     let distance = mean * (2.0 + xi);
@@ -204,13 +209,15 @@ impl NearField {
                         let value = if lane == SLIP {
                             pair_frame::slip_resistance(&resistance, radii, mean * xi)
                         } else if interval < SPLIT {
-                            let known: f64 = (0..3).map(|k| singular[k][lane] * functions[k]).sum();
+                            let g = &singular[lane / BLOCK];
+                            let known: f64 =
+                                (0..3).map(|k| g[k][lane % BLOCK] * functions[k]).sum();
                             resistance[lane] - known - far[lane]
                         } else {
                             resistance[lane] - far[lane]
                         };
-                        for (power, weight) in powers.iter_mut().zip(weights) {
-                            power[lane] += weight * value;
+                        for (power, weight) in powers[lane / BLOCK].iter_mut().zip(weights) {
+                            power[lane % BLOCK] += weight * value;
                         }
                     }
                 }
@@ -256,30 +263,36 @@ impl NearField {
         }
         let (interval, x) = Self::locate(logarithm);
         let powers = &self.regular[interval];
-        let mut sum = powers[NODES - 1];
-        for power in powers[..NODES - 1].iter().rev() {
-            for (total, coefficient) in sum.iter_mut().zip(power) {
-                *total = *total * x + coefficient;
+        let singular = if interval < SPLIT {
+            [1.0 / xi, -logarithm, -xi * logarithm]
+        } else {
+            [0.0; 3]
+        };
+        let mut sums = [0.0; LANES];
+        for block in 0..BLOCKS {
+            let mut sum = [0.0; BLOCK];
+            for power in powers[block].iter().rev() {
+                for lane in 0..BLOCK {
+                    sum[lane] = sum[lane] * x + power[lane];
+                }
             }
-        }
-        if interval < SPLIT {
-            let [f1, f2, f3] = [1.0 / xi, -logarithm, -xi * logarithm];
-            let [g1, g2, g3] = &self.singular;
-            for lane in 0..LANES {
-                sum[lane] += g1[lane] * f1 + g2[lane] * f2 + g3[lane] * f3;
+            for (g, f) in self.singular[block].iter().zip(singular) {
+                for lane in 0..BLOCK {
+                    sum[lane] += f * g[lane];
+                }
             }
+            sums[block * BLOCK..(block + 1) * BLOCK].copy_from_slice(&sum);
         }
         let length = radius_i.min(radius_j);
         let scales = [length, length * length, length * length * length];
         if radius_i > radius_j {
-            for ((entry, (from, sign)), power) in
-                entries.iter_mut().zip(EXCHANGED).zip(LENGTH_POWER)
-            {
-                *entry = sign * scales[power] * sum[from];
+            for (k, entry) in entries.iter_mut().enumerate() {
+                let (from, sign) = EXCHANGED[k];
+                *entry = sign * scales[LENGTH_POWER[k]] * sums[from];
             }
         } else {
-            for ((entry, value), power) in entries.iter_mut().zip(sum).zip(LENGTH_POWER) {
-                *entry = scales[power] * value;
+            for (k, entry) in entries.iter_mut().enumerate() {
+                *entry = scales[LENGTH_POWER[k]] * sums[k];
             }
         }
         PairTerm::new(entries)
@@ -299,9 +312,9 @@ impl NearField {
         let (interval, x) = Self::locate(logarithm);
         let powers = &self.regular[interval];
         let (mut sum, mut slope) = (0.0, 0.0);
-        for power in powers.iter().rev() {
+        for power in powers[SLIP / BLOCK].iter().rev() {
             slope = slope * x + sum;
-            sum = sum * x + power[SLIP];
+            sum = sum * x + power[SLIP % BLOCK];
         }
         let below = (logarithm - FIRST).min(0.0) * 2.0 / WIDTH;
         radius_i.min(radius_j) * (sum + slope * below)
@@ -323,7 +336,11 @@ impl From<NearField> for Stored {
                 .map(|row| row.to_vec())
                 .collect(),
             nodes: (0..2)
-                .flat_map(|label| nodes.iter().map(move |both| both[label].to_array().to_vec()))
+                .flat_map(|label| {
+                    nodes
+                        .iter()
+                        .map(move |both| both[label].to_array().to_vec())
+                })
                 .collect(),
         }
     }
@@ -341,7 +358,10 @@ impl TryFrom<Stored> for NearField {
         }
         let rows = |rows: Vec<Vec<f64>>| -> Result<Vec<[f64; 20]>, &'static str> {
             rows.into_iter()
-                .map(|row| row.try_into().map_err(|_| "near-field table with a torn row"))
+                .map(|row| {
+                    row.try_into()
+                        .map_err(|_| "near-field table with a torn row")
+                })
                 .collect()
         };
         Self::from_values(
