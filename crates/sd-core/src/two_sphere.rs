@@ -5,10 +5,10 @@
 //! ```
 //! `R2B` is the exact two-sphere resistance at any gap and size ratio, `R2B∞` the inverse of the pair's far-field mobility.
 //!
-//! - `series`: the functions at one separation, from coupled multipoles; 1e-11, from 0.1 ms far apart to 0.5 s at ξ = 1e-3
+//! - `series`: the functions at one separation, from coupled multipoles; 1e-11, with rounding 1e-9 at ξ = 1e-3
 //! - `near_contact`: singular terms and fitted remainder, for smaller gaps
 //! - `pair_frame`: the 34 independent entries of a pair matrix
-//! - `table`: [`NearField`], about 100 ns per pair
+//! - `table`: [`NearField`], 0.2 µs per pair
 //! - `pair_term`: [`PairTerm`], its result in the frame of the layer
 
 mod equal_spheres;
@@ -129,8 +129,8 @@ fn both_labellings(size_ratio: f64, xi: f64) -> [Scalars; 2] {
 /// The resistance functions of two spheres in unbounded fluid.
 ///
 /// # Arguments
-/// - `size_ratio`: λ = a_2/a_1, within 0.01..=100.
-/// - `s_prime`: s' = 2r/(a_1 + a_2) > 2.
+/// - `size_ratio`: `λ = a_2/a_1`, within 0.01..=100.
+/// - `s_prime`: `s' = 2r/(a_1 + a_2)`, above 2.
 ///
 /// # Accuracy
 /// 1e-8 relative at s' ≥ 2.002, where it solves at the given separation; below, 1e-8 of the value or of 0.1,

@@ -63,7 +63,7 @@ pub(super) fn singular_functions(xi: f64) -> [f64; 3] {
 /// The singular terms of every function at ξ.
 fn singular_part(coefficients: &[Scalars; 3], xi: f64) -> [f64; 20] {
     let f = singular_functions(xi);
-    let g = coefficients.map(|s| s.to_array());
+    let g = coefficients.map(Scalars::to_array);
     std::array::from_fn(|k| g[0][k] * f[0] + g[1][k] * f[1] + g[2][k] * f[2])
 }
 

@@ -66,8 +66,8 @@ impl Strains {
 
 impl PairTerm {
     /// From entries.
-    pub(super) fn new(entries: [f64; ENTRIES]) -> Self {
-        Self { entries }
+    pub(super) fn new(entries: &[f64; ENTRIES]) -> Self {
+        Self { entries: *entries }
     }
 
     /// Axial entry.
@@ -78,7 +78,7 @@ impl PairTerm {
 
     /// Odd entry.
     #[inline]
-    pub(super) fn odd(&self, row: usize, column: usize) -> f64 {
+    fn odd(&self, row: usize, column: usize) -> f64 {
         self.entries[odd(row, column)]
     }
 
@@ -184,8 +184,7 @@ mod tests {
 
     #[test]
     fn parts_are_those_of_the_rotated_matrix() {
-        let entries = std::array::from_fn(|k| (1.0 + k as f64).sin());
-        let pair = PairTerm::new(entries);
+        let pair = PairTerm::new(&std::array::from_fn(|k| (1.0 + k as f64).sin()));
         let n = Vec2::new(0.8_f64.cos(), 0.8_f64.sin());
         let turn = rotation_to_frame(n);
         let mut both = PairMatrix::zeros();
