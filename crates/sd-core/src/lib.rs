@@ -9,6 +9,7 @@ pub mod modes;
 pub mod pair;
 pub mod params;
 pub mod simulation;
+pub mod two_sphere;
 
 pub use error::Error;
 pub use params::{ContactScheme, Hydrodynamics, Params};
