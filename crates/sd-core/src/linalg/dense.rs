@@ -327,6 +327,19 @@ pub fn product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
     );
 }
 
+/// `C ← Aᵀ B`.
+pub fn transposed_product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
+    c.reshape(a.columns, b.columns);
+    matmul::matmul(
+        c.view_mut(),
+        Accum::Replace,
+        a.view(0, 0, a.rows, a.columns).transpose(),
+        b.view(0, 0, b.rows, b.columns),
+        1.0,
+        Par::Seq,
+    );
+}
+
 /// `C ← C + α A Bᵀ`.
 pub fn add_outer(c: &mut Matrix, a: &Matrix, b: &Matrix, alpha: f64) {
     matmul::matmul(
