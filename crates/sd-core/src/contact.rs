@@ -21,7 +21,7 @@ pub mod procedure;
 pub mod rigid;
 
 use crate::cell::Neighbours;
-use crate::linalg::dense::{Matrix, dot, symmetric_product, transposed_product};
+use crate::linalg::dense::{Matrix, add_scaled, dot, symmetric_product, transposed_product};
 use crate::modes::{Background, Vec2};
 use crate::resistance::Resistance;
 use serde::{Deserialize, Serialize};
@@ -258,12 +258,5 @@ impl Contacts {
             contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
             contact.slip_velocity = contact.background[1] + contact.slip_row(velocities);
         }
-    }
-}
-
-/// `y ← y + s x`.
-fn add_scaled(y: &mut [f64], x: &[f64], s: f64) {
-    for (yi, xi) in y.iter_mut().zip(x) {
-        *yi += s * xi;
     }
 }

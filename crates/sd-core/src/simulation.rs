@@ -61,7 +61,7 @@ pub struct Counters {
     pub worst_residual: f64,
     /// Largest inconsistency of a friction force with its law, over the largest force of its stage.
     pub worst_friction_error: f64,
-    /// Smallest gap at any stage, in a.
+    /// Smallest gap at the start of any step, in a. (Stages within a step are no states of the layer.)
     pub minimum_gap: f64,
     /// Times the viscosity rose above [`JAM_VISCOSITY`].
     pub jam_events: u64,
@@ -287,8 +287,8 @@ impl Simulation {
         counters.unconverged_stages += u64::from(!quality.converged());
         counters.worst_residual = counters.worst_residual.max(quality.residual);
         counters.worst_friction_error = counters.worst_friction_error.max(quality.friction_error);
-        counters.minimum_gap = counters.minimum_gap.min(minimum_gap);
         if stage.number == 0 {
+            counters.minimum_gap = counters.minimum_gap.min(minimum_gap);
             let stress = self.stress.stress(
                 &motion.resistance,
                 &background,

@@ -125,22 +125,16 @@ impl Contacts {
     fn pass(&mut self, surface: &Surface, deciding: bool) -> Quality {
         let work = &mut self.friction;
         work.q.clear();
-        for k in 0..self.list.len() {
-            // Column k of G_tn is row k of G_nt.
-            let from_friction = dot(self.g_tn.column(k), &work.applied);
-            work.q
-                .push(self.free_normal[k] + work.bias[k] - from_friction);
-        }
+        work.q
+            .extend(self.free_normal.iter().zip(&work.bias).map(|(v, b)| v + b));
+        self.g_tn
+            .subtract_transposed_product(&work.applied, &mut work.q);
         let residual = self
             .normal
             .solve(&self.g_nn, &work.q, &mut self.normal_forces);
         let f = &self.normal_forces;
         work.wanted.copy_from_slice(&self.free_slip);
-        for (k, &x) in f.iter().enumerate() {
-            if x != 0.0 {
-                super::add_scaled(&mut work.wanted, self.g_tn.column(k), x);
-            }
-        }
+        self.g_tn.add_product(f, &mut work.wanted);
         let mut largest: f64 = 0.0;
         let mut change: f64 = 0.0;
         for (k, contact) in self.list.iter_mut().enumerate() {

@@ -142,11 +142,9 @@ impl NormalProblem {
     fn update_slack(&mut self, delassus: &Matrix, q: &[f64], f: &[f64]) {
         self.slack.clear();
         self.slack.extend_from_slice(q);
-        for (b, &x) in f.iter().enumerate() {
-            if x != 0.0 {
-                super::add_scaled(&mut self.slack, &delassus.column(b)[..q.len()], x);
-                self.slack[b] += COMPLIANCE * x;
-            }
+        delassus.add_product(f, &mut self.slack);
+        for (w, x) in self.slack.iter_mut().zip(f) {
+            *w += COMPLIANCE * x;
         }
     }
 
