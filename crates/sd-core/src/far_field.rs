@@ -152,6 +152,13 @@ impl FarField {
         })
     }
 
+    /// DEBUG
+    pub fn debug(&self) {
+        if let Some(e) = &self.ewald {
+            println!("{}", e.real.debug());
+            println!("{}", e.wave.debug());
+        }
+    }
     /// Number of spheres.
     pub fn spheres(&self) -> usize {
         self.radii.len()
@@ -263,7 +270,7 @@ fn cut_offs(alpha: f64, area: f64, radii: &[f64], tolerance: f64) -> CutOffs {
     let largest = radii.iter().copied().fold(0.0, f64::max);
     let size = FiniteSize::new(largest);
     let factors = size.factors(&size);
-    let limit = tolerance * self_mobility(largest)[0];
+    let limit = 0.5 * tolerance * self_mobility(largest)[0];
     let magnitude = |lanes: [Lanes; 2]| {
         kernels::finite_size(&lanes[0].map(f64::abs), &lanes[1].map(f64::abs), &factors)
             .into_iter()

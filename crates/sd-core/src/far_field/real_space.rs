@@ -10,9 +10,11 @@ use crate::modes::Vec2;
 use std::f64::consts::PI;
 
 /// Degree of the table's polynomials.
-const DEGREE: usize = 5;
-/// Coefficients of one interval, constant term first.
-type Interval = [[f64; RADIAL]; DEGREE + 1];
+const DEGREE: usize = 6;
+/// Coefficients of one interval, constant term first, aligned for vector loads.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+struct Interval([[f64; RADIAL]; DEGREE + 1]);
 
 impl RadialChain {
     /// f = r erfc(αr).
@@ -98,7 +100,8 @@ impl RadialTable {
     fn evaluate(&self, square: f64) -> [f64; RADIAL] {
         const ONE: u64 = 0x3ff0_0000_0000_0000;
         let bits = square.to_bits();
-        let interval = &self.intervals[(bits >> (52 - self.digits)) as usize - self.first];
+        let Interval(interval) =
+            &self.intervals[(bits >> (52 - self.digits)) as usize - self.first];
         // The digits below the index, as a number in [1, 2), then moved to [−1, 1).
         let fraction = f64::from_bits(((bits << self.digits) & (u64::MAX >> 12)) | ONE);
         let u = 2.0 * fraction - 3.0;
@@ -113,7 +116,7 @@ impl RadialTable {
 }
 
 /// Monomial coefficients of the interpolating polynomials, through Newton's divided differences.
-fn fit(nodes: &[f64; DEGREE + 1], mut values: Interval) -> Interval {
+fn fit(nodes: &[f64; DEGREE + 1], mut values: [[f64; RADIAL]; DEGREE + 1]) -> Interval {
     for order in 1..=DEGREE {
         for k in (order..=DEGREE).rev() {
             for q in 0..RADIAL {
@@ -135,7 +138,7 @@ fn fit(nodes: &[f64; DEGREE + 1], mut values: Interval) -> Interval {
             }
         }
     }
-    coefficients
+    Interval(coefficients)
 }
 
 /// The real-space sum, planned for one splitting parameter.
@@ -156,6 +159,15 @@ pub(crate) struct RealSpace {
 }
 
 impl RealSpace {
+    /// DEBUG
+    pub(crate) fn debug(&self) -> String {
+        format!(
+            "rc {} images {} table {}",
+            self.cut_off_square.sqrt(),
+            self.images.len(),
+            self.tables[0].intervals.len()
+        )
+    }
     /// Plans the sum; `equal` holds the finite-size factors if all radii are equal.
     ///
     /// Separations below `smallest` are still summed, slowly.
@@ -166,7 +178,7 @@ impl RealSpace {
         tolerance: f64,
         equal: Option<[f64; RADIAL]>,
     ) -> Self {
-        let digits = if tolerance < 1e-9 { 7 } else { 5 };
+        let digits = if tolerance < 1e-9 { 6 } else { 4 };
         let (from, to) = (smallest * smallest, cut_off * cut_off);
         let from = from.min(to);
         let table =
@@ -318,7 +330,7 @@ mod tests {
         let alpha = 0.3;
         let factors = kernels::FiniteSize::new(1.0);
         let factors = factors.factors(&factors);
-        for (digits, limit) in [(5, 3e-10), (7, 1e-13)] {
+        for (digits, limit) in [(4, 5e-10), (6, 1e-13)] {
             let table =
                 RadialTable::new(4.0, 225.0, digits, |s| exact(s, alpha, Some(&factors))[0]);
             for k in 0..1000 {

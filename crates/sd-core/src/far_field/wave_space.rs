@@ -102,6 +102,10 @@ pub(crate) struct WaveSpace {
 }
 
 impl WaveSpace {
+    /// DEBUG
+    pub(crate) fn debug(&self) -> String {
+        format!("kc {} K {}", self.cut_off, self.vectors.len())
+    }
     /// Plans the sum; `equal` holds the finite-size factors if all radii are equal.
     pub(crate) fn new(alpha: f64, cut_off: f64, equal: Option<[f64; RADIAL]>) -> Self {
         Self {
