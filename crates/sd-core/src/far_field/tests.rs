@@ -1,6 +1,7 @@
 //! Tests of the periodic sums and of the resistance made from them.
 
 use super::*;
+use crate::linalg::dense::Cholesky;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -31,7 +32,7 @@ fn layer(
     (cell, centres)
 }
 
-/// The whole of R_far.
+/// The whole of `R_far`.
 fn resistance(far_field: FarField, cell: &Cell, centres: &[Vec2]) -> Matrix {
     let n = 6 * centres.len();
     let mut far = FarResistance::new(far_field);
@@ -406,7 +407,6 @@ fn sums_meet_their_tolerance() {
             });
             let largest = fine.values().iter().fold(0.0, |a: f64, b| a.max(b.abs()));
             let error = difference(&coarse, &fine) / largest;
-            println!("{area_fraction} {error:e}");
             assert!(error < DEFAULT_TOLERANCE, "{area_fraction}: {error:e}");
         }
     }

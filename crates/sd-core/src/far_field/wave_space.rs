@@ -91,9 +91,9 @@ pub(crate) struct WaveSpace {
     powers_x: Matrix,
     /// The same of the second coordinate.
     powers_y: Matrix,
-    /// cos k·x_ij of the pairs at hand.
+    /// `cos k·x_ij` of the pairs at hand.
     pair_cosines: Matrix,
-    /// sin k·x_ij.
+    /// `sin k·x_ij`.
     pair_sines: Matrix,
     /// Even lanes `[pairs × 12]` (or 24) of the pairs at hand.
     pub(crate) even_sums: Matrix,
@@ -102,10 +102,6 @@ pub(crate) struct WaveSpace {
 }
 
 impl WaveSpace {
-    /// DEBUG
-    pub(crate) fn debug(&self) -> String {
-        format!("kc {} K {}", self.cut_off, self.vectors.len())
-    }
     /// Plans the sum; `equal` holds the finite-size factors if all radii are equal.
     pub(crate) fn new(alpha: f64, cut_off: f64, equal: Option<[f64; RADIAL]>) -> Self {
         Self {
