@@ -35,8 +35,8 @@ fn difference(ours: impl IntoIterator<Item = f64>, reference: &[f64]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Compares one instant with one part of the file, to 1e-6 of the largest number of each kind.
-fn compare(instant: &Instant, part: &Value, what: &str) {
+/// Compares one instant with one part of the file, to `tolerance` of the largest number of each kind.
+fn compare(instant: &Instant, part: &Value, what: &str, tolerance: f64) {
     let velocities: Vec<f64> = vectors(&part["velocity_disturbance"])
         .iter()
         .flat_map(|v| [v.x, v.y])
@@ -104,9 +104,7 @@ fn compare(instant: &Instant, part: &Value, what: &str) {
     }
     for (kind, error) in all {
         println!("{what}: {kind} {error:.1e}");
-        if false {
-            assert!(error < 1e-6, "{what}: {kind} differs by {error:.2e}");
-        }
+        assert!(error < tolerance, "{what}: {kind} differs by {error:.2e}");
     }
 }
 
@@ -125,14 +123,18 @@ fn layers_under_shear() {
             forces: vec![Vec2::zeros(); n],
             torques: vec![0.0; n],
         };
-        for (name, hydrodynamics) in [
-            ("ball_melrose", Hydrodynamics::BallMelrose),
-            ("full", Hydrodynamics::StokesianDynamics),
+        // The `full` numbers carry noise of their own. Ours move by less than 1e-8 when the Ewald parameter goes from 0.2 to
+        // 0.8 and its tolerance from 1e-8 to 1e-12, and the mobility agrees with a brute-force lattice sum to 1e-8
+        // (far_field/tests.rs); the differences look random from sphere to sphere. Hence two more tolerances.
+        for (name, hydrodynamics, alone_to, halted_to) in [
+            ("ball_melrose", Hydrodynamics::BallMelrose, 1e-6, 1e-6),
+            ("full", Hydrodynamics::StokesianDynamics, 4e-6, 2e-5),
         ] {
             let configuration = configuration(hydrodynamics);
             let tables = NearFields::default();
             let alone = solve(&configuration, &ContactRequest::None, &tables).unwrap();
-            compare(&alone, &layer[name], &format!("{name}, {n} spheres"));
+            let what = format!("{name}, {n} spheres");
+            compare(&alone, &layer[name], &what, alone_to);
             let part = &layer[&format!("{name}_with_contacts")];
             let pairs = part["contacts"]
                 .as_array()
@@ -141,11 +143,8 @@ fn layers_under_shear() {
                 .map(|c| ["i", "j"].map(|k| usize::try_from(c[k].as_u64().unwrap()).unwrap()))
                 .collect();
             let halted = solve(&configuration, &ContactRequest::Listed { pairs }, &tables).unwrap();
-            compare(
-                &halted,
-                part,
-                &format!("{name}, {n} spheres, listed contacts"),
-            );
+            let what = format!("{name}, {n} spheres, listed contacts");
+            compare(&halted, part, &what, halted_to);
         }
     }
 }

@@ -11,6 +11,8 @@
 use super::COMPLIANCE;
 use crate::linalg::dense::{Cholesky, Matrix};
 
+/// Compliance where all pairs are halted at once: just enough for a Cholesky factor of a hyperstatic network.
+const HALT_COMPLIANCE: f64 = 1e-13;
 /// Exchanges of whole blocks without progress before single exchanges begin.
 const PATIENCE: u32 = 5;
 /// Exchanges after which the problem is given up as unconverged.
@@ -23,6 +25,8 @@ pub(super) struct NormalProblem {
     support: Vec<bool>,
     /// The indices of the support.
     active: Vec<usize>,
+    /// Added to the diagonal of G.
+    compliance: f64,
     /// Factor of `G_AA + compliance`.
     factor: Cholesky,
     /// Whether `factor` belongs to `active`.
@@ -38,6 +42,7 @@ impl NormalProblem {
     pub(super) fn start(&mut self, guess: impl Iterator<Item = bool>) {
         self.support.clear();
         self.support.extend(guess);
+        self.compliance = COMPLIANCE;
         self.factored = false;
     }
 
@@ -97,6 +102,7 @@ impl NormalProblem {
     /// infinite if the matrix cannot be factored.
     pub(super) fn halt_all(&mut self, delassus: &Matrix, q: &[f64], f: &mut [f64]) -> f64 {
         self.start(q.iter().map(|_| true));
+        self.compliance = HALT_COMPLIANCE;
         if self.solve_on_support(delassus, q, f) {
             self.slack.iter().fold(0.0, |m: f64, w| m.max(w.abs()))
         } else {
@@ -120,7 +126,7 @@ impl NormalProblem {
                 for (row, &a) in self.active.iter().enumerate().skip(column) {
                     target[row] = source[a];
                 }
-                target[column] += COMPLIANCE;
+                target[column] += self.compliance;
             }
             if size > 0 && self.factor.factor().is_err() {
                 return false;
@@ -144,7 +150,7 @@ impl NormalProblem {
         self.slack.extend_from_slice(q);
         delassus.add_product(f, &mut self.slack);
         for (w, x) in self.slack.iter_mut().zip(f) {
-            *w += COMPLIANCE * x;
+            *w += self.compliance * x;
         }
     }
 

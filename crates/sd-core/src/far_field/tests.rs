@@ -152,7 +152,7 @@ fn force_free_sources_agree_with_a_plain_lattice_sum() {
         }
     }
     let mut found = vec![0.0; 18];
-    m.multiply(&x, &mut found);
+    m.add_product(&x, &mut found);
     // Sums over (2R + 1)² images, remainder a h + b h³ with h = 1/(R + 1/2).
     let mut sums = Vec::new();
     let mut partial = vec![0.0; 18];
@@ -273,7 +273,7 @@ fn dense_layers_have_a_positive_definite_mobility() {
             let mut uniform = vec![0.0; 3 * n];
             uniform.iter_mut().skip(1).step_by(3).for_each(|v| *v = 1.0);
             let mut force = vec![0.0; 3 * n];
-            r.multiply(&uniform, &mut force);
+            r.add_product(&uniform, &mut force);
             assert!(force.iter().all(|f| f.abs() < 1e-10));
             for axis in 0..2 {
                 for j in 0..n {
