@@ -46,6 +46,9 @@ pub struct Passed {
 
 /// Moves the spheres by Stokesian Dynamics, exact for two, until x1 − x2 = 2X; the last step is cut to end there.
 ///
+/// The coordinates integrated are the centre of the first sphere and, for the second, ln g and the angle of the line of
+/// centres: smooth spheres approach to gaps far smaller than the sagitta of a step around each other.
+///
 /// # Errors
 /// Parameters out of range; spheres that overlap at the start or do not pass.
 pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
@@ -56,21 +59,22 @@ pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
     let mut motion = Motion::new(resistance);
     let mut memory = Memory::default();
     let mut integrator = RungeKutta::default();
-    let mut state = State {
-        centres: vec![
-            Vec2::new(-passing.start, passing.offset),
-            Vec2::new(passing.start, -passing.offset),
-        ],
-        orientations: vec![0.0; 2],
-    };
+    let contact = radii[0] + radii[1];
+    let mut state = at_start(passing, contact)?;
     let external = [1.0, 0.0, 0.0, -1.0, 0.0, 0.0];
     let goal = 2.0 * passing.start;
+    let along = |state: &State| {
+        let [first, second] = centres(&state.centres, contact);
+        first.x - second.x
+    };
     let mut time = 0.0;
-    let mut path = vec![row(time, &state)];
-    let mut minimum_gap = f64::INFINITY;
+    let mut path = vec![row(time, &state, contact)];
+    let mut minimum_gap = state.centres[1].x.exp();
     for step in 0..MOST_STEPS {
-        let mut advance = |state: &mut State, dt: f64| {
-            integrator.step(state, time, dt, |stage, centres, velocities| {
+        let mut advance = |from: &State, dt: f64| {
+            let mut to = from.clone();
+            let mut memory_after = memory.clone();
+            let done = integrator.step(&mut to, time, dt, |stage, coordinates, rates| {
                 let law = match passing.contact {
                     None => ContactLaw::None,
                     Some((roughness, friction)) => ContactLaw::Rigid {
@@ -80,40 +84,42 @@ pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
                             critical_load: 0.0,
                         },
                         time_span: stage.span,
-                        memory: &mut memory,
+                        memory: &mut memory_after,
                     },
                 };
-                motion.solve(&cell, centres, &Background::QUIESCENT, &external, law)?;
-                for pair in motion.resistance.neighbours() {
-                    minimum_gap = minimum_gap.min(pair.gap);
-                }
-                velocities.copy_from_slice(motion.velocities());
+                let positions = centres(coordinates, contact);
+                motion.solve(&cell, &positions, &Background::QUIESCENT, &external, law)?;
+                let v = motion.velocities();
+                let relative = Vec2::new(v[3] - v[0], v[4] - v[1]);
+                let gap = coordinates[1].x.exp();
+                let (sine, cosine) = coordinates[1].y.sin_cos();
+                rates.copy_from_slice(v);
+                rates[3] = relative.dot(&Vec2::new(cosine, sine)) / gap;
+                rates[4] = relative.dot(&Vec2::new(-sine, cosine)) / (contact + gap);
                 Ok::<(), Error>(())
-            })
+            });
+            done.map(|()| (to, memory_after))
+                .map_err(|source| Error::Step {
+                    step,
+                    strain: time,
+                    source: Box::new(source),
+                })
         };
-        let located = |source| Error::Step {
-            step,
-            strain: time,
-            source: Box::new(source),
-        };
-        let before = state.clone();
         let mut dt = passing.time_step;
-        advance(&mut state, dt).map_err(located)?;
-        let mut along = state.centres[0].x - state.centres[1].x;
-        let last = along >= goal;
+        let (mut next, mut next_memory) = advance(&state, dt)?;
+        let last = along(&next) >= goal;
         // The end lies within this step: shorten it by secants, each a whole RK4 step from the same start.
         for _ in 0..8 {
-            if !last || (along - goal).abs() < 1e-12 * goal {
+            if !last || (along(&next) - goal).abs() < 1e-12 * goal {
                 break;
             }
-            let start = before.centres[0].x - before.centres[1].x;
-            dt *= (goal - start) / (along - start);
-            state.clone_from(&before);
-            advance(&mut state, dt).map_err(located)?;
-            along = state.centres[0].x - state.centres[1].x;
+            dt *= (goal - along(&state)) / (along(&next) - along(&state));
+            (next, next_memory) = advance(&state, dt)?;
         }
+        (state, memory) = (next, next_memory);
         time += dt;
-        path.push(row(time, &state));
+        minimum_gap = minimum_gap.min(state.centres[1].x.exp());
+        path.push(row(time, &state, contact));
         if last {
             return Ok(Passed {
                 final_offset: state.centres[0].y,
@@ -131,10 +137,38 @@ pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
     })
 }
 
+/// The coordinates at the start.
+fn at_start(passing: &Passing, contact: f64) -> Result<State, Error> {
+    let first = Vec2::new(-passing.start, passing.offset);
+    let line = -2.0 * first;
+    let gap = line.norm() - contact;
+    if gap <= 0.0 {
+        return Err(Error::Overlap {
+            i: 0,
+            j: 1,
+            gap,
+            separation: line.norm(),
+        });
+    }
+    Ok(State {
+        centres: vec![first, Vec2::new(gap.ln(), line.y.atan2(line.x))],
+        orientations: vec![0.0; 2],
+    })
+}
+
+/// Centres of both spheres from the coordinates `x1` and `(ln g, angle)`; `contact` is a1 + a2.
+fn centres(coordinates: &[Vec2], contact: f64) -> [Vec2; 2] {
+    let (sine, cosine) = coordinates[1].y.sin_cos();
+    let distance = contact + coordinates[1].x.exp();
+    let first = coordinates[0];
+    [first, first + Vec2::new(cosine, sine) * distance]
+}
+
 /// One row of the path.
-fn row(time: f64, state: &State) -> [f64; 7] {
-    let [a, b] = [0, 1].map(|i| (state.centres[i], state.orientations[i]));
-    [time, a.0.x, a.0.y, a.1, b.0.x, b.0.y, b.1]
+fn row(time: f64, state: &State, contact: f64) -> [f64; 7] {
+    let [a, b] = centres(&state.centres, contact);
+    let turned = &state.orientations;
+    [time, a.x, a.y, turned[0], b.x, b.y, turned[1]]
 }
 
 /// Ranges of the scenario.

@@ -13,7 +13,7 @@
 use crate::cell::{Cell, LUBRICATION_RANGE, NeighbourList, Neighbours};
 use crate::error::Error;
 use crate::far_field::{DEFAULT_TOLERANCE, FarField, FarResistance};
-use crate::linalg::dense::Cholesky;
+use crate::linalg::dense::{Cholesky, Matrix};
 use crate::modes::Vec2;
 use crate::params::Hydrodynamics;
 use crate::two_sphere::{NearField, PairTerm};
@@ -178,6 +178,9 @@ impl Resistance {
                 far.update(cell, centres)?;
                 matrix.reshape(3 * n, 3 * n);
                 matrix.values_mut().copy_from_slice(far.r_fu().values());
+                if matches!(cell, Cell::Periodic { .. }) {
+                    resist_uniform_motion(matrix);
+                }
             }
             None => {
                 matrix.reset(3 * n, 3 * n);
@@ -316,6 +319,24 @@ impl Resistance {
 /// Drag on an isolated sphere: `(6π a, 6π a, 8π a³)`.
 fn isolated_drag(a: f64) -> [f64; 3] {
     [6.0 * PI * a, 6.0 * PI * a, 8.0 * PI * a.powi(3)]
+}
+
+/// Drag, over that of free spheres, on a periodic layer that moves as a whole. The fluid gives it none, and a layer without
+/// pairs would be free to drift; forces add up to zero, so this small drag only sets that drift to zero.
+const UNIFORM_DRAG: f64 = 1e-9;
+
+/// Adds [`UNIFORM_DRAG`] to the lower triangle of R_FU, `[3N × 3N]`.
+fn resist_uniform_motion(matrix: &mut Matrix) {
+    let n = matrix.rows() / 3;
+    let drag = 6.0 * PI * UNIFORM_DRAG / n as f64;
+    for i in 0..n {
+        for m in 0..2 {
+            let column = matrix.column_mut(3 * i + m);
+            for entry in column[3 * i + m..].iter_mut().step_by(3) {
+                *entry += drag;
+            }
+        }
+    }
 }
 
 /// Adds the forces on both spheres of a pair.
