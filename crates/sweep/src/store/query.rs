@@ -125,16 +125,18 @@ impl Store {
         Ok(counts)
     }
 
-    /// Estimated cost of the grid, and of what is done of it: finished cases, and others up to their last checkpoint.
+    /// Estimated cost of the grid, and of what is done of it: finished cases, and others up to their last checkpoint,
+    /// but for those this process has under way.
     ///
     /// # Errors
     /// Trouble with the file.
     pub fn work(&self) -> Result<(f64, f64), StoreError> {
         self.read(self.connection.query_row(
             "SELECT total(cost), total(CASE WHEN state IN ('done', 'jammed', 'failed') THEN cost
+                                       WHEN owner = ?1 THEN 0.0
                                        ELSE cost * steps_done / steps END)
              FROM cases WHERE position IS NOT NULL",
-            [],
+            [self.me()],
             |row| Ok((row.get(0)?, row.get(1)?)),
         ))
     }

@@ -90,7 +90,7 @@ impl Store {
     }
 
     /// Row of this process; no row has the number 0.
-    fn me(&self) -> i64 {
+    pub(super) fn me(&self) -> i64 {
         self.process.as_ref().map_or(0, |process| process.id)
     }
 
