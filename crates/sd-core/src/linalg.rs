@@ -1,6 +1,7 @@
-//! Linear algebra: the only modules that name faer.
+//! Linear algebra: the only modules that name faer and pulp.
 //!
 //! Everything runs on one thread (`Par::Seq`), allocates only in constructors and sums in a fixed
 //! order, so the same input gives the same bits.
 
 pub mod dense;
+pub mod simd;

@@ -327,6 +327,18 @@ pub fn product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
     );
 }
 
+/// `C ← C + α A Bᵀ`.
+pub fn add_outer(c: &mut Matrix, a: &Matrix, b: &Matrix, alpha: f64) {
+    matmul::matmul(
+        c.view_mut(),
+        Accum::Add,
+        a.view(0, 0, a.rows, a.columns),
+        b.view(0, 0, b.rows, b.columns).transpose(),
+        alpha,
+        Par::Seq,
+    );
+}
+
 /// Solves `A x = b` in place by Gaussian elimination with partial pivoting; A is overwritten. For small or one-off systems.
 ///
 /// # Errors
@@ -405,6 +417,18 @@ mod tests {
         matrix[(1, 1)] = 1.0;
         matrix[(2, 2)] = -1.0;
         assert_eq!(cholesky.factor(), Err(NotPositive { pivot: 2 }));
+    }
+
+    #[test]
+    fn outer_product_is_added() {
+        let mut a = Matrix::zeros(2, 1);
+        a.values_mut().copy_from_slice(&[1.0, 2.0]);
+        let mut b = Matrix::zeros(3, 1);
+        b.values_mut().copy_from_slice(&[3.0, 4.0, 5.0]);
+        let mut c = Matrix::zeros(2, 3);
+        c[(0, 0)] = 1.0;
+        add_outer(&mut c, &a, &b, 2.0);
+        assert_eq!(c.values(), [7.0, 12.0, 8.0, 16.0, 10.0, 20.0]);
     }
 
     #[test]
