@@ -195,7 +195,10 @@ pub(crate) fn read_limited(path: &std::path::Path, limit: u64) -> Result<Vec<u8>
 
 /// The store a user means: a store itself, or the default one of a campaign file.
 pub(crate) fn store_path(given: &std::path::Path) -> Result<std::path::PathBuf, Error> {
-    if given.extension().is_some_and(|extension| extension == "toml") {
+    if given
+        .extension()
+        .is_some_and(|extension| extension == "toml")
+    {
         return Ok(crate::campaign::Campaign::read(given)?.default_store());
     }
     Ok(given.to_owned())

@@ -5,6 +5,7 @@ mod text;
 
 pub use json::write as write_json;
 pub use text::write as write_text;
+pub(crate) use text::{contact, hydrodynamics, table};
 
 use crate::case::State;
 use crate::error::Error;
@@ -83,10 +84,7 @@ impl Report {
             campaign: store.campaign_name()?,
             counts: store.counts()?,
             discard: store.protocol()?.discard,
-            points: groups
-                .iter()
-                .filter_map(|runs| Point::of(runs))
-                .collect(),
+            points: groups.iter().filter_map(|runs| Point::of(runs)).collect(),
             failures: store.failures(FAILURES_SHOWN)?,
         })
     }
@@ -147,7 +145,11 @@ impl Point {
 /// A number to so many significant digits, with an exponent where that is shorter.
 pub fn significant(value: f64, digits: i32) -> String {
     if !value.is_finite() {
-        return if value.is_nan() { "–".into() } else { format!("{value}") };
+        return if value.is_nan() {
+            "–".into()
+        } else {
+            format!("{value}")
+        };
     }
     if value == 0.0 {
         return "0".into();

@@ -7,7 +7,9 @@ use clap::CommandFactory;
 
 /// Print a completion script for a shell
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: sweep completions bash > ~/.local/share/bash-completion/completions/sweep")]
+#[command(
+    after_help = "Example: sweep completions bash > ~/.local/share/bash-completion/completions/sweep"
+)]
 pub(crate) struct Arguments {
     /// The shell
     #[arg(value_enum)]

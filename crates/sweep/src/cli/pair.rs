@@ -11,7 +11,9 @@ use sd_core::pair::{Passing, pass};
 /// Unbounded fluid, radii 1 and L, forces +1 and -1 along x from (-X, Y) and (X, -Y), critical load 0, until the first is as
 /// far ahead as it was behind.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  sweep pair --roughness 0.05 --friction 0.5\n  sweep pair --no-contact --json")]
+#[command(
+    after_help = "Examples:\n  sweep pair --roughness 0.05 --friction 0.5\n  sweep pair --no-contact --json"
+)]
 pub(crate) struct Arguments {
     /// Radius of the second sphere over that of the first
     #[arg(long, value_name = "L", default_value_t = 1.0)]

@@ -27,7 +27,9 @@ const CASE_BYTES: f64 = 1200.0;
 /// Writes nothing. Times come from a few steps of each kind of run on this machine; a layer just started has fewer contacts
 /// than a sheared one, so dense campaigns take longer than said.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  sweep plan sweeps/quickstart.toml\n  sweep plan sweeps/quickstart.toml --json")]
+#[command(
+    after_help = "Examples:\n  sweep plan sweeps/quickstart.toml\n  sweep plan sweeps/quickstart.toml --json"
+)]
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
@@ -270,7 +272,11 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
     for (name, values) in &plan.axes {
         let words: Vec<String> = values
             .iter()
-            .map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_owned))
+            .map(|value| {
+                value
+                    .as_str()
+                    .map_or_else(|| value.to_string(), str::to_owned)
+            })
             .collect();
         let shown = if words.len() > 12 {
             format!("{}, … {}", words[..10].join(", "), words[words.len() - 1])
@@ -287,7 +293,15 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
     )?;
     writeln!(out, "{axes}")?;
     let mut kinds = crate::report::table(output.width);
-    kinds.set_header(["spheres", "hydrodynamics", "contact", "runs", "weight", "step", "run"]);
+    kinds.set_header([
+        "spheres",
+        "hydrodynamics",
+        "contact",
+        "runs",
+        "weight",
+        "step",
+        "run",
+    ]);
     for kind in &plan.kinds {
         let time = |seconds: f64, mark: &str| format!("{mark}{}", duration(seconds));
         let mark = if kind.measured { "" } else { "≈ " };
@@ -308,7 +322,11 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
     writeln!(out, "{kinds}")?;
     for kind in &plan.kinds {
         if let Some(reason) = &kind.reason {
-            writeln!(out, "{} spheres could not be calibrated: {reason}", kind.spheres)?;
+            writeln!(
+                out,
+                "{} spheres could not be calibrated: {reason}",
+                kind.spheres
+            )?;
         }
     }
     match (plan.computing_time_s, plan.elapsed_s) {

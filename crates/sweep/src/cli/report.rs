@@ -11,7 +11,9 @@ use std::path::PathBuf;
 ///
 /// Reads only, and may be used while the campaign runs.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json")]
+#[command(
+    after_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json"
+)]
 pub(crate) struct Arguments {
     /// The store, or a campaign file whose default store is meant
     store: PathBuf,

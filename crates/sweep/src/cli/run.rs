@@ -20,7 +20,9 @@ const WORKER_LIMIT: usize = 4096;
 /// same command goes on, with the same bits as if nothing had happened. Several processes may run the same campaign on one
 /// machine: they share its cases.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/friction.toml --workers 8 --store /scratch/friction.sqlite")]
+#[command(
+    after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/friction.toml --workers 8 --store /scratch/friction.sqlite"
+)]
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,

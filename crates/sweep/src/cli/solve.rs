@@ -23,7 +23,9 @@ const PAIR_LIMIT: usize = 1_000_000;
 /// FILE is JSON: `centres`, and optionally `radii`, `cell`, `offset`, `hydrodynamics`, `background`, `forces`, `torques`,
 /// `contact`. Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  echo '{\"centres\": [[0, 0], [2.1, 0]], \"hydrodynamics\": \"ball-melrose\"}' | sweep solve - --json")]
+#[command(
+    after_help = "Example:\n  echo '{\"centres\": [[0, 0], [2.1, 0]], \"hydrodynamics\": \"ball-melrose\"}' | sweep solve - --json"
+)]
 pub(crate) struct Arguments {
     /// The configuration; `-` is standard input
     file: PathBuf,
@@ -179,15 +181,15 @@ fn read(path: &Path, bytes: &[u8]) -> Result<(Configuration, ContactRequest), Er
         radii: input.radii.unwrap_or_else(|| vec![1.0; n]),
         cell,
         hydrodynamics: input.hydrodynamics,
-        background: input.background.map_or(Background::SHEAR, |flow| Background {
-            xx: flow.rate_of_strain.xx,
-            yy: flow.rate_of_strain.yy,
-            xy: flow.rate_of_strain.xy,
-            angular_velocity: flow.angular_velocity,
-        }),
-        forces: input
-            .forces
-            .map_or_else(|| vec![Vec2::zeros(); n], vectors),
+        background: input
+            .background
+            .map_or(Background::SHEAR, |flow| Background {
+                xx: flow.rate_of_strain.xx,
+                yy: flow.rate_of_strain.yy,
+                xy: flow.rate_of_strain.xy,
+                angular_velocity: flow.angular_velocity,
+            }),
+        forces: input.forces.map_or_else(|| vec![Vec2::zeros(); n], vectors),
         torques: input.torques.unwrap_or_else(|| vec![0.0; n]),
     };
     Ok((configuration, contact))
@@ -198,9 +200,15 @@ impl Contact {
     fn request(self) -> Result<ContactRequest, (&'static str, String)> {
         let scheme = self.scheme;
         let stray = |names: &[(&'static str, bool)]| {
-            names.iter().find(|(_, given)| *given).map_or(Ok(()), |(name, _)| {
-                Err((*name, format!("does not belong to scheme {scheme:?}").to_lowercase()))
-            })
+            names
+                .iter()
+                .find(|(_, given)| *given)
+                .map_or(Ok(()), |(name, _)| {
+                    Err((
+                        *name,
+                        format!("does not belong to scheme {scheme:?}").to_lowercase(),
+                    ))
+                })
         };
         let law = [
             ("contact.roughness", self.roughness.is_some()),
@@ -284,8 +292,15 @@ fn write_text(instant: &Instant, output: &mut Output<'_>) -> Result<(), Error> {
     if !instant.contacts.is_empty() {
         let mut contacts = crate::report::table(output.width);
         contacts.set_header([
-            "i", "j", "image", "gap", "normal force", "tangential force", "normal velocity",
-            "slip velocity", "state",
+            "i",
+            "j",
+            "image",
+            "gap",
+            "normal force",
+            "tangential force",
+            "normal velocity",
+            "slip velocity",
+            "state",
         ]);
         for c in &instant.contacts {
             contacts.add_row([

@@ -12,7 +12,9 @@ use std::path::PathBuf;
 ///
 /// Reads only, needs no write access, and may be used while the campaign runs.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  sweep status results/quickstart.sqlite\n  sweep status sweeps/quickstart.toml --json")]
+#[command(
+    after_help = "Examples:\n  sweep status results/quickstart.sqlite\n  sweep status sweeps/quickstart.toml --json"
+)]
 pub(crate) struct Arguments {
     /// The store, or a campaign file whose default store is meant
     store: PathBuf,

@@ -61,7 +61,7 @@ pub(crate) fn contact(choice: ContactScheme) -> &'static str {
 pub(crate) fn table(width: Option<u16>) -> Table {
     let mut table = Table::new();
     table
-        .load_preset(presets::UTF8_HORIZONTAL_ONLY)
+        .load_style(presets::UTF8_HORIZONTAL_ONLY)
         .set_content_arrangement(ContentArrangement::Dynamic);
     // Not a terminal: as wide as it needs to be, for files and pipes.
     table.set_width(width.unwrap_or(u16::MAX));

@@ -81,8 +81,7 @@ impl Shared<'_> {
     pub(super) fn compute(&self, worker: usize, claim: &Claim) -> Result<(), StoreError> {
         let mut run = self.resume(claim)?;
         let begun = Instant::now();
-        self.progress
-            .start_case(worker, &claim.case, run.steps());
+        self.progress.start_case(worker, &claim.case, run.steps());
         let outcome = panics::catch(|| self.simulate(worker, claim, &mut run, begun));
         let wall_time_s = run.record.wall_time_before_s + begun.elapsed().as_secs_f64();
         let result = match outcome {
@@ -222,9 +221,12 @@ impl Shared<'_> {
     /// Records a failure of the solver or a limit.
     fn fail(&self, claim: &Claim, run: Run, cause: &Cause) -> Result<(), StoreError> {
         match cause {
-            Cause::Physics(error) => self.record_failure(claim, run, error.to_string(), Some(error)),
+            Cause::Physics(error) => {
+                self.record_failure(claim, run, error.to_string(), Some(error))
+            }
             Cause::WallTime(limit) => {
-                let message = format!("took longer than the {limit} s of computing a case may take");
+                let message =
+                    format!("took longer than the {limit} s of computing a case may take");
                 self.record_failure(claim, run, message, None)
             }
         }

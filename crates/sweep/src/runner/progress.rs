@@ -324,7 +324,10 @@ impl Overall {
             }
         }
         match self.left() {
-            Some(left) => format!("{words}, {} left", crate::report::duration(left.as_secs_f64())),
+            Some(left) => format!(
+                "{words}, {} left",
+                crate::report::duration(left.as_secs_f64())
+            ),
             None => words,
         }
     }

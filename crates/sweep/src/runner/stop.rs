@@ -22,8 +22,7 @@ impl Stop {
             reason: error.to_string(),
         };
         let stop = Self::default();
-        let mut signals =
-            Signals::new([SIGINT, SIGTERM, SIGHUP, SIGUSR1]).map_err(refused)?;
+        let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP, SIGUSR1]).map_err(refused)?;
         let told = stop.clone();
         std::thread::Builder::new()
             .name("signals".into())
