@@ -11,7 +11,7 @@ pub use protocol::Protocol;
 use crate::case::{Case, CaseKey};
 use crate::error::Error;
 use error::Problem;
-use reader::{Located, Table, number, wrong_type};
+use reader::{Table, wrong_type};
 use std::collections::HashMap;
 use std::io::Read as _;
 use std::ops::Range;
@@ -22,10 +22,6 @@ use toml::de::{DeTable, DeValue};
 pub const FILE_LIMIT: u64 = 1 << 20;
 /// Most cases a campaign may have.
 pub const CASE_LIMIT: u64 = 1_000_000;
-/// Longest run, in steps, and most samples of one.
-const STEP_LIMIT: f64 = 1e8;
-/// Most samples of one run.
-const SAMPLE_LIMIT: u64 = 1_000_000;
 
 /// A campaign that can be run.
 #[derive(Debug, Clone)]
@@ -107,7 +103,7 @@ fn parse(text: &str) -> Result<(String, Protocol, Vec<(CaseKey, Case)>), Problem
             let DeValue::Table(entries) = written.get_ref() else {
                 return Err(wrong_type(written, "protocol", "write a table: [protocol]"));
             };
-            read_protocol(entries, written.span())?
+            protocol::read(entries, written.span())?
         }
     };
     let written = top.need("grid", "[{ … }]` or a table `[[grid]]")?;
@@ -196,114 +192,6 @@ fn read_name(top: &Table<'_>) -> Result<String, Problem> {
             allowed,
         ))
     }
-}
-
-/// Reads and checks the protocol.
-fn read_protocol(entries: &DeTable<'_>, span: Range<usize>) -> Result<Protocol, Problem> {
-    let known = [
-        "time_step",
-        "strain",
-        "discard",
-        "checkpoint_every",
-        "sample_every",
-    ];
-    let table = Table::new(entries, span.clone(), "[protocol]", &known)?;
-    let preset = Protocol::default();
-    let read = |key: &str, default: f64, range: &str, inside: fn(f64) -> bool| {
-        table.get(key).map_or(
-            Ok(Located {
-                value: default,
-                span: span.clone(),
-            }),
-            |written| number(written, key, range, inside),
-        )
-    };
-    let positive = "above 0 and finite (a strain)";
-    let time_step = read(
-        "time_step",
-        preset.time_step,
-        "above 0 and at most 0.1 (a strain)",
-        |v| (1e-7..=0.1).contains(&v),
-    )?;
-    let above_zero: fn(f64) -> bool = |v| v > 0.0 && v.is_finite();
-    let strain = read("strain", preset.strain, positive, above_zero)?;
-    let discard = read("discard", preset.discard, "from 0 to below `strain`", |v| {
-        v >= 0.0 && v.is_finite()
-    })?;
-    let checkpoint = read(
-        "checkpoint_every",
-        preset.checkpoint_every,
-        positive,
-        above_zero,
-    )?;
-    let sample = read("sample_every", preset.sample_every, positive, above_zero)?;
-    let protocol = Protocol {
-        time_step: time_step.value,
-        strain: strain.value,
-        discard: discard.value,
-        checkpoint_every: checkpoint.value,
-        sample_every: sample.value,
-    };
-    let whole = format!("a whole number of time steps, {} each", protocol.time_step);
-    if protocol.strain / protocol.time_step > STEP_LIMIT {
-        return Err(Problem::at(
-            &strain.span,
-            format!(
-                "a run of {:.3e} steps",
-                protocol.strain / protocol.time_step
-            ),
-            format!("at most {STEP_LIMIT:e} steps: a shorter strain or a longer step"),
-        ));
-    }
-    for (key, located) in [("strain", &strain), ("sample_every", &sample)] {
-        if protocol.whole_steps(located.value).is_none_or(|n| n == 0) {
-            return Err(Problem::at(
-                &located.span,
-                format!("`{key}` = {} is not {whole}", located.value),
-                format!("`{key}` is {whole}"),
-            )
-            .also(&time_step.span, "the time step"));
-        }
-    }
-    if protocol.discard >= protocol.strain {
-        return Err(Problem::at(
-            &discard.span,
-            format!(
-                "`discard` = {} leaves nothing of a run of strain {}",
-                protocol.discard, protocol.strain
-            ),
-            format!("`discard` is from 0 to below {}", protocol.strain),
-        )
-        .also(&strain.span, "the length of a run"));
-    }
-    if protocol.sample_every > protocol.strain - protocol.discard {
-        return Err(Problem::at(
-            &sample.span,
-            format!(
-                "`sample_every` = {} may leave no sample after the strain discarded",
-                protocol.sample_every
-            ),
-            format!("at most {}", protocol.strain - protocol.discard),
-        ));
-    }
-    if protocol.steps() / protocol.sample_stride() > SAMPLE_LIMIT {
-        return Err(Problem::at(
-            &sample.span,
-            "too many samples in a run",
-            format!("at most {SAMPLE_LIMIT}: sample less often"),
-        ));
-    }
-    if protocol.checkpoint_every < protocol.time_step {
-        return Err(Problem::at(
-            &checkpoint.span,
-            format!(
-                "`checkpoint_every` = {} is less than a step",
-                checkpoint.value
-            ),
-            format!("at least the time step, {}", protocol.time_step),
-        ));
-    }
-    Ok(protocol)
 }
 
 #[cfg(test)]

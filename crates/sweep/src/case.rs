@@ -71,7 +71,8 @@ impl Case {
             sample_stride: self.sample_stride,
         };
         let mut hasher = blake3::Hasher::new();
-        serde_json::to_writer(&mut hasher, &canonical).expect("numbers and names always have JSON");
+        let written = serde_json::to_writer(&mut hasher, &canonical);
+        debug_assert!(written.is_ok(), "numbers and names always have JSON");
         let mut key = [0; 16];
         key.copy_from_slice(&hasher.finalize().as_bytes()[..16]);
         CaseKey(key)
@@ -178,7 +179,7 @@ mod tests {
 
     #[test]
     fn key_is_the_same_on_every_day_and_machine() {
-        insta::assert_snapshot!(case().key(), @"");
+        assert_eq!(case().key().to_string(), "326e0e48fa880c76f13a1d4f7f10561a");
     }
 
     #[test]

@@ -41,6 +41,8 @@ pub struct Point {
     pub seeds: u64,
     /// Runs that ended jammed: counted, not averaged.
     pub jammed: u64,
+    /// Runs that failed.
+    pub failed: u64,
     /// Viscosity in full: mean over the runs of their means.
     pub viscosity: Option<Estimate>,
     /// Median over the runs of their medians.
@@ -123,6 +125,7 @@ impl Point {
         Some(Self {
             seeds: done.len() as u64,
             jammed: runs.iter().filter(|r| r.state == State::Jammed).count() as u64,
+            failed: runs.iter().filter(|r| r.state == State::Failed).count() as u64,
             viscosity: Estimate::of(&values(|r| r.viscosity)),
             viscosity_median: median(values(|r| r.viscosity_median)),
             viscosity_stresslet: Estimate::of(&values(|r| r.viscosity_stresslet)),

@@ -199,7 +199,7 @@ mod tests {
             (1.75, 2.5, 3.25)
         );
         let spikes = Distribution::of(vec![1.0, f64::INFINITY, f64::INFINITY]).unwrap();
-        assert_eq!(spikes.median, f64::INFINITY);
+        assert!(spikes.median.is_infinite());
     }
 
     #[test]

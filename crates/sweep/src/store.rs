@@ -5,16 +5,18 @@
 
 mod campaign;
 mod checkpoint;
+mod claims;
 mod error;
 mod process;
 mod query;
-mod runs;
+mod results;
 
 pub use checkpoint::{Checkpoint, Damage};
+pub use claims::Claim;
 pub use error::StoreError;
 pub use process::{HEARTBEAT_LIMIT, Identity};
 pub use query::{Counts, FailureLine, PointRun, ProcessLine};
-pub use runs::{Claim, Failure, Finished};
+pub use results::{Failure, Finished};
 
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
 use std::path::{Path, PathBuf};
@@ -25,7 +27,7 @@ const APPLICATION_ID: i32 = 0x5357_4550;
 /// Version of the schema this program reads and writes.
 const SCHEMA_VERSION: i32 = 1;
 /// How long a lock held by another program is waited for.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 
 /// An open store.
 #[derive(Debug)]
@@ -78,7 +80,7 @@ impl Store {
         Ok(store)
     }
 
-    /// Opens a store for reading only, while others may write to it.
+    /// Opens a store for reading only, while others may write to it. What is read is the state of one moment.
     ///
     /// # Errors
     /// A file that is missing, no store, or of another schema.
@@ -129,7 +131,11 @@ impl Store {
         };
         store.connection.busy_timeout(PATIENCE).map_err(failed)?;
         match store.identify().map_err(failed)? {
-            Kind::Ours(SCHEMA_VERSION) => Ok(store),
+            Kind::Ours(SCHEMA_VERSION) => {
+                // One transaction for all that follows: what is read belongs to one moment.
+                store.connection.execute_batch("BEGIN").map_err(failed)?;
+                Ok(store)
+            }
             Kind::Ours(found) => Err(store.other_schema(found)),
             Kind::Empty | Kind::Foreign => Err(StoreError::NotAStore {
                 path: path.to_owned(),

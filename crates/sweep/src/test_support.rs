@@ -24,3 +24,17 @@ pub(crate) fn sample(strain: f64) -> Sample {
         jammed_strain: 0.0,
     }
 }
+
+/// A plausible snapshot after so many steps.
+pub(crate) fn snapshot(steps: u64) -> Snapshot {
+    serde_json::from_value(serde_json::json!({
+        "version": 1,
+        "steps": steps,
+        "centres": [[0.1, 0.2], [3.0, 0.3]],
+        "orientations": [0.5, -0.25],
+        "radii": [1.0, 1.0],
+        "cell": [20.0, 20.0],
+        "offset": 0.06,
+    }))
+    .unwrap()
+}

@@ -6,6 +6,8 @@ use std::ops::Range;
 
 /// Longest line an excerpt is made of; a longer one would fill the screen.
 const LONGEST_LINE: usize = 240;
+/// Most lines between two places shown in one excerpt.
+const FARTHEST: usize = 15;
 
 /// What is wrong with a campaign file, where, and what is allowed there.
 #[derive(Debug, thiserror::Error)]
@@ -77,7 +79,22 @@ impl Problem {
     }
 
     /// Puts it into its file.
-    pub(super) fn in_file(self, file: &str, text: &str) -> Box<CampaignError> {
+    pub(super) fn in_file(mut self, file: &str, text: &str) -> Box<CampaignError> {
+        let line_of = |span: &Range<usize>| {
+            text.get(..span.start)
+                .map_or(0, |before| before.matches('\n').count())
+        };
+        let first = self.labels.first().map_or(0, |(span, _)| line_of(span));
+        let mut allowed = self.allowed;
+        // All lines between two places are shown: far ones are named instead.
+        self.labels.retain(|(span, label)| {
+            let line = line_of(span);
+            let near = line.abs_diff(first) <= FARTHEST;
+            if !near {
+                allowed = format!("{allowed}\n(line {}: {label})", line + 1);
+            }
+            near
+        });
         let labels: Vec<_> = self
             .labels
             .into_iter()
@@ -96,7 +113,7 @@ impl Problem {
         Box::new(CampaignError {
             place: format!("{file}:{}:{}", line + 1, column + 1),
             message: self.message,
-            allowed: self.allowed,
+            allowed,
             labels,
             source_code: shown.then(|| NamedSource::new(file, text.to_owned())),
         })

@@ -42,7 +42,7 @@ impl Distinct for Hydrodynamics {
         *self as u64
     }
     fn written(&self) -> String {
-        name_of(&HYDRODYNAMICS, *self).into()
+        name_of(&HYDRODYNAMICS, self).into()
     }
 }
 
@@ -51,15 +51,15 @@ impl Distinct for ContactScheme {
         *self as u64
     }
     fn written(&self) -> String {
-        name_of(&CONTACT, *self).into()
+        name_of(&CONTACT, self).into()
     }
 }
 
 /// The word for a choice.
-fn name_of<T: PartialEq>(words: &[(&'static str, T)], value: T) -> &'static str {
+fn name_of<T: PartialEq>(words: &[(&'static str, T)], value: &T) -> &'static str {
     words
         .iter()
-        .find(|(_, choice)| *choice == value)
+        .find(|(_, choice)| choice == value)
         .map_or("?", |(name, _)| name)
 }
 

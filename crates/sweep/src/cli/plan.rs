@@ -7,8 +7,8 @@ use crate::error::Error;
 use crate::exit;
 use crate::report::{bytes, duration, significant};
 use sd_core::{ContactScheme, Hydrodynamics, Params, Simulation};
-use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use serde::{Serialize, Serializer};
+use std::collections::{HashMap, HashSet};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -48,7 +48,8 @@ struct Plan {
     /// Points: runs that differ only in their seed are one.
     points: usize,
     /// Axes and their values.
-    axes: BTreeMap<&'static str, Vec<serde_json::Value>>,
+    #[serde(serialize_with = "as_object")]
+    axes: Vec<Values>,
     /// Steps of a run.
     steps: u64,
     /// Runs computed at a time.
@@ -61,6 +62,14 @@ struct Plan {
     elapsed_s: Option<f64>,
     /// Size of the finished store.
     disk_bytes: f64,
+}
+
+/// An axis and its values.
+type Values = (&'static str, Vec<serde_json::Value>);
+
+/// Axes as one JSON object.
+fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
+    s.collect_map(axes.iter().map(|(name, values)| (name, values)))
 }
 
 /// Runs that cost the same.
@@ -142,7 +151,7 @@ fn plan(campaign: &Campaign, workers: usize) -> Plan {
 /// The kinds of runs of a campaign, the cheapest first.
 fn kinds(campaign: &Campaign) -> Vec<Kind> {
     let mut kinds: Vec<Kind> = Vec::new();
-    let mut place_of = std::collections::HashMap::new();
+    let mut place_of = HashMap::new();
     for (_, case) in &campaign.cases {
         let p = &case.params;
         let place = *place_of
@@ -229,7 +238,7 @@ fn measure(case: &Case, time: Duration) -> Result<f64, sd_core::Error> {
 type Axis = (&'static str, fn(&Params, u64) -> serde_json::Value);
 
 /// Axes with all their values in the order of their first use.
-fn axes(campaign: &Campaign) -> BTreeMap<&'static str, Vec<serde_json::Value>> {
+fn axes(campaign: &Campaign) -> Vec<Values> {
     let readers: [Axis; 10] = [
         ("area_fraction", |p, _| p.area_fraction.into()),
         ("friction", |p, _| p.friction.into()),
@@ -253,7 +262,7 @@ fn axes(campaign: &Campaign) -> BTreeMap<&'static str, Vec<serde_json::Value>> {
     readers
         .into_iter()
         .map(|(name, read)| {
-            let mut seen = BTreeSet::new();
+            let mut seen = HashSet::new();
             let values = campaign
                 .cases
                 .iter()

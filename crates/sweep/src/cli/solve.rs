@@ -359,13 +359,21 @@ mod tests {
     #[test]
     fn strange_input_is_refused_with_its_place() {
         let start = r#"{"centres": [[0, 0]], "hydrodynamics": "ball-melrose""#;
-        insta::assert_snapshot!(message(&format!("{start}, \"radius\": 1}}")), @"");
-        insta::assert_snapshot!(message(&format!("{start}, \"radii\": [1, 2]}}")), @"");
-        insta::assert_snapshot!(message(&format!("{start}, \"offset\": 1}}")), @"");
-        insta::assert_snapshot!(message(&format!("{start}, \"contact\": {{\"scheme\": \"none\", \"friction\": 1}}}}")), @"");
-        insta::assert_snapshot!(message(&format!("{start}, \"contact\": {{\"scheme\": \"rigid\"}}}}")), @"");
-        insta::assert_snapshot!(message("{\"centres\": [[1e999, 0]]}"), @"");
-        insta::assert_snapshot!(message("[["), @"");
+        let all: Vec<String> = [
+            format!("{start}, \"radius\": 1}}"),
+            format!("{start}, \"radii\": [1, 2]}}"),
+            format!("{start}, \"offset\": 1}}"),
+            format!("{start}, \"contact\": {{\"scheme\": \"none\", \"friction\": 1}}}}"),
+            format!("{start}, \"contact\": {{\"scheme\": \"none\", \"rough\": 1}}}}"),
+            format!("{start}, \"contact\": {{\"scheme\": \"rigid\"}}}}"),
+            "{\"centres\": [[1e999, 0]]}".into(),
+            "{\"centres\": [[0, 0]]}".into(),
+            "[[".into(),
+        ]
+        .iter()
+        .map(|text| message(text))
+        .collect();
+        insta::assert_snapshot!(all.join("\n"));
     }
 
     proptest! {

@@ -33,37 +33,57 @@ struct Cases {
 
 /// One point.
 #[derive(Serialize)]
-#[expect(
-    clippy::missing_docs_in_private_items,
-    reason = "the names are those of `Point`, where they are explained"
-)]
 struct Row {
+    /// Area fraction c.
     area_fraction: f64,
+    /// Friction coefficient ν.
     friction: f64,
+    /// Roughness height h, in a.
     roughness: f64,
+    /// Dimensionless shear rate Γ; `"inf"` for the upper plateau.
     #[serde(serialize_with = "infinite")]
     shear_rate: f64,
+    /// Number of spheres.
     spheres: usize,
+    /// Hydrodynamics.
     hydrodynamics: Hydrodynamics,
+    /// Contact scheme.
     contact: ContactScheme,
+    /// Size ratio; left out of monodisperse points.
     #[serde(skip_serializing_if = "Option::is_none")]
     size_ratio: Option<f64>,
+    /// Number fraction of large spheres; left out of monodisperse points.
     #[serde(skip_serializing_if = "Option::is_none")]
     large_fraction: Option<f64>,
+    /// Runs averaged.
     seeds: u64,
+    /// Runs that ended jammed.
     jammed: u64,
+    /// Mean viscosity in full.
     viscosity: Option<f64>,
+    /// Half width of its 95 % interval; `null` for a single run.
     viscosity_ci95: Option<f64>,
+    /// Median over runs of their medians.
     viscosity_median: Option<f64>,
+    /// Mean viscosity from the stresslets alone.
     viscosity_stresslet: Option<f64>,
+    /// Half width of its 95 % interval.
     viscosity_stresslet_ci95: Option<f64>,
+    /// Contacts per sphere.
     contacts_per_sphere: Option<f64>,
+    /// Activated contacts over contacts.
     activated_fraction: Option<f64>,
+    /// Rolling contacts over activated ones.
     rolling_fraction: Option<f64>,
+    /// Smallest gap of any run.
     minimum_gap: Option<f64>,
+    /// Mean approach velocity of contacts.
     mean_approach_velocity: Option<f64>,
+    /// Worst residual of any run.
     worst_residual: Option<f64>,
+    /// Unconverged stages over stages.
     unconverged_fraction: Option<f64>,
+    /// Mean seconds of computing of a run.
     wall_time_s: Option<f64>,
 }
 

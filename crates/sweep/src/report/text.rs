@@ -3,7 +3,7 @@
 use super::{Point, Report, significant};
 use crate::error::Error;
 use crate::statistics::Estimate;
-use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
 use sd_core::{ContactScheme, Hydrodynamics, Params};
 use std::io::Write;
 
@@ -26,9 +26,11 @@ const AXES: [Axis; 9] = [
 /// A measured quantity: its heading and how its value is written.
 type Column = (&'static str, fn(&Point) -> String);
 
-/// Measured quantities, in the order of the columns.
-const COLUMNS: [Column; 11] = [
+/// Measured quantities, in the order of the columns; those about jammed and failed runs only where there are some.
+const COLUMNS: [Column; 13] = [
     ("runs", |p| p.seeds.to_string()),
+    ("jammed", |p| p.jammed.to_string()),
+    ("failed", |p| p.failed.to_string()),
     ("viscosity", |p| interval(p.viscosity)),
     ("median", |p| number(p.viscosity_median, 4)),
     ("stresslet\nviscosity", |p| interval(p.viscosity_stresslet)),
@@ -61,7 +63,7 @@ pub(crate) fn contact(choice: ContactScheme) -> &'static str {
 pub(crate) fn table(width: Option<u16>) -> Table {
     let mut table = Table::new();
     table
-        .load_style(presets::UTF8_HORIZONTAL_ONLY)
+        .load_style(presets::UTF8_HORIZONTAL_ONLY.row_separator(LineStyle::none()))
         .set_content_arrangement(ContentArrangement::Dynamic);
     // Not a terminal: as wide as it needs to be, for files and pipes.
     table.set_width(width.unwrap_or(u16::MAX));
@@ -121,25 +123,20 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             .map(|axis| format!("{} {}", axis.0, axis.1(&point.params)))
             .collect();
         writeln!(out, "{}", words.join(", "))?;
-        let jammed = c.jammed > 0;
+        let measured: Vec<Column> = COLUMNS
+            .into_iter()
+            .filter(|(heading, _)| match *heading {
+                "jammed" => c.jammed > 0,
+                "failed" => c.failed > 0,
+                _ => true,
+            })
+            .collect();
         let mut table = table(width);
-        let mut header: Vec<&str> = columns.iter().map(|axis| axis.0).collect();
-        for (heading, _) in COLUMNS {
-            header.push(heading);
-            if heading == "runs" && jammed {
-                header.push("jammed");
-            }
-        }
-        table.set_header(header);
+        let axes = columns.iter().map(|axis| axis.0);
+        table.set_header(axes.chain(measured.iter().map(|column| column.0)));
         for point in &report.points {
-            let mut row: Vec<String> = columns.iter().map(|axis| axis.1(&point.params)).collect();
-            for (heading, value) in COLUMNS {
-                row.push(value(point));
-                if heading == "runs" && jammed {
-                    row.push(point.jammed.to_string());
-                }
-            }
-            table.add_row(row);
+            let axes = columns.iter().map(|axis| axis.1(&point.params));
+            table.add_row(axes.chain(measured.iter().map(|column| column.1(point))));
         }
         for column in table.column_iter_mut() {
             column.set_cell_alignment(CellAlignment::Right);

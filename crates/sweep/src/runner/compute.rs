@@ -222,7 +222,12 @@ impl Shared<'_> {
     fn fail(&self, claim: &Claim, run: Run, cause: &Cause) -> Result<(), StoreError> {
         match cause {
             Cause::Physics(error) => {
-                self.record_failure(claim, run, error.to_string(), Some(error))
+                // Step and strain are kept beside the message.
+                let message = match error {
+                    sd_core::Error::Step { source, .. } => source.to_string(),
+                    other => other.to_string(),
+                };
+                self.record_failure(claim, run, message, Some(error))
             }
             Cause::WallTime(limit) => {
                 let message =

@@ -17,7 +17,7 @@ pub(super) fn capture_in_workers() {
         std::panic::set_hook(Box::new(move |panic| {
             let kept = KEPT.with_borrow_mut(|kept| {
                 kept.as_mut()
-                    .map(|message| *message = panic.to_string())
+                    .map(|message| *message = panic.to_string().replace('\n', " "))
                     .is_some()
             });
             if !kept {

@@ -12,9 +12,9 @@ use std::time::{Duration, Instant};
 /// Parts the overall bar is divided into.
 const PARTS: u64 = 10_000;
 /// Work of this last time is what the rest is estimated from.
-const WINDOW: Duration = Duration::from_secs(300);
+const WINDOW: Duration = Duration::from_mins(5);
 /// Time from one line in a log to the next.
-const LOG_EVERY: Duration = Duration::from_secs(60);
+const LOG_EVERY: Duration = Duration::from_mins(1);
 
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

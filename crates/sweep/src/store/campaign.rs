@@ -1,6 +1,6 @@
 //! Taking a campaign file into its store.
 
-use super::{Store, StoreError, integer, process, runs};
+use super::{Store, StoreError, integer, process, results};
 use crate::campaign::{Campaign, Protocol};
 use crate::case::{Case, CaseKey};
 use crate::statistics::Averages;
@@ -203,10 +203,10 @@ fn average_again(
         })?
         .collect::<Result<_, _>>()?;
     for (case, spheres) in stale {
-        let samples = runs::samples(transaction, case)?;
+        let samples = results::samples(transaction, case)?;
         let averages = Averages::of(&samples, protocol.discard_steps());
         let spheres = usize::try_from(spheres).unwrap_or(1);
-        runs::write_averages(
+        results::write_averages(
             transaction,
             case,
             protocol.discard_steps(),

@@ -92,7 +92,7 @@ pub enum StoreError {
         under_way: bool,
         /// What `SQLite` said.
         #[source]
-        source: rusqlite::Error,
+        source: Box<rusqlite::Error>,
     },
 }
 
@@ -134,7 +134,7 @@ impl StoreError {
             what,
             advice,
             under_way,
-            source,
+            source: Box::new(source),
         }
     }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// A process on another host counts as dead once its heartbeat is this old.
-pub const HEARTBEAT_LIMIT: Duration = Duration::from_secs(120);
+pub const HEARTBEAT_LIMIT: Duration = Duration::from_mins(2);
 
 /// What tells one process from every other one.
 #[derive(Debug, Clone, PartialEq, Eq)]
