@@ -182,7 +182,7 @@ impl NeighbourList {
         &self.pairs
     }
 
-    /// Finds all pairs with `2r/(a_i + a_j) < range`.
+    /// Finds all pairs with `2r/(a_i + a_j) < range`, and checks that none overlaps.
     ///
     /// In a periodic cell the range must not exceed [`LUBRICATION_RANGE`] and the cell must pass [`Cell::check_range`].
     ///
@@ -195,6 +195,20 @@ impl NeighbourList {
         radii: &[f64],
         range: f64,
     ) -> Result<(), Error> {
+        self.find(cell, centres, radii, range);
+        match self.pairs.iter().find(|pair| pair.gap <= 0.0) {
+            Some(pair) => Err(Error::Overlap {
+                i: pair.i,
+                j: pair.j,
+                gap: pair.gap,
+                separation: pair.distance,
+            }),
+            None => Ok(()),
+        }
+    }
+
+    /// [`NeighbourList::update`] without the check: gaps may be negative.
+    pub(crate) fn find(&mut self, cell: &Cell, centres: &[Vec2], radii: &[f64], range: f64) {
         self.pairs.clear();
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let (columns, rows, length_x, offset) = match *cell {
@@ -275,15 +289,6 @@ impl NeighbourList {
             self.found.sort_unstable_by_key(|pair| pair.j);
             self.pairs.extend_from_slice(&self.found);
         }
-        match self.pairs.iter().find(|pair| pair.gap <= 0.0) {
-            Some(pair) => Err(Error::Overlap {
-                i: pair.i,
-                j: pair.j,
-                gap: pair.gap,
-                separation: pair.distance,
-            }),
-            None => Ok(()),
-        }
     }
 
     /// Sorts the spheres into bins, by counting.
@@ -358,7 +363,7 @@ mod tests {
         fn cell_list_finds_what_brute_force_finds(
             seed in 0u64..1000, sides in (8.0..60.0f64, 8.0..60.0f64), offset in -30.0..30.0f64,
         ) {
-            // Points that may overlap: radii so small that no gap closes.
+            // Points, not spheres: gaps may be negative.
             let cell = Cell::periodic(sides.0, sides.1, offset).unwrap();
             let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
             let mut random = || {
@@ -373,7 +378,7 @@ mod tests {
                 .collect();
             let radii = vec![1.0; n];
             let mut list = NeighbourList::default();
-            let _ = list.update(&cell, &centres, &radii, LUBRICATION_RANGE);
+            list.find(&cell, &centres, &radii, LUBRICATION_RANGE);
             let mut expected = Vec::new();
             for i in 0..n {
                 for j in i + 1..n {

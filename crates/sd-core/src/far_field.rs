@@ -12,16 +12,18 @@
 
 pub(crate) mod kernels;
 mod real_space;
+pub mod resistance;
 pub mod unbounded;
 mod wave_space;
 
 use crate::cell::Cell;
 use crate::error::Error;
-use crate::linalg::dense::{Cholesky, Matrix, dot};
+use crate::linalg::dense::Matrix;
 use crate::linalg::simd::vectorised;
 use crate::modes::Vec2;
 use kernels::{Blocks, FiniteSize, LANES, Lanes};
 use real_space::RealSpace;
+pub use resistance::FarResistance;
 use std::f64::consts::PI;
 use unbounded::{RadialChain, self_mobility};
 use wave_space::{EVEN, ODD, WaveSpace};
@@ -30,7 +32,7 @@ use wave_space::{EVEN, ODD, WaveSpace};
 pub const DEFAULT_TOLERANCE: f64 = 1e-8;
 
 /// Pairs handled at once, unless one column of the matrix has more.
-const CHUNK: usize = 512;
+const CHUNK: usize = 256;
 
 /// The grand mobility of a set of spheres, planned for a cell's sides, radii and tolerance.
 #[derive(Debug, Clone)]
@@ -157,6 +159,11 @@ impl FarField {
         self.radii.len()
     }
 
+    /// Whether the plan is for a periodic cell.
+    pub fn is_periodic(&self) -> bool {
+        self.ewald.is_some()
+    }
+
     /// Splitting parameter α in use, in 1/a; `None` in unbounded fluid.
     pub fn splitting(&self) -> Option<f64> {
         self.ewald.as_ref().map(|ewald| ewald.alpha)
@@ -263,7 +270,7 @@ fn cut_offs(alpha: f64, area: f64, radii: &[f64], tolerance: f64) -> CutOffs {
     let largest = radii.iter().copied().fold(0.0, f64::max);
     let size = FiniteSize::new(largest);
     let factors = size.factors(&size);
-    let limit = tolerance * self_mobility(largest)[0];
+    let limit = 0.5 * tolerance * self_mobility(largest)[0];
     let magnitude = |lanes: [Lanes; 2]| {
         kernels::finite_size(&lanes[0].map(f64::abs), &lanes[1].map(f64::abs), &factors)
             .into_iter()
@@ -369,19 +376,24 @@ impl Ewald {
             uniform,
             ..
         } = self;
-        let even: [&[f64]; 24] = std::array::from_fn(|k| {
-            if k < 12 * layers {
-                wave.even_sums.column(k)
-            } else {
-                &[]
-            }
+        // Streams of the even lanes, then of the odd, per layer; the second layer is empty for equal radii.
+        let even: [[&[f64]; 12]; 2] = std::array::from_fn(|layer| {
+            std::array::from_fn(|k| {
+                if layer < layers {
+                    wave.even_sums.column(12 * layer + k)
+                } else {
+                    &[]
+                }
+            })
         });
-        let odd: [&[f64]; 16] = std::array::from_fn(|k| {
-            if k < 8 * layers {
-                wave.odd_sums.column(k)
-            } else {
-                &[]
-            }
+        let odd: [[&[f64]; 8]; 2] = std::array::from_fn(|layer| {
+            std::array::from_fn(|k| {
+                if layer < layers {
+                    wave.odd_sums.column(8 * layer + k)
+                } else {
+                    &[]
+                }
+            })
         });
         let uniform = *uniform;
         vectorised(
@@ -399,27 +411,23 @@ impl Ewald {
             #[inline(always)]
             || {
                 let values = mobility.values_mut();
-                let mut pair = 0;
+                let mut start = 0;
                 for j in range {
+                    let end = start + n - 1 - j;
+                    let even =
+                        even.map(|layer| layer.map(|stream| stream.get(start..end).unwrap_or(&[])));
+                    let odd =
+                        odd.map(|layer| layer.map(|stream| stream.get(start..end).unwrap_or(&[])));
+                    let sums = &sums[start * layers..end * layers];
                     for i in j + 1..n {
-                        let mut point = sums[pair * layers];
+                        let pair = i - j - 1;
+                        let mut point = add_waves(&sums[pair * layers], &even[0], &odd[0], pair);
                         point[16] += uniform;
-                        for (k, lane) in EVEN.into_iter().enumerate() {
-                            point[lane] += even[k][pair];
-                        }
-                        for (k, lane) in ODD.into_iter().enumerate() {
-                            point[lane] += odd[k][pair];
-                        }
                         if layers == 1 {
                             write_pair(values, n, i, j, &kernels::blocks(&point, &point));
                         } else {
-                            let mut laplacian = sums[pair * layers + 1];
-                            for (k, lane) in EVEN.into_iter().enumerate() {
-                                laplacian[lane] += even[12 + k][pair];
-                            }
-                            for (k, lane) in ODD.into_iter().enumerate() {
-                                laplacian[lane] += odd[8 + k][pair];
-                            }
+                            let laplacian =
+                                add_waves(&sums[pair * layers + 1], &even[1], &odd[1], pair);
                             let (i_size, j_size) = (&sizes[i], &sizes[j]);
                             let ij =
                                 kernels::finite_size(&point, &laplacian, &i_size.factors(j_size));
@@ -427,12 +435,29 @@ impl Ewald {
                                 kernels::finite_size(&point, &laplacian, &j_size.factors(i_size));
                             write_pair(values, n, i, j, &kernels::blocks(&ij, &ji));
                         }
-                        pair += 1;
                     }
+                    start = end;
                 }
             },
         );
     }
+}
+
+/// Lanes of one pair: its real-space sum, and its entry in each stream of wave-space sums.
+#[expect(
+    clippy::inline_always,
+    reason = "must be compiled for the caller's instruction set"
+)]
+#[inline(always)]
+fn add_waves(sum: &Lanes, even: &[&[f64]; 12], odd: &[&[f64]; 8], pair: usize) -> Lanes {
+    let mut lanes = *sum;
+    for (stream, lane) in even.iter().zip(EVEN) {
+        lanes[lane] += stream[pair];
+    }
+    for (stream, lane) in odd.iter().zip(ODD) {
+        lanes[lane] += stream[pair];
+    }
+    lanes
 }
 
 /// Writes the blocks of pair (i, j), i > j, into the lower triangle.
@@ -443,24 +468,17 @@ impl Ewald {
 #[inline(always)]
 fn write_pair(values: &mut [f64], n: usize, i: usize, j: usize, blocks: &Blocks) {
     let rows = 6 * n;
+    let column_of = |block: &[[f64; 3]; 3], c: usize| [block[0][c], block[1][c], block[2][c]];
     for c in 0..3 {
         // Columns of j's stresslet, and of j's force.
         let column = &mut values[rows * (3 * j + c)..][..rows];
-        let strain = &mut column[3 * i..][..3];
-        for r in 0..3 {
-            strain[r] = blocks.strain_stresslet[r][c];
-        }
-        let velocity = &mut column[3 * n + 3 * i..][..3];
-        for r in 0..3 {
-            velocity[r] = blocks.velocity_stresslet[r][c];
-        }
-        let velocity = &mut values[rows * (3 * n + 3 * j + c) + 3 * n + 3 * i..][..3];
-        for r in 0..3 {
-            velocity[r] = blocks.velocity_force[r][c];
-        }
+        column[3 * i..][..3].copy_from_slice(&column_of(&blocks.strain_stresslet, c));
+        column[3 * (n + i)..][..3].copy_from_slice(&column_of(&blocks.velocity_stresslet, c));
+        let column = &mut values[rows * (3 * (n + j) + c)..][..rows];
+        column[3 * (n + i)..][..3].copy_from_slice(&column_of(&blocks.velocity_force, c));
         // The velocity of j from the stresslet of i is the transpose of the strain of i from the force of j.
-        let velocity = &mut values[rows * (3 * i + c) + 3 * n + 3 * j..][..3];
-        velocity.copy_from_slice(&blocks.strain_force[c]);
+        let column = &mut values[rows * (3 * i + c)..][..rows];
+        column[3 * (n + j)..][..3].copy_from_slice(&blocks.strain_force[c]);
     }
 }
 
@@ -479,143 +497,6 @@ fn write_self(mobility: &mut Matrix, i: usize, images: &Lanes, radius: f64) {
             mobility[(3 * n + 3 * i + r, 3 * i + c)] = blocks.velocity_stresslet[r][c];
             mobility[(3 * n + 3 * i + r, 3 * n + 3 * i + c)] = blocks.velocity_force[r][c];
         }
-    }
-}
-
-/// The far-field resistance of one configuration: R_far = M⁻¹, without resistance to a uniform translation of a layer.
-///
-/// ```text
-/// periodic:  R_far = M⁻¹ − M⁻¹ V (Vᵀ M⁻¹ V)⁻¹ Vᵀ M⁻¹ = L⁻ᵀ (I − W Wᵀ) L⁻¹,   V: uniform forces [6N × 2]
-/// ```
-/// with `M = L Lᵀ` and W the orthonormalised `L⁻¹ V`. Its limit is that of an infinite mobility of the uniform force.
-pub struct FarResistance {
-    /// Fills M.
-    far_field: FarField,
-    /// M, then L.
-    cholesky: Cholesky,
-    /// Inverse of the trailing half of L.
-    work: Matrix,
-    /// Force from velocity.
-    r_fu: Matrix,
-    /// Columns of W below its 3N zeros, `[3N × 2]`; no columns in unbounded fluid.
-    uniform: Matrix,
-    /// Columns of L⁻ᵀ W, velocity rows, `[3N × 2]`.
-    lifted: Matrix,
-}
-
-impl FarResistance {
-    /// Workspace around a planned far field.
-    pub fn new(far_field: FarField) -> Self {
-        let n = far_field.spheres();
-        Self {
-            far_field,
-            cholesky: Cholesky::new(6 * n),
-            work: Matrix::zeros(3 * n, 3 * n),
-            r_fu: Matrix::zeros(3 * n, 3 * n),
-            uniform: Matrix::default(),
-            lifted: Matrix::default(),
-        }
-    }
-
-    /// The far field in use.
-    pub fn far_field(&self) -> &FarField {
-        &self.far_field
-    }
-
-    /// Computes R_far of a configuration. Allocates nothing after the first call.
-    ///
-    /// # Errors
-    /// Those of [`FarField::fill`]; [`Error::NotPositiveDefinite`] names the sphere at which the factorization broke down.
-    pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
-        let n = self.far_field.spheres();
-        self.far_field
-            .fill(cell, centres, self.cholesky.matrix_mut())?;
-        self.cholesky
-            .factor()
-            .map_err(|failure| Error::NotPositiveDefinite {
-                matrix: "far-field mobility",
-                pivot: failure.pivot,
-                sphere: (failure.pivot % (3 * n)) / 3,
-            })?;
-        self.cholesky
-            .trailing_inverse(3 * n, &mut self.work, &mut self.r_fu);
-        if self.far_field.ewald.is_some() {
-            self.remove_uniform_motion();
-        }
-        Ok(())
-    }
-
-    /// W, and the rank-two correction of the force-velocity block.
-    fn remove_uniform_motion(&mut self) {
-        let m = self.r_fu.rows();
-        self.uniform.reset(m, 2);
-        self.lifted.reshape(m, 2);
-        // L⁻¹ V: sums of columns of the inverse of the trailing half of L.
-        for j in 0..m {
-            if j % 3 < 2 {
-                let column = &self.work.column(j)[j..];
-                for (sum, value) in self.uniform.column_mut(j % 3)[j..].iter_mut().zip(column) {
-                    *sum += value;
-                }
-            }
-        }
-        let (first, second) = self.uniform.values_mut().split_at_mut(m);
-        normalise(first);
-        let overlap = dot(first, second);
-        for (b, a) in second.iter_mut().zip(&*first) {
-            *b -= overlap * a;
-        }
-        normalise(second);
-        for c in 0..2 {
-            for j in 0..m {
-                self.lifted[(j, c)] = dot(&self.work.column(j)[j..], &self.uniform.column(c)[j..]);
-            }
-        }
-        let (x, y) = (self.lifted.column(0), self.lifted.column(1));
-        for j in 0..m {
-            let (xj, yj) = (x[j], y[j]);
-            for ((r, xi), yi) in self.r_fu.column_mut(j)[j..]
-                .iter_mut()
-                .zip(&x[j..])
-                .zip(&y[j..])
-            {
-                *r -= xi * xj + yi * yj;
-            }
-        }
-    }
-
-    /// Force from velocity: lower triangle `[3N × 3N]` of R_far's trailing block, in mu·a, mu·a², mu·a³.
-    ///
-    /// Rows and columns are `(x, y, z-rotation)` of sphere 0, of sphere 1, ….
-    pub fn r_fu(&self) -> &Matrix {
-        &self.r_fu
-    }
-
-    /// `x ← R_far x`, with x `[6N]` as (−E, U − u∞ and Ω − Ω∞) in the order of the module; becomes (S~, F and T).
-    ///
-    /// Two triangular solves, 2(6N)² flops.
-    pub fn apply(&self, x: &mut [f64]) {
-        let n = self.far_field.spheres();
-        self.cholesky.solve_lower_vector(x);
-        if self.far_field.ewald.is_some() {
-            let tail = &mut x[3 * n..];
-            for c in 0..2 {
-                let w = self.uniform.column(c);
-                let component = dot(w, tail);
-                for (t, w) in tail.iter_mut().zip(w) {
-                    *t -= component * w;
-                }
-            }
-        }
-        self.cholesky.solve_upper_vector(x);
-    }
-}
-
-/// Scales to unit length.
-fn normalise(x: &mut [f64]) {
-    let scale = dot(x, x).sqrt().recip();
-    for value in x {
-        *value *= scale;
     }
 }
 

@@ -1,10 +1,16 @@
 //! One instant of one configuration: velocities, stresslets, contact forces.
 
 use crate::cell::Cell;
+use crate::contact::procedure::ContactList;
+use crate::contact::rigid::Memory;
+use crate::contact::{Contact, Surface};
 use crate::error::Error;
-use crate::modes::{Background, Vec2};
+use crate::modes::{Background, Vec2, strain_tensor};
+use crate::motion::{ContactLaw, Motion};
 use crate::params::Hydrodynamics;
-use serde::Serialize;
+use crate::resistance::{NearFields, Resistance};
+use crate::stress::{Stress, StressWork};
+use nalgebra::Vector3;
 
 /// Spheres, where they are and what drives them.
 #[derive(Debug, Clone)]
@@ -37,91 +43,243 @@ pub enum ContactRequest {
     },
     /// The rigid scheme.
     Rigid {
-        /// Roughness height h, in a.
-        roughness: f64,
-        /// Friction coefficient ν.
-        friction: f64,
-        /// Critical load, in mu·a²·rate.
-        critical_load: f64,
+        /// Roughness and friction.
+        surface: Surface,
         /// Time span τ, in strain.
         time_span: f64,
     },
     /// The paper's procedure; every approaching pair with gap ≤ roughness counts as listed.
     Procedure {
-        /// Roughness height h, in a.
-        roughness: f64,
-        /// Friction coefficient ν.
-        friction: f64,
-        /// Critical load, in mu·a²·rate.
-        critical_load: f64,
+        /// Roughness and friction.
+        surface: Surface,
     },
 }
 
-/// What a contact does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ContactState {
-    /// No friction: no force, or one below the critical load.
-    Frictionless,
-    /// Friction makes the surfaces roll on each other.
-    Rolling,
-    /// Friction at its limit.
-    Slipping,
-}
-
-/// One candidate pair of the contact problem.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Contact {
-    /// First sphere.
-    pub i: usize,
-    /// Second sphere.
-    pub j: usize,
-    /// Image of j.
-    pub image: [i32; 2],
-    /// Gap, in a.
-    pub gap: f64,
-    /// Unit vector from i to j.
-    pub normal: [f64; 2],
-    /// Normal force f ≥ 0, in mu·a²·rate.
-    pub normal_force: f64,
-    /// Tangential force F_t.
-    pub tangential_force: f64,
-    /// n·(U_j − U_i) in the final motion.
-    pub normal_velocity: f64,
-    /// Slip in the final motion.
-    pub slip_velocity: f64,
-    /// State.
-    pub state: ContactState,
-}
-
-/// The answer, as `sweep solve` prints it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+/// Motion, stresslets and contacts of a configuration.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Instant {
-    /// Velocities minus the background at the own centre.
-    pub velocity_disturbance: Vec<[f64; 2]>,
-    /// Angular velocities minus the background's.
-    pub angular_velocity_disturbance: Vec<f64>,
-    /// Stresslets S of eq. (20), xx.
-    pub stresslet_xx: Vec<f64>,
-    /// yy.
-    pub stresslet_yy: Vec<f64>,
-    /// xy.
-    pub stresslet_xy: Vec<f64>,
-    /// Relative viscosity in full; periodic only.
-    pub viscosity: Option<f64>,
-    /// From the stresslets alone; periodic only.
-    pub viscosity_stresslet: Option<f64>,
-    /// v'Rv / (V rate); periodic only.
-    pub dissipation: Option<f64>,
+    /// `(U − u∞, Ω − Ω∞)` of each sphere, background at its own centre.
+    pub disturbances: Vec<[f64; 3]>,
+    /// Stresslets S of (20), `(s1, s2, s3)` of each sphere, in mu·a³·rate.
+    pub stresslets: Vec<Vector3<f64>>,
+    /// Bulk stress; `None` in unbounded fluid.
+    pub stress: Option<Stress>,
     /// All candidate pairs.
     pub contacts: Vec<Contact>,
+}
+
+impl Instant {
+    /// Stresslet of sphere i as `(xx, yy, xy)`.
+    pub fn stresslet(&self, i: usize) -> (f64, f64, f64) {
+        strain_tensor(&self.stresslets[i])
+    }
 }
 
 /// Solves one instant.
 ///
 /// # Errors
 /// Bad lengths, radii, overlaps, a cell too small, pairs out of range, an indefinite matrix.
-pub fn solve(configuration: &Configuration, contact: &ContactRequest) -> Result<Instant, Error> {
-    let _ = (configuration, contact);
-    Err(Error::NoSpheres)
+pub fn solve(
+    configuration: &Configuration,
+    request: &ContactRequest,
+    tables: &NearFields,
+) -> Result<Instant, Error> {
+    check(configuration)?;
+    let Configuration {
+        centres,
+        radii,
+        cell,
+        hydrodynamics,
+        background,
+        ..
+    } = configuration;
+    let external: Vec<f64> = configuration
+        .forces
+        .iter()
+        .zip(&configuration.torques)
+        .flat_map(|(f, &t)| [f.x, f.y, t])
+        .collect();
+    let resistance = Resistance::new(*hydrodynamics, cell, radii, tables)?;
+    let mut motion = Motion::new(resistance);
+    motion.resistance.update(cell, centres)?;
+    match request {
+        ContactRequest::None => {
+            motion.solve_again(background, &external, ContactLaw::None)?;
+        }
+        ContactRequest::Listed { pairs } => {
+            let mut listed = listed_pairs(pairs, &motion)?;
+            let surface = Surface {
+                roughness: 0.0,
+                friction: 0.0,
+                critical_load: f64::INFINITY,
+            };
+            let law = ContactLaw::Procedure {
+                surface,
+                listed: &mut listed,
+            };
+            motion.solve_again(background, &external, law)?;
+        }
+        ContactRequest::Rigid { surface, time_span } => {
+            check_surface(surface)?;
+            in_range(
+                time_span.is_finite() && *time_span > 0.0,
+                "contact.time_span",
+                *time_span,
+                "positive and finite",
+            )?;
+            let law = ContactLaw::Rigid {
+                surface: *surface,
+                time_span: *time_span,
+                memory: &mut Memory::default(),
+            };
+            motion.solve_again(background, &external, law)?;
+        }
+        ContactRequest::Procedure { surface } => {
+            check_surface(surface)?;
+            motion.solve_again(background, &external, ContactLaw::None)?;
+            let mut listed = ContactList::default();
+            listed.add_approaching(
+                &motion.resistance,
+                background,
+                surface.roughness,
+                motion.velocities(),
+            );
+            let law = ContactLaw::Procedure {
+                surface: *surface,
+                listed: &mut listed,
+            };
+            motion.solve_again(background, &external, law)?;
+        }
+    }
+    let mut work = StressWork::default();
+    let contacts = motion.contacts.list.clone();
+    let (resistance, velocities) = (&motion.resistance, motion.velocities());
+    let stress = if let Some(area) = cell.area() {
+        Some(work.stress(resistance, background, velocities, &contacts, area))
+    } else {
+        work.update(resistance, background, velocities);
+        None
+    };
+    Ok(Instant {
+        disturbances: velocities
+            .chunks_exact(3)
+            .map(|v| [v[0], v[1], v[2]])
+            .collect(),
+        stresslets: work.stresslets,
+        stress,
+        contacts,
+    })
+}
+
+/// An [`Error::OutOfRange`] unless `ok`.
+fn in_range(ok: bool, field: &'static str, value: f64, allowed: &'static str) -> Result<(), Error> {
+    if ok {
+        Ok(())
+    } else {
+        Err(Error::OutOfRange {
+            field,
+            value,
+            allowed,
+        })
+    }
+}
+
+/// Lengths and ranges of a configuration.
+fn check(configuration: &Configuration) -> Result<(), Error> {
+    let n = configuration.centres.len();
+    if n == 0 {
+        return Err(Error::NoSpheres);
+    }
+    for (field, found) in [
+        ("radii", configuration.radii.len()),
+        ("forces", configuration.forces.len()),
+        ("torques", configuration.torques.len()),
+    ] {
+        if found != n {
+            return Err(Error::Length {
+                field,
+                found,
+                expected: n,
+            });
+        }
+    }
+    let b = &configuration.background;
+    let groups = [
+        (
+            "centres",
+            configuration
+                .centres
+                .iter()
+                .flat_map(|x| [x.x, x.y])
+                .collect::<Vec<_>>(),
+        ),
+        (
+            "forces",
+            configuration
+                .forces
+                .iter()
+                .flat_map(|x| [x.x, x.y])
+                .collect(),
+        ),
+        ("torques", configuration.torques.clone()),
+        ("background", vec![b.xx, b.yy, b.xy, b.angular_velocity]),
+    ];
+    for (field, values) in groups {
+        for value in values {
+            in_range(value.is_finite(), field, value, "finite")?;
+        }
+    }
+    for &a in &configuration.radii {
+        in_range(a > 0.0 && a.is_finite(), "radii", a, "positive and finite")?;
+    }
+    Ok(())
+}
+
+/// Ranges of a surface.
+fn check_surface(surface: &Surface) -> Result<(), Error> {
+    let Surface {
+        roughness,
+        friction,
+        critical_load,
+    } = *surface;
+    in_range(
+        roughness > 0.0 && roughness < 0.5,
+        "contact.roughness",
+        roughness,
+        "above 0 and below 0.5",
+    )?;
+    in_range(
+        (0.0..=10.0).contains(&friction),
+        "contact.friction",
+        friction,
+        "0 to 10",
+    )?;
+    in_range(
+        critical_load >= 0.0,
+        "contact.critical_load",
+        critical_load,
+        "0 or positive",
+    )
+}
+
+/// Pairs given by number; each must be within lubrication range.
+fn listed_pairs(pairs: &[[usize; 2]], motion: &Motion) -> Result<ContactList, Error> {
+    let n = motion.resistance.radii().len();
+    let mut listed = ContactList::default();
+    for &[i, j] in pairs {
+        let refuse = |reason| Err(Error::BadPair { i, j, reason });
+        if i >= n || j >= n {
+            return refuse("names a sphere that is not there");
+        }
+        if i == j {
+            return refuse("is one sphere");
+        }
+        let (i, j) = (i.min(j), i.max(j));
+        let neighbours = motion.resistance.neighbours();
+        if !neighbours.iter().any(|p| (p.i, p.j) == (i, j)) {
+            return refuse("is out of lubrication range");
+        }
+        listed.add(i, j);
+    }
+    Ok(listed)
 }

@@ -9,10 +9,12 @@ use crate::cell::Cell;
 use crate::modes::Vec2;
 use std::f64::consts::PI;
 
-/// Degree of the table's polynomials.
-const DEGREE: usize = 5;
-/// Coefficients of one interval, constant term first.
-type Interval = [[f64; RADIAL]; DEGREE + 1];
+/// Degree of the table's polynomials, even.
+const DEGREE: usize = 6;
+/// Coefficients of one interval, constant term first, aligned for vector loads.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+struct Interval([[f64; RADIAL]; DEGREE + 1]);
 
 impl RadialChain {
     /// f = r erfc(αr).
@@ -69,8 +71,7 @@ struct RadialTable {
 impl RadialTable {
     /// Fits `function` at Chebyshev points for `from ≤ r² ≤ to`, with 2^digits intervals per octave.
     fn new(from: f64, to: f64, digits: u32, function: impl Fn(f64) -> [f64; RADIAL]) -> Self {
-        let index = |square: f64| (square.to_bits() >> (52 - digits)) as usize;
-        let (first, last) = (index(from), index(to));
+        let (first, last) = (index(from, digits), index(to, digits));
         let nodes: [f64; DEGREE + 1] =
             std::array::from_fn(|k| (PI * (k as f64 + 0.5) / (DEGREE + 1) as f64).cos());
         let intervals = (first..=last)
@@ -96,28 +97,44 @@ impl RadialTable {
     )]
     #[inline(always)]
     fn evaluate(&self, square: f64) -> [f64; RADIAL] {
-        const ONE: u64 = 0x3ff0_0000_0000_0000;
         let bits = square.to_bits();
-        let interval = &self.intervals[(bits >> (52 - self.digits)) as usize - self.first];
+        let Interval(interval) = &self.intervals[index(square, self.digits) - self.first];
         // The digits below the index, as a number in [1, 2), then moved to [−1, 1).
-        let fraction = f64::from_bits(((bits << self.digits) & (u64::MAX >> 12)) | ONE);
+        let fraction =
+            f64::from_bits(((bits << self.digits) & (u64::MAX >> 12)) | 1.0_f64.to_bits());
         let u = 2.0 * fraction - 3.0;
+        let u_square = u * u;
+        // Pairs of terms first: a shorter chain of dependent operations than Horner's.
         let mut values = interval[DEGREE];
-        for coefficients in interval[..DEGREE].iter().rev() {
+        for pair in (0..DEGREE / 2).rev() {
+            let (low, high) = (&interval[2 * pair], &interval[2 * pair + 1]);
             for k in 0..RADIAL {
-                values[k] = values[k].mul_add(u, coefficients[k]);
+                values[k] = values[k].mul_add(u_square, high[k].mul_add(u, low[k]));
             }
         }
         values
     }
 }
 
+/// Leading binary digits of a positive number, exponent included: steps 2^digits times per octave.
+#[expect(
+    clippy::inline_always,
+    reason = "must be compiled for the caller's instruction set"
+)]
+#[inline(always)]
+fn index(square: f64, digits: u32) -> usize {
+    #[expect(clippy::cast_possible_truncation, reason = "at most 12 + digits bits")]
+    let index = (square.to_bits() >> (52 - digits)) as usize;
+    index
+}
+
 /// Monomial coefficients of the interpolating polynomials, through Newton's divided differences.
-fn fit(nodes: &[f64; DEGREE + 1], mut values: Interval) -> Interval {
+fn fit(nodes: &[f64; DEGREE + 1], mut values: [[f64; RADIAL]; DEGREE + 1]) -> Interval {
     for order in 1..=DEGREE {
         for k in (order..=DEGREE).rev() {
-            for q in 0..RADIAL {
-                values[k][q] = (values[k][q] - values[k - 1][q]) / (nodes[k] - nodes[k - order]);
+            let before = values[k - 1];
+            for (value, before) in values[k].iter_mut().zip(before) {
+                *value = (*value - before) / (nodes[k] - nodes[k - order]);
             }
         }
     }
@@ -135,7 +152,7 @@ fn fit(nodes: &[f64; DEGREE + 1], mut values: Interval) -> Interval {
             }
         }
     }
-    coefficients
+    Interval(coefficients)
 }
 
 /// The real-space sum, planned for one splitting parameter.
@@ -166,7 +183,7 @@ impl RealSpace {
         tolerance: f64,
         equal: Option<[f64; RADIAL]>,
     ) -> Self {
-        let digits = if tolerance < 1e-9 { 7 } else { 5 };
+        let digits = if tolerance < 1e-9 { 6 } else { 4 };
         let (from, to) = (smallest * smallest, cut_off * cut_off);
         let from = from.min(to);
         let table =
@@ -226,7 +243,9 @@ impl RealSpace {
                     sums.iter_mut()
                         .zip(exact(square, self.alpha, self.equal.as_ref()))
                 {
-                    add(sum, &radial, *image);
+                    let mut total = Sum::new(sum);
+                    total.add(&radial, *image);
+                    total.store(sum);
                 }
             }
         }
@@ -244,7 +263,7 @@ impl RealSpace {
         let (inverse_x, inverse_y) = (1.0 / length_x, 1.0 / length_y);
         let layers = self.tables.len();
         let centre = centres[j];
-        let mut near = [(0.0, Vec2::zeros()); 64];
+        let (mut squares, mut xs, mut ys) = ([0.0; NEAR], [0.0; NEAR], [0.0; NEAR]);
         for (x, sums) in centres[j + 1..].iter().zip(sums.chunks_exact_mut(layers)) {
             let mut d = x - centre;
             let n = (d.y * inverse_y).round_ties_even();
@@ -252,29 +271,94 @@ impl RealSpace {
             d.y -= n * length_y;
             d.x -= (d.x * inverse_x).round_ties_even() * length_x;
             sums.fill([0.0; LANES]);
-            for images in self.images.chunks(near.len()) {
+            for images in self.images.chunks(NEAR) {
                 // Those within the cut-off first, without branches.
                 let mut count = 0;
                 for image in images {
                     let separation = d + image;
                     let square = separation.norm_squared();
-                    near[count & 63] = (square, separation);
+                    squares[count % NEAR] = square;
+                    xs[count % NEAR] = separation.x;
+                    ys[count % NEAR] = separation.y;
                     count += usize::from(square < self.cut_off_square);
                 }
-                for &(square, separation) in &near[..count] {
-                    if square < self.tables[0].smallest {
-                        let radial = exact(square, self.alpha, self.equal.as_ref());
-                        for (sum, radial) in sums.iter_mut().zip(radial) {
-                            add(sum, &radial, separation);
-                        }
-                    } else {
-                        for (sum, table) in sums.iter_mut().zip(&self.tables) {
-                            add(sum, &table.evaluate(square), separation);
+                for (layer, (sum, table)) in sums.iter_mut().zip(&self.tables).enumerate() {
+                    let mut total = Sum::new(sum);
+                    for ((&square, &x), &y) in squares[..count].iter().zip(&xs).zip(&ys) {
+                        let separation = Vec2::new(x, y);
+                        if square < table.smallest {
+                            total.add(
+                                &exact(square, self.alpha, self.equal.as_ref())[layer],
+                                separation,
+                            );
+                        } else {
+                            total.add(&table.evaluate(square), separation);
                         }
                     }
+                    total.store(sum);
                 }
             }
         }
+    }
+}
+
+/// Images gathered before they are summed.
+const NEAR: usize = 64;
+
+/// Lanes being summed, apart from each other so that they stay in registers.
+struct Sum {
+    /// Lanes 0-7.
+    re: [f64; 8],
+    /// Lanes 8-15.
+    im: [f64; 8],
+    /// Lanes 16-19.
+    isotropic: [f64; 4],
+}
+
+impl Sum {
+    /// From lanes.
+    #[expect(
+        clippy::inline_always,
+        reason = "must be compiled for the caller's instruction set"
+    )]
+    #[inline(always)]
+    fn new(lanes: &Lanes) -> Self {
+        Self {
+            re: std::array::from_fn(|k| lanes[k]),
+            im: std::array::from_fn(|k| lanes[k + 8]),
+            isotropic: std::array::from_fn(|k| lanes[k + 16]),
+        }
+    }
+
+    /// Adds one image.
+    #[expect(
+        clippy::inline_always,
+        reason = "must be compiled for the caller's instruction set"
+    )]
+    #[inline(always)]
+    fn add(&mut self, radial: &[f64; RADIAL], separation: Vec2) {
+        let (re, im) = kernels::harmonics(separation);
+        for k in 0..8 {
+            self.re[k] = radial[k].mul_add(re[k], self.re[k]);
+        }
+        for k in 0..8 {
+            self.im[k] = radial[k].mul_add(im[k], self.im[k]);
+        }
+        for k in 0..4 {
+            self.isotropic[k] += radial[k + 8];
+        }
+    }
+
+    /// To lanes.
+    #[expect(
+        clippy::inline_always,
+        reason = "must be compiled for the caller's instruction set"
+    )]
+    #[inline(always)]
+    fn store(&self, lanes: &mut Lanes) {
+        lanes[..8].copy_from_slice(&self.re);
+        lanes[8..16].copy_from_slice(&self.im);
+        lanes[16..].copy_from_slice(&self.isotropic);
     }
 }
 
@@ -290,25 +374,6 @@ fn exact(square: f64, alpha: f64, equal: Option<&[f64; RADIAL]>) -> [[f64; RADIA
     [point, laplacian].map(|radial| radial.map(|value| value / (8.0 * PI)))
 }
 
-/// Adds one image.
-#[expect(
-    clippy::inline_always,
-    reason = "must be compiled for the caller's instruction set"
-)]
-#[inline(always)]
-fn add(sum: &mut Lanes, radial: &[f64; RADIAL], separation: Vec2) {
-    let (re, im) = kernels::harmonics(separation);
-    for k in 0..8 {
-        sum[k] = radial[k].mul_add(re[k], sum[k]);
-    }
-    for k in 0..8 {
-        sum[k + 8] = radial[k].mul_add(im[k], sum[k + 8]);
-    }
-    for k in 8..RADIAL {
-        sum[k + 8] += radial[k];
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -318,7 +383,7 @@ mod tests {
         let alpha = 0.3;
         let factors = kernels::FiniteSize::new(1.0);
         let factors = factors.factors(&factors);
-        for (digits, limit) in [(5, 3e-10), (7, 1e-13)] {
+        for (digits, limit) in [(4, 5e-10), (6, 1e-13)] {
             let table =
                 RadialTable::new(4.0, 225.0, digits, |s| exact(s, alpha, Some(&factors))[0]);
             for k in 0..1000 {

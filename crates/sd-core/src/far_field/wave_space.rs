@@ -91,9 +91,9 @@ pub(crate) struct WaveSpace {
     powers_x: Matrix,
     /// The same of the second coordinate.
     powers_y: Matrix,
-    /// cos k·x_ij of the pairs at hand.
+    /// `cos k·x_ij` of the pairs at hand.
     pair_cosines: Matrix,
-    /// sin k·x_ij.
+    /// `sin k·x_ij`.
     pair_sines: Matrix,
     /// Even lanes `[pairs × 12]` (or 24) of the pairs at hand.
     pub(crate) even_sums: Matrix,
@@ -145,6 +145,9 @@ impl WaveSpace {
             reason = "as many as the plan allows"
         )]
         let columns = (self.cut_off / first).floor() as usize;
+        if self.cosines.rows() != centres.len() {
+            self.reserve(centres.len(), columns, first, second);
+        }
         self.vectors.clear();
         let mut highest = 0;
         for m in 0..=columns {
@@ -179,6 +182,36 @@ impl WaveSpace {
         };
         self.fill_phases(centres, &waves);
         sums
+    }
+
+    /// Makes room for the most wave vectors that any offset can bring.
+    fn reserve(&mut self, spheres: usize, columns: usize, first: f64, second: f64) {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "as many as the plan allows"
+        )]
+        let count = |length: f64| (length / second).floor() as usize + 1;
+        let vectors: usize = (0..=columns)
+            .map(|m| {
+                let kx = first * m as f64;
+                count(2.0 * (self.cut_off * self.cut_off - kx * kx).max(0.0).sqrt())
+            })
+            .sum();
+        let pairs = spheres.max(super::CHUNK);
+        let layers = self.layers();
+        self.vectors.reserve(vectors);
+        self.even.reshape(vectors, EVEN.len() * layers);
+        self.odd.reshape(vectors, ODD.len() * layers);
+        self.cosines.reshape(spheres, vectors);
+        self.sines.reshape(spheres, vectors);
+        self.powers_x.reshape(spheres, 2 * (columns + 1));
+        self.powers_y
+            .reshape(spheres, 2 * (count(self.cut_off) + columns / 2 + 2));
+        self.pair_cosines.reshape(pairs, vectors);
+        self.pair_sines.reshape(pairs, vectors);
+        self.even_sums.reshape(pairs, EVEN.len() * layers);
+        self.odd_sums.reshape(pairs, ODD.len() * layers);
     }
 
     /// Weights of all wave vectors; returns their sum.

@@ -1,5 +1,6 @@
 //! Dense column-major matrices and their factorizations.
 
+use super::simd::vectorised;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::matmul::{self, triangular::BlockStructure};
@@ -81,14 +82,24 @@ impl Matrix {
         }
     }
 
-    /// `y = A x`, with all of A.
-    pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
-        y.fill(0.0);
-        for (j, &xj) in x.iter().enumerate() {
-            for (yi, aij) in y.iter_mut().zip(self.column(j)) {
-                *yi += aij * xj;
+    /// `y ← y + A x`, with the leading rows of A that y has. Columns with x = 0 cost nothing.
+    pub fn add_product(&self, x: &[f64], y: &mut [f64]) {
+        vectorised(|| {
+            for (j, &xj) in x.iter().enumerate() {
+                if xj != 0.0 {
+                    add_scaled_inline(y, self.column(j), xj);
+                }
             }
-        }
+        });
+    }
+
+    /// `y ← y − Aᵀ x`, with the leading rows of A that x has.
+    pub fn subtract_transposed_product(&self, x: &[f64], y: &mut [f64]) {
+        vectorised(|| {
+            for (j, yj) in y.iter_mut().enumerate() {
+                *yj -= dot_inline(&self.column(j)[..x.len()], x);
+            }
+        });
     }
 
     /// A block as faer sees it.
@@ -210,24 +221,24 @@ impl Cholesky {
 
     /// `x ← L⁻¹ x` for one vector.
     pub fn solve_lower_vector(&self, x: &mut [f64]) {
-        let n = self.factor.rows;
-        for j in 0..n {
-            let column = &self.factor.column(j)[j..];
-            let xj = x[j] / column[0];
-            x[j] = xj;
-            for (xi, lij) in x[j + 1..].iter_mut().zip(&column[1..]) {
-                *xi -= lij * xj;
+        vectorised(|| {
+            for j in 0..self.factor.rows {
+                let column = &self.factor.column(j)[j..];
+                let xj = x[j] / column[0];
+                x[j] = xj;
+                add_scaled_inline(&mut x[j + 1..], &column[1..], -xj);
             }
-        }
+        });
     }
 
     /// `x ← L⁻ᵀ x` for one vector.
     pub fn solve_upper_vector(&self, x: &mut [f64]) {
-        let n = self.factor.rows;
-        for j in (0..n).rev() {
-            let column = &self.factor.column(j)[j..];
-            x[j] = (x[j] - dot(&column[1..], &x[j + 1..])) / column[0];
-        }
+        vectorised(|| {
+            for j in (0..self.factor.rows).rev() {
+                let column = &self.factor.column(j)[j..];
+                x[j] = (x[j] - dot_inline(&column[1..], &x[j + 1..])) / column[0];
+            }
+        });
     }
 
     /// Lower triangle of the trailing `[m × m]` block of A⁻¹, written into `out`; `work` is scratch.
@@ -256,22 +267,42 @@ impl Cholesky {
     }
 }
 
-/// Dot product in four fixed partial sums, which the compiler can vectorise.
+/// Dot product, in a fixed order of summation.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let tail: f64 = a8
-        .remainder()
-        .iter()
-        .zip(b8.remainder())
-        .map(|(x, y)| x * y)
-        .sum();
-    for (x, y) in a8.zip(b8) {
-        for k in 0..8 {
+    vectorised(|| dot_inline(a, b))
+}
+
+/// [`dot`] for callers that are vectorised themselves: sixteen partial sums.
+#[inline(always)]
+fn dot_inline(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 16];
+    let (a16, b16) = (a.chunks_exact(16), b.chunks_exact(16));
+    let mut total = 0.0;
+    for (x, y) in a16.remainder().iter().zip(b16.remainder()) {
+        total += x * y;
+    }
+    for (x, y) in a16.zip(b16) {
+        for k in 0..16 {
             sums[k] += x[k] * y[k];
         }
     }
-    sums.iter().sum::<f64>() + tail
+    for sum in sums {
+        total += sum;
+    }
+    total
+}
+
+/// `y ← y + s x`.
+pub fn add_scaled(y: &mut [f64], x: &[f64], s: f64) {
+    vectorised(|| add_scaled_inline(y, x, s));
+}
+
+/// [`add_scaled`] for callers that are vectorised themselves.
+#[inline(always)]
+fn add_scaled_inline(y: &mut [f64], x: &[f64], s: f64) {
+    for (yi, xi) in y.iter_mut().zip(x) {
+        *yi += s * xi;
+    }
 }
 
 /// Scratch for a Cholesky factorization of dimension n.
@@ -321,6 +352,19 @@ pub fn product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
         c.view_mut(),
         Accum::Replace,
         a.view(0, 0, a.rows, a.columns),
+        b.view(0, 0, b.rows, b.columns),
+        1.0,
+        Par::Seq,
+    );
+}
+
+/// `C ← Aᵀ B`.
+pub fn transposed_product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
+    c.reshape(a.columns, b.columns);
+    matmul::matmul(
+        c.view_mut(),
+        Accum::Replace,
+        a.view(0, 0, a.rows, a.columns).transpose(),
         b.view(0, 0, b.rows, b.columns),
         1.0,
         Par::Seq,
@@ -385,7 +429,7 @@ mod tests {
         let mut x = b.clone();
         cholesky.solve(&mut x);
         let mut ax = vec![0.0; n];
-        a.multiply(&x, &mut ax);
+        a.add_product(&x, &mut ax);
         assert!(ax.iter().zip(&b).all(|(p, q)| (p - q).abs() < 1e-13));
     }
 

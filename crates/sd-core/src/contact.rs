@@ -1,0 +1,262 @@
+//! Rigid asperities of height h: which pairs touch, with what forces.
+//!
+//! ```text
+//! normal force f ≥ 0:  −f n on i, +f n on j             v_n = n·(U_j − U_i)
+//! friction F_t:        +F_t t on i, −F_t t on j,         u_t = t·(U_j − U_i) − (l_i Ω_i + l_j Ω_j)
+//!                      torques l_i F_t, l_j F_t          t = (−n_y, n_x), l = a + g/2
+//! ```
+//!
+//! With `R_FU = L Lᵀ` and C, D the rows that read v_n and u_t off the velocities, all that a contact law needs are
+//! `Y_n = L⁻¹ Cᵀ`, `Y_t = L⁻¹ Dᵀ` and their small products `G`:
+//!
+//! ```text
+//! v_n = v_n⁰ + G_nn f − G_nt F_t,      u_t = u_t⁰ + G_tn f − G_tt F_t,      G_nn = Y_nᵀ Y_n, …
+//! ```
+//!
+//! where v_n⁰, u_t⁰ belong to the motion without contact forces. `G_nn` is the Delassus matrix.
+
+pub mod friction;
+mod normal;
+pub mod procedure;
+pub mod rigid;
+
+use crate::cell::Neighbours;
+use crate::linalg::dense::{Matrix, add_scaled, dot, symmetric_product, transposed_product};
+use crate::modes::{Background, Vec2};
+use crate::resistance::Resistance;
+use serde::{Deserialize, Serialize};
+
+/// Compliance added to the diagonal of the Delassus matrix, in a/(mu·a²·rate): what limits the forces in a truly rigid network.
+pub const COMPLIANCE: f64 = 1e-10;
+
+/// What a contact does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ContactState {
+    /// No friction: no force, or one below the critical load.
+    Frictionless,
+    /// Friction as the isolated pair's lubrication would need it to roll.
+    Rolling,
+    /// Friction at its limit ν f.
+    Slipping,
+}
+
+/// Surfaces: roughness and friction, as the contact laws need them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surface {
+    /// Roughness height h, in a.
+    pub roughness: f64,
+    /// Friction coefficient ν.
+    pub friction: f64,
+    /// Normal force above which friction acts, in mu·a²·rate.
+    pub critical_load: f64,
+}
+
+impl Surface {
+    /// Whether friction can act at all.
+    pub fn has_friction(&self) -> bool {
+        self.friction > 0.0 && self.critical_load.is_finite()
+    }
+}
+
+/// One candidate pair with its forces and velocities.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// The pair.
+    pub pair: Neighbours,
+    /// Centre-to-contact distances l_i and l_j, in a.
+    pub levers: [f64; 2],
+    /// Inverse slip mobility K of the isolated pair, in mu·a; 0 where friction was never asked for.
+    pub slip_resistance: f64,
+    /// n·(u∞_j − u∞_i) and the slip of the background itself.
+    pub background: [f64; 2],
+    /// Normal force f ≥ 0, in mu·a²·rate.
+    pub normal_force: f64,
+    /// Tangential force F_t, in mu·a²·rate.
+    pub tangential_force: f64,
+    /// v_n in the final motion.
+    pub normal_velocity: f64,
+    /// u_t in the final motion.
+    pub slip_velocity: f64,
+    /// What it does.
+    pub state: ContactState,
+}
+
+impl Contact {
+    /// A pair without forces.
+    pub fn new(pair: Neighbours, radii: &[f64], background: &Background) -> Self {
+        let levers = [
+            radii[pair.i] + 0.5 * pair.gap,
+            radii[pair.j] + 0.5 * pair.gap,
+        ];
+        // The background's velocity difference over the actual separation.
+        let difference = background.velocity(pair.normal * pair.distance);
+        let normal = pair.normal.dot(&difference);
+        let slip = tangent(pair.normal).dot(&difference)
+            - (levers[0] + levers[1]) * background.angular_velocity;
+        Self {
+            pair,
+            levers,
+            slip_resistance: 0.0,
+            background: [normal, slip],
+            normal_force: 0.0,
+            tangential_force: 0.0,
+            normal_velocity: 0.0,
+            slip_velocity: 0.0,
+            state: ContactState::Frictionless,
+        }
+    }
+
+    /// n·(v_j − v_i) for disturbance velocities `[3N]`, without the background.
+    fn normal_row(&self, v: &[f64]) -> f64 {
+        let n = self.pair.normal;
+        let (i, j) = (3 * self.pair.i, 3 * self.pair.j);
+        n.x * (v[j] - v[i]) + n.y * (v[j + 1] - v[i + 1])
+    }
+
+    /// Slip for disturbance velocities `[3N]`, without the background.
+    fn slip_row(&self, v: &[f64]) -> f64 {
+        let t = tangent(self.pair.normal);
+        let (i, j) = (3 * self.pair.i, 3 * self.pair.j);
+        t.x * (v[j] - v[i]) + t.y * (v[j + 1] - v[i + 1])
+            - self.levers[0] * v[i + 2]
+            - self.levers[1] * v[j + 2]
+    }
+
+    /// Adds `f` times the normal row's transpose to forces `[3N]`: −f n on i, +f n on j.
+    pub fn add_normal(&self, f: f64, forces: &mut [f64]) {
+        let n = self.pair.normal * f;
+        let (i, j) = (3 * self.pair.i, 3 * self.pair.j);
+        forces[i] -= n.x;
+        forces[i + 1] -= n.y;
+        forces[j] += n.x;
+        forces[j + 1] += n.y;
+    }
+
+    /// Adds `f` times the slip row's transpose to forces `[3N]`: the force of friction is `f = −F_t`.
+    pub fn add_slip(&self, f: f64, forces: &mut [f64]) {
+        let t = tangent(self.pair.normal) * f;
+        let (i, j) = (3 * self.pair.i, 3 * self.pair.j);
+        forces[i] -= t.x;
+        forces[i + 1] -= t.y;
+        forces[i + 2] -= self.levers[0] * f;
+        forces[j] += t.x;
+        forces[j + 1] += t.y;
+        forces[j + 2] -= self.levers[1] * f;
+    }
+}
+
+/// The tangent t = (−n_y, n_x).
+pub fn tangent(n: Vec2) -> Vec2 {
+    Vec2::new(-n.y, n.x)
+}
+
+/// How well a stage's contact problem was solved.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Quality {
+    /// Largest violation of the normal problem, `max |min(G_kk f, w)|`, in a·rate.
+    pub residual: f64,
+    /// Largest distance between a friction force and what the law gives, over the largest force.
+    pub friction_error: f64,
+    /// Passes of the friction iteration.
+    pub passes: u32,
+}
+
+impl Quality {
+    /// Residual of the normal problem above which a stage counts as unconverged.
+    pub const NORMAL_LIMIT: f64 = 1e-8;
+    /// Friction error above which a stage counts as unconverged.
+    pub const FRICTION_LIMIT: f64 = 1e-6;
+
+    /// Whether both parts hold.
+    pub fn converged(&self) -> bool {
+        self.residual <= Self::NORMAL_LIMIT && self.friction_error <= Self::FRICTION_LIMIT
+    }
+}
+
+/// The contact problem of one stage, with its workspace. Reused, it allocates only when the layer has more contacts than ever before.
+#[derive(Default)]
+pub struct Contacts {
+    /// Candidate pairs, ordered by (i, j).
+    pub list: Vec<Contact>,
+    /// `L⁻¹` of the forces without contact, `[3N]`.
+    free: Vec<f64>,
+    /// `Y_n = L⁻¹ Cᵀ`, `[3N × K]`.
+    normal_columns: Matrix,
+    /// `Y_t = L⁻¹ Dᵀ`, `[3N × K]`; empty until friction acts.
+    slip_columns: Matrix,
+    /// The Delassus matrix `G_nn`, `[K × K]`, both triangles.
+    g_nn: Matrix,
+    /// `G_tn`, `[K × K]`.
+    g_tn: Matrix,
+    /// v_n⁰ of each candidate.
+    free_normal: Vec<f64>,
+    /// u_t⁰ of each candidate.
+    free_slip: Vec<f64>,
+    /// Normal forces at hand.
+    normal_forces: Vec<f64>,
+    /// Solver of the normal problem.
+    normal: normal::NormalProblem,
+    /// Workspace of the friction iteration.
+    friction: friction::Workspace,
+}
+
+impl Contacts {
+    /// Brings the normal problem down to the candidates in `list`.
+    ///
+    /// `forces`: external and background forces `[3N]` on the spheres.
+    fn reduce_normal(&mut self, resistance: &Resistance, forces: &[f64]) {
+        let solver = resistance.solver();
+        self.free.clear();
+        self.free.extend_from_slice(forces);
+        solver.solve_lower_vector(&mut self.free);
+        self.normal_columns.reset(forces.len(), self.list.len());
+        for (k, contact) in self.list.iter().enumerate() {
+            contact.add_normal(1.0, self.normal_columns.column_mut(k));
+        }
+        solver.solve_lower(&mut self.normal_columns);
+        symmetric_product(&self.normal_columns, &self.normal_columns, &mut self.g_nn);
+        self.g_nn.mirror_lower();
+        self.free_normal.clear();
+        for (k, contact) in self.list.iter().enumerate() {
+            let velocity = dot(self.normal_columns.column(k), &self.free);
+            self.free_normal.push(contact.background[0] + velocity);
+        }
+    }
+
+    /// The same for slip: needed only where friction acts.
+    fn reduce_slip(&mut self, resistance: &Resistance) {
+        self.slip_columns.reset(self.free.len(), self.list.len());
+        for (k, contact) in self.list.iter_mut().enumerate() {
+            contact.add_slip(1.0, self.slip_columns.column_mut(k));
+            contact.slip_resistance = resistance.slip_resistance(&contact.pair);
+        }
+        resistance.solver().solve_lower(&mut self.slip_columns);
+        transposed_product(&self.slip_columns, &self.normal_columns, &mut self.g_tn);
+        self.free_slip.clear();
+        for (k, contact) in self.list.iter().enumerate() {
+            let velocity = dot(self.slip_columns.column(k), &self.free);
+            self.free_slip.push(contact.background[1] + velocity);
+        }
+    }
+
+    /// Velocities `[3N]` of the motion with the forces in `list`, and the contact velocities that belong to them.
+    fn finish(&mut self, resistance: &Resistance, velocities: &mut [f64]) {
+        velocities.copy_from_slice(&self.free);
+        for (k, contact) in self.list.iter().enumerate() {
+            if contact.normal_force != 0.0 {
+                let y = self.normal_columns.column(k);
+                add_scaled(velocities, y, contact.normal_force);
+            }
+            if contact.tangential_force != 0.0 {
+                let y = self.slip_columns.column(k);
+                add_scaled(velocities, y, -contact.tangential_force);
+            }
+        }
+        resistance.solver().solve_upper_vector(velocities);
+        for contact in &mut self.list {
+            contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
+            contact.slip_velocity = contact.background[1] + contact.slip_row(velocities);
+        }
+    }
+}

@@ -1,0 +1,327 @@
+//! Grand resistance of all spheres, and the factored solve for their velocities.
+//!
+//! ```text
+//! (F, T, S~) = R (v, −E),   v = (U − u∞, Ω − Ω∞)
+//! Stokesian Dynamics:  R = R_far + Σ_pairs [R2B − R2B_inf]
+//! Ball-Melrose:        R = diag(6π a, 8π a³, (20/3)π a³) + Σ_pairs [R2B − R2B_inf]
+//! ```
+//!
+//! Every pair term is positive semidefinite, so R is positive definite in both. Pairs count up to
+//! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count at any distance and are
+//! then exact under Stokesian Dynamics. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
+
+use crate::cell::{Cell, LUBRICATION_RANGE, NeighbourList, Neighbours};
+use crate::error::Error;
+use crate::far_field::{DEFAULT_TOLERANCE, FarField, FarResistance};
+use crate::linalg::dense::Cholesky;
+use crate::modes::Vec2;
+use crate::params::Hydrodynamics;
+use crate::two_sphere::{NearField, PairTerm};
+use nalgebra::{SVector, Vector3};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Near-field tables by size ratio, shared between runs.
+#[derive(Debug, Clone, Default)]
+pub struct NearFields {
+    /// Tables of unequal spheres; equal ones are in the program.
+    tables: Vec<Arc<NearField>>,
+}
+
+impl NearFields {
+    /// The size ratios, larger over smaller radius, that a set of radii needs besides 1, in increasing order.
+    pub fn ratios(radii: &[f64]) -> Vec<f64> {
+        let mut distinct: Vec<f64> = radii.to_vec();
+        distinct.sort_by(f64::total_cmp);
+        distinct.dedup();
+        let mut ratios: Vec<f64> = distinct
+            .iter()
+            .enumerate()
+            .flat_map(|(k, a)| distinct[k + 1..].iter().map(move |b| b / a))
+            .collect();
+        ratios.sort_by(f64::total_cmp);
+        ratios.dedup_by(|a, b| same_ratio(*a, *b));
+        ratios
+    }
+
+    /// Adds a table made elsewhere, such as one kept on disk.
+    pub fn insert(&mut self, table: NearField) {
+        self.tables.push(Arc::new(table));
+    }
+
+    /// Whether the table of a size ratio (≥ 1) is here.
+    pub fn contains(&self, size_ratio: f64) -> bool {
+        self.find(size_ratio).is_some()
+    }
+
+    /// The table of a size ratio (≥ 1).
+    fn find(&self, size_ratio: f64) -> Option<&Arc<NearField>> {
+        self.tables
+            .iter()
+            .find(|t| same_ratio(t.size_ratio(), size_ratio))
+    }
+}
+
+/// Whether two size ratios are one up to rounding.
+fn same_ratio(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-12 * a
+}
+
+/// Grand resistance at one set of positions, factored, with its workspace.
+pub struct Resistance {
+    /// Radii, in a.
+    radii: Vec<f64>,
+    /// Table of each pair of species.
+    tables: Vec<Arc<NearField>>,
+    /// Species of each sphere.
+    species: Vec<usize>,
+    /// Number of species.
+    species_count: usize,
+    /// Range of the pair sum in s'.
+    range: f64,
+    /// Pairs in range.
+    neighbours: NeighbourList,
+    /// Their near-field terms.
+    terms: Vec<PairTerm>,
+    /// Far field under Stokesian Dynamics.
+    far: Option<FarResistance>,
+    /// Factor of R_FU.
+    factor: Cholesky,
+    /// Work vector of the far field, `[6N]`.
+    far_vector: Vec<f64>,
+}
+
+impl Resistance {
+    /// Workspace for spheres of the given radii, in cells of the given sides.
+    ///
+    /// Tables that `tables` lacks are made here, which costs seconds per size ratio.
+    ///
+    /// # Errors
+    /// No sphere, a cell thinner than twice the lubrication range, a size ratio outside 0.01 to 100.
+    pub fn new(
+        hydrodynamics: Hydrodynamics,
+        cell: &Cell,
+        radii: &[f64],
+        tables: &NearFields,
+    ) -> Result<Self, Error> {
+        if radii.is_empty() {
+            return Err(Error::NoSpheres);
+        }
+        cell.check_range(radii)?;
+        let mut sizes: Vec<f64> = radii.to_vec();
+        sizes.sort_by(f64::total_cmp);
+        sizes.dedup();
+        let species = radii
+            .iter()
+            .map(|a| sizes.partition_point(|b| b < a))
+            .collect();
+        let mut known = tables.clone();
+        let equal = Arc::new(NearField::equal_spheres());
+        let mut by_species = Vec::with_capacity(sizes.len() * sizes.len());
+        for &a in &sizes {
+            for &b in &sizes {
+                let ratio = a.max(b) / a.min(b);
+                if a == b {
+                    by_species.push(Arc::clone(&equal));
+                    continue;
+                }
+                if !known.contains(ratio) {
+                    known.insert(NearField::new(ratio)?);
+                }
+                by_species.extend(known.find(ratio).cloned());
+            }
+        }
+        let range = if *cell == Cell::Unbounded && radii.len() == 2 {
+            f64::INFINITY
+        } else {
+            LUBRICATION_RANGE
+        };
+        let far = match hydrodynamics {
+            Hydrodynamics::StokesianDynamics => {
+                let far_field = FarField::new(cell, radii, DEFAULT_TOLERANCE)?;
+                Some(FarResistance::new(far_field))
+            }
+            Hydrodynamics::BallMelrose => None,
+        };
+        Ok(Self {
+            radii: radii.to_vec(),
+            tables: by_species,
+            species,
+            species_count: sizes.len(),
+            range,
+            neighbours: NeighbourList::default(),
+            terms: Vec::new(),
+            far,
+            factor: Cholesky::new(3 * radii.len()),
+            far_vector: Vec::new(),
+        })
+    }
+
+    /// Assembles and factors at new positions. The cell's sides must be those of [`Resistance::new`]; its offset is free.
+    ///
+    /// # Errors
+    /// [`Error::Overlap`], [`Error::NotPositiveDefinite`].
+    pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+        self.neighbours
+            .update(cell, centres, &self.radii, self.range)?;
+        self.terms.clear();
+        for pair in self.neighbours.pairs() {
+            let (a_i, a_j) = (self.radii[pair.i], self.radii[pair.j]);
+            let table =
+                &self.tables[self.species_count * self.species[pair.i] + self.species[pair.j]];
+            self.terms.push(table.evaluate(a_i, a_j, pair.gap));
+        }
+        let n = self.radii.len();
+        let matrix = self.factor.matrix_mut();
+        match &mut self.far {
+            Some(far) => {
+                far.update(cell, centres)?;
+                matrix.reshape(3 * n, 3 * n);
+                matrix.values_mut().copy_from_slice(far.r_fu().values());
+            }
+            None => {
+                matrix.reset(3 * n, 3 * n);
+                for (i, &a) in self.radii.iter().enumerate() {
+                    let drag = isolated_drag(a);
+                    for m in 0..3 {
+                        matrix[(3 * i + m, 3 * i + m)] = drag[m];
+                    }
+                }
+            }
+        }
+        for (pair, term) in self.neighbours.pairs().iter().zip(&self.terms) {
+            let block = term.force_velocity(pair.normal);
+            let (i, j) = (3 * pair.i, 3 * pair.j);
+            for column in 0..3 {
+                // i < j: the coupling stands below the diagonal in the columns of i.
+                let own = &mut matrix.column_mut(i + column);
+                for row in column..3 {
+                    own[i + row] += block[(row, column)];
+                }
+                for row in 0..3 {
+                    own[j + row] += block[(3 + row, column)];
+                }
+                let other = &mut matrix.column_mut(j + column);
+                for row in column..3 {
+                    other[j + row] += block[(3 + row, 3 + column)];
+                }
+            }
+        }
+        self.factor
+            .factor()
+            .map_err(|bad| Error::NotPositiveDefinite {
+                matrix: "force-velocity resistance",
+                pivot: bad.pivot,
+                sphere: bad.pivot / 3,
+            })
+    }
+
+    /// Radii, in a.
+    pub fn radii(&self) -> &[f64] {
+        &self.radii
+    }
+
+    /// Pairs in range, ordered by (i, j).
+    pub fn neighbours(&self) -> &[Neighbours] {
+        self.neighbours.pairs()
+    }
+
+    /// Factor of R_FU, `[3N × 3N]`.
+    pub fn solver(&self) -> &Cholesky {
+        &self.factor
+    }
+
+    /// Inverse slip mobility K of the pair, alone in unbounded fluid, in mu·a.
+    pub fn slip_resistance(&self, pair: &Neighbours) -> f64 {
+        let table = &self.tables[self.species_count * self.species[pair.i] + self.species[pair.j]];
+        table.slip_resistance(self.radii[pair.i], self.radii[pair.j], pair.gap)
+    }
+
+    /// Forces `R_FE e` with which the background strain `(e1, e2, e3)` drives the spheres, `[3N]`.
+    pub fn background_forces(&mut self, strain: &Vector3<f64>, forces: &mut [f64]) {
+        match &self.far {
+            Some(far) => {
+                let n = self.radii.len();
+                self.far_vector.clear();
+                self.far_vector.resize(6 * n, 0.0);
+                for e in self.far_vector[..3 * n].chunks_exact_mut(3) {
+                    e.copy_from_slice(strain.as_slice());
+                }
+                far.apply(&mut self.far_vector);
+                forces.copy_from_slice(&self.far_vector[3 * n..]);
+            }
+            None => forces.fill(0.0),
+        }
+        for (pair, term) in self.neighbours.pairs().iter().zip(&self.terms) {
+            add_pair(
+                forces,
+                pair,
+                &term.force_from_strain(pair.normal, strain, strain),
+            );
+        }
+    }
+
+    /// `R (v, −e)`: counterforces `R_FU v − R_FE e` `[3N]` and stresslets `S = R_SE e − R_SU v` of (20), for disturbances v `[3N]`.
+    ///
+    /// `work` is scratch.
+    pub fn apply(
+        &self,
+        velocities: &[f64],
+        strain: &Vector3<f64>,
+        work: &mut Vec<f64>,
+        forces: &mut Vec<f64>,
+        stresslets: &mut Vec<Vector3<f64>>,
+    ) {
+        let n = self.radii.len();
+        forces.clear();
+        stresslets.clear();
+        if let Some(far) = &self.far {
+            let x = work;
+            x.clear();
+            x.resize(6 * n, 0.0);
+            for e in x[..3 * n].chunks_exact_mut(3) {
+                e.copy_from_slice((-strain).as_slice());
+            }
+            x[3 * n..].copy_from_slice(velocities);
+            far.apply(x);
+            forces.extend_from_slice(&x[3 * n..]);
+            stresslets.extend(
+                x[..3 * n]
+                    .chunks_exact(3)
+                    .map(|s| -Vector3::from_column_slice(s)),
+            );
+        } else {
+            for (v, &a) in velocities.chunks_exact(3).zip(&self.radii) {
+                let drag = isolated_drag(a);
+                forces.extend((0..3).map(|m| drag[m] * v[m]));
+                stresslets.push(strain * (20.0 / 3.0 * PI * a.powi(3)));
+            }
+        }
+        for (pair, term) in self.neighbours.pairs().iter().zip(&self.terms) {
+            let (i, j) = (pair.i, pair.j);
+            let mut v = SVector::<f64, 6>::zeros();
+            v.as_mut_slice()[..3].copy_from_slice(&velocities[3 * i..3 * i + 3]);
+            v.as_mut_slice()[3..].copy_from_slice(&velocities[3 * j..3 * j + 3]);
+            let n = pair.normal;
+            let force = term.force_velocity(n) * v - term.force_from_strain(n, strain, strain);
+            add_pair(forces, pair, &force);
+            let s =
+                term.stresslet_from_strain(n, strain, strain) - term.stresslet_from_velocity(n, &v);
+            stresslets[i] += s.fixed_rows::<3>(0);
+            stresslets[j] += s.fixed_rows::<3>(3);
+        }
+    }
+}
+
+/// Drag on an isolated sphere: `(6π a, 6π a, 8π a³)`.
+fn isolated_drag(a: f64) -> [f64; 3] {
+    [6.0 * PI * a, 6.0 * PI * a, 8.0 * PI * a.powi(3)]
+}
+
+/// Adds the forces on both spheres of a pair.
+fn add_pair(forces: &mut [f64], pair: &Neighbours, force: &SVector<f64, 6>) {
+    for m in 0..3 {
+        forces[3 * pair.i + m] += force[m];
+        forces[3 * pair.j + m] += force[3 + m];
+    }
+}
