@@ -1,2 +1,21 @@
-//! x
-fn main() {}
+//! The `sweep` program: parses the command line, dispatches, sets the exit code.
+
+use clap::Parser;
+use std::io::{BufWriter, Write};
+use std::process::ExitCode;
+use sweep::{cli, exit};
+
+fn main() -> ExitCode {
+    let cli = cli::Cli::parse();
+    let speaker = cli.speaker();
+    let mut out = BufWriter::new(std::io::stdout());
+    match cli::execute(cli, &mut out) {
+        Ok(code) => ExitCode::from(code),
+        Err(error) if error.is_closed_pipe() => ExitCode::from(exit::DONE),
+        Err(error) => {
+            // Nobody reads standard error any more: the exit code still tells.
+            let _ = write!(std::io::stderr(), "{}", speaker.explain(&error));
+            ExitCode::from(error.exit_code())
+        }
+    }
+}

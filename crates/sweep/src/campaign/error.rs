@@ -1,0 +1,139 @@
+//! Errors that show the place in the campaign file.
+
+use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
+use std::fmt::Display;
+use std::ops::Range;
+
+/// Longest line an excerpt is made of; a longer one would fill the screen.
+const LONGEST_LINE: usize = 240;
+/// Most lines between two places shown in one excerpt.
+const FARTHEST: usize = 15;
+
+/// What is wrong with a campaign file, where, and what is allowed there.
+#[derive(Debug, thiserror::Error)]
+#[error("{place}: {message}")]
+pub struct CampaignError {
+    /// File, line and column.
+    place: String,
+    /// What is wrong, with the value.
+    message: String,
+    /// What is allowed.
+    allowed: String,
+    /// Places to point at, the first one first.
+    labels: Vec<LabeledSpan>,
+    /// The text, if its lines can be shown.
+    source_code: Option<NamedSource<String>>,
+}
+
+impl Diagnostic for CampaignError {
+    fn help<'a>(&'a self) -> Option<Box<dyn Display + 'a>> {
+        Some(Box::new(&self.allowed))
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        self.source_code.as_ref().map(|source| source as _)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        Some(Box::new(self.labels.iter().cloned()))
+    }
+}
+
+/// A [`CampaignError`] before it knows its file.
+#[derive(Debug)]
+pub(super) struct Problem {
+    /// What is wrong, with the value.
+    pub(super) message: String,
+    /// What is allowed.
+    pub(super) allowed: String,
+    /// Places in the text and what to write there.
+    pub(super) labels: Vec<(Range<usize>, String)>,
+}
+
+impl Problem {
+    /// A problem with one place.
+    pub(super) fn at(
+        span: &Range<usize>,
+        message: impl Into<String>,
+        allowed: impl Into<String>,
+    ) -> Self {
+        Self {
+            message: message.into(),
+            allowed: allowed.into(),
+            labels: vec![(span.clone(), "here".into())],
+        }
+    }
+
+    /// The same problem with one more place.
+    pub(super) fn also(mut self, span: &Range<usize>, label: impl Into<String>) -> Self {
+        self.labels.push((span.clone(), label.into()));
+        self
+    }
+
+    /// The same problem with other words at its first place.
+    pub(super) fn labelled(mut self, label: impl Into<String>) -> Self {
+        if let Some(first) = self.labels.first_mut() {
+            first.1 = label.into();
+        }
+        self
+    }
+
+    /// Puts it into its file.
+    pub(super) fn in_file(mut self, file: &str, text: &str) -> Box<CampaignError> {
+        let line_of = |span: &Range<usize>| {
+            text.get(..span.start)
+                .map_or(0, |before| before.matches('\n').count())
+        };
+        let first = self.labels.first().map_or(0, |(span, _)| line_of(span));
+        let mut allowed = self.allowed;
+        // All lines between two places are shown: far ones are named instead.
+        self.labels.retain(|(span, label)| {
+            let line = line_of(span);
+            let near = line.abs_diff(first) <= FARTHEST;
+            if !near {
+                allowed = format!("{allowed}\n(line {}: {label})", line + 1);
+            }
+            near
+        });
+        let labels: Vec<_> = self
+            .labels
+            .into_iter()
+            .map(|(span, label)| {
+                let span = first_line(text, &span);
+                LabeledSpan::new(Some(label), span.start, span.len())
+            })
+            .collect();
+        let start = labels.first().map_or(0, LabeledSpan::offset);
+        let before = text.get(..start).unwrap_or_default();
+        let line = before.matches('\n').count();
+        let column = before.chars().rev().take_while(|c| *c != '\n').count();
+        let shown = labels
+            .iter()
+            .all(|label| neighbourhood_is_short(text, label.offset()));
+        Box::new(CampaignError {
+            place: format!("{file}:{}:{}", line + 1, column + 1),
+            message: self.message,
+            allowed,
+            labels,
+            source_code: shown.then(|| NamedSource::new(file, text.to_owned())),
+        })
+    }
+}
+
+/// The part of a span on its first line.
+fn first_line(text: &str, span: &Range<usize>) -> Range<usize> {
+    let start = span.start.min(text.len());
+    let end = span.end.clamp(start, text.len());
+    let line = text.get(start..end).unwrap_or_default();
+    start..start + line.find('\n').unwrap_or(line.len())
+}
+
+/// Whether the line at this place and its neighbours are short enough to be shown.
+fn neighbourhood_is_short(text: &str, offset: usize) -> bool {
+    let (before, after) = text.split_at_checked(offset).unwrap_or((text, ""));
+    before
+        .rsplit('\n')
+        .take(2)
+        .chain(after.split('\n').take(2))
+        .all(|line| line.len() <= LONGEST_LINE)
+}

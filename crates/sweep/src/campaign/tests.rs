@@ -1,0 +1,180 @@
+use super::*;
+use proptest::prelude::*;
+use std::fmt::Write as _;
+
+const GOOD: &str = r#"name = "friction"
+[protocol]
+strain = 1.0
+discard = 0.5
+[[grid]]
+area_fraction = [0.693]
+friction = [0.0, 0.3]
+roughness = 0.01
+shear_rate = [0, 0.1, inf]
+seeds = 4
+spheres = 90
+hydrodynamics = "ball-melrose"
+"#;
+
+fn parse_text(text: &str) -> Result<Campaign, Box<CampaignError>> {
+    Campaign::parse("friction.toml", text.into())
+}
+
+#[test]
+fn product_of_the_axes_in_the_order_of_the_file() {
+    let campaign = parse_text(GOOD).unwrap();
+    assert_eq!(campaign.name, "friction");
+    assert_eq!(campaign.cases.len(), 2 * 3 * 4);
+    let seeds: Vec<u64> = campaign.cases[..5].iter().map(|(_, c)| c.seed).collect();
+    assert_eq!(seeds, [1, 2, 3, 4, 1]);
+    let rates: Vec<f64> = campaign.cases[..12]
+        .iter()
+        .step_by(4)
+        .map(|(_, case)| case.params.shear_rate)
+        .collect();
+    assert_eq!(rates, [0.0, 0.1, f64::INFINITY]);
+    assert_eq!(campaign.cases[0].1.steps, 200);
+    assert_eq!(campaign.cases[0].1.sample_stride, 4);
+    assert_eq!(
+        campaign.cases[0].1.params.contact,
+        sd_core::ContactScheme::Rigid
+    );
+}
+
+#[test]
+fn same_case_in_two_files_has_the_same_key() {
+    let other = GOOD
+        .replace("\"friction\"", "\"other\"")
+        .replace("seeds = 4", "seeds = [4, 2]")
+        .replace("[0.0, 0.3]", "3e-1");
+    let (one, two) = (parse_text(GOOD).unwrap(), parse_text(&other).unwrap());
+    let key = |campaign: &Campaign| {
+        let found = campaign.cases.iter().find(|(_, case)| {
+            let p = &case.params;
+            (
+                p.friction > 0.2,
+                p.shear_rate > 0.0,
+                p.shear_rate < 1.0,
+                case.seed,
+            ) == (true, true, true, 2)
+        });
+        found.unwrap().0
+    };
+    assert_eq!(key(&one), key(&two));
+}
+
+#[test]
+fn seeds_in_several_grids_are_one_campaign() {
+    let text = format!(
+        "{GOOD}{}",
+        GOOD[GOOD.find("[[grid]]").unwrap()..].replace("seeds = 4", "seeds = [9]")
+    );
+    assert_eq!(parse_text(&text).unwrap().cases.len(), 30);
+}
+
+/// The error about a changed file as a user sees it.
+fn complaint(from: &str, to: &str) -> String {
+    assert!(GOOD.contains(from), "{from}");
+    let error = parse_text(&GOOD.replacen(from, to, 1)).unwrap_err();
+    let mut text = String::new();
+    miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
+        .with_width(100)
+        .render_report(&mut text, error.as_ref())
+        .unwrap();
+    text
+}
+
+#[test]
+fn every_error_shows_the_place_and_says_what_is_allowed() {
+    let mut all = String::new();
+    for (from, to) in [
+        ("name = \"friction\"", "name = \"Friction/../x\""),
+        ("name = \"friction\"\n", ""),
+        ("name = \"friction\"", "nam = \"friction\""),
+        ("friction = [0.0, 0.3]", "frictoin = [0.0, 0.3]"),
+        ("friction = [0.0, 0.3]", "friction = []"),
+        ("friction = [0.0, 0.3]", "friction = [0.0, -0.3]"),
+        ("friction = [0.0, 0.3]", "friction = [0.0, nan]"),
+        ("friction = [0.0, 0.3]", "friction = [0.3, 0.30]"),
+        ("friction = [0.0, 0.3]", "friction = \"0.3\""),
+        ("friction = [0.0, 0.3]\n", ""),
+        ("[0, 0.1, inf]", "[0, 0.1, \"inf\"]"),
+        ("[0, 0.1, inf]", "[0, 1e999]"),
+        ("[0.693]", "[0.5, 0.85]"),
+        ("roughness = 0.01", "roughness = 0.5"),
+        ("spheres = 90", "spheres = [90, 12]"),
+        ("spheres = 90", "spheres = 90.5"),
+        ("spheres = 90", "spheres = 1000000000000000000000"),
+        ("seeds = 4", "seeds = 0"),
+        ("seeds = 4", "seeds = [1, -1]"),
+        ("seeds = 4", "seeds = 900000"),
+        ("\"ball-melrose\"", "\"ball-melroze\""),
+        ("discard = 0.5", "discard = 1"),
+        ("strain = 1.0", "strain = 0.3"),
+        ("strain = 1.0", "strain = 1e9"),
+        ("discard = 0.5", "sample_every = 0.012"),
+        ("discard = 0.5", "time_step = 0.2"),
+        (
+            "seeds = 4",
+            "size_ratio = [1, 2]\nlarge_fraction = [0.2, 0.5]\nseeds = 4",
+        ),
+        ("seeds = 4", "seeds = 4\nseeds = 5"),
+        ("[[grid]]", "[[grid"),
+        (
+            "[[grid]]",
+            "[[grid]]\narea_fraction = 0.693\nfriction = 0.3\nroughness = 0.01\nshear_rate = inf\nseeds = [3]\nspheres = 90\nhydrodynamics = \"ball-melrose\"\n[[grid]]",
+        ),
+    ] {
+        writeln!(all, "{from:?} → {to:?}\n{}", complaint(from, to)).unwrap();
+    }
+    insta::assert_snapshot!(all);
+}
+
+#[test]
+fn hostile_files_cost_nothing() {
+    // Short in the file, long in memory: refused at the second grid.
+    let grid = &GOOD[GOOD.find("[[grid]]").unwrap()..];
+    let many = grid.replace("seeds = 4", "seeds = 166000");
+    let text = format!(
+        "{}{}",
+        GOOD.replace("seeds = 4", "seeds = 166000"),
+        many.repeat(500)
+    );
+    assert!(parse_text(&text).unwrap_err().to_string().contains("cases"));
+    // Deep nesting, one endless line.
+    for text in [
+        format!("name = {}", "[".repeat(100_000)),
+        format!("name = \"{}\"", "x".repeat(500_000)),
+        format!("{} = 1", "k".repeat(500_000)),
+        "a.".repeat(200_000),
+    ] {
+        let error = parse_text(&text).unwrap_err();
+        let mut shown = String::new();
+        miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
+            .render_report(&mut shown, error.as_ref())
+            .unwrap();
+        assert!(shown.len() < 4000, "{} bytes", shown.len());
+    }
+}
+
+proptest! {
+    #[test]
+    fn no_text_crashes_the_reader(text in "\\PC{0,200}") {
+        let _ = parse_text(&text);
+    }
+
+    #[test]
+    fn no_damage_to_a_good_file_crashes_the_reader(
+        at in 0usize..250, length in 0usize..12, put in "[\\[\\]={}\"0-9a-z.\n_+-]{0,8}"
+    ) {
+        let start = at.min(GOOD.len());
+        let end = (start + length).min(GOOD.len());
+        let text = format!("{}{put}{}", &GOOD[..start], &GOOD[end..]);
+        if let Err(error) = parse_text(&text) {
+            let mut shown = String::new();
+            miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
+                .render_report(&mut shown, error.as_ref())
+                .unwrap();
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! One case: all that decides the result of one run, its key, its state, its cost.
+
+use crate::campaign::Protocol;
+use sd_core::{ContactScheme, Hydrodynamics, Params};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Raised whenever the same parameters and seed give other numbers than before: old results then keep their old keys.
+pub const PHYSICS_VERSION: u32 = 1;
+
+/// One run of a campaign.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Case {
+    /// Parameters of the layer and its flow.
+    pub params: Params,
+    /// Seed of the start layer.
+    pub seed: u64,
+    /// Length of the run, in steps.
+    pub steps: u64,
+    /// Steps from one sample to the next.
+    pub sample_stride: u64,
+}
+
+/// The canonical form a key is made of. Its field names and order are part of the key: never change them.
+#[derive(Serialize)]
+struct Canonical<'c> {
+    /// [`PHYSICS_VERSION`].
+    physics: u32,
+    /// Parameters.
+    params: &'c Params,
+    /// Seed.
+    seed: u64,
+    /// Steps.
+    steps: u64,
+    /// Steps between samples.
+    sample_stride: u64,
+}
+
+impl Case {
+    /// The case of these parameters, in a form in which equal physics has equal numbers.
+    ///
+    /// Zeros lose their sign, and the fraction of large spheres its value where all spheres are alike.
+    pub fn new(mut params: Params, seed: u64, protocol: &Protocol) -> Self {
+        for value in [
+            &mut params.friction,
+            &mut params.shear_rate,
+            &mut params.large_fraction,
+        ] {
+            *value += 0.0;
+        }
+        if params.size_ratio <= 1.0 {
+            params.large_fraction = 0.5;
+        }
+        Self {
+            params,
+            seed,
+            steps: protocol.steps(),
+            sample_stride: protocol.sample_stride(),
+        }
+    }
+
+    /// Hash of everything that decides the result, and of nothing else.
+    ///
+    /// The name of the campaign, the strain discarded and the checkpoint interval are not in it: they change no sample.
+    pub fn key(&self) -> CaseKey {
+        let canonical = Canonical {
+            physics: PHYSICS_VERSION,
+            params: &self.params,
+            seed: self.seed,
+            steps: self.steps,
+            sample_stride: self.sample_stride,
+        };
+        let mut hasher = blake3::Hasher::new();
+        let written = serde_json::to_writer(&mut hasher, &canonical);
+        debug_assert!(written.is_ok(), "numbers and names always have JSON");
+        let mut key = [0; 16];
+        key.copy_from_slice(&hasher.finalize().as_bytes()[..16]);
+        CaseKey(key)
+    }
+
+    /// Strain at the end of the run.
+    pub fn strain(&self) -> f64 {
+        self.steps as f64 * self.params.time_step
+    }
+
+    /// Estimated seconds of one step on a common core: right for the order of runs and for shares of a bar, not for promises.
+    pub fn step_cost(&self) -> f64 {
+        let n = self.params.spheres as f64;
+        let hydrodynamics = match self.params.hydrodynamics {
+            // Sparse assembly and factorization, and a contact problem that grows faster than the layer.
+            Hydrodynamics::BallMelrose => 8e-6 * n + 2e-8 * n * n,
+            // Wave and real space sums over all pairs, dense factorizations of 6N.
+            Hydrodynamics::StokesianDynamics => 1e-5 * n + 2e-6 * n * n + 1.5e-8 * n * n * n,
+        };
+        let stages = 4.0;
+        stages
+            * match self.params.contact {
+                ContactScheme::Rigid => hydrodynamics,
+                ContactScheme::Procedure => 0.6 * hydrodynamics,
+            }
+    }
+
+    /// Estimated seconds of the whole run, in the sense of [`Case::step_cost`].
+    pub fn cost(&self) -> f64 {
+        self.steps as f64 * self.step_cost()
+    }
+
+    /// The case in a few words, for progress and errors.
+    pub fn label(&self) -> String {
+        let p = &self.params;
+        format!(
+            "c={} ν={} h={} Γ={} N={} seed {}",
+            p.area_fraction, p.friction, p.roughness, p.shear_rate, p.spheres, self.seed
+        )
+    }
+}
+
+/// Name of a case: 128 bits of a BLAKE3 hash, written as 32 hexadecimal digits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct CaseKey([u8; 16]);
+
+impl fmt::Display for CaseKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// Where a case is on its way. The data of each state is in the store.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// Not begun, or stopped and waiting to go on from its last checkpoint.
+    Pending,
+    /// Owned by a process.
+    Running,
+    /// Finished; counts in the averages.
+    Done,
+    /// Ended as a jammed layer: a result of its own kind, counted but not averaged.
+    Jammed,
+    /// Ended with an error.
+    Failed,
+}
+
+impl State {
+    /// Its name in the store.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pending => "pending",
+            Self::Running => "running",
+            Self::Done => "done",
+            Self::Jammed => "jammed",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn case() -> Case {
+        Case::new(
+            Params {
+                spheres: 90,
+                area_fraction: 0.693,
+                roughness: 0.01,
+                friction: 0.3,
+                shear_rate: f64::INFINITY,
+                size_ratio: 1.0,
+                large_fraction: 0.5,
+                hydrodynamics: Hydrodynamics::BallMelrose,
+                contact: ContactScheme::Rigid,
+                time_step: 0.005,
+            },
+            7,
+            &Protocol::default(),
+        )
+    }
+
+    #[test]
+    fn key_is_the_same_on_every_day_and_machine() {
+        assert_eq!(case().key().to_string(), "326e0e48fa880c76f13a1d4f7f10561a");
+    }
+
+    #[test]
+    fn key_depends_on_the_seed_and_not_on_what_is_discarded() {
+        let other = Case { seed: 8, ..case() };
+        assert_ne!(case().key(), other.key());
+        let protocol = Protocol {
+            discard: 1.0,
+            checkpoint_every: 0.3,
+            ..Protocol::default()
+        };
+        assert_eq!(Case::new(case().params, 7, &protocol).key(), case().key());
+    }
+
+    #[test]
+    fn equal_physics_has_an_equal_key() {
+        let alike = Params {
+            large_fraction: 0.2,
+            ..case().params
+        };
+        assert_eq!(
+            Case::new(alike, 7, &Protocol::default()).key(),
+            case().key()
+        );
+        let zero = |friction| {
+            Case::new(
+                Params {
+                    friction,
+                    ..case().params
+                },
+                7,
+                &Protocol::default(),
+            )
+            .key()
+        };
+        assert_eq!(zero(0.0), zero(-0.0));
+    }
+}

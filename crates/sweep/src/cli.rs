@@ -1,0 +1,216 @@
+//! The command line: what it looks like, and which file does what it asks for.
+
+mod completions;
+mod pair;
+mod plan;
+mod report;
+mod run;
+mod scalars;
+mod solve;
+mod status;
+
+use crate::error::Error;
+use clap::{Parser, Subcommand, ValueEnum};
+use serde::Serialize;
+use std::io::{IsTerminal, Write};
+
+/// Campaigns of Stokesian Dynamics: sheared layers of rough, frictional spheres.
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    propagate_version = true,
+    max_term_width = 110,
+    after_help = "Exit codes: 0 done, 1 some cases failed, 2 bad input and nothing written, 3 the store failed under way,\n\
+                  128 + signal (INT 130, TERM 143) stopped after a checkpoint: give the same command to go on.\n\n\
+                  Example: sweep plan sweeps/quickstart.toml && sweep run sweeps/quickstart.toml"
+)]
+pub struct Cli {
+    /// One JSON object on standard output, nothing else
+    #[arg(long, global = true)]
+    json: bool,
+    /// No progress and no notes on standard error
+    #[arg(long, short, global = true)]
+    quiet: bool,
+    /// Colours in errors
+    #[arg(long, global = true, value_enum, default_value_t = Colour::Auto, value_name = "WHEN")]
+    color: Colour,
+    /// What to do.
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// When to use colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Colour {
+    /// On a terminal, unless `NO_COLOR` is set.
+    Auto,
+    /// Always.
+    Always,
+    /// Never.
+    Never,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Say what a campaign would do: its axes, its runs, how long they take here, how much they store
+    Plan(plan::Arguments),
+    /// Compute what a campaign lacks, then print its report
+    Run(run::Arguments),
+    /// Say how far a campaign is
+    Status(status::Arguments),
+    /// Print the results of a campaign, averaged over seeds
+    Report(report::Arguments),
+    /// Solve one instant of one configuration
+    Solve(solve::Arguments),
+    /// Print the resistance functions of two spheres
+    Scalars(scalars::Arguments),
+    /// Drive two spheres past each other
+    Pair(pair::Arguments),
+    /// Print a completion script for a shell
+    Completions(completions::Arguments),
+}
+
+/// Where output goes, and how.
+pub(crate) struct Output<'o> {
+    /// Standard output.
+    pub(crate) out: &'o mut dyn Write,
+    /// JSON instead of tables.
+    pub(crate) json: bool,
+    /// Nothing on standard error.
+    pub(crate) quiet: bool,
+    /// Columns of the terminal; `None` if it is none.
+    pub(crate) width: Option<u16>,
+}
+
+impl Output<'_> {
+    /// Writes a value as one line of JSON.
+    pub(crate) fn json(&mut self, value: &impl Serialize) -> Result<(), Error> {
+        serde_json::to_writer(&mut *self.out, value).map_err(std::io::Error::from)?;
+        Ok(writeln!(self.out)?)
+    }
+}
+
+/// Does what the command line asks for; says the exit code.
+///
+/// # Errors
+/// Whatever stood in the way; [`Error::exit_code`] is the exit code then.
+pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
+    let mut output = Output {
+        out,
+        json: cli.json,
+        quiet: cli.quiet,
+        width: terminal_width(),
+    };
+    let code = match cli.command {
+        Command::Plan(arguments) => plan::execute(&arguments, &mut output),
+        Command::Run(arguments) => run::execute(&arguments, &mut output),
+        Command::Status(arguments) => status::execute(&arguments, &mut output),
+        Command::Report(arguments) => report::execute(&arguments, &mut output),
+        Command::Solve(arguments) => solve::execute(&arguments, &mut output),
+        Command::Scalars(arguments) => scalars::execute(&arguments, &mut output),
+        Command::Pair(arguments) => pair::execute(&arguments, &mut output),
+        Command::Completions(arguments) => completions::execute(&arguments, &mut output),
+    }?;
+    output.out.flush()?;
+    Ok(code)
+}
+
+/// Columns of standard output, if it is a terminal.
+fn terminal_width() -> Option<u16> {
+    std::io::stdout()
+        .is_terminal()
+        .then(|| rustix::termios::tcgetwinsize(std::io::stdout()).ok())
+        .flatten()
+        .map(|size| size.ws_col)
+        .filter(|width| *width > 0)
+}
+
+/// Tells errors in the way the user wants them.
+#[derive(Debug, Clone, Copy)]
+pub struct Speaker {
+    /// In colours.
+    coloured: bool,
+}
+
+impl Cli {
+    /// Who tells the errors of this command.
+    pub fn speaker(&self) -> Speaker {
+        Speaker {
+            coloured: match self.color {
+                Colour::Always => true,
+                Colour::Never => false,
+                Colour::Auto => {
+                    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
+                }
+            },
+        }
+    }
+}
+
+impl Speaker {
+    /// An error as a person reads it on standard error: what, where, and what is allowed.
+    pub fn explain(self, error: &Error) -> String {
+        let theme = if self.coloured {
+            miette::GraphicalTheme::unicode()
+        } else {
+            miette::GraphicalTheme::unicode_nocolor()
+        };
+        let mut text = String::new();
+        let rendered = miette::GraphicalReportHandler::new_themed(theme)
+            .with_width(100)
+            .without_cause_chain()
+            .render_report(&mut text, error);
+        match rendered {
+            Ok(()) => text,
+            Err(_) => error.to_string(),
+        }
+    }
+}
+
+/// Reads a file, or standard input for `-`, up to a limit.
+pub(crate) fn read_limited(path: &std::path::Path, limit: u64) -> Result<Vec<u8>, Error> {
+    use std::io::Read as _;
+    let mut bytes = Vec::new();
+    let result = if path.as_os_str() == "-" {
+        std::io::stdin()
+            .lock()
+            .take(limit + 1)
+            .read_to_end(&mut bytes)
+    } else {
+        std::fs::File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut bytes))
+    };
+    result.map_err(|source| Error::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    if bytes.len() as u64 > limit {
+        return Err(Error::TooLarge {
+            path: path.to_owned(),
+            limit,
+        });
+    }
+    Ok(bytes)
+}
+
+/// The store a user means: a store itself, or the default one of a campaign file.
+pub(crate) fn store_path(given: &std::path::Path) -> Result<std::path::PathBuf, Error> {
+    if given
+        .extension()
+        .is_some_and(|extension| extension == "toml")
+    {
+        return Ok(crate::campaign::Campaign::read(given)?.default_store());
+    }
+    Ok(given.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Cli;
+    use clap::CommandFactory;
+
+    #[test]
+    fn command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,103 @@
+//! `sweep pair`.
+
+use super::Output;
+use crate::error::Error;
+use crate::exit;
+use crate::report::significant;
+use sd_core::pair::{Passing, pass};
+
+/// Drive two spheres past each other
+///
+/// Unbounded fluid, radii 1 and L, forces +1 and -1 along x from (-X, Y) and (X, -Y), critical load 0, until the first is as
+/// far ahead as it was behind.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep pair --roughness 0.05 --friction 0.5\n  sweep pair --no-contact --json"
+)]
+pub(crate) struct Arguments {
+    /// Radius of the second sphere over that of the first
+    #[arg(long, value_name = "L", default_value_t = 1.0)]
+    size_ratio: f64,
+    /// Roughness height, in radii of the first sphere
+    #[arg(long, value_name = "H", default_value_t = 0.05)]
+    roughness: f64,
+    /// Friction coefficient
+    #[arg(long, value_name = "NU", default_value_t = 0.0)]
+    friction: f64,
+    /// Smooth spheres
+    #[arg(long, conflicts_with_all = ["roughness", "friction"])]
+    no_contact: bool,
+    /// Half the offset of the paths at the start
+    #[arg(long, value_name = "Y", default_value_t = 0.25)]
+    offset: f64,
+    /// Half the distance along x at the start
+    #[arg(long, value_name = "X", default_value_t = 5.0)]
+    start: f64,
+    /// Time step, in viscosity times radius squared over force
+    #[arg(long, value_name = "T", default_value_t = 0.05)]
+    time_step: f64,
+}
+
+/// Writes where the spheres went.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    for (argument, value) in [
+        ("--size-ratio", arguments.size_ratio),
+        ("--roughness", arguments.roughness),
+        ("--friction", arguments.friction),
+        ("--offset", arguments.offset),
+        ("--start", arguments.start),
+        ("--time-step", arguments.time_step),
+    ] {
+        let positive = !["--friction", "--offset"].contains(&argument);
+        if !value.is_finite()
+            || (positive && value <= 0.0)
+            || (argument == "--friction" && value < 0.0)
+        {
+            return Err(Error::Argument {
+                argument,
+                message: format!(
+                    "{value} is out of range: finite{}",
+                    match argument {
+                        "--friction" => " and not negative",
+                        "--offset" => "",
+                        _ => " and above 0",
+                    }
+                ),
+            });
+        }
+    }
+    let passed = pass(&Passing {
+        size_ratio: arguments.size_ratio,
+        contact: (!arguments.no_contact).then_some((arguments.roughness, arguments.friction)),
+        offset: arguments.offset,
+        start: arguments.start,
+        time_step: arguments.time_step,
+    })?;
+    if output.json {
+        output.json(&passed)?;
+        return Ok(exit::DONE);
+    }
+    let mut table = crate::report::table(output.width);
+    table.set_header(["quantity", "first sphere", "second sphere"]);
+    let [first, second] = passed.rotation_degrees;
+    table.add_row([
+        "rotation in degrees".into(),
+        significant(first, 6),
+        significant(second, 6),
+    ]);
+    let last = passed.path.last().copied().unwrap_or_default();
+    table.add_row([
+        "offset at the end".into(),
+        significant(passed.final_offset, 6),
+        significant(last[5], 6),
+    ]);
+    writeln!(output.out, "{table}")?;
+    writeln!(
+        output.out,
+        "smallest gap {}, time {}, {} points of the path (--json prints them)",
+        significant(passed.minimum_gap, 6),
+        significant(passed.time, 6),
+        passed.path.len()
+    )?;
+    Ok(exit::DONE)
+}

@@ -1,0 +1,357 @@
+//! `sweep plan`.
+
+use super::Output;
+use crate::campaign::Campaign;
+use crate::case::Case;
+use crate::error::Error;
+use crate::exit;
+use crate::report::{bytes, duration, significant};
+use sd_core::{ContactScheme, Hydrodynamics, Params, Simulation};
+use serde::{Serialize, Serializer};
+use std::collections::{HashMap, HashSet};
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Time all calibration together may take.
+const BUDGET: Duration = Duration::from_millis(1200);
+/// Time one kind of run is calibrated for at most.
+const SHARE: Duration = Duration::from_millis(300);
+/// Bytes of a stored sample, index included; measured.
+const SAMPLE_BYTES: f64 = 145.0;
+/// Bytes of a case without its samples; measured.
+const CASE_BYTES: f64 = 1200.0;
+
+/// Say what a campaign would do: its axes, its runs, how long they take here, how much they store
+///
+/// Writes nothing. Times come from a few steps of each kind of run on this machine; a layer just started has fewer contacts
+/// than a sheared one, so dense campaigns take longer than said.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep plan sweeps/quickstart.toml\n  sweep plan sweeps/quickstart.toml --json"
+)]
+pub(crate) struct Arguments {
+    /// The campaign file
+    campaign: PathBuf,
+    /// Cases computed at a time [default: the cores of the machine]
+    #[arg(long, short, value_name = "N")]
+    workers: Option<NonZeroUsize>,
+}
+
+/// The answer.
+#[derive(Serialize)]
+struct Plan {
+    /// Name of the campaign.
+    campaign: String,
+    /// Number of runs.
+    cases: usize,
+    /// Points: runs that differ only in their seed are one.
+    points: usize,
+    /// Axes and their values.
+    #[serde(serialize_with = "as_object")]
+    axes: Vec<Values>,
+    /// Steps of a run.
+    steps: u64,
+    /// Runs computed at a time.
+    workers: usize,
+    /// Kinds of runs, that cost the same.
+    kinds: Vec<Kind>,
+    /// Computing time of all runs, in seconds; `null` if nothing could be calibrated.
+    computing_time_s: Option<f64>,
+    /// Time from start to end with that many workers.
+    elapsed_s: Option<f64>,
+    /// Size of the finished store.
+    disk_bytes: f64,
+}
+
+/// An axis and its values.
+type Values = (&'static str, Vec<serde_json::Value>);
+
+/// Axes as one JSON object.
+fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
+    s.collect_map(axes.iter().map(|(name, values)| (name, values)))
+}
+
+/// Runs that cost the same.
+#[derive(Serialize)]
+struct Kind {
+    /// Number of spheres.
+    spheres: usize,
+    /// Hydrodynamics.
+    hydrodynamics: Hydrodynamics,
+    /// Contact scheme.
+    contact: ContactScheme,
+    /// Number of runs.
+    cases: usize,
+    /// Cost of one of its runs over that of the cheapest.
+    weight: f64,
+    /// Seconds of a step, measured or estimated.
+    step_s: Option<f64>,
+    /// Whether they were measured here.
+    measured: bool,
+    /// Why they could not be measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<String>,
+    /// Its densest case, which is calibrated.
+    #[serde(skip)]
+    example: Case,
+}
+
+/// Writes the plan.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let campaign = Campaign::read(&arguments.campaign)?;
+    let workers = arguments
+        .workers
+        .or_else(|| std::thread::available_parallelism().ok())
+        .map_or(1, NonZeroUsize::get);
+    let plan = plan(&campaign, workers);
+    if output.json {
+        output.json(&plan)?;
+    } else {
+        write_text(&plan, output)?;
+    }
+    Ok(exit::DONE)
+}
+
+/// Makes the plan.
+fn plan(campaign: &Campaign, workers: usize) -> Plan {
+    let mut kinds = kinds(campaign);
+    calibrate(&mut kinds);
+    let steps = campaign.protocol.steps();
+    let computing_time_s = kinds
+        .iter()
+        .map(|kind| kind.step_s.map(|s| s * (steps * kind.cases as u64) as f64))
+        .sum::<Option<f64>>();
+    let longest = kinds
+        .iter()
+        .filter_map(|kind| kind.step_s)
+        .fold(0.0, f64::max)
+        * steps as f64;
+    let samples = steps.div_ceil(campaign.protocol.sample_stride());
+    let cases = campaign.cases.len();
+    let points = 1 + campaign
+        .cases
+        .windows(2)
+        .filter(|pair| pair[0].1.params != pair[1].1.params)
+        .count();
+    Plan {
+        campaign: campaign.name.clone(),
+        cases,
+        points,
+        axes: axes(campaign),
+        steps,
+        workers,
+        computing_time_s,
+        elapsed_s: computing_time_s.map(|time| (time / workers as f64).max(longest)),
+        disk_bytes: cases as f64 * (CASE_BYTES + samples as f64 * SAMPLE_BYTES),
+        kinds,
+    }
+}
+
+/// The kinds of runs of a campaign, the cheapest first.
+fn kinds(campaign: &Campaign) -> Vec<Kind> {
+    let mut kinds: Vec<Kind> = Vec::new();
+    let mut place_of = HashMap::new();
+    for (_, case) in &campaign.cases {
+        let p = &case.params;
+        let place = *place_of
+            .entry((p.spheres, p.hydrodynamics, p.contact))
+            .or_insert_with(|| {
+                kinds.push(Kind {
+                    spheres: p.spheres,
+                    hydrodynamics: p.hydrodynamics,
+                    contact: p.contact,
+                    cases: 0,
+                    weight: 1.0,
+                    step_s: None,
+                    measured: false,
+                    reason: None,
+                    example: case.clone(),
+                });
+                kinds.len() - 1
+            });
+        let kind = &mut kinds[place];
+        kind.cases += 1;
+        if p.area_fraction > kind.example.params.area_fraction {
+            kind.example = case.clone();
+        }
+    }
+    kinds.sort_by(|a, b| a.example.step_cost().total_cmp(&b.example.step_cost()));
+    let cheapest = kinds.first().map_or(1.0, |kind| kind.example.step_cost());
+    for kind in &mut kinds {
+        kind.weight = kind.example.step_cost() / cheapest;
+    }
+    kinds
+}
+
+/// Measures kinds from the cheapest on while there is time; estimates the others from the nearest measured one.
+fn calibrate(kinds: &mut [Kind]) {
+    let begun = Instant::now();
+    for kind in kinds.iter_mut() {
+        let left = BUDGET.saturating_sub(begun.elapsed());
+        // What will not get through its first steps in time is estimated.
+        if left.is_zero() || Duration::from_secs_f64(5.0 * kind.example.step_cost()) > left * 2 {
+            continue;
+        }
+        match measure(&kind.example, left.min(SHARE)) {
+            Ok(seconds) => {
+                kind.step_s = Some(seconds);
+                kind.measured = true;
+            }
+            Err(error) => kind.reason = Some(error.to_string()),
+        }
+    }
+    let measured: Vec<(Hydrodynamics, f64, f64)> = kinds
+        .iter()
+        .filter_map(|k| Some((k.hydrodynamics, k.example.step_cost(), k.step_s?)))
+        .collect();
+    for kind in kinds.iter_mut().filter(|kind| kind.step_s.is_none()) {
+        let cost = kind.example.step_cost();
+        // The most expensive one measured is the nearest; of the same hydrodynamics if there is one.
+        let nearest = measured
+            .iter()
+            .filter(|(hydrodynamics, ..)| *hydrodynamics == kind.hydrodynamics)
+            .chain(&measured)
+            .max_by(|a, b| {
+                let same = |k: &&(Hydrodynamics, f64, f64)| k.0 == kind.hydrodynamics;
+                same(a).cmp(&same(b)).then(a.1.total_cmp(&b.1))
+            });
+        kind.step_s = nearest.map(|(_, known, seconds)| seconds * cost / known);
+    }
+}
+
+/// Seconds of a step: the mean over as many as there is time for, at most 40.
+fn measure(case: &Case, time: Duration) -> Result<f64, sd_core::Error> {
+    let mut simulation = Simulation::new(&case.params, case.seed)?;
+    // The first step pays for tables and memory that the others find ready.
+    simulation.step()?;
+    let begun = Instant::now();
+    let mut steps = 0_u32;
+    while steps == 0 || (steps < 40 && begun.elapsed() < time) {
+        simulation.step()?;
+        steps += 1;
+    }
+    Ok(begun.elapsed().as_secs_f64() / f64::from(steps))
+}
+
+/// An axis and how its value is read from a case.
+type Axis = (&'static str, fn(&Params, u64) -> serde_json::Value);
+
+/// Axes with all their values in the order of their first use.
+fn axes(campaign: &Campaign) -> Vec<Values> {
+    let readers: [Axis; 10] = [
+        ("area_fraction", |p, _| p.area_fraction.into()),
+        ("friction", |p, _| p.friction.into()),
+        ("roughness", |p, _| p.roughness.into()),
+        ("shear_rate", |p, _| {
+            if p.shear_rate.is_infinite() {
+                "inf".into()
+            } else {
+                p.shear_rate.into()
+            }
+        }),
+        ("size_ratio", |p, _| p.size_ratio.into()),
+        ("large_fraction", |p, _| p.large_fraction.into()),
+        ("spheres", |p, _| p.spheres.into()),
+        ("hydrodynamics", |p, _| {
+            crate::report::hydrodynamics(p.hydrodynamics).into()
+        }),
+        ("contact", |p, _| crate::report::contact(p.contact).into()),
+        ("seeds", |_, seed| seed.into()),
+    ];
+    readers
+        .into_iter()
+        .map(|(name, read)| {
+            let mut seen = HashSet::new();
+            let values = campaign
+                .cases
+                .iter()
+                .map(|(_, case)| read(&case.params, case.seed))
+                .filter(|value| seen.insert(value.to_string()))
+                .collect();
+            (name, values)
+        })
+        .collect()
+}
+
+/// Writes the plan as tables.
+fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
+    let mut axes = crate::report::table(output.width);
+    axes.set_header(["axis", "values", ""]);
+    for (name, values) in &plan.axes {
+        let words: Vec<String> = values
+            .iter()
+            .map(|value| {
+                value
+                    .as_str()
+                    .map_or_else(|| value.to_string(), str::to_owned)
+            })
+            .collect();
+        let shown = if words.len() > 12 {
+            format!("{}, … {}", words[..10].join(", "), words[words.len() - 1])
+        } else {
+            words.join(", ")
+        };
+        axes.add_row([(*name).to_owned(), words.len().to_string(), shown]);
+    }
+    let out = &mut *output.out;
+    writeln!(
+        out,
+        "{}: {} runs of {} steps at {} points",
+        plan.campaign, plan.cases, plan.steps, plan.points
+    )?;
+    writeln!(out, "{axes}")?;
+    let mut kinds = crate::report::table(output.width);
+    kinds.set_header([
+        "spheres",
+        "hydrodynamics",
+        "contact",
+        "runs",
+        "weight",
+        "step",
+        "run",
+    ]);
+    for kind in &plan.kinds {
+        let time = |seconds: f64, mark: &str| format!("{mark}{}", duration(seconds));
+        let mark = if kind.measured { "" } else { "≈ " };
+        kinds.add_row([
+            kind.spheres.to_string(),
+            crate::report::hydrodynamics(kind.hydrodynamics).into(),
+            crate::report::contact(kind.contact).into(),
+            kind.cases.to_string(),
+            significant(kind.weight, 3),
+            kind.step_s.map_or_else(
+                || "–".into(),
+                |s| format!("{mark}{} ms", significant(1e3 * s, 3)),
+            ),
+            kind.step_s
+                .map_or_else(|| "–".into(), |s| time(s * plan.steps as f64, mark)),
+        ]);
+    }
+    writeln!(out, "{kinds}")?;
+    for kind in &plan.kinds {
+        if let Some(reason) = &kind.reason {
+            writeln!(
+                out,
+                "{} spheres could not be calibrated: {reason}",
+                kind.spheres
+            )?;
+        }
+    }
+    match (plan.computing_time_s, plan.elapsed_s) {
+        (Some(computing), Some(elapsed)) => writeln!(
+            out,
+            "about {} of computing, {} with {} at a time; about {} on disk",
+            duration(computing),
+            duration(elapsed),
+            plan.workers,
+            bytes(plan.disk_bytes)
+        )?,
+        _ => writeln!(
+            out,
+            "the time could not be estimated; about {} on disk",
+            bytes(plan.disk_bytes)
+        )?,
+    }
+    Ok(())
+}

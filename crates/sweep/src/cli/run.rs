@@ -1,0 +1,99 @@
+//! `sweep run`.
+
+use super::Output;
+use crate::campaign::Campaign;
+use crate::error::Error;
+use crate::exit;
+use crate::runner::{self, Options, Progress, Stop, Style};
+use crate::store::Store;
+use std::io::IsTerminal;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Most threads; more are a slip of the keyboard.
+const WORKER_LIMIT: usize = 4096;
+
+/// Compute what a campaign lacks, then print its report
+///
+/// What is in the store already is not computed again. A signal (Ctrl-C) checkpoints and stops; a second one aborts. The
+/// same command goes on, with the same bits as if nothing had happened. Several processes may run the same campaign on one
+/// machine: they share its cases.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/friction.toml --workers 8 --store /scratch/friction.sqlite"
+)]
+pub(crate) struct Arguments {
+    /// The campaign file
+    campaign: PathBuf,
+    /// The store [default: results/NAME.sqlite]
+    #[arg(long, value_name = "FILE")]
+    store: Option<PathBuf>,
+    /// Cases computed at a time [default: the cores of the machine]
+    #[arg(long, short, value_name = "N")]
+    workers: Option<NonZeroUsize>,
+    /// Compute failed cases again
+    #[arg(long)]
+    retry_failed: bool,
+    /// Computing time after which a single case ends as failed, in seconds
+    #[arg(long, value_name = "SECONDS")]
+    max_wall_time: Option<f64>,
+}
+
+/// Runs the campaign.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let campaign = Campaign::read(&arguments.campaign)?;
+    let workers = match arguments.workers {
+        Some(workers) if workers.get() > WORKER_LIMIT => {
+            return Err(Error::Argument {
+                argument: "--workers",
+                message: format!("at most {WORKER_LIMIT}"),
+            });
+        }
+        Some(workers) => workers.get(),
+        None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
+    };
+    let wall_limit = match arguments.max_wall_time {
+        None => None,
+        Some(seconds) => Some(
+            Duration::try_from_secs_f64(seconds)
+                .ok()
+                .filter(|limit| !limit.is_zero())
+                .ok_or_else(|| Error::Argument {
+                    argument: "--max-wall-time",
+                    message: format!("a time above 0 seconds, not {seconds}"),
+                })?,
+        ),
+    };
+    let stop = Stop::on_signals()?;
+    let path = arguments
+        .store
+        .clone()
+        .unwrap_or_else(|| campaign.default_store());
+    let mut store = Store::open(&path)?;
+    store.adopt(&campaign)?;
+    if arguments.retry_failed {
+        store.retry_failed()?;
+    }
+    let counts = store.counts()?;
+    if counts.pending + counts.running > 0 {
+        let style = match (output.quiet, std::io::stderr().is_terminal()) {
+            (true, _) => Style::Quiet,
+            (false, true) => Style::Bars,
+            (false, false) => Style::Lines,
+        };
+        let workers = workers.min(usize::try_from(counts.total()).unwrap_or(workers));
+        let progress = Progress::new(style, workers, Box::new(std::io::stderr()));
+        let options = Options {
+            workers,
+            wall_limit,
+        };
+        runner::run(&mut store, &campaign.protocol, options, &stop, &progress)?;
+    }
+    super::report::write(&store, output)?;
+    Ok(match stop.signal() {
+        Some(signal) => exit::stopped_by(signal),
+        None if store.counts()?.failed > 0 => exit::FAILED,
+        None => exit::DONE,
+    })
+}

@@ -1,0 +1,385 @@
+//! `sweep solve`.
+
+use super::{Output, read_limited};
+use crate::error::Error;
+use crate::exit;
+use crate::report::significant;
+use sd_core::Hydrodynamics;
+use sd_core::cell::Cell;
+use sd_core::instant::{Configuration, ContactRequest, ContactState, Instant, solve};
+use sd_core::modes::{Background, Vec2};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// Largest input, in bytes.
+const INPUT_LIMIT: u64 = 16 << 20;
+/// Most spheres.
+const SPHERE_LIMIT: usize = 10_000;
+/// Most pairs listed.
+const PAIR_LIMIT: usize = 1_000_000;
+
+/// Solve one instant of one configuration
+///
+/// FILE is JSON: `centres`, and optionally `radii`, `cell`, `offset`, `hydrodynamics`, `background`, `forces`, `torques`,
+/// `contact`. Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example:\n  echo '{\"centres\": [[0, 0], [2.1, 0]], \"hydrodynamics\": \"ball-melrose\"}' | sweep solve - --json"
+)]
+pub(crate) struct Arguments {
+    /// The configuration; `-` is standard input
+    file: PathBuf,
+}
+
+/// The configuration as it is written.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Input {
+    /// Centres.
+    centres: Vec<[f64; 2]>,
+    /// Radii, default 1.
+    radii: Option<Vec<f64>>,
+    /// Cell sides; none: unbounded.
+    cell: Option<[f64; 2]>,
+    /// Offset of the cell.
+    offset: Option<f64>,
+    /// Hydrodynamics.
+    hydrodynamics: Hydrodynamics,
+    /// Imposed flow, default simple shear.
+    background: Option<Flow>,
+    /// External forces, default 0.
+    forces: Option<Vec<[f64; 2]>>,
+    /// External torques, default 0.
+    torques: Option<Vec<f64>>,
+    /// Contact problem, default none.
+    contact: Option<Contact>,
+}
+
+/// Imposed flow as it is written.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Flow {
+    /// Rate of strain.
+    rate_of_strain: Strain,
+    /// Angular velocity.
+    angular_velocity: f64,
+}
+
+/// Rate of strain as it is written.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Strain {
+    /// xx.
+    xx: f64,
+    /// yy.
+    yy: f64,
+    /// xy.
+    xy: f64,
+}
+
+/// Names of the contact problems.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Scheme {
+    /// No contact.
+    None,
+    /// Listed pairs.
+    Listed,
+    /// Rigid scheme.
+    Rigid,
+    /// The paper's procedure.
+    Procedure,
+}
+
+/// Contact problem as it is written. Which values belong to which scheme is checked afterwards: an enum tagged by
+/// `scheme` would let unknown keys of `none` pass.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Contact {
+    /// Which one.
+    scheme: Scheme,
+    /// Pairs of `listed`.
+    pairs: Option<Vec<[usize; 2]>>,
+    /// Roughness height.
+    roughness: Option<f64>,
+    /// Friction coefficient.
+    friction: Option<f64>,
+    /// Critical load.
+    critical_load: Option<f64>,
+    /// Time span of the rigid scheme.
+    time_span: Option<f64>,
+}
+
+/// Solves and writes.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let bytes = read_limited(&arguments.file, INPUT_LIMIT)?;
+    let (configuration, contact) = read(&arguments.file, &bytes)?;
+    let instant = solve(&configuration, &contact)?;
+    if output.json {
+        output.json(&instant)?;
+    } else {
+        write_text(&instant, output)?;
+    }
+    Ok(exit::DONE)
+}
+
+/// Reads the input strictly.
+fn read(path: &Path, bytes: &[u8]) -> Result<(Configuration, ContactRequest), Error> {
+    let input: Input = serde_json::from_slice(bytes).map_err(|error| {
+        // The message of serde ends with the place, which we put in front.
+        let text = error.to_string();
+        let message = text
+            .rsplit_once(" at line ")
+            .map_or(text.as_str(), |(message, _)| message);
+        Error::Json {
+            path: path.to_owned(),
+            line: error.line(),
+            column: error.column(),
+            message: message.chars().take(400).collect(),
+        }
+    })?;
+    let refuse = |field, message: &str| {
+        Err(Error::Value {
+            path: path.to_owned(),
+            field,
+            message: message.into(),
+        })
+    };
+    let n = input.centres.len();
+    if n > SPHERE_LIMIT {
+        return refuse("centres", &format!("{n} spheres, at most {SPHERE_LIMIT}"));
+    }
+    for (field, length) in [
+        ("radii", input.radii.as_ref().map(Vec::len)),
+        ("forces", input.forces.as_ref().map(Vec::len)),
+        ("torques", input.torques.as_ref().map(Vec::len)),
+    ] {
+        if let Some(found) = length.filter(|length| *length != n) {
+            return Err(sd_core::Error::Length {
+                field,
+                found,
+                expected: n,
+            }
+            .into());
+        }
+    }
+    let cell = match (input.cell, input.offset) {
+        (Some([x, y]), offset) => Cell::periodic(x, y, offset.unwrap_or(0.0))?,
+        (None, None) => Cell::Unbounded,
+        (None, Some(_)) => return refuse("offset", "has no meaning without `cell`"),
+    };
+    let contact = match input.contact {
+        None => ContactRequest::None,
+        Some(contact) => match contact.request() {
+            Ok(request) => request,
+            Err((field, message)) => return refuse(field, &message),
+        },
+    };
+    let vectors = |list: Vec<[f64; 2]>| list.into_iter().map(Vec2::from).collect::<Vec<_>>();
+    let configuration = Configuration {
+        centres: vectors(input.centres),
+        radii: input.radii.unwrap_or_else(|| vec![1.0; n]),
+        cell,
+        hydrodynamics: input.hydrodynamics,
+        background: input
+            .background
+            .map_or(Background::SHEAR, |flow| Background {
+                xx: flow.rate_of_strain.xx,
+                yy: flow.rate_of_strain.yy,
+                xy: flow.rate_of_strain.xy,
+                angular_velocity: flow.angular_velocity,
+            }),
+        forces: input.forces.map_or_else(|| vec![Vec2::zeros(); n], vectors),
+        torques: input.torques.unwrap_or_else(|| vec![0.0; n]),
+    };
+    Ok((configuration, contact))
+}
+
+impl Contact {
+    /// The contact problem, or the value that does not belong to it and what is allowed.
+    fn request(self) -> Result<ContactRequest, (&'static str, String)> {
+        let scheme = self.scheme;
+        let stray = |names: &[(&'static str, bool)]| {
+            names
+                .iter()
+                .find(|(_, given)| *given)
+                .map_or(Ok(()), |(name, _)| {
+                    Err((
+                        *name,
+                        format!("does not belong to scheme {scheme:?}").to_lowercase(),
+                    ))
+                })
+        };
+        let law = [
+            ("contact.roughness", self.roughness.is_some()),
+            ("contact.friction", self.friction.is_some()),
+            ("contact.critical_load", self.critical_load.is_some()),
+        ];
+        let pairs = [("contact.pairs", self.pairs.is_some())];
+        let span = [("contact.time_span", self.time_span.is_some())];
+        let need = |name: &'static str, value: Option<f64>| match value {
+            Some(value) if value >= 0.0 => Ok(value),
+            Some(value) => Err((name, format!("{value} is out of range: not negative"))),
+            None => Err((name, format!("scheme {scheme:?} needs it").to_lowercase())),
+        };
+        match scheme {
+            Scheme::None => {
+                stray(&law)?;
+                stray(&pairs)?;
+                stray(&span)?;
+                Ok(ContactRequest::None)
+            }
+            Scheme::Listed => {
+                stray(&law)?;
+                stray(&span)?;
+                let pairs = self
+                    .pairs
+                    .ok_or(("contact.pairs", "scheme listed needs it".into()))?;
+                if pairs.len() > PAIR_LIMIT {
+                    return Err(("contact.pairs", format!("at most {PAIR_LIMIT} pairs")));
+                }
+                Ok(ContactRequest::Listed { pairs })
+            }
+            Scheme::Rigid | Scheme::Procedure => {
+                stray(&pairs)?;
+                let roughness = need("contact.roughness", self.roughness)?;
+                let friction = need("contact.friction", self.friction)?;
+                let critical_load = need("contact.critical_load", self.critical_load)?;
+                if scheme == Scheme::Procedure {
+                    stray(&span)?;
+                    return Ok(ContactRequest::Procedure {
+                        roughness,
+                        friction,
+                        critical_load,
+                    });
+                }
+                let time_span = self.time_span.unwrap_or(0.005);
+                if time_span <= 0.0 {
+                    return Err((
+                        "contact.time_span",
+                        format!("{time_span} is out of range: above 0"),
+                    ));
+                }
+                Ok(ContactRequest::Rigid {
+                    roughness,
+                    friction,
+                    critical_load,
+                    time_span,
+                })
+            }
+        }
+    }
+}
+
+/// Writes tables of spheres and contacts.
+fn write_text(instant: &Instant, output: &mut Output<'_>) -> Result<(), Error> {
+    let digits = |value: f64| significant(value, 6);
+    let mut spheres = crate::report::table(output.width);
+    spheres.set_header(["sphere", "u_x", "u_y", "ω", "S_xx", "S_yy", "S_xy"]);
+    for (sphere, velocity) in instant.velocity_disturbance.iter().enumerate() {
+        let of = |list: &[f64]| list.get(sphere).map_or_else(String::new, |v| digits(*v));
+        spheres.add_row([
+            sphere.to_string(),
+            digits(velocity[0]),
+            digits(velocity[1]),
+            of(&instant.angular_velocity_disturbance),
+            of(&instant.stresslet_xx),
+            of(&instant.stresslet_yy),
+            of(&instant.stresslet_xy),
+        ]);
+    }
+    writeln!(output.out, "{spheres}")?;
+    if !instant.contacts.is_empty() {
+        let mut contacts = crate::report::table(output.width);
+        contacts.set_header([
+            "i",
+            "j",
+            "image",
+            "gap",
+            "normal force",
+            "tangential force",
+            "normal velocity",
+            "slip velocity",
+            "state",
+        ]);
+        for c in &instant.contacts {
+            contacts.add_row([
+                c.i.to_string(),
+                c.j.to_string(),
+                format!("{} {}", c.image[0], c.image[1]),
+                digits(c.gap),
+                digits(c.normal_force),
+                digits(c.tangential_force),
+                digits(c.normal_velocity),
+                digits(c.slip_velocity),
+                match c.state {
+                    ContactState::Frictionless => "frictionless",
+                    ContactState::Rolling => "rolling",
+                    ContactState::Slipping => "slipping",
+                }
+                .into(),
+            ]);
+        }
+        writeln!(output.out, "{contacts}")?;
+    }
+    for (name, value) in [
+        ("viscosity", instant.viscosity),
+        ("stresslet viscosity", instant.viscosity_stresslet),
+        ("dissipation", instant.dissipation),
+    ] {
+        if let Some(value) = value {
+            writeln!(output.out, "{name} {}", digits(value))?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn message(text: &str) -> String {
+        read(Path::new("in.json"), text.as_bytes())
+            .unwrap_err()
+            .to_string()
+    }
+
+    #[test]
+    fn example_of_the_interface_is_read() {
+        let text = r#"{"centres": [[0.0, 0.0], [2.1, 0.0]], "radii": [1.0, 1.0], "cell": [12.5, 12.5],
+            "offset": 3.1, "hydrodynamics": "stokesian-dynamics",
+            "background": {"rate_of_strain": {"xx": 0, "yy": 0, "xy": 0.5}, "angular_velocity": -0.5},
+            "forces": [[0, 0], [0, 0]], "torques": [0, 0], "contact": {"scheme": "none"}}"#;
+        let (configuration, _) = read(Path::new("-"), text.as_bytes()).unwrap();
+        assert_eq!(configuration.centres[1], Vec2::new(2.1, 0.0));
+        assert_eq!(configuration.background, Background::SHEAR);
+    }
+
+    #[test]
+    fn strange_input_is_refused_with_its_place() {
+        let start = r#"{"centres": [[0, 0]], "hydrodynamics": "ball-melrose""#;
+        let all: Vec<String> = [
+            format!("{start}, \"radius\": 1}}"),
+            format!("{start}, \"radii\": [1, 2]}}"),
+            format!("{start}, \"offset\": 1}}"),
+            format!("{start}, \"contact\": {{\"scheme\": \"none\", \"friction\": 1}}}}"),
+            format!("{start}, \"contact\": {{\"scheme\": \"none\", \"rough\": 1}}}}"),
+            format!("{start}, \"contact\": {{\"scheme\": \"rigid\"}}}}"),
+            "{\"centres\": [[1e999, 0]]}".into(),
+            "{\"centres\": [[0, 0]]}".into(),
+            "[[".into(),
+        ]
+        .iter()
+        .map(|text| message(text))
+        .collect();
+        insta::assert_snapshot!(all.join("\n"));
+    }
+
+    proptest! {
+        #[test]
+        fn no_input_crashes_the_reader(text in "[\\[\\]{}:,\"a-z0-9.e-]{0,200}") {
+            let _ = read(Path::new("-"), text.as_bytes());
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! The error type of the program, and the exit code each kind ends with.
+
+use crate::campaign::CampaignError;
+use crate::exit;
+use crate::store::StoreError;
+use std::io;
+use std::path::PathBuf;
+
+/// Why a command was refused or could not be finished.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[non_exhaustive]
+pub enum Error {
+    /// A campaign file that does not say what it should.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Campaign(#[from] Box<CampaignError>),
+    /// The store.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Store(#[from] StoreError),
+    /// A file that could not be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file larger than any sensible input.
+    #[error("{} is larger than {limit} bytes, the most this input may have", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Largest size allowed.
+        limit: u64,
+    },
+    /// JSON input that does not say what it should.
+    #[error("{}:{line}:{column}: {message}", path.display())]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What is wrong, and what is allowed.
+        message: String,
+    },
+    /// A value in JSON input that cannot be meant.
+    #[error("{}: {field}: {message}", path.display())]
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// Name of the value.
+        field: &'static str,
+        /// What is wrong, and what is allowed.
+        message: String,
+    },
+    /// An argument of the command line.
+    #[error("{argument}: {message}")]
+    Argument {
+        /// The argument.
+        argument: &'static str,
+        /// What is wrong, and what is allowed.
+        message: String,
+    },
+    /// A computation of the solver that was refused or failed.
+    #[error("{0}")]
+    Physics(#[from] sd_core::Error),
+    /// Threads or signal handlers the system would not give.
+    #[error("cannot start {what}: {reason}")]
+    Start {
+        /// What was asked for.
+        what: &'static str,
+        /// What the system said.
+        reason: String,
+    },
+    /// Output that could not be written.
+    #[error("cannot write the output: {0}")]
+    Output(#[from] io::Error),
+}
+
+impl Error {
+    /// The exit code of the program after this error.
+    pub fn exit_code(&self) -> u8 {
+        use sd_core::Error as Physics;
+        match self {
+            Self::Physics(
+                Physics::OutOfRange { .. }
+                | Physics::Length { .. }
+                | Physics::NoSpheres
+                | Physics::Overlap { .. }
+                | Physics::CellTooSmall { .. }
+                | Physics::BadPair { .. },
+            ) => exit::BAD_INPUT,
+            Self::Physics(_) | Self::Output(_) | Self::Start { .. } => exit::FAILED,
+            Self::Store(error) if error.under_way() => exit::STORE,
+            _ => exit::BAD_INPUT,
+        }
+    }
+
+    /// Whether the reader of standard output went away, which is no fault of ours (`sweep report | head`).
+    pub fn is_closed_pipe(&self) -> bool {
+        matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
+    }
+}

@@ -1,0 +1,20 @@
+//! Campaigns of sheared layers: everything of the `sweep` program but its `main`.
+//!
+//! One way through: a [`campaign`] file is laid out as [`case`]s, the [`runner`] computes them and keeps every
+//! state of every case in the [`store`], and a [`report`] averages what the store holds. The store is the only memory:
+//! a process may die at any line, and the next one goes on.
+
+pub mod campaign;
+pub mod case;
+pub mod cli;
+pub mod error;
+pub mod exit;
+pub mod report;
+pub mod runner;
+pub mod statistics;
+pub mod store;
+
+#[cfg(test)]
+mod test_support;
+
+pub use error::Error;

@@ -1,0 +1,162 @@
+//! The report for people: a table, and under it what its columns mean.
+
+use super::{Point, Report, significant};
+use crate::error::Error;
+use crate::statistics::Estimate;
+use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
+use sd_core::{ContactScheme, Hydrodynamics, Params};
+use std::io::Write;
+
+/// An axis of the campaign: its heading and how its value is written.
+type Axis = (&'static str, fn(&Params) -> String);
+
+/// All axes, in the order of the columns.
+const AXES: [Axis; 9] = [
+    ("hydrodynamics", |p| hydrodynamics(p.hydrodynamics).into()),
+    ("contact", |p| contact(p.contact).into()),
+    ("N", |p| p.spheres.to_string()),
+    ("c", |p| p.area_fraction.to_string()),
+    ("size ratio", |p| p.size_ratio.to_string()),
+    ("large", |p| p.large_fraction.to_string()),
+    ("h", |p| p.roughness.to_string()),
+    ("ν", |p| p.friction.to_string()),
+    ("Γ", |p| p.shear_rate.to_string()),
+];
+
+/// A measured quantity: its heading and how its value is written.
+type Column = (&'static str, fn(&Point) -> String);
+
+/// Measured quantities, in the order of the columns; those about jammed and failed runs only where there are some.
+const COLUMNS: [Column; 13] = [
+    ("runs", |p| p.seeds.to_string()),
+    ("jammed", |p| p.jammed.to_string()),
+    ("failed", |p| p.failed.to_string()),
+    ("viscosity", |p| interval(p.viscosity)),
+    ("median", |p| number(p.viscosity_median, 4)),
+    ("stresslet\nviscosity", |p| interval(p.viscosity_stresslet)),
+    ("contacts\n/ N", |p| number(p.contacts_per_sphere, 3)),
+    ("activated", |p| number(p.activated_fraction, 3)),
+    ("rolling", |p| number(p.rolling_fraction, 3)),
+    ("smallest\ngap", |p| number(p.minimum_gap, 3)),
+    ("approach", |p| number(p.mean_approach_velocity, 2)),
+    ("worst\nresidual", |p| number(p.worst_residual, 2)),
+    ("unconverged", |p| number(p.unconverged_fraction, 2)),
+];
+
+/// Word for hydrodynamics, as in campaign files.
+pub(crate) fn hydrodynamics(choice: Hydrodynamics) -> &'static str {
+    match choice {
+        Hydrodynamics::StokesianDynamics => "stokesian-dynamics",
+        Hydrodynamics::BallMelrose => "ball-melrose",
+    }
+}
+
+/// Word for a contact scheme, as in campaign files.
+pub(crate) fn contact(choice: ContactScheme) -> &'static str {
+    match choice {
+        ContactScheme::Rigid => "rigid",
+        ContactScheme::Procedure => "procedure",
+    }
+}
+
+/// A table in the style of the program; `width` is that of the terminal.
+pub(crate) fn table(width: Option<u16>) -> Table {
+    let mut table = Table::new();
+    table
+        .load_style(presets::UTF8_HORIZONTAL_ONLY.row_separator(LineStyle::none()))
+        .set_content_arrangement(ContentArrangement::Dynamic);
+    // Not a terminal: as wide as it needs to be, for files and pipes.
+    table.set_width(width.unwrap_or(u16::MAX));
+    table
+}
+
+/// A number, or a dash.
+fn number(value: Option<f64>, digits: i32) -> String {
+    value.map_or_else(|| "–".into(), |value| significant(value, digits))
+}
+
+/// A mean with its interval.
+fn interval(estimate: Option<Estimate>) -> String {
+    match estimate {
+        None => "–".into(),
+        Some(Estimate {
+            mean,
+            ci95: Some(width),
+            ..
+        }) => format!("{} ± {}", significant(mean, 4), significant(width, 2)),
+        Some(Estimate { mean, .. }) => significant(mean, 4),
+    }
+}
+
+/// Writes the report as a table.
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result<(), Error> {
+    let c = &report.counts;
+    writeln!(
+        out,
+        "{}: {} of {} cases done, {} jammed, {} failed, {} to do",
+        report.campaign,
+        c.done,
+        c.total(),
+        c.jammed,
+        c.failed,
+        c.pending + c.running
+    )?;
+    let differs = |axis: &Axis| {
+        let first = report.points.first().map(|point| axis.1(&point.params));
+        report
+            .points
+            .iter()
+            .any(|point| Some(axis.1(&point.params)) != first)
+    };
+    // The shear rate is what curves are drawn against: always a column.
+    let (columns, fixed): (Vec<Axis>, Vec<Axis>) = AXES
+        .into_iter()
+        .partition(|axis| axis.0 == "Γ" || differs(axis));
+    if let Some(point) = report.points.first() {
+        let mixed = report.points.iter().any(|p| p.params.size_ratio > 1.0);
+        let words: Vec<String> = fixed
+            .iter()
+            .filter(|axis| mixed || !["size ratio", "large"].contains(&axis.0))
+            .map(|axis| format!("{} {}", axis.0, axis.1(&point.params)))
+            .collect();
+        writeln!(out, "{}", words.join(", "))?;
+        let measured: Vec<Column> = COLUMNS
+            .into_iter()
+            .filter(|(heading, _)| match *heading {
+                "jammed" => c.jammed > 0,
+                "failed" => c.failed > 0,
+                _ => true,
+            })
+            .collect();
+        let mut table = table(width);
+        let axes = columns.iter().map(|axis| axis.0);
+        table.set_header(axes.chain(measured.iter().map(|column| column.0)));
+        for point in &report.points {
+            let axes = columns.iter().map(|axis| axis.1(&point.params));
+            table.add_row(axes.chain(measured.iter().map(|column| column.1(point))));
+        }
+        for column in table.column_iter_mut() {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+        writeln!(out, "{table}")?;
+        writeln!(
+            out,
+            "viscosity: mean over runs ± half the 95 % Student interval, after a strain of {}; \
+             stresslet viscosity: without contact stress.\n\
+             median: over runs, of their medians in time. Jammed runs are counted, not averaged. \
+             activated: of contacts; rolling: of activated ones.",
+            report.discard
+        )?;
+    }
+    for failure in &report.failures {
+        writeln!(
+            out,
+            "failed: {} seed {} at strain {:.3}: {}",
+            failure.key, failure.seed, failure.strain, failure.error
+        )?;
+    }
+    Ok(())
+}

@@ -1,0 +1,219 @@
+//! Computes the cases of a store: a bounded pool, one case per thread, until nothing is left or a signal says stop.
+
+mod compute;
+mod panics;
+mod progress;
+mod stop;
+
+pub use progress::{Progress, Style};
+pub use stop::Stop;
+
+use crate::campaign::Protocol;
+use crate::error::Error;
+use crate::store::{Store, StoreError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Time from one look at signals and bars to the next.
+const TICK: Duration = Duration::from_millis(100);
+/// Time from one look at other processes to the next.
+const LOOK: Duration = Duration::from_secs(2);
+/// Time from one heartbeat to the next.
+const HEARTBEAT: Duration = Duration::from_secs(10);
+/// How long a step in progress may go on after a signal before it is abandoned for its last checkpoint.
+const GRACE: Duration = Duration::from_secs(10);
+
+/// How to run.
+#[derive(Debug, Clone, Copy)]
+pub struct Options {
+    /// Threads, one case each.
+    pub workers: usize,
+    /// Computing time after which a single case ends as failed.
+    pub wall_limit: Option<Duration>,
+}
+
+/// What the threads of a run share.
+struct Shared<'r> {
+    /// The store; whoever holds the lock is the one writer.
+    store: Mutex<&'r mut Store>,
+    /// How every run is made.
+    protocol: &'r Protocol,
+    /// How to run.
+    options: Options,
+    /// The signal, once there was one.
+    stop: &'r Stop,
+    /// What the user sees.
+    progress: &'r Progress,
+    /// The first trouble with the store: all stop.
+    trouble: Mutex<Option<StoreError>>,
+    /// Threads that still work.
+    working: AtomicUsize,
+}
+
+/// Computes all cases that can be had; returns when none is left, or after a signal.
+///
+/// # Errors
+/// Trouble with the store, threads the system would not give. Cases that fail are no error: they are in the store.
+pub fn run(
+    store: &mut Store,
+    protocol: &Protocol,
+    options: Options,
+    stop: &Stop,
+    progress: &Progress,
+) -> Result<(), Error> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(options.workers)
+        .thread_name(|number| format!("worker {number}"))
+        .build()
+        .map_err(|error| Error::Start {
+            what: "threads",
+            reason: error.to_string(),
+        })?;
+    panics::capture_in_workers();
+    store.register(options.workers)?;
+    store.release_dead()?;
+    let (total, done) = store.work()?;
+    progress.begin(total, done, store.counts()?);
+    let shared = Shared {
+        store: Mutex::new(store),
+        protocol,
+        options,
+        stop,
+        progress,
+        trouble: Mutex::new(None),
+        working: AtomicUsize::new(options.workers),
+    };
+    pool.in_place_scope(|scope| {
+        for worker in 0..options.workers {
+            let shared = &shared;
+            scope.spawn(move |_| {
+                shared.work(worker);
+                shared.working.fetch_sub(1, Ordering::Release);
+            });
+        }
+        shared.supervise();
+    });
+    progress.end();
+    let trouble = shared
+        .trouble
+        .into_inner()
+        .unwrap_or_else(PoisonError::into_inner);
+    let left = shared
+        .store
+        .into_inner()
+        .unwrap_or_else(PoisonError::into_inner)
+        .leave();
+    match trouble {
+        Some(trouble) => Err(trouble.into()),
+        None => Ok(left?),
+    }
+}
+
+impl<'r> Shared<'r> {
+    /// The store, for as long as the guard lives. A panic elsewhere leaves it whole: transactions roll back.
+    fn store(&self) -> MutexGuard<'_, &'r mut Store> {
+        self.store.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Keeps the first trouble, which ends the run.
+    fn give_up(&self, error: StoreError) {
+        self.trouble
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .get_or_insert(error);
+    }
+
+    /// Whether the threads are to stop.
+    fn stopping(&self) -> bool {
+        self.stop.signal().is_some()
+            || self
+                .trouble
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .is_some()
+    }
+
+    /// One thread: case after case.
+    fn work(&self, worker: usize) {
+        while !self.stopping() {
+            let claim = self.store().claim();
+            let result = match claim {
+                Ok(Some(claim)) => self.compute(worker, &claim),
+                Ok(None) => match self.anything_left() {
+                    Ok(true) => {
+                        std::thread::sleep(TICK * 2);
+                        Ok(())
+                    }
+                    Ok(false) => return,
+                    Err(error) => Err(error),
+                },
+                Err(error) => Err(error),
+            };
+            match result {
+                Ok(()) => {}
+                // Another process thought us dead and has the case now; its result will be the same.
+                Err(error @ StoreError::ClaimLost { .. }) => {
+                    self.progress.note(&error.to_string());
+                }
+                Err(error) => self.give_up(error),
+            }
+        }
+    }
+
+    /// Whether cases are pending or with others, who may die and leave them to us.
+    fn anything_left(&self) -> Result<bool, StoreError> {
+        let counts = self.store().counts()?;
+        Ok(counts.pending + counts.running > 0)
+    }
+
+    /// Watches over the threads from the one that started them.
+    fn supervise(&self) {
+        let (mut looked, mut beaten) = (Instant::now(), Instant::now());
+        let mut stopped: Option<Instant> = None;
+        while self.working.load(Ordering::Acquire) > 0 {
+            std::thread::sleep(TICK);
+            if beaten.elapsed() >= HEARTBEAT {
+                beaten = Instant::now();
+                if let Err(error) = self.store().heartbeat() {
+                    self.give_up(error);
+                }
+            }
+            if looked.elapsed() >= LOOK {
+                looked = Instant::now();
+                if let Err(error) = self.look_around() {
+                    self.give_up(error);
+                }
+            }
+            self.progress.draw();
+            if let Some(signal) = self.stop.signal() {
+                let since = *stopped.get_or_insert_with(|| {
+                    self.progress
+                        .note("stopping at the next step; once more aborts at once");
+                    Instant::now()
+                });
+                if since.elapsed() > GRACE {
+                    self.progress
+                        .note("a step takes too long: its case goes on from its last checkpoint");
+                    // Given back here, so that what the abandoned threads may still write no longer counts.
+                    let _ = self.store().leave();
+                    Stop::exit(signal);
+                }
+            }
+        }
+    }
+
+    /// Frees the cases of dead processes, and sees how far all are.
+    fn look_around(&self) -> Result<(), StoreError> {
+        let mut store = self.store();
+        let freed = store.release_dead()?;
+        if freed > 0 {
+            self.progress.note(&format!(
+                "{freed} cases of a process that is gone go on from their last checkpoints"
+            ));
+        }
+        let (_, done) = store.work()?;
+        self.progress.see(done, store.counts()?);
+        Ok(())
+    }
+}

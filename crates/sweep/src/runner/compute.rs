@@ -1,0 +1,304 @@
+//! One case from its claim to its end.
+
+use super::{Shared, panics};
+use crate::case::{Case, State};
+use crate::store::{Checkpoint, Claim, Failure, Finished, StoreError};
+use sd_core::simulation::Flow;
+use sd_core::{Hydrodynamics, Sample, Simulation};
+use serde_json::json;
+use std::time::{Duration, Instant};
+
+/// Computing time between checkpoints is at least this many times what the last one cost: under 1 % goes to them.
+const CHECKPOINT_SHARE: u32 = 100;
+
+/// A run under way. Outside the part that may panic, so that what was computed is there afterwards.
+#[derive(Default)]
+struct Run {
+    /// The layer, once it is made.
+    simulation: Option<Simulation>,
+    /// What was measured.
+    record: Record,
+}
+
+/// What was measured in a run.
+#[derive(Default)]
+struct Record {
+    /// Samples so far.
+    samples: Vec<(u64, Sample)>,
+    /// Measured at the last step.
+    last: Option<Sample>,
+    /// Seconds computed before this process went on with it.
+    wall_time_before_s: f64,
+    /// Times it went on from a checkpoint.
+    resumed: u32,
+}
+
+/// How a run ended.
+enum End {
+    /// All steps done.
+    Done,
+    /// The layer jammed.
+    Jammed,
+    /// Asked to stop.
+    Stopped,
+    /// Failed: an error of the solver, or a limit.
+    Failed(Cause),
+}
+
+/// Why a run failed.
+enum Cause {
+    /// The solver said so.
+    Physics(sd_core::Error),
+    /// It took longer than allowed.
+    WallTime(f64),
+}
+
+impl Run {
+    /// Steps done.
+    fn steps(&self) -> u64 {
+        self.simulation.as_ref().map_or(0, Simulation::steps)
+    }
+}
+
+impl Record {
+    /// Bytes of the checkpoint of a run.
+    fn checkpoint(&self, simulation: &Simulation, wall_time_s: f64) -> Vec<u8> {
+        let checkpoint = Checkpoint {
+            snapshot: simulation.snapshot(),
+            samples: self.samples.clone(),
+            last: self.last,
+            wall_time_s,
+            resumed: self.resumed,
+        };
+        checkpoint
+            .encode()
+            .expect("numbers and lists always have an encoding")
+    }
+}
+
+impl Shared<'_> {
+    /// Computes a case and keeps what comes of it.
+    pub(super) fn compute(&self, worker: usize, claim: &Claim) -> Result<(), StoreError> {
+        let mut run = self.resume(claim)?;
+        let begun = Instant::now();
+        self.progress.start_case(worker, &claim.case, run.steps());
+        let outcome = panics::catch(|| self.simulate(worker, claim, &mut run, begun));
+        let wall_time_s = run.record.wall_time_before_s + begun.elapsed().as_secs_f64();
+        let result = match outcome {
+            Ok(Ok(end @ (End::Done | End::Jammed))) => {
+                let state = match end {
+                    End::Jammed => State::Jammed,
+                    _ => State::Done,
+                };
+                let finished = Finished {
+                    state,
+                    steps: run.steps(),
+                    samples: std::mem::take(&mut run.record.samples),
+                    last: run.record.last,
+                    discard_step: self.protocol.discard_steps(),
+                    wall_time_s,
+                    resumed: run.record.resumed,
+                };
+                let kept = self.store().finish(claim, &finished);
+                if matches!(state, State::Jammed) && kept.is_ok() {
+                    self.progress.note(&format!(
+                        "jammed at strain {:.3}: {}",
+                        finished.steps as f64 * claim.case.params.time_step,
+                        claim.case.label()
+                    ));
+                }
+                kept
+            }
+            Ok(Ok(End::Stopped)) => {
+                let begun = run.simulation.as_ref().filter(|layer| layer.steps() > 0);
+                let kept = begun.map_or(Ok(()), |layer| {
+                    let bytes = run.record.checkpoint(layer, wall_time_s);
+                    self.store().keep(claim, layer.steps(), &bytes)
+                });
+                kept.and_then(|()| self.store().release(claim))
+            }
+            Ok(Ok(End::Failed(cause))) => self.fail(claim, run, &cause),
+            Ok(Err(error)) => Err(error),
+            Err(message) => self.record_failure(claim, run, format!("panic: {message}"), None),
+        };
+        self.progress.end_case(worker, result.is_ok());
+        result
+    }
+
+    /// The run of a claimed case: from its newest good checkpoint, or from nothing.
+    fn resume(&self, claim: &Claim) -> Result<Run, StoreError> {
+        for checkpoint in &claim.checkpoints {
+            let refused = match checkpoint {
+                Ok(good) => {
+                    match Simulation::from_snapshot(&claim.case.params, good.snapshot.clone()) {
+                        Ok(simulation) => {
+                            return Ok(Run {
+                                simulation: Some(simulation),
+                                record: Record {
+                                    samples: good.samples.clone(),
+                                    last: good.last,
+                                    wall_time_before_s: good.wall_time_s,
+                                    resumed: good.resumed + 1,
+                                },
+                            });
+                        }
+                        Err(error) => error.to_string(),
+                    }
+                }
+                Err(damage) => damage.to_string(),
+            };
+            self.progress.note(&format!(
+                "a checkpoint of {} cannot be used ({refused}): going on from the one before",
+                claim.case.label()
+            ));
+        }
+        if !claim.checkpoints.is_empty() {
+            // Those left could otherwise outrank the fresh ones, which have fewer steps.
+            self.store().drop_checkpoints(claim)?;
+        }
+        Ok(Run::default())
+    }
+
+    /// Step after step until the run ends in some way.
+    fn simulate(
+        &self,
+        worker: usize,
+        claim: &Claim,
+        run: &mut Run,
+        begun: Instant,
+    ) -> Result<End, StoreError> {
+        let (case, record) = (&claim.case, &mut run.record);
+        let simulation = match &mut run.simulation {
+            Some(simulation) => simulation,
+            none => match Simulation::new(&case.params, case.seed) {
+                Ok(simulation) => none.insert(simulation),
+                Err(error) => return Ok(End::Failed(Cause::Physics(error))),
+            },
+        };
+        let checkpoint_stride = self.protocol.checkpoint_stride();
+        let mut kept = Instant::now();
+        let mut cost = Duration::ZERO;
+        loop {
+            if simulation.flow() == Flow::Jammed {
+                return Ok(End::Jammed);
+            }
+            if simulation.steps() >= case.steps {
+                return Ok(End::Done);
+            }
+            if self.stopping() {
+                return Ok(End::Stopped);
+            }
+            let step = simulation.steps();
+            let sample = match simulation.step() {
+                Ok(sample) => sample,
+                Err(error) => return Ok(End::Failed(Cause::Physics(error))),
+            };
+            record.last = Some(sample);
+            if step.is_multiple_of(case.sample_stride) {
+                record.samples.push((step, sample));
+            }
+            self.progress
+                .step(worker, simulation.steps(), sample.viscosity);
+            let wall_time_s = record.wall_time_before_s + begun.elapsed().as_secs_f64();
+            if let Some(limit) = self.options.wall_limit
+                && wall_time_s > limit.as_secs_f64()
+            {
+                return Ok(End::Failed(Cause::WallTime(limit.as_secs_f64())));
+            }
+            if simulation.steps().is_multiple_of(checkpoint_stride)
+                && simulation.steps() < case.steps
+                && kept.elapsed() >= cost * CHECKPOINT_SHARE
+            {
+                let writing = Instant::now();
+                let bytes = record.checkpoint(simulation, wall_time_s);
+                self.store().keep(claim, simulation.steps(), &bytes)?;
+                cost = writing.elapsed();
+                kept = Instant::now();
+            }
+        }
+    }
+
+    /// Records a failure of the solver or a limit.
+    fn fail(&self, claim: &Claim, run: Run, cause: &Cause) -> Result<(), StoreError> {
+        match cause {
+            Cause::Physics(error) => {
+                // Step and strain are kept beside the message.
+                let message = match error {
+                    sd_core::Error::Step { source, .. } => source.to_string(),
+                    other => other.to_string(),
+                };
+                self.record_failure(claim, run, message, Some(error))
+            }
+            Cause::WallTime(limit) => {
+                let message =
+                    format!("took longer than the {limit} s of computing a case may take");
+                self.record_failure(claim, run, message, None)
+            }
+        }
+    }
+
+    /// Keeps a failure; the campaign goes on.
+    fn record_failure(
+        &self,
+        claim: &Claim,
+        run: Run,
+        message: String,
+        error: Option<&sd_core::Error>,
+    ) -> Result<(), StoreError> {
+        self.progress
+            .note(&format!("failed: {}: {message}", claim.case.label()));
+        let (pair, gap) = error.map_or((None, None), culprit);
+        let failure = Failure {
+            error: message,
+            step: match error {
+                Some(sd_core::Error::Step { step, .. }) => *step,
+                _ => run.steps(),
+            },
+            pair,
+            gap,
+            snapshot: run
+                .simulation
+                .as_ref()
+                .map(|simulation| replay(&claim.case, simulation)),
+            samples: run.record.samples,
+        };
+        self.store().fail(claim, &failure)
+    }
+}
+
+/// The pair and the gap an error names.
+fn culprit(error: &sd_core::Error) -> (Option<(usize, usize)>, Option<f64>) {
+    match error {
+        sd_core::Error::Step { source, .. } => culprit(source),
+        sd_core::Error::Overlap { i, j, gap, .. } => (Some((*i, *j)), Some(*gap)),
+        sd_core::Error::BadPair { i, j, .. } => (Some((*i, *j)), None),
+        _ => (None, None),
+    }
+}
+
+/// The state of a layer as `sweep solve` reads it.
+fn replay(case: &Case, simulation: &Simulation) -> String {
+    let (p, snapshot) = (&case.params, simulation.snapshot());
+    let hydrodynamics: Hydrodynamics = p.hydrodynamics;
+    // At Γ = 0 the load is infinite, which JSON cannot say; without friction it does not matter.
+    let (friction, load) = if p.critical_load().is_finite() {
+        (p.friction, p.critical_load())
+    } else {
+        (0.0, 0.0)
+    };
+    json!({
+        "centres": snapshot.centres,
+        "radii": snapshot.radii,
+        "cell": snapshot.cell,
+        "offset": snapshot.offset,
+        "hydrodynamics": hydrodynamics,
+        "contact": {
+            "scheme": p.contact,
+            "roughness": p.roughness,
+            "friction": friction,
+            "critical_load": load,
+            "time_span": p.time_step,
+        },
+    })
+    .to_string()
+}

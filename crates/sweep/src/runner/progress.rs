@@ -1,0 +1,334 @@
+//! What a user sees of a run: bars on a terminal, a line now and then in a log, or nothing.
+
+use crate::case::Case;
+use crate::store::Counts;
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::collections::VecDeque;
+use std::io::Write;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Parts the overall bar is divided into.
+const PARTS: u64 = 10_000;
+/// Work of this last time is what the rest is estimated from.
+const WINDOW: Duration = Duration::from_mins(5);
+/// Time from one line in a log to the next.
+const LOG_EVERY: Duration = Duration::from_mins(1);
+
+/// How progress is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Style {
+    /// Bars on a terminal.
+    Bars,
+    /// Lines in a log.
+    Lines,
+    /// Nothing.
+    Quiet,
+}
+
+/// Progress of all cases and of each worker.
+pub struct Progress {
+    /// How it is shown.
+    style: Style,
+    /// All bars.
+    bars: MultiProgress,
+    /// Of the campaign.
+    overall: ProgressBar,
+    /// Of each worker.
+    workers: Vec<Worker>,
+    /// How far the campaign is.
+    campaign: Mutex<Overall>,
+    /// Where lines go.
+    log: Mutex<Box<dyn Write + Send>>,
+}
+
+/// Progress of one worker. Its thread writes numbers only; the supervising thread draws.
+struct Worker {
+    /// Its bar.
+    bar: ProgressBar,
+    /// Steps of its case done.
+    steps: AtomicU64,
+    /// Estimated cost of a step, as bits.
+    step_cost: AtomicU64,
+    /// Last viscosity, as bits.
+    viscosity: AtomicU64,
+    /// Time step in strain, as bits.
+    time_step: AtomicU64,
+}
+
+/// Progress of the campaign in units of estimated cost.
+struct Overall {
+    /// All of it.
+    total: f64,
+    /// What the store knows to be done, but for the cases under way here.
+    stored: f64,
+    /// Cases ended here since the store was asked.
+    since: f64,
+    /// The most that was ever shown: a bar does not go back.
+    shown: f64,
+    /// Cases by state.
+    counts: Counts,
+    /// How far it was when.
+    history: VecDeque<(Instant, f64)>,
+    /// Last line in the log.
+    logged: Instant,
+}
+
+impl Progress {
+    /// For so many workers; lines go to `log`.
+    pub fn new(style: Style, workers: usize, log: Box<dyn Write + Send>) -> Self {
+        let target = if style == Style::Bars {
+            ProgressDrawTarget::stderr_with_hz(8)
+        } else {
+            ProgressDrawTarget::hidden()
+        };
+        let bars = MultiProgress::with_draw_target(target);
+        let styled = |template: &str| {
+            ProgressStyle::with_template(template)
+                .unwrap_or_else(|_| ProgressStyle::default_bar())
+                .progress_chars("━╸ ")
+        };
+        let overall = bars.add(ProgressBar::new(PARTS));
+        overall.set_style(styled("{bar:30} {percent:>3} %  {msg}"));
+        let workers = (0..workers)
+            .map(|_| {
+                let bar = bars.add(ProgressBar::new(1));
+                bar.set_style(styled("{bar:30} {percent:>3} %  {prefix}  {msg}"));
+                Worker {
+                    bar,
+                    steps: AtomicU64::new(0),
+                    step_cost: AtomicU64::new(0),
+                    viscosity: AtomicU64::new(0),
+                    time_step: AtomicU64::new(0),
+                }
+            })
+            .collect();
+        Self {
+            style,
+            bars,
+            overall,
+            workers,
+            campaign: Mutex::new(Overall {
+                total: 0.0,
+                stored: 0.0,
+                since: 0.0,
+                shown: 0.0,
+                counts: Counts::default(),
+                history: VecDeque::new(),
+                logged: Instant::now(),
+            }),
+            log: Mutex::new(log),
+        }
+    }
+
+    /// The run begins with so much cost in all and so much of it done.
+    pub(super) fn begin(&self, total: f64, done: f64, counts: Counts) {
+        {
+            let mut campaign = self.campaign();
+            campaign.total = total;
+            campaign.history.push_back((Instant::now(), done));
+        }
+        self.see(done, counts);
+        let left = counts.pending + counts.running;
+        if self.style == Style::Lines && left > 0 {
+            self.line(&format!(
+                "{left} of {} cases to do, {} at a time",
+                counts.total(),
+                self.workers.len()
+            ));
+        }
+    }
+
+    /// What the store says about all processes together.
+    pub(super) fn see(&self, done: f64, counts: Counts) {
+        let mut campaign = self.campaign();
+        campaign.stored = done;
+        campaign.since = 0.0;
+        campaign.counts = counts;
+    }
+
+    /// A worker begins a case that is so many steps on.
+    pub(super) fn start_case(&self, worker: usize, case: &Case, steps: u64) {
+        let Some(worker) = self.workers.get(worker) else {
+            return;
+        };
+        worker.steps.store(steps, Ordering::Relaxed);
+        let put = |place: &AtomicU64, value: f64| place.store(value.to_bits(), Ordering::Relaxed);
+        put(&worker.step_cost, case.step_cost());
+        put(&worker.time_step, case.params.time_step);
+        put(&worker.viscosity, f64::NAN);
+        worker.bar.reset();
+        worker.bar.set_length(case.steps);
+        worker.bar.set_prefix(case.label());
+    }
+
+    /// A worker did a step.
+    pub(super) fn step(&self, worker: usize, steps: u64, viscosity: f64) {
+        if let Some(worker) = self.workers.get(worker) {
+            worker.steps.store(steps, Ordering::Relaxed);
+            worker
+                .viscosity
+                .store(viscosity.to_bits(), Ordering::Relaxed);
+        }
+    }
+
+    /// A worker ended its case.
+    pub(super) fn end_case(&self, worker: usize, kept: bool) {
+        if let Some(worker) = self.workers.get(worker) {
+            let cost = worker.cost();
+            worker.steps.store(0, Ordering::Relaxed);
+            worker.bar.set_prefix("");
+            worker.bar.set_message("");
+            worker.bar.set_position(0);
+            if kept {
+                self.campaign().since += cost;
+            }
+        }
+    }
+
+    /// Draws what changed.
+    pub(super) fn draw(&self) {
+        for worker in &self.workers {
+            let steps = worker.steps.load(Ordering::Relaxed);
+            let get = |place: &AtomicU64| f64::from_bits(place.load(Ordering::Relaxed));
+            let (viscosity, time_step) = (get(&worker.viscosity), get(&worker.time_step));
+            worker.bar.set_position(steps);
+            if steps > 0 && viscosity.is_finite() {
+                worker.bar.set_message(format!(
+                    "strain {:.2}  η {}",
+                    steps as f64 * time_step,
+                    crate::report::significant(viscosity, 4)
+                ));
+            }
+        }
+        let message = {
+            let mut campaign = self.campaign();
+            let here: f64 = self.workers.iter().map(Worker::cost).sum();
+            let done = campaign.stored + campaign.since + here;
+            campaign.advance(done);
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a fraction of the bar"
+            )]
+            let part = (campaign.fraction() * PARTS as f64) as u64;
+            self.overall.set_position(part);
+            campaign.message()
+        };
+        self.overall.set_message(message.clone());
+        if self.style == Style::Lines {
+            let due = {
+                let mut campaign = self.campaign();
+                let due = campaign.logged.elapsed() >= LOG_EVERY;
+                if due {
+                    campaign.logged = Instant::now();
+                }
+                due
+            };
+            if due {
+                self.line(&message);
+            }
+        }
+    }
+
+    /// Something the user should know, above the bars or in the log.
+    pub(super) fn note(&self, text: &str) {
+        match self.style {
+            Style::Bars => {
+                // Lost if the terminal is gone, like the bars.
+                let _ = self.bars.println(text);
+            }
+            Style::Lines => self.line(text),
+            Style::Quiet => {}
+        }
+    }
+
+    /// Takes the bars away.
+    pub(super) fn end(&self) {
+        for worker in &self.workers {
+            worker.bar.finish_and_clear();
+        }
+        self.overall.finish_and_clear();
+    }
+
+    /// Writes a line; a log that cannot be written is no reason to stop computing.
+    fn line(&self, text: &str) {
+        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        let _ = writeln!(log, "{text}");
+    }
+
+    /// Progress of the campaign.
+    fn campaign(&self) -> std::sync::MutexGuard<'_, Overall> {
+        self.campaign.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Worker {
+    /// Estimated cost of the steps of its case so far.
+    fn cost(&self) -> f64 {
+        let steps = self.steps.load(Ordering::Relaxed);
+        steps as f64 * f64::from_bits(self.step_cost.load(Ordering::Relaxed))
+    }
+}
+
+impl Overall {
+    /// Takes note of how far it is.
+    fn advance(&mut self, done: f64) {
+        self.shown = self.shown.max(done.min(self.total));
+        let now = Instant::now();
+        let fresh = self
+            .history
+            .back()
+            .is_some_and(|(at, _)| now.duration_since(*at) < Duration::from_secs(1));
+        if !fresh {
+            self.history.push_back((now, self.shown));
+        }
+        while self.history.len() > 2
+            && self
+                .history
+                .front()
+                .is_some_and(|(at, _)| now.duration_since(*at) > WINDOW)
+        {
+            self.history.pop_front();
+        }
+    }
+
+    /// Share that is done.
+    fn fraction(&self) -> f64 {
+        if self.total > 0.0 {
+            (self.shown / self.total).clamp(0.0, 1.0)
+        } else {
+            1.0
+        }
+    }
+
+    /// Time left at the rate of the last minutes.
+    fn left(&self) -> Option<Duration> {
+        let (since, before) = *self.history.front()?;
+        let (now, done) = *self.history.back()?;
+        let rate = (done - before) / now.duration_since(since).as_secs_f64();
+        let left = (self.total - self.shown) / rate;
+        (rate > 0.0 && left.is_finite())
+            .then(|| Duration::try_from_secs_f64(left.max(0.0)).ok())
+            .flatten()
+    }
+
+    /// In words.
+    fn message(&self) -> String {
+        let c = &self.counts;
+        let mut words = format!("{} of {} cases", c.done + c.jammed + c.failed, c.total());
+        for (number, word) in [(c.jammed, "jammed"), (c.failed, "failed")] {
+            if number > 0 {
+                words = format!("{words}, {number} {word}");
+            }
+        }
+        match self.left() {
+            Some(left) => format!(
+                "{words}, {} left",
+                crate::report::duration(left.as_secs_f64())
+            ),
+            None => words,
+        }
+    }
+}

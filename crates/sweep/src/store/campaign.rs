@@ -1,0 +1,218 @@
+//! Taking a campaign file into its store.
+
+use super::{Store, StoreError, integer, process, results};
+use crate::campaign::{Campaign, Protocol};
+use crate::case::{Case, CaseKey};
+use crate::statistics::Averages;
+use rusqlite::{OptionalExtension, Transaction, params};
+use std::cmp::Reverse;
+
+impl Store {
+    /// Makes the cases of the store those of the campaign. Cases already there keep all they have; cases that left the
+    /// grid stay stored, without a position.
+    ///
+    /// # Errors
+    /// [`StoreError::OtherCampaign`], and trouble with the file.
+    pub fn adopt(&mut self, campaign: &Campaign) -> Result<(), StoreError> {
+        let before = self.read(
+            self.connection
+                .query_row("SELECT name, text, protocol FROM campaign", [], |row| {
+                    Ok((
+                        row.get::<_, String>(0)?,
+                        row.get::<_, String>(1)?,
+                        row.get::<_, String>(2)?,
+                    ))
+                })
+                .optional(),
+        )?;
+        let protocol = self.json("campaign", serde_json::to_string(&campaign.protocol))?;
+        if let Some((name, text, old)) = before {
+            if name != campaign.name {
+                return Err(StoreError::OtherCampaign {
+                    path: self.path.clone(),
+                    found: name,
+                    wanted: campaign.name.clone(),
+                });
+            }
+            if text == campaign.text && old == protocol {
+                return Ok(());
+            }
+        }
+        let rows = rows(campaign)
+            .map(|row| self.json("cases", row))
+            .collect::<Result<Vec<_>, _>>()?;
+        self.write(|transaction| {
+            transaction.execute(
+                "INSERT INTO campaign (id, name, text, protocol) VALUES (1, ?1, ?2, ?3)
+                 ON CONFLICT (id) DO UPDATE SET text = excluded.text, protocol = excluded.protocol",
+                params![campaign.name, campaign.text, protocol],
+            )?;
+            transaction.execute("UPDATE cases SET position = NULL", [])?;
+            for row in &rows {
+                row.insert(transaction)?;
+            }
+            average_again(transaction, &campaign.protocol)
+        })
+    }
+
+    /// The protocol last run.
+    ///
+    /// # Errors
+    /// Trouble with the file, or an entry that cannot be read.
+    pub fn protocol(&self) -> Result<Protocol, StoreError> {
+        let text: String = self.read(self.connection.query_row(
+            "SELECT protocol FROM campaign",
+            [],
+            |row| row.get(0),
+        ))?;
+        self.json("campaign", serde_json::from_str(&text))
+    }
+
+    /// The name of the campaign.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn campaign_name(&self) -> Result<String, StoreError> {
+        self.read(
+            self.connection
+                .query_row("SELECT name FROM campaign", [], |row| row.get(0)),
+        )
+    }
+
+    /// Turns an error of JSON into one of the store.
+    pub(super) fn json<T>(
+        &self,
+        table: &'static str,
+        result: Result<T, serde_json::Error>,
+    ) -> Result<T, StoreError> {
+        result.map_err(|error| StoreError::Entry {
+            path: self.path.clone(),
+            table,
+            reason: error.to_string(),
+        })
+    }
+}
+
+/// A case as it is written to the store.
+struct Row<'c> {
+    /// Its key.
+    key: CaseKey,
+    /// The case.
+    case: &'c Case,
+    /// Place in the file.
+    position: usize,
+    /// Place in the order of work.
+    rank: usize,
+    /// Its parameters as JSON.
+    params: String,
+    /// Word for its hydrodynamics.
+    hydrodynamics: String,
+    /// Word for its contact scheme.
+    contact: String,
+}
+
+/// All cases of a campaign with their order of work: dear runs first, so that no core idles at the end, then the first
+/// seed of every point before the second of any, so that curves fill in early.
+fn rows(campaign: &Campaign) -> impl Iterator<Item = Result<Row<'_>, serde_json::Error>> {
+    let mut order: Vec<(Reverse<u64>, u64, usize)> = Vec::with_capacity(campaign.cases.len());
+    let mut seed_number = 0;
+    for (position, (_, case)) in campaign.cases.iter().enumerate() {
+        let same_point = position
+            .checked_sub(1)
+            .is_some_and(|before| campaign.cases[before].1.params == case.params);
+        seed_number = if same_point { seed_number + 1 } else { 0 };
+        // Bits of a positive float are in the order of its value.
+        order.push((Reverse(case.cost().to_bits()), seed_number, position));
+    }
+    order.sort_unstable();
+    let mut ranks = vec![0; order.len()];
+    for (rank, (.., position)) in order.into_iter().enumerate() {
+        ranks[position] = rank;
+    }
+    campaign
+        .cases
+        .iter()
+        .zip(ranks)
+        .enumerate()
+        .map(|(position, ((key, case), rank))| {
+            let word = |json: Result<String, serde_json::Error>| {
+                json.map(|quoted| quoted.trim_matches('"').to_owned())
+            };
+            Ok(Row {
+                key: *key,
+                case,
+                position,
+                rank,
+                params: serde_json::to_string(&case.params)?,
+                hydrodynamics: word(serde_json::to_string(&case.params.hydrodynamics))?,
+                contact: word(serde_json::to_string(&case.params.contact))?,
+            })
+        })
+}
+
+impl Row<'_> {
+    /// Writes a new case, or gives a known one its place in the file.
+    fn insert(&self, transaction: &Transaction<'_>) -> Result<(), rusqlite::Error> {
+        let p = &self.case.params;
+        transaction
+            .prepare_cached(
+                "INSERT INTO cases (key, position, rank, params, seed, steps, sample_stride, time_step, area_fraction,
+                     friction, roughness, shear_rate, spheres, size_ratio, large_fraction, hydrodynamics, contact, cost,
+                     changed_at)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19)
+                 ON CONFLICT (key) DO UPDATE SET position = excluded.position, rank = excluded.rank,
+                     cost = excluded.cost",
+            )?
+            .execute(params![
+                self.key.to_string(),
+                integer(self.position as u64),
+                integer(self.rank as u64),
+                self.params,
+                integer(self.case.seed),
+                integer(self.case.steps),
+                integer(self.case.sample_stride),
+                p.time_step,
+                p.area_fraction,
+                p.friction,
+                p.roughness,
+                p.shear_rate,
+                integer(p.spheres as u64),
+                p.size_ratio,
+                p.large_fraction,
+                self.hydrodynamics,
+                self.contact,
+                self.case.cost(),
+                process::now(),
+            ])?;
+        Ok(())
+    }
+}
+
+/// Averages finished runs again whose discarded strain is no longer that of the protocol.
+fn average_again(
+    transaction: &Transaction<'_>,
+    protocol: &Protocol,
+) -> Result<(), rusqlite::Error> {
+    let stale: Vec<(i64, i64)> = transaction
+        .prepare(
+            "SELECT r.case_id, c.spheres FROM results r JOIN cases c ON c.id = r.case_id
+             WHERE c.position IS NOT NULL AND r.discard_step != ?1",
+        )?
+        .query_map([integer(protocol.discard_steps())], |row| {
+            Ok((row.get(0)?, row.get(1)?))
+        })?
+        .collect::<Result<_, _>>()?;
+    for (case, spheres) in stale {
+        let samples = results::samples(transaction, case)?;
+        let averages = Averages::of(&samples, protocol.discard_steps());
+        let spheres = usize::try_from(spheres).unwrap_or(1);
+        results::write_averages(
+            transaction,
+            case,
+            protocol.discard_steps(),
+            &averages,
+            spheres,
+        )?;
+    }
+    Ok(())
+}

@@ -1,0 +1,133 @@
+//! The format of a checkpoint: versioned, checksummed, all that the rest of the run and its result need.
+
+use sd_core::{Sample, Snapshot};
+use serde::{Deserialize, Serialize};
+
+/// First bytes of every checkpoint.
+const MAGIC: [u8; 4] = *b"SWCP";
+/// Version of the format.
+const VERSION: u32 = 1;
+/// Bytes before the content: magic, version, checksum.
+const HEADER: usize = 4 + 4 + 32;
+
+/// A run as far as it has come.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    /// State of the layer.
+    pub snapshot: Snapshot,
+    /// Samples so far, with their steps.
+    pub samples: Vec<(u64, Sample)>,
+    /// Measured at the last step, kept or not: it carries the counters of the run.
+    pub last: Option<Sample>,
+    /// Seconds of computing so far.
+    pub wall_time_s: f64,
+    /// Times the run went on from a checkpoint so far.
+    pub resumed: u32,
+}
+
+/// Why bytes are not a checkpoint that can be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Damage {
+    /// Too short, or not one at all.
+    #[error("not a checkpoint")]
+    Foreign,
+    /// Of a format this program does not know.
+    #[error("format {found}, and this program reads {VERSION}")]
+    Version {
+        /// Its version.
+        found: u32,
+    },
+    /// The checksum does not agree.
+    #[error("torn or corrupt: the checksum does not agree")]
+    Checksum,
+    /// The content cannot be read in spite of an agreeing checksum.
+    #[error("unreadable content: {0}")]
+    Content(postcard::Error),
+}
+
+impl Checkpoint {
+    /// As bytes.
+    ///
+    /// # Errors
+    /// Those of the encoder, which is given nothing it cannot encode.
+    pub fn encode(&self) -> Result<Vec<u8>, postcard::Error> {
+        let content = postcard::to_stdvec(self)?;
+        let mut bytes = Vec::with_capacity(HEADER + content.len());
+        bytes.extend_from_slice(&MAGIC);
+        bytes.extend_from_slice(&VERSION.to_le_bytes());
+        bytes.extend_from_slice(blake3::hash(&content).as_bytes());
+        bytes.extend_from_slice(&content);
+        Ok(bytes)
+    }
+
+    /// From bytes.
+    ///
+    /// # Errors
+    /// [`Damage`] if these are not the bytes of a whole checkpoint of this version.
+    pub fn decode(bytes: &[u8]) -> Result<Self, Damage> {
+        let (header, content) = bytes.split_at_checked(HEADER).ok_or(Damage::Foreign)?;
+        let rest = header.strip_prefix(&MAGIC).ok_or(Damage::Foreign)?;
+        let (version, checksum) = rest.split_first_chunk::<4>().ok_or(Damage::Foreign)?;
+        let found = u32::from_le_bytes(*version);
+        if found != VERSION {
+            return Err(Damage::Version { found });
+        }
+        if blake3::hash(content).as_bytes() != checksum {
+            return Err(Damage::Checksum);
+        }
+        postcard::from_bytes(content).map_err(Damage::Content)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn checkpoint() -> Checkpoint {
+        Checkpoint {
+            snapshot: crate::test_support::snapshot(12),
+            samples: vec![
+                (0, crate::test_support::sample(0.0)),
+                (4, crate::test_support::sample(0.02)),
+            ],
+            last: Some(crate::test_support::sample(0.055)),
+            wall_time_s: 0.25,
+            resumed: 1,
+        }
+    }
+
+    #[test]
+    fn round_trip_keeps_every_bit() {
+        let bytes = checkpoint().encode().unwrap();
+        assert_eq!(Checkpoint::decode(&bytes).unwrap(), checkpoint());
+    }
+
+    #[test]
+    fn torn_at_any_byte_is_noticed() {
+        let bytes = checkpoint().encode().unwrap();
+        for length in 0..bytes.len() {
+            assert!(Checkpoint::decode(&bytes[..length]).is_err());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_changed_bit_is_noticed(at in 0usize..600, bit in 0u8..8) {
+            let mut bytes = checkpoint().encode().unwrap();
+            let at = at % bytes.len();
+            bytes[at] ^= 1 << bit;
+            prop_assert!(Checkpoint::decode(&bytes).is_err());
+        }
+
+        #[test]
+        fn arbitrary_bytes_do_not_crash(content in proptest::collection::vec(any::<u8>(), 0..300)) {
+            // With a true checksum, so that the decoder itself is reached.
+            let mut bytes = MAGIC.to_vec();
+            bytes.extend_from_slice(&VERSION.to_le_bytes());
+            bytes.extend_from_slice(blake3::hash(&content).as_bytes());
+            bytes.extend_from_slice(&content);
+            let _ = Checkpoint::decode(&bytes);
+        }
+    }
+}

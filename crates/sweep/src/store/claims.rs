@@ -1,0 +1,311 @@
+//! Claims and checkpoints: the life of a running case.
+
+use super::process::{self, Identity, Life};
+use super::{Checkpoint, Damage, Registered, Store, StoreError, count, integer};
+use crate::case::{Case, PHYSICS_VERSION};
+use rusqlite::{Connection, OptionalExtension, Transaction, params};
+use std::time::Duration;
+
+/// A case this process owns.
+#[derive(Debug)]
+pub struct Claim {
+    /// Its row.
+    pub(crate) id: i64,
+    /// Its key.
+    pub key: String,
+    /// The case.
+    pub case: Case,
+    /// What its checkpoints hold, the newest first.
+    pub checkpoints: Vec<Result<Checkpoint, Damage>>,
+}
+
+impl Store {
+    /// Enters this process, which from now on may claim cases.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn register(&mut self, threads: usize) -> Result<(), StoreError> {
+        let identity = Identity::of_this_process();
+        let (build, now) = (process::build(), process::now());
+        let id = self.write(|transaction| {
+            transaction.execute(
+                "INSERT INTO processes (host, boot, namespace, pid, start, started_at, heartbeat, version,
+                     physics_version, build, threads)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?6, ?7, ?8, ?9, ?10)",
+                params![
+                    identity.host,
+                    identity.boot,
+                    identity.namespace,
+                    identity.pid,
+                    identity.start,
+                    now,
+                    env!("CARGO_PKG_VERSION"),
+                    PHYSICS_VERSION,
+                    build,
+                    integer(threads as u64),
+                ],
+            )?;
+            Ok(transaction.last_insert_rowid())
+        })?;
+        self.process = Some(Registered { id, identity });
+        Ok(())
+    }
+
+    /// Row of this process; no row has the number 0.
+    pub(super) fn me(&self) -> i64 {
+        self.process.as_ref().map_or(0, |process| process.id)
+    }
+
+    /// Says that this process lives.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn heartbeat(&mut self) -> Result<(), StoreError> {
+        let me = self.me();
+        self.relaxed(|transaction| {
+            transaction.execute(
+                "UPDATE processes SET heartbeat = ?2 WHERE id = ?1",
+                params![me, process::now()],
+            )?;
+            Ok(())
+        })
+    }
+
+    /// Gives back all that this process still owns, and says that it ended.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn leave(&mut self) -> Result<(), StoreError> {
+        let me = self.me();
+        self.write(|transaction| {
+            free(transaction, me)?;
+            transaction.execute(
+                "UPDATE processes SET ended_at = ?2, heartbeat = ?2 WHERE id = ?1",
+                params![me, process::now()],
+            )?;
+            Ok(())
+        })
+    }
+
+    /// Frees the cases of processes that are gone; they go on from their last checkpoint. Says how many.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn release_dead(&mut self) -> Result<usize, StoreError> {
+        let Some(Registered { id: me, identity }) = self.process.clone() else {
+            return Ok(0);
+        };
+        let owners =
+            |connection: &Connection| -> Result<Vec<(i64, Identity, i64)>, rusqlite::Error> {
+                connection
+                    .prepare_cached(
+                        "SELECT id, host, boot, namespace, pid, start, heartbeat FROM processes
+                     WHERE id IN (SELECT owner FROM cases WHERE state = 'running') AND id != ?1",
+                    )?
+                    .query_map([me], |row| {
+                        let identity = Identity {
+                            host: row.get(1)?,
+                            boot: row.get(2)?,
+                            namespace: row.get(3)?,
+                            pid: row.get(4)?,
+                            start: row.get(5)?,
+                        };
+                        Ok((row.get(0)?, identity, row.get(6)?))
+                    })?
+                    .collect()
+            };
+        let dead = |owners: Vec<(i64, Identity, i64)>| -> Vec<i64> {
+            owners
+                .into_iter()
+                .filter(|(_, owner, heartbeat)| {
+                    let silence = Duration::from_millis(count(process::now() - heartbeat));
+                    identity.judge(owner, silence) == Life::Dead
+                })
+                .map(|(id, ..)| id)
+                .collect()
+        };
+        // A look without the lock first: nearly always there is nothing to do.
+        if dead(self.read(owners(&self.connection))?).is_empty() {
+            return Ok(0);
+        }
+        self.write(|transaction| {
+            let mut freed = 0;
+            for process in dead(owners(transaction)?) {
+                freed += free(transaction, process)?;
+            }
+            Ok(freed)
+        })
+    }
+
+    /// Claims the next case: one that was begun before any that was not.
+    ///
+    /// # Errors
+    /// Trouble with the file, or a case that cannot be read.
+    pub fn claim(&mut self) -> Result<Option<Claim>, StoreError> {
+        let me = self.me();
+        let claimed = self.write(|transaction| {
+            let begun = transaction
+                .prepare_cached(
+                    "SELECT id FROM cases WHERE state = 'pending' AND steps_done > 0 AND position IS NOT NULL
+                     ORDER BY rank LIMIT 1",
+                )?
+                .query_row([], |row| row.get::<_, i64>(0))
+                .optional()?;
+            let next = match begun {
+                Some(id) => Some(id),
+                None => transaction
+                    .prepare_cached(
+                        "SELECT id FROM cases WHERE state = 'pending' AND position IS NOT NULL
+                         ORDER BY rank LIMIT 1",
+                    )?
+                    .query_row([], |row| row.get(0))
+                    .optional()?,
+            };
+            let Some(id) = next else {
+                return Ok(None);
+            };
+            transaction
+                .prepare_cached(
+                    "UPDATE cases SET state = 'running', owner = ?2, attempts = attempts + 1, changed_at = ?3
+                     WHERE id = ?1",
+                )?
+                .execute(params![id, me, process::now()])?;
+            let row = transaction
+                .prepare_cached(
+                    "SELECT key, params, seed, steps, sample_stride FROM cases WHERE id = ?1",
+                )?
+                .query_row([id], |row| {
+                    Ok((
+                        row.get::<_, String>(0)?,
+                        row.get::<_, String>(1)?,
+                        count(row.get(2)?),
+                        count(row.get(3)?),
+                        count(row.get(4)?),
+                    ))
+                })?;
+            let checkpoints: Vec<Vec<u8>> = transaction
+                .prepare_cached(
+                    "SELECT data FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC",
+                )?
+                .query_map([id], |row| row.get(0))?
+                .collect::<Result<_, _>>()?;
+            Ok(Some((id, row, checkpoints)))
+        })?;
+        let Some((id, (key, params, seed, steps, sample_stride), checkpoints)) = claimed else {
+            return Ok(None);
+        };
+        let case = Case {
+            params: self.json("cases", serde_json::from_str(&params))?,
+            seed,
+            steps,
+            sample_stride,
+        };
+        let checkpoints = checkpoints
+            .iter()
+            .map(|bytes| Checkpoint::decode(bytes))
+            .collect();
+        Ok(Some(Claim {
+            id,
+            key,
+            case,
+            checkpoints,
+        }))
+    }
+
+    /// Keeps a checkpoint of a running case in place of the older of the two kept so far.
+    ///
+    /// Not synced to the disk at once: a killed process loses nothing, a power cut the last few.
+    ///
+    /// # Errors
+    /// [`StoreError::ClaimLost`], and trouble with the file.
+    pub fn keep(&mut self, claim: &Claim, steps: u64, data: &[u8]) -> Result<(), StoreError> {
+        let me = self.me();
+        let owned = self.relaxed(|transaction| {
+            let changed = transaction
+                .prepare_cached(
+                    "UPDATE cases SET steps_done = ?3 WHERE id = ?1 AND owner = ?2 AND state = 'running'",
+                )?
+                .execute(params![claim.id, me, integer(steps)])?;
+            if changed == 0 {
+                return Ok(false);
+            }
+            let newest: Option<i64> = transaction
+                .prepare_cached(
+                    "SELECT generation FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC LIMIT 1",
+                )?
+                .query_row([claim.id], |row| row.get(0))
+                .optional()?;
+            let slot = i64::from(newest == Some(0));
+            transaction
+                .prepare_cached(
+                    "INSERT OR REPLACE INTO checkpoints (case_id, generation, steps, process, written_at, data)
+                     VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+                )?
+                .execute(params![claim.id, slot, integer(steps), me, process::now(), data])?;
+            Ok(true)
+        })?;
+        owned.then_some(()).ok_or_else(|| claim.lost())
+    }
+
+    /// Drops the checkpoints of a running case, none of which can be used.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn drop_checkpoints(&mut self, claim: &Claim) -> Result<(), StoreError> {
+        self.write(|transaction| drop_checkpoints(transaction, claim.id))
+    }
+
+    /// Gives a case back: it waits to go on from its last checkpoint.
+    ///
+    /// # Errors
+    /// Trouble with the file. A claim already lost is none.
+    pub fn release(&mut self, claim: &Claim) -> Result<(), StoreError> {
+        let me = self.me();
+        self.write(|transaction| {
+            transaction.execute(
+                "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?3 WHERE id = ?1 AND owner = ?2",
+                params![claim.id, me, process::now()],
+            )?;
+            Ok(())
+        })
+    }
+
+    /// A transaction that need not be on the disk when it returns.
+    fn relaxed<T>(
+        &mut self,
+        work: impl FnOnce(&Transaction<'_>) -> Result<T, rusqlite::Error>,
+    ) -> Result<T, StoreError> {
+        self.read(self.connection.pragma_update(None, "synchronous", "NORMAL"))?;
+        let result = self.write(work);
+        self.read(self.connection.pragma_update(None, "synchronous", "FULL"))?;
+        result
+    }
+}
+
+impl Claim {
+    /// The error that this case is no longer ours.
+    pub(super) fn lost(&self) -> StoreError {
+        StoreError::ClaimLost {
+            key: self.key.clone(),
+        }
+    }
+}
+
+/// Makes all running cases of a process pending.
+fn free(transaction: &Transaction<'_>, process: i64) -> Result<usize, rusqlite::Error> {
+    transaction.execute(
+        "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?2 WHERE owner = ?1 AND state = 'running'",
+        params![process, process::now()],
+    )
+}
+
+/// Drops all checkpoints of a case.
+pub(super) fn drop_checkpoints(
+    transaction: &Transaction<'_>,
+    case: i64,
+) -> Result<(), rusqlite::Error> {
+    transaction
+        .prepare_cached("DELETE FROM checkpoints WHERE case_id = ?1")?
+        .execute([case])?;
+    Ok(())
+}

@@ -1,0 +1,152 @@
+//! What can be wrong with a store.
+
+use rusqlite::ErrorCode;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Why the store could not be opened or used.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[non_exhaustive]
+pub enum StoreError {
+    /// No such file.
+    #[error("there is no store at {}", path.display())]
+    #[diagnostic(help("`sweep run CAMPAIGN.toml` makes one, by default results/NAME.sqlite"))]
+    Missing {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file or its directory cannot be written.
+    #[error("cannot write a store at {}: {source}", path.display())]
+    #[diagnostic(help("choose another place with --store FILE"))]
+    Unwritable {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file that is something else.
+    #[error("{} is not a store of sweep", path.display())]
+    #[diagnostic(help("nothing was changed in it; choose another place with --store FILE"))]
+    NotAStore {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A store of another schema.
+    #[error("{} has schema {found}, and this program knows schema {known}: {what}", path.display())]
+    #[diagnostic(help("nothing was changed in it"))]
+    Schema {
+        /// The file.
+        path: PathBuf,
+        /// Its schema.
+        found: i32,
+        /// Ours.
+        known: i32,
+        /// Which is older, and what to do.
+        what: &'static str,
+    },
+    /// A store of another campaign.
+    #[error("{} is the store of campaign {found:?}, not of {wanted:?}", path.display())]
+    #[diagnostic(help("nothing was changed in it; choose another place with --store FILE"))]
+    OtherCampaign {
+        /// The file.
+        path: PathBuf,
+        /// Its campaign.
+        found: String,
+        /// The one asked for.
+        wanted: String,
+    },
+    /// A file system without what several processes need to share a file.
+    #[error("{}: this file system cannot keep a write-ahead log", path.display())]
+    #[diagnostic(help("put the store on a local disk with --store FILE"))]
+    NoLog {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Another process took the case over; what this one computed of it does not count.
+    #[error("case {key} was taken over by another process")]
+    ClaimLost {
+        /// The case.
+        key: String,
+    },
+    /// A row that cannot be understood.
+    #[error("{}: unreadable entry in {table}: {reason}", path.display())]
+    Entry {
+        /// The file.
+        path: PathBuf,
+        /// The table.
+        table: &'static str,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// `SQLite` failed.
+    #[error("{}: {what}", path.display())]
+    #[diagnostic(help("{advice}"))]
+    Trouble {
+        /// The file.
+        path: PathBuf,
+        /// What happened.
+        what: String,
+        /// What can be done.
+        advice: &'static str,
+        /// Whether computing had begun.
+        under_way: bool,
+        /// What `SQLite` said.
+        #[source]
+        source: Box<rusqlite::Error>,
+    },
+}
+
+impl StoreError {
+    /// Makes sense of an error of `SQLite`.
+    pub(super) fn sqlite(path: &Path, source: rusqlite::Error, under_way: bool) -> Self {
+        let path = path.to_owned();
+        let (what, advice) = match source.sqlite_error_code() {
+            Some(ErrorCode::NotADatabase) if !under_way => return Self::NotAStore { path },
+            Some(ErrorCode::CannotOpen | ErrorCode::PermissionDenied) if !under_way => {
+                return Self::Unwritable {
+                    path,
+                    source: io::Error::other(source),
+                };
+            }
+            Some(ErrorCode::ReadOnly) => (
+                "the file or its directory is read-only".into(),
+                "finished results stay readable; make it writable, or choose another place with --store FILE",
+            ),
+            Some(ErrorCode::DiskFull) => (
+                "the disk is full".into(),
+                "finished results are safe; make room and give the same command again",
+            ),
+            Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => (
+                "another program holds the lock".into(),
+                "close programs that write to this file, and give the same command again",
+            ),
+            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => (
+                "the file is damaged".into(),
+                "copy it; `sqlite3 FILE .recover` saves what can be read",
+            ),
+            _ => (
+                source.to_string(),
+                "finished results are safe; give the same command again",
+            ),
+        };
+        Self::Trouble {
+            path,
+            what,
+            advice,
+            under_way,
+            source: Box::new(source),
+        }
+    }
+
+    /// Whether it struck while cases were being computed.
+    pub fn under_way(&self) -> bool {
+        matches!(
+            self,
+            Self::ClaimLost { .. }
+                | Self::Trouble {
+                    under_way: true,
+                    ..
+                }
+        )
+    }
+}

@@ -1,0 +1,172 @@
+//! Who a process is, and whether another one still lives.
+
+use std::path::Path;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// A process on another host counts as dead once its heartbeat is this old.
+pub const HEARTBEAT_LIMIT: Duration = Duration::from_mins(2);
+
+/// What tells one process from every other one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Identity {
+    /// Name of the host.
+    pub host: String,
+    /// Its boot: differs after a restart. Empty where the system does not tell.
+    pub boot: String,
+    /// Namespace in which the pid has meaning: two containers may share host and boot.
+    pub namespace: String,
+    /// Process id.
+    pub pid: u32,
+    /// Start of the process in clock ticks since boot: differs if the pid is used again.
+    pub start: String,
+}
+
+/// What is known about another process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Life {
+    /// It runs, or was seen recently.
+    Alive,
+    /// It is gone.
+    Dead,
+}
+
+impl Identity {
+    /// This process.
+    pub fn of_this_process() -> Self {
+        let pid = std::process::id();
+        Self {
+            host: rustix::system::uname()
+                .nodename()
+                .to_string_lossy()
+                .into_owned(),
+            boot: read("/proc/sys/kernel/random/boot_id"),
+            namespace: std::fs::read_link("/proc/self/ns/pid")
+                .map(|link| link.to_string_lossy().into_owned())
+                .unwrap_or_default(),
+            pid,
+            start: start_of(pid).unwrap_or_default(),
+        }
+    }
+
+    /// Whether the process `other`, last heard of `silence` ago, still lives, as far as this process can know.
+    pub fn judge(&self, other: &Self, silence: Duration) -> Life {
+        if self.host == other.host && self.boot == other.boot && self.namespace == other.namespace {
+            return if runs(other) { Life::Alive } else { Life::Dead };
+        }
+        let restarted = self.host == other.host
+            && !self.boot.is_empty()
+            && !other.boot.is_empty()
+            && self.boot != other.boot;
+        if restarted || silence > HEARTBEAT_LIMIT {
+            Life::Dead
+        } else {
+            Life::Alive
+        }
+    }
+}
+
+/// Whether a process of this host and namespace runs, and is not another one that was given its pid.
+fn runs(process: &Identity) -> bool {
+    if Path::new("/proc/self/stat").exists() {
+        return start_of(process.pid).is_some_and(|start| start == process.start);
+    }
+    i32::try_from(process.pid)
+        .ok()
+        .and_then(rustix::process::Pid::from_raw)
+        .is_some_and(|pid| {
+            !matches!(
+                rustix::process::test_kill_process(pid),
+                Err(rustix::io::Errno::SRCH)
+            )
+        })
+}
+
+/// Start of a process in clock ticks since boot, unless it is gone or only waits to be reaped.
+fn start_of(pid: u32) -> Option<String> {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    // The name, in parentheses, may hold anything; the fields after it are plain.
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    let state = *fields.first()?;
+    (state != "Z" && state != "X").then(|| fields.get(19).map(|start| (*start).to_owned()))?
+}
+
+/// The content of a small file without its line end, empty if it cannot be read.
+fn read(path: &str) -> String {
+    std::fs::read_to_string(path)
+        .map(|text| text.trim().to_owned())
+        .unwrap_or_default()
+}
+
+/// Milliseconds since 1970.
+pub(crate) fn now() -> i64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |since| {
+            i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
+        })
+}
+
+/// Hash of the executable: two processes with the same one compute the same bits on the same machine.
+pub(crate) fn build() -> String {
+    std::env::current_exe()
+        .and_then(std::fs::read)
+        .map(|bytes| blake3::hash(&bytes).to_hex()[..16].to_owned())
+        .unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn this_process_is_alive_and_its_pid_reused_is_dead() {
+        let me = Identity::of_this_process();
+        assert_eq!(me.judge(&me, Duration::ZERO), Life::Alive);
+        assert_eq!(me.judge(&me, HEARTBEAT_LIMIT * 2), Life::Alive);
+        if !me.start.is_empty() {
+            let earlier = Identity {
+                start: "1".into(),
+                ..me.clone()
+            };
+            assert_eq!(me.judge(&earlier, Duration::ZERO), Life::Dead);
+        }
+    }
+
+    #[test]
+    fn another_host_is_judged_by_its_heartbeat() {
+        let me = Identity::of_this_process();
+        let other = Identity {
+            host: "elsewhere".into(),
+            ..me.clone()
+        };
+        assert_eq!(me.judge(&other, Duration::from_secs(5)), Life::Alive);
+        assert_eq!(
+            me.judge(&other, HEARTBEAT_LIMIT + Duration::from_secs(1)),
+            Life::Dead
+        );
+    }
+
+    #[test]
+    fn a_container_of_the_same_host_is_judged_by_its_heartbeat() {
+        let me = Identity::of_this_process();
+        let other = Identity {
+            namespace: "pid:[1]".into(),
+            pid: 1,
+            ..me.clone()
+        };
+        assert_eq!(me.judge(&other, Duration::from_secs(5)), Life::Alive);
+    }
+
+    #[test]
+    fn a_restarted_host_has_no_old_processes() {
+        let me = Identity {
+            boot: "now".into(),
+            ..Identity::of_this_process()
+        };
+        let other = Identity {
+            boot: "before".into(),
+            ..me.clone()
+        };
+        assert_eq!(me.judge(&other, Duration::ZERO), Life::Dead);
+    }
+}

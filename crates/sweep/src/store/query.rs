@@ -1,0 +1,257 @@
+//! What `status` and `report` ask the store.
+
+use super::{Store, StoreError, count, process};
+use crate::case::State;
+use rusqlite::{Row, types::Type};
+use sd_core::Params;
+use serde::Serialize;
+
+/// Cases of the grid by state.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Finished.
+    pub done: u64,
+    /// Ended as jammed layers.
+    pub jammed: u64,
+    /// Ended with an error.
+    pub failed: u64,
+    /// Owned by a process.
+    pub running: u64,
+    /// Not begun or stopped.
+    pub pending: u64,
+}
+
+impl Counts {
+    /// All cases of the grid.
+    pub fn total(&self) -> u64 {
+        self.done + self.jammed + self.failed + self.running + self.pending
+    }
+}
+
+/// One case with its result, if it has one.
+#[derive(Debug, Clone)]
+pub struct PointRun {
+    /// Its key.
+    pub key: String,
+    /// Its parameters.
+    pub params: Params,
+    /// Its seed.
+    pub seed: u64,
+    /// Its state.
+    pub state: State,
+    /// Mean viscosity in full.
+    pub viscosity: Option<f64>,
+    /// Its median.
+    pub viscosity_median: Option<f64>,
+    /// Mean viscosity from the stresslets alone.
+    pub viscosity_stresslet: Option<f64>,
+    /// Samples averaged.
+    pub samples: u64,
+    /// Sum of contacts over them.
+    pub contacts: u64,
+    /// Sum of activated contacts.
+    pub activated: u64,
+    /// Sum of rolling contacts.
+    pub rolling: u64,
+    /// Sum of approach velocities.
+    pub approach: f64,
+    /// Smallest gap of the run.
+    pub minimum_gap: Option<f64>,
+    /// Right-hand sides with contacts.
+    pub stages: u64,
+    /// Of these, unconverged ones.
+    pub unconverged_stages: u64,
+    /// Worst residual of the run.
+    pub worst_residual: Option<f64>,
+    /// Seconds of computing.
+    pub wall_time_s: Option<f64>,
+}
+
+/// One failure as it is listed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FailureLine {
+    /// Key of the case.
+    pub key: String,
+    /// Its seed.
+    pub seed: u64,
+    /// Its parameters.
+    pub params: Params,
+    /// Its last error.
+    pub error: String,
+    /// The step that failed.
+    pub step: u64,
+    /// Strain at its start.
+    pub strain: f64,
+}
+
+/// One process as it is listed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ProcessLine {
+    /// Its host.
+    pub host: String,
+    /// Its process id.
+    pub pid: u32,
+    /// Seconds since it was last heard of.
+    pub silent_s: f64,
+    /// Cases it owns.
+    pub running: u64,
+}
+
+impl Store {
+    /// Cases of the grid by state.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn counts(&self) -> Result<Counts, StoreError> {
+        let rows: Result<Vec<(String, i64)>, _> = self
+            .connection
+            .prepare("SELECT state, count(*) FROM cases WHERE position IS NOT NULL GROUP BY state")
+            .and_then(|mut query| {
+                query
+                    .query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?
+                    .collect()
+            });
+        let mut counts = Counts::default();
+        for (state, number) in self.read(rows)? {
+            let place = match state.as_str() {
+                "done" => &mut counts.done,
+                "jammed" => &mut counts.jammed,
+                "failed" => &mut counts.failed,
+                "running" => &mut counts.running,
+                _ => &mut counts.pending,
+            };
+            *place = count(number);
+        }
+        Ok(counts)
+    }
+
+    /// Estimated cost of the grid, and of what is done of it: finished cases, and others up to their last checkpoint,
+    /// but for those this process has under way.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn work(&self) -> Result<(f64, f64), StoreError> {
+        self.read(self.connection.query_row(
+            "SELECT total(cost), total(CASE WHEN state IN ('done', 'jammed', 'failed') THEN cost
+                                       WHEN owner = ?1 THEN 0.0
+                                       ELSE cost * steps_done / steps END)
+             FROM cases WHERE position IS NOT NULL",
+            [self.me()],
+            |row| Ok((row.get(0)?, row.get(1)?)),
+        ))
+    }
+
+    /// All cases of the grid in the order of the file.
+    ///
+    /// # Errors
+    /// Trouble with the file, or an entry that cannot be read.
+    pub fn point_runs(&self) -> Result<Vec<PointRun>, StoreError> {
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT c.key, c.params, c.seed, c.state, r.viscosity, r.viscosity_median, r.viscosity_stresslet,
+                     coalesce(r.samples, 0), coalesce(r.contacts, 0), coalesce(r.activated, 0),
+                     coalesce(r.rolling, 0), coalesce(r.approach, 0.0), r.minimum_gap, coalesce(r.stages, 0),
+                     coalesce(r.unconverged_stages, 0), r.worst_residual, r.wall_time_s
+                 FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
+                 WHERE c.position IS NOT NULL ORDER BY c.position",
+            )
+            .and_then(|mut query| query.query_map([], point_run)?.collect());
+        self.read(rows)
+    }
+
+    /// The last failure of every failed case, at most `limit` of them.
+    ///
+    /// # Errors
+    /// Trouble with the file, or an entry that cannot be read.
+    pub fn failures(&self, limit: u32) -> Result<Vec<FailureLine>, StoreError> {
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT c.key, c.seed, c.params, f.error, f.step, f.strain
+                 FROM cases c JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
+                 WHERE c.state = 'failed' AND c.position IS NOT NULL ORDER BY c.position LIMIT ?1",
+            )
+            .and_then(|mut query| {
+                query
+                    .query_map([limit], |row| {
+                        Ok(FailureLine {
+                            key: row.get(0)?,
+                            seed: count(row.get(1)?),
+                            params: params(row, 2)?,
+                            error: row.get(3)?,
+                            step: count(row.get(4)?),
+                            strain: row.get(5)?,
+                        })
+                    })?
+                    .collect()
+            });
+        self.read(rows)
+    }
+
+    /// Processes that own cases.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn processes(&self) -> Result<Vec<ProcessLine>, StoreError> {
+        let now = process::now();
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT p.host, p.pid, p.heartbeat, count(*) FROM processes p JOIN cases c ON c.owner = p.id
+                 WHERE c.state = 'running' GROUP BY p.id ORDER BY p.id",
+            )
+            .and_then(|mut query| {
+                query
+                    .query_map([], |row| {
+                        let heartbeat: i64 = row.get(2)?;
+                        Ok(ProcessLine {
+                            host: row.get(0)?,
+                            pid: row.get(1)?,
+                            silent_s: count(now - heartbeat) as f64 / 1000.0,
+                            running: count(row.get(3)?),
+                        })
+                    })?
+                    .collect()
+            });
+        self.read(rows)
+    }
+}
+
+/// One row of [`Store::point_runs`].
+fn point_run(row: &Row<'_>) -> Result<PointRun, rusqlite::Error> {
+    let state: String = row.get(3)?;
+    Ok(PointRun {
+        key: row.get(0)?,
+        params: params(row, 1)?,
+        seed: count(row.get(2)?),
+        state: match state.as_str() {
+            "done" => State::Done,
+            "jammed" => State::Jammed,
+            "failed" => State::Failed,
+            "running" => State::Running,
+            _ => State::Pending,
+        },
+        viscosity: row.get(4)?,
+        viscosity_median: row.get(5)?,
+        viscosity_stresslet: row.get(6)?,
+        samples: count(row.get(7)?),
+        contacts: count(row.get(8)?),
+        activated: count(row.get(9)?),
+        rolling: count(row.get(10)?),
+        approach: row.get(11)?,
+        minimum_gap: row.get(12)?,
+        stages: count(row.get(13)?),
+        unconverged_stages: count(row.get(14)?),
+        worst_residual: row.get(15)?,
+        wall_time_s: row.get(16)?,
+    })
+}
+
+/// The parameters in a column of JSON.
+fn params(row: &Row<'_>, column: usize) -> Result<Params, rusqlite::Error> {
+    let text: String = row.get(column)?;
+    serde_json::from_str(&text).map_err(|error| {
+        rusqlite::Error::FromSqlConversionFailure(column, Type::Text, Box::new(error))
+    })
+}

@@ -1,0 +1,285 @@
+//! Results and failures: what is left of a run.
+
+use super::claims::{Claim, drop_checkpoints};
+use super::{Store, StoreError, count, integer, process};
+use crate::case::State;
+use crate::statistics::{Averages, Distribution};
+use rusqlite::{Connection, Row, Transaction, params};
+use sd_core::Sample;
+
+/// A run that came to its end.
+#[derive(Debug)]
+pub struct Finished {
+    /// [`State::Done`] or [`State::Jammed`].
+    pub state: State,
+    /// Its samples, with their steps.
+    pub samples: Vec<(u64, Sample)>,
+    /// Measured at its last step: carries the counters of the run.
+    pub last: Option<Sample>,
+    /// Steps done.
+    pub steps: u64,
+    /// First step that counts in the averages.
+    pub discard_step: u64,
+    /// Seconds of computing.
+    pub wall_time_s: f64,
+    /// Times it went on from a checkpoint.
+    pub resumed: u32,
+}
+
+/// A run that failed.
+#[derive(Debug)]
+pub struct Failure {
+    /// Its error.
+    pub error: String,
+    /// The step that failed.
+    pub step: u64,
+    /// Pair it failed at, if it is known.
+    pub pair: Option<(usize, usize)>,
+    /// Gap of that pair.
+    pub gap: Option<f64>,
+    /// JSON of the state before the step that failed.
+    pub snapshot: Option<String>,
+    /// Samples up to then.
+    pub samples: Vec<(u64, Sample)>,
+}
+
+impl Store {
+    /// Keeps the result of a case.
+    ///
+    /// # Errors
+    /// [`StoreError::ClaimLost`], and trouble with the file.
+    pub fn finish(&mut self, claim: &Claim, finished: &Finished) -> Result<(), StoreError> {
+        let me = self.me();
+        let averages = Averages::of(&finished.samples, finished.discard_step);
+        let strain = finished.steps as f64 * claim.case.params.time_step;
+        let owned = self.write(|transaction| {
+            if !end(transaction, claim, me, finished.state, finished.steps)? {
+                return Ok(false);
+            }
+            write_samples(transaction, claim.id, &finished.samples)?;
+            let last = finished.last.as_ref();
+            transaction
+                .prepare_cached(
+                    "INSERT OR REPLACE INTO results (case_id, discard_step, samples, contacts, activated, rolling,
+                         approach, minimum_gap, stages, unconverged_stages, worst_residual, jam_events, jammed_strain,
+                         final_strain, wall_time_s, resumed, process, finished_at)
+                     VALUES (?1, 0, 0, 0, 0, 0, 0.0, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
+                )?
+                .execute(params![
+                    claim.id,
+                    last.map(|s| s.minimum_gap_so_far),
+                    last.map_or(0, |s| integer(s.stages)),
+                    last.map_or(0, |s| integer(s.unconverged_stages)),
+                    last.map(|s| s.worst_residual),
+                    last.map_or(0, |s| integer(s.jam_events)),
+                    last.map_or(0.0, |s| s.jammed_strain),
+                    strain,
+                    finished.wall_time_s,
+                    finished.resumed,
+                    me,
+                    process::now(),
+                ])?;
+            let spheres = claim.case.params.spheres;
+            write_averages(transaction, claim.id, finished.discard_step, &averages, spheres)?;
+            drop_checkpoints(transaction, claim.id)?;
+            Ok(true)
+        })?;
+        owned.then_some(()).ok_or_else(|| claim.lost())
+    }
+
+    /// Keeps the failure of a case.
+    ///
+    /// # Errors
+    /// [`StoreError::ClaimLost`], and trouble with the file.
+    pub fn fail(&mut self, claim: &Claim, failure: &Failure) -> Result<(), StoreError> {
+        let me = self.me();
+        let owned = self.write(|transaction| {
+            if !end(transaction, claim, me, State::Failed, failure.step)? {
+                return Ok(false);
+            }
+            write_samples(transaction, claim.id, &failure.samples)?;
+            let sphere = |sphere: usize| integer(sphere as u64);
+            transaction.execute(
+                "INSERT INTO failures (case_id, attempt, error, step, strain, sphere_i, sphere_j, gap, snapshot, process,
+                     failed_at)
+                 SELECT ?1, attempts, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10 FROM cases WHERE id = ?1",
+                params![
+                    claim.id,
+                    failure.error,
+                    integer(failure.step),
+                    failure.step as f64 * claim.case.params.time_step,
+                    failure.pair.map(|(i, _)| sphere(i)),
+                    failure.pair.map(|(_, j)| sphere(j)),
+                    failure.gap,
+                    failure.snapshot,
+                    me,
+                    process::now(),
+                ],
+            )?;
+            drop_checkpoints(transaction, claim.id)?;
+            Ok(true)
+        })?;
+        owned.then_some(()).ok_or_else(|| claim.lost())
+    }
+
+    /// Makes all failed cases of the grid pending again. Says how many.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn retry_failed(&mut self) -> Result<usize, StoreError> {
+        self.write(|transaction| {
+            transaction.execute(
+                "DELETE FROM samples WHERE case_id IN
+                     (SELECT id FROM cases WHERE state = 'failed' AND position IS NOT NULL)",
+                [],
+            )?;
+            transaction.execute(
+                "UPDATE cases SET state = 'pending', steps_done = 0, changed_at = ?1
+                 WHERE state = 'failed' AND position IS NOT NULL",
+                [process::now()],
+            )
+        })
+    }
+}
+
+/// Ends a case that this process owns; says whether it did.
+fn end(
+    transaction: &Transaction<'_>,
+    claim: &Claim,
+    me: i64,
+    state: State,
+    steps: u64,
+) -> Result<bool, rusqlite::Error> {
+    let changed = transaction
+        .prepare_cached(
+            "UPDATE cases SET state = ?3, owner = NULL, steps_done = ?4, changed_at = ?5
+             WHERE id = ?1 AND owner = ?2 AND state = 'running'",
+        )?
+        .execute(params![
+            claim.id,
+            me,
+            state.name(),
+            integer(steps),
+            process::now()
+        ])?;
+    Ok(changed == 1)
+}
+
+/// Writes the samples of a case in place of any it had.
+fn write_samples(
+    transaction: &Transaction<'_>,
+    case: i64,
+    samples: &[(u64, Sample)],
+) -> Result<(), rusqlite::Error> {
+    transaction.execute("DELETE FROM samples WHERE case_id = ?1", [case])?;
+    let mut insert = transaction.prepare_cached(
+        "INSERT INTO samples VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19)",
+    )?;
+    for (step, s) in samples {
+        insert.execute(params![
+            case,
+            integer(*step),
+            s.strain,
+            s.viscosity,
+            s.viscosity_stresslet,
+            s.normal_stress_difference,
+            s.dissipation,
+            s.contacts,
+            s.activated,
+            s.rolling,
+            s.slipping,
+            s.normal_velocity,
+            s.minimum_gap,
+            integer(s.stages),
+            integer(s.unconverged_stages),
+            s.worst_residual,
+            s.minimum_gap_so_far,
+            integer(s.jam_events),
+            s.jammed_strain,
+        ])?;
+    }
+    Ok(())
+}
+
+/// The samples of a case, with their steps. What is not a number comes back as NaN.
+pub(super) fn samples(
+    connection: &Connection,
+    case: i64,
+) -> Result<Vec<(u64, Sample)>, rusqlite::Error> {
+    let number = |row: &Row<'_>, column: usize| -> Result<f64, rusqlite::Error> {
+        Ok(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN))
+    };
+    connection
+        .prepare_cached("SELECT * FROM samples WHERE case_id = ?1 ORDER BY step")?
+        .query_map([case], |row| {
+            Ok((
+                count(row.get(1)?),
+                Sample {
+                    strain: number(row, 2)?,
+                    viscosity: number(row, 3)?,
+                    viscosity_stresslet: number(row, 4)?,
+                    normal_stress_difference: number(row, 5)?,
+                    dissipation: number(row, 6)?,
+                    contacts: row.get(7)?,
+                    activated: row.get(8)?,
+                    rolling: row.get(9)?,
+                    slipping: row.get(10)?,
+                    normal_velocity: number(row, 11)?,
+                    minimum_gap: number(row, 12)?,
+                    stages: count(row.get(13)?),
+                    unconverged_stages: count(row.get(14)?),
+                    worst_residual: number(row, 15)?,
+                    minimum_gap_so_far: number(row, 16)?,
+                    jam_events: count(row.get(17)?),
+                    jammed_strain: number(row, 18)?,
+                },
+            ))
+        })?
+        .collect()
+}
+
+/// Writes the averages of a run into its result.
+pub(super) fn write_averages(
+    transaction: &Transaction<'_>,
+    case: i64,
+    discard_step: u64,
+    averages: &Averages,
+    spheres: usize,
+) -> Result<(), rusqlite::Error> {
+    let of = |d: &Option<Distribution>, part: fn(&Distribution) -> f64| d.as_ref().map(part);
+    let (full, stresslet) = (&averages.viscosity, &averages.viscosity_stresslet);
+    transaction
+        .prepare_cached(
+            "UPDATE results SET discard_step = ?2, samples = ?3, viscosity = ?4, viscosity_quartile_1 = ?5,
+                 viscosity_median = ?6, viscosity_quartile_3 = ?7, viscosity_stresslet = ?8,
+                 viscosity_stresslet_quartile_1 = ?9, viscosity_stresslet_median = ?10,
+                 viscosity_stresslet_quartile_3 = ?11, normal_stress_difference = ?12, dissipation = ?13,
+                 contacts_per_sphere = ?14, activated_fraction = ?15, rolling_fraction = ?16,
+                 mean_approach_velocity = ?17, contacts = ?18, activated = ?19, rolling = ?20, approach = ?21
+             WHERE case_id = ?1",
+        )?
+        .execute(params![
+            case,
+            integer(discard_step),
+            integer(averages.samples),
+            of(full, |d| d.mean),
+            of(full, |d| d.quartile_1),
+            of(full, |d| d.median),
+            of(full, |d| d.quartile_3),
+            of(stresslet, |d| d.mean),
+            of(stresslet, |d| d.quartile_1),
+            of(stresslet, |d| d.median),
+            of(stresslet, |d| d.quartile_3),
+            averages.normal_stress_difference,
+            averages.dissipation,
+            averages.contacts_per_sphere(spheres),
+            averages.activated_fraction(),
+            averages.rolling_fraction(),
+            averages.mean_approach_velocity(),
+            integer(averages.contacts),
+            integer(averages.activated),
+            integer(averages.rolling),
+            averages.approach,
+        ])?;
+    Ok(())
+}

@@ -1,0 +1,318 @@
+use super::*;
+use crate::campaign::Campaign;
+use crate::case::State;
+use crate::test_support::{sample, snapshot};
+use rusqlite::params;
+use std::path::Path;
+
+const CAMPAIGN: &str = r#"name = "small"
+[protocol]
+strain = 1.0
+discard = 0.5
+[[grid]]
+area_fraction = 0.65
+friction = 0.3
+roughness = 0.01
+shear_rate = [0.1, inf]
+seeds = 2
+spheres = 40
+"#;
+
+fn campaign(text: &str) -> Campaign {
+    Campaign::parse("small.toml", text.into()).unwrap()
+}
+
+fn open(directory: &Path) -> Store {
+    let mut store = Store::open(&directory.join("small.sqlite")).unwrap();
+    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    store
+}
+
+fn checkpoint(steps: u64) -> Vec<u8> {
+    Checkpoint {
+        snapshot: snapshot(steps),
+        samples: vec![(0, sample(0.0))],
+        last: Some(sample(0.1)),
+        wall_time_s: 1.0,
+        resumed: 0,
+    }
+    .encode()
+    .unwrap()
+}
+
+fn finished(state: State) -> Finished {
+    Finished {
+        state,
+        samples: (0..50).map(|n| (4 * n, sample(n as f64 * 0.02))).collect(),
+        last: Some(sample(1.0)),
+        steps: 200,
+        discard_step: 100,
+        wall_time_s: 2.0,
+        resumed: 0,
+    }
+}
+
+/// Makes the owner of all running cases look like a process that is gone.
+fn bury_owners(store: &Store) {
+    store
+        .connection
+        .execute("UPDATE processes SET start = '1'", [])
+        .unwrap();
+}
+
+#[test]
+fn cases_are_claimed_once_first_seeds_first() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut one, mut two) = (open(directory.path()), open(directory.path()));
+    one.register(1).unwrap();
+    two.register(1).unwrap();
+    let mut seeds = Vec::new();
+    let mut keys = std::collections::HashSet::new();
+    for _ in 0..2 {
+        for store in [&mut one, &mut two] {
+            let claim = store.claim().unwrap().unwrap();
+            seeds.push(claim.case.seed);
+            keys.insert(claim.key);
+        }
+    }
+    assert_eq!(seeds, [1, 1, 2, 2]);
+    assert_eq!(keys.len(), 4);
+    assert!(one.claim().unwrap().is_none());
+}
+
+#[test]
+fn result_is_kept_and_averaged() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(2).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    store.keep(&claim, 20, &checkpoint(20)).unwrap();
+    store.finish(&claim, &finished(State::Done)).unwrap();
+    let counts = store.counts().unwrap();
+    assert_eq!((counts.done, counts.pending, counts.running), (1, 3, 0));
+    let runs = store.point_runs().unwrap();
+    let run = runs.iter().find(|run| run.key == claim.key).unwrap();
+    assert_eq!(run.samples, 25);
+    assert_eq!(run.stages, 40);
+    assert_eq!(
+        results::samples(&store.connection, claim.id).unwrap(),
+        finished(State::Done).samples
+    );
+    let left: i64 = store
+        .connection
+        .query_row("SELECT count(*) FROM checkpoints", [], |row| row.get(0))
+        .unwrap();
+    assert_eq!(left, 0);
+}
+
+#[test]
+fn dead_owner_loses_its_case_and_the_next_goes_on_from_its_checkpoint() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut dead, mut heir) = (open(directory.path()), open(directory.path()));
+    dead.register(1).unwrap();
+    let claim = dead.claim().unwrap().unwrap();
+    for steps in [20, 40, 60] {
+        dead.keep(&claim, steps, &checkpoint(steps)).unwrap();
+    }
+    heir.register(1).unwrap();
+    assert_eq!(heir.release_dead().unwrap(), 0, "it lives");
+    heir.connection
+        .execute("UPDATE processes SET start = '1' WHERE id = 1", [])
+        .unwrap();
+    assert_eq!(heir.release_dead().unwrap(), 1);
+    let taken = heir.claim().unwrap().unwrap();
+    assert_eq!(taken.key, claim.key, "begun cases come first");
+    let steps: Vec<u64> = taken
+        .checkpoints
+        .iter()
+        .map(|c| c.as_ref().unwrap().snapshot.steps)
+        .collect();
+    assert_eq!(steps, [60, 40], "two generations, the newest first");
+    // What the old owner still writes does not count.
+    assert!(matches!(
+        dead.keep(&claim, 80, &checkpoint(80)),
+        Err(StoreError::ClaimLost { .. })
+    ));
+    assert!(matches!(
+        dead.finish(&claim, &finished(State::Done)),
+        Err(StoreError::ClaimLost { .. })
+    ));
+    dead.release(&claim).unwrap();
+    dead.leave().unwrap();
+    assert_eq!(heir.counts().unwrap().running, 1);
+    heir.finish(&taken, &finished(State::Jammed)).unwrap();
+    assert_eq!(heir.counts().unwrap().jammed, 1);
+}
+
+#[test]
+fn torn_checkpoint_falls_back_to_the_one_before() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    store.keep(&claim, 20, &checkpoint(20)).unwrap();
+    let torn = checkpoint(40);
+    store.keep(&claim, 40, &torn[..torn.len() - 3]).unwrap();
+    store.release(&claim).unwrap();
+    let again = store.claim().unwrap().unwrap();
+    assert_eq!(again.checkpoints[0], Err(Damage::Checksum));
+    assert_eq!(again.checkpoints[1].as_ref().unwrap().snapshot.steps, 20);
+}
+
+#[test]
+fn editing_the_grid_keeps_finished_cases() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    for _ in 0..2 {
+        let claim = store.claim().unwrap().unwrap();
+        store.finish(&claim, &finished(State::Done)).unwrap();
+    }
+    let wider = CAMPAIGN.replace("seeds = 2", "seeds = 4");
+    store.adopt(&campaign(&wider)).unwrap();
+    let counts = store.counts().unwrap();
+    assert_eq!((counts.done, counts.total()), (2, 8));
+    // One shear rate leaves: its finished case is no longer counted, but not lost.
+    let narrower = CAMPAIGN.replace("[0.1, inf]", "[0.1]");
+    store.adopt(&campaign(&narrower)).unwrap();
+    assert_eq!(store.counts().unwrap().done, 1);
+    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    assert_eq!(store.counts().unwrap().done, 2);
+}
+
+#[test]
+fn another_discarded_strain_averages_finished_runs_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    store.finish(&claim, &finished(State::Done)).unwrap();
+    let later = CAMPAIGN.replace("discard = 0.5", "discard = 0.8");
+    store.adopt(&campaign(&later)).unwrap();
+    let runs = store.point_runs().unwrap();
+    let run = runs.iter().find(|run| run.key == claim.key).unwrap();
+    assert_eq!(run.samples, 10);
+    assert_eq!(run.stages, 40, "counters of the whole run stay");
+}
+
+#[test]
+fn failure_is_kept_and_retried() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    let failure = Failure {
+        error: "spheres 1 and 2 overlap".into(),
+        step: 37,
+        pair: Some((1, 2)),
+        gap: Some(-1e-3),
+        snapshot: None,
+        samples: vec![(0, sample(0.0))],
+    };
+    store.fail(&claim, &failure).unwrap();
+    let line = store.failures(10).unwrap().remove(0);
+    assert_eq!((line.step, line.key), (37, claim.key));
+    assert!((line.strain - 0.185).abs() < 1e-12);
+    assert_eq!(store.retry_failed().unwrap(), 1);
+    assert_eq!(store.counts().unwrap().pending, 4);
+}
+
+#[test]
+fn store_of_another_campaign_schema_or_program_is_not_touched() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("small.sqlite");
+    drop(open(directory.path()));
+    let other = campaign(&CAMPAIGN.replace("\"small\"", "\"other\""));
+    let before = std::fs::read(&path).unwrap();
+    let mut store = Store::open(&path).unwrap();
+    assert!(matches!(
+        store.adopt(&other),
+        Err(StoreError::OtherCampaign { .. })
+    ));
+    drop(store);
+    assert_eq!(std::fs::read(&path).unwrap(), before);
+
+    let connection = rusqlite::Connection::open(&path).unwrap();
+    connection.pragma_update(None, "user_version", 99).unwrap();
+    drop(connection);
+    let before = std::fs::read(&path).unwrap();
+    for refused in [Store::open(&path), Store::open_read_only(&path)] {
+        let error = refused.unwrap_err();
+        assert!(
+            matches!(error, StoreError::Schema { found: 99, .. }),
+            "{error}"
+        );
+        assert!(error.to_string().contains("newer"), "{error}");
+    }
+    assert_eq!(std::fs::read(&path).unwrap(), before);
+
+    let foreign = directory.path().join("foreign.sqlite");
+    let connection = rusqlite::Connection::open(&foreign).unwrap();
+    connection.execute_batch("CREATE TABLE things (x)").unwrap();
+    drop(connection);
+    let text = directory.path().join("notes.txt");
+    std::fs::write(&text, "these are notes, not a database ".repeat(100)).unwrap();
+    for path in [foreign, text] {
+        let before = std::fs::read(&path).unwrap();
+        assert!(matches!(
+            Store::open(&path),
+            Err(StoreError::NotAStore { .. })
+        ));
+        assert!(matches!(
+            Store::open_read_only(&path),
+            Err(StoreError::NotAStore { .. })
+        ));
+        assert_eq!(std::fs::read(&path).unwrap(), before);
+    }
+    assert!(matches!(
+        Store::open_read_only(&directory.path().join("none.sqlite")),
+        Err(StoreError::Missing { .. })
+    ));
+    assert!(matches!(
+        Store::open(Path::new("/proc/none/small.sqlite")),
+        Err(StoreError::Unwritable { .. })
+    ));
+}
+
+#[test]
+fn infinite_and_missing_numbers_survive_the_store() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    let mut run = finished(State::Done);
+    run.samples[30].1.minimum_gap = f64::INFINITY;
+    run.samples[31].1.viscosity = f64::NAN;
+    store.finish(&claim, &run).unwrap();
+    let back = results::samples(&store.connection, claim.id).unwrap();
+    assert!(back[30].1.minimum_gap.is_infinite());
+    assert!(back[31].1.viscosity.is_nan());
+}
+
+#[test]
+fn reading_goes_on_while_another_writes() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let reader = Store::open_read_only(store.path()).unwrap();
+    let transaction = store
+        .connection
+        .transaction_with_behavior(TransactionBehavior::Immediate)
+        .unwrap();
+    transaction
+        .execute("UPDATE cases SET steps_done = ?1", params![3])
+        .unwrap();
+    assert_eq!(reader.counts().unwrap().pending, 4);
+    transaction.commit().unwrap();
+}
+
+#[test]
+fn owners_of_a_restarted_machine_are_gone() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut one, mut two) = (open(directory.path()), open(directory.path()));
+    one.register(1).unwrap();
+    one.claim().unwrap().unwrap();
+    bury_owners(&one);
+    two.register(1).unwrap();
+    assert_eq!(two.release_dead().unwrap(), 1);
+}

@@ -1,0 +1,40 @@
+//! Made-up samples and snapshots for the tests of what stands around the physics.
+
+use sd_core::{Sample, Snapshot};
+
+/// A plausible sample.
+pub(crate) fn sample(strain: f64) -> Sample {
+    Sample {
+        strain,
+        viscosity: 7.0 + strain.sin(),
+        viscosity_stresslet: 4.5,
+        normal_stress_difference: -0.3,
+        dissipation: 6.0,
+        contacts: 60,
+        activated: 30,
+        rolling: 15,
+        slipping: 15,
+        normal_velocity: -1e-4,
+        minimum_gap: 0.0099,
+        stages: 40,
+        unconverged_stages: 1,
+        worst_residual: 1e-10,
+        minimum_gap_so_far: 0.0098,
+        jam_events: 0,
+        jammed_strain: 0.0,
+    }
+}
+
+/// A plausible snapshot after so many steps.
+pub(crate) fn snapshot(steps: u64) -> Snapshot {
+    serde_json::from_value(serde_json::json!({
+        "version": 1,
+        "steps": steps,
+        "centres": [[0.1, 0.2], [3.0, 0.3]],
+        "orientations": [0.5, -0.25],
+        "radii": [1.0, 1.0],
+        "cell": [20.0, 20.0],
+        "offset": 0.06,
+    }))
+    .unwrap()
+}

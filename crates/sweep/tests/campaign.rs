@@ -1,0 +1,135 @@
+//! A campaign from its file to its report, interrupted and taken up again.
+#![expect(
+    clippy::unwrap_used,
+    reason = "tests: a panic is the failure, and names state the fact"
+)]
+
+use assert_cmd::Command;
+use assert_cmd::cargo::cargo_bin;
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::time::Duration;
+
+const CAMPAIGN: &str = r#"name = "small"
+[protocol]
+strain = 0.4
+discard = 0.1
+checkpoint_every = 0.02
+[[grid]]
+area_fraction = 0.6
+friction = 0.3
+roughness = 0.01
+shear_rate = [0.1, inf]
+seeds = 2
+spheres = 30
+hydrodynamics = "ball-melrose"
+"#;
+
+/// A directory with the campaign in it.
+fn directory() -> tempfile::TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("small.toml"), CAMPAIGN).unwrap();
+    directory
+}
+
+fn sweep(directory: &Path, arguments: &[&str]) -> assert_cmd::assert::Assert {
+    Command::cargo_bin("sweep")
+        .unwrap()
+        .current_dir(directory)
+        .args(arguments)
+        .assert()
+}
+
+fn spawn(directory: &Path) -> Child {
+    std::process::Command::new(cargo_bin("sweep"))
+        .current_dir(directory)
+        .args(["run", "small.toml", "--quiet", "--workers", "1"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+/// All that was computed, in the order of the keys.
+fn results(directory: &Path) -> Vec<Vec<rusqlite::types::Value>> {
+    let store = rusqlite::Connection::open(directory.join("results/small.sqlite")).unwrap();
+    let mut all = Vec::new();
+    for query in [
+        "SELECT c.key, s.* FROM samples s JOIN cases c ON c.id = s.case_id ORDER BY c.key, s.step",
+        "SELECT c.key, r.viscosity, r.viscosity_median, r.viscosity_stresslet, r.contacts, r.stages,
+             r.unconverged_stages, r.worst_residual, r.minimum_gap, r.jam_events, r.final_strain
+         FROM results r JOIN cases c ON c.id = r.case_id ORDER BY c.key",
+    ] {
+        let mut statement = store.prepare(query).unwrap();
+        let columns = statement.column_count();
+        let rows = statement
+            .query_map([], |row| (0..columns).map(|n| row.get(n)).collect())
+            .unwrap();
+        all.extend(rows.map(Result::unwrap));
+    }
+    all
+}
+
+#[test]
+#[ignore = "needs the solver"]
+fn campaign_runs_reports_and_has_nothing_left_to_do() {
+    let directory = directory();
+    let text = sweep(directory.path(), &["run", "small.toml", "--quiet"]).code(0);
+    let text = String::from_utf8_lossy(&text.get_output().stdout).into_owned();
+    assert!(text.contains("4 of 4 cases done"), "{text}");
+    let first = results(directory.path());
+    assert_eq!(first.len(), 4 * 20 + 4);
+    let again = sweep(directory.path(), &["run", "small.toml", "--quiet"]).code(0);
+    assert_eq!(String::from_utf8_lossy(&again.get_output().stdout), text);
+    assert_eq!(results(directory.path()), first);
+    let json = sweep(
+        directory.path(),
+        &["report", "results/small.sqlite", "--json"],
+    )
+    .code(0);
+    let report: serde_json::Value = serde_json::from_slice(&json.get_output().stdout).unwrap();
+    assert_eq!(report["campaign"], "small");
+    assert_eq!(report["cases"]["done"], 4);
+    assert_eq!(report["points"][1]["shear_rate"], "inf");
+    assert_eq!(report["points"][0]["seeds"], 2);
+    assert!(report["points"][0]["viscosity_ci95"].is_number());
+    let status = sweep(directory.path(), &["status", "small.toml", "--json"]).code(0);
+    let status: serde_json::Value = serde_json::from_slice(&status.get_output().stdout).unwrap();
+    assert_eq!(status["work_done"], 1.0);
+}
+
+#[test]
+#[ignore = "needs the solver"]
+fn killed_and_stopped_processes_lose_nothing() {
+    let undisturbed = directory();
+    sweep(undisturbed.path(), &["run", "small.toml", "--quiet"]).code(0);
+    let disturbed = directory();
+    for (number, pause) in [30_u64, 90, 150, 60, 210].into_iter().enumerate() {
+        let (mut one, mut two) = (spawn(disturbed.path()), spawn(disturbed.path()));
+        std::thread::sleep(Duration::from_millis(pause));
+        one.kill().unwrap();
+        if number % 2 == 0 {
+            two.kill().unwrap();
+        } else {
+            let pid = rustix::process::Pid::from_child(&two);
+            let _ = rustix::process::kill_process(pid, rustix::process::Signal::INT);
+        }
+        one.wait().unwrap();
+        let code = two.wait().unwrap().code();
+        assert!([None, Some(0), Some(130)].contains(&code), "{code:?}");
+    }
+    sweep(disturbed.path(), &["run", "small.toml", "--quiet"]).code(0);
+    assert_eq!(results(disturbed.path()), results(undisturbed.path()));
+}
+
+#[test]
+#[ignore = "needs the solver"]
+fn plan_writes_nothing() {
+    let directory = directory();
+    let output = sweep(directory.path(), &["plan", "small.toml", "--json"]).code(0);
+    let plan: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
+    assert_eq!(plan["cases"], 4);
+    assert_eq!(plan["axes"]["shear_rate"], serde_json::json!([0.1, "inf"]));
+    assert!(plan["computing_time_s"].as_f64().unwrap() > 0.0);
+    assert!(!directory.path().join("results").exists());
+}
