@@ -71,7 +71,6 @@ fn results(directory: &Path) -> Vec<Vec<rusqlite::types::Value>> {
 }
 
 #[test]
-#[ignore = "needs the solver"]
 fn campaign_runs_reports_and_has_nothing_left_to_do() {
     let directory = directory();
     let text = sweep(directory.path(), &["run", "small.toml", "--quiet"]).code(0);
@@ -99,7 +98,6 @@ fn campaign_runs_reports_and_has_nothing_left_to_do() {
 }
 
 #[test]
-#[ignore = "needs the solver"]
 fn killed_and_stopped_processes_lose_nothing() {
     let undisturbed = directory();
     sweep(undisturbed.path(), &["run", "small.toml", "--quiet"]).code(0);
@@ -123,7 +121,6 @@ fn killed_and_stopped_processes_lose_nothing() {
 }
 
 #[test]
-#[ignore = "needs the solver"]
 fn plan_writes_nothing() {
     let directory = directory();
     let output = sweep(directory.path(), &["plan", "small.toml", "--json"]).code(0);
