@@ -46,21 +46,18 @@ pub fn make(ratios: &[f64], mut note: impl FnMut(&str)) -> Result<NearFields, Er
     let mut tables = NearFields::default();
     for &ratio in ratios {
         let place = place_of(ratio);
-        let cached = place.as_deref().and_then(read);
-        let table = match cached {
-            Some(table) => table,
-            None => {
-                note(&format!(
-                    "solving the near field of size ratio {ratio:.4}, once and for all"
-                ));
-                let table = NearField::new(ratio)?;
-                if let Some(place) = &place {
-                    // Without a cache it is solved again next time.
-                    let _ = write(place, &table);
-                }
-                table
-            }
-        };
+        if let Some(table) = place.as_deref().and_then(read) {
+            tables.insert(table);
+            continue;
+        }
+        note(&format!(
+            "solving the near field of size ratio {ratio:.4}, once and for all"
+        ));
+        let table = NearField::new(ratio)?;
+        if let Some(place) = &place {
+            // Without a cache it is solved again next time.
+            let _ = write(place, &table);
+        }
         tables.insert(table);
     }
     Ok(tables)
