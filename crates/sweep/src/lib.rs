@@ -13,6 +13,7 @@ pub mod report;
 pub mod runner;
 pub mod statistics;
 pub mod store;
+pub mod tables;
 
 #[cfg(test)]
 mod test_support;

@@ -11,6 +11,7 @@ pub use stop::Stop;
 use crate::campaign::Protocol;
 use crate::error::Error;
 use crate::store::{Store, StoreError};
+use sd_core::NearFields;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -41,6 +42,8 @@ struct Shared<'r> {
     protocol: &'r Protocol,
     /// How to run.
     options: Options,
+    /// Near fields of unequal spheres.
+    tables: &'r NearFields,
     /// The signal, once there was one.
     stop: &'r Stop,
     /// What the user sees.
@@ -58,6 +61,7 @@ struct Shared<'r> {
 pub fn run(
     store: &mut Store,
     protocol: &Protocol,
+    tables: &NearFields,
     options: Options,
     stop: &Stop,
     progress: &Progress,
@@ -79,6 +83,7 @@ pub fn run(
         store: Mutex::new(store),
         protocol,
         options,
+        tables,
         stop,
         progress,
         trouble: Mutex::new(None),

@@ -1,6 +1,18 @@
 //! Made-up samples and snapshots for the tests of what stands around the physics.
 
+use sd_core::simulation::Counters;
 use sd_core::{Sample, Snapshot};
+
+/// Plausible counters.
+pub(crate) fn counters() -> Counters {
+    Counters {
+        stages: 40,
+        unconverged_stages: 1,
+        worst_residual: 1e-10,
+        minimum_gap: 0.0098,
+        ..Counters::default()
+    }
+}
 
 /// A plausible sample.
 pub(crate) fn sample(strain: f64) -> Sample {
@@ -16,12 +28,7 @@ pub(crate) fn sample(strain: f64) -> Sample {
         slipping: 15,
         normal_velocity: -1e-4,
         minimum_gap: 0.0099,
-        stages: 40,
-        unconverged_stages: 1,
-        worst_residual: 1e-10,
-        minimum_gap_so_far: 0.0098,
-        jam_events: 0,
-        jammed_strain: 0.0,
+        counters: counters(),
     }
 }
 
@@ -33,8 +40,11 @@ pub(crate) fn snapshot(steps: u64) -> Snapshot {
         "centres": [[0.1, 0.2], [3.0, 0.3]],
         "orientations": [0.5, -0.25],
         "radii": [1.0, 1.0],
-        "cell": [20.0, 20.0],
-        "offset": 0.06,
+        "side": 20.0,
+        "velocities": [],
+        "memory": {"forces": [[0, 1, 2.5, -0.5]]},
+        "listed": {"pairs": []},
+        "counters": counters(),
     }))
     .unwrap()
 }

@@ -4,6 +4,8 @@ use super::Output;
 use crate::error::Error;
 use crate::exit;
 use crate::report::significant;
+use crate::tables;
+use sd_core::NearFields;
 use sd_core::pair::{Passing, pass};
 
 /// Drive two spheres past each other
@@ -66,13 +68,15 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             });
         }
     }
-    let passed = pass(&Passing {
+    let tables = tables::make(&NearFields::ratios(&[1.0, arguments.size_ratio]), |_| ())?;
+    let passing = Passing {
         size_ratio: arguments.size_ratio,
         contact: (!arguments.no_contact).then_some((arguments.roughness, arguments.friction)),
         offset: arguments.offset,
         start: arguments.start,
         time_step: arguments.time_step,
-    })?;
+    };
+    let passed = pass(&passing, &tables)?;
     if output.json {
         output.json(&passed)?;
         return Ok(exit::DONE);

@@ -6,7 +6,8 @@ use crate::case::Case;
 use crate::error::Error;
 use crate::exit;
 use crate::report::{bytes, duration, significant};
-use sd_core::{ContactScheme, Hydrodynamics, Params, Simulation};
+use crate::tables;
+use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
 use serde::{Serialize, Serializer};
 use std::collections::{HashMap, HashSet};
 use std::num::NonZeroUsize;
@@ -193,7 +194,15 @@ fn calibrate(kinds: &mut [Kind]) {
         if left.is_zero() || Duration::from_secs_f64(5.0 * kind.example.step_cost()) > left * 2 {
             continue;
         }
-        match measure(&kind.example, left.min(SHARE)) {
+        let Ok(ratios) = tables::ratios(std::iter::once(&kind.example.params)) else {
+            continue;
+        };
+        // Tables still to be solved would take longer than there is.
+        let tables = tables::cached(&ratios);
+        if !ratios.iter().all(|ratio| tables.contains(*ratio)) {
+            continue;
+        }
+        match measure(&kind.example, &tables, left.min(SHARE)) {
             Ok(seconds) => {
                 kind.step_s = Some(seconds);
                 kind.measured = true;
@@ -221,8 +230,8 @@ fn calibrate(kinds: &mut [Kind]) {
 }
 
 /// Seconds of a step: the mean over as many as there is time for, at most 40.
-fn measure(case: &Case, time: Duration) -> Result<f64, sd_core::Error> {
-    let mut simulation = Simulation::new(&case.params, case.seed)?;
+fn measure(case: &Case, tables: &NearFields, time: Duration) -> Result<f64, sd_core::Error> {
+    let mut simulation = Simulation::new(&case.params, case.seed, tables)?;
     // The first step pays for tables and memory that the others find ready.
     simulation.step()?;
     let begun = Instant::now();

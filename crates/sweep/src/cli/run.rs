@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::exit;
 use crate::runner::{self, Options, Progress, Stop, Style};
 use crate::store::Store;
+use crate::tables;
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -88,7 +89,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             workers,
             wall_limit,
         };
-        runner::run(&mut store, &campaign.protocol, options, &stop, &progress)?;
+        let ratios = tables::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
+        let tables = tables::make(&ratios, |text| progress.note(text))?;
+        let protocol = &campaign.protocol;
+        runner::run(&mut store, protocol, &tables, options, &stop, &progress)?;
     }
     super::report::write(&store, output)?;
     Ok(match stop.signal() {

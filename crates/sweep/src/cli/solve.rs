@@ -4,17 +4,21 @@ use super::{Output, read_limited};
 use crate::error::Error;
 use crate::exit;
 use crate::report::significant;
-use sd_core::Hydrodynamics;
+use crate::tables;
 use sd_core::cell::Cell;
-use sd_core::instant::{Configuration, ContactRequest, ContactState, Instant, solve};
+use sd_core::contact::{ContactState, Surface};
+use sd_core::instant::{Configuration, ContactRequest, Instant, solve};
 use sd_core::modes::{Background, Vec2};
-use serde::Deserialize;
+use sd_core::{Hydrodynamics, NearFields};
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Largest input, in bytes.
 const INPUT_LIMIT: u64 = 16 << 20;
 /// Most spheres.
 const SPHERE_LIMIT: usize = 10_000;
+/// Most different size ratios; a table of each takes a second.
+const RATIO_LIMIT: usize = 50;
 /// Most pairs listed.
 const PAIR_LIMIT: usize = 1_000_000;
 
@@ -114,11 +118,27 @@ struct Contact {
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let bytes = read_limited(&arguments.file, INPUT_LIMIT)?;
     let (configuration, contact) = read(&arguments.file, &bytes)?;
-    let instant = solve(&configuration, &contact)?;
-    if output.json {
-        output.json(&instant)?;
+    let ratios = NearFields::ratios(&configuration.radii);
+    if ratios.len() > RATIO_LIMIT {
+        return Err(Error::Value {
+            path: arguments.file.clone(),
+            field: "radii",
+            message: format!(
+                "{} different size ratios, at most {RATIO_LIMIT}: each needs a table of its own",
+                ratios.len()
+            ),
+        });
+    }
+    let tables = if ratios.iter().all(|ratio| (0.01..=100.0).contains(ratio)) {
+        tables::make(&ratios, |_| ())?
     } else {
-        write_text(&instant, output)?;
+        NearFields::default()
+    };
+    let answer = Answer::from(&solve(&configuration, &contact, &tables)?);
+    if output.json {
+        output.json(&answer)?;
+    } else {
+        write_text(&answer, output)?;
     }
     Ok(exit::DONE)
 }
@@ -245,13 +265,14 @@ impl Contact {
                 let roughness = need("contact.roughness", self.roughness)?;
                 let friction = need("contact.friction", self.friction)?;
                 let critical_load = need("contact.critical_load", self.critical_load)?;
+                let surface = Surface {
+                    roughness,
+                    friction,
+                    critical_load,
+                };
                 if scheme == Scheme::Procedure {
                     stray(&span)?;
-                    return Ok(ContactRequest::Procedure {
-                        roughness,
-                        friction,
-                        critical_load,
-                    });
+                    return Ok(ContactRequest::Procedure { surface });
                 }
                 let time_span = self.time_span.unwrap_or(0.005);
                 if time_span <= 0.0 {
@@ -260,19 +281,97 @@ impl Contact {
                         format!("{time_span} is out of range: above 0"),
                     ));
                 }
-                Ok(ContactRequest::Rigid {
-                    roughness,
-                    friction,
-                    critical_load,
-                    time_span,
-                })
+                Ok(ContactRequest::Rigid { surface, time_span })
             }
         }
     }
 }
 
+/// The answer as it is written; its names are a promise.
+#[derive(Serialize)]
+struct Answer {
+    /// Velocities minus the background at the own centre.
+    velocity_disturbance: Vec<[f64; 2]>,
+    /// Angular velocities minus the background's.
+    angular_velocity_disturbance: Vec<f64>,
+    /// Stresslets, xx.
+    stresslet_xx: Vec<f64>,
+    /// Stresslets, yy.
+    stresslet_yy: Vec<f64>,
+    /// Stresslets, xy.
+    stresslet_xy: Vec<f64>,
+    /// Viscosity in full; `null` in unbounded fluid, as the next two.
+    viscosity: Option<f64>,
+    /// Viscosity from the stresslets alone.
+    viscosity_stresslet: Option<f64>,
+    /// v'Rv over volume and rate.
+    dissipation: Option<f64>,
+    /// All candidate pairs.
+    contacts: Vec<Pair>,
+}
+
+/// One candidate pair as it is written.
+#[derive(Serialize)]
+struct Pair {
+    /// First sphere.
+    i: usize,
+    /// Second sphere.
+    j: usize,
+    /// Image of the second.
+    image: [i32; 2],
+    /// Gap.
+    gap: f64,
+    /// Unit vector from the first to the second.
+    normal: [f64; 2],
+    /// Normal force.
+    normal_force: f64,
+    /// Tangential force.
+    tangential_force: f64,
+    /// Velocity along the normal in the final motion.
+    normal_velocity: f64,
+    /// Slip in the final motion.
+    slip_velocity: f64,
+    /// What the contact does.
+    state: ContactState,
+}
+
+impl From<&Instant> for Answer {
+    fn from(instant: &Instant) -> Self {
+        let stresslets: Vec<_> = (0..instant.stresslets.len())
+            .map(|sphere| instant.stresslet(sphere))
+            .collect();
+        let stress = instant.stress.as_ref();
+        Self {
+            velocity_disturbance: instant.disturbances.iter().map(|v| [v[0], v[1]]).collect(),
+            angular_velocity_disturbance: instant.disturbances.iter().map(|v| v[2]).collect(),
+            stresslet_xx: stresslets.iter().map(|s| s.0).collect(),
+            stresslet_yy: stresslets.iter().map(|s| s.1).collect(),
+            stresslet_xy: stresslets.iter().map(|s| s.2).collect(),
+            viscosity: stress.map(|s| s.viscosity),
+            viscosity_stresslet: stress.map(|s| s.viscosity_stresslet),
+            dissipation: stress.map(|s| s.dissipation),
+            contacts: instant
+                .contacts
+                .iter()
+                .map(|contact| Pair {
+                    i: contact.pair.i,
+                    j: contact.pair.j,
+                    image: contact.pair.image,
+                    gap: contact.pair.gap,
+                    normal: [contact.pair.normal.x, contact.pair.normal.y],
+                    normal_force: contact.normal_force,
+                    tangential_force: contact.tangential_force,
+                    normal_velocity: contact.normal_velocity,
+                    slip_velocity: contact.slip_velocity,
+                    state: contact.state,
+                })
+                .collect(),
+        }
+    }
+}
+
 /// Writes tables of spheres and contacts.
-fn write_text(instant: &Instant, output: &mut Output<'_>) -> Result<(), Error> {
+fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
     let digits = |value: f64| significant(value, 6);
     let mut spheres = crate::report::table(output.width);
     spheres.set_header(["sphere", "u_x", "u_y", "ω", "S_xx", "S_yy", "S_xy"]);

@@ -25,8 +25,6 @@ struct Run {
 struct Record {
     /// Samples so far.
     samples: Vec<(u64, Sample)>,
-    /// Measured at the last step.
-    last: Option<Sample>,
     /// Seconds computed before this process went on with it.
     wall_time_before_s: f64,
     /// Times it went on from a checkpoint.
@@ -66,7 +64,6 @@ impl Record {
         let checkpoint = Checkpoint {
             snapshot: simulation.snapshot(),
             samples: self.samples.clone(),
-            last: self.last,
             wall_time_s,
             resumed: self.resumed,
         };
@@ -94,7 +91,11 @@ impl Shared<'_> {
                     state,
                     steps: run.steps(),
                     samples: std::mem::take(&mut run.record.samples),
-                    last: run.record.last,
+                    counters: run
+                        .simulation
+                        .as_ref()
+                        .map(|layer| *layer.counters())
+                        .unwrap_or_default(),
                     discard_step: self.protocol.discard_steps(),
                     wall_time_s,
                     resumed: run.record.resumed,
@@ -130,13 +131,16 @@ impl Shared<'_> {
         for checkpoint in &claim.checkpoints {
             let refused = match checkpoint {
                 Ok(good) => {
-                    match Simulation::from_snapshot(&claim.case.params, good.snapshot.clone()) {
+                    match Simulation::from_snapshot(
+                        &claim.case.params,
+                        good.snapshot.clone(),
+                        self.tables,
+                    ) {
                         Ok(simulation) => {
                             return Ok(Run {
                                 simulation: Some(simulation),
                                 record: Record {
                                     samples: good.samples.clone(),
-                                    last: good.last,
                                     wall_time_before_s: good.wall_time_s,
                                     resumed: good.resumed + 1,
                                 },
@@ -170,7 +174,7 @@ impl Shared<'_> {
         let (case, record) = (&claim.case, &mut run.record);
         let simulation = match &mut run.simulation {
             Some(simulation) => simulation,
-            none => match Simulation::new(&case.params, case.seed) {
+            none => match Simulation::new(&case.params, case.seed, self.tables) {
                 Ok(simulation) => none.insert(simulation),
                 Err(error) => return Ok(End::Failed(Cause::Physics(error))),
             },
@@ -193,7 +197,6 @@ impl Shared<'_> {
                 Ok(sample) => sample,
                 Err(error) => return Ok(End::Failed(Cause::Physics(error))),
             };
-            record.last = Some(sample);
             if step.is_multiple_of(case.sample_stride) {
                 record.samples.push((step, sample));
             }
@@ -289,8 +292,8 @@ fn replay(case: &Case, simulation: &Simulation) -> String {
     json!({
         "centres": snapshot.centres,
         "radii": snapshot.radii,
-        "cell": snapshot.cell,
-        "offset": snapshot.offset,
+        "cell": [snapshot.side, snapshot.side],
+        "offset": simulation.strain() * snapshot.side,
         "hydrodynamics": hydrodynamics,
         "contact": {
             "scheme": p.contact,

@@ -233,7 +233,7 @@ impl Progress {
     }
 
     /// Something the user should know, above the bars or in the log.
-    pub(super) fn note(&self, text: &str) {
+    pub fn note(&self, text: &str) {
         match self.style {
             Style::Bars => {
                 // Lost if the terminal is gone, like the bars.

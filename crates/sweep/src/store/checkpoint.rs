@@ -17,8 +17,6 @@ pub struct Checkpoint {
     pub snapshot: Snapshot,
     /// Samples so far, with their steps.
     pub samples: Vec<(u64, Sample)>,
-    /// Measured at the last step, kept or not: it carries the counters of the run.
-    pub last: Option<Sample>,
     /// Seconds of computing so far.
     pub wall_time_s: f64,
     /// Times the run went on from a checkpoint so far.
@@ -91,7 +89,6 @@ mod tests {
                 (0, crate::test_support::sample(0.0)),
                 (4, crate::test_support::sample(0.02)),
             ],
-            last: Some(crate::test_support::sample(0.055)),
             wall_time_s: 0.25,
             resumed: 1,
         }

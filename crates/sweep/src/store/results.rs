@@ -6,6 +6,7 @@ use crate::case::State;
 use crate::statistics::{Averages, Distribution};
 use rusqlite::{Connection, Row, Transaction, params};
 use sd_core::Sample;
+use sd_core::simulation::Counters;
 
 /// A run that came to its end.
 #[derive(Debug)]
@@ -14,8 +15,8 @@ pub struct Finished {
     pub state: State,
     /// Its samples, with their steps.
     pub samples: Vec<(u64, Sample)>,
-    /// Measured at its last step: carries the counters of the run.
-    pub last: Option<Sample>,
+    /// What it met.
+    pub counters: Counters,
     /// Steps done.
     pub steps: u64,
     /// First step that counts in the averages.
@@ -57,22 +58,23 @@ impl Store {
                 return Ok(false);
             }
             write_samples(transaction, claim.id, &finished.samples)?;
-            let last = finished.last.as_ref();
+            let counters = &finished.counters;
             transaction
                 .prepare_cached(
                     "INSERT OR REPLACE INTO results (case_id, discard_step, samples, contacts, activated, rolling,
-                         approach, minimum_gap, stages, unconverged_stages, worst_residual, jam_events, jammed_strain,
-                         final_strain, wall_time_s, resumed, process, finished_at)
-                     VALUES (?1, 0, 0, 0, 0, 0, 0.0, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
+                         approach, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error,
+                         jam_events, jammed_strain, final_strain, wall_time_s, resumed, process, finished_at)
+                     VALUES (?1, 0, 0, 0, 0, 0, 0.0, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
                 )?
                 .execute(params![
                     claim.id,
-                    last.map(|s| s.minimum_gap_so_far),
-                    last.map_or(0, |s| integer(s.stages)),
-                    last.map_or(0, |s| integer(s.unconverged_stages)),
-                    last.map(|s| s.worst_residual),
-                    last.map_or(0, |s| integer(s.jam_events)),
-                    last.map_or(0.0, |s| s.jammed_strain),
+                    counters.minimum_gap,
+                    integer(counters.stages),
+                    integer(counters.unconverged_stages),
+                    counters.worst_residual,
+                    counters.worst_friction_error,
+                    integer(counters.jam_events),
+                    counters.jammed_steps as f64 * claim.case.params.time_step,
                     strain,
                     finished.wall_time_s,
                     finished.resumed,
@@ -173,7 +175,8 @@ fn write_samples(
 ) -> Result<(), rusqlite::Error> {
     transaction.execute("DELETE FROM samples WHERE case_id = ?1", [case])?;
     let mut insert = transaction.prepare_cached(
-        "INSERT INTO samples VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19)",
+        "INSERT INTO samples VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19,
+             ?20, ?21)",
     )?;
     for (step, s) in samples {
         insert.execute(params![
@@ -190,12 +193,14 @@ fn write_samples(
             s.slipping,
             s.normal_velocity,
             s.minimum_gap,
-            integer(s.stages),
-            integer(s.unconverged_stages),
-            s.worst_residual,
-            s.minimum_gap_so_far,
-            integer(s.jam_events),
-            s.jammed_strain,
+            integer(s.counters.stages),
+            integer(s.counters.unconverged_stages),
+            s.counters.worst_residual,
+            s.counters.worst_friction_error,
+            s.counters.minimum_gap,
+            integer(s.counters.jam_events),
+            integer(s.counters.jammed_steps),
+            integer(s.counters.jammed_steps_running),
         ])?;
     }
     Ok(())
@@ -226,12 +231,16 @@ pub(super) fn samples(
                     slipping: row.get(10)?,
                     normal_velocity: number(row, 11)?,
                     minimum_gap: number(row, 12)?,
-                    stages: count(row.get(13)?),
-                    unconverged_stages: count(row.get(14)?),
-                    worst_residual: number(row, 15)?,
-                    minimum_gap_so_far: number(row, 16)?,
-                    jam_events: count(row.get(17)?),
-                    jammed_strain: number(row, 18)?,
+                    counters: Counters {
+                        stages: count(row.get(13)?),
+                        unconverged_stages: count(row.get(14)?),
+                        worst_residual: number(row, 15)?,
+                        worst_friction_error: number(row, 16)?,
+                        minimum_gap: number(row, 17)?,
+                        jam_events: count(row.get(18)?),
+                        jammed_steps: count(row.get(19)?),
+                        jammed_steps_running: count(row.get(20)?),
+                    },
                 },
             ))
         })?

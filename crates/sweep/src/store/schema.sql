@@ -65,7 +65,7 @@ CREATE TABLE checkpoints (
     PRIMARY KEY (case_id, generation)
 );
 
--- Rows, not blobs: as compact here (about 140 bytes), and any SQLite client reads them.
+-- Rows, not blobs: as compact here (about 150 bytes), and any SQLite client reads them.
 CREATE TABLE samples (
     case_id                  INTEGER NOT NULL REFERENCES cases (id),
     step                     INTEGER NOT NULL,
@@ -83,9 +83,11 @@ CREATE TABLE samples (
     stages                   INTEGER NOT NULL,
     unconverged_stages       INTEGER NOT NULL,
     worst_residual           REAL,
+    worst_friction_error     REAL,
     minimum_gap_so_far       REAL,
     jam_events               INTEGER NOT NULL,
-    jammed_strain            REAL NOT NULL,
+    jammed_steps             INTEGER NOT NULL,
+    jammed_steps_running     INTEGER NOT NULL,
     PRIMARY KEY (case_id, step)
 ) WITHOUT ROWID;
 
@@ -116,6 +118,7 @@ CREATE TABLE results (
     stages                       INTEGER NOT NULL,
     unconverged_stages           INTEGER NOT NULL,
     worst_residual               REAL,
+    worst_friction_error         REAL,
     jam_events                   INTEGER NOT NULL,
     jammed_strain                REAL NOT NULL,
     final_strain                 REAL NOT NULL,

@@ -1,7 +1,7 @@
 use super::*;
 use crate::campaign::Campaign;
 use crate::case::State;
-use crate::test_support::{sample, snapshot};
+use crate::test_support::{counters, sample, snapshot};
 use rusqlite::params;
 use std::path::Path;
 
@@ -32,7 +32,6 @@ fn checkpoint(steps: u64) -> Vec<u8> {
     Checkpoint {
         snapshot: snapshot(steps),
         samples: vec![(0, sample(0.0))],
-        last: Some(sample(0.1)),
         wall_time_s: 1.0,
         resumed: 0,
     }
@@ -44,7 +43,7 @@ fn finished(state: State) -> Finished {
     Finished {
         state,
         samples: (0..50).map(|n| (4 * n, sample(n as f64 * 0.02))).collect(),
-        last: Some(sample(1.0)),
+        counters: counters(),
         steps: 200,
         discard_step: 100,
         wall_time_s: 2.0,

@@ -1,0 +1,128 @@
+//! Near-field tables of unequal spheres: solved once for a size ratio, which takes seconds, and kept in the user's cache.
+//!
+//! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error, and a table read
+//! back is bit for bit the one that was solved.
+
+use crate::error::Error;
+use sd_core::two_sphere::{NEAR_FIELD_VERSION, NearField};
+use sd_core::{NearFields, Params, start};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Size ratios, larger over smaller, that runs with these parameters need besides 1.
+///
+/// # Errors
+/// Those of the solver about the parameters.
+pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, Error> {
+    let mut seen = std::collections::HashSet::new();
+    let mut all: Vec<f64> = Vec::new();
+    for p in params.filter(|p| p.size_ratio > 1.0) {
+        let kind = (
+            p.spheres,
+            p.size_ratio.to_bits(),
+            p.large_fraction.to_bits(),
+        );
+        if !seen.insert(kind) {
+            continue;
+        }
+        for ratio in NearFields::ratios(&start::radii_and_side(p)?.0) {
+            // Up to rounding, as the solver looks for them.
+            if !all
+                .iter()
+                .any(|known| (known - ratio).abs() <= 1e-12 * ratio)
+            {
+                all.push(ratio);
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// The tables of these size ratios, from the cache or solved; `note` is told before one is solved.
+///
+/// # Errors
+/// A size ratio out of range.
+pub fn make(ratios: &[f64], mut note: impl FnMut(&str)) -> Result<NearFields, Error> {
+    let mut tables = NearFields::default();
+    for &ratio in ratios {
+        let place = place_of(ratio);
+        if let Some(table) = place.as_deref().and_then(read) {
+            tables.insert(table);
+            continue;
+        }
+        note(&format!(
+            "solving the near field of size ratio {ratio:.4}, once and for all"
+        ));
+        let table = NearField::new(ratio)?;
+        if let Some(place) = &place {
+            // Without a cache it is solved again next time.
+            let _ = write(place, &table);
+        }
+        tables.insert(table);
+    }
+    Ok(tables)
+}
+
+/// The tables of those of these size ratios that are in the cache.
+pub fn cached(ratios: &[f64]) -> NearFields {
+    let mut tables = NearFields::default();
+    for table in ratios.iter().filter_map(|ratio| read(&place_of(*ratio)?)) {
+        tables.insert(table);
+    }
+    tables
+}
+
+/// Where the table of a size ratio is kept; `None` without a home.
+fn place_of(ratio: f64) -> Option<PathBuf> {
+    let cache = std::env::var_os("XDG_CACHE_HOME")
+        .map(PathBuf::from)
+        .filter(|path| path.is_absolute())
+        .or_else(|| Some(std::env::home_dir()?.join(".cache")))?;
+    let name = format!("near-field-{NEAR_FIELD_VERSION}-{:016x}", ratio.to_bits());
+    Some(cache.join("sweep").join(name))
+}
+
+/// Reads a table; `None` if it is not whole.
+fn read(place: &Path) -> Option<NearField> {
+    let bytes = std::fs::read(place).ok()?;
+    let (checksum, content) = bytes.split_first_chunk::<32>()?;
+    (blake3::hash(content).as_bytes() == checksum)
+        .then(|| postcard::from_bytes(content).ok())
+        .flatten()
+}
+
+/// Writes a table so that no reader ever sees half of it.
+fn write(place: &Path, table: &NearField) -> std::io::Result<()> {
+    let content = postcard::to_stdvec(table).map_err(std::io::Error::other)?;
+    let directory = place.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(directory)?;
+    let draft = place.with_extension(std::process::id().to_string());
+    let mut file = std::fs::File::create(&draft)?;
+    file.write_all(blake3::hash(&content).as_bytes())?;
+    file.write_all(&content)?;
+    drop(file);
+    std::fs::rename(draft, place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn table_read_back_is_the_one_solved() {
+        let directory = tempfile::tempdir().unwrap();
+        let place = directory.path().join("deep/table");
+        let table = NearField::equal_spheres();
+        write(&place, &table).unwrap();
+        let back = read(&place).unwrap();
+        let xi = [1e-6, 1e-3, 0.01, 0.3, 1.7];
+        for gap in xi {
+            assert_eq!(back.evaluate(1.0, 1.0, gap), table.evaluate(1.0, 1.0, gap));
+        }
+        let mut bytes = std::fs::read(&place).unwrap();
+        let last = bytes.len() - 1;
+        bytes[last] ^= 1;
+        std::fs::write(&place, bytes).unwrap();
+        assert!(read(&place).is_none(), "damage is noticed");
+    }
+}
