@@ -65,7 +65,7 @@ fn half() -> f64 {
 impl Params {
     /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite at Γ = 0.
     pub fn critical_load(&self) -> f64 {
-        6.0 * std::f64::consts::PI / self.shear_rate
+        6.0 * std::f64::consts::PI / self.shear_rate.abs()
     }
 
     /// Checks every range.
@@ -149,6 +149,7 @@ mod infinite {
         Text(String),
     }
 
+    /// Infinity becomes text.
     #[expect(
         clippy::trivially_copy_pass_by_ref,
         reason = "the signature serde asks for"
@@ -161,6 +162,7 @@ mod infinite {
         }
     }
 
+    /// Either form is read.
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
         match Form::deserialize(d)? {
             Form::Number(value) => Ok(value),

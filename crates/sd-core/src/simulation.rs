@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::integrate::{RungeKutta, Stage, State};
 use crate::modes::{Background, Vec2};
 use crate::motion::{ContactLaw, Motion};
-use crate::params::{ContactScheme, Params};
+use crate::params::{ContactScheme, Hydrodynamics, Params};
 use crate::resistance::{NearFields, Resistance};
 use crate::start;
 use crate::stress::{ContactCounts, Stress, StressWork};
@@ -20,6 +20,22 @@ pub const JAM_VISCOSITY: f64 = 1e4;
 pub const JAM_STRAIN: f64 = 0.1;
 /// Version of [`Snapshot`].
 pub const SNAPSHOT_VERSION: u32 = 1;
+
+/// Memory of a [`Simulation`], in bytes, from above (near jamming): its matrices, and a few kilobytes per sphere.
+///
+/// ```text
+/// Ball-Melrose: R_FU (3N)², columns of the contacts 2 × 3N × K, their products 3 K², with K ≈ 1.5 N candidates
+/// Stokesian Dynamics: besides, M (6N)² and two more matrices (3N)²
+/// ```
+pub fn memory_bytes(params: &Params) -> f64 {
+    let n = params.spheres as f64;
+    let near = 9.0 + 9.0 + 6.75;
+    let far = match params.hydrodynamics {
+        Hydrodynamics::BallMelrose => 0.0,
+        Hydrodynamics::StokesianDynamics => 36.0 + 2.0 * 9.0,
+    };
+    8.0 * (near + far) * n * n + 8192.0 * n
+}
 
 /// What is measured at the first stage of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

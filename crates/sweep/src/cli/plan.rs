@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::exit;
 use crate::report::{bytes, duration, significant};
 use crate::tables;
+use sd_core::simulation::memory_bytes;
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
 use serde::{Serialize, Serializer};
 use std::collections::{HashMap, HashSet};
@@ -63,6 +64,8 @@ struct Plan {
     elapsed_s: Option<f64>,
     /// Size of the finished store.
     disk_bytes: f64,
+    /// Memory with that many workers at the largest kind, in bytes, estimated.
+    memory_bytes: f64,
 }
 
 /// An axis and its values.
@@ -88,7 +91,9 @@ struct Kind {
     weight: f64,
     /// Seconds of a step, measured or estimated.
     step_s: Option<f64>,
-    /// Whether they were measured here.
+    /// Memory of one of its runs, in bytes, estimated.
+    memory_bytes: f64,
+    /// Whether the time was measured here.
     measured: bool,
     /// Why they could not be measured.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -145,6 +150,7 @@ fn plan(campaign: &Campaign, workers: usize) -> Plan {
         computing_time_s,
         elapsed_s: computing_time_s.map(|time| (time / workers as f64).max(longest)),
         disk_bytes: cases as f64 * (CASE_BYTES + samples as f64 * SAMPLE_BYTES),
+        memory_bytes: workers as f64 * kinds.iter().map(|k| k.memory_bytes).fold(0.0, f64::max),
         kinds,
     }
 }
@@ -165,6 +171,7 @@ fn kinds(campaign: &Campaign) -> Vec<Kind> {
                     cases: 0,
                     weight: 1.0,
                     step_s: None,
+                    memory_bytes: memory_bytes(p),
                     measured: false,
                     reason: None,
                     example: case.clone(),
@@ -319,6 +326,7 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
         "weight",
         "step",
         "run",
+        "memory",
     ]);
     for kind in &plan.kinds {
         let time = |seconds: f64, mark: &str| format!("{mark}{}", duration(seconds));
@@ -335,6 +343,7 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
             ),
             kind.step_s
                 .map_or_else(|| "–".into(), |s| time(s * plan.steps as f64, mark)),
+            bytes(kind.memory_bytes),
         ]);
     }
     writeln!(out, "{kinds}")?;
@@ -350,16 +359,18 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
     match (plan.computing_time_s, plan.elapsed_s) {
         (Some(computing), Some(elapsed)) => writeln!(
             out,
-            "about {} of computing, {} with {} at a time; about {} on disk",
+            "about {} of computing, {} with {} at a time; about {} on disk, {} of memory",
             duration(computing),
             duration(elapsed),
             plan.workers,
-            bytes(plan.disk_bytes)
+            bytes(plan.disk_bytes),
+            bytes(plan.memory_bytes)
         )?,
         _ => writeln!(
             out,
-            "the time could not be estimated; about {} on disk",
-            bytes(plan.disk_bytes)
+            "the time could not be estimated; about {} on disk, {} of memory",
+            bytes(plan.disk_bytes),
+            bytes(plan.memory_bytes)
         )?,
     }
     Ok(())
