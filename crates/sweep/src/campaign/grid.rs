@@ -184,8 +184,13 @@ impl Grid {
         .fold(1, |product: u64, n| product.saturating_mul(n as u64))
     }
 
-    /// Refuses layers whose cell is smaller than twice the lubrication cut-off.
+    /// Refuses layers whose cell is smaller than twice the lubrication cut-off, and layers that no packing reaches.
     pub(super) fn check(&self) -> Result<(), Problem> {
+        for fraction in &self.area_fraction.values {
+            for roughness in &self.roughness.values {
+                check_packing(fraction, roughness)?;
+            }
+        }
         for spheres in &self.spheres.values {
             for fraction in &self.area_fraction.values {
                 for ratio in &self.size_ratio.values {
@@ -286,6 +291,30 @@ fn radii(n: u64, size_ratio: f64, large_fraction: f64) -> (f64, f64) {
     };
     let mean_square = (1.0 - x) * small_radius * small_radius + x * large_radius * large_radius;
     (largest, mean_square)
+}
+
+/// Refuses spheres that, with the roughness around them, cover more than the densest packing of equal discs.
+///
+/// Layers short of that may still fail to pack: their runs then fail and say so.
+fn check_packing(fraction: &Located<f64>, roughness: &Located<f64>) -> Result<(), Problem> {
+    let close_packed = PI / 12.0_f64.sqrt();
+    let growth = 1.0 + 0.5 * roughness.value;
+    if fraction.value * growth * growth <= close_packed {
+        return Ok(());
+    }
+    Err(Problem::at(
+        &fraction.span,
+        format!(
+            "no layer of `area_fraction` = {} starts without contact at `roughness` = {}",
+            fraction.value, roughness.value
+        ),
+        format!(
+            "an area fraction of at most {:.3} at this roughness",
+            close_packed / (growth * growth)
+        ),
+    )
+    .labelled("too dense")
+    .also(&roughness.span, "for this roughness"))
 }
 
 /// Refuses one layer if its cell is too small.
