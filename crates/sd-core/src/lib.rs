@@ -73,6 +73,7 @@ pub mod simulation;
 pub mod start;
 pub mod stress;
 pub mod two_sphere;
+pub mod verify;
 
 pub use error::Error;
 pub use params::{ContactScheme, Hydrodynamics, Params};

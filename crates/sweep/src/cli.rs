@@ -8,6 +8,7 @@ mod run;
 mod scalars;
 mod solve;
 mod status;
+mod verify;
 
 use crate::error::Error;
 use clap::{Parser, Subcommand, ValueEnum};
@@ -65,6 +66,7 @@ enum Command {
     Solve(solve::Arguments),
     /// Print the resistance functions of two spheres
     Scalars(scalars::Arguments),
+    Verify(verify::Arguments),
     /// Drive two spheres past each other
     Pair(pair::Arguments),
     /// Print a completion script for a shell
@@ -109,6 +111,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Report(arguments) => report::execute(&arguments, &mut output),
         Command::Solve(arguments) => solve::execute(&arguments, &mut output),
         Command::Scalars(arguments) => scalars::execute(&arguments, &mut output),
+        Command::Verify(arguments) => verify::execute(&arguments, &mut output),
         Command::Pair(arguments) => pair::execute(&arguments, &mut output),
         Command::Completions(arguments) => completions::execute(&arguments, &mut output),
     }?;
