@@ -162,6 +162,15 @@ impl Resistance {
     /// # Errors
     /// [`Error::Overlap`], [`Error::NotPositiveDefinite`].
     pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+        self.assemble(cell, centres)?;
+        self.factor()
+    }
+
+    /// The first half of [`Resistance::update`]: far field, pair terms, `R_FU`. [`Resistance::factor`] must follow.
+    ///
+    /// # Errors
+    /// [`Error::Overlap`]; [`Error::NotPositiveDefinite`] for the far-field mobility.
+    pub fn assemble(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
         self.neighbours
             .update(cell, centres, &self.radii, self.range)?;
         self.terms.clear();
@@ -207,6 +216,14 @@ impl Resistance {
                 }
             }
         }
+        Ok(())
+    }
+
+    /// The second half of [`Resistance::update`]: factors `R_FU` in place, once for every [`Resistance::assemble`].
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`].
+    pub fn factor(&mut self) -> Result<(), Error> {
         self.factor
             .factor()
             .map_err(|bad| Error::NotPositiveDefinite {
