@@ -14,6 +14,7 @@ use crate::cell::{Cell, LUBRICATION_RANGE, NeighbourList, Neighbours};
 use crate::error::Error;
 use crate::far_field::{DEFAULT_TOLERANCE, FarField, FarResistance};
 use crate::linalg::dense::Cholesky;
+use crate::linalg::simd::vectorised;
 use crate::modes::Vec2;
 use crate::params::Hydrodynamics;
 use crate::two_sphere::{NearField, PairTerm};
@@ -173,13 +174,7 @@ impl Resistance {
     pub fn assemble(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
         self.neighbours
             .update(cell, centres, &self.radii, self.range)?;
-        self.terms.clear();
-        for pair in self.neighbours.pairs() {
-            let (a_i, a_j) = (self.radii[pair.i], self.radii[pair.j]);
-            let table =
-                &self.tables[self.species_count * self.species[pair.i] + self.species[pair.j]];
-            self.terms.push(table.evaluate(a_i, a_j, pair.gap));
-        }
+        self.evaluate_terms();
         let n = self.radii.len();
         let matrix = self.factor.matrix_mut();
         match &mut self.far {
@@ -198,6 +193,31 @@ impl Resistance {
                 }
             }
         }
+        self.add_terms();
+        Ok(())
+    }
+
+    /// Near-field terms of all pairs.
+    fn evaluate_terms(&mut self) {
+        let (tables, species, count) = (&self.tables, &self.species, self.species_count);
+        let (radii, terms) = (&self.radii, &mut self.terms);
+        let pairs = self.neighbours.pairs();
+        terms.clear();
+        vectorised(
+            #[inline(always)]
+            || {
+                for pair in pairs {
+                    let (i, j) = (pair.i, pair.j);
+                    let table = &tables[count * species[i] + species[j]];
+                    terms.push(table.evaluate(radii[i], radii[j], pair.gap));
+                }
+            },
+        );
+    }
+
+    /// Adds the near-field terms to `R_FU`, lower triangle.
+    fn add_terms(&mut self) {
+        let matrix = self.factor.matrix_mut();
         for (pair, term) in self.neighbours.pairs().iter().zip(&self.terms) {
             let block = term.force_velocity(pair.normal);
             let (i, j) = (3 * pair.i, 3 * pair.j);
@@ -216,7 +236,6 @@ impl Resistance {
                 }
             }
         }
-        Ok(())
     }
 
     /// The second half of [`Resistance::update`]: factors `R_FU` in place, once for every [`Resistance::assemble`].
