@@ -21,7 +21,8 @@ pub mod procedure;
 pub mod rigid;
 
 use crate::cell::Neighbours;
-use crate::linalg::dense::{Matrix, add_scaled, dot, symmetric_product, transposed_product};
+use crate::linalg::dense::{Matrix, add_scaled, dot};
+use crate::linalg::staggered::StaggeredColumns;
 use crate::modes::{Background, Vec2};
 use crate::resistance::Resistance;
 use serde::{Deserialize, Serialize};
@@ -182,16 +183,18 @@ pub struct Contacts {
     /// `L⁻¹` of the forces without contact, `[3N]`.
     free: Vec<f64>,
     /// `Y_n = L⁻¹ Cᵀ`, `[3N × K]`.
-    normal_columns: Matrix,
-    /// `Y_t = L⁻¹ Dᵀ`, `[3N × K]`; empty until friction acts.
-    slip_columns: Matrix,
+    normal_columns: StaggeredColumns,
+    /// The candidates on which friction may act, M of them, ascending.
+    frictional: Vec<usize>,
+    /// `Y_t = L⁻¹ Dᵀ`, `[3N × M]`, of these alone.
+    slip_columns: StaggeredColumns,
     /// The Delassus matrix `G_nn`, `[K × K]`, both triangles.
     g_nn: Matrix,
-    /// `G_tn`, `[K × K]`.
+    /// `G_tn`, `[M × K]`.
     g_tn: Matrix,
     /// v_n⁰ of each candidate.
     free_normal: Vec<f64>,
-    /// u_t⁰ of each candidate.
+    /// u_t⁰ of each frictional candidate.
     free_slip: Vec<f64>,
     /// Normal forces at hand.
     normal_forces: Vec<f64>,
@@ -210,33 +213,38 @@ impl Contacts {
         self.free.clear();
         self.free.extend_from_slice(forces);
         solver.solve_lower_vector(&mut self.free);
-        self.normal_columns.reset(forces.len(), self.list.len());
+        let starts = self.list.iter().map(|contact| 3 * contact.pair.i);
+        self.normal_columns.reset(forces.len(), starts);
         for (k, contact) in self.list.iter().enumerate() {
             contact.add_normal(1.0, self.normal_columns.column_mut(k));
         }
-        solver.solve_lower(&mut self.normal_columns);
-        symmetric_product(&self.normal_columns, &self.normal_columns, &mut self.g_nn);
-        self.g_nn.mirror_lower();
+        self.normal_columns.solve_lower(solver);
+        self.normal_columns.gram(&mut self.g_nn);
         self.free_normal.clear();
         for (k, contact) in self.list.iter().enumerate() {
-            let velocity = dot(self.normal_columns.column(k), &self.free);
+            let (start, y) = self.normal_columns.tail(k);
+            let velocity = dot(y, &self.free[start..]);
             self.free_normal.push(contact.background[0] + velocity);
         }
     }
 
-    /// The same for slip: needed only where friction acts.
+    /// The same for the slip of the candidates in `frictional`.
     fn reduce_slip(&mut self, resistance: &Resistance) {
-        self.slip_columns.reset(self.free.len(), self.list.len());
-        for (k, contact) in self.list.iter_mut().enumerate() {
-            contact.add_slip(1.0, self.slip_columns.column_mut(k));
+        let starts = self.frictional.iter().map(|&k| 3 * self.list[k].pair.i);
+        self.slip_columns.reset(self.free.len(), starts);
+        for (m, &k) in self.frictional.iter().enumerate() {
+            let contact = &mut self.list[k];
+            contact.add_slip(1.0, self.slip_columns.column_mut(m));
             contact.slip_resistance = resistance.slip_resistance(&contact.pair);
         }
-        resistance.solver().solve_lower(&mut self.slip_columns);
-        transposed_product(&self.slip_columns, &self.normal_columns, &mut self.g_tn);
+        self.slip_columns.solve_lower(resistance.solver());
+        self.slip_columns
+            .transposed_product(&self.normal_columns, &mut self.g_tn);
         self.free_slip.clear();
-        for (k, contact) in self.list.iter().enumerate() {
-            let velocity = dot(self.slip_columns.column(k), &self.free);
-            self.free_slip.push(contact.background[1] + velocity);
+        for (m, &k) in self.frictional.iter().enumerate() {
+            let (start, y) = self.slip_columns.tail(m);
+            let velocity = dot(y, &self.free[start..]);
+            self.free_slip.push(self.list[k].background[1] + velocity);
         }
     }
 
@@ -245,12 +253,15 @@ impl Contacts {
         velocities.copy_from_slice(&self.free);
         for (k, contact) in self.list.iter().enumerate() {
             if contact.normal_force != 0.0 {
-                let y = self.normal_columns.column(k);
-                add_scaled(velocities, y, contact.normal_force);
+                let (start, y) = self.normal_columns.tail(k);
+                add_scaled(&mut velocities[start..], y, contact.normal_force);
             }
-            if contact.tangential_force != 0.0 {
-                let y = self.slip_columns.column(k);
-                add_scaled(velocities, y, -contact.tangential_force);
+        }
+        for (m, &k) in self.frictional.iter().enumerate() {
+            let force = self.list[k].tangential_force;
+            if force != 0.0 {
+                let (start, y) = self.slip_columns.tail(m);
+                add_scaled(&mut velocities[start..], y, -force);
             }
         }
         resistance.solver().solve_upper_vector(velocities);

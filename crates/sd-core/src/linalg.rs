@@ -5,3 +5,4 @@
 
 pub mod dense;
 pub mod simd;
+pub mod staggered;

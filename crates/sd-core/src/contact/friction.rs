@@ -38,7 +38,7 @@ pub fn law(
     }
 }
 
-/// Vectors of the friction iteration, one entry per candidate.
+/// Vectors of the friction iteration, one entry per frictional candidate but where said otherwise.
 #[derive(Default)]
 pub(super) struct Workspace {
     /// Friction forces that went into the last normal problem.
@@ -49,9 +49,9 @@ pub(super) struct Workspace {
     best: Vec<f64>,
     /// Whether friction acts.
     activated: Vec<bool>,
-    /// Bias of each candidate: what w has besides `v_n`.
+    /// Bias of every candidate: what w has besides `v_n`.
     pub(super) bias: Vec<f64>,
-    /// q of the normal problem.
+    /// q of the normal problem, one entry per candidate.
     q: Vec<f64>,
     /// Acceleration.
     anderson: Anderson,
@@ -71,13 +71,17 @@ impl Contacts {
 
     /// Alternates the normal problem, w = `v_n` + bias, with the friction law until the forces stand still, and puts them into `list`.
     ///
-    /// Slip must have been reduced. Starts from the friction forces in `list`.
-    pub(super) fn solve_frictional(&mut self, surface: &Surface) -> Quality {
-        let count = self.list.len();
+    /// Slip must have been reduced. Starts from the friction forces in `list`. `None` if a candidate whose slip was not
+    /// reduced exceeds the critical load: it has then joined `frictional`.
+    pub(super) fn solve_frictional(&mut self, surface: &Surface) -> Option<Quality> {
+        let count = self.frictional.len();
         let work = &mut self.friction;
         work.applied.clear();
-        work.applied
-            .extend(self.list.iter().map(|c| c.tangential_force));
+        work.applied.extend(
+            self.frictional
+                .iter()
+                .map(|&k| self.list[k].tangential_force),
+        );
         work.activated.clear();
         work.activated.resize(count, false);
         work.wanted.resize(count, 0.0);
@@ -90,6 +94,9 @@ impl Contacts {
         let mut passes = 0;
         while passes < MOST_PASSES {
             let quality = self.pass(surface, passes < DECIDING_PASSES);
+            if passes < DECIDING_PASSES && self.admit_loaded(surface) {
+                return None;
+            }
             passes += 1;
             let decided = passes >= DECIDING_PASSES;
             let work = &mut self.friction;
@@ -111,14 +118,30 @@ impl Contacts {
         work.applied.clone_from(&work.best);
         let mut quality = self.pass(surface, false);
         quality.passes = passes;
-        for (k, contact) in self.list.iter_mut().enumerate() {
-            contact.normal_force = self.normal_forces[k];
-            contact.tangential_force = self.friction.applied[k];
-            if !self.friction.activated[k] || contact.normal_force == 0.0 {
+        for (contact, &f) in self.list.iter_mut().zip(&self.normal_forces) {
+            contact.normal_force = f;
+            contact.tangential_force = 0.0;
+        }
+        for (m, &k) in self.frictional.iter().enumerate() {
+            let contact = &mut self.list[k];
+            contact.tangential_force = self.friction.applied[m];
+            if !self.friction.activated[m] || contact.normal_force == 0.0 {
                 contact.state = ContactState::Frictionless;
             }
         }
-        quality
+        Some(quality)
+    }
+
+    /// Adds to `frictional` the candidates above the critical load that it lacks; whether there were any.
+    fn admit_loaded(&mut self, surface: &Surface) -> bool {
+        let before = self.frictional.len();
+        for (k, &f) in self.normal_forces.iter().enumerate() {
+            if f > surface.critical_load && self.frictional[..before].binary_search(&k).is_err() {
+                self.frictional.push(k);
+            }
+        }
+        self.frictional.sort_unstable();
+        self.frictional.len() > before
     }
 
     /// Normal forces under the friction applied, and the friction the law then wants.
@@ -133,17 +156,18 @@ impl Contacts {
             .normal
             .solve(&self.g_nn, &work.q, &mut self.normal_forces);
         let f = &self.normal_forces;
-        work.wanted.copy_from_slice(&self.free_slip);
+        work.wanted.clone_from(&self.free_slip);
         self.g_tn.add_product(f, &mut work.wanted);
-        let mut largest: f64 = 0.0;
+        let largest = f.iter().fold(0.0, |m: f64, x| m.max(*x));
         let mut change: f64 = 0.0;
-        for (k, contact) in self.list.iter_mut().enumerate() {
+        for (m, &k) in self.frictional.iter().enumerate() {
+            let contact = &mut self.list[k];
             if deciding {
-                work.activated[k] = f[k] > surface.critical_load;
+                work.activated[m] = f[k] > surface.critical_load;
             }
-            let (force, state) = if work.activated[k] {
+            let (force, state) = if work.activated[m] {
                 law(
-                    work.wanted[k],
+                    work.wanted[m],
                     contact.slip_resistance,
                     surface.friction,
                     f[k],
@@ -152,9 +176,8 @@ impl Contacts {
                 (0.0, ContactState::Frictionless)
             };
             contact.state = state;
-            work.wanted[k] = force;
-            largest = largest.max(f[k]);
-            change = change.max((force - work.applied[k]).abs());
+            work.wanted[m] = force;
+            change = change.max((force - work.applied[m]).abs());
         }
         Quality {
             residual,

@@ -103,13 +103,19 @@ impl Matrix {
     }
 
     /// A block as faer sees it.
-    fn view(&self, row: usize, column: usize, rows: usize, columns: usize) -> MatRef<'_, f64> {
+    pub(super) fn view(
+        &self,
+        row: usize,
+        column: usize,
+        rows: usize,
+        columns: usize,
+    ) -> MatRef<'_, f64> {
         MatRef::from_column_major_slice(&self.values, self.rows, self.columns)
             .submatrix(row, column, rows, columns)
     }
 
     /// The whole as faer sees it.
-    fn view_mut(&mut self) -> MatMut<'_, f64> {
+    pub(super) fn view_mut(&mut self) -> MatMut<'_, f64> {
         MatMut::from_column_major_slice_mut(&mut self.values, self.rows, self.columns)
     }
 }
