@@ -6,3 +6,4 @@
 pub mod dense;
 pub mod simd;
 pub mod staggered;
+mod vector;

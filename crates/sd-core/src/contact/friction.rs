@@ -58,15 +58,21 @@ pub(super) struct Workspace {
 }
 
 impl Contacts {
-    /// Normal forces without friction, w = `v_n` + bias. Returns the residual.
-    pub(super) fn solve_frictionless(&mut self) -> f64 {
+    /// Normal forces without friction, w = `v_n` + bias.
+    pub(super) fn solve_frictionless(&mut self) {
         let work = &mut self.friction;
         work.q.clear();
         work.q
             .extend(self.free_normal.iter().zip(&work.bias).map(|(v, b)| v + b));
         self.normal_forces.resize(self.list.len(), 0.0);
         self.normal
-            .solve(&self.g_nn, &work.q, &mut self.normal_forces)
+            .solve(&self.g_nn, &work.q, &mut self.normal_forces);
+    }
+
+    /// Residual of the normal problem last solved.
+    pub(super) fn normal_residual(&mut self) -> f64 {
+        self.normal
+            .residual(&self.g_nn, &self.friction.q, &self.normal_forces)
     }
 
     /// Alternates the normal problem, w = `v_n` + bias, with the friction law until the forces stand still, and puts them into `list`.
@@ -86,38 +92,37 @@ impl Contacts {
         work.activated.resize(count, false);
         work.wanted.resize(count, 0.0);
         work.anderson.restart();
-        let mut best = Quality {
-            residual: f64::INFINITY,
-            friction_error: f64::INFINITY,
-            passes: 0,
-        };
+        let mut best = f64::INFINITY;
+        let mut error = f64::INFINITY;
         let mut passes = 0;
         while passes < MOST_PASSES {
-            let quality = self.pass(surface, passes < DECIDING_PASSES);
+            error = self.pass(surface, passes < DECIDING_PASSES);
             if passes < DECIDING_PASSES && self.admit_loaded(surface) {
                 return None;
             }
             passes += 1;
             let decided = passes >= DECIDING_PASSES;
-            let work = &mut self.friction;
-            if decided && quality.friction_error < best.friction_error {
-                best = quality;
-                work.best.clone_from(&work.applied);
-            }
-            if decided && quality.friction_error <= STANDSTILL {
+            if decided && error <= STANDSTILL {
+                best = error;
                 break;
             }
+            let work = &mut self.friction;
             if decided {
+                if error < best {
+                    best = error;
+                    work.best.clone_from(&work.applied);
+                }
                 work.anderson.advance(&mut work.applied, &work.wanted);
             } else {
                 work.applied.clone_from(&work.wanted);
             }
         }
-        // The forces of the best pass, so that f is exact for the friction applied with it.
-        let work = &mut self.friction;
-        work.applied.clone_from(&work.best);
-        let mut quality = self.pass(surface, false);
-        quality.passes = passes;
+        if best > STANDSTILL {
+            // The forces of the best pass, so that f is exact for the friction applied with it.
+            let work = &mut self.friction;
+            work.applied.clone_from(&work.best);
+            error = self.pass(surface, false);
+        }
         for (contact, &f) in self.list.iter_mut().zip(&self.normal_forces) {
             contact.normal_force = f;
             contact.tangential_force = 0.0;
@@ -129,7 +134,11 @@ impl Contacts {
                 contact.state = ContactState::Frictionless;
             }
         }
-        Some(quality)
+        Some(Quality {
+            residual: self.normal_residual(),
+            friction_error: error,
+            passes,
+        })
     }
 
     /// Adds to `frictional` the candidates above the critical load that it lacks; whether there were any.
@@ -144,16 +153,15 @@ impl Contacts {
         self.frictional.len() > before
     }
 
-    /// Normal forces under the friction applied, and the friction the law then wants.
-    fn pass(&mut self, surface: &Surface, deciding: bool) -> Quality {
+    /// Normal forces under the friction applied, and the friction the law then wants; returns the friction error.
+    fn pass(&mut self, surface: &Surface, deciding: bool) -> f64 {
         let work = &mut self.friction;
         work.q.clear();
         work.q
             .extend(self.free_normal.iter().zip(&work.bias).map(|(v, b)| v + b));
         self.g_tn
             .subtract_transposed_product(&work.applied, &mut work.q);
-        let residual = self
-            .normal
+        self.normal
             .solve(&self.g_nn, &work.q, &mut self.normal_forces);
         let f = &self.normal_forces;
         work.wanted.clone_from(&self.free_slip);
@@ -179,11 +187,7 @@ impl Contacts {
             work.wanted[m] = force;
             change = change.max((force - work.applied[m]).abs());
         }
-        Quality {
-            residual,
-            friction_error: if change == 0.0 { 0.0 } else { change / largest },
-            passes: 1,
-        }
+        if change == 0.0 { 0.0 } else { change / largest }
     }
 }
 

@@ -129,7 +129,7 @@ impl Contacts {
             .zip(self.free_normal.iter().zip(bias.iter()))
             .map(|(c, (v, b))| c.normal_force > 0.0 || v + b < 0.0);
         self.normal.start(started);
-        let residual = self.solve_frictionless();
+        self.solve_frictionless();
         let load = surface.critical_load;
         self.frictional.clear();
         if surface.has_friction() && self.normal_forces.iter().any(|&f| f > load) {
@@ -150,7 +150,7 @@ impl Contacts {
             contact.state = ContactState::Frictionless;
         }
         Quality {
-            residual,
+            residual: self.normal_residual(),
             friction_error: 0.0,
             passes: 1,
         }
