@@ -89,9 +89,11 @@ impl Cell {
                 length_y,
                 offset,
             } => {
-                let n = -(separation.y / length_y).round_ties_even();
+                // The reciprocals are the same for all pairs of a list: one division each.
+                let (per_x, per_y) = (length_x.recip(), length_y.recip());
+                let n = -(separation.y * per_y).round_ties_even();
                 let x = separation.x + n * offset;
-                let m = -(x / length_x).round_ties_even();
+                let m = -(x * per_x).round_ties_even();
                 #[expect(clippy::cast_possible_truncation, reason = "whole numbers of cells")]
                 let image = [m as i32, n as i32];
                 (

@@ -297,6 +297,8 @@ impl NearField {
                 let (from, sign) = EXCHANGED[k];
                 *entry = sign * scales[LENGTH_POWER[k]] * sums[from];
             }
+        } else if length.to_bits() == 1.0_f64.to_bits() {
+            entries.copy_from_slice(&sums[..ENTRIES]);
         } else {
             for (k, entry) in entries.iter_mut().enumerate() {
                 *entry = scales[LENGTH_POWER[k]] * sums[k];
