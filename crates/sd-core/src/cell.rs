@@ -165,6 +165,9 @@ pub struct Neighbours {
     pub gap: f64,
 }
 
+/// Neighbours of a sphere within the lubrication range that room is made for; equal ones have 18 at most.
+pub(crate) const MOST_NEIGHBOURS: usize = 20;
+
 /// All pairs within range, ordered by (i, j): found by a cell list, O(N).
 #[derive(Debug, Default)]
 pub struct NeighbourList {
@@ -181,6 +184,17 @@ pub struct NeighbourList {
 }
 
 impl NeighbourList {
+    /// Room for all pairs within range that so many equal spheres can have.
+    pub fn new(spheres: usize) -> Self {
+        Self {
+            pairs: Vec::with_capacity(MOST_NEIGHBOURS * spheres / 2),
+            sorted: Vec::with_capacity(spheres),
+            starts: Vec::new(),
+            bins: Vec::with_capacity(spheres),
+            found: Vec::with_capacity(MOST_NEIGHBOURS),
+        }
+    }
+
     /// The pairs of the last [`NeighbourList::update`].
     pub fn pairs(&self) -> &[Neighbours] {
         &self.pairs

@@ -204,7 +204,36 @@ pub struct Contacts {
     friction: friction::Workspace,
 }
 
+/// Most spheres for which room is made in advance for all contacts there can be.
+const MOST_RESERVED: usize = 1000;
+
+/// Most contacts of equal spheres in a plane: six for each sphere. Unequal ones hardly have more.
+pub fn most_contacts(spheres: usize) -> usize {
+    3 * spheres.min(MOST_RESERVED)
+}
+
 impl Contacts {
+    /// Workspace with room for all contacts of that many spheres. Pages never written to cost no memory.
+    pub fn new(spheres: usize) -> Self {
+        let (rows, most) = (3 * spheres, most_contacts(spheres));
+        let mut contacts = Self {
+            list: Vec::with_capacity(most),
+            free: Vec::with_capacity(rows),
+            frictional: Vec::with_capacity(most),
+            free_normal: Vec::with_capacity(most),
+            free_slip: Vec::with_capacity(most),
+            normal_forces: Vec::with_capacity(most),
+            normal: normal::NormalProblem::new(most),
+            friction: friction::Workspace::new(most),
+            ..Self::default()
+        };
+        contacts.normal_columns.reserve(rows, most);
+        contacts.slip_columns.reserve(rows, most);
+        contacts.g_nn.reserve(most * most);
+        contacts.g_tn.reserve(most * most);
+        contacts
+    }
+
     /// Brings the normal problem down to the candidates in `list`.
     ///
     /// `forces`: external and background forces `[3N]` on the spheres.

@@ -47,8 +47,8 @@ impl Motion {
     pub fn new(resistance: Resistance) -> Self {
         let n = 3 * resistance.radii().len();
         Self {
+            contacts: Contacts::new(resistance.radii().len()),
             resistance,
-            contacts: Contacts::default(),
             forces: vec![0.0; n],
             velocities: vec![0.0; n],
         }

@@ -10,7 +10,7 @@
 //! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count at any distance and are
 //! then exact under Stokesian Dynamics. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
 
-use crate::cell::{Cell, LUBRICATION_RANGE, NeighbourList, Neighbours};
+use crate::cell::{Cell, LUBRICATION_RANGE, MOST_NEIGHBOURS, NeighbourList, Neighbours};
 use crate::error::Error;
 use crate::far_field::{DEFAULT_TOLERANCE, FarField, FarResistance};
 use crate::linalg::dense::Cholesky;
@@ -150,8 +150,8 @@ impl Resistance {
             species,
             species_count: sizes.len(),
             range,
-            neighbours: NeighbourList::default(),
-            terms: Vec::new(),
+            neighbours: NeighbourList::new(radii.len()),
+            terms: Vec::with_capacity(MOST_NEIGHBOURS * radii.len() / 2),
             far,
             factor: Cholesky::new(3 * radii.len()),
             far_vector: Vec::new(),

@@ -57,6 +57,22 @@ pub(super) struct Workspace {
     anderson: Anderson,
 }
 
+impl Workspace {
+    /// Room for that many candidates.
+    pub(super) fn new(candidates: usize) -> Self {
+        let vector = || Vec::with_capacity(candidates);
+        Self {
+            applied: vector(),
+            wanted: vector(),
+            best: vector(),
+            activated: Vec::with_capacity(candidates),
+            bias: vector(),
+            q: vector(),
+            anderson: Anderson::new(candidates),
+        }
+    }
+}
+
 impl Contacts {
     /// Normal forces without friction, w = `v_n` + bias.
     pub(super) fn solve_frictionless(&mut self) {
@@ -211,6 +227,20 @@ struct Anderson {
 }
 
 impl Anderson {
+    /// Room for that many unknowns.
+    fn new(unknowns: usize) -> Self {
+        let vector = || Vec::with_capacity(unknowns);
+        let vectors = || (0..DEPTH).map(|_| vector()).collect();
+        Self {
+            x: vector(),
+            r: vector(),
+            image_steps: vectors(),
+            residual_steps: vectors(),
+            basis: vectors(),
+            ..Self::default()
+        }
+    }
+
     /// Forgets the past.
     fn restart(&mut self) {
         self.kept = 0;

@@ -38,6 +38,18 @@ pub(super) struct NormalProblem {
 }
 
 impl NormalProblem {
+    /// Room for that many candidates.
+    pub(super) fn new(candidates: usize) -> Self {
+        Self {
+            support: Vec::with_capacity(candidates),
+            active: Vec::with_capacity(candidates),
+            factor: Cholesky::new(candidates),
+            solution: Vec::with_capacity(candidates),
+            slack: Vec::with_capacity(candidates),
+            ..Self::default()
+        }
+    }
+
     /// Begins a new stage with a guess of the support.
     pub(super) fn start(&mut self, guess: impl Iterator<Item = bool>) {
         self.support.clear();

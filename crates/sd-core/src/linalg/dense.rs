@@ -45,6 +45,12 @@ impl Matrix {
         self.values.resize(rows * columns, 0.0);
     }
 
+    /// Room for that many entries, so that matrices up to that size allocate nothing.
+    pub fn reserve(&mut self, entries: usize) {
+        self.values
+            .reserve(entries.saturating_sub(self.values.len()));
+    }
+
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.rows

@@ -24,6 +24,12 @@ pub struct StaggeredColumns {
 }
 
 impl StaggeredColumns {
+    /// Room for that many columns.
+    pub fn reserve(&mut self, rows: usize, columns: usize) {
+        self.starts.reserve(columns);
+        self.matrix.reserve(rows * columns);
+    }
+
     /// Zero columns with the given starts, in ascending order.
     pub fn reset(&mut self, rows: usize, starts: impl Iterator<Item = usize>) {
         self.starts.clear();
