@@ -124,20 +124,18 @@ impl Contact {
             - self.levers[1] * v[j + 2]
     }
 
-    /// Adds `f` times the normal row's transpose to forces `[3N]`: −f n on i, +f n on j.
-    pub fn add_normal(&self, f: f64, forces: &mut [f64]) {
+    /// Adds `f` times the normal row's transpose to forces `[3N]`: −f n on i, +f n on j, whose first rows are given.
+    fn add_normal(&self, f: f64, [i, j]: [usize; 2], forces: &mut [f64]) {
         let n = self.pair.normal * f;
-        let (i, j) = (3 * self.pair.i, 3 * self.pair.j);
         forces[i] -= n.x;
         forces[i + 1] -= n.y;
         forces[j] += n.x;
         forces[j + 1] += n.y;
     }
 
-    /// Adds `f` times the slip row's transpose to forces `[3N]`: the force of friction is `f = −F_t`.
-    pub fn add_slip(&self, f: f64, forces: &mut [f64]) {
+    /// Adds `f` times the slip row's transpose to forces `[3N]`, first rows given: the force of friction is `f = −F_t`.
+    fn add_slip(&self, f: f64, [i, j]: [usize; 2], forces: &mut [f64]) {
         let t = tangent(self.pair.normal) * f;
-        let (i, j) = (3 * self.pair.i, 3 * self.pair.j);
         forces[i] -= t.x;
         forces[i + 1] -= t.y;
         forces[i + 2] -= self.levers[0] * f;
@@ -178,10 +176,12 @@ impl Quality {
 /// The contact problem of one stage, with its workspace. Reused, it allocates only when the layer has more contacts than ever before.
 #[derive(Default)]
 pub struct Contacts {
-    /// Candidate pairs, ordered by (i, j).
+    /// Candidate pairs, ordered by (i, j) once solved.
     pub list: Vec<Contact>,
-    /// `L⁻¹` of the forces without contact, `[3N]`.
+    /// `L⁻¹` of the forces without contact, `[3N]`; rows as [`Resistance::row`] has them, as in all columns here.
     free: Vec<f64>,
+    /// The motion in the same order of rows, `[3N]`.
+    motion: Vec<f64>,
     /// `Y_n = L⁻¹ Cᵀ`, `[3N × K]`.
     normal_columns: StaggeredColumns,
     /// The candidates on which friction may act, M of them, ascending.
@@ -219,6 +219,7 @@ impl Contacts {
         let mut contacts = Self {
             list: Vec::with_capacity(most),
             free: Vec::with_capacity(rows),
+            motion: Vec::with_capacity(rows),
             frictional: Vec::with_capacity(most),
             free_normal: Vec::with_capacity(most),
             free_slip: Vec::with_capacity(most),
@@ -239,13 +240,16 @@ impl Contacts {
     /// `forces`: external and background forces `[3N]` on the spheres.
     fn reduce_normal(&mut self, resistance: &Resistance, forces: &[f64]) {
         let solver = resistance.solver();
-        self.free.clear();
-        self.free.extend_from_slice(forces);
+        resistance.to_rows(forces, &mut self.free);
         solver.solve_lower_vector(&mut self.free);
-        let starts = self.list.iter().map(|contact| 3 * contact.pair.i);
+        let rows = |c: &Contact| [c.pair.i, c.pair.j].map(|sphere| resistance.row(sphere));
+        let start = |c: &Contact| rows(c)[0].min(rows(c)[1]);
+        self.list
+            .sort_unstable_by_key(|c| (start(c), c.pair.i, c.pair.j));
+        let starts = self.list.iter().map(start);
         self.normal_columns.reset(forces.len(), starts);
         for (k, contact) in self.list.iter().enumerate() {
-            contact.add_normal(1.0, self.normal_columns.column_mut(k));
+            contact.add_normal(1.0, rows(contact), self.normal_columns.column_mut(k));
         }
         self.normal_columns.solve_lower(solver);
         self.normal_columns.gram(&mut self.g_nn);
@@ -259,11 +263,13 @@ impl Contacts {
 
     /// The same for the slip of the candidates in `frictional`.
     fn reduce_slip(&mut self, resistance: &Resistance) {
-        let starts = self.frictional.iter().map(|&k| 3 * self.list[k].pair.i);
+        let rows = |c: &Contact| [c.pair.i, c.pair.j].map(|sphere| resistance.row(sphere));
+        let start = |c: &Contact| rows(c)[0].min(rows(c)[1]);
+        let starts = self.frictional.iter().map(|&k| start(&self.list[k]));
         self.slip_columns.reset(self.free.len(), starts);
         for (m, &k) in self.frictional.iter().enumerate() {
             let contact = &mut self.list[k];
-            contact.add_slip(1.0, self.slip_columns.column_mut(m));
+            contact.add_slip(1.0, rows(contact), self.slip_columns.column_mut(m));
             contact.slip_resistance = resistance.slip_resistance(&contact.pair);
         }
         self.slip_columns.solve_lower(resistance.solver());
@@ -279,21 +285,24 @@ impl Contacts {
 
     /// Velocities `[3N]` of the motion with the forces in `list`, and the contact velocities that belong to them.
     fn finish(&mut self, resistance: &Resistance, velocities: &mut [f64]) {
-        velocities.copy_from_slice(&self.free);
+        let motion = &mut self.motion;
+        motion.clone_from(&self.free);
         for (k, contact) in self.list.iter().enumerate() {
             if contact.normal_force != 0.0 {
                 let (start, y) = self.normal_columns.tail(k);
-                add_scaled(&mut velocities[start..], y, contact.normal_force);
+                add_scaled(&mut motion[start..], y, contact.normal_force);
             }
         }
         for (m, &k) in self.frictional.iter().enumerate() {
             let force = self.list[k].tangential_force;
             if force != 0.0 {
                 let (start, y) = self.slip_columns.tail(m);
-                add_scaled(&mut velocities[start..], y, -force);
+                add_scaled(&mut motion[start..], y, -force);
             }
         }
-        resistance.solver().solve_upper_vector(velocities);
+        resistance.solver().solve_upper_vector(motion);
+        resistance.from_rows(motion, velocities);
+        self.list.sort_unstable_by_key(|c| (c.pair.i, c.pair.j));
         for contact in &mut self.list {
             contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
             contact.slip_velocity = contact.background[1] + contact.slip_row(velocities);

@@ -6,7 +6,7 @@ pub use super::vector::{add_scaled, dot};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::matmul::{self, triangular::BlockStructure};
-use faer::linalg::{triangular_inverse, triangular_solve};
+use faer::linalg::triangular_inverse;
 use faer::{Accum, MatMut, MatRef, Par, Spec};
 
 /// A dense matrix `[rows × columns]`, stored by columns.
@@ -216,40 +216,26 @@ impl Cholesky {
     /// # Errors
     /// [`NotPositive`] with the row at which it broke down.
     pub fn factor(&mut self) -> Result<(), NotPositive> {
-        let n = self.factor.rows;
-        if n > self.capacity {
-            self.scratch = scratch(n);
-            self.capacity = n;
-        }
+        let (matrix, scratch) = self.parts();
         llt::factor::cholesky_in_place(
-            self.factor.view_mut(),
+            matrix.view_mut(),
             llt::factor::LltRegularization::default(),
             Par::Seq,
-            MemStack::new(&mut self.scratch),
+            MemStack::new(scratch),
             Spec::default(),
         )
         .map(|_| ())
         .map_err(|llt::factor::LltError::NonPositivePivot { index }| NotPositive { pivot: index })
     }
 
-    /// `b ← L⁻¹ b`, for each column of b.
-    pub fn solve_lower(&self, b: &mut Matrix) {
+    /// The matrix and the scratch of its factorization.
+    pub(super) fn parts(&mut self) -> (&mut Matrix, &mut MemBuffer) {
         let n = self.factor.rows;
-        triangular_solve::solve_lower_triangular_in_place(
-            self.factor.view(0, 0, n, n),
-            b.view_mut(),
-            Par::Seq,
-        );
-    }
-
-    /// `b ← L⁻ᵀ b`, for each column of b.
-    pub fn solve_upper(&self, b: &mut Matrix) {
-        let n = self.factor.rows;
-        triangular_solve::solve_upper_triangular_in_place(
-            self.factor.view(0, 0, n, n).transpose(),
-            b.view_mut(),
-            Par::Seq,
-        );
+        if n > self.capacity {
+            self.scratch = scratch(n);
+            self.capacity = n;
+        }
+        (&mut self.factor, &mut self.scratch)
     }
 
     /// `x ← A⁻¹ x` for one vector.
@@ -384,19 +370,6 @@ pub fn product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
         c.view_mut(),
         Accum::Replace,
         a.view(0, 0, a.rows, a.columns),
-        b.view(0, 0, b.rows, b.columns),
-        1.0,
-        Par::Seq,
-    );
-}
-
-/// `C ← Aᵀ B`.
-pub fn transposed_product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
-    c.reshape(a.columns, b.columns);
-    matmul::matmul(
-        c.view_mut(),
-        Accum::Replace,
-        a.view(0, 0, a.rows, a.columns).transpose(),
         b.view(0, 0, b.rows, b.columns),
         1.0,
         Par::Seq,

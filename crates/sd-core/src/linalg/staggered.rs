@@ -4,13 +4,12 @@
 //! where they begin, each block of rows concerns the leading ones only, and a product of two blocks of columns only the
 //! rows below both beginnings: half to a third of the dense cost.
 
-use super::dense::{Cholesky, Matrix};
+use super::dense::Matrix;
+use super::profile::{PANEL, ProfileCholesky};
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Par};
 
-/// Rows solved for at once.
-const ROWS: usize = 48;
 /// Columns multiplied at once.
 const COLUMNS: usize = 32;
 
@@ -55,12 +54,12 @@ impl StaggeredColumns {
     }
 
     /// Replaces the columns B by `L⁻¹ B`.
-    pub fn solve_lower(&mut self, cholesky: &Cholesky) {
+    pub fn solve_lower(&mut self, cholesky: &ProfileCholesky) {
         let n = self.matrix.rows();
         let lower = cholesky.lower();
         let mut columns = 0;
-        for first in (0..n).step_by(ROWS) {
-            let end = (first + ROWS).min(n);
+        for first in (0..n).step_by(PANEL) {
+            let end = (first + PANEL).min(n);
             while columns < self.starts.len() && self.starts[columns] < end {
                 columns += 1;
             }
@@ -75,11 +74,17 @@ impl StaggeredColumns {
                 block.as_mut(),
                 Par::Seq,
             );
-            if end < n {
+            let mut below = below;
+            for rows in cholesky.rows(first / PANEL) {
+                if rows.is_empty() {
+                    continue;
+                }
                 matmul(
-                    below,
+                    below
+                        .as_mut()
+                        .submatrix_mut(rows.start - end, 0, rows.len(), columns),
                     Accum::Add,
-                    lower.view(end, first, n - end, end - first),
+                    lower.view(rows.start, first, rows.len(), end - first),
                     block.as_ref(),
                     -1.0,
                     Par::Seq,
@@ -176,8 +181,8 @@ mod tests {
 
     #[test]
     fn solves_are_those_of_whole_columns() {
-        let mut cholesky = Cholesky::new(120);
-        let matrix = cholesky.matrix_mut();
+        let mut cholesky = ProfileCholesky::new(120);
+        let matrix = cholesky.full_matrix();
         matrix.reset(120, 120);
         for j in 0..120 {
             for i in j..120 {
