@@ -1,6 +1,7 @@
 //! The sheared periodic cell (Lees-Edwards), or unbounded fluid; images and neighbours.
 
 use crate::error::Error;
+use crate::linalg::simd::vectorised;
 use crate::modes::Vec2;
 
 /// Pairs with `s' = 2r/(a_i + a_j)` below this get a near-field term in a periodic cell and in clusters.
@@ -79,6 +80,7 @@ impl Cell {
     /// Moves a separation to the image with `|y| ≤ length_y/2`, `|x| ≤ length_x/2`, and says which it is.
     ///
     /// Every vector shorter than half of either side is found this way.
+    #[inline(always)]
     pub fn nearest(&self, separation: Vec2) -> (Vec2, [i32; 2]) {
         match *self {
             Self::Unbounded => (separation, [0, 0]),
@@ -87,9 +89,11 @@ impl Cell {
                 length_y,
                 offset,
             } => {
-                let n = -(separation.y / length_y).round();
+                // The reciprocals are the same for all pairs of a list: one division each.
+                let (per_x, per_y) = (length_x.recip(), length_y.recip());
+                let n = -(separation.y * per_y).round_ties_even();
                 let x = separation.x + n * offset;
-                let m = -(x / length_x).round();
+                let m = -(x * per_x).round_ties_even();
                 #[expect(clippy::cast_possible_truncation, reason = "whole numbers of cells")]
                 let image = [m as i32, n as i32];
                 (
@@ -161,6 +165,9 @@ pub struct Neighbours {
     pub gap: f64,
 }
 
+/// Neighbours of a sphere within the lubrication range that room is made for; equal ones have 18 at most.
+pub(crate) const MOST_NEIGHBOURS: usize = 20;
+
 /// All pairs within range, ordered by (i, j): found by a cell list, O(N).
 #[derive(Debug, Default)]
 pub struct NeighbourList {
@@ -177,6 +184,17 @@ pub struct NeighbourList {
 }
 
 impl NeighbourList {
+    /// Room for all pairs within range that so many equal spheres can have.
+    pub fn new(spheres: usize) -> Self {
+        Self {
+            pairs: Vec::with_capacity(MOST_NEIGHBOURS * spheres / 2),
+            sorted: Vec::with_capacity(spheres),
+            starts: Vec::new(),
+            bins: Vec::with_capacity(spheres),
+            found: Vec::with_capacity(MOST_NEIGHBOURS),
+        }
+    }
+
     /// The pairs of the last [`NeighbourList::update`].
     pub fn pairs(&self) -> &[Neighbours] {
         &self.pairs
@@ -209,6 +227,16 @@ impl NeighbourList {
 
     /// [`NeighbourList::update`] without the check: gaps may be negative.
     pub(crate) fn find(&mut self, cell: &Cell, centres: &[Vec2], radii: &[f64], range: f64) {
+        // Rounding is one instruction there, a call elsewhere.
+        vectorised(
+            #[inline(always)]
+            || self.find_inline(cell, centres, radii, range),
+        );
+    }
+
+    /// [`NeighbourList::find`] for the caller's instruction set.
+    #[inline(always)]
+    fn find_inline(&mut self, cell: &Cell, centres: &[Vec2], radii: &[f64], range: f64) {
         self.pairs.clear();
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let (columns, rows, length_x, offset) = match *cell {
@@ -270,9 +298,11 @@ impl NeighbourList {
                     for &j in &self.sorted[self.starts[bin]..self.starts[bin + 1]] {
                         if j > i {
                             let (r, image) = cell.nearest(centres[j] - centres[i]);
-                            let distance = r.norm();
                             let sum = radii[i] + radii[j];
-                            if 2.0 * distance < range * sum {
+                            let square = r.norm_squared();
+                            let reach = 0.5 * range * sum;
+                            if square < reach * reach {
+                                let distance = square.sqrt();
                                 self.found.push(Neighbours {
                                     i,
                                     j,

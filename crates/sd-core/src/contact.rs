@@ -21,7 +21,8 @@ pub mod procedure;
 pub mod rigid;
 
 use crate::cell::Neighbours;
-use crate::linalg::dense::{Matrix, add_scaled, dot, symmetric_product, transposed_product};
+use crate::linalg::dense::{Matrix, add_scaled, dot};
+use crate::linalg::staggered::StaggeredColumns;
 use crate::modes::{Background, Vec2};
 use crate::resistance::Resistance;
 use serde::{Deserialize, Serialize};
@@ -123,20 +124,18 @@ impl Contact {
             - self.levers[1] * v[j + 2]
     }
 
-    /// Adds `f` times the normal row's transpose to forces `[3N]`: −f n on i, +f n on j.
-    pub fn add_normal(&self, f: f64, forces: &mut [f64]) {
+    /// Adds `f` times the normal row's transpose to forces `[3N]`: −f n on i, +f n on j, whose first rows are given.
+    fn add_normal(&self, f: f64, [i, j]: [usize; 2], forces: &mut [f64]) {
         let n = self.pair.normal * f;
-        let (i, j) = (3 * self.pair.i, 3 * self.pair.j);
         forces[i] -= n.x;
         forces[i + 1] -= n.y;
         forces[j] += n.x;
         forces[j + 1] += n.y;
     }
 
-    /// Adds `f` times the slip row's transpose to forces `[3N]`: the force of friction is `f = −F_t`.
-    pub fn add_slip(&self, f: f64, forces: &mut [f64]) {
+    /// Adds `f` times the slip row's transpose to forces `[3N]`, first rows given: the force of friction is `f = −F_t`.
+    fn add_slip(&self, f: f64, [i, j]: [usize; 2], forces: &mut [f64]) {
         let t = tangent(self.pair.normal) * f;
-        let (i, j) = (3 * self.pair.i, 3 * self.pair.j);
         forces[i] -= t.x;
         forces[i + 1] -= t.y;
         forces[i + 2] -= self.levers[0] * f;
@@ -177,21 +176,25 @@ impl Quality {
 /// The contact problem of one stage, with its workspace. Reused, it allocates only when the layer has more contacts than ever before.
 #[derive(Default)]
 pub struct Contacts {
-    /// Candidate pairs, ordered by (i, j).
+    /// Candidate pairs, ordered by (i, j) once solved.
     pub list: Vec<Contact>,
-    /// `L⁻¹` of the forces without contact, `[3N]`.
+    /// `L⁻¹` of the forces without contact, `[3N]`; rows as [`Resistance::row`] has them, as in all columns here.
     free: Vec<f64>,
+    /// The motion in the same order of rows, `[3N]`.
+    motion: Vec<f64>,
     /// `Y_n = L⁻¹ Cᵀ`, `[3N × K]`.
-    normal_columns: Matrix,
-    /// `Y_t = L⁻¹ Dᵀ`, `[3N × K]`; empty until friction acts.
-    slip_columns: Matrix,
+    normal_columns: StaggeredColumns,
+    /// The candidates on which friction may act, M of them, ascending.
+    frictional: Vec<usize>,
+    /// `Y_t = L⁻¹ Dᵀ`, `[3N × M]`, of these alone.
+    slip_columns: StaggeredColumns,
     /// The Delassus matrix `G_nn`, `[K × K]`, both triangles.
     g_nn: Matrix,
-    /// `G_tn`, `[K × K]`.
+    /// `G_tn`, `[M × K]`.
     g_tn: Matrix,
     /// v_n⁰ of each candidate.
     free_normal: Vec<f64>,
-    /// u_t⁰ of each candidate.
+    /// u_t⁰ of each frictional candidate.
     free_slip: Vec<f64>,
     /// Normal forces at hand.
     normal_forces: Vec<f64>,
@@ -201,59 +204,105 @@ pub struct Contacts {
     friction: friction::Workspace,
 }
 
+/// Most spheres for which room is made in advance for all contacts there can be.
+const MOST_RESERVED: usize = 1000;
+
+/// Most contacts of equal spheres in a plane: six for each sphere. Unequal ones hardly have more.
+pub fn most_contacts(spheres: usize) -> usize {
+    3 * spheres.min(MOST_RESERVED)
+}
+
 impl Contacts {
+    /// Workspace with room for all contacts of that many spheres. Pages never written to cost no memory.
+    pub fn new(spheres: usize) -> Self {
+        let (rows, most) = (3 * spheres, most_contacts(spheres));
+        let mut contacts = Self {
+            list: Vec::with_capacity(most),
+            free: Vec::with_capacity(rows),
+            motion: Vec::with_capacity(rows),
+            frictional: Vec::with_capacity(most),
+            free_normal: Vec::with_capacity(most),
+            free_slip: Vec::with_capacity(most),
+            normal_forces: Vec::with_capacity(most),
+            normal: normal::NormalProblem::new(most),
+            friction: friction::Workspace::new(most),
+            ..Self::default()
+        };
+        contacts.normal_columns.reserve(rows, most);
+        contacts.slip_columns.reserve(rows, most);
+        contacts.g_nn.reserve(most * most);
+        contacts.g_tn.reserve(most * most);
+        contacts
+    }
+
     /// Brings the normal problem down to the candidates in `list`.
     ///
     /// `forces`: external and background forces `[3N]` on the spheres.
     fn reduce_normal(&mut self, resistance: &Resistance, forces: &[f64]) {
         let solver = resistance.solver();
-        self.free.clear();
-        self.free.extend_from_slice(forces);
+        resistance.to_rows(forces, &mut self.free);
         solver.solve_lower_vector(&mut self.free);
-        self.normal_columns.reset(forces.len(), self.list.len());
+        let rows = |c: &Contact| [c.pair.i, c.pair.j].map(|sphere| resistance.row(sphere));
+        let start = |c: &Contact| rows(c)[0].min(rows(c)[1]);
+        self.list
+            .sort_unstable_by_key(|c| (start(c), c.pair.i, c.pair.j));
+        let starts = self.list.iter().map(start);
+        self.normal_columns.reset(forces.len(), starts);
         for (k, contact) in self.list.iter().enumerate() {
-            contact.add_normal(1.0, self.normal_columns.column_mut(k));
+            contact.add_normal(1.0, rows(contact), self.normal_columns.column_mut(k));
         }
-        solver.solve_lower(&mut self.normal_columns);
-        symmetric_product(&self.normal_columns, &self.normal_columns, &mut self.g_nn);
-        self.g_nn.mirror_lower();
+        self.normal_columns.solve_lower(solver);
+        self.normal_columns.gram(&mut self.g_nn);
         self.free_normal.clear();
         for (k, contact) in self.list.iter().enumerate() {
-            let velocity = dot(self.normal_columns.column(k), &self.free);
+            let (start, y) = self.normal_columns.tail(k);
+            let velocity = dot(y, &self.free[start..]);
             self.free_normal.push(contact.background[0] + velocity);
         }
     }
 
-    /// The same for slip: needed only where friction acts.
+    /// The same for the slip of the candidates in `frictional`.
     fn reduce_slip(&mut self, resistance: &Resistance) {
-        self.slip_columns.reset(self.free.len(), self.list.len());
-        for (k, contact) in self.list.iter_mut().enumerate() {
-            contact.add_slip(1.0, self.slip_columns.column_mut(k));
+        let rows = |c: &Contact| [c.pair.i, c.pair.j].map(|sphere| resistance.row(sphere));
+        let start = |c: &Contact| rows(c)[0].min(rows(c)[1]);
+        let starts = self.frictional.iter().map(|&k| start(&self.list[k]));
+        self.slip_columns.reset(self.free.len(), starts);
+        for (m, &k) in self.frictional.iter().enumerate() {
+            let contact = &mut self.list[k];
+            contact.add_slip(1.0, rows(contact), self.slip_columns.column_mut(m));
             contact.slip_resistance = resistance.slip_resistance(&contact.pair);
         }
-        resistance.solver().solve_lower(&mut self.slip_columns);
-        transposed_product(&self.slip_columns, &self.normal_columns, &mut self.g_tn);
+        self.slip_columns.solve_lower(resistance.solver());
+        self.slip_columns
+            .transposed_product(&self.normal_columns, &mut self.g_tn);
         self.free_slip.clear();
-        for (k, contact) in self.list.iter().enumerate() {
-            let velocity = dot(self.slip_columns.column(k), &self.free);
-            self.free_slip.push(contact.background[1] + velocity);
+        for (m, &k) in self.frictional.iter().enumerate() {
+            let (start, y) = self.slip_columns.tail(m);
+            let velocity = dot(y, &self.free[start..]);
+            self.free_slip.push(self.list[k].background[1] + velocity);
         }
     }
 
     /// Velocities `[3N]` of the motion with the forces in `list`, and the contact velocities that belong to them.
     fn finish(&mut self, resistance: &Resistance, velocities: &mut [f64]) {
-        velocities.copy_from_slice(&self.free);
+        let motion = &mut self.motion;
+        motion.clone_from(&self.free);
         for (k, contact) in self.list.iter().enumerate() {
             if contact.normal_force != 0.0 {
-                let y = self.normal_columns.column(k);
-                add_scaled(velocities, y, contact.normal_force);
-            }
-            if contact.tangential_force != 0.0 {
-                let y = self.slip_columns.column(k);
-                add_scaled(velocities, y, -contact.tangential_force);
+                let (start, y) = self.normal_columns.tail(k);
+                add_scaled(&mut motion[start..], y, contact.normal_force);
             }
         }
-        resistance.solver().solve_upper_vector(velocities);
+        for (m, &k) in self.frictional.iter().enumerate() {
+            let force = self.list[k].tangential_force;
+            if force != 0.0 {
+                let (start, y) = self.slip_columns.tail(m);
+                add_scaled(&mut motion[start..], y, -force);
+            }
+        }
+        resistance.solver().solve_upper_vector(motion);
+        resistance.from_rows(motion, velocities);
+        self.list.sort_unstable_by_key(|c| (c.pair.i, c.pair.j));
         for contact in &mut self.list {
             contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
             contact.slip_velocity = contact.background[1] + contact.slip_row(velocities);

@@ -4,4 +4,7 @@
 //! order, so the same input gives the same bits.
 
 pub mod dense;
+pub mod profile;
 pub mod simd;
+pub mod staggered;
+mod vector;

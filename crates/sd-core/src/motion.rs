@@ -38,6 +38,8 @@ pub struct Motion {
     pub contacts: Contacts,
     /// External and background forces `[3N]`.
     forces: Vec<f64>,
+    /// Work vector in the order of the factor's rows, `[3N]`.
+    rows: Vec<f64>,
     /// Disturbance velocities `[3N]` of the last solve.
     velocities: Vec<f64>,
 }
@@ -47,9 +49,10 @@ impl Motion {
     pub fn new(resistance: Resistance) -> Self {
         let n = 3 * resistance.radii().len();
         Self {
+            contacts: Contacts::new(resistance.radii().len()),
             resistance,
-            contacts: Contacts::default(),
             forces: vec![0.0; n],
+            rows: Vec::with_capacity(n),
             velocities: vec![0.0; n],
         }
     }
@@ -95,8 +98,9 @@ impl Motion {
         let quality = match law {
             ContactLaw::None => {
                 self.contacts.list.clear();
-                velocities.copy_from_slice(forces);
-                resistance.solver().solve(velocities);
+                resistance.to_rows(forces, &mut self.rows);
+                resistance.solver().solve(&mut self.rows);
+                resistance.from_rows(&self.rows, velocities);
                 Quality::default()
             }
             ContactLaw::Rigid {

@@ -10,14 +10,19 @@
 //! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count at any distance and are
 //! then exact under Stokesian Dynamics. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
 
-use crate::cell::{Cell, LUBRICATION_RANGE, NeighbourList, Neighbours};
+mod order;
+
+use crate::cell::{Cell, LUBRICATION_RANGE, MOST_NEIGHBOURS, NeighbourList, Neighbours};
 use crate::error::Error;
 use crate::far_field::{DEFAULT_TOLERANCE, FarField, FarResistance};
-use crate::linalg::dense::{Cholesky, Matrix};
+use crate::linalg::dense::Matrix;
+use crate::linalg::profile::ProfileCholesky;
+use crate::linalg::simd::vectorised;
 use crate::modes::Vec2;
 use crate::params::Hydrodynamics;
 use crate::two_sphere::{NearField, PairTerm};
 use nalgebra::{SVector, Vector3};
+use order::Order;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -86,7 +91,9 @@ pub struct Resistance {
     /// Far field under Stokesian Dynamics.
     far: Option<FarResistance>,
     /// Factor of R_FU.
-    factor: Cholesky,
+    factor: ProfileCholesky,
+    /// Order of the spheres in the factor.
+    order: Order,
     /// Work vector of the far field, `[6N]`.
     far_vector: Vec<f64>,
 }
@@ -149,10 +156,11 @@ impl Resistance {
             species,
             species_count: sizes.len(),
             range,
-            neighbours: NeighbourList::default(),
-            terms: Vec::new(),
+            neighbours: NeighbourList::new(radii.len()),
+            terms: Vec::with_capacity(MOST_NEIGHBOURS * radii.len() / 2),
             far,
-            factor: Cholesky::new(3 * radii.len()),
+            factor: ProfileCholesky::new(3 * radii.len()),
+            order: Order::new(radii.len()),
             far_vector: Vec::new(),
         })
     }
@@ -162,20 +170,23 @@ impl Resistance {
     /// # Errors
     /// [`Error::Overlap`], [`Error::NotPositiveDefinite`].
     pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+        self.assemble(cell, centres)?;
+        self.factor()
+    }
+
+    /// The first half of [`Resistance::update`]: far field, pair terms, `R_FU`. [`Resistance::factor`] must follow.
+    ///
+    /// # Errors
+    /// [`Error::Overlap`]; [`Error::NotPositiveDefinite`] for the far-field mobility.
+    pub fn assemble(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
         self.neighbours
             .update(cell, centres, &self.radii, self.range)?;
-        self.terms.clear();
-        for pair in self.neighbours.pairs() {
-            let (a_i, a_j) = (self.radii[pair.i], self.radii[pair.j]);
-            let table =
-                &self.tables[self.species_count * self.species[pair.i] + self.species[pair.j]];
-            self.terms.push(table.evaluate(a_i, a_j, pair.gap));
-        }
+        self.evaluate_terms();
         let n = self.radii.len();
-        let matrix = self.factor.matrix_mut();
         match &mut self.far {
             Some(far) => {
                 far.update(cell, centres)?;
+                let matrix = self.factor.full_matrix();
                 matrix.reshape(3 * n, 3 * n);
                 matrix.values_mut().copy_from_slice(far.r_fu().values());
                 if matches!(cell, Cell::Periodic { .. }) {
@@ -183,39 +194,79 @@ impl Resistance {
                 }
             }
             None => {
-                matrix.reset(3 * n, 3 * n);
-                for (i, &a) in self.radii.iter().enumerate() {
+                self.order.update(cell, centres, self.neighbours.pairs());
+                let ends = (0..3 * n).map(|row| self.order.ends[row / 3]);
+                let matrix = self.factor.matrix_of_profile(3 * n, ends, self.order.tail);
+                for (&row, &a) in self.order.rows.iter().zip(&self.radii) {
                     let drag = isolated_drag(a);
                     for m in 0..3 {
-                        matrix[(3 * i + m, 3 * i + m)] = drag[m];
+                        matrix[(row + m, row + m)] = drag[m];
                     }
                 }
             }
         }
+        self.add_terms();
+        Ok(())
+    }
+
+    /// Near-field terms of all pairs.
+    fn evaluate_terms(&mut self) {
+        let (tables, species, count) = (&self.tables, &self.species, self.species_count);
+        let (radii, terms) = (&self.radii, &mut self.terms);
+        let pairs = self.neighbours.pairs();
+        terms.clear();
+        vectorised(
+            #[inline(always)]
+            || {
+                for pair in pairs {
+                    let (i, j) = (pair.i, pair.j);
+                    let table = &tables[count * species[i] + species[j]];
+                    terms.push(table.evaluate(radii[i], radii[j], pair.gap));
+                }
+            },
+        );
+    }
+
+    /// Adds the near-field terms to `R_FU`, lower triangle.
+    fn add_terms(&mut self) {
+        let matrix = self.factor.filled_matrix();
         for (pair, term) in self.neighbours.pairs().iter().zip(&self.terms) {
             let block = term.force_velocity(pair.normal);
-            let (i, j) = (3 * pair.i, 3 * pair.j);
+            let (i, j) = (self.order.rows[pair.i], self.order.rows[pair.j]);
             for column in 0..3 {
-                // i < j: the coupling stands below the diagonal in the columns of i.
                 let own = &mut matrix.column_mut(i + column);
                 for row in column..3 {
                     own[i + row] += block[(row, column)];
-                }
-                for row in 0..3 {
-                    own[j + row] += block[(3 + row, column)];
                 }
                 let other = &mut matrix.column_mut(j + column);
                 for row in column..3 {
                     other[j + row] += block[(3 + row, 3 + column)];
                 }
+                // The coupling stands below the diagonal, in the columns of the sphere that comes first.
+                let (first, second) = if i < j { (i, j) } else { (j, i) };
+                let coupling = &mut matrix.column_mut(first + column)[second..second + 3];
+                for (row, value) in coupling.iter_mut().enumerate() {
+                    *value += if i < j {
+                        block[(3 + row, column)]
+                    } else {
+                        block[(row, 3 + column)]
+                    };
+                }
             }
         }
+    }
+
+    /// The second half of [`Resistance::update`]: factors `R_FU` in place, once for every [`Resistance::assemble`].
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`].
+    pub fn factor(&mut self) -> Result<(), Error> {
         self.factor
             .factor()
             .map_err(|bad| Error::NotPositiveDefinite {
                 matrix: "force-velocity resistance",
                 pivot: bad.pivot,
-                sphere: bad.pivot / 3,
+                sphere: self.order.spheres[bad.pivot / 3],
             })
     }
 
@@ -229,9 +280,29 @@ impl Resistance {
         self.neighbours.pairs()
     }
 
-    /// Factor of R_FU, `[3N × 3N]`.
-    pub fn solver(&self) -> &Cholesky {
+    /// Factor of R_FU, `[3N × 3N]`, its rows in the order of [`Resistance::row`].
+    pub fn solver(&self) -> &ProfileCholesky {
         &self.factor
+    }
+
+    /// First row of a sphere in the factor.
+    pub fn row(&self, sphere: usize) -> usize {
+        self.order.rows[sphere]
+    }
+
+    /// Puts a vector `[3N]` into the order of the factor's rows.
+    pub fn to_rows(&self, vector: &[f64], rows: &mut Vec<f64>) {
+        rows.clear();
+        for &sphere in &self.order.spheres {
+            rows.extend_from_slice(&vector[3 * sphere..3 * sphere + 3]);
+        }
+    }
+
+    /// Puts a vector in the order of the factor's rows back into that of the spheres, `[3N]`.
+    pub fn from_rows(&self, rows: &[f64], vector: &mut [f64]) {
+        for (v, &row) in vector.chunks_exact_mut(3).zip(&self.order.rows) {
+            v.copy_from_slice(&rows[row..row + 3]);
+        }
     }
 
     /// Inverse slip mobility K of the pair, alone in unbounded fluid, in mu·a.

@@ -1,9 +1,9 @@
 //! One run: a layer sheared step by step.
 
 use crate::cell::Cell;
-use crate::contact::Surface;
 use crate::contact::procedure::ContactList;
 use crate::contact::rigid::Memory;
+use crate::contact::{Surface, most_contacts};
 use crate::error::Error;
 use crate::integrate::{RungeKutta, Stage, State};
 use crate::modes::{Background, Vec2};
@@ -195,13 +195,16 @@ impl Simulation {
     /// [`Error::Snapshot`] if it does not fit the parameters.
     pub fn from_snapshot(
         params: &Params,
-        snapshot: Snapshot,
+        mut snapshot: Snapshot,
         tables: &NearFields,
     ) -> Result<Self, Error> {
         params.validate()?;
         snapshot.check(params)?;
         let cell = Cell::periodic(snapshot.side, snapshot.side, 0.0)?;
         let resistance = Resistance::new(params.hydrodynamics, &cell, &snapshot.radii, tables)?;
+        let most = most_contacts(params.spheres);
+        snapshot.memory.forces.reserve(most);
+        snapshot.listed.pairs.reserve(most);
         Ok(Self {
             params: params.clone(),
             surface: Surface {

@@ -38,7 +38,7 @@ pub fn law(
     }
 }
 
-/// Vectors of the friction iteration, one entry per candidate.
+/// Vectors of the friction iteration, one entry per frictional candidate but where said otherwise.
 #[derive(Default)]
 pub(super) struct Workspace {
     /// Friction forces that went into the last normal problem.
@@ -49,101 +49,149 @@ pub(super) struct Workspace {
     best: Vec<f64>,
     /// Whether friction acts.
     activated: Vec<bool>,
-    /// Bias of each candidate: what w has besides `v_n`.
+    /// Bias of every candidate: what w has besides `v_n`.
     pub(super) bias: Vec<f64>,
-    /// q of the normal problem.
+    /// q of the normal problem, one entry per candidate.
     q: Vec<f64>,
     /// Acceleration.
     anderson: Anderson,
 }
 
+impl Workspace {
+    /// Room for that many candidates.
+    pub(super) fn new(candidates: usize) -> Self {
+        let vector = || Vec::with_capacity(candidates);
+        Self {
+            applied: vector(),
+            wanted: vector(),
+            best: vector(),
+            activated: Vec::with_capacity(candidates),
+            bias: vector(),
+            q: vector(),
+            anderson: Anderson::new(candidates),
+        }
+    }
+}
+
 impl Contacts {
-    /// Normal forces without friction, w = `v_n` + bias. Returns the residual.
-    pub(super) fn solve_frictionless(&mut self) -> f64 {
+    /// Normal forces without friction, w = `v_n` + bias.
+    pub(super) fn solve_frictionless(&mut self) {
         let work = &mut self.friction;
         work.q.clear();
         work.q
             .extend(self.free_normal.iter().zip(&work.bias).map(|(v, b)| v + b));
         self.normal_forces.resize(self.list.len(), 0.0);
         self.normal
-            .solve(&self.g_nn, &work.q, &mut self.normal_forces)
+            .solve(&self.g_nn, &work.q, &mut self.normal_forces);
+    }
+
+    /// Residual of the normal problem last solved.
+    pub(super) fn normal_residual(&mut self) -> f64 {
+        self.normal
+            .residual(&self.g_nn, &self.friction.q, &self.normal_forces)
     }
 
     /// Alternates the normal problem, w = `v_n` + bias, with the friction law until the forces stand still, and puts them into `list`.
     ///
-    /// Slip must have been reduced. Starts from the friction forces in `list`.
-    pub(super) fn solve_frictional(&mut self, surface: &Surface) -> Quality {
-        let count = self.list.len();
+    /// Slip must have been reduced. Starts from the friction forces in `list`. `None` if a candidate whose slip was not
+    /// reduced exceeds the critical load: it has then joined `frictional`.
+    pub(super) fn solve_frictional(&mut self, surface: &Surface) -> Option<Quality> {
+        let count = self.frictional.len();
         let work = &mut self.friction;
         work.applied.clear();
-        work.applied
-            .extend(self.list.iter().map(|c| c.tangential_force));
+        work.applied.extend(
+            self.frictional
+                .iter()
+                .map(|&k| self.list[k].tangential_force),
+        );
         work.activated.clear();
         work.activated.resize(count, false);
         work.wanted.resize(count, 0.0);
         work.anderson.restart();
-        let mut best = Quality {
-            residual: f64::INFINITY,
-            friction_error: f64::INFINITY,
-            passes: 0,
-        };
+        let mut best = f64::INFINITY;
+        let mut error = f64::INFINITY;
         let mut passes = 0;
         while passes < MOST_PASSES {
-            let quality = self.pass(surface, passes < DECIDING_PASSES);
+            error = self.pass(surface, passes < DECIDING_PASSES);
+            if passes < DECIDING_PASSES && self.admit_loaded(surface) {
+                return None;
+            }
             passes += 1;
             let decided = passes >= DECIDING_PASSES;
-            let work = &mut self.friction;
-            if decided && quality.friction_error < best.friction_error {
-                best = quality;
-                work.best.clone_from(&work.applied);
-            }
-            if decided && quality.friction_error <= STANDSTILL {
+            if decided && error <= STANDSTILL {
+                best = error;
                 break;
             }
+            let work = &mut self.friction;
             if decided {
+                if error < best {
+                    best = error;
+                    work.best.clone_from(&work.applied);
+                }
                 work.anderson.advance(&mut work.applied, &work.wanted);
             } else {
                 work.applied.clone_from(&work.wanted);
             }
         }
-        // The forces of the best pass, so that f is exact for the friction applied with it.
-        let work = &mut self.friction;
-        work.applied.clone_from(&work.best);
-        let mut quality = self.pass(surface, false);
-        quality.passes = passes;
-        for (k, contact) in self.list.iter_mut().enumerate() {
-            contact.normal_force = self.normal_forces[k];
-            contact.tangential_force = self.friction.applied[k];
-            if !self.friction.activated[k] || contact.normal_force == 0.0 {
+        if best > STANDSTILL {
+            // The forces of the best pass, so that f is exact for the friction applied with it.
+            let work = &mut self.friction;
+            work.applied.clone_from(&work.best);
+            error = self.pass(surface, false);
+        }
+        for (contact, &f) in self.list.iter_mut().zip(&self.normal_forces) {
+            contact.normal_force = f;
+            contact.tangential_force = 0.0;
+        }
+        for (m, &k) in self.frictional.iter().enumerate() {
+            let contact = &mut self.list[k];
+            contact.tangential_force = self.friction.applied[m];
+            if !self.friction.activated[m] || contact.normal_force == 0.0 {
                 contact.state = ContactState::Frictionless;
             }
         }
-        quality
+        Some(Quality {
+            residual: self.normal_residual(),
+            friction_error: error,
+            passes,
+        })
     }
 
-    /// Normal forces under the friction applied, and the friction the law then wants.
-    fn pass(&mut self, surface: &Surface, deciding: bool) -> Quality {
+    /// Adds to `frictional` the candidates above the critical load that it lacks; whether there were any.
+    fn admit_loaded(&mut self, surface: &Surface) -> bool {
+        let before = self.frictional.len();
+        for (k, &f) in self.normal_forces.iter().enumerate() {
+            if f > surface.critical_load && self.frictional[..before].binary_search(&k).is_err() {
+                self.frictional.push(k);
+            }
+        }
+        self.frictional.sort_unstable();
+        self.frictional.len() > before
+    }
+
+    /// Normal forces under the friction applied, and the friction the law then wants; returns the friction error.
+    fn pass(&mut self, surface: &Surface, deciding: bool) -> f64 {
         let work = &mut self.friction;
         work.q.clear();
         work.q
             .extend(self.free_normal.iter().zip(&work.bias).map(|(v, b)| v + b));
         self.g_tn
             .subtract_transposed_product(&work.applied, &mut work.q);
-        let residual = self
-            .normal
+        self.normal
             .solve(&self.g_nn, &work.q, &mut self.normal_forces);
         let f = &self.normal_forces;
-        work.wanted.copy_from_slice(&self.free_slip);
+        work.wanted.clone_from(&self.free_slip);
         self.g_tn.add_product(f, &mut work.wanted);
-        let mut largest: f64 = 0.0;
+        let largest = f.iter().fold(0.0, |m: f64, x| m.max(*x));
         let mut change: f64 = 0.0;
-        for (k, contact) in self.list.iter_mut().enumerate() {
+        for (m, &k) in self.frictional.iter().enumerate() {
+            let contact = &mut self.list[k];
             if deciding {
-                work.activated[k] = f[k] > surface.critical_load;
+                work.activated[m] = f[k] > surface.critical_load;
             }
-            let (force, state) = if work.activated[k] {
+            let (force, state) = if work.activated[m] {
                 law(
-                    work.wanted[k],
+                    work.wanted[m],
                     contact.slip_resistance,
                     surface.friction,
                     f[k],
@@ -152,15 +200,10 @@ impl Contacts {
                 (0.0, ContactState::Frictionless)
             };
             contact.state = state;
-            work.wanted[k] = force;
-            largest = largest.max(f[k]);
-            change = change.max((force - work.applied[k]).abs());
+            work.wanted[m] = force;
+            change = change.max((force - work.applied[m]).abs());
         }
-        Quality {
-            residual,
-            friction_error: if change == 0.0 { 0.0 } else { change / largest },
-            passes: 1,
-        }
+        if change == 0.0 { 0.0 } else { change / largest }
     }
 }
 
@@ -184,6 +227,20 @@ struct Anderson {
 }
 
 impl Anderson {
+    /// Room for that many unknowns.
+    fn new(unknowns: usize) -> Self {
+        let vector = || Vec::with_capacity(unknowns);
+        let vectors = || (0..DEPTH).map(|_| vector()).collect();
+        Self {
+            x: vector(),
+            r: vector(),
+            image_steps: vectors(),
+            residual_steps: vectors(),
+            basis: vectors(),
+            ..Self::default()
+        }
+    }
+
     /// Forgets the past.
     fn restart(&mut self) {
         self.kept = 0;

@@ -38,6 +38,18 @@ pub(super) struct NormalProblem {
 }
 
 impl NormalProblem {
+    /// Room for that many candidates.
+    pub(super) fn new(candidates: usize) -> Self {
+        Self {
+            support: Vec::with_capacity(candidates),
+            active: Vec::with_capacity(candidates),
+            factor: Cholesky::new(candidates),
+            solution: Vec::with_capacity(candidates),
+            slack: Vec::with_capacity(candidates),
+            ..Self::default()
+        }
+    }
+
     /// Begins a new stage with a guess of the support.
     pub(super) fn start(&mut self, guess: impl Iterator<Item = bool>) {
         self.support.clear();
@@ -46,10 +58,10 @@ impl NormalProblem {
         self.factored = false;
     }
 
-    /// Solves for the forces f; q and f have one entry per candidate. Returns the residual `max |min(G_kk f, w)|`.
+    /// Solves for the forces f; q and f have one entry per candidate. [`NormalProblem::residual`] says how well.
     ///
     /// G is the leading `[K × K]` block of `delassus`.
-    pub(super) fn solve(&mut self, delassus: &Matrix, q: &[f64], f: &mut [f64]) -> f64 {
+    pub(super) fn solve(&mut self, delassus: &Matrix, q: &[f64], f: &mut [f64]) {
         let k = q.len();
         let mut fewest = usize::MAX;
         let mut patience = PATIENCE;
@@ -95,7 +107,6 @@ impl NormalProblem {
         for x in f.iter_mut() {
             *x = x.max(0.0);
         }
-        self.residual(delassus, q, f)
     }
 
     /// Forces of either sign that halt every pair at once, `q + G f = 0`, as (12)-(13) of the paper. Returns `max |w|`,
@@ -155,7 +166,7 @@ impl NormalProblem {
     }
 
     /// `max |min(G_kk f, w)|`: zero exactly at the solution.
-    fn residual(&mut self, delassus: &Matrix, q: &[f64], f: &[f64]) -> f64 {
+    pub(super) fn residual(&mut self, delassus: &Matrix, q: &[f64], f: &[f64]) -> f64 {
         self.update_slack(delassus, q, f);
         (0..q.len())
             .map(|m| (delassus[(m, m)] * f[m]).min(self.slack[m]).abs())
@@ -189,7 +200,8 @@ mod tests {
             let mut problem = NormalProblem::default();
             problem.start((0..k).map(|_| true));
             let mut f = vec![0.0; k];
-            let residual = problem.solve(&g, &q, &mut f);
+            problem.solve(&g, &q, &mut f);
+            let residual = problem.residual(&g, &q, &f);
             prop_assert!(residual < 1e-9, "residual {residual}");
         }
     }

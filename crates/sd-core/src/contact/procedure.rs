@@ -8,7 +8,7 @@
 //! Friction pushes pairs together after f was found, and a pair enters below h by up to a step's motion: gaps drift. That is
 //! the scheme's own error, kept here for comparison; [`super::rigid`] has none of it.
 
-use super::{Contact, ContactState, Contacts, Quality, Surface, friction};
+use super::{Contact, Contacts, Quality, Surface, friction};
 use crate::modes::Background;
 use crate::resistance::Resistance;
 
@@ -94,25 +94,23 @@ impl Contacts {
             }
         }
         let load = surface.critical_load;
-        if surface.has_friction() && self.normal_forces.iter().any(|&f| f > load) {
+        self.frictional.clear();
+        if surface.has_friction() {
+            let loaded = |k: &usize| self.normal_forces[*k] > load;
+            self.frictional.extend((0..self.list.len()).filter(loaded));
+        }
+        if !self.frictional.is_empty() {
             self.reduce_slip(resistance);
-            for k in 0..self.list.len() {
-                let f = self.normal_forces[k];
-                for (slip, g) in self.free_slip.iter_mut().zip(self.g_tn.column(k)) {
-                    *slip += g * f;
-                }
-            }
-            for (contact, &slip) in self.list.iter_mut().zip(&self.free_slip) {
-                if contact.normal_force > load {
-                    (contact.tangential_force, contact.state) = friction::law(
-                        slip,
-                        contact.slip_resistance,
-                        surface.friction,
-                        contact.normal_force,
-                    );
-                } else {
-                    contact.state = ContactState::Frictionless;
-                }
+            self.g_tn
+                .add_product(&self.normal_forces, &mut self.free_slip);
+            for (&k, &slip) in self.frictional.iter().zip(&self.free_slip) {
+                let contact = &mut self.list[k];
+                (contact.tangential_force, contact.state) = friction::law(
+                    slip,
+                    contact.slip_resistance,
+                    surface.friction,
+                    contact.normal_force,
+                );
             }
         }
         self.finish(resistance, velocities);

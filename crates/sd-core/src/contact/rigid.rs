@@ -80,12 +80,11 @@ impl Contacts {
             for pair in pairs.iter().filter(|p| p.gap >= reach) {
                 let contact = Contact::new(*pair, radii, background);
                 let approach = contact.background[0] + contact.normal_row(velocities);
-                let closes = approach + (pair.gap - surface.roughness) / time_span < 0.0;
-                let key = (pair.i, pair.j);
-                let known = self.list[..before]
-                    .iter()
-                    .any(|c| (c.pair.i, c.pair.j) == key);
-                if closes && !known {
+                if approach + (pair.gap - surface.roughness) / time_span >= 0.0 {
+                    continue;
+                }
+                let known = |c: &Contact| (c.pair.i, c.pair.j) == (pair.i, pair.j);
+                if !self.list[..before].iter().any(known) {
                     self.list.push(contact);
                 }
             }
@@ -122,6 +121,7 @@ impl Contacts {
             let (f, f_t) = memory.forces(contact.pair.i, contact.pair.j);
             contact.normal_force = f;
             contact.tangential_force = f_t;
+            contact.state = ContactState::Frictionless;
         }
         let started = self
             .list
@@ -129,11 +129,20 @@ impl Contacts {
             .zip(self.free_normal.iter().zip(bias.iter()))
             .map(|(c, (v, b))| c.normal_force > 0.0 || v + b < 0.0);
         self.normal.start(started);
-        let residual = self.solve_frictionless();
+        self.solve_frictionless();
         let load = surface.critical_load;
+        self.frictional.clear();
         if surface.has_friction() && self.normal_forces.iter().any(|&f| f > load) {
-            self.reduce_slip(resistance);
-            return self.solve_frictional(surface);
+            // Those loaded now or before; the iteration says which others it needs.
+            let loaded =
+                |k: &usize| self.normal_forces[*k] > load || self.list[*k].normal_force > load;
+            self.frictional.extend((0..self.list.len()).filter(loaded));
+            loop {
+                self.reduce_slip(resistance);
+                if let Some(quality) = self.solve_frictional(surface) {
+                    return quality;
+                }
+            }
         }
         for (contact, &f) in self.list.iter_mut().zip(&self.normal_forces) {
             contact.normal_force = f;
@@ -141,7 +150,7 @@ impl Contacts {
             contact.state = ContactState::Frictionless;
         }
         Quality {
-            residual,
+            residual: self.normal_residual(),
             friction_error: 0.0,
             passes: 1,
         }

@@ -1,10 +1,12 @@
 //! Dense column-major matrices and their factorizations.
 
 use super::simd::vectorised;
+use super::vector;
+pub use super::vector::{add_scaled, dot};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::matmul::{self, triangular::BlockStructure};
-use faer::linalg::{triangular_inverse, triangular_solve};
+use faer::linalg::triangular_inverse;
 use faer::{Accum, MatMut, MatRef, Par, Spec};
 
 /// A dense matrix `[rows × columns]`, stored by columns.
@@ -41,6 +43,12 @@ impl Matrix {
         self.rows = rows;
         self.columns = columns;
         self.values.resize(rows * columns, 0.0);
+    }
+
+    /// Room for that many entries, so that matrices up to that size allocate nothing.
+    pub fn reserve(&mut self, entries: usize) {
+        self.values
+            .reserve(entries.saturating_sub(self.values.len()));
     }
 
     /// Number of rows.
@@ -84,32 +92,63 @@ impl Matrix {
 
     /// `y ← y + A x`, with the leading rows of A that y has. Columns with x = 0 cost nothing.
     pub fn add_product(&self, x: &[f64], y: &mut [f64]) {
-        vectorised(|| {
-            for (j, &xj) in x.iter().enumerate() {
-                if xj != 0.0 {
-                    add_scaled_inline(y, self.column(j), xj);
+        vectorised(
+            #[inline(always)]
+            || {
+                let (mut columns, mut weights, mut count) = ([&self.values[..0]; 4], [0.0; 4], 0);
+                for (j, &xj) in x.iter().enumerate() {
+                    if xj != 0.0 {
+                        columns[count] = &self.column(j)[..y.len()];
+                        weights[count] = xj;
+                        count += 1;
+                        if count == 4 {
+                            vector::add_four(y, columns, weights);
+                            count = 0;
+                        }
+                    }
                 }
-            }
-        });
+                for k in 0..count {
+                    vector::add_scaled_inline(y, columns[k], weights[k]);
+                }
+            },
+        );
     }
 
     /// `y ← y − Aᵀ x`, with the leading rows of A that x has.
     pub fn subtract_transposed_product(&self, x: &[f64], y: &mut [f64]) {
-        vectorised(|| {
-            for (j, yj) in y.iter_mut().enumerate() {
-                *yj -= dot_inline(&self.column(j)[..x.len()], x);
-            }
-        });
+        vectorised(
+            #[inline(always)]
+            || {
+                let mut four = y.chunks_exact_mut(4);
+                let mut j = 0;
+                for four in &mut four {
+                    let columns = [0, 1, 2, 3].map(|k| &self.column(j + k)[..x.len()]);
+                    for (yj, product) in four.iter_mut().zip(vector::dot_four(columns, x)) {
+                        *yj -= product;
+                    }
+                    j += 4;
+                }
+                for (k, yj) in four.into_remainder().iter_mut().enumerate() {
+                    *yj -= vector::dot_inline(&self.column(j + k)[..x.len()], x);
+                }
+            },
+        );
     }
 
     /// A block as faer sees it.
-    fn view(&self, row: usize, column: usize, rows: usize, columns: usize) -> MatRef<'_, f64> {
+    pub(super) fn view(
+        &self,
+        row: usize,
+        column: usize,
+        rows: usize,
+        columns: usize,
+    ) -> MatRef<'_, f64> {
         MatRef::from_column_major_slice(&self.values, self.rows, self.columns)
             .submatrix(row, column, rows, columns)
     }
 
     /// The whole as faer sees it.
-    fn view_mut(&mut self) -> MatMut<'_, f64> {
+    pub(super) fn view_mut(&mut self) -> MatMut<'_, f64> {
         MatMut::from_column_major_slice_mut(&mut self.values, self.rows, self.columns)
     }
 }
@@ -177,40 +216,26 @@ impl Cholesky {
     /// # Errors
     /// [`NotPositive`] with the row at which it broke down.
     pub fn factor(&mut self) -> Result<(), NotPositive> {
-        let n = self.factor.rows;
-        if n > self.capacity {
-            self.scratch = scratch(n);
-            self.capacity = n;
-        }
+        let (matrix, scratch) = self.parts();
         llt::factor::cholesky_in_place(
-            self.factor.view_mut(),
+            matrix.view_mut(),
             llt::factor::LltRegularization::default(),
             Par::Seq,
-            MemStack::new(&mut self.scratch),
+            MemStack::new(scratch),
             Spec::default(),
         )
         .map(|_| ())
         .map_err(|llt::factor::LltError::NonPositivePivot { index }| NotPositive { pivot: index })
     }
 
-    /// `b ← L⁻¹ b`, for each column of b.
-    pub fn solve_lower(&self, b: &mut Matrix) {
+    /// The matrix and the scratch of its factorization.
+    pub(super) fn parts(&mut self) -> (&mut Matrix, &mut MemBuffer) {
         let n = self.factor.rows;
-        triangular_solve::solve_lower_triangular_in_place(
-            self.factor.view(0, 0, n, n),
-            b.view_mut(),
-            Par::Seq,
-        );
-    }
-
-    /// `b ← L⁻ᵀ b`, for each column of b.
-    pub fn solve_upper(&self, b: &mut Matrix) {
-        let n = self.factor.rows;
-        triangular_solve::solve_upper_triangular_in_place(
-            self.factor.view(0, 0, n, n).transpose(),
-            b.view_mut(),
-            Par::Seq,
-        );
+        if n > self.capacity {
+            self.scratch = scratch(n);
+            self.capacity = n;
+        }
+        (&mut self.factor, &mut self.scratch)
     }
 
     /// `x ← A⁻¹ x` for one vector.
@@ -221,24 +246,55 @@ impl Cholesky {
 
     /// `x ← L⁻¹ x` for one vector.
     pub fn solve_lower_vector(&self, x: &mut [f64]) {
-        vectorised(|| {
-            for j in 0..self.factor.rows {
-                let column = &self.factor.column(j)[j..];
-                let xj = x[j] / column[0];
-                x[j] = xj;
-                add_scaled_inline(&mut x[j + 1..], &column[1..], -xj);
-            }
-        });
+        let n = self.factor.rows;
+        vectorised(
+            #[inline(always)]
+            || {
+                for j in (0..n).step_by(4) {
+                    let end = (j + 4).min(n);
+                    for k in j..end {
+                        let column = self.factor.column(k);
+                        let xk = x[k] / column[k];
+                        x[k] = xk;
+                        for row in k + 1..end {
+                            x[row] -= column[row] * xk;
+                        }
+                    }
+                    if end - j == 4 && end < n {
+                        let (done, rest) = x.split_at_mut(end);
+                        let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
+                        vector::add_four(rest, columns, [0, 1, 2, 3].map(|k| -done[j + k]));
+                    }
+                }
+            },
+        );
     }
 
     /// `x ← L⁻ᵀ x` for one vector.
     pub fn solve_upper_vector(&self, x: &mut [f64]) {
-        vectorised(|| {
-            for j in (0..self.factor.rows).rev() {
-                let column = &self.factor.column(j)[j..];
-                x[j] = (x[j] - dot_inline(&column[1..], &x[j + 1..])) / column[0];
-            }
-        });
+        let n = self.factor.rows;
+        vectorised(
+            #[inline(always)]
+            || {
+                for j in (0..n).step_by(4).rev() {
+                    let end = (j + 4).min(n);
+                    if end - j == 4 && end < n {
+                        let (open, rest) = x.split_at_mut(end);
+                        let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
+                        for (xk, sum) in open[j..].iter_mut().zip(vector::dot_four(columns, rest)) {
+                            *xk -= sum;
+                        }
+                    }
+                    for k in (j..end).rev() {
+                        let column = self.factor.column(k);
+                        for row in k + 1..end {
+                            x[k] -= column[row] * x[row];
+                        }
+                        x[k] /= column[k];
+                    }
+                }
+            },
+        );
     }
 
     /// Lower triangle of the trailing `[m × m]` block of A⁻¹, written into `out`; `work` is scratch.
@@ -264,44 +320,6 @@ impl Cholesky {
             1.0,
             Par::Seq,
         );
-    }
-}
-
-/// Dot product, in a fixed order of summation.
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    vectorised(|| dot_inline(a, b))
-}
-
-/// [`dot`] for callers that are vectorised themselves: sixteen partial sums.
-#[inline(always)]
-fn dot_inline(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 16];
-    let (a16, b16) = (a.chunks_exact(16), b.chunks_exact(16));
-    let mut total = 0.0;
-    for (x, y) in a16.remainder().iter().zip(b16.remainder()) {
-        total += x * y;
-    }
-    for (x, y) in a16.zip(b16) {
-        for k in 0..16 {
-            sums[k] += x[k] * y[k];
-        }
-    }
-    for sum in sums {
-        total += sum;
-    }
-    total
-}
-
-/// `y ← y + s x`.
-pub fn add_scaled(y: &mut [f64], x: &[f64], s: f64) {
-    vectorised(|| add_scaled_inline(y, x, s));
-}
-
-/// [`add_scaled`] for callers that are vectorised themselves.
-#[inline(always)]
-fn add_scaled_inline(y: &mut [f64], x: &[f64], s: f64) {
-    for (yi, xi) in y.iter_mut().zip(x) {
-        *yi += s * xi;
     }
 }
 
@@ -352,19 +370,6 @@ pub fn product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
         c.view_mut(),
         Accum::Replace,
         a.view(0, 0, a.rows, a.columns),
-        b.view(0, 0, b.rows, b.columns),
-        1.0,
-        Par::Seq,
-    );
-}
-
-/// `C ← Aᵀ B`.
-pub fn transposed_product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
-    c.reshape(a.columns, b.columns);
-    matmul::matmul(
-        c.view_mut(),
-        Accum::Replace,
-        a.view(0, 0, a.rows, a.columns).transpose(),
         b.view(0, 0, b.rows, b.columns),
         1.0,
         Par::Seq,

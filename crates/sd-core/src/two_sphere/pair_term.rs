@@ -66,6 +66,7 @@ impl Strains {
 
 impl PairTerm {
     /// From entries.
+    #[inline(always)]
     pub(super) fn new(entries: &[f64; ENTRIES]) -> Self {
         Self { entries: *entries }
     }
@@ -88,6 +89,7 @@ impl PairTerm {
     }
 
     /// `R_FU [6 × 6]`, forces and torques of both from velocities of both.
+    #[inline]
     pub fn force_velocity(&self, n: Vec2) -> SMatrix<f64, 6, 6> {
         let (xx, xy, yy) = (n.x * n.x, n.x * n.y, n.y * n.y);
         let mut out = SMatrix::<f64, 6, 6>::zeros();

@@ -243,6 +243,7 @@ impl NearField {
     }
 
     /// The interval of `ln ξ` and the place in it; the ends stand for all beyond.
+    #[inline(always)]
     fn locate(logarithm: f64) -> (usize, f64) {
         let position = ((logarithm - FIRST) / WIDTH).clamp(0.0, INTERVALS as f64);
         #[expect(
@@ -259,6 +260,7 @@ impl NearField {
     /// # Arguments
     /// - `radius_i`, `radius_j`: in a; their ratio is that of the table or its inverse.
     /// - `gap`: surface to surface, in a; positive. Below ξ = 1e-8 the regular part is that of 1e-8.
+    #[inline(always)]
     pub fn evaluate(&self, radius_i: f64, radius_j: f64, gap: f64) -> PairTerm {
         let xi = 2.0 * gap / (radius_i + radius_j);
         let logarithm = xi.ln();
@@ -295,6 +297,8 @@ impl NearField {
                 let (from, sign) = EXCHANGED[k];
                 *entry = sign * scales[LENGTH_POWER[k]] * sums[from];
             }
+        } else if length.to_bits() == 1.0_f64.to_bits() {
+            entries.copy_from_slice(&sums[..ENTRIES]);
         } else {
             for (k, entry) in entries.iter_mut().enumerate() {
                 *entry = scales[LENGTH_POWER[k]] * sums[k];

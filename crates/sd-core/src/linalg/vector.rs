@@ -1,0 +1,77 @@
+//! Dot products and sums of vectors, in a fixed order of summation.
+
+use super::simd::vectorised;
+
+/// Dot product, in a fixed order of summation.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    vectorised(|| dot_inline(a, b))
+}
+
+/// [`dot`] for callers that are vectorised themselves: sixteen partial sums.
+#[inline(always)]
+pub(super) fn dot_inline(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 16];
+    let (a16, b16) = (a.chunks_exact(16), b.chunks_exact(16));
+    let mut total = 0.0;
+    for (x, y) in a16.remainder().iter().zip(b16.remainder()) {
+        total += x * y;
+    }
+    for (x, y) in a16.zip(b16) {
+        for k in 0..16 {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    for sum in sums {
+        total += sum;
+    }
+    total
+}
+
+/// Dot products of four vectors with one, all of its length, for callers that are vectorised themselves.
+#[inline(always)]
+pub(super) fn dot_four(a: [&[f64]; 4], b: &[f64]) -> [f64; 4] {
+    let length = b.len();
+    let a = a.map(|x| &x[..length]);
+    let mut sums = [[0.0; 8]; 4];
+    let whole = length - length % 8;
+    for at in (0..whole).step_by(8) {
+        let y = &b[at..at + 8];
+        for (sum, x) in sums.iter_mut().zip(a) {
+            let x = &x[at..at + 8];
+            for k in 0..8 {
+                sum[k] += x[k] * y[k];
+            }
+        }
+    }
+    let mut totals =
+        sums.map(|s| ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7])));
+    for at in whole..length {
+        for (total, x) in totals.iter_mut().zip(a) {
+            *total += x[at] * b[at];
+        }
+    }
+    totals
+}
+
+/// `y ← y + s x`.
+pub fn add_scaled(y: &mut [f64], x: &[f64], s: f64) {
+    vectorised(|| add_scaled_inline(y, x, s));
+}
+
+/// [`add_scaled`] for callers that are vectorised themselves.
+#[inline(always)]
+pub(super) fn add_scaled_inline(y: &mut [f64], x: &[f64], s: f64) {
+    for (yi, xi) in y.iter_mut().zip(x) {
+        *yi += s * xi;
+    }
+}
+
+/// `y ← y + Σ s_k x_k` for four vectors at least as long as y, for callers that are vectorised themselves.
+#[inline(always)]
+pub(super) fn add_four(y: &mut [f64], x: [&[f64]; 4], s: [f64; 4]) {
+    let length = y.len();
+    let [a, b, c, d] = x.map(|x| &x[..length]);
+    for i in 0..length {
+        y[i] += (s[0] * a[i] + s[1] * b[i]) + (s[2] * c[i] + s[3] * d[i]);
+    }
+}

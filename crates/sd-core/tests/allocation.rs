@@ -1,0 +1,44 @@
+//! Steps of a run that has settled allocate nothing.
+//!
+//! Buffers are reserved for as many pairs and contacts as a layer can have. The first steps are left out: until friction acts
+//! some of the products that size the workspace of the matrix multiplication have not been called yet.
+
+use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
+
+/// Allocations in 200 steps after the first ones.
+fn allocations(hydrodynamics: Hydrodynamics, contact: ContactScheme, steps: u64) -> u64 {
+    let params = Params {
+        spheres: 40,
+        area_fraction: 0.65,
+        roughness: 0.01,
+        friction: 0.3,
+        shear_rate: 100.0,
+        size_ratio: 1.0,
+        large_fraction: 0.5,
+        hydrodynamics,
+        contact,
+        time_step: 0.005,
+    };
+    let mut simulation = Simulation::new(&params, 3, &NearFields::default()).unwrap();
+    while simulation.steps() < steps {
+        simulation.step().unwrap();
+    }
+    let mut contacts = 0;
+    let info = allocation_counter::measure(|| {
+        for _ in 0..200 {
+            contacts += simulation.step().unwrap().contacts;
+        }
+    });
+    assert!(contacts > 100, "{contacts} contacts are no test");
+    info.count_total
+}
+
+#[test]
+fn steps_of_settled_runs_allocate_nothing() {
+    for hydrodynamics in [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics] {
+        for contact in [ContactScheme::Rigid, ContactScheme::Procedure] {
+            let count = allocations(hydrodynamics, contact, 40);
+            assert_eq!(count, 0, "{hydrodynamics:?}, {contact:?}");
+        }
+    }
+}
