@@ -183,25 +183,22 @@ impl Resistance {
             .update(cell, centres, &self.radii, self.range)?;
         self.evaluate_terms();
         let n = self.radii.len();
-        match &mut self.far {
-            Some(far) => {
-                far.update(cell, centres)?;
-                let matrix = self.factor.full_matrix();
-                matrix.reshape(3 * n, 3 * n);
-                matrix.values_mut().copy_from_slice(far.r_fu().values());
-                if matches!(cell, Cell::Periodic { .. }) {
-                    resist_uniform_motion(matrix);
-                }
+        if let Some(far) = &mut self.far {
+            far.update(cell, centres)?;
+            let matrix = self.factor.full_matrix();
+            matrix.reshape(3 * n, 3 * n);
+            matrix.values_mut().copy_from_slice(far.r_fu().values());
+            if matches!(cell, Cell::Periodic { .. }) {
+                resist_uniform_motion(matrix);
             }
-            None => {
-                self.order.update(cell, centres, self.neighbours.pairs());
-                let ends = (0..3 * n).map(|row| self.order.ends[row / 3]);
-                let matrix = self.factor.matrix_of_profile(3 * n, ends, self.order.tail);
-                for (&row, &a) in self.order.rows.iter().zip(&self.radii) {
-                    let drag = isolated_drag(a);
-                    for m in 0..3 {
-                        matrix[(row + m, row + m)] = drag[m];
-                    }
+        } else {
+            self.order.update(cell, centres, self.neighbours.pairs());
+            let ends = (0..3 * n).map(|row| self.order.ends[row / 3]);
+            let matrix = self.factor.matrix_of_profile(3 * n, ends, self.order.tail);
+            for (&row, &a) in self.order.rows.iter().zip(&self.radii) {
+                let drag = isolated_drag(a);
+                for m in 0..3 {
+                    matrix[(row + m, row + m)] = drag[m];
                 }
             }
         }

@@ -62,7 +62,6 @@ impl NormalProblem {
     ///
     /// G is the leading `[K × K]` block of `delassus`.
     pub(super) fn solve(&mut self, delassus: &Matrix, q: &[f64], f: &mut [f64]) {
-        let k = q.len();
         let mut fewest = usize::MAX;
         let mut patience = PATIENCE;
         for _ in 0..MOST_EXCHANGES {
@@ -73,14 +72,21 @@ impl NormalProblem {
             let largest = f.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
             let scale = q.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
             let (force_zero, slack_zero) = (1e-13 * largest, 1e-12 * scale);
-            let violates = |m: usize| {
-                if self.support[m] {
-                    f[m] < -force_zero
+            let violates = |carries: bool, force: f64, slack: f64| {
+                if carries {
+                    force < -force_zero
                 } else {
-                    self.slack[m] < -slack_zero
+                    slack < -slack_zero
                 }
             };
-            let violations = (0..k).filter(|&m| violates(m)).count();
+            let mut violations = 0;
+            let mut last = 0;
+            for (m, &carries) in self.support.iter().enumerate() {
+                if violates(carries, f[m], self.slack[m]) {
+                    violations += 1;
+                    last = m;
+                }
+            }
             if violations == 0 {
                 break;
             }
@@ -91,15 +97,10 @@ impl NormalProblem {
                 patience = patience.saturating_sub(1);
             }
             if patience > 0 {
-                for m in 0..k {
-                    let exchange = if self.support[m] {
-                        f[m] < -force_zero
-                    } else {
-                        self.slack[m] < -slack_zero
-                    };
-                    self.support[m] ^= exchange;
+                for (m, carries) in self.support.iter_mut().enumerate() {
+                    *carries ^= violates(*carries, f[m], self.slack[m]);
                 }
-            } else if let Some(last) = (0..k).rev().find(|&m| violates(m)) {
+            } else {
                 self.support[last] = !self.support[last];
             }
             self.factored = false;

@@ -51,6 +51,10 @@ impl Memory {
 
 impl Contacts {
     /// Solves one stage by the rigid scheme. Velocities `[3N]` are the disturbances; forces `[3N]` all but contact's.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "what drives the spheres, what holds them apart, what comes out"
+    )]
     pub fn solve_rigid(
         &mut self,
         resistance: &Resistance,

@@ -1,9 +1,10 @@
 //! Dense column-major matrices and their factorizations.
 
+use super::halves;
 use super::simd::vectorised;
 use super::vector;
 pub use super::vector::{add_scaled, dot};
-use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::dyn_stack::MemBuffer;
 use faer::linalg::cholesky::llt;
 use faer::linalg::matmul::{self, triangular::BlockStructure};
 use faer::linalg::triangular_inverse;
@@ -217,15 +218,7 @@ impl Cholesky {
     /// [`NotPositive`] with the row at which it broke down.
     pub fn factor(&mut self) -> Result<(), NotPositive> {
         let (matrix, scratch) = self.parts();
-        llt::factor::cholesky_in_place(
-            matrix.view_mut(),
-            llt::factor::LltRegularization::default(),
-            Par::Seq,
-            MemStack::new(scratch),
-            Spec::default(),
-        )
-        .map(|_| ())
-        .map_err(|llt::factor::LltError::NonPositivePivot { index }| NotPositive { pivot: index })
+        halves::factor(matrix.view_mut(), scratch)
     }
 
     /// The matrix and the scratch of its factorization.
