@@ -3,6 +3,8 @@
 //! Buffers are reserved for as many pairs and contacts as a layer can have. The first steps are left out: until friction acts
 //! some of the products that size the workspace of the matrix multiplication have not been called yet.
 
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
 
 /// Allocations in 200 steps after the first ones.

@@ -1,5 +1,7 @@
 //! The paper's Fig. 8: two spheres driven past each other.
 
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use sd_core::pair::{Passed, Passing, pass};
 use sd_core::{Error, NearFields};
 
