@@ -1,11 +1,13 @@
 //! The command line: what it looks like, and which file does what it asks for.
 
 mod completions;
+mod export;
 mod pair;
 mod plan;
 mod report;
 mod run;
 mod scalars;
+mod show;
 mod solve;
 mod status;
 
@@ -61,6 +63,10 @@ enum Command {
     Status(status::Arguments),
     /// Print the results of a campaign, averaged over seeds
     Report(report::Arguments),
+    /// Tell the story of one run: parameters, trace, counters, provenance, error
+    Show(show::Arguments),
+    /// Write the kept frames of one run, for `OVITO` or as tables
+    Export(export::Arguments),
     /// Solve one instant of one configuration
     Solve(solve::Arguments),
     /// Print the resistance functions of two spheres
@@ -107,6 +113,8 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Run(arguments) => run::execute(&arguments, &mut output),
         Command::Status(arguments) => status::execute(&arguments, &mut output),
         Command::Report(arguments) => report::execute(&arguments, &mut output),
+        Command::Show(arguments) => show::execute(&arguments, &mut output),
+        Command::Export(arguments) => export::execute(&arguments, &mut output),
         Command::Solve(arguments) => solve::execute(&arguments, &mut output),
         Command::Scalars(arguments) => scalars::execute(&arguments, &mut output),
         Command::Pair(arguments) => pair::execute(&arguments, &mut output),

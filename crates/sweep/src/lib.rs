@@ -14,6 +14,7 @@ pub mod runner;
 pub mod statistics;
 pub mod store;
 pub mod tables;
+pub mod trajectory;
 
 #[cfg(test)]
 mod test_support;
