@@ -7,6 +7,7 @@ mod plan;
 mod report;
 mod run;
 mod scalars;
+mod serve;
 mod show;
 mod solve;
 mod status;
@@ -67,6 +68,8 @@ enum Command {
     Show(show::Arguments),
     /// Write the kept frames of one run, for `OVITO` or as tables
     Export(export::Arguments),
+    /// Show the report as a live page in the browser
+    Serve(serve::Arguments),
     /// Solve one instant of one configuration
     Solve(solve::Arguments),
     /// Print the resistance functions of two spheres
@@ -115,6 +118,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Report(arguments) => report::execute(&arguments, &mut output),
         Command::Show(arguments) => show::execute(&arguments, &mut output),
         Command::Export(arguments) => export::execute(&arguments, &mut output),
+        Command::Serve(arguments) => serve::execute(&arguments, &mut output),
         Command::Solve(arguments) => solve::execute(&arguments, &mut output),
         Command::Scalars(arguments) => scalars::execute(&arguments, &mut output),
         Command::Pair(arguments) => pair::execute(&arguments, &mut output),

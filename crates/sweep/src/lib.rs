@@ -11,6 +11,7 @@ pub mod error;
 pub mod exit;
 pub mod report;
 pub mod runner;
+pub mod serve;
 pub mod statistics;
 pub mod store;
 pub mod tables;

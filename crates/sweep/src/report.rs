@@ -4,6 +4,7 @@ mod chart;
 mod curves;
 mod figure;
 mod json;
+mod page;
 mod text;
 mod tidy;
 
@@ -11,6 +12,7 @@ pub(crate) use chart::chart;
 pub use curves::{Abscissa, Curve};
 pub use figure::{Format, Kind, Trace, draw, traces};
 pub use json::write as write_json;
+pub use page::{Home, data, movie, page};
 pub use text::write as write_text;
 pub(crate) use text::{AXES, contact, hydrodynamics, table};
 pub use tidy::{write_csv, write_markdown, write_units};

@@ -4,8 +4,8 @@ use super::{Output, store_path};
 use crate::error::Error;
 use crate::exit;
 use crate::report::{
-    Abscissa, Format, Kind, Report, draw, traces, write_csv, write_json, write_markdown,
-    write_text, write_units,
+    Abscissa, Format, Home, Kind, Report, draw, page, traces, write_csv, write_json,
+    write_markdown, write_text, write_units,
 };
 use crate::store::Store;
 use std::path::{Path, PathBuf};
@@ -31,6 +31,9 @@ pub(crate) struct Arguments {
     /// Draw a figure of column width, as FILE.svg or FILE.png
     #[arg(long, value_name = "FILE")]
     figure: Option<PathBuf>,
+    /// Write one self-contained page with interactive curves, traces and movies
+    #[arg(long, value_name = "FILE.html")]
+    page: Option<PathBuf>,
     /// What the figure shows
     #[arg(long, value_enum, default_value_t = Kind::Viscosity, requires = "figure")]
     kind: Kind,
@@ -72,6 +75,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         let mut bytes = Vec::new();
         write_markdown(&report, &mut bytes)?;
         save(path, &bytes, output)?;
+        files = true;
+    }
+    if let Some(path) = &arguments.page {
+        save(path, page(&store, Home::File)?.as_bytes(), output)?;
         files = true;
     }
     if !files {

@@ -427,6 +427,12 @@ fn is_logarithmic(sketch: &Sketch) -> bool {
 /// Draws a sketch.
 fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String> {
     let logarithmic = is_logarithmic(sketch);
+    // The raster backend takes dashes in dots, not in pixels.
+    let scale = match format {
+        Format::Svg => 1.0,
+        Format::Png => PNG_SCALE,
+    };
+    let dashes = |lengths: [f32; 2]| format!("{} {}", lengths[0] * scale, lengths[1] * scale);
     let mut plots = Vec::new();
     let mut labelled: f64 = 0.0;
     for line in sketch.lines.iter().filter(|line| !line.points.is_empty()) {
@@ -467,7 +473,7 @@ fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String> {
         .with_height(
             HEIGHT
                 + if labelled > 0.0 {
-                    14.0 * labelled + 12.0
+                    18.0 * labelled + 16.0
                 } else {
                     0.0
                 },
@@ -510,7 +516,7 @@ fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String> {
                     ReferenceLine::vertical(break_at)
                         .with_color("#bbbbbb")
                         .with_stroke_width(0.8)
-                        .with_dasharray("1 3"),
+                        .with_dasharray(dashes([1.0, 3.0])),
                 );
             }
         }
@@ -520,7 +526,7 @@ fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String> {
             ReferenceLine::horizontal(height)
                 .with_color("#555555")
                 .with_stroke_width(0.9)
-                .with_dasharray("5 3"),
+                .with_dasharray(dashes([6.0, 4.0])),
         );
     }
     let scene = render_multiple(plots, layout);
