@@ -20,6 +20,8 @@ use std::sync::Arc;
 const WIDTH: f64 = 321.0;
 /// Height of a figure without its legend.
 const HEIGHT: f64 = 255.0;
+/// Height of an entry of the legend.
+const LEGEND_LINE: f64 = 18.0;
 /// Dots of a PNG per pixel: 576 per inch.
 const PNG_SCALE: f32 = 6.0;
 /// Curves of one figure at most: as many as there are colours and markers that can be told apart.
@@ -457,10 +459,12 @@ fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String> {
             });
             let mut marks = ScatterPlot::new()
                 .with_data(places)
-                .with_y_err_asymmetric(bars)
                 .with_color(colour)
                 .with_size(3.0)
                 .with_marker(MARKERS[line.style % CURVES]);
+            if line.points.iter().any(|point| point.2.is_some()) {
+                marks = marks.with_y_err_asymmetric(bars);
+            }
             if !line.label.is_empty() {
                 marks = marks.with_legend(line.label.clone());
             }
@@ -468,26 +472,23 @@ fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String> {
         }
         labelled += f64::from(u8::from(!line.label.is_empty()));
     }
+    // A column of entries below the axis, with room of its own.
+    let legend = LEGEND_LINE * labelled + if labelled > 0.0 { 10.0 } else { 0.0 };
+    let height = HEIGHT + legend;
     let mut layout = Layout::auto_from_plots(&plots)
         .with_width(WIDTH)
-        .with_height(
-            HEIGHT
-                + if labelled > 0.0 {
-                    18.0 * labelled + 16.0
-                } else {
-                    0.0
-                },
-        )
+        .with_height(height)
+        .with_force_margins_y(10.0, 44.0 + legend)
+        .with_legend_position(LegendPosition::Custom(44.0, height - legend + 4.0))
         .with_x_label(sketch.x)
+        .with_x_label_offset(0.0, -legend)
         .with_y_label(sketch.y)
         .with_label_size(11)
         .with_tick_size(10)
         .with_body_size(10)
         .with_show_grid(false)
         .with_box_axes()
-        .with_legend_col_limit(1)
-        .with_legend_box(false)
-        .with_legend_position(LegendPosition::OutsideBottomColumns);
+        .with_legend_box(false);
     if logarithmic {
         layout = layout.with_log_y();
     } else if sketch

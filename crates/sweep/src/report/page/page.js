@@ -127,7 +127,7 @@ function plot() {
   const dilutes = quantity.startsWith('viscosity') && along !== 'area_fraction' ? [...new Set(points.map(p => 1 + 5 * p.point.area_fraction / 3))] : [];
   const positive = ends.concat(dilutes).filter(v => v > 0);
   const y = log ? { log, low: Math.max(Math.min(...positive) * .9, Math.min(...points.map(p => p.y)) / 10), high: Math.max(...positive) * 1.1 } : (() => {
-    const low = Math.min(0, ...ends), high = Math.max(0, ...ends, ...dilutes);
+    const low = Math.min(...points.map(p => p.y)) < 0 ? Math.min(...ends) : 0, high = Math.max(0, ...ends, ...dilutes);
     return { log, low: low < 0 ? low * 1.06 : 0, high: high * 1.06 || 1 };
   })();
   const x = xAxis(along, points);
@@ -198,7 +198,7 @@ function choose(index, quietly) {
   for (const run of runs) {
     const row = make('tr'), place = traced.indexOf(run), first = make('td');
     if (place >= 0) { const swatch = make('span', { class: 'swatch', 'aria-hidden': 'true' }); swatch.style.background = colour(place); first.append(swatch); }
-    row.append(first, make('td', {}, run.seed), make('td', { class: 'key' }, run.key.slice(0, 10)), make('td', {}, run.state), make('td', {}, show(run.viscosity)), make('td', {}, show(run.wall_time_s)));
+    row.append(first, make('td', {}, run.seed), make('td', { class: 'name' }, run.key.slice(0, 10)), make('td', {}, run.state), make('td', {}, show(run.viscosity)), make('td', {}, show(run.wall_time_s)));
     const cell = make('td');
     if (data.movies[run.key]) {
       const button = make('button', { type: 'button' }, 'watch');
@@ -263,7 +263,7 @@ function picture() {
   pen.lineCap = 'round';
   for (const [i, j, state, nx, ny, force] of f.contacts) {
     const [x, y] = wrap(f.x[3 * i], f.x[3 * i + 1]), r = radius(i) + radius(j);
-    pen.strokeStyle = colours[state]; pen.lineWidth = Math.min(.08 + .5 * force / movie.force, .7);
+    pen.strokeStyle = colours[state]; pen.lineWidth = Math.min(.06 + .34 * force / movie.force, .55);
     images(x, y, 2 * r, (px, py) => { pen.beginPath(); pen.moveTo(px, py); pen.lineTo(px + r * nx, py + r * ny); pen.stroke(); });
   }
   $('scrub').value = at;
