@@ -1,5 +1,9 @@
 //! One run: a layer sheared step by step.
 
+mod frame;
+
+pub use frame::{Frame, FrameContact};
+
 use crate::cell::Cell;
 use crate::contact::procedure::ContactList;
 use crate::contact::rigid::Memory;
@@ -163,6 +167,8 @@ pub struct Simulation {
     integrator: RungeKutta,
     /// Stresslets.
     stress: StressWork,
+    /// A look at the first stage, while one is asked for.
+    frame: Option<Box<Frame>>,
 }
 
 impl Simulation {
@@ -229,6 +235,7 @@ impl Simulation {
             motion: Motion::new(resistance),
             integrator: RungeKutta::default(),
             stress: StressWork::default(),
+            frame: None,
         })
     }
 
@@ -262,6 +269,33 @@ impl Simulation {
             *x = cell.wrap(*x);
         }
         Ok(sample)
+    }
+
+    /// [`Simulation::step`] with a look at its first stage. The numbers of the run are the same with it as without.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::step`].
+    pub fn step_with_frame(&mut self) -> Result<(Sample, Frame), Error> {
+        let strain = self.strain();
+        let travelled = strain * self.side;
+        self.frame = Some(Box::new(Frame {
+            strain,
+            side: self.side,
+            offset: travelled - self.side * (travelled / self.side + 0.5).floor(),
+            radii: self.motion.resistance.radii().to_vec(),
+            centres: self
+                .state
+                .centres
+                .iter()
+                .copied()
+                .map(frame::plain)
+                .collect(),
+            orientations: self.state.orientations.clone(),
+            ..Frame::default()
+        }));
+        let result = self.step();
+        let frame = self.frame.take().map(|frame| *frame).unwrap_or_default();
+        Ok((result?, frame))
     }
 
     /// One right-hand side; the first of a step is the one that is sampled.
@@ -316,6 +350,9 @@ impl Simulation {
                 self.side * self.side,
             );
             count_jam(counters, &stress);
+            if let Some(frame) = &mut self.frame {
+                frame.solved(&self.stress.stresslets, &motion.contacts.list);
+            }
             let counts = ContactCounts::of(&motion.contacts.list);
             *sample = Some(Sample {
                 strain: stage.time,

@@ -1,11 +1,14 @@
 //! The command line: what it looks like, and which file does what it asks for.
 
 mod completions;
+mod export;
 mod pair;
 mod plan;
 mod report;
 mod run;
 mod scalars;
+mod serve;
+mod show;
 mod solve;
 mod status;
 mod verify;
@@ -62,6 +65,12 @@ enum Command {
     Status(status::Arguments),
     /// Print the results of a campaign, averaged over seeds
     Report(report::Arguments),
+    /// Tell the story of one run: parameters, trace, counters, provenance, error
+    Show(show::Arguments),
+    /// Write the kept frames of one run, for `OVITO` or as tables
+    Export(export::Arguments),
+    /// Show the report as a live page in the browser
+    Serve(serve::Arguments),
     /// Solve one instant of one configuration
     Solve(solve::Arguments),
     /// Print the resistance functions of two spheres
@@ -109,6 +118,9 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Run(arguments) => run::execute(&arguments, &mut output),
         Command::Status(arguments) => status::execute(&arguments, &mut output),
         Command::Report(arguments) => report::execute(&arguments, &mut output),
+        Command::Show(arguments) => show::execute(&arguments, &mut output),
+        Command::Export(arguments) => export::execute(&arguments, &mut output),
+        Command::Serve(arguments) => serve::execute(&arguments, &mut output),
         Command::Solve(arguments) => solve::execute(&arguments, &mut output),
         Command::Scalars(arguments) => scalars::execute(&arguments, &mut output),
         Command::Verify(arguments) => verify::execute(&arguments, &mut output),

@@ -26,6 +26,14 @@ pub enum Error {
         /// What the system said.
         source: io::Error,
     },
+    /// A file that could not be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
     /// A file larger than any sensible input.
     #[error("{} is larger than {limit} bytes, the most this input may have", path.display())]
     TooLarge {
@@ -33,6 +41,28 @@ pub enum Error {
         path: PathBuf,
         /// Largest size allowed.
         limit: u64,
+    },
+    /// A case that is not in the store, or is named by too little.
+    #[error("{given:?} is {what} of {}", path.display())]
+    #[diagnostic(help(
+        "a case is named by the beginning of its key, or by its number in the campaign file, from 1"
+    ))]
+    Case {
+        /// The store.
+        path: PathBuf,
+        /// What was given.
+        given: String,
+        /// What it is.
+        what: &'static str,
+    },
+    /// A run without frames.
+    #[error("no frames of case {key} are stored")]
+    #[diagnostic(help(
+        "`sweep run CAMPAIGN.toml --trajectory` keeps frames of the runs it computes"
+    ))]
+    NoFrames {
+        /// Its key.
+        key: String,
     },
     /// JSON input that does not say what it should.
     #[error("{}:{line}:{column}: {message}", path.display())]

@@ -11,9 +11,11 @@ pub mod error;
 pub mod exit;
 pub mod report;
 pub mod runner;
+pub mod serve;
 pub mod statistics;
 pub mod store;
 pub mod tables;
+pub mod trajectory;
 
 #[cfg(test)]
 mod test_support;

@@ -1,11 +1,21 @@
 //! What the store holds, averaged over seeds: the answer to the campaign's question.
 
+mod chart;
+mod curves;
+mod figure;
 mod json;
+mod page;
 mod text;
+mod tidy;
 
+pub(crate) use chart::chart;
+pub use curves::{Abscissa, Curve};
+pub use figure::{Format, Kind, Trace, draw, traces};
 pub use json::write as write_json;
+pub use page::{Home, data, movie, page};
 pub use text::write as write_text;
-pub(crate) use text::{contact, hydrodynamics, table};
+pub(crate) use text::{AXES, contact, hydrodynamics, table};
+pub use tidy::{write_csv, write_markdown, write_units};
 
 use crate::case::State;
 use crate::error::Error;
@@ -49,6 +59,8 @@ pub struct Point {
     pub viscosity_median: Option<f64>,
     /// Viscosity from the stresslets alone.
     pub viscosity_stresslet: Option<Estimate>,
+    /// First normal stress difference.
+    pub normal_stress_difference: Option<Estimate>,
     /// Contacts per sphere over all samples of all runs, as are the fractions.
     pub contacts_per_sphere: Option<f64>,
     /// Activated contacts over contacts.
@@ -129,6 +141,7 @@ impl Point {
             viscosity: Estimate::of(&values(|r| r.viscosity)),
             viscosity_median: median(values(|r| r.viscosity_median)),
             viscosity_stresslet: Estimate::of(&values(|r| r.viscosity_stresslet)),
+            normal_stress_difference: Estimate::of(&values(|r| r.normal_stress_difference)),
             contacts_per_sphere: ratio(contacts, sum(|r| r.samples) * params.spheres as f64),
             activated_fraction: ratio(activated, contacts),
             rolling_fraction: ratio(sum(|r| r.rolling), activated),

@@ -32,6 +32,8 @@ pub struct Options {
     pub workers: usize,
     /// Computing time after which a single case ends as failed.
     pub wall_limit: Option<Duration>,
+    /// Keep a frame of the layer with every sample.
+    pub trajectory: bool,
 }
 
 /// What the threads of a run share.

@@ -7,16 +7,22 @@ mod campaign;
 mod checkpoint;
 mod claims;
 mod error;
+mod frames;
 mod process;
+mod provenance;
 mod query;
 mod results;
+mod story;
 
 pub use checkpoint::{Checkpoint, Damage};
 pub use claims::Claim;
 pub use error::StoreError;
+pub use frames::Kept;
 pub use process::{HEARTBEAT_LIMIT, Identity};
+pub use provenance::Provenance;
 pub use query::{Counts, FailureLine, PointRun, ProcessLine};
 pub use results::{Failure, Finished};
+pub use story::{Attempt, Origin, Story};
 
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
 use std::path::{Path, PathBuf};
@@ -25,7 +31,9 @@ use std::time::{Duration, Instant};
 /// Marks the file as ours: `SWEP`.
 const APPLICATION_ID: i32 = 0x5357_4550;
 /// Version of the schema this program reads and writes.
-const SCHEMA_VERSION: i32 = 1;
+const SCHEMA_VERSION: i32 = 2;
+/// Oldest version that can be read as it is, and that is brought up to date when it is opened for writing.
+const OLDEST_SCHEMA: i32 = 1;
 /// How long a lock held by another program is waited for.
 const PATIENCE: Duration = Duration::from_mins(1);
 
@@ -131,7 +139,7 @@ impl Store {
         };
         store.connection.busy_timeout(PATIENCE).map_err(failed)?;
         match store.identify().map_err(failed)? {
-            Kind::Ours(SCHEMA_VERSION) => {
+            Kind::Ours(OLDEST_SCHEMA..=SCHEMA_VERSION) => {
                 // One transaction for all that follows: what is read belongs to one moment.
                 store.connection.execute_batch("BEGIN").map_err(failed)?;
                 Ok(store)
@@ -147,7 +155,7 @@ impl Store {
     fn set_up(&mut self) -> Result<(), Setup> {
         self.connection.busy_timeout(PATIENCE)?;
         match self.identify()? {
-            Kind::Ours(SCHEMA_VERSION) | Kind::Empty => {}
+            Kind::Ours(OLDEST_SCHEMA..=SCHEMA_VERSION) | Kind::Empty => {}
             Kind::Ours(found) => return Err(Setup::Refused(self.other_schema(found))),
             Kind::Foreign => {
                 return Err(Setup::Refused(StoreError::NotAStore {
@@ -162,9 +170,15 @@ impl Store {
             .connection
             .transaction_with_behavior(TransactionBehavior::Immediate)?;
         // Looked at again under the lock: another process may have made it meanwhile.
-        if version_of(&transaction)? == 0 {
+        let version = version_of(&transaction)?;
+        if version == 0 {
             transaction.execute_batch(include_str!("store/schema.sql"))?;
             transaction.pragma_update(None, "application_id", APPLICATION_ID)?;
+        }
+        if version < 2 {
+            transaction.execute_batch(include_str!("store/schema_2.sql"))?;
+        }
+        if version < SCHEMA_VERSION {
             transaction.pragma_update(None, "user_version", SCHEMA_VERSION)?;
         }
         transaction.commit()?;

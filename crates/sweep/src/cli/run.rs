@@ -39,6 +39,9 @@ pub(crate) struct Arguments {
     /// Computing time after which a single case ends as failed, in seconds
     #[arg(long, value_name = "SECONDS")]
     max_wall_time: Option<f64>,
+    /// Keep the layer at every sampled strain, for `sweep export` and movies; finished cases are not computed again for it
+    #[arg(long)]
+    trajectory: bool,
 }
 
 /// Runs the campaign.
@@ -88,6 +91,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         let options = Options {
             workers,
             wall_limit,
+            trajectory: arguments.trajectory,
         };
         let ratios = tables::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
         let tables = tables::make(&ratios, |text| progress.note(text))?;

@@ -122,6 +122,11 @@ impl From<&Point> for Row {
     }
 }
 
+/// A point as a JSON object.
+pub(super) fn row(point: &Point) -> serde_json::Value {
+    serde_json::to_value(Row::from(point)).unwrap_or_default()
+}
+
 /// Infinity as `"inf"`, since JSON has no number for it.
 #[expect(
     clippy::trivially_copy_pass_by_ref,

@@ -8,10 +8,10 @@ use sd_core::{ContactScheme, Hydrodynamics, Params};
 use std::io::Write;
 
 /// An axis of the campaign: its heading and how its value is written.
-type Axis = (&'static str, fn(&Params) -> String);
+pub(crate) type Axis = (&'static str, fn(&Params) -> String);
 
 /// All axes, in the order of the columns.
-const AXES: [Axis; 9] = [
+pub(crate) const AXES: [Axis; 9] = [
     ("hydrodynamics", |p| hydrodynamics(p.hydrodynamics).into()),
     ("contact", |p| contact(p.contact).into()),
     ("N", |p| p.spheres.to_string()),

@@ -3,7 +3,7 @@
 use super::{Shared, panics};
 use crate::case::{Case, State};
 use crate::store::{Checkpoint, Claim, Failure, Finished, StoreError};
-use sd_core::simulation::Flow;
+use sd_core::simulation::{Flow, Frame};
 use sd_core::{Hydrodynamics, Sample, Simulation};
 use serde_json::json;
 use std::time::{Duration, Instant};
@@ -29,6 +29,8 @@ struct Record {
     wall_time_before_s: f64,
     /// Times it went on from a checkpoint.
     resumed: u32,
+    /// Frames not in the store yet. They are written before the checkpoint that follows them.
+    frames: Vec<(u64, Frame)>,
 }
 
 /// How a run ended.
@@ -81,6 +83,8 @@ impl Shared<'_> {
         self.progress.start_case(worker, &claim.case, run.steps());
         let outcome = panics::catch(|| self.simulate(worker, claim, &mut run, begun));
         let wall_time_s = run.record.wall_time_before_s + begun.elapsed().as_secs_f64();
+        let frames = std::mem::take(&mut run.record.frames);
+        self.store().keep_frames(claim, &frames)?;
         let result = match outcome {
             Ok(Ok(end @ (End::Done | End::Jammed))) => {
                 let state = match end {
@@ -143,6 +147,7 @@ impl Shared<'_> {
                                     samples: good.samples.clone(),
                                     wall_time_before_s: good.wall_time_s,
                                     resumed: good.resumed + 1,
+                                    frames: Vec::new(),
                                 },
                             });
                         }
@@ -193,11 +198,20 @@ impl Shared<'_> {
                 return Ok(End::Stopped);
             }
             let step = simulation.steps();
-            let sample = match simulation.step() {
+            let sampled = step.is_multiple_of(case.sample_stride);
+            let outcome = if sampled && self.options.trajectory {
+                simulation.step_with_frame().map(|(sample, frame)| {
+                    record.frames.push((step, frame));
+                    sample
+                })
+            } else {
+                simulation.step()
+            };
+            let sample = match outcome {
                 Ok(sample) => sample,
                 Err(error) => return Ok(End::Failed(Cause::Physics(error))),
             };
-            if step.is_multiple_of(case.sample_stride) {
+            if sampled {
                 record.samples.push((step, sample));
             }
             self.progress
@@ -214,6 +228,8 @@ impl Shared<'_> {
             {
                 let writing = Instant::now();
                 let bytes = record.checkpoint(simulation, wall_time_s);
+                self.store()
+                    .keep_frames(claim, &std::mem::take(&mut record.frames))?;
                 self.store().keep(claim, simulation.steps(), &bytes)?;
                 cost = writing.elapsed();
                 kept = Instant::now();

@@ -60,11 +60,7 @@ impl Store {
     /// # Errors
     /// Trouble with the file, or an entry that cannot be read.
     pub fn protocol(&self) -> Result<Protocol, StoreError> {
-        let text: String = self.read(self.connection.query_row(
-            "SELECT protocol FROM campaign",
-            [],
-            |row| row.get(0),
-        ))?;
+        let text = self.of_campaign("SELECT protocol FROM campaign")?;
         self.json("campaign", serde_json::from_str(&text))
     }
 
@@ -73,10 +69,7 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn campaign_name(&self) -> Result<String, StoreError> {
-        self.read(
-            self.connection
-                .query_row("SELECT name FROM campaign", [], |row| row.get(0)),
-        )
+        self.of_campaign("SELECT name FROM campaign")
     }
 
     /// Turns an error of JSON into one of the store.

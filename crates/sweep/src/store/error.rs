@@ -44,6 +44,13 @@ pub enum StoreError {
         /// Which is older, and what to do.
         what: &'static str,
     },
+    /// A store in which no campaign was ever run.
+    #[error("{} holds no campaign yet", path.display())]
+    #[diagnostic(help("`sweep run CAMPAIGN.toml --store FILE` enters one"))]
+    NoCampaign {
+        /// The file.
+        path: PathBuf,
+    },
     /// A store of another campaign.
     #[error("{} is the store of campaign {found:?}, not of {wanted:?}", path.display())]
     #[diagnostic(help("nothing was changed in it; choose another place with --store FILE"))]

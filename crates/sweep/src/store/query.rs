@@ -45,6 +45,8 @@ pub struct PointRun {
     pub viscosity_median: Option<f64>,
     /// Mean viscosity from the stresslets alone.
     pub viscosity_stresslet: Option<f64>,
+    /// Mean first normal stress difference.
+    pub normal_stress_difference: Option<f64>,
     /// Samples averaged.
     pub samples: u64,
     /// Sum of contacts over them.
@@ -152,7 +154,8 @@ impl Store {
                 "SELECT c.key, c.params, c.seed, c.state, r.viscosity, r.viscosity_median, r.viscosity_stresslet,
                      coalesce(r.samples, 0), coalesce(r.contacts, 0), coalesce(r.activated, 0),
                      coalesce(r.rolling, 0), coalesce(r.approach, 0.0), r.minimum_gap, coalesce(r.stages, 0),
-                     coalesce(r.unconverged_stages, 0), r.worst_residual, r.wall_time_s
+                     coalesce(r.unconverged_stages, 0), r.worst_residual, r.wall_time_s,
+                     r.normal_stress_difference
                  FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
                  WHERE c.position IS NOT NULL ORDER BY c.position",
             )
@@ -245,11 +248,12 @@ fn point_run(row: &Row<'_>) -> Result<PointRun, rusqlite::Error> {
         unconverged_stages: count(row.get(14)?),
         worst_residual: row.get(15)?,
         wall_time_s: row.get(16)?,
+        normal_stress_difference: row.get(17)?,
     })
 }
 
 /// The parameters in a column of JSON.
-fn params(row: &Row<'_>, column: usize) -> Result<Params, rusqlite::Error> {
+pub(super) fn params(row: &Row<'_>, column: usize) -> Result<Params, rusqlite::Error> {
     let text: String = row.get(column)?;
     serde_json::from_str(&text).map_err(|error| {
         rusqlite::Error::FromSqlConversionFailure(column, Type::Text, Box::new(error))

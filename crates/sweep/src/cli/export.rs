@@ -1,0 +1,105 @@
+//! `sweep export`.
+
+use super::show::story_of;
+use super::{Output, store_path};
+use crate::error::Error;
+use crate::exit;
+use crate::store::{Kept, Store};
+use crate::trajectory::{
+    CONTACT_HEADER, SPHERE_HEADER, write_contacts, write_extxyz, write_spheres,
+};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Write the kept frames of one run, for `OVITO` or as tables
+///
+/// Frames are kept by `sweep run --trajectory`. Extended XYZ has one frame per sampled strain with the sheared cell, radii,
+/// orientations (quaternions), stresslets and contact counts; its contacts go to a table beside it.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep export results/quickstart.sqlite 1 --out layer.xyz\n  sweep export results/quickstart.sqlite 3f9a --format csv --out layer.csv"
+)]
+pub(crate) struct Arguments {
+    /// The store, or a campaign file whose default store is meant
+    store: PathBuf,
+    /// The run: the beginning of its key, or its number in the campaign file, from 1
+    case: String,
+    /// Form of the spheres
+    #[arg(long, value_enum, default_value_t = Form::Extxyz)]
+    format: Form,
+    /// File of the spheres, contacts go to NAME.contacts.csv beside it; without it the spheres go to standard output
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Every so many kept frames
+    #[arg(long, value_name = "N", default_value = "1")]
+    every: std::num::NonZeroUsize,
+}
+
+/// Form of an exported trajectory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Form {
+    /// Extended XYZ, as `OVITO` and `ASE` read it.
+    Extxyz,
+    /// A table with a row per sphere and strain.
+    Csv,
+}
+
+/// Writes the frames.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let store = Store::open_read_only(&store_path(&arguments.store)?)?;
+    let story = story_of(&store, &arguments.case)?;
+    let frames = store.frames(&story.key, arguments.every.get())?;
+    if frames.is_empty() {
+        return Err(Error::NoFrames { key: story.key });
+    }
+    match arguments
+        .out
+        .as_deref()
+        .filter(|path| path.as_os_str() != "-")
+    {
+        None => spheres(&frames, arguments.format, output.out)?,
+        Some(path) => {
+            to_file(path, |out| spheres(&frames, arguments.format, out))?;
+            to_file(&path.with_extension("contacts.csv"), |out| {
+                writeln!(out, "{CONTACT_HEADER}")?;
+                frames
+                    .iter()
+                    .try_for_each(|kept| write_contacts(kept.step, &kept.frame, out))
+            })?;
+            if output.json {
+                output.json(&serde_json::json!({"key": story.key, "frames": frames.len()}))?;
+            } else {
+                writeln!(output.out, "{} frames of case {}", frames.len(), story.key)?;
+            }
+        }
+    }
+    Ok(exit::DONE)
+}
+
+/// Writes the spheres of all frames.
+fn spheres(frames: &[Kept], form: Form, out: &mut dyn Write) -> std::io::Result<()> {
+    if form == Form::Csv {
+        writeln!(out, "{SPHERE_HEADER}")?;
+    }
+    frames.iter().try_for_each(|kept| match form {
+        Form::Extxyz => write_extxyz(&kept.frame, out),
+        Form::Csv => write_spheres(kept.step, &kept.frame, out),
+    })
+}
+
+/// Writes a file.
+fn to_file(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+) -> Result<(), Error> {
+    std::fs::File::create(path)
+        .and_then(|file| {
+            let mut out = std::io::BufWriter::new(file);
+            write(&mut out)?;
+            out.flush()
+        })
+        .map_err(|source| Error::Write {
+            path: path.to_owned(),
+            source,
+        })
+}

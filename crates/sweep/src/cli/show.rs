@@ -1,0 +1,143 @@
+//! `sweep show`.
+
+use super::{Output, store_path};
+use crate::error::Error;
+use crate::exit;
+use crate::report::{AXES, chart, duration, significant};
+use crate::store::{Store, Story};
+use std::path::PathBuf;
+
+/// Columns of the chart where the output is no terminal.
+const WIDTH: u16 = 78;
+
+/// Tell the story of one run: parameters, trace, counters, provenance, error
+///
+/// Reads only, and may be used while the run is computed: then its trace is that of its last checkpoint.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep show results/quickstart.sqlite 12\n  sweep show results/quickstart.sqlite 3f9a --json"
+)]
+pub(crate) struct Arguments {
+    /// The store, or a campaign file whose default store is meant
+    store: PathBuf,
+    /// The run: the beginning of its key, or its number in the campaign file, from 1
+    case: String,
+}
+
+/// The story of the case a user names.
+pub(super) fn story_of(store: &Store, given: &str) -> Result<Story, Error> {
+    let keys = store.find_cases(given)?;
+    let refuse = |what| Error::Case {
+        path: store.path().to_owned(),
+        given: given.to_owned(),
+        what,
+    };
+    let key = match keys.as_slice() {
+        [] => return Err(refuse("no case")),
+        [key] => key,
+        _ => return Err(refuse("the beginning of several cases")),
+    };
+    store.story(key)?.ok_or_else(|| refuse("no case"))
+}
+
+/// Writes the story.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let store = Store::open_read_only(&store_path(&arguments.store)?)?;
+    let story = story_of(&store, &arguments.case)?;
+    if output.json {
+        output.json(&story)?;
+        return Ok(exit::DONE);
+    }
+    let width = output.width.unwrap_or(WIDTH).clamp(40, 120);
+    let out = &mut *output.out;
+    let mixed = story.params.size_ratio > 1.0;
+    let number = story.number.map_or_else(
+        || "no longer in the campaign file".into(),
+        |number| format!("case {number}"),
+    );
+    let name = store.campaign_name()?;
+    writeln!(out, "{name}: {number}, key {}", story.key)?;
+    let words: Vec<String> = AXES
+        .iter()
+        .filter(|axis| mixed || !["size ratio", "large"].contains(&axis.0))
+        .map(|axis| format!("{} {}", axis.0, axis.1(&story.params)))
+        .collect();
+    let (step, seed) = (story.params.time_step, story.seed);
+    writeln!(out, "{}, time step {step}, seed {seed}", words.join(", "))?;
+    let strain = |steps: u64| steps as f64 * story.params.time_step;
+    writeln!(
+        out,
+        "{}: strain {:.3} of {:.3}, begun {} times{}{}",
+        story.state,
+        strain(story.steps_done),
+        strain(story.steps),
+        story.attempts,
+        story
+            .resumed
+            .map_or_else(String::new, |n| format!(", resumed {n} times")),
+        story
+            .wall_time_s
+            .map_or_else(String::new, |s| format!(", {} of computing", duration(s))),
+    )?;
+    let trace: Vec<(f64, f64)> = story
+        .samples
+        .iter()
+        .map(|(_, s)| (s.strain, s.viscosity))
+        .filter(|(_, viscosity)| viscosity.is_finite())
+        .collect();
+    if trace.len() > 1 {
+        writeln!(out, "\n{}", chart(&trace, width))?;
+    } else {
+        writeln!(out, "no trace yet")?;
+    }
+    if let Some((_, last)) = story.samples.last() {
+        let c = &last.counters;
+        writeln!(
+            out,
+            "at the last sample: {} contacts, {} activated, {} rolling, {} slipping, smallest gap {}",
+            last.contacts,
+            last.activated,
+            last.rolling,
+            last.slipping,
+            significant(last.minimum_gap, 3)
+        )?;
+        writeln!(
+            out,
+            "contact problems: {} solved, {} unconverged, worst residual {}, worst friction error {}\n\
+             smallest gap so far {}, jam events {}, {} frames kept",
+            c.stages,
+            c.unconverged_stages,
+            significant(c.worst_residual, 2),
+            significant(c.worst_friction_error, 2),
+            significant(c.minimum_gap, 3),
+            c.jam_events,
+            story.frames
+        )?;
+    }
+    if let Some(origin) = &story.origin {
+        writeln!(
+            out,
+            "computed on {} by sweep {} (physics {}, build {})",
+            origin.host,
+            origin.version,
+            origin.physics_version,
+            origin.build.get(..12).unwrap_or(&origin.build)
+        )?;
+    }
+    for failure in &story.failures {
+        let place = failure.pair.map_or_else(String::new, |[i, j]| {
+            format!(
+                ", pair {i}, {j}, gap {}",
+                failure
+                    .gap
+                    .map_or_else(|| "–".into(), |gap| significant(gap, 3))
+            )
+        });
+        writeln!(
+            out,
+            "attempt {} failed at step {}, strain {:.3}{place}: {}",
+            failure.attempt, failure.step, failure.strain, failure.error
+        )?;
+    }
+    Ok(exit::DONE)
+}

@@ -1,0 +1,210 @@
+//! The live page: a server that reads the store and nothing else.
+//!
+//! It has three routes, all of them reading: the page, its data, and the movie of a run. Requests must name this machine
+//! as their host, so that no page of another site can have its visitor's browser read the store (DNS rebinding).
+
+use crate::error::Error;
+use crate::report::{Home, data, movie, page};
+use crate::store::Store;
+use axum::Router;
+use axum::extract::{Path as Segment, Request, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use std::net::{IpAddr, SocketAddr};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::Mutex;
+
+/// How long an answer about the store is given again.
+const FRESH: Duration = Duration::from_secs(1);
+/// Frames of a movie at most.
+const FRAMES: usize = 120;
+
+/// What requests share.
+struct Shared {
+    /// The store.
+    store: PathBuf,
+    /// The last data, and when it was read.
+    data: Mutex<Option<(Instant, String)>>,
+}
+
+/// Serves the page of a store at an address until a signal; `ready` is told the address.
+///
+/// # Errors
+/// An address that cannot be had, a system without sockets or signals.
+pub fn serve(
+    store: &Path,
+    address: SocketAddr,
+    ready: impl FnOnce(SocketAddr) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let start = |what| {
+        move |error: std::io::Error| Error::Start {
+            what,
+            reason: error.to_string(),
+        }
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(start("a server"))?;
+    runtime.block_on(async {
+        let listener = tokio::net::TcpListener::bind(address)
+            .await
+            .map_err(start("a server at this address (--listen chooses another)"))?;
+        let mut terminate =
+            tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())
+                .map_err(start("listening to signals"))?;
+        ready(listener.local_addr().map_err(start("a server"))?)?;
+        let stopped = async move {
+            tokio::select! {
+                _ = tokio::signal::ctrl_c() => {}
+                _ = terminate.recv() => {}
+            }
+        };
+        let served = axum::serve(listener, routes(store)).into_future();
+        // Open connections are let go: a reader loses nothing.
+        tokio::select! {
+            result = served => result.map_err(start("a server")),
+            () = stopped => Ok(()),
+        }
+    })
+}
+
+/// The routes.
+fn routes(store: &Path) -> Router {
+    let shared = Arc::new(Shared {
+        store: store.to_owned(),
+        data: Mutex::new(None),
+    });
+    Router::new()
+        .route("/", get(send_page))
+        .route("/data.json", get(send_data))
+        .route("/movie/{key}", get(send_movie))
+        .layer(middleware::from_fn(guard))
+        .with_state(shared)
+}
+
+/// Whether a Host header names this machine: its loopback, or an address rather than a name.
+fn is_ours(host: &str) -> bool {
+    let name = match host.rsplit_once(':') {
+        Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
+        _ => host,
+    };
+    let bare = name
+        .strip_prefix('[')
+        .and_then(|name| name.strip_suffix(']'))
+        .unwrap_or(name);
+    name.eq_ignore_ascii_case("localhost") || bare.parse::<IpAddr>().is_ok()
+}
+
+/// Refuses foreign hosts; adds the headers that keep the page to itself.
+async fn guard(request: Request, next: Next) -> Response {
+    let host = request
+        .headers()
+        .get(header::HOST)
+        .and_then(|host| host.to_str().ok());
+    if !host.is_some_and(is_ours) {
+        let text = "this server answers to localhost and to addresses only\n";
+        return (StatusCode::MISDIRECTED_REQUEST, text).into_response();
+    }
+    let mut response = next.run(request).await;
+    let mut headers = HeaderMap::new();
+    for (name, value) in [
+        (header::CACHE_CONTROL, "no-store"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::X_FRAME_OPTIONS, "DENY"),
+        (header::REFERRER_POLICY, "no-referrer"),
+    ] {
+        headers.insert(name, header::HeaderValue::from_static(value));
+    }
+    response.headers_mut().extend(headers);
+    response
+}
+
+/// Reads the store where that may take its time.
+async fn read<T: Send + 'static>(
+    shared: &Shared,
+    what: impl FnOnce(&Store) -> Result<T, Error> + Send + 'static,
+) -> Result<T, Error> {
+    let path = shared.store.clone();
+    tokio::task::spawn_blocking(move || what(&Store::open_read_only(&path)?))
+        .await
+        .map_err(|error| Error::Start {
+            what: "a reader of the store",
+            reason: error.to_string(),
+        })?
+}
+
+/// An answer, or why there is none.
+fn answer(kind: &'static str, result: Result<String, Error>) -> Response {
+    match result {
+        Ok(text) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
+        Err(error) => {
+            let status = match error {
+                Error::NoFrames { .. } => StatusCode::NOT_FOUND,
+                _ => StatusCode::SERVICE_UNAVAILABLE,
+            };
+            (status, format!("{error}\n")).into_response()
+        }
+    }
+}
+
+/// The page.
+async fn send_page(State(shared): State<Arc<Shared>>) -> Response {
+    let result = read(&shared, |store| page(store, Home::Server)).await;
+    answer("text/html; charset=utf-8", result)
+}
+
+/// Its data as it is now.
+async fn send_data(State(shared): State<Arc<Shared>>) -> Response {
+    // Several pages that ask at once share one reading.
+    let mut last = shared.data.lock().await;
+    if let Some((_, text)) = last.as_ref().filter(|(at, _)| at.elapsed() < FRESH) {
+        return answer("application/json", Ok(text.clone()));
+    }
+    let result = read(&shared, |store| data(store, Home::Server)).await;
+    if let Ok(text) = &result {
+        *last = Some((Instant::now(), text.clone()));
+    }
+    answer("application/json", result)
+}
+
+/// The movie of a run.
+async fn send_movie(State(shared): State<Arc<Shared>>, Segment(key): Segment<String>) -> Response {
+    let result = read(&shared, move |store| {
+        Ok(movie(store, &key, FRAMES)?.to_string())
+    })
+    .await;
+    answer("application/json", result)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_ours;
+
+    #[test]
+    fn only_this_machine_is_ours() {
+        for ours in [
+            "localhost",
+            "localhost:8420",
+            "127.0.0.1:8420",
+            "[::1]:8420",
+            "10.0.0.3:80",
+        ] {
+            assert!(is_ours(ours), "{ours}");
+        }
+        for foreign in [
+            "evil.example",
+            "evil.example:8420",
+            "localhost.evil.example",
+            "127.0.0.1.nip.io",
+            "",
+            ":80",
+        ] {
+            assert!(!is_ours(foreign), "{foreign}");
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! All that the store knows of one case.
+
+use super::query::params;
+use super::{Store, StoreError, count, results};
+use rusqlite::{OptionalExtension, Row};
+use sd_core::{Params, Sample};
+use serde::Serialize;
+
+/// One case from its plan to its end.
+#[derive(Debug, Clone, Serialize)]
+pub struct Story {
+    /// Its key.
+    pub key: String,
+    /// Its number in the campaign file, from 1; `None` once it has left the grid.
+    pub number: Option<u64>,
+    /// Its parameters.
+    pub params: Params,
+    /// Its seed.
+    pub seed: u64,
+    /// Its state.
+    pub state: String,
+    /// Steps of the whole run.
+    pub steps: u64,
+    /// Steps done, as of the last checkpoint.
+    pub steps_done: u64,
+    /// Times it was begun anew.
+    pub attempts: u64,
+    /// Seconds of computing, once it has ended well.
+    pub wall_time_s: Option<f64>,
+    /// Times it went on from a checkpoint.
+    pub resumed: Option<u64>,
+    /// Where it was computed, or is being computed.
+    pub origin: Option<Origin>,
+    /// Its failed attempts, the last one last.
+    pub failures: Vec<Attempt>,
+    /// Frames kept.
+    pub frames: u64,
+    /// Its samples so far, with their steps.
+    pub samples: Vec<(u64, Sample)>,
+}
+
+/// Where a run was computed.
+#[derive(Debug, Clone, Serialize)]
+pub struct Origin {
+    /// Host.
+    pub host: String,
+    /// Version of the program.
+    pub version: String,
+    /// Version of its physics.
+    pub physics_version: u64,
+    /// Hash of its executable.
+    pub build: String,
+    /// When it ended, or was last heard of, in milliseconds since 1970.
+    pub at: i64,
+}
+
+/// A failed attempt.
+#[derive(Debug, Clone, Serialize)]
+pub struct Attempt {
+    /// Its number.
+    pub attempt: u64,
+    /// Its error.
+    pub error: String,
+    /// The step that failed.
+    pub step: u64,
+    /// Strain at its start.
+    pub strain: f64,
+    /// Pair it failed at.
+    pub pair: Option<[u64; 2]>,
+    /// Gap of that pair.
+    pub gap: Option<f64>,
+}
+
+/// A case and its row.
+type Found = (i64, Story);
+
+impl Store {
+    /// Keys of the cases meant by the beginning of a key, or by a number of the campaign file; an exact number wins.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn find_cases(&self, given: &str) -> Result<Vec<String>, StoreError> {
+        let number = given.parse::<i64>().ok().filter(|_| given.len() < 8);
+        let by_number: Option<String> = match number {
+            None => None,
+            Some(number) => self.read(
+                self.connection
+                    .query_row(
+                        "SELECT key FROM cases WHERE position = ?1 - 1",
+                        [number],
+                        |row| row.get(0),
+                    )
+                    .optional(),
+            )?,
+        };
+        if let Some(key) = by_number {
+            return Ok(vec![key]);
+        }
+        let rows = self
+            .connection
+            .prepare("SELECT key FROM cases WHERE substr(key, 1, length(?1)) = lower(?1) ORDER BY key LIMIT 2")
+            .and_then(|mut query| query.query_map([given], |row| row.get(0))?.collect());
+        self.read(rows)
+    }
+
+    /// The story of a case; `None` if there is no such case.
+    ///
+    /// # Errors
+    /// Trouble with the file, or an entry that cannot be read.
+    pub fn story(&self, key: &str) -> Result<Option<Story>, StoreError> {
+        let found: Option<Found> = self.read(
+            self.connection
+                .query_row(
+                    "SELECT c.id, c.key, c.position, c.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
+                         r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
+                         coalesce(r.finished_at, p.heartbeat)
+                     FROM cases c LEFT JOIN results r ON r.case_id = c.id
+                     LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
+                         (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
+                     WHERE c.key = ?1",
+                    [key],
+                    case,
+                )
+                .optional(),
+        )?;
+        let Some((id, mut story)) = found else {
+            return Ok(None);
+        };
+        let failures = self
+            .connection
+            .prepare(
+                "SELECT attempt, error, step, strain, sphere_i, sphere_j, gap FROM failures WHERE case_id = ?1 ORDER BY id",
+            )
+            .and_then(|mut query| query.query_map([id], attempt)?.collect());
+        story.failures = self.read(failures)?;
+        story.samples = self.samples_so_far(id)?;
+        story.frames = self.frame_count(key)?;
+        Ok(Some(story))
+    }
+
+    /// Samples of a case: of its result, or else of its newest readable checkpoint.
+    fn samples_so_far(&self, id: i64) -> Result<Vec<(u64, Sample)>, StoreError> {
+        let samples = self.read(results::samples(&self.connection, id))?;
+        if !samples.is_empty() {
+            return Ok(samples);
+        }
+        let rows: Result<Vec<Vec<u8>>, _> = self
+            .connection
+            .prepare("SELECT data FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC")
+            .and_then(|mut query| query.query_map([id], |row| row.get(0))?.collect());
+        Ok(self
+            .read(rows)?
+            .iter()
+            .find_map(|data| super::Checkpoint::decode(data).ok())
+            .map(|checkpoint| checkpoint.samples)
+            .unwrap_or_default())
+    }
+
+    /// Strain and viscosity of a case at its samples so far.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn trace(&self, key: &str) -> Result<Vec<(f64, f64)>, StoreError> {
+        let id: Option<i64> = self.read(
+            self.connection
+                .query_row("SELECT id FROM cases WHERE key = ?1", [key], |row| {
+                    row.get(0)
+                })
+                .optional(),
+        )?;
+        let samples = id.map_or_else(|| Ok(Vec::new()), |id| self.samples_so_far(id))?;
+        Ok(samples
+            .into_iter()
+            .map(|(_, sample)| (sample.strain, sample.viscosity))
+            .filter(|(_, viscosity)| viscosity.is_finite())
+            .collect())
+    }
+}
+
+/// One row of [`Store::story`].
+fn case(row: &Row<'_>) -> Result<Found, rusqlite::Error> {
+    let host: Option<String> = row.get(11)?;
+    let origin = match host {
+        None => None,
+        Some(host) => Some(Origin {
+            host,
+            version: row.get(12)?,
+            physics_version: count(row.get(13)?),
+            build: row.get(14)?,
+            at: row.get(15)?,
+        }),
+    };
+    let story = Story {
+        key: row.get(1)?,
+        number: row
+            .get::<_, Option<i64>>(2)?
+            .map(|position| count(position) + 1),
+        params: params(row, 3)?,
+        seed: count(row.get(4)?),
+        state: row.get(5)?,
+        steps: count(row.get(6)?),
+        steps_done: count(row.get(7)?),
+        attempts: count(row.get(8)?),
+        wall_time_s: row.get(9)?,
+        resumed: row.get::<_, Option<i64>>(10)?.map(count),
+        origin,
+        failures: Vec::new(),
+        frames: 0,
+        samples: Vec::new(),
+    };
+    Ok((row.get(0)?, story))
+}
+
+/// One failed attempt.
+fn attempt(row: &Row<'_>) -> Result<Attempt, rusqlite::Error> {
+    let pair: (Option<i64>, Option<i64>) = (row.get(4)?, row.get(5)?);
+    Ok(Attempt {
+        attempt: count(row.get(0)?),
+        error: row.get(1)?,
+        step: count(row.get(2)?),
+        strain: row.get(3)?,
+        pair: pair.0.zip(pair.1).map(|(i, j)| [count(i), count(j)]),
+        gap: row.get(6)?,
+    })
+}

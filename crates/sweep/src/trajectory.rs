@@ -1,0 +1,278 @@
+//! Frames of a run: their compact form in the store, and the files they are exported to.
+//!
+//! Stored numbers have single precision: seven digits are more than a picture needs, and gaps are stored themselves, not
+//! as differences of positions. What decides a run is never read back from a frame.
+
+use sd_core::contact::ContactState;
+use sd_core::simulation::{Frame, FrameContact};
+use serde::{Deserialize, Serialize};
+use std::io::{self, Write};
+
+/// First byte of a stored frame.
+const VERSION: u8 = 1;
+
+/// A frame as it is stored.
+#[derive(Serialize, Deserialize)]
+struct Stored {
+    /// Strain.
+    strain: f64,
+    /// Side of the cell.
+    side: f32,
+    /// Offset of the upper image cell.
+    offset: f32,
+    /// Radii; a single one if all are equal.
+    radii: Vec<f32>,
+    /// x, y, orientation, and the stresslet's xx, yy, xy of each sphere.
+    spheres: Vec<[f32; 6]>,
+    /// i, j, state, and normal x and y, gap, normal and tangential force of each contact.
+    contacts: Vec<(u32, u32, u8, [f32; 5])>,
+}
+
+/// Names of the states, by their stored number.
+pub const STATES: [&str; 3] = ["frictionless", "rolling", "slipping"];
+
+/// The number of a state in [`STATES`].
+pub fn state_number(state: ContactState) -> u8 {
+    match state {
+        ContactState::Frictionless => 0,
+        ContactState::Rolling => 1,
+        ContactState::Slipping => 2,
+    }
+}
+
+/// A number in single precision.
+#[expect(clippy::cast_possible_truncation, reason = "for pictures")]
+fn single(value: f64) -> f32 {
+    value as f32
+}
+
+/// A frame as bytes.
+///
+/// # Errors
+/// Those of the encoder, which is given nothing it cannot encode.
+pub fn encode(frame: &Frame) -> Result<Vec<u8>, postcard::Error> {
+    let alike = frame
+        .radii
+        .windows(2)
+        .all(|pair| pair[0].to_bits() == pair[1].to_bits());
+    let radii = &frame.radii[..if alike {
+        frame.radii.len().min(1)
+    } else {
+        frame.radii.len()
+    }];
+    let number = |sphere: usize| u32::try_from(sphere).unwrap_or(u32::MAX);
+    let stored = Stored {
+        strain: frame.strain,
+        side: single(frame.side),
+        offset: single(frame.offset),
+        radii: radii.iter().copied().map(single).collect(),
+        spheres: frame
+            .centres
+            .iter()
+            .zip(&frame.orientations)
+            .zip(&frame.stresslets)
+            .map(|((x, angle), s)| [x[0], x[1], *angle, s[0], s[1], s[2]].map(single))
+            .collect(),
+        contacts: frame
+            .contacts
+            .iter()
+            .map(|c| {
+                let numbers = [
+                    c.normal[0],
+                    c.normal[1],
+                    c.gap,
+                    c.normal_force,
+                    c.tangential_force,
+                ];
+                (
+                    number(c.i),
+                    number(c.j),
+                    state_number(c.state),
+                    numbers.map(single),
+                )
+            })
+            .collect(),
+    };
+    postcard::to_extend(&stored, vec![VERSION])
+}
+
+/// A frame from bytes; `None` if they are none of this version.
+pub fn decode(bytes: &[u8]) -> Option<Frame> {
+    let (&VERSION, content) = bytes.split_first()? else {
+        return None;
+    };
+    let stored: Stored = postcard::from_bytes(content).ok()?;
+    let n = stored.spheres.len();
+    let radii: Vec<f64> = match stored.radii.as_slice() {
+        [one] => vec![f64::from(*one); n],
+        all => all.iter().copied().map(f64::from).collect(),
+    };
+    let column = |place: usize| stored.spheres.iter().map(move |s| f64::from(s[place]));
+    let contacts: Option<Vec<FrameContact>> = stored
+        .contacts
+        .iter()
+        .map(|(i, j, state, numbers)| {
+            let [nx, ny, gap, normal_force, tangential_force] = numbers.map(f64::from);
+            Some(FrameContact {
+                i: usize::try_from(*i).ok().filter(|i| *i < n)?,
+                j: usize::try_from(*j).ok().filter(|j| *j < n)?,
+                normal: [nx, ny],
+                gap,
+                normal_force,
+                tangential_force,
+                state: match state {
+                    0 => ContactState::Frictionless,
+                    1 => ContactState::Rolling,
+                    2 => ContactState::Slipping,
+                    _ => return None,
+                },
+            })
+        })
+        .collect();
+    let frame = Frame {
+        strain: stored.strain,
+        side: f64::from(stored.side),
+        offset: f64::from(stored.offset),
+        centres: column(0).zip(column(1)).map(|(x, y)| [x, y]).collect(),
+        orientations: column(2).collect(),
+        stresslets: column(3)
+            .zip(column(4))
+            .zip(column(5))
+            .map(|((xx, yy), xy)| [xx, yy, xy])
+            .collect(),
+        contacts: contacts?,
+        radii,
+    };
+    (frame.radii.len() == n).then_some(frame)
+}
+
+/// Writes a frame as extended XYZ: the cell with its shear, then a line per sphere.
+///
+/// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are quaternions about z.
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn write_extxyz(frame: &Frame, out: &mut dyn Write) -> io::Result<()> {
+    let mut touching = vec![0_u32; frame.centres.len()];
+    for contact in &frame.contacts {
+        touching[contact.i] += 1;
+        touching[contact.j] += 1;
+    }
+    let height = 2.0 * frame.radii.iter().copied().fold(1.0, f64::max);
+    writeln!(out, "{}", frame.centres.len())?;
+    writeln!(
+        out,
+        "Lattice=\"{side} 0 0 {offset} {side} 0 0 0 {height}\" Origin=\"0 0 {}\" \
+         Properties=species:S:1:pos:R:3:radius:R:1:orientation:R:4:angle:R:1:stresslet:R:3:contacts:I:1 \
+         pbc=\"T T F\" strain={}",
+        -0.5 * height,
+        frame.strain,
+        side = frame.side,
+        offset = frame.offset,
+    )?;
+    for (number, [x, y]) in frame.centres.iter().enumerate() {
+        let angle = frame.orientations[number];
+        let (sine, cosine) = (0.5 * angle).sin_cos();
+        let [xx, yy, xy] = frame.stresslets[number];
+        writeln!(
+            out,
+            "S {x} {y} 0 {} 0 0 {sine} {cosine} {angle} {xx} {yy} {xy} {}",
+            frame.radii[number], touching[number]
+        )?;
+    }
+    Ok(())
+}
+
+/// Writes the spheres of a frame as rows of a table, after [`SPHERE_HEADER`].
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn write_spheres(step: u64, frame: &Frame, out: &mut dyn Write) -> io::Result<()> {
+    for (number, [x, y]) in frame.centres.iter().enumerate() {
+        let [xx, yy, xy] = frame.stresslets[number];
+        writeln!(
+            out,
+            "{step},{},{number},{x},{y},{},{},{xx},{yy},{xy}",
+            frame.strain, frame.radii[number], frame.orientations[number]
+        )?;
+    }
+    Ok(())
+}
+
+/// Writes the contacts of a frame as rows of a table, after [`CONTACT_HEADER`].
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn write_contacts(step: u64, frame: &Frame, out: &mut dyn Write) -> io::Result<()> {
+    for c in &frame.contacts {
+        writeln!(
+            out,
+            "{step},{},{},{},{},{},{},{},{},{}",
+            frame.strain,
+            c.i,
+            c.j,
+            c.normal[0],
+            c.normal[1],
+            c.gap,
+            c.normal_force,
+            c.tangential_force,
+            STATES[usize::from(state_number(c.state))]
+        )?;
+    }
+    Ok(())
+}
+
+/// Header of the table of spheres: lengths in a, angles in radians, stresslets in mu·a³·rate.
+pub const SPHERE_HEADER: &str =
+    "step,strain,sphere,x,y,radius,orientation,stresslet_xx,stresslet_yy,stresslet_xy";
+/// Header of the table of contacts: lengths in a, forces in mu·a²·rate.
+pub const CONTACT_HEADER: &str =
+    "step,strain,i,j,normal_x,normal_y,gap,normal_force,tangential_force,state";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame() -> Frame {
+        Frame {
+            strain: 0.5,
+            side: 8.0,
+            offset: -2.0,
+            radii: vec![1.0, 1.5],
+            centres: vec![[1.0, 2.0], [3.5, 2.0]],
+            orientations: vec![0.0, -0.25],
+            stresslets: vec![[1.0, -1.0, 20.5], [0.0, 0.5, 19.0]],
+            contacts: vec![FrameContact {
+                i: 0,
+                j: 1,
+                normal: [1.0, 0.0],
+                gap: 0.0078125,
+                normal_force: 12.5,
+                tangential_force: -2.0,
+                state: ContactState::Slipping,
+            }],
+        }
+    }
+
+    #[test]
+    fn frame_comes_back() {
+        let bytes = encode(&frame()).unwrap();
+        assert_eq!(decode(&bytes), Some(frame()));
+        assert!(bytes.len() < 120);
+        for length in 0..bytes.len() {
+            assert_eq!(decode(&bytes[..length]), None, "torn at {length}");
+        }
+    }
+
+    #[test]
+    fn extended_xyz_has_the_sheared_cell() {
+        let mut text = Vec::new();
+        write_extxyz(&frame(), &mut text).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], "2");
+        assert!(lines[1].starts_with("Lattice=\"8 0 0 -2 8 0 0 0 3\""));
+        assert_eq!(lines[2], "S 1 2 0 1 0 0 0 1 0 1 -1 20.5 1");
+        assert_eq!(lines.len(), 4);
+    }
+}
