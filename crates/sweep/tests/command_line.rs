@@ -166,7 +166,7 @@ fn help_is_what_it_was() {
     let directory = tempfile::tempdir().unwrap();
     let mut all = String::new();
     for subcommand in [
-        "", "plan", "run", "status", "report", "solve", "scalars", "pair",
+        "", "plan", "run", "status", "report", "replay", "salvage", "solve", "scalars", "pair",
     ] {
         let mut command = sweep(directory.path());
         command.env("COLUMNS", "100");
