@@ -20,7 +20,7 @@ impl Store {
                 path: path.to_owned(),
             });
         }
-        match Self::read_only(path, None) {
+        match Self::read_only(path, None, false) {
             // Without write access to the directory SQLite cannot make its index of the log; without a log it needs none.
             Err(StoreError::Trouble { ref source, .. })
                 if matches!(
@@ -28,7 +28,7 @@ impl Store {
                     Some(ErrorCode::CannotOpen | ErrorCode::ReadOnly)
                 ) && !log_of(path).exists() =>
             {
-                Self::read_only(path, Some("immutable=1"))
+                Self::read_only(path, Some("immutable=1"), false)
             }
             // Nor can it on a full disk; a copy elsewhere can be read.
             Err(error @ StoreError::Trouble { passing: true, .. }) if is_full(path) => {
@@ -49,7 +49,7 @@ impl Store {
         for place in [PathBuf::from("/dev/shm"), std::env::temp_dir()] {
             let directory = place.join(format!("sweep-copy-{}", std::process::id()));
             let copied = copy_unchanged(path, &directory);
-            let store = copied.map(|copy| Self::read_only(&copy, None));
+            let store = copied.map(|copy| Self::read_only(&copy, None, false));
             let _ = std::fs::remove_dir_all(&directory);
             match store {
                 Ok(store) => return store,
@@ -59,8 +59,18 @@ impl Store {
         Err(failed(last))
     }
 
+    /// Opens a damaged store for what can be read of it.
+    pub(super) fn open_damaged(path: &Path) -> Result<Self, StoreError> {
+        if !path.exists() {
+            return Err(StoreError::Missing {
+                path: path.to_owned(),
+            });
+        }
+        Self::read_only(path, None, true)
+    }
+
     /// Opens for reading with options of the `SQLite` URI.
-    fn read_only(path: &Path, options: Option<&str>) -> Result<Self, StoreError> {
+    fn read_only(path: &Path, options: Option<&str>, damaged: bool) -> Result<Self, StoreError> {
         let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let failed = |error| StoreError::sqlite(path, error, false);
         let mut connection = match options {
@@ -81,6 +91,12 @@ impl Store {
         connection
             .busy_handler(Some(wait_for_lock))
             .map_err(failed)?;
+        if damaged {
+            // Otherwise a file shorter than it says is refused as a whole.
+            connection
+                .pragma_update(None, "writable_schema", true)
+                .map_err(failed)?;
+        }
         let store = Self {
             connection,
             path: path.to_owned(),

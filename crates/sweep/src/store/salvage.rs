@@ -48,7 +48,7 @@ pub fn salvage(
             path: to.to_owned(),
         });
     }
-    let old = Store::open_read_only(from).map_err(|error| match error {
+    let old = Store::open_damaged(from).map_err(|error| match error {
         StoreError::Trouble { what, .. } => StoreError::Hopeless {
             path: from.to_owned(),
             reason: what,

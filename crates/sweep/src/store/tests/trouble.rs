@@ -301,9 +301,17 @@ fn damage_anywhere_neither_crashes_nor_lets_wrong_numbers_through() {
     let broken = directory.path().join("broken.sqlite");
     let to = directory.path().join("new.sqlite");
     let (mut saved_some, mut refused) = (0, 0);
-    for page in 0..whole.len() / 4096 {
+    let pages = whole.len() / 4096;
+    for (page, cut) in (0..pages)
+        .map(|page| (page, false))
+        .chain((1..pages).map(|page| (page, true)))
+    {
         let mut bytes = whole.clone();
-        bytes[page * 4096..(page + 1) * 4096].fill(0x5a);
+        if cut {
+            bytes.truncate(page * 4096);
+        } else {
+            bytes[page * 4096..(page + 1) * 4096].fill(0x5a);
+        }
         std::fs::write(&broken, bytes).unwrap();
         let _ = std::fs::remove_file(&to);
         match salvage(&broken, &to, Some(&campaign(CAMPAIGN))) {
@@ -322,7 +330,7 @@ fn damage_anywhere_neither_crashes_nor_lets_wrong_numbers_through() {
         }
     }
     assert!(
-        saved_some > 5 && refused <= 3,
+        saved_some > 5 && refused <= 6,
         "{saved_some} saved, {refused} refused"
     );
 }
