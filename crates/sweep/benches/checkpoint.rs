@@ -1,10 +1,7 @@
 //! What a checkpoint costs beside the steps between two of them: less than 1 % of the run time.
 //!
 //! N = 90 at c = 0.693, both hydrodynamics; the checkpoint carries the samples of a whole run, the most it ever does.
-#![expect(
-    missing_docs,
-    reason = "criterion_group makes an undocumented function"
-)]
+#![expect(clippy::print_stderr, reason = "the share is what this bench is for")]
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use sd_core::{Hydrodynamics, NearFields, Simulation};
@@ -12,6 +9,7 @@ use std::time::{Duration, Instant};
 use sweep::campaign::Campaign;
 use sweep::store::{Checkpoint, Store};
 
+/// A run of the published size under each hydrodynamics.
 const CAMPAIGN: &str = r#"name = "bench"
 [[grid]]
 area_fraction = 0.693
@@ -32,6 +30,7 @@ fn mean(times: u32, mut work: impl FnMut()) -> Duration {
     begun.elapsed() / times
 }
 
+/// Steps and checkpoints, and the share of the latter.
 fn checkpoint(criterion: &mut Criterion) {
     let campaign = Campaign::parse("bench.toml", CAMPAIGN.into()).expect("a good campaign");
     let directory = tempfile::tempdir().expect("a place for the store");

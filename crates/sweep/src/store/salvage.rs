@@ -134,7 +134,7 @@ fn entry(
     let mut query = old.prepare_cached(&format!(
         "SELECT * FROM {table} WHERE {column} = ?1 LIMIT 1"
     ))?;
-    let names: Vec<String> = query.column_names().into_iter().map(String::from).collect();
+    let names: Vec<String> = query.column_names().map(String::from).collect();
     query
         .query_row([id], |row| {
             names
