@@ -467,6 +467,14 @@ impl Snapshot {
         if !(self.velocities.is_empty() || self.velocities.len() == 3 * n) {
             return refuse("velocities of another number of spheres");
         }
+        if !self
+            .listed
+            .pairs
+            .iter()
+            .all(|&(i, j)| i < j && (j as usize) < n)
+        {
+            return refuse("contacts of spheres that are not there");
+        }
         let finite = self.centres.iter().flatten().all(|x| x.is_finite())
             && self.orientations.iter().all(|x| x.is_finite())
             && self.velocities.iter().all(|x| x.is_finite())

@@ -4,8 +4,10 @@ mod completions;
 mod export;
 mod pair;
 mod plan;
+mod replay;
 mod report;
 mod run;
+mod salvage;
 mod scalars;
 mod serve;
 mod show;
@@ -24,7 +26,7 @@ use std::io::{IsTerminal, Write};
     version,
     propagate_version = true,
     max_term_width = 110,
-    after_help = "Exit codes: 0 done, 1 some cases failed, 2 bad input and nothing written, 3 the store failed under way,\n\
+    after_help = "Exit codes: 0 done, 1 some cases failed, 2 bad input and nothing written, 3 the store failed (disk full, lock, file gone),\n\
                   128 + signal (INT 130, TERM 143) stopped after a checkpoint: give the same command to go on.\n\n\
                   Example: sweep plan sweeps/quickstart.toml && sweep run sweeps/quickstart.toml"
 )]
@@ -71,6 +73,10 @@ enum Command {
     Export(export::Arguments),
     /// Show the report as a live page in the browser
     Serve(serve::Arguments),
+    /// Print the state before a failure as input of `sweep solve`
+    Replay(replay::Arguments),
+    /// Save all that can be read of a damaged store into a new one
+    Salvage(salvage::Arguments),
     /// Solve one instant of one configuration
     Solve(solve::Arguments),
     /// Print the resistance functions of two spheres
@@ -121,6 +127,8 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Show(arguments) => show::execute(&arguments, &mut output),
         Command::Export(arguments) => export::execute(&arguments, &mut output),
         Command::Serve(arguments) => serve::execute(&arguments, &mut output),
+        Command::Replay(arguments) => replay::execute(&arguments, &mut output),
+        Command::Salvage(arguments) => salvage::execute(&arguments, &mut output),
         Command::Solve(arguments) => solve::execute(&arguments, &mut output),
         Command::Scalars(arguments) => scalars::execute(&arguments, &mut output),
         Command::Verify(arguments) => verify::execute(&arguments, &mut output),

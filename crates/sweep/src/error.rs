@@ -124,7 +124,7 @@ impl Error {
                 | Physics::BadPair { .. },
             ) => exit::BAD_INPUT,
             Self::Physics(_) | Self::Output(_) | Self::Start { .. } => exit::FAILED,
-            Self::Store(error) if error.under_way() => exit::STORE,
+            Self::Store(error) if error.is_of_the_store() => exit::STORE,
             _ => exit::BAD_INPUT,
         }
     }

@@ -6,7 +6,8 @@ pub const DONE: u8 = 0;
 pub const FAILED: u8 = 1;
 /// Bad input: nothing was computed and nothing was written.
 pub const BAD_INPUT: u8 = 2;
-/// The store failed under way (disk full, file gone): finished results stay, the same command goes on.
+/// The store failed (disk full, lock held, file gone, damage met under way): finished results stay, and the same command
+/// goes on once the cause is gone.
 pub const STORE: u8 = 3;
 
 /// Stopped by a signal after a checkpoint: the same command goes on where it stopped.

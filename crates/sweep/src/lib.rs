@@ -9,6 +9,7 @@ pub mod case;
 pub mod cli;
 pub mod error;
 pub mod exit;
+mod replay;
 pub mod report;
 pub mod runner;
 pub mod serve;

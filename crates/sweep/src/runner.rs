@@ -77,6 +77,22 @@ pub fn run(
             reason: error.to_string(),
         })?;
     panics::capture_in_workers();
+    stop.set_under_way(true);
+    let result = run_in(&pool, store, protocol, tables, options, stop, progress);
+    stop.set_under_way(false);
+    result
+}
+
+/// [`run`] in a pool.
+fn run_in(
+    pool: &rayon::ThreadPool,
+    store: &mut Store,
+    protocol: &Protocol,
+    tables: &NearFields,
+    options: Options,
+    stop: &Stop,
+    progress: &Progress,
+) -> Result<(), Error> {
     store.register(options.workers)?;
     store.release_dead()?;
     let (total, done) = store.work()?;
@@ -106,14 +122,14 @@ pub fn run(
         .trouble
         .into_inner()
         .unwrap_or_else(PoisonError::into_inner);
-    let left = shared
+    let store = shared
         .store
         .into_inner()
-        .unwrap_or_else(PoisonError::into_inner)
-        .leave();
-    match trouble {
-        Some(trouble) => Err(trouble.into()),
-        None => Ok(left?),
+        .unwrap_or_else(PoisonError::into_inner);
+    let left = store.leave();
+    match trouble.or(left.err()) {
+        Some(trouble) => Err(store.rescue(trouble).into()),
+        None => Ok(()),
     }
 }
 
@@ -203,7 +219,9 @@ impl<'r> Shared<'r> {
                     self.progress
                         .note("a step takes too long: its case goes on from its last checkpoint");
                     // Given back here, so that what the abandoned threads may still write no longer counts.
-                    let _ = self.store().leave();
+                    if let Ok(mut store) = self.store.try_lock() {
+                        let _ = store.leave();
+                    }
                     Stop::exit(signal);
                 }
             }

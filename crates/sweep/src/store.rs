@@ -8,34 +8,52 @@ mod checkpoint;
 mod claims;
 mod error;
 mod frames;
+mod place;
 mod process;
 mod provenance;
 mod query;
+mod reading;
 mod results;
+mod salvage;
 mod story;
 
 pub use checkpoint::{Checkpoint, Damage};
-pub use claims::Claim;
+pub use claims::{Claim, DEATH_LIMIT};
 pub use error::StoreError;
 pub use frames::Kept;
+pub use place::network_file_system;
 pub use process::{HEARTBEAT_LIMIT, Identity};
 pub use provenance::Provenance;
-pub use query::{Counts, FailureLine, PointRun, ProcessLine};
+pub use query::{Counts, FailureLine, PointRun, ProcessLine, Replay};
 pub use results::{Failure, Finished};
+pub use salvage::{Salvaged, salvage};
 pub use story::{Attempt, Origin, Story};
 
+use place::FileIdentity;
+use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Marks the file as ours: `SWEP`.
 const APPLICATION_ID: i32 = 0x5357_4550;
 /// Version of the schema this program reads and writes.
 const SCHEMA_VERSION: i32 = 2;
-/// Oldest version that can be read as it is, and that is brought up to date when it is opened for writing.
-const OLDEST_SCHEMA: i32 = 1;
+/// What a store of schema 1 lacks.
+const FROM_1_TO_2: &str = "ALTER TABLE cases ADD COLUMN deaths INTEGER NOT NULL DEFAULT 0";
 /// How long a lock held by another program is waited for.
-const PATIENCE: Duration = Duration::from_mins(1);
+const PATIENCE: Duration = if cfg!(test) {
+    Duration::from_secs(2)
+} else {
+    Duration::from_mins(1)
+};
+/// The same once a stop was asked for.
+const PATIENCE_IN_A_HURRY: Duration = Duration::from_millis(500);
+/// Time from one look at a lock to the next.
+const LOCK_LOOK: Duration = Duration::from_millis(5);
+/// Whether a stop was asked for.
+static HURRY: AtomicBool = AtomicBool::new(false);
 
 /// An open store.
 #[derive(Debug)]
@@ -44,6 +62,8 @@ pub struct Store {
     connection: Connection,
     /// Its file.
     path: PathBuf,
+    /// That file, as it was when it was opened for writing.
+    file: Option<FileIdentity>,
     /// This process, once it works on the store.
     process: Option<Registered>,
 }
@@ -79,6 +99,7 @@ impl Store {
         let mut store = Self {
             connection,
             path: path.to_owned(),
+            file: FileIdentity::of(path),
             process: None,
         };
         store.set_up().map_err(|error| match error {
@@ -88,74 +109,11 @@ impl Store {
         Ok(store)
     }
 
-    /// Opens a store for reading only, while others may write to it. What is read is the state of one moment.
-    ///
-    /// # Errors
-    /// A file that is missing, no store, or of another schema.
-    pub fn open_read_only(path: &Path) -> Result<Self, StoreError> {
-        if !path.exists() {
-            return Err(StoreError::Missing {
-                path: path.to_owned(),
-            });
-        }
-        let plain = Self::read_only(path, None);
-        match plain {
-            // Without write access to the directory SQLite cannot make its index of the log; without a log it needs none.
-            Err(StoreError::Trouble { ref source, .. })
-                if matches!(
-                    source.sqlite_error_code(),
-                    Some(ErrorCode::CannotOpen | ErrorCode::ReadOnly)
-                ) && !log_of(path).exists() =>
-            {
-                Self::read_only(path, Some("immutable=1"))
-            }
-            other => other,
-        }
-    }
-
-    /// Opens for reading with options of the `SQLite` URI.
-    fn read_only(path: &Path, options: Option<&str>) -> Result<Self, StoreError> {
-        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-        let failed = |error| StoreError::sqlite(path, error, false);
-        let connection = match options {
-            None => Connection::open_with_flags(path, flags),
-            Some(options) => {
-                let escaped = path
-                    .to_string_lossy()
-                    .replace('%', "%25")
-                    .replace('?', "%3f")
-                    .replace('#', "%23");
-                Connection::open_with_flags(
-                    format!("file:{escaped}?{options}"),
-                    flags | OpenFlags::SQLITE_OPEN_URI,
-                )
-            }
-        }
-        .map_err(failed)?;
-        let store = Self {
-            connection,
-            path: path.to_owned(),
-            process: None,
-        };
-        store.connection.busy_timeout(PATIENCE).map_err(failed)?;
-        match store.identify().map_err(failed)? {
-            Kind::Ours(OLDEST_SCHEMA..=SCHEMA_VERSION) => {
-                // One transaction for all that follows: what is read belongs to one moment.
-                store.connection.execute_batch("BEGIN").map_err(failed)?;
-                Ok(store)
-            }
-            Kind::Ours(found) => Err(store.other_schema(found)),
-            Kind::Empty | Kind::Foreign => Err(StoreError::NotAStore {
-                path: path.to_owned(),
-            }),
-        }
-    }
-
     /// Makes or checks the schema, and sets the connection up.
     fn set_up(&mut self) -> Result<(), Setup> {
-        self.connection.busy_timeout(PATIENCE)?;
+        self.connection.busy_handler(Some(wait_for_lock))?;
         match self.identify()? {
-            Kind::Ours(OLDEST_SCHEMA..=SCHEMA_VERSION) | Kind::Empty => {}
+            Kind::Ours(1..=SCHEMA_VERSION) | Kind::Empty => {}
             Kind::Ours(found) => return Err(Setup::Refused(self.other_schema(found))),
             Kind::Foreign => {
                 return Err(Setup::Refused(StoreError::NotAStore {
@@ -170,17 +128,14 @@ impl Store {
             .connection
             .transaction_with_behavior(TransactionBehavior::Immediate)?;
         // Looked at again under the lock: another process may have made it meanwhile.
-        let version = version_of(&transaction)?;
-        if version == 0 {
-            transaction.execute_batch(include_str!("store/schema.sql"))?;
-            transaction.pragma_update(None, "application_id", APPLICATION_ID)?;
+        match version_of(&transaction)? {
+            0 => transaction.execute_batch(include_str!("store/schema.sql"))?,
+            1 => transaction.execute_batch(FROM_1_TO_2)?,
+            _ => return Ok(()),
         }
-        if version < 2 {
-            transaction.execute_batch(include_str!("store/schema_2.sql"))?;
-        }
-        if version < SCHEMA_VERSION {
-            transaction.pragma_update(None, "user_version", SCHEMA_VERSION)?;
-        }
+        transaction.execute_batch(include_str!("store/schema_2.sql"))?;
+        transaction.pragma_update(None, "application_id", APPLICATION_ID)?;
+        transaction.pragma_update(None, "user_version", SCHEMA_VERSION)?;
         transaction.commit()?;
         Ok(())
     }
@@ -252,6 +207,7 @@ impl Store {
         work: impl FnOnce(&Transaction<'_>) -> Result<T, rusqlite::Error>,
     ) -> Result<T, StoreError> {
         let under_way = self.process.is_some();
+        self.check_place()?;
         let result = self
             .connection
             .transaction_with_behavior(TransactionBehavior::Immediate)
@@ -261,6 +217,49 @@ impl Store {
                 Ok(value)
             });
         result.map_err(|error| StoreError::sqlite(&self.path, error, under_way))
+    }
+
+    /// That the file is still the one that was opened: what is written to another one would be lost.
+    fn check_place(&self) -> Result<(), StoreError> {
+        match FileIdentity::of(&self.path) {
+            found if found == self.file => Ok(()),
+            found => Err(StoreError::Gone {
+                path: self.path.clone(),
+                what: if found.is_some() { "replaced" } else { "deleted" },
+                advice: "finished results were in it: restore it from a copy, or give the same command again to begin anew"
+                    .into(),
+            }),
+        }
+    }
+
+    /// Saves all that a store holds whose file was deleted or replaced under way, as the system keeps the file itself
+    /// for as long as it is open. Gives the error back with word of it.
+    pub(crate) fn rescue(&mut self, error: StoreError) -> StoreError {
+        let StoreError::Gone { path, what, .. } = error else {
+            return error;
+        };
+        // The log beside the name may be another store's by now: closing must not touch it.
+        let _ = self
+            .connection
+            .set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true);
+        if let Some(parent) = path.parent() {
+            let _ = std::fs::create_dir_all(parent);
+        }
+        let to = path.with_extension(format!("rescued-{}.sqlite", std::process::id()));
+        let saved = self
+            .connection
+            .execute("VACUUM INTO ?1", [to.to_string_lossy()]);
+        let advice = match saved {
+            Ok(_) => format!(
+                "all it held is saved in {to}: `mv {to} {}`, and give the same command again",
+                path.display(),
+                to = to.display()
+            ),
+            Err(error) => {
+                format!("what it held could not be saved ({error}): restore it from a copy")
+            }
+        };
+        StoreError::Gone { path, what, advice }
     }
 
     /// Turns an error of a query into one of the store.
@@ -298,11 +297,24 @@ fn version_of(connection: &Connection) -> Result<i32, rusqlite::Error> {
     connection.pragma_query_value(None, "user_version", |row| row.get(0))
 }
 
-/// The write-ahead log beside a database.
-fn log_of(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push("-wal");
-    PathBuf::from(name)
+/// No lock is waited for much longer: a stop was asked for.
+pub(crate) fn hurry() {
+    HURRY.store(true, Ordering::Relaxed);
+}
+
+/// Waits a moment for a lock, or says that it was enough.
+fn wait_for_lock(looks: i32) -> bool {
+    let patience = if HURRY.load(Ordering::Relaxed) {
+        PATIENCE_IN_A_HURRY
+    } else {
+        PATIENCE
+    };
+    let waited = LOCK_LOOK.saturating_mul(looks.unsigned_abs());
+    if waited >= patience {
+        return false;
+    }
+    std::thread::sleep(LOCK_LOOK);
+    true
 }
 
 /// A count as `SQLite` keeps it.

@@ -13,6 +13,8 @@ use toml::de::{DeTable, DeValue};
 
 /// Most spheres of a layer.
 const SPHERE_LIMIT: u64 = 10_000;
+/// Most spheres under Stokesian Dynamics.
+const FULL_LIMIT: u64 = 2_000;
 /// Keys of a grid.
 const KEYS: [&str; 10] = [
     "area_fraction",
@@ -191,7 +193,24 @@ impl Grid {
                 check_packing(fraction, roughness)?;
             }
         }
+        let full = self
+            .hydrodynamics
+            .values
+            .iter()
+            .any(|choice| choice.value == Hydrodynamics::StokesianDynamics);
         for spheres in &self.spheres.values {
+            if full && spheres.value > FULL_LIMIT {
+                return Err(Problem::at(
+                    &spheres.span,
+                    format!(
+                        "`spheres` = {} is out of range under stokesian-dynamics",
+                        spheres.value
+                    ),
+                    format!(
+                        "at most {FULL_LIMIT} there, a gigabyte of full matrices; ball-melrose takes {SPHERE_LIMIT}"
+                    ),
+                ));
+            }
             for fraction in &self.area_fraction.values {
                 for ratio in &self.size_ratio.values {
                     for large in &self.large_fraction.values {

@@ -177,4 +177,34 @@ proptest! {
                 .unwrap();
         }
     }
+
+    #[test]
+    fn no_bytes_crash_the_reader(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+        let _ = parse_text(&String::from_utf8_lossy(&bytes));
+    }
+
+    #[test]
+    fn no_values_crash_the_reader(
+        values in proptest::collection::vec(
+            "(-?[0-9]{1,20}(\\.[0-9]{1,5})?(e-?[0-9]{1,4})?|inf|nan|\"[a-z-]{0,20}\"|\\[[0-9., inf]{0,30}\\]|true|\\{\\}|1979-05-27)",
+            10
+        )
+    ) {
+        let keys = [
+            "area_fraction", "friction", "roughness", "shear_rate", "seeds", "spheres", "hydrodynamics", "contact",
+            "size_ratio", "large_fraction",
+        ];
+        // Whatever is wrong with the others, each key is reached.
+        for (key, value) in keys.iter().zip(&values) {
+            let mut text = String::new();
+            for line in GOOD.lines() {
+                let same = line.split('=').next().is_some_and(|name| name.trim() == *key);
+                if !same {
+                    text.push_str(line);
+                    text.push('\n');
+                }
+            }
+            let _ = parse_text(&format!("{text}{key} = {value}\n"));
+        }
+    }
 }

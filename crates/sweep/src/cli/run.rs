@@ -5,9 +5,9 @@ use crate::campaign::Campaign;
 use crate::error::Error;
 use crate::exit;
 use crate::runner::{self, Options, Progress, Stop, Style};
-use crate::store::Store;
+use crate::store::{Store, network_file_system};
 use crate::tables;
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write as _};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -19,7 +19,9 @@ const WORKER_LIMIT: usize = 4096;
 ///
 /// What is in the store already is not computed again. A signal (Ctrl-C) checkpoints and stops; a second one aborts. The
 /// same command goes on, with the same bits as if nothing had happened. Several processes may run the same campaign on one
-/// machine: they share its cases.
+/// machine: they share its cases. A case of a process that is gone goes on from its last checkpoint: at once on the same
+/// machine, after two minutes of silence on another. If its processes die five times in a row without a new checkpoint, it
+/// ends as failed.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/friction.toml --workers 8 --store /scratch/friction.sqlite"
@@ -74,6 +76,15 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         .store
         .clone()
         .unwrap_or_else(|| campaign.default_store());
+    if let Some(network) = network_file_system(&path).filter(|_| !output.quiet) {
+        // Nobody may read standard error; the run goes on all the same.
+        let _ = writeln!(
+            std::io::stderr(),
+            "warning: {} is on a network file system ({network}), where several machines cannot safely share a store: run it \
+             from one machine only, or choose a local disk with --store FILE",
+            path.display()
+        );
+    }
     let mut store = Store::open(&path)?;
     store.adopt(&campaign)?;
     if arguments.retry_failed {

@@ -78,8 +78,15 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     for failure in &status.failures {
         writeln!(
             out,
-            "failed: {} seed {} at strain {:.3}: {}",
-            failure.key, failure.seed, failure.strain, failure.error
+            "failed: {} seed {} at strain {:.3}, attempt {}: {}",
+            failure.key, failure.seed, failure.strain, failure.attempt, failure.error
+        )?;
+    }
+    if !status.failures.is_empty() {
+        writeln!(
+            out,
+            "the state before a failure: sweep replay {} KEY | sweep solve -",
+            arguments.store.display()
         )?;
     }
     Ok(exit::DONE)

@@ -1,11 +1,11 @@
 //! One case from its claim to its end.
 
 use super::{Shared, panics};
-use crate::case::{Case, State};
+use crate::case::State;
+use crate::replay::replay;
 use crate::store::{Checkpoint, Claim, Failure, Finished, StoreError};
 use sd_core::simulation::{Flow, Frame};
-use sd_core::{Hydrodynamics, Sample, Simulation};
-use serde_json::json;
+use sd_core::{Sample, Simulation, Snapshot};
 use std::time::{Duration, Instant};
 
 /// Computing time between checkpoints is at least this many times what the last one cost: under 1 % goes to them.
@@ -16,6 +16,8 @@ const CHECKPOINT_SHARE: u32 = 100;
 struct Run {
     /// The layer, once it is made.
     simulation: Option<Simulation>,
+    /// The layer before the step under way: a panic may leave the simulation in pieces.
+    before: Option<Snapshot>,
     /// What was measured.
     record: Record,
 }
@@ -57,6 +59,12 @@ impl Run {
     /// Steps done.
     fn steps(&self) -> u64 {
         self.simulation.as_ref().map_or(0, Simulation::steps)
+    }
+
+    /// The last whole state of the layer.
+    fn last_state(&self) -> Option<Snapshot> {
+        let now = || self.simulation.as_ref().map(Simulation::snapshot);
+        self.before.clone().or_else(now)
     }
 }
 
@@ -143,6 +151,7 @@ impl Shared<'_> {
                         Ok(simulation) => {
                             return Ok(Run {
                                 simulation: Some(simulation),
+                                before: None,
                                 record: Record {
                                     samples: good.samples.clone(),
                                     wall_time_before_s: good.wall_time_s,
@@ -198,6 +207,7 @@ impl Shared<'_> {
                 return Ok(End::Stopped);
             }
             let step = simulation.steps();
+            run.before = Some(simulation.snapshot());
             let sampled = step.is_multiple_of(case.sample_stride);
             let outcome = if sampled && self.options.trajectory {
                 simulation.step_with_frame().map(|(sample, frame)| {
@@ -276,9 +286,8 @@ impl Shared<'_> {
             pair,
             gap,
             snapshot: run
-                .simulation
-                .as_ref()
-                .map(|simulation| replay(&claim.case, simulation)),
+                .last_state()
+                .map(|state| replay(&claim.case.params, &state)),
             samples: run.record.samples,
         };
         self.store().fail(claim, &failure)
@@ -293,31 +302,4 @@ fn culprit(error: &sd_core::Error) -> (Option<(usize, usize)>, Option<f64>) {
         sd_core::Error::BadPair { i, j, .. } => (Some((*i, *j)), None),
         _ => (None, None),
     }
-}
-
-/// The state of a layer as `sweep solve` reads it.
-fn replay(case: &Case, simulation: &Simulation) -> String {
-    let (p, snapshot) = (&case.params, simulation.snapshot());
-    let hydrodynamics: Hydrodynamics = p.hydrodynamics;
-    // At Γ = 0 the load is infinite, which JSON cannot say; without friction it does not matter.
-    let (friction, load) = if p.critical_load().is_finite() {
-        (p.friction, p.critical_load())
-    } else {
-        (0.0, 0.0)
-    };
-    json!({
-        "centres": snapshot.centres,
-        "radii": snapshot.radii,
-        "cell": [snapshot.side, snapshot.side],
-        "offset": simulation.strain() * snapshot.side,
-        "hydrodynamics": hydrodynamics,
-        "contact": {
-            "scheme": p.contact,
-            "roughness": p.roughness,
-            "friction": friction,
-            "critical_load": load,
-            "time_span": p.time_step,
-        },
-    })
-    .to_string()
 }

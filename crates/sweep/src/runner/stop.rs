@@ -1,15 +1,25 @@
-//! Signals: the first asks for a stop after a checkpoint, the second aborts at once.
+//! Signals: the first asks for a stop after a checkpoint, the second aborts at once. While no case is under way the first
+//! does so too.
 
 use crate::error::Error;
 use crate::exit;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use signal_hook::iterator::Signals;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicI32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 
 /// Whether a stop was asked for, and by which signal.
 #[derive(Debug, Clone, Default)]
-pub struct Stop(Arc<AtomicI32>);
+pub struct Stop(Arc<Asked>);
+
+/// What the thread of the signals and the others share.
+#[derive(Debug, Default)]
+struct Asked {
+    /// The first signal, 0 before.
+    signal: AtomicI32,
+    /// Whether there is anything to checkpoint.
+    under_way: AtomicBool,
+}
 
 impl Stop {
     /// Listens to INT, TERM, HUP and USR1 from now on.
@@ -28,9 +38,11 @@ impl Stop {
             .name("signals".into())
             .spawn(move || {
                 for signal in signals.forever() {
-                    if told.0.swap(signal, Ordering::Relaxed) != 0 {
+                    let again = told.0.signal.swap(signal, Ordering::SeqCst) != 0;
+                    if again || !told.0.under_way.load(Ordering::SeqCst) {
                         Self::exit(signal);
                     }
+                    crate::store::hurry();
                 }
             })
             .map_err(refused)?;
@@ -39,7 +51,12 @@ impl Stop {
 
     /// The signal that asked for a stop.
     pub fn signal(&self) -> Option<i32> {
-        Some(self.0.load(Ordering::Relaxed)).filter(|signal| *signal != 0)
+        Some(self.0.signal.load(Ordering::SeqCst)).filter(|signal| *signal != 0)
+    }
+
+    /// From now on there are cases to checkpoint, or none any more.
+    pub(super) fn set_under_way(&self, under_way: bool) {
+        self.0.under_way.store(under_way, Ordering::SeqCst);
     }
 
     /// Ends the program here and now. The store stands for this: what is not committed never was.

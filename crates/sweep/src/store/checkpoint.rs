@@ -44,6 +44,9 @@ pub enum Damage {
 }
 
 impl Checkpoint {
+    /// Largest checkpoint that is read, in bytes: ten thousand spheres with ten thousand samples have less than 4 MiB.
+    pub const SIZE_LIMIT: usize = 64 << 20;
+
     /// As bytes.
     ///
     /// # Errors
@@ -63,6 +66,9 @@ impl Checkpoint {
     /// # Errors
     /// [`Damage`] if these are not the bytes of a whole checkpoint of this version.
     pub fn decode(bytes: &[u8]) -> Result<Self, Damage> {
+        if bytes.len() > Self::SIZE_LIMIT {
+            return Err(Damage::Foreign);
+        }
         let (header, content) = bytes.split_at_checked(HEADER).ok_or(Damage::Foreign)?;
         let rest = header.strip_prefix(&MAGIC).ok_or(Damage::Foreign)?;
         let (version, checksum) = rest.split_first_chunk::<4>().ok_or(Damage::Foreign)?;
@@ -81,6 +87,49 @@ impl Checkpoint {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
+    use std::sync::LazyLock;
+
+    /// Bytes with a header that is right, so that the decoder itself is reached.
+    fn with_true_checksum(content: &[u8]) -> Vec<u8> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend_from_slice(&VERSION.to_le_bytes());
+        bytes.extend_from_slice(blake3::hash(content).as_bytes());
+        bytes.extend_from_slice(content);
+        bytes
+    }
+
+    /// A small layer after a few steps, and its parameters.
+    static LAYER: LazyLock<(Params, Snapshot)> = LazyLock::new(|| {
+        let params = Params {
+            spheres: 16,
+            area_fraction: 0.4,
+            roughness: 0.05,
+            friction: 0.3,
+            shear_rate: 1.0,
+            size_ratio: 1.0,
+            large_fraction: 0.5,
+            hydrodynamics: Hydrodynamics::BallMelrose,
+            contact: ContactScheme::Procedure,
+            time_step: 0.005,
+        };
+        let mut layer = Simulation::new(&params, 3, &NearFields::default()).unwrap();
+        for _ in 0..20 {
+            layer.step().unwrap();
+        }
+        let snapshot = layer.snapshot();
+        (params, snapshot)
+    });
+
+    #[test]
+    fn a_length_beyond_the_bytes_takes_no_memory() {
+        // A list said to have 2^60 entries.
+        let mut content = vec![1, 12];
+        content.extend_from_slice(&[0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x0f]);
+        assert!(Checkpoint::decode(&with_true_checksum(&content)).is_err());
+        let huge = vec![0; Checkpoint::SIZE_LIMIT + 1];
+        assert_eq!(Checkpoint::decode(&huge), Err(Damage::Foreign));
+    }
 
     fn checkpoint() -> Checkpoint {
         Checkpoint {
@@ -118,13 +167,30 @@ mod tests {
         }
 
         #[test]
-        fn arbitrary_bytes_do_not_crash(content in proptest::collection::vec(any::<u8>(), 0..300)) {
-            // With a true checksum, so that the decoder itself is reached.
-            let mut bytes = MAGIC.to_vec();
-            bytes.extend_from_slice(&VERSION.to_le_bytes());
-            bytes.extend_from_slice(blake3::hash(&content).as_bytes());
-            bytes.extend_from_slice(&content);
-            let _ = Checkpoint::decode(&bytes);
+        fn no_bytes_crash_the_decoder(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+            prop_assert!(Checkpoint::decode(&bytes).is_err());
+        }
+
+        #[test]
+        fn no_content_crashes_the_decoder(content in proptest::collection::vec(any::<u8>(), 0..300)) {
+            let _ = Checkpoint::decode(&with_true_checksum(&content));
+        }
+
+        #[test]
+        fn no_damaged_content_crashes_the_decoder_or_the_run(
+            at in 0usize..2000, put in proptest::collection::vec(any::<u8>(), 0..6), cut in 0usize..6,
+        ) {
+            let layer = &*LAYER;
+            let bytes = Checkpoint { snapshot: layer.1.clone(), ..checkpoint() }.encode().unwrap();
+            let mut content = bytes[HEADER..].to_vec();
+            let at = at % content.len();
+            let end = (at + cut).min(content.len());
+            content.splice(at..end, put);
+            if let Ok(found) = Checkpoint::decode(&with_true_checksum(&content))
+                && let Ok(mut run) = Simulation::from_snapshot(&layer.0, found.snapshot, &NearFields::default())
+            {
+                let _ = run.step();
+            }
         }
     }
 }

@@ -3,8 +3,15 @@
 use super::process::{self, Identity, Life};
 use super::{Checkpoint, Damage, Registered, Store, StoreError, count, integer};
 use crate::case::{Case, PHYSICS_VERSION};
+use crate::replay::replay;
 use rusqlite::{Connection, OptionalExtension, Transaction, params};
 use std::time::Duration;
+
+/// A case whose processes died so many times in a row, with no new checkpoint between, counts as failed: most likely it
+/// kills them.
+pub const DEATH_LIMIT: u32 = 5;
+/// After so many deaths in a row a case waits until there is no other.
+const SUSPECT: u32 = 3;
 
 /// A case this process owns.
 #[derive(Debug)]
@@ -84,10 +91,12 @@ impl Store {
                 params![me, process::now()],
             )?;
             Ok(())
-        })
+        })?;
+        self.check_place()
     }
 
-    /// Frees the cases of processes that are gone; they go on from their last checkpoint. Says how many.
+    /// Frees the cases of processes that are gone; they go on from their last checkpoint, but for those that died
+    /// [`DEATH_LIMIT`] times in a row, which end as failed. Says how many it took from them.
     ///
     /// # Errors
     /// Trouble with the file.
@@ -114,14 +123,15 @@ impl Store {
                     })?
                     .collect()
             };
-        let dead = |owners: Vec<(i64, Identity, i64)>| -> Vec<i64> {
+        let dead = |owners: Vec<(i64, Identity, i64)>| -> Vec<(i64, bool)> {
             owners
                 .into_iter()
                 .filter(|(_, owner, heartbeat)| {
                     let silence = Duration::from_millis(count(process::now() - heartbeat));
                     identity.judge(owner, silence) == Life::Dead
                 })
-                .map(|(id, ..)| id)
+                // A machine that went down is no fault of the case.
+                .map(|(id, owner, _)| (id, owner.boot == identity.boot))
                 .collect()
         };
         // A look without the lock first: nearly always there is nothing to do.
@@ -130,7 +140,14 @@ impl Store {
         }
         self.write(|transaction| {
             let mut freed = 0;
-            for process in dead(owners(transaction)?) {
+            for (process, blame) in dead(owners(transaction)?) {
+                if blame {
+                    transaction.execute(
+                        "UPDATE cases SET deaths = deaths + 1 WHERE owner = ?1 AND state = 'running'",
+                        [process],
+                    )?;
+                    freed += quarantine(transaction, process)?;
+                }
                 freed += free(transaction, process)?;
             }
             Ok(freed)
@@ -147,18 +164,18 @@ impl Store {
             let begun = transaction
                 .prepare_cached(
                     "SELECT id FROM cases WHERE state = 'pending' AND steps_done > 0 AND position IS NOT NULL
-                     ORDER BY rank LIMIT 1",
+                         AND deaths < ?1 ORDER BY rank LIMIT 1",
                 )?
-                .query_row([], |row| row.get::<_, i64>(0))
+                .query_row([SUSPECT], |row| row.get::<_, i64>(0))
                 .optional()?;
             let next = match begun {
                 Some(id) => Some(id),
                 None => transaction
                     .prepare_cached(
                         "SELECT id FROM cases WHERE state = 'pending' AND position IS NOT NULL
-                         ORDER BY rank LIMIT 1",
+                         ORDER BY deaths >= ?1, rank LIMIT 1",
                     )?
-                    .query_row([], |row| row.get(0))
+                    .query_row([SUSPECT], |row| row.get(0))
                     .optional()?,
             };
             let Some(id) = next else {
@@ -185,9 +202,10 @@ impl Store {
                 })?;
             let checkpoints: Vec<Vec<u8>> = transaction
                 .prepare_cached(
-                    "SELECT data FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC",
+                    "SELECT CASE WHEN length(data) <= ?2 THEN data ELSE x'' END FROM checkpoints
+                     WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC",
                 )?
-                .query_map([id], |row| row.get(0))?
+                .query_map(params![id, integer(Checkpoint::SIZE_LIMIT as u64)], |row| row.get(0))?
                 .collect::<Result<_, _>>()?;
             Ok(Some((id, row, checkpoints)))
         })?;
@@ -223,7 +241,7 @@ impl Store {
         let owned = self.relaxed(|transaction| {
             let changed = transaction
                 .prepare_cached(
-                    "UPDATE cases SET steps_done = ?3 WHERE id = ?1 AND owner = ?2 AND state = 'running'",
+                    "UPDATE cases SET steps_done = ?3, deaths = 0 WHERE id = ?1 AND owner = ?2 AND state = 'running'",
                 )?
                 .execute(params![claim.id, me, integer(steps)])?;
             if changed == 0 {
@@ -289,6 +307,56 @@ impl Claim {
             key: self.key.clone(),
         }
     }
+}
+
+/// Ends those cases of a dead process as failed that died too often. Says how many.
+fn quarantine(transaction: &Transaction<'_>, process: i64) -> Result<usize, rusqlite::Error> {
+    let condemned: Vec<(i64, String, u64, i64)> = transaction
+        .prepare("SELECT id, params, seed, steps_done FROM cases WHERE owner = ?1 AND state = 'running' AND deaths >= ?2")?
+        .query_map(params![process, DEATH_LIMIT], |row| {
+            Ok((row.get(0)?, row.get(1)?, count(row.get(2)?), row.get(3)?))
+        })?
+        .collect::<Result<_, _>>()?;
+    let number = condemned.len();
+    for (id, params, seed, steps_done) in condemned {
+        let last = transaction
+            .prepare("SELECT data FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC")?
+            .query_map([id], |row| row.get::<_, Vec<u8>>(0))?
+            .filter_map(Result::ok)
+            .find_map(|bytes| Checkpoint::decode(&bytes).ok());
+        let case = serde_json::from_str(&params).ok().map(|params| Case {
+            params,
+            seed,
+            steps: 0,
+            sample_stride: 1,
+        });
+        let time_step = case.as_ref().map_or(0.0, |case| case.params.time_step);
+        let snapshot = case
+            .zip(last)
+            .map(|(case, last)| replay(&case.params, &last.snapshot));
+        transaction.execute(
+            "INSERT INTO failures (case_id, attempt, error, step, strain, snapshot, process, failed_at)
+             SELECT ?1, attempts, ?2, ?3, ?4, ?5, ?6, ?7 FROM cases WHERE id = ?1",
+            params![
+                id,
+                format!(
+                    "its process was killed or crashed {DEATH_LIMIT} times in a row before its next checkpoint \
+                     (out of memory?); `sweep run --retry-failed` tries again"
+                ),
+                steps_done,
+                count(steps_done) as f64 * time_step,
+                snapshot,
+                process,
+                process::now(),
+            ],
+        )?;
+        transaction.execute(
+            "UPDATE cases SET state = 'failed', owner = NULL, changed_at = ?2 WHERE id = ?1",
+            params![id, process::now()],
+        )?;
+        drop_checkpoints(transaction, id)?;
+    }
+    Ok(number)
 }
 
 /// Makes all running cases of a process pending.

@@ -1,5 +1,6 @@
 //! What can be wrong with a store.
 
+use super::place::is_full;
 use rusqlite::ErrorCode;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -69,6 +70,35 @@ pub enum StoreError {
         /// The file.
         path: PathBuf,
     },
+    /// The file was taken away while it was in use.
+    #[error("the store {} was {what} while it was in use", path.display())]
+    #[diagnostic(help("{advice}"))]
+    Gone {
+        /// The file.
+        path: PathBuf,
+        /// `deleted` or `replaced`.
+        what: &'static str,
+        /// What can be done.
+        advice: String,
+    },
+    /// A store out of which nothing can be saved.
+    #[error("nothing can be saved from {}: {reason}", path.display())]
+    #[diagnostic(help("{advice}"))]
+    Hopeless {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+        /// What can be done.
+        advice: &'static str,
+    },
+    /// A place that is taken.
+    #[error("{} is there already", path.display())]
+    #[diagnostic(help("nothing was written; name a file that does not exist yet"))]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
     /// Another process took the case over; what this one computed of it does not count.
     #[error("case {key} was taken over by another process")]
     ClaimLost {
@@ -97,6 +127,8 @@ pub enum StoreError {
         advice: &'static str,
         /// Whether computing had begun.
         under_way: bool,
+        /// Whether it may pass without a change to the command: a full disk, a lock.
+        passing: bool,
         /// What `SQLite` said.
         #[source]
         source: Box<rusqlite::Error>,
@@ -107,7 +139,18 @@ impl StoreError {
     /// Makes sense of an error of `SQLite`.
     pub(super) fn sqlite(path: &Path, source: rusqlite::Error, under_way: bool) -> Self {
         let path = path.to_owned();
-        let (what, advice) = match source.sqlite_error_code() {
+        let code = source.sqlite_error_code().map(|code| match code {
+            // The index of the log, for one, can then not be made.
+            ErrorCode::SystemIoFailure | ErrorCode::CannotOpen if is_full(&path) => {
+                ErrorCode::DiskFull
+            }
+            code => code,
+        });
+        let passing = matches!(
+            code,
+            Some(ErrorCode::DiskFull | ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked)
+        );
+        let (what, advice) = match code {
             Some(ErrorCode::NotADatabase) if !under_way => return Self::NotAStore { path },
             Some(ErrorCode::CannotOpen | ErrorCode::PermissionDenied) if !under_way => {
                 return Self::Unwritable {
@@ -129,7 +172,7 @@ impl StoreError {
             ),
             Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => (
                 "the file is damaged".into(),
-                "copy it; `sqlite3 FILE .recover` saves what can be read",
+                "`sweep salvage FILE --to NEW` saves all that can be read; what is lost is computed again",
             ),
             _ => (
                 source.to_string(),
@@ -141,19 +184,19 @@ impl StoreError {
             what,
             advice,
             under_way,
+            passing,
             source: Box::new(source),
         }
     }
 
-    /// Whether it struck while cases were being computed.
-    pub fn under_way(&self) -> bool {
-        matches!(
-            self,
-            Self::ClaimLost { .. }
-                | Self::Trouble {
-                    under_way: true,
-                    ..
-                }
-        )
+    /// Whether the store failed, and not the command: it struck while cases were being computed, or may pass by itself.
+    pub fn is_of_the_store(&self) -> bool {
+        match self {
+            Self::ClaimLost { .. } | Self::Gone { .. } => true,
+            Self::Trouble {
+                under_way, passing, ..
+            } => *under_way || *passing,
+            _ => false,
+        }
     }
 }

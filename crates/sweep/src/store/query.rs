@@ -84,6 +84,23 @@ pub struct FailureLine {
     pub step: u64,
     /// Strain at its start.
     pub strain: f64,
+    /// Which attempt it was, from 1.
+    pub attempt: u64,
+    /// Pair of spheres it failed at, if it is known.
+    pub pair: Option<(u64, u64)>,
+    /// Gap of that pair.
+    pub gap: Option<f64>,
+}
+
+/// The state of a failed case before the step that failed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replay {
+    /// Key of the case.
+    pub key: String,
+    /// Its last error.
+    pub error: String,
+    /// The input of `sweep solve`; `None` if it failed before it had a state.
+    pub snapshot: Option<String>,
 }
 
 /// One process as it is listed.
@@ -171,7 +188,7 @@ impl Store {
         let rows = self
             .connection
             .prepare(
-                "SELECT c.key, c.seed, c.params, f.error, f.step, f.strain
+                "SELECT c.key, c.seed, c.params, f.error, f.step, f.strain, f.attempt, f.sphere_i, f.sphere_j, f.gap
                  FROM cases c JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
                  WHERE c.state = 'failed' AND c.position IS NOT NULL ORDER BY c.position LIMIT ?1",
             )
@@ -185,6 +202,37 @@ impl Store {
                             error: row.get(3)?,
                             step: count(row.get(4)?),
                             strain: row.get(5)?,
+                            attempt: count(row.get(6)?),
+                            pair: row.get(7).and_then(|i: Option<i64>| {
+                                Ok(i.map(count).zip(row.get::<_, Option<i64>>(8)?.map(count)))
+                            })?,
+                            gap: row.get(9)?,
+                        })
+                    })?
+                    .collect()
+            });
+        self.read(rows)
+    }
+
+    /// States of the failed cases whose keys begin with `prefix`, at most `limit` of them.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn replays(&self, prefix: &str, limit: u32) -> Result<Vec<Replay>, StoreError> {
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT c.key, f.error, f.snapshot
+                 FROM cases c JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
+                 WHERE c.state = 'failed' AND substr(c.key, 1, length(?1)) = ?1 ORDER BY c.position LIMIT ?2",
+            )
+            .and_then(|mut query| {
+                query
+                    .query_map(rusqlite::params![prefix, limit], |row| {
+                        Ok(Replay {
+                            key: row.get(0)?,
+                            error: row.get(1)?,
+                            snapshot: row.get(2)?,
                         })
                     })?
                     .collect()

@@ -136,7 +136,7 @@ impl Store {
                 [],
             )?;
             transaction.execute(
-                "UPDATE cases SET state = 'pending', steps_done = 0, changed_at = ?1
+                "UPDATE cases SET state = 'pending', steps_done = 0, deaths = 0, changed_at = ?1
                  WHERE state = 'failed' AND position IS NOT NULL",
                 [process::now()],
             )
@@ -168,7 +168,7 @@ fn end(
 }
 
 /// Writes the samples of a case in place of any it had.
-fn write_samples(
+pub(super) fn write_samples(
     transaction: &Transaction<'_>,
     case: i64,
     samples: &[(u64, Sample)],

@@ -5,6 +5,8 @@ use crate::test_support::{counters, sample, snapshot};
 use rusqlite::params;
 use std::path::Path;
 
+mod trouble;
+
 const CAMPAIGN: &str = r#"name = "small"
 [protocol]
 strain = 1.0

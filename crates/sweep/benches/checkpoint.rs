@@ -1,0 +1,85 @@
+//! What a checkpoint costs beside the steps between two of them: less than 1 % of the run time.
+//!
+//! N = 90 at c = 0.693, both hydrodynamics; the checkpoint carries the samples of a whole run, the most it ever does.
+#![expect(clippy::print_stderr, reason = "the share is what this bench is for")]
+
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use sd_core::{Hydrodynamics, NearFields, Simulation};
+use std::time::{Duration, Instant};
+use sweep::campaign::Campaign;
+use sweep::store::{Checkpoint, Store};
+
+/// A run of the published size under each hydrodynamics.
+const CAMPAIGN: &str = r#"name = "bench"
+[[grid]]
+area_fraction = 0.693
+friction = 0.3
+roughness = 0.01
+shear_rate = inf
+seeds = 1
+spheres = 90
+hydrodynamics = ["ball-melrose", "stokesian-dynamics"]
+"#;
+
+/// Mean time of something done so many times.
+fn mean(times: u32, mut work: impl FnMut()) -> Duration {
+    let begun = Instant::now();
+    for _ in 0..times {
+        work();
+    }
+    begun.elapsed() / times
+}
+
+/// Steps and checkpoints, and the share of the latter.
+fn checkpoint(criterion: &mut Criterion) {
+    let campaign = Campaign::parse("bench.toml", CAMPAIGN.into()).expect("a good campaign");
+    let directory = tempfile::tempdir().expect("a place for the store");
+    let mut store = Store::open(&directory.path().join("bench.sqlite")).expect("a new store");
+    store.adopt(&campaign).expect("a new campaign");
+    store.register(1).expect("room for a process");
+    let stride = campaign.protocol.checkpoint_stride();
+    while let Some(claim) = store.claim().expect("cases") {
+        let p = &claim.case.params;
+        let name = match p.hydrodynamics {
+            Hydrodynamics::BallMelrose => "ball-melrose",
+            Hydrodynamics::StokesianDynamics => "stokesian-dynamics",
+        };
+        let mut layer = Simulation::new(p, 1, &NearFields::default()).expect("a layer");
+        let sample = layer.step().expect("a step");
+        let record = Checkpoint {
+            snapshot: layer.snapshot(),
+            samples: (0..claim.case.steps / claim.case.sample_stride)
+                .map(|number| (number * claim.case.sample_stride, sample))
+                .collect(),
+            wall_time_s: 1.0,
+            resumed: 0,
+        };
+        let mut keep = || {
+            let bytes = record.encode().expect("numbers have an encoding");
+            store.keep(&claim, 1, &bytes).expect("a claim of ours");
+        };
+        let step = mean(20, || {
+            layer.step().expect("a step");
+        });
+        let kept = mean(100, &mut keep);
+        let share = kept.as_secs_f64() / (step.as_secs_f64() * stride as f64);
+        eprintln!(
+            "{name}: step {step:?}, checkpoint {kept:?} every {stride} steps: {:.3} % of the run",
+            100.0 * share
+        );
+        let mut group = criterion.benchmark_group(name);
+        group.sample_size(10);
+        group.bench_function("step", |bench| {
+            bench.iter_batched(
+                || (),
+                |()| layer.step().expect("a step"),
+                BatchSize::PerIteration,
+            );
+        });
+        group.bench_function("checkpoint", |bench| bench.iter(&mut keep));
+        group.finish();
+    }
+}
+
+criterion_group!(benches, checkpoint);
+criterion_main!(benches);

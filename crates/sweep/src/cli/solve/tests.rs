@@ -1,0 +1,161 @@
+use super::*;
+use proptest::prelude::*;
+
+fn message(text: &str) -> String {
+    read(Path::new("in.json"), text.as_bytes())
+        .unwrap_err()
+        .to_string()
+}
+
+#[test]
+fn example_of_the_interface_is_read() {
+    let text = r#"{"centres": [[0.0, 0.0], [2.1, 0.0]], "radii": [1.0, 1.0], "cell": [12.5, 12.5],
+        "offset": 3.1, "hydrodynamics": "stokesian-dynamics",
+        "background": {"rate_of_strain": {"xx": 0, "yy": 0, "xy": 0.5}, "angular_velocity": -0.5},
+        "forces": [[0, 0], [0, 0]], "torques": [0, 0], "contact": {"scheme": "none"}}"#;
+    let (configuration, _) = read(Path::new("-"), text.as_bytes()).unwrap();
+    assert_eq!(configuration.centres[1], Vec2::new(2.1, 0.0));
+    assert_eq!(configuration.background, Background::SHEAR);
+}
+
+#[test]
+fn strange_input_is_refused_with_its_place() {
+    let start = r#"{"centres": [[0, 0]], "hydrodynamics": "ball-melrose""#;
+    let all: Vec<String> = [
+        format!("{start}, \"radius\": 1}}"),
+        format!("{start}, \"radii\": [1, 2]}}"),
+        format!("{start}, \"offset\": 1}}"),
+        format!("{start}, \"contact\": {{\"scheme\": \"none\", \"friction\": 1}}}}"),
+        format!("{start}, \"contact\": {{\"scheme\": \"none\", \"rough\": 1}}}}"),
+        format!("{start}, \"contact\": {{\"scheme\": \"rigid\"}}}}"),
+        "{\"centres\": [[1e999, 0]]}".into(),
+        "{\"centres\": [[0, 0]]}".into(),
+        "[[".into(),
+    ]
+    .iter()
+    .map(|text| message(text))
+    .collect();
+    insta::assert_snapshot!(all.join("\n"));
+}
+
+/// Any JSON value, with the names and words of the format among its strings.
+fn json() -> impl Strategy<Value = serde_json::Value> {
+    let word = proptest::sample::select(vec![
+        "centres",
+        "radii",
+        "cell",
+        "offset",
+        "hydrodynamics",
+        "stokesian-dynamics",
+        "ball-melrose",
+        "background",
+        "rate_of_strain",
+        "angular_velocity",
+        "xx",
+        "yy",
+        "xy",
+        "forces",
+        "torques",
+        "contact",
+        "scheme",
+        "none",
+        "listed",
+        "rigid",
+        "procedure",
+        "pairs",
+        "roughness",
+        "friction",
+        "critical_load",
+        "time_span",
+    ]);
+    let leaf = prop_oneof![
+        Just(serde_json::Value::Null),
+        any::<bool>().prop_map(Into::into),
+        any::<i64>().prop_map(Into::into),
+        any::<f64>().prop_map(Into::into),
+        (-3.0..30.0f64).prop_map(Into::into),
+        word.clone().prop_map(Into::into),
+    ];
+    leaf.prop_recursive(4, 40, 8, move |inner| {
+        prop_oneof![
+            proptest::collection::vec(inner.clone(), 0..6).prop_map(Into::into),
+            proptest::collection::vec((word.clone(), inner), 0..8).prop_map(|entries| {
+                serde_json::Value::Object(
+                    entries
+                        .into_iter()
+                        .map(|(k, v)| (k.to_owned(), v))
+                        .collect(),
+                )
+            }),
+        ]
+    })
+}
+
+/// A configuration near the right one: every value what it should be, or anything.
+fn configuration() -> impl Strategy<Value = serde_json::Value> {
+    let good = |value: serde_json::Value| prop_oneof![6 => Just(value), 1 => json()];
+    let coordinate = || prop_oneof![8 => -6.0..6.0f64, 1 => any::<f64>()];
+    let centres = proptest::collection::vec([coordinate(), coordinate()], 0..4);
+    (
+        centres,
+        good(serde_json::json!([1.0, 1.0])),
+        good(serde_json::json!([12.0, 13.0])),
+        good(serde_json::json!(2.0)),
+        good(serde_json::json!("ball-melrose")),
+        good(serde_json::json!({"scheme": "rigid", "roughness": 0.3, "friction": 0.2, "critical_load": 0})),
+        good(serde_json::json!({"scheme": "listed", "pairs": [[0, 1], [1, 9]]})),
+        0u8..64,
+    )
+        .prop_map(|(centres, radii, cell, offset, hydrodynamics, one, two, which)| {
+            let mut all = serde_json::json!({"centres": centres, "hydrodynamics": hydrodynamics});
+            let chosen = [
+                ("radii", radii),
+                ("cell", cell),
+                ("offset", offset),
+                ("contact", one),
+                ("contact", two),
+            ];
+            for (bit, (name, value)) in chosen.into_iter().enumerate() {
+                if which >> bit & 1 == 1 {
+                    all[name] = value;
+                }
+            }
+            all
+        })
+}
+
+#[test]
+fn hostile_sizes_are_refused_before_they_cost_anything() {
+    let many = |n: usize, radius: fn(usize) -> f64| {
+        let centres: Vec<[f64; 2]> = (0..n).map(|i| [3.0 * i as f64, 0.0]).collect();
+        let radii: Vec<f64> = (0..n).map(radius).collect();
+        serde_json::json!({"centres": centres, "radii": radii, "hydrodynamics": "stokesian-dynamics"}).to_string()
+    };
+    assert!(message(&many(2_001, |_| 1.0)).contains("at most 2000"));
+    assert!(message(&many(10_001, |_| 1.0)).contains("at most 10000"));
+    assert!(message(&many(1_000, |i| 1.0 + i as f64 * 1e-4)).contains("different"));
+}
+
+proptest! {
+    #[test]
+    fn no_text_crashes_the_reader(text in "[\\[\\]{}:,\"a-z0-9.e-]{0,200}") {
+        let _ = read(Path::new("-"), text.as_bytes());
+    }
+
+    #[test]
+    fn no_bytes_crash_the_reader(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+        let _ = read(Path::new("-"), &bytes);
+    }
+
+    #[test]
+    fn no_json_crashes_the_reader(value in json()) {
+        let _ = read(Path::new("-"), value.to_string().as_bytes());
+    }
+
+    #[test]
+    fn no_configuration_crashes_the_solver(value in configuration()) {
+        if let Ok((configuration, contact)) = read(Path::new("-"), value.to_string().as_bytes()) {
+            let _ = solve(&configuration, &contact, &NearFields::default());
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! Where a store lies: whether its file is still the one that was opened, whether there is room, on what it is stored.
+
+use std::path::Path;
+
+/// Less room than this on the disk, in bytes, and a write that failed counts as failed for want of it.
+const ROOM: u64 = 256 << 10;
+
+/// What tells one file from every other one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct FileIdentity {
+    /// Its device.
+    device: u64,
+    /// Its number there.
+    number: u64,
+}
+
+impl FileIdentity {
+    /// Of the file that now has this name.
+    pub(super) fn of(path: &Path) -> Option<Self> {
+        use std::os::unix::fs::MetadataExt as _;
+        let file = std::fs::metadata(path).ok()?;
+        Some(Self {
+            device: file.dev(),
+            number: file.ino(),
+        })
+    }
+}
+
+/// Whether the disk of a file has next to no room left.
+pub(super) fn is_full(path: &Path) -> bool {
+    let place = path
+        .parent()
+        .filter(|parent| !parent.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
+    rustix::fs::statvfs(place)
+        .is_ok_and(|disk| disk.f_bavail.saturating_mul(disk.f_frsize) < ROOM || disk.f_favail == 0)
+}
+
+/// The name of the network file system a file lies on, if it does: several machines cannot share a store there.
+pub fn network_file_system(path: &Path) -> Option<&'static str> {
+    #[cfg(target_os = "linux")]
+    {
+        let place = path.ancestors().find(|place| place.exists());
+        let disk = rustix::fs::statfs(place.unwrap_or(Path::new("."))).ok()?;
+        u32::try_from(disk.f_type).ok().and_then(network_name)
+    }
+    #[cfg(not(target_os = "linux"))]
+    {
+        let _ = path;
+        None
+    }
+}
+
+/// Name of a network file system by the number it has in Linux (`man 2 statfs`, `linux/magic.h`).
+#[cfg_attr(
+    not(target_os = "linux"),
+    allow(dead_code, reason = "numbers of Linux")
+)]
+fn network_name(magic: u32) -> Option<&'static str> {
+    Some(match magic {
+        0x6969 => "NFS",
+        0x517b | 0xff53_4d42 | 0xfe53_4d42 => "SMB",
+        0x0bd0_0bd0 => "Lustre",
+        0x4750_4653 => "GPFS",
+        0x00c3_6400 => "Ceph",
+        0x1983_0326 => "BeeGFS",
+        0x5346_414f | 0x6b41_4653 => "AFS",
+        0x0102_1997 => "9P",
+        0xaad7_aaea => "PanFS",
+        0x7461_636f => "OCFS2",
+        0x0116_1970 => "GFS2",
+        0x2003_0528 => "OrangeFS",
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn network_file_systems_are_known_by_their_numbers() {
+        assert_eq!(network_name(0x6969), Some("NFS"));
+        assert_eq!(network_name(0xff53_4d42), Some("SMB"));
+        assert_eq!(network_name(0xef53), None, "ext4");
+        assert_eq!(network_name(0x0102_1994), None, "tmpfs");
+    }
+
+    #[test]
+    fn a_replaced_file_is_another_file() {
+        let directory = tempfile::tempdir().unwrap();
+        let (one, two) = (directory.path().join("one"), directory.path().join("two"));
+        std::fs::write(&one, "1").unwrap();
+        std::fs::write(&two, "2").unwrap();
+        let before = FileIdentity::of(&one);
+        assert_eq!(before, FileIdentity::of(&one));
+        std::fs::rename(&two, &one).unwrap();
+        assert_ne!(before, FileIdentity::of(&one));
+        assert_eq!(FileIdentity::of(&two), None);
+    }
+}

@@ -1,0 +1,336 @@
+//! What happens to a store from outside: dead owners, locks, deletion, damage, other versions.
+
+use super::*;
+
+/// A store with one finished case, one under way with two checkpoints and one that failed.
+fn mixed(directory: &Path) -> Store {
+    let mut store = open(directory);
+    store.register(1).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    let mut whole = finished(State::Done);
+    for (number, (step, _)) in (0_u64..).zip(&mut whole.samples) {
+        *step = number * claim.case.sample_stride;
+    }
+    store.finish(&claim, &whole).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    let failure = Failure {
+        error: "spheres 1 and 2 overlap".into(),
+        step: 37,
+        pair: Some((1, 2)),
+        gap: Some(-1e-3),
+        snapshot: Some("{}".into()),
+        samples: Vec::new(),
+    };
+    store.fail(&claim, &failure).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    for steps in [20, 40] {
+        store.keep(&claim, steps, &checkpoint(steps)).unwrap();
+    }
+    store.release(&claim).unwrap();
+    store
+}
+
+/// Lets the owner of the next case die, so often.
+fn die(directory: &Path, times: u32, same_boot: bool) -> Store {
+    let mut heir = open(directory);
+    heir.register(1).unwrap();
+    for _ in 0..times {
+        let mut dead = open(directory);
+        dead.register(1).unwrap();
+        dead.claim().unwrap().unwrap();
+        let change = if same_boot {
+            "start = '1'"
+        } else {
+            "boot = 'before'"
+        };
+        dead.connection
+            .execute(
+                &format!("UPDATE processes SET {change} WHERE id = ?1"),
+                [dead.me()],
+            )
+            .unwrap();
+        assert_eq!(heir.release_dead().unwrap(), 1);
+    }
+    heir
+}
+
+const ONE: &str = "seeds = 2";
+
+/// A directory with a store of a single case.
+fn single() -> (tempfile::TempDir, String) {
+    let directory = tempfile::tempdir().unwrap();
+    let text = CAMPAIGN
+        .replace(ONE, "seeds = 1")
+        .replace("[0.1, inf]", "inf");
+    let mut store = Store::open(&directory.path().join("small.sqlite")).unwrap();
+    store.adopt(&campaign(&text)).unwrap();
+    (directory, text)
+}
+
+/// The store of [`single`], opened again.
+fn again(directory: &Path, text: &str) -> Store {
+    let mut store = Store::open(&directory.join("small.sqlite")).unwrap();
+    store.adopt(&campaign(text)).unwrap();
+    store
+}
+
+#[test]
+fn case_that_kills_its_process_again_and_again_ends_as_failed() {
+    let (directory, text) = single();
+    let mut heir = again(directory.path(), &text);
+    heir.register(1).unwrap();
+    for death in 1..=DEATH_LIMIT {
+        let mut dead = again(directory.path(), &text);
+        dead.register(1).unwrap();
+        let claim = dead.claim().unwrap().unwrap();
+        if death == 1 {
+            dead.keep(&claim, 20, &checkpoint(20)).unwrap();
+        }
+        bury_owners(&dead);
+        heir.connection
+            .execute(
+                "UPDATE processes SET start = ?2 WHERE id = ?1",
+                params![heir.me(), "alive"],
+            )
+            .unwrap();
+        assert_eq!(heir.counts().unwrap().running, 1);
+        assert_eq!(heir.release_dead().unwrap(), 1);
+    }
+    assert_eq!(heir.counts().unwrap().failed, 1);
+    let line = heir.failures(9).unwrap().remove(0);
+    assert!(line.error.contains("5 times in a row"), "{}", line.error);
+    assert_eq!((line.step, line.attempt), (20, u64::from(DEATH_LIMIT)));
+    let state = heir.replays("", 9).unwrap().remove(0).snapshot.unwrap();
+    assert!(state.contains("\"centres\""), "{state}");
+    heir.retry_failed().unwrap();
+    assert!(heir.claim().unwrap().is_some());
+}
+
+#[test]
+fn deaths_between_which_there_was_a_checkpoint_or_a_power_cut_are_no_fault_of_the_case() {
+    let (directory, text) = single();
+    let mut heir = again(directory.path(), &text);
+    heir.register(1).unwrap();
+    for round in 1..=2 * u64::from(DEATH_LIMIT) {
+        let mut dead = again(directory.path(), &text);
+        dead.register(1).unwrap();
+        let claim = dead.claim().unwrap().unwrap();
+        dead.keep(&claim, 20 * round, &checkpoint(20 * round))
+            .unwrap();
+        dead.connection
+            .execute(
+                "UPDATE processes SET start = '1' WHERE id = ?1",
+                [dead.me()],
+            )
+            .unwrap();
+        assert_eq!(heir.release_dead().unwrap(), 1);
+    }
+    assert_eq!(heir.counts().unwrap().pending, 1);
+    drop(heir);
+    let other = tempfile::tempdir().unwrap();
+    drop(open(other.path()));
+    let heir = die(other.path(), 2 * DEATH_LIMIT, false);
+    assert_eq!(heir.counts().unwrap().failed, 0);
+}
+
+#[test]
+fn suspect_waits_until_there_is_no_other_case() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut heir = die(directory.path(), 3, true);
+    let suspect: String = heir
+        .connection
+        .query_row("SELECT key FROM cases WHERE deaths = 3", [], |row| {
+            row.get(0)
+        })
+        .unwrap();
+    let keys: Vec<String> = (0..4).map(|_| heir.claim().unwrap().unwrap().key).collect();
+    assert_eq!(keys[3], suspect);
+}
+
+#[test]
+fn owner_on_another_host_is_taken_over_after_the_limit_and_not_before() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut far, mut heir) = (open(directory.path()), open(directory.path()));
+    far.register(1).unwrap();
+    heir.register(1).unwrap();
+    far.claim().unwrap().unwrap();
+    let silence = |seconds: u64| {
+        far.connection
+            .execute(
+                "UPDATE processes SET host = 'elsewhere', heartbeat = ?2 WHERE id = ?1",
+                params![far.me(), process::now() - integer(seconds * 1000)],
+            )
+            .unwrap();
+    };
+    silence(HEARTBEAT_LIMIT.as_secs() - 10);
+    assert_eq!(heir.release_dead().unwrap(), 0);
+    silence(HEARTBEAT_LIMIT.as_secs() + 10);
+    assert_eq!(heir.release_dead().unwrap(), 1);
+}
+
+#[test]
+fn lock_held_by_another_program_is_waited_for_and_then_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let other = rusqlite::Connection::open(store.path()).unwrap();
+    other.execute_batch("BEGIN IMMEDIATE").unwrap();
+    let begun = Instant::now();
+    let error = store.heartbeat().unwrap_err();
+    assert!(begun.elapsed() >= PATIENCE, "{:?}", begun.elapsed());
+    assert!(begun.elapsed() < PATIENCE * 5, "{:?}", begun.elapsed());
+    assert!(
+        error.to_string().contains("another program holds the lock"),
+        "{error}"
+    );
+    assert!(error.is_of_the_store());
+    other.execute_batch("ROLLBACK").unwrap();
+    store.heartbeat().unwrap();
+}
+
+#[test]
+fn store_deleted_or_replaced_is_noticed_and_what_it_held_is_saved() {
+    for replace in [false, true] {
+        let directory = tempfile::tempdir().unwrap();
+        let mut store = mixed(directory.path());
+        let path = store.path().to_owned();
+        for part in ["small.sqlite", "small.sqlite-wal", "small.sqlite-shm"] {
+            std::fs::remove_file(directory.path().join(part)).unwrap();
+        }
+        let newcomer = replace.then(|| open(directory.path()));
+        let error = store.claim().unwrap_err();
+        let word = if replace { "replaced" } else { "deleted" };
+        assert!(error.to_string().contains(word), "{error}");
+        assert!(error.is_of_the_store());
+        let StoreError::Gone { advice, .. } = store.rescue(error) else {
+            panic!("another error");
+        };
+        drop(store);
+        let saved = path.with_extension(format!("rescued-{}.sqlite", std::process::id()));
+        assert!(advice.contains(&saved.display().to_string()), "{advice}");
+        let counts = Store::open(&saved).unwrap().counts().unwrap();
+        assert_eq!((counts.done, counts.failed, counts.pending), (1, 1, 2));
+        if let Some(newcomer) = newcomer {
+            assert_eq!(newcomer.counts().unwrap().pending, 4, "not touched");
+            drop(newcomer);
+            assert_eq!(open(directory.path()).counts().unwrap().pending, 4);
+        }
+    }
+}
+
+#[test]
+fn store_of_the_first_schema_is_read_and_brought_up_to_date() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("small.sqlite");
+    drop(mixed(directory.path()));
+    let old = rusqlite::Connection::open(&path).unwrap();
+    old.execute_batch("ALTER TABLE cases DROP COLUMN deaths; PRAGMA user_version = 1")
+        .unwrap();
+    drop(old);
+    assert_eq!(
+        Store::open_read_only(&path).unwrap().counts().unwrap().done,
+        1
+    );
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    assert!(store.claim().unwrap().is_some());
+    assert_eq!(version_of(&store.connection).unwrap(), SCHEMA_VERSION);
+}
+
+#[test]
+fn whole_store_is_salvaged_whole() {
+    let directory = tempfile::tempdir().unwrap();
+    let store = mixed(directory.path());
+    let to = directory.path().join("new.sqlite");
+    let saved = salvage(store.path(), &to, None).unwrap();
+    let expected = Salvaged {
+        results: 1,
+        samples: 50,
+        failures: 1,
+        checkpoints: 1,
+        unreadable: 0,
+        pending: 2,
+    };
+    assert_eq!(saved, expected);
+    let new = Store::open_read_only(&to).unwrap();
+    let one = |store: &Store| {
+        store
+            .point_runs()
+            .unwrap()
+            .into_iter()
+            .find(|run| run.state == State::Done)
+    };
+    let (before, after) = (one(&store).unwrap(), one(&new).unwrap());
+    assert_eq!(format!("{before:?}"), format!("{after:?}"));
+    assert!(matches!(
+        salvage(store.path(), &to, None),
+        Err(StoreError::Exists { .. })
+    ));
+}
+
+#[test]
+fn changed_digit_is_not_salvaged() {
+    let directory = tempfile::tempdir().unwrap();
+    let store = mixed(directory.path());
+    store
+        .connection
+        .execute(
+            "UPDATE samples SET viscosity = viscosity * 1.0000001 WHERE step = 160",
+            [],
+        )
+        .unwrap();
+    let saved = salvage(store.path(), &directory.path().join("new.sqlite"), None).unwrap();
+    assert_eq!((saved.results, saved.unreadable, saved.pending), (0, 1, 3));
+}
+
+#[test]
+fn damage_anywhere_neither_crashes_nor_lets_wrong_numbers_through() {
+    let directory = tempfile::tempdir().unwrap();
+    let store = mixed(directory.path());
+    let path = store.path().to_owned();
+    let good = format!(
+        "{:?}",
+        store
+            .point_runs()
+            .unwrap()
+            .iter()
+            .find(|run| run.state == State::Done)
+    );
+    drop(store);
+    let whole = std::fs::read(&path).unwrap();
+    let broken = directory.path().join("broken.sqlite");
+    let to = directory.path().join("new.sqlite");
+    let (mut saved_some, mut refused) = (0, 0);
+    let pages = whole.len() / 4096;
+    for (page, cut) in (0..pages)
+        .map(|page| (page, false))
+        .chain((1..pages).map(|page| (page, true)))
+    {
+        let mut bytes = whole.clone();
+        if cut {
+            bytes.truncate(page * 4096);
+        } else {
+            bytes[page * 4096..(page + 1) * 4096].fill(0x5a);
+        }
+        std::fs::write(&broken, bytes).unwrap();
+        let _ = std::fs::remove_file(&to);
+        match salvage(&broken, &to, Some(&campaign(CAMPAIGN))) {
+            Ok(saved) => {
+                let new = Store::open_read_only(&to).unwrap();
+                for run in new.point_runs().unwrap() {
+                    if run.state == State::Done {
+                        assert_eq!(format!("{:?}", Some(run)), good);
+                    }
+                }
+                assert_eq!(new.counts().unwrap().total(), 4);
+                saved_some += saved.results;
+            }
+            Err(StoreError::NotAStore { .. } | StoreError::Hopeless { .. }) => refused += 1,
+            Err(other) => panic!("page {page}: {other}"),
+        }
+    }
+    assert!(
+        saved_some > 5 && refused <= 6,
+        "{saved_some} saved, {refused} refused"
+    );
+}

@@ -1,0 +1,320 @@
+//! Signals, full disks, damage, killed processes: what happens to a campaign from outside.
+#![expect(
+    clippy::unwrap_used,
+    reason = "tests: a panic is the failure, and names state the fact"
+)]
+
+use assert_cmd::cargo::cargo_bin;
+use rustix::process::{Pid, Signal, kill_process};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// The size of the published runs, with a checkpoint every fourth step.
+const PUBLISHED: &str = r#"name = "small"
+[protocol]
+strain = 4.0
+discard = 0.0
+checkpoint_every = 0.02
+[[grid]]
+area_fraction = 0.693
+friction = 0.3
+roughness = 0.01
+shear_rate = inf
+seeds = 2
+spheres = 90
+"#;
+/// A few seconds of work.
+const QUICK: &str = r#"name = "small"
+[protocol]
+strain = 1.0
+discard = 0.0
+checkpoint_every = 0.02
+[[grid]]
+area_fraction = 0.6
+friction = 0.3
+roughness = 0.01
+shear_rate = [1.0, inf]
+seeds = 3
+spheres = 40
+hydrodynamics = "ball-melrose"
+"#;
+
+fn directory_with(campaign: &str) -> tempfile::TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("small.toml"), campaign).unwrap();
+    directory
+}
+
+fn command(directory: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(cargo_bin("sweep"));
+    command.current_dir(directory).args(arguments);
+    command
+}
+
+fn sweep(directory: &Path, arguments: &[&str]) -> Output {
+    command(directory, arguments).output().unwrap()
+}
+
+fn spawn(directory: &Path) -> Child {
+    command(directory, &["run", "small.toml", "--quiet"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+fn send(child: &Child, signal: Signal) {
+    kill_process(Pid::from_child(child), signal).unwrap();
+}
+
+fn query(directory: &Path, query: &str) -> i64 {
+    rusqlite::Connection::open(directory.join("results/small.sqlite"))
+        .and_then(|store| {
+            store.busy_timeout(Duration::from_secs(10))?;
+            store.query_row(query, [], |row| row.get(0))
+        })
+        .unwrap_or(0)
+}
+
+/// Waits until the cases of a store have so many steps in their checkpoints.
+fn wait_for_steps(directory: &Path, steps: i64) -> i64 {
+    let begun = Instant::now();
+    while directory.join("results/small.sqlite").exists()
+        || begun.elapsed() < Duration::from_mins(1)
+    {
+        let found = query(directory, "SELECT coalesce(sum(steps_done), 0) FROM cases");
+        if found >= steps {
+            return found;
+        }
+        assert!(begun.elapsed() < Duration::from_mins(2), "no checkpoint");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    0
+}
+
+#[test]
+fn signals_checkpoint_and_stop_within_two_seconds_at_ninety_spheres() {
+    let directory = directory_with(PUBLISHED);
+    let mut before = 0;
+    for (signal, code) in [
+        (Signal::INT, 130),
+        (Signal::TERM, 143),
+        (Signal::USR1, 138),
+        (Signal::HUP, 129),
+    ] {
+        let mut child = spawn(directory.path());
+        before = wait_for_steps(directory.path(), before + 4);
+        let begun = Instant::now();
+        send(&child, signal);
+        let status = child.wait().unwrap();
+        assert!(
+            begun.elapsed() < Duration::from_secs(2),
+            "{:?}",
+            begun.elapsed()
+        );
+        assert_eq!(status.code(), Some(code));
+        let after = query(directory.path(), "SELECT sum(steps_done) FROM cases");
+        assert!(after >= before, "{after} {before}");
+        assert_eq!(
+            query(
+                directory.path(),
+                "SELECT count(*) FROM cases WHERE state = 'running'"
+            ),
+            0
+        );
+        before = after;
+    }
+}
+
+#[test]
+fn second_signal_aborts_at_once_and_loses_at_most_one_interval() {
+    let directory = directory_with(PUBLISHED);
+    let mut child = spawn(directory.path());
+    let before = wait_for_steps(directory.path(), 12);
+    let begun = Instant::now();
+    send(&child, Signal::TERM);
+    std::thread::sleep(Duration::from_millis(5));
+    send(&child, Signal::INT);
+    let code = child.wait().unwrap().code();
+    assert!(
+        begun.elapsed() < Duration::from_secs(1),
+        "{:?}",
+        begun.elapsed()
+    );
+    assert!([Some(130), Some(143)].contains(&code), "{code:?}");
+    // What was in the store before is there still: the rest is less than an interval of each run.
+    assert!(query(directory.path(), "SELECT sum(steps_done) FROM cases") >= before);
+    let mut again = spawn(directory.path());
+    wait_for_steps(directory.path(), before + 4);
+    send(&again, Signal::INT);
+    assert_eq!(again.wait().unwrap().code(), Some(130));
+}
+
+#[test]
+fn status_works_while_a_run_writes_and_without_write_access() {
+    let directory = directory_with(QUICK);
+    let mut child = spawn(directory.path());
+    wait_for_steps(directory.path(), 4);
+    let mut looks = 0;
+    while child.try_wait().unwrap().is_none() {
+        let status = sweep(directory.path(), &["status", "small.toml", "--json"]);
+        assert_eq!(status.status.code(), Some(0), "{status:?}");
+        looks += 1;
+    }
+    assert!(looks > 2, "{looks}");
+    // A user who may only read: needs a user to be, so root only.
+    if rustix::process::geteuid().is_root() && Path::new("/usr/bin/setpriv").exists() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let readable = tempfile::tempdir_in("/tmp").unwrap();
+        let (program, store) = (
+            readable.path().join("sweep"),
+            readable.path().join("s.sqlite"),
+        );
+        std::fs::copy(cargo_bin("sweep"), &program).unwrap();
+        std::fs::copy(directory.path().join("results/small.sqlite"), &store).unwrap();
+        for (path, mode) in [(readable.path(), 0o755), (&program, 0o755), (&store, 0o444)] {
+            std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+        }
+        let nobody = |arguments: &[&str]| {
+            Command::new("setpriv")
+                .args(["--reuid=65534", "--regid=65534", "--clear-groups"])
+                .arg(&program)
+                .args(arguments)
+                .current_dir(directory.path().parent().unwrap())
+                .output()
+                .unwrap()
+        };
+        let status = nobody(&["status", &store.display().to_string()]);
+        assert_eq!(status.status.code(), Some(0), "{status:?}");
+    }
+}
+
+#[test]
+fn failed_run_leaves_a_state_that_solve_reads() {
+    let directory = directory_with(PUBLISHED);
+    let run = sweep(
+        directory.path(),
+        &["run", "small.toml", "--quiet", "--max-wall-time", "0.5"],
+    );
+    assert_eq!(run.status.code(), Some(1));
+    let status = sweep(directory.path(), &["status", "small.toml", "--json"]);
+    let status: serde_json::Value = serde_json::from_slice(&status.stdout).unwrap();
+    assert_eq!(status["cases"]["failed"], 2);
+    let key = status["failures"][0]["key"].as_str().unwrap();
+    assert_eq!(
+        sweep(directory.path(), &["replay", "small.toml"])
+            .status
+            .code(),
+        Some(2),
+        "which one?"
+    );
+    let state = sweep(directory.path(), &["replay", "small.toml", &key[..8]]);
+    assert_eq!(state.status.code(), Some(0));
+    std::fs::write(directory.path().join("state.json"), &state.stdout).unwrap();
+    let solved = sweep(directory.path(), &["solve", "state.json", "--json"]);
+    assert_eq!(solved.status.code(), Some(0), "{solved:?}");
+    let solved: serde_json::Value = serde_json::from_slice(&solved.stdout).unwrap();
+    assert!(solved["viscosity"].as_f64().unwrap() > 1.0);
+    assert_eq!(solved["velocity_disturbance"].as_array().unwrap().len(), 90);
+}
+
+#[test]
+fn store_deleted_under_way_ends_with_3_and_is_saved() {
+    let directory = directory_with(QUICK);
+    let child = command(directory.path(), &["run", "small.toml", "--quiet"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    wait_for_steps(directory.path(), 8);
+    std::fs::remove_dir_all(directory.path().join("results")).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{error}");
+    assert!(
+        error.contains("deleted") && error.contains("mv "),
+        "{error}"
+    );
+    let saved: Vec<PathBuf> = std::fs::read_dir(directory.path().join("results"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    assert_eq!(saved.len(), 1, "{saved:?}");
+    std::fs::rename(&saved[0], directory.path().join("results/small.sqlite")).unwrap();
+    assert!(query(directory.path(), "SELECT sum(steps_done) FROM cases") >= 8);
+    assert_eq!(
+        sweep(directory.path(), &["run", "small.toml", "--quiet"])
+            .status
+            .code(),
+        Some(0)
+    );
+}
+
+#[test]
+fn damaged_store_is_named_and_salvaged_and_the_rest_computed_again() {
+    let directory = directory_with(QUICK);
+    assert_eq!(
+        sweep(directory.path(), &["run", "small.toml", "--quiet"])
+            .status
+            .code(),
+        Some(0)
+    );
+    let whole = sweep(directory.path(), &["report", "small.toml", "--json"]).stdout;
+    let store = directory.path().join("results/small.sqlite");
+    let mut bytes = std::fs::read(&store).unwrap();
+    // The end is lost, as after a copy that was cut short.
+    bytes.truncate(bytes.len() * 2 / 3 / 4096 * 4096);
+    std::fs::write(&store, bytes).unwrap();
+    let error = sweep(directory.path(), &["report", "small.toml"]);
+    let text = String::from_utf8_lossy(&error.stderr).into_owned();
+    if !error.status.success() {
+        assert!(
+            text.contains("damaged") && text.contains("salvage"),
+            "{text}"
+        );
+    }
+    let saved = sweep(
+        directory.path(),
+        &[
+            "salvage",
+            "results/small.sqlite",
+            "--to",
+            "new.sqlite",
+            "--json",
+        ],
+    );
+    assert_eq!(saved.status.code(), Some(0), "{saved:?}");
+    let saved: serde_json::Value = serde_json::from_slice(&saved.stdout).unwrap();
+    assert!(saved["pending"].as_u64().unwrap() < 6, "{saved}");
+    let run = sweep(
+        directory.path(),
+        &["run", "small.toml", "--store", "new.sqlite", "--quiet"],
+    );
+    assert_eq!(run.status.code(), Some(0), "{run:?}");
+    let again = sweep(directory.path(), &["report", "new.sqlite", "--json"]).stdout;
+    let without_times = |report: &[u8]| {
+        let mut report: serde_json::Value = serde_json::from_slice(report).unwrap();
+        for point in report["points"].as_array_mut().unwrap() {
+            point.as_object_mut().unwrap().remove("wall_time_s");
+        }
+        report
+    };
+    assert_eq!(without_times(&again), without_times(&whole));
+}
+
+#[test]
+fn short_torture_passes() {
+    if Command::new("sqlite3").arg("-version").output().is_err() {
+        return;
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/torture");
+    let output = Command::new(script)
+        .arg("8")
+        .env("SWEEP", cargo_bin("sweep"))
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{text}");
+    assert!(text.contains("passed"), "{text}");
+}
