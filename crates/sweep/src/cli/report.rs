@@ -17,7 +17,9 @@ use std::path::{Path, PathBuf};
 #[command(
     after_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json\n  \
                   sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
-                  sweep report results/friction.sqlite --figure contacts.png --kind contacts --along friction"
+                  sweep report results/friction.sqlite --figure contacts.png --kind contacts --along friction\n\n\
+                  The store is a SQLite file with two views for other programs, `viscosity_vs_shear_rate` (a row per point) and\n\
+                  `runs` (a row per run): sqlite3 -header results/quickstart.sqlite 'SELECT * FROM viscosity_vs_shear_rate'"
 )]
 pub(crate) struct Arguments {
     /// The store, or a campaign file whose default store is meant
