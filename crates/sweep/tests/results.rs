@@ -192,14 +192,14 @@ fn frames_are_exported_with_the_sheared_cell_and_contacts() {
     );
     let contacts = std::fs::read_to_string(at.join("l.contacts.csv")).unwrap();
     let store = rusqlite::Connection::open(at.join("s.sqlite")).unwrap();
-    let counted: i64 = store
+    let counted: u32 = store
         .query_row(
             "SELECT sum(contacts) FROM samples WHERE case_id = (SELECT id FROM cases WHERE position = 5)",
             [],
             |row| row.get(0),
         )
         .unwrap();
-    assert_eq!(contacts.lines().count() as i64, counted + 1);
+    assert_eq!(contacts.lines().count(), counted as usize + 1);
     let table = stdout(
         at,
         &[
