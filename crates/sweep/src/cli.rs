@@ -69,7 +69,7 @@ enum Command {
     Report(report::Arguments),
     /// Tell the story of one run: parameters, trace, counters, provenance, error
     Show(show::Arguments),
-    /// Write the kept frames of one run, for `OVITO` or as tables
+    /// Write the kept frames of one run, for OVITO or as tables
     Export(export::Arguments),
     /// Show the report as a live page in the browser
     Serve(serve::Arguments),

@@ -11,7 +11,7 @@ use crate::trajectory::{
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Write the kept frames of one run, for `OVITO` or as tables
+/// Write the kept frames of one run, for OVITO or as tables
 ///
 /// Frames are kept by `sweep run --trajectory`. Extended XYZ has one frame per sampled strain with the sheared cell, radii,
 /// orientations (quaternions), stresslets and contact counts; its contacts go to a table beside it.
@@ -38,7 +38,7 @@ pub(crate) struct Arguments {
 /// Form of an exported trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Form {
-    /// Extended XYZ, as `OVITO` and `ASE` read it.
+    /// Extended XYZ, as OVITO and `ASE` read it.
     Extxyz,
     /// A table with a row per sphere and strain.
     Csv,

@@ -17,7 +17,9 @@ use std::path::{Path, PathBuf};
 #[command(
     after_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json\n  \
                   sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
-                  sweep report results/friction.sqlite --figure contacts.png --kind contacts --along friction"
+                  sweep report results/friction.sqlite --figure contacts.png --kind contacts --along friction\n\n\
+                  The store is a SQLite file with two views for other programs, `viscosity_vs_shear_rate` (a row per point) and\n\
+                  `runs` (a row per run): sqlite3 -header results/quickstart.sqlite 'SELECT * FROM viscosity_vs_shear_rate'"
 )]
 pub(crate) struct Arguments {
     /// The store, or a campaign file whose default store is meant
@@ -89,7 +91,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 
 /// The format a figure's file name asks for.
 fn format_of(path: &Path) -> Result<Format, Error> {
-    let extension = path.extension().map(|e| e.to_ascii_lowercase());
+    let extension = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     match extension.as_deref().and_then(|e| e.to_str()) {
         Some("svg") => Ok(Format::Svg),
         Some("png") => Ok(Format::Png),

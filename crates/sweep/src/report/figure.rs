@@ -1,5 +1,7 @@
 //! Figures for print: 85 mm wide, the colours of Okabe and Ito, a marker of its own for each curve.
 
+mod rates;
+
 use super::curves::{Abscissa, curves};
 use super::{Point, Report};
 use crate::error::Error;
@@ -14,6 +16,7 @@ use kuva::render::annotations::ReferenceLine;
 use kuva::render::layout::{Layout, TickFormat};
 use kuva::render::plots::Plot;
 use kuva::render::render::render_multiple;
+use rates::Rates;
 use std::sync::Arc;
 
 /// Width of a column, 85 mm, in pixels of 1/96 inch.
@@ -99,87 +102,6 @@ struct Sketch {
     y: &'static str,
     /// The logarithmic axis of shear rates, if it is that.
     rates: Option<Rates>,
-}
-
-/// The axis of shear rates: decades as whole numbers, the plateaus one beyond the edges.
-#[derive(Debug, Clone, Copy)]
-struct Rates {
-    /// Decade at the left end.
-    low: f64,
-    /// Decade at the right end.
-    high: f64,
-    /// Whether Γ = 0 occurs.
-    zero: bool,
-    /// Whether Γ = ∞ occurs.
-    infinite: bool,
-}
-
-impl Rates {
-    /// The axis that holds these rates.
-    fn of(rates: &[f64]) -> Self {
-        let decades = || {
-            rates
-                .iter()
-                .filter(|rate| rate.is_finite() && **rate > 0.0)
-                .map(|rate| rate.log10())
-        };
-        let (low, high) = (
-            decades().fold(f64::INFINITY, f64::min).floor(),
-            decades().fold(f64::NEG_INFINITY, f64::max).ceil(),
-        );
-        let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
-        Self {
-            low,
-            high,
-            zero: rates.contains(&0.0),
-            infinite: rates.contains(&f64::INFINITY),
-        }
-    }
-
-    /// Place of a rate.
-    fn place(self, rate: f64) -> f64 {
-        if rate <= 0.0 {
-            self.low - 1.0
-        } else if rate.is_infinite() {
-            self.high + 1.0
-        } else {
-            rate.log10()
-        }
-    }
-
-    /// Words for a tick.
-    fn tick(self, place: f64) -> String {
-        if self.zero && place < self.low - 0.5 {
-            "0".into()
-        } else if self.infinite && place > self.high + 0.5 {
-            "∞".into()
-        } else if place < self.low - 0.5 || place > self.high + 0.5 {
-            String::new()
-        } else {
-            decade(place)
-        }
-    }
-}
-
-/// A power of ten: 0.1, 1, 10, 10³.
-fn decade(place: f64) -> String {
-    if (-1.5..1.5).contains(&place) {
-        return format!("{}", 10_f64.powf(place.round()));
-    }
-    let digits: String = format!("{place:.0}")
-        .chars()
-        .map(|digit| match digit {
-            '-' => '⁻',
-            '1' => '¹',
-            '2' => '²',
-            '3' => '³',
-            digit => digit
-                .to_digit(10)
-                .and_then(|value| char::from_u32(0x2070 + value))
-                .unwrap_or(digit),
-        })
-        .collect();
-    format!("10{digits}")
 }
 
 /// Traces of one run per point: of those whose keys begin with one of `keys`, or else the first with samples.
@@ -426,15 +348,8 @@ fn is_logarithmic(sketch: &Sketch) -> bool {
     low > 0.0 && high > 10.0 * low
 }
 
-/// Draws a sketch.
-fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String> {
-    let logarithmic = is_logarithmic(sketch);
-    // The raster backend takes dashes in dots, not in pixels.
-    let scale = match format {
-        Format::Svg => 1.0,
-        Format::Png => PNG_SCALE,
-    };
-    let dashes = |lengths: [f32; 2]| format!("{} {}", lengths[0] * scale, lengths[1] * scale);
+/// The shapes of a sketch, and how many of its lines have an entry in the legend.
+fn shapes(sketch: &Sketch, logarithmic: bool) -> (Vec<Plot>, f64) {
     let mut plots = Vec::new();
     let mut labelled: f64 = 0.0;
     for line in sketch.lines.iter().filter(|line| !line.points.is_empty()) {
@@ -472,6 +387,19 @@ fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String> {
         }
         labelled += f64::from(u8::from(!line.label.is_empty()));
     }
+    (plots, labelled)
+}
+
+/// Draws a sketch.
+fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String> {
+    let logarithmic = is_logarithmic(sketch);
+    // The raster backend takes dashes in dots, not in pixels.
+    let scale = match format {
+        Format::Svg => 1.0,
+        Format::Png => PNG_SCALE,
+    };
+    let dashes = |lengths: [f32; 2]| format!("{} {}", lengths[0] * scale, lengths[1] * scale);
+    let (plots, labelled) = shapes(sketch, logarithmic);
     // A column of entries below the axis, with room of its own.
     let legend = LEGEND_LINE * labelled + if labelled > 0.0 { 10.0 } else { 0.0 };
     let height = HEIGHT + legend;
@@ -534,29 +462,5 @@ fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String> {
     match format {
         Format::Svg => Ok(SvgBackend::new().render_scene(&scene).into_bytes()),
         Format::Png => PngBackend::new().with_scale(PNG_SCALE).render_scene(&scene),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Rates, decade};
-
-    #[test]
-    fn plateaus_lie_one_decade_beyond_the_edges() {
-        let rates = Rates::of(&[0.0, 0.05, 1.0, 100.0, f64::INFINITY]);
-        assert_eq!((rates.low, rates.high), (-2.0, 2.0));
-        assert_eq!(rates.place(0.0), -3.0);
-        assert_eq!(rates.place(f64::INFINITY), 3.0);
-        assert_eq!(rates.tick(-3.0), "0");
-        assert_eq!(rates.tick(3.0), "∞");
-        let only = Rates::of(&[0.0, f64::INFINITY]);
-        assert_eq!((only.place(0.0), only.place(f64::INFINITY)), (-1.0, 1.0));
-    }
-
-    #[test]
-    fn decades_are_written_as_powers() {
-        assert_eq!(decade(-1.0), "0.1");
-        assert_eq!(decade(3.0), "10³");
-        assert_eq!(decade(-2.0), "10⁻²");
     }
 }

@@ -74,7 +74,7 @@ function curves() {
   const groups = new Map();
   data.points.forEach((point, index) => {
     if (distinguishing.some(a => chosenFilters[a] !== undefined && chosenFilters[a] !== '' && String(point[a]) !== chosenFilters[a])) return;
-    const key = JSON.stringify(others.map(a => point[a]));
+    const key = along + JSON.stringify(others.map(a => point[a]));
     if (!groups.has(key)) groups.set(key, { key, label: distinguishing.map(a => `${NAMES[a]} = ${show(point[a])}`).join(', ') || 'all runs', points: [] });
     groups.get(key).points.push({ index, x: num(point[along]), y: num(point[quantity]), half: point[quantity + '_ci95'] ?? null, point });
   });

@@ -224,8 +224,11 @@ fn store_of_the_first_schema_is_read_and_brought_up_to_date() {
     let path = directory.path().join("small.sqlite");
     drop(mixed(directory.path()));
     let old = rusqlite::Connection::open(&path).unwrap();
-    old.execute_batch("ALTER TABLE cases DROP COLUMN deaths; PRAGMA user_version = 1")
-        .unwrap();
+    old.execute_batch(
+        "DROP VIEW viscosity_vs_shear_rate; DROP TABLE frames; ALTER TABLE cases DROP COLUMN deaths;
+         PRAGMA user_version = 1",
+    )
+    .unwrap();
     drop(old);
     assert_eq!(
         Store::open_read_only(&path).unwrap().counts().unwrap().done,
