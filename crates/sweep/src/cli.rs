@@ -81,6 +81,7 @@ enum Command {
     Solve(solve::Arguments),
     /// Print the resistance functions of two spheres
     Scalars(scalars::Arguments),
+    /// Recompute known results and compare
     Verify(verify::Arguments),
     /// Drive two spheres past each other
     Pair(pair::Arguments),

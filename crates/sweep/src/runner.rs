@@ -28,8 +28,10 @@ const GRACE: Duration = Duration::from_secs(10);
 /// How to run.
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
-    /// Threads, one case each.
+    /// Cases computed at a time, one thread each.
     pub workers: usize,
+    /// Threads, at least as many: those without a case share the large factorizations of the others.
+    pub threads: usize,
     /// Computing time after which a single case ends as failed.
     pub wall_limit: Option<Duration>,
     /// Keep a frame of the layer with every sample.
@@ -69,7 +71,7 @@ pub fn run(
     progress: &Progress,
 ) -> Result<(), Error> {
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.workers)
+        .num_threads(options.threads)
         .thread_name(|number| format!("worker {number}"))
         .build()
         .map_err(|error| Error::Start {

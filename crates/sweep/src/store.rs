@@ -169,15 +169,20 @@ impl Store {
 
     /// What the file is.
     fn identify(&self) -> Result<Kind, rusqlite::Error> {
-        let application: i32 =
+        let application = || {
             self.connection
-                .pragma_query_value(None, "application_id", |row| row.get(0))?;
+                .pragma_query_value(None, "application_id", |row| row.get::<_, i32>(0))
+        };
+        if application()? == APPLICATION_ID {
+            return Ok(Kind::Ours(version_of(&self.connection)?));
+        }
         let tables: i64 =
             self.connection
                 .query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0))?;
-        Ok(match (application, tables) {
-            (APPLICATION_ID, _) => Kind::Ours(version_of(&self.connection)?),
-            (0, 0) => Kind::Empty,
+        Ok(match tables {
+            0 if application()? == 0 => Kind::Empty,
+            // Another process may have made the store between the two looks: tables and mark appear at once.
+            _ if application()? == APPLICATION_ID => Kind::Ours(version_of(&self.connection)?),
             _ => Kind::Foreign,
         })
     }

@@ -97,10 +97,12 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             (false, true) => Style::Bars,
             (false, false) => Style::Lines,
         };
+        let threads = workers;
         let workers = workers.min(usize::try_from(counts.total()).unwrap_or(workers));
         let progress = Progress::new(style, workers, Box::new(std::io::stderr()));
         let options = Options {
             workers,
+            threads,
             wall_limit,
             trajectory: arguments.trajectory,
         };
