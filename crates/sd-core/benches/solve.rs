@@ -66,6 +66,11 @@ fn quadrupled(small: &Snapshot) -> Snapshot {
             large.radii.push(small.radii[k]);
         }
     }
+    // The same length, with the bits that the parameters give.
+    let params = params(large.radii.len(), Hydrodynamics::BallMelrose);
+    let (_, side) = sd_core::start::radii_and_side(&params).expect("a valid layer");
+    assert!((side / large.side - 1.0).abs() < 1e-12);
+    large.side = side;
     large
 }
 
