@@ -27,7 +27,7 @@ impl Abscissa {
         }
     }
 
-    /// Its symbol, the heading of its column in [`AXES`].
+    /// Its symbol, the heading of its column in `AXES`.
     pub fn symbol(self) -> &'static str {
         match self {
             Self::ShearRate => "Γ",
