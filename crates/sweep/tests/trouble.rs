@@ -166,12 +166,20 @@ fn status_works_while_a_run_writes_and_without_write_access() {
     // A user who may only read: needs a user to be, so root only.
     if rustix::process::geteuid().is_root() && Path::new("/usr/bin/setpriv").exists() {
         use std::os::unix::fs::PermissionsExt as _;
+        // A look under way when the run ended has kept its log from being put into the file that is copied.
+        let again = sweep(directory.path(), &["run", "small.toml", "--quiet"]);
+        assert_eq!(again.status.code(), Some(0));
         let readable = tempfile::tempdir_in("/tmp").unwrap();
         let (program, store) = (
             readable.path().join("sweep"),
             readable.path().join("s.sqlite"),
         );
-        std::fs::copy(cargo_bin("sweep"), &program).unwrap();
+        // By another process: a program still open for writing in a test forked meanwhile would be busy.
+        let copied = Command::new("cp")
+            .arg(cargo_bin("sweep"))
+            .arg(&program)
+            .status();
+        assert!(copied.unwrap().success());
         std::fs::copy(directory.path().join("results/small.sqlite"), &store).unwrap();
         for (path, mode) in [(readable.path(), 0o755), (&program, 0o755), (&store, 0o444)] {
             std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
