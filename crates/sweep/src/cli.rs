@@ -1,7 +1,9 @@
 //! The command line: what it looks like, and which file does what it asks for.
 
+mod cancel;
 mod completions;
 mod export;
+mod merge;
 mod pair;
 mod plan;
 mod replay;
@@ -13,6 +15,7 @@ mod serve;
 mod show;
 mod solve;
 mod status;
+mod submit;
 mod verify;
 
 use crate::error::Error;
@@ -63,6 +66,12 @@ enum Command {
     Plan(plan::Arguments),
     /// Compute what a campaign lacks, then print its report
     Run(run::Arguments),
+    /// Hand what a campaign lacks to Slurm, as one array of tasks
+    Submit(submit::Arguments),
+    /// Join the shards that tasks published into the store of their campaign
+    Merge(merge::Arguments),
+    /// End the tasks of a campaign that were submitted
+    Cancel(cancel::Arguments),
     /// Say how far a campaign is
     Status(status::Arguments),
     /// Print the results of a campaign, averaged over seeds
@@ -123,6 +132,9 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
     let code = match cli.command {
         Command::Plan(arguments) => plan::execute(&arguments, &mut output),
         Command::Run(arguments) => run::execute(&arguments, &mut output),
+        Command::Submit(arguments) => submit::execute(&arguments, &mut output),
+        Command::Merge(arguments) => merge::execute(&arguments, &mut output),
+        Command::Cancel(arguments) => cancel::execute(&arguments, &mut output),
         Command::Status(arguments) => status::execute(&arguments, &mut output),
         Command::Report(arguments) => report::execute(&arguments, &mut output),
         Command::Show(arguments) => show::execute(&arguments, &mut output),

@@ -1,7 +1,9 @@
 //! The error type of the program, and the exit code each kind ends with.
 
 use crate::campaign::CampaignError;
+use crate::engine::EngineError;
 use crate::exit;
+use crate::shard::ShardError;
 use crate::store::StoreError;
 use std::io;
 use std::path::PathBuf;
@@ -18,6 +20,14 @@ pub enum Error {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Store(#[from] StoreError),
+    /// An engine, such as Slurm.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Engine(#[from] EngineError),
+    /// Slices and shards.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Shard(#[from] ShardError),
     /// A file that could not be read.
     #[error("cannot read {}: {source}", path.display())]
     Read {
@@ -125,6 +135,7 @@ impl Error {
             ) => exit::BAD_INPUT,
             Self::Physics(_) | Self::Output(_) | Self::Start { .. } => exit::FAILED,
             Self::Store(error) if error.is_of_the_store() => exit::STORE,
+            Self::Shard(error) if error.is_of_the_disk() => exit::STORE,
             _ => exit::BAD_INPUT,
         }
     }

@@ -25,9 +25,17 @@ const HEARTBEAT: Duration = Duration::from_secs(10);
 /// How long a step in progress may go on after a signal before it is abandoned for its last checkpoint.
 const GRACE: Duration = Duration::from_secs(10);
 
+/// What goes along with a run: publishes its store, for one.
+pub trait Companion: Sync {
+    /// Called every few seconds.
+    fn look(&self, progress: &Progress);
+    /// Called before the process is ended because a step takes too long after a signal.
+    fn last_words(&self, signal: i32, progress: &Progress);
+}
+
 /// How to run.
-#[derive(Debug, Clone, Copy)]
-pub struct Options {
+#[derive(Clone, Copy)]
+pub struct Options<'o> {
     /// Cases computed at a time, one thread each.
     pub workers: usize,
     /// Threads, at least as many: those without a case share the large factorizations of the others.
@@ -36,6 +44,8 @@ pub struct Options {
     pub wall_limit: Option<Duration>,
     /// Keep a frame of the layer with every sample.
     pub trajectory: bool,
+    /// What goes along with the run.
+    pub companion: Option<&'o dyn Companion>,
 }
 
 /// What the threads of a run share.
@@ -45,7 +55,7 @@ struct Shared<'r> {
     /// How every run is made.
     protocol: &'r Protocol,
     /// How to run.
-    options: Options,
+    options: Options<'r>,
     /// Near fields of unequal spheres.
     tables: &'r NearFields,
     /// The signal, once there was one.
@@ -66,7 +76,7 @@ pub fn run(
     store: &mut Store,
     protocol: &Protocol,
     tables: &NearFields,
-    options: Options,
+    options: Options<'_>,
     stop: &Stop,
     progress: &Progress,
 ) -> Result<(), Error> {
@@ -91,7 +101,7 @@ fn run_in(
     store: &mut Store,
     protocol: &Protocol,
     tables: &NearFields,
-    options: Options,
+    options: Options<'_>,
     stop: &Stop,
     progress: &Progress,
 ) -> Result<(), Error> {
@@ -209,12 +219,19 @@ impl<'r> Shared<'r> {
                 if let Err(error) = self.look_around() {
                     self.give_up(error);
                 }
+                if let Some(companion) = self.options.companion {
+                    companion.look(self.progress);
+                }
             }
             self.progress.draw();
             if let Some(signal) = self.stop.signal() {
                 let since = *stopped.get_or_insert_with(|| {
-                    self.progress
-                        .note("stopping at the next step; once more aborts at once");
+                    // A task with a companion publishes first, whatever else it is told.
+                    self.progress.note(if self.options.companion.is_some() {
+                        "stopping at the next step"
+                    } else {
+                        "stopping at the next step; once more aborts at once"
+                    });
                     Instant::now()
                 });
                 if since.elapsed() > GRACE {
@@ -223,6 +240,9 @@ impl<'r> Shared<'r> {
                     // Given back here, so that what the abandoned threads may still write no longer counts.
                     if let Ok(mut store) = self.store.try_lock() {
                         let _ = store.leave();
+                    }
+                    if let Some(companion) = self.options.companion {
+                        companion.last_words(signal, self.progress);
                     }
                     Stop::exit(signal);
                 }

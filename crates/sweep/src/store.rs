@@ -6,8 +6,10 @@
 mod campaign;
 mod checkpoint;
 mod claims;
+mod entries;
 mod error;
 mod frames;
+mod merge;
 mod place;
 mod process;
 mod provenance;
@@ -16,18 +18,25 @@ mod reading;
 mod results;
 mod salvage;
 mod story;
+mod submissions;
 
 pub use checkpoint::{Checkpoint, Damage};
 pub use claims::{Claim, DEATH_LIMIT};
 pub use error::StoreError;
 pub use frames::Kept;
+pub(crate) use merge::Manner;
+pub use merge::{Damaged, Disagreement, Merged};
+pub(crate) use place::is_full;
 pub use place::network_file_system;
 pub use process::{HEARTBEAT_LIMIT, Identity};
+pub(crate) use process::{alive, build, start_of};
 pub use provenance::Provenance;
 pub use query::{Counts, FailureLine, PointRun, ProcessLine, Replay};
+pub(crate) use reading::snapshot;
 pub use results::{Failure, Finished};
 pub use salvage::{Salvaged, salvage};
 pub use story::{Attempt, Origin, Story};
+pub use submissions::{Open, SliceState, Submission, TaskName};
 
 use place::FileIdentity;
 use rusqlite::config::DbConfig;
@@ -39,7 +48,7 @@ use std::time::{Duration, Instant};
 /// Marks the file as ours: `SWEP`.
 const APPLICATION_ID: i32 = 0x5357_4550;
 /// Version of the schema this program reads and writes.
-const SCHEMA_VERSION: i32 = 2;
+const SCHEMA_VERSION: i32 = 3;
 /// What a store of schema 1 lacks.
 const FROM_1_TO_2: &str = "ALTER TABLE cases ADD COLUMN deaths INTEGER NOT NULL DEFAULT 0";
 /// How long a lock held by another program is waited for.
@@ -66,6 +75,8 @@ pub struct Store {
     file: Option<FileIdentity>,
     /// This process, once it works on the store.
     process: Option<Registered>,
+    /// The task of an engine this process works for.
+    task: Option<TaskName>,
 }
 
 /// This process as the store knows it.
@@ -101,6 +112,7 @@ impl Store {
             path: path.to_owned(),
             file: FileIdentity::of(path),
             process: None,
+            task: None,
         };
         store.set_up().map_err(|error| match error {
             Setup::Sqlite(error) => StoreError::sqlite(path, error, false),
@@ -128,12 +140,17 @@ impl Store {
             .connection
             .transaction_with_behavior(TransactionBehavior::Immediate)?;
         // Looked at again under the lock: another process may have made it meanwhile.
-        match version_of(&transaction)? {
+        let version = version_of(&transaction)?;
+        match version {
             0 => transaction.execute_batch(include_str!("store/schema.sql"))?,
             1 => transaction.execute_batch(FROM_1_TO_2)?,
+            2 => {}
             _ => return Ok(()),
         }
-        transaction.execute_batch(include_str!("store/schema_2.sql"))?;
+        if version < 2 {
+            transaction.execute_batch(include_str!("store/schema_2.sql"))?;
+        }
+        transaction.execute_batch(include_str!("store/schema_3.sql"))?;
         transaction.pragma_update(None, "application_id", APPLICATION_ID)?;
         transaction.pragma_update(None, "user_version", SCHEMA_VERSION)?;
         transaction.commit()?;

@@ -119,6 +119,14 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     Ok(exit::DONE)
 }
 
+/// Seconds of this machine for a unit of [`Case::cost`], if they can be measured, and bytes of memory.
+pub(super) fn forecast(campaign: &Campaign, workers: usize) -> (Option<f64>, f64) {
+    let plan = plan(campaign, workers);
+    let cost: f64 = campaign.cases.iter().map(|(_, case)| case.cost()).sum();
+    let seconds = plan.computing_time_s.map(|seconds| seconds / cost);
+    (seconds, plan.memory_bytes)
+}
+
 /// Makes the plan.
 fn plan(campaign: &Campaign, workers: usize) -> Plan {
     let mut kinds = kinds(campaign);

@@ -1,5 +1,7 @@
 //! `sweep run`.
 
+mod shard;
+
 use super::Output;
 use crate::campaign::Campaign;
 use crate::error::Error;
@@ -24,7 +26,8 @@ const WORKER_LIMIT: usize = 4096;
 /// ends as failed.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/friction.toml --workers 8 --store /scratch/friction.sqlite"
+    after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/friction.toml --workers 8 --store /scratch/friction.sqlite\n  \
+                  sweep run sweeps/friction.toml --shard 3/24      # one of 24 tasks of any scheduler; sweep merge joins them"
 )]
 pub(crate) struct Arguments {
     /// The campaign file
@@ -44,6 +47,25 @@ pub(crate) struct Arguments {
     /// Keep the layer at every sampled strain, for `sweep export` and movies; finished cases are not computed again for it
     #[arg(long)]
     trajectory: bool,
+    /// One task of a cluster: compute slice I, from 0, of N in a store of its own, and publish it among the shards. TERM and
+    /// USR1 checkpoint, publish, and have Slurm start the task again if work is left
+    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = shard::part)]
+    shard: Option<shard::Part>,
+    /// The slices, as `sweep submit` wrote them [default: all cases of the file, cut here]
+    #[arg(long, value_name = "FILE", requires = "shard")]
+    slices: Option<PathBuf>,
+    /// Folder shards are published in [default: results/NAME.shards]
+    #[arg(long, value_name = "DIR", requires = "shard")]
+    shards: Option<PathBuf>,
+    /// Disk of this machine to work on [default: SLURM_TMPDIR, or else the folder of shards]
+    #[arg(long, value_name = "DIR", requires = "shard")]
+    scratch: Option<PathBuf>,
+    /// Seconds between publications: what a crashed machine loses at most
+    #[arg(long, value_name = "SECONDS", default_value_t = 60, requires = "shard")]
+    publish_every: u64,
+    /// Go on from shards another build of sweep computed; their bits may differ
+    #[arg(long, requires = "shard")]
+    allow_mixed_versions: bool,
 }
 
 /// Runs the campaign.
@@ -71,6 +93,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
                 })?,
         ),
     };
+    if let Some(part) = arguments.shard {
+        return shard::execute(arguments, part, campaign, workers, wall_limit, output);
+    }
     let stop = Stop::on_signals()?;
     let path = arguments
         .store
@@ -92,24 +117,13 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     let counts = store.counts()?;
     if counts.pending + counts.running > 0 {
-        let style = match (output.quiet, std::io::stderr().is_terminal()) {
-            (true, _) => Style::Quiet,
-            (false, true) => Style::Bars,
-            (false, false) => Style::Lines,
-        };
-        let threads = workers;
-        let workers = workers.min(usize::try_from(counts.total()).unwrap_or(workers));
-        let progress = Progress::new(style, workers, Box::new(std::io::stderr()));
-        let options = Options {
+        let limits = Limits {
             workers,
-            threads,
             wall_limit,
-            trajectory: arguments.trajectory,
         };
-        let ratios = tables::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
-        let tables = tables::make(&ratios, |text| progress.note(text))?;
-        let protocol = &campaign.protocol;
-        runner::run(&mut store, protocol, &tables, options, &stop, &progress)?;
+        compute(
+            arguments, &campaign, &mut store, limits, &stop, None, output,
+        )?;
     }
     super::report::write(&store, output)?;
     Ok(match stop.signal() {
@@ -117,4 +131,45 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         None if store.counts()?.failed > 0 => exit::FAILED,
         None => exit::DONE,
     })
+}
+
+/// How much may be computed at a time, and for how long.
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    /// Cases at a time.
+    workers: usize,
+    /// Computing time of a single case.
+    wall_limit: Option<Duration>,
+}
+
+/// Computes the cases of a store.
+fn compute(
+    arguments: &Arguments,
+    campaign: &Campaign,
+    store: &mut Store,
+    limits: Limits,
+    stop: &Stop,
+    companion: Option<&dyn runner::Companion>,
+    output: &Output<'_>,
+) -> Result<(), Error> {
+    let style = match (output.quiet, std::io::stderr().is_terminal()) {
+        (true, _) => Style::Quiet,
+        (false, true) => Style::Bars,
+        (false, false) => Style::Lines,
+    };
+    let threads = limits.workers;
+    let cases = store.counts()?.total();
+    let workers = threads.min(usize::try_from(cases).unwrap_or(threads));
+    let progress = Progress::new(style, workers, Box::new(std::io::stderr()));
+    let options = Options {
+        workers,
+        threads,
+        wall_limit: limits.wall_limit,
+        trajectory: arguments.trajectory,
+        companion,
+    };
+    let ratios = tables::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
+    let tables = tables::make(&ratios, |text| progress.note(text))?;
+    let protocol = &campaign.protocol;
+    runner::run(store, protocol, &tables, options, stop, &progress)
 }

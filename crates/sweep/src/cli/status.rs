@@ -1,10 +1,12 @@
 //! `sweep status`.
 
+mod tasks;
+
 use super::{Output, store_path};
 use crate::error::Error;
 use crate::exit;
 use crate::report::duration;
-use crate::store::{Counts, FailureLine, ProcessLine, Store};
+use crate::store::{Counts, Disagreement, FailureLine, ProcessLine, Store};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -36,11 +38,20 @@ struct Status {
     processes: Vec<ProcessLine>,
     /// Failed cases.
     failures: Vec<FailureLine>,
+    /// Jobs that were submitted, with their tasks.
+    jobs: Vec<tasks::Jobs>,
+    /// Published shards that were not merged, or have changed since.
+    unmerged_shards: u64,
+    /// Results of one case that do not agree bit for bit.
+    disagreements: Vec<Disagreement>,
+    /// Shards of another build that were let in.
+    mixed_shards: u64,
 }
 
 /// Writes the status.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let store = Store::open_read_only(&store_path(&arguments.store)?)?;
+    let path = store_path(&arguments.store)?;
+    let store = Store::open_read_only(&path)?;
     let (total, done) = store.work()?;
     let status = Status {
         campaign: store.campaign_name()?,
@@ -48,6 +59,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         work_done: if total > 0.0 { done / total } else { 1.0 },
         processes: store.processes()?,
         failures: store.failures(arguments.failures)?,
+        jobs: tasks::jobs(&store)?,
+        unmerged_shards: store.unmerged(&crate::shard::folder_of(&path))?,
+        disagreements: store.disagreements()?,
+        mixed_shards: store.mixed_shards()?,
     };
     if output.json {
         output.json(&status)?;
@@ -73,6 +88,30 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             process.host,
             process.running,
             duration(process.silent_s)
+        )?;
+    }
+    tasks::write(&status.jobs, output.width, out, &arguments.store)?;
+    if status.unmerged_shards > 0 {
+        writeln!(
+            out,
+            "{} shards are newer than the store: sweep merge {}",
+            status.unmerged_shards,
+            arguments.store.display()
+        )?;
+    }
+    if !status.disagreements.is_empty() {
+        writeln!(
+            out,
+            "{} results do not agree bit for bit with another attempt: sweep merge {} lists them",
+            status.disagreements.len(),
+            arguments.store.display()
+        )?;
+    }
+    if status.mixed_shards > 0 {
+        writeln!(
+            out,
+            "{} shards of another build of sweep were let in",
+            status.mixed_shards
         )?;
     }
     for failure in &status.failures {

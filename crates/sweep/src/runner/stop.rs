@@ -19,6 +19,8 @@ struct Asked {
     signal: AtomicI32,
     /// Whether there is anything to checkpoint.
     under_way: AtomicBool,
+    /// Whether signals never end the process by themselves.
+    patient: bool,
 }
 
 impl Stop {
@@ -27,19 +29,42 @@ impl Stop {
     /// # Errors
     /// [`Error::Start`] if the system does not let us.
     pub fn on_signals() -> Result<Self, Error> {
+        Self::listen(Asked::default())
+    }
+
+    /// The same for a task of an engine, which may send several signals at the end and KILL after them: none but INT ends
+    /// the process before it has published what it has.
+    ///
+    /// # Errors
+    /// As [`Stop::on_signals`].
+    pub fn for_a_task() -> Result<Self, Error> {
+        Self::listen(Asked {
+            patient: true,
+            ..Asked::default()
+        })
+    }
+
+    /// Listens from now on.
+    fn listen(asked: Asked) -> Result<Self, Error> {
         let refused = |error: std::io::Error| Error::Start {
             what: "signal handlers",
             reason: error.to_string(),
         };
-        let stop = Self::default();
+        let stop = Self(Arc::new(asked));
         let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP, SIGUSR1]).map_err(refused)?;
         let told = stop.clone();
         std::thread::Builder::new()
             .name("signals".into())
             .spawn(move || {
                 for signal in signals.forever() {
-                    let again = told.0.signal.swap(signal, Ordering::SeqCst) != 0;
-                    if again || !told.0.under_way.load(Ordering::SeqCst) {
+                    let first = told.0.signal.compare_exchange(
+                        0,
+                        signal,
+                        Ordering::SeqCst,
+                        Ordering::SeqCst,
+                    );
+                    let abort = first.is_err() || !told.0.under_way.load(Ordering::SeqCst);
+                    if abort && (!told.0.patient || signal == SIGINT) {
                         Self::exit(signal);
                     }
                     crate::store::hurry();

@@ -182,7 +182,7 @@ impl Row<'_> {
 }
 
 /// Averages finished runs again whose discarded strain is no longer that of the protocol.
-fn average_again(
+pub(super) fn average_again(
     transaction: &Transaction<'_>,
     protocol: &Protocol,
 ) -> Result<(), rusqlite::Error> {

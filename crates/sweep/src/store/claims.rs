@@ -34,11 +34,12 @@ impl Store {
     pub fn register(&mut self, threads: usize) -> Result<(), StoreError> {
         let identity = Identity::of_this_process();
         let (build, now) = (process::build(), process::now());
+        let task = self.task.clone();
         let id = self.write(|transaction| {
             transaction.execute(
                 "INSERT INTO processes (host, boot, namespace, pid, start, started_at, heartbeat, version,
-                     physics_version, build, threads)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?6, ?7, ?8, ?9, ?10)",
+                     physics_version, build, threads, job, task, restart, node)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14)",
                 params![
                     identity.host,
                     identity.boot,
@@ -50,6 +51,10 @@ impl Store {
                     PHYSICS_VERSION,
                     build,
                     integer(threads as u64),
+                    task.as_ref().map(|task| &task.job),
+                    task.as_ref().map(|task| integer(task.task as u64)),
+                    task.as_ref().map(|task| task.restart),
+                    task.as_ref().map(|task| &task.node),
                 ],
             )?;
             Ok(transaction.last_insert_rowid())

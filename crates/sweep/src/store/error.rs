@@ -63,6 +63,24 @@ pub enum StoreError {
         /// The one asked for.
         wanted: String,
     },
+    /// A shard computed by another build of the program.
+    #[error(
+        "{} was computed by build {build} of sweep, and {}",
+        path.display(),
+        if known.is_empty() { "other shards by another one".to_owned() } else { format!("the store holds build {known}") }
+    )]
+    #[diagnostic(help(
+        "nothing was merged: bits repeat on the same build only. --allow-mixed-versions merges it all the same, and keeps \
+         a record of that in the store"
+    ))]
+    OtherBuild {
+        /// The shard.
+        path: PathBuf,
+        /// Its build.
+        build: String,
+        /// Those of the store.
+        known: String,
+    },
     /// A file system without what several processes need to share a file.
     #[error("{}: this file system cannot keep a write-ahead log", path.display())]
     #[diagnostic(help("put the store on a local disk with --store FILE"))]
@@ -163,7 +181,7 @@ impl StoreError {
                 "finished results stay readable; make it writable, or choose another place with --store FILE",
             ),
             Some(ErrorCode::DiskFull) => (
-                "the disk is full".into(),
+                "the disk is full, or the quota on it used up".into(),
                 "finished results are safe; make room and give the same command again",
             ),
             Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => (

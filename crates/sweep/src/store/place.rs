@@ -26,14 +26,33 @@ impl FileIdentity {
     }
 }
 
-/// Whether the disk of a file has next to no room left.
-pub(super) fn is_full(path: &Path) -> bool {
+/// Whether the disk of a file has next to no room left, or the quota of the user on it is used up.
+pub(crate) fn is_full(path: &Path) -> bool {
     let place = path
         .parent()
         .filter(|parent| !parent.as_os_str().is_empty())
         .unwrap_or(Path::new("."));
     rustix::fs::statvfs(place)
         .is_ok_and(|disk| disk.f_bavail.saturating_mul(disk.f_frsize) < ROOM || disk.f_favail == 0)
+        || takes_no_more(place)
+}
+
+/// Whether the system refuses a small file for want of room: of a quota it says nothing before.
+fn takes_no_more(place: &Path) -> bool {
+    use std::io::{ErrorKind, Write as _};
+    let path = place.join(format!(".sweep-room-{}", std::process::id()));
+    let written = std::fs::File::create_new(&path).and_then(|mut file| {
+        file.write_all(&vec![0; 64 << 10])?;
+        file.sync_all()
+    });
+    let refused = written.is_err_and(|error| {
+        matches!(
+            error.kind(),
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded
+        )
+    });
+    let _ = std::fs::remove_file(&path);
+    refused
 }
 
 /// The name of the network file system a file lies on, if it does: several machines cannot share a store there.

@@ -59,6 +59,16 @@ impl Store {
         Err(failed(last))
     }
 
+    /// Opens a shard. A published one never changes, so it is read without locks, which not every file system has, and
+    /// leaves nothing beside it; one that still has a log may be in use.
+    pub(crate) fn open_shard(path: &Path) -> Result<Self, StoreError> {
+        if log_of(path).exists() {
+            Self::open_read_only(path)
+        } else {
+            Self::read_only(path, Some("immutable=1"), false)
+        }
+    }
+
     /// Opens a damaged store for what can be read of it.
     pub(super) fn open_damaged(path: &Path) -> Result<Self, StoreError> {
         if !path.exists() {
@@ -102,6 +112,7 @@ impl Store {
             path: path.to_owned(),
             file: None,
             process: None,
+            task: None,
         };
         match store.identify().map_err(failed)? {
             Kind::Ours(1..=SCHEMA_VERSION) => {
@@ -115,6 +126,20 @@ impl Store {
             }),
         }
     }
+}
+
+/// Writes all that a store holds at this moment into a new file, while others go on writing to the store.
+pub(crate) fn snapshot(path: &Path, to: &Path) -> Result<(), StoreError> {
+    let failed = |error| StoreError::sqlite(path, error, true);
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let mut connection = Connection::open_with_flags(path, flags).map_err(failed)?;
+    connection
+        .busy_handler(Some(wait_for_lock))
+        .map_err(failed)?;
+    connection
+        .execute("VACUUM INTO ?1", [to.to_string_lossy()])
+        .map(|_| ())
+        .map_err(|error| StoreError::sqlite(to, error, true))
 }
 
 /// Copies a database and its log, neither of which may change meanwhile, into a new directory of our own.
@@ -143,7 +168,7 @@ fn copy_unchanged(path: &Path, directory: &Path) -> io::Result<PathBuf> {
 }
 
 /// The write-ahead log beside a database.
-fn log_of(path: &Path) -> PathBuf {
+pub(super) fn log_of(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push("-wal");
     PathBuf::from(name)

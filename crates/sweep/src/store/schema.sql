@@ -1,4 +1,4 @@
--- Store of one campaign, schema 2. Strains, not times; lengths in a, stresses in mu·rate.
+-- Store of one campaign, schema 1 and the column deaths of schema 2. Strains, not times; lengths in a, stresses in mu·rate.
 
 CREATE TABLE campaign (
     id       INTEGER PRIMARY KEY CHECK (id = 1),

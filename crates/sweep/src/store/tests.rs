@@ -5,6 +5,7 @@ use crate::test_support::{counters, sample, snapshot};
 use rusqlite::params;
 use std::path::Path;
 
+mod merge;
 mod trouble;
 
 const CAMPAIGN: &str = r#"name = "small"

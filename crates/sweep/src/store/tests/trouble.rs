@@ -225,7 +225,10 @@ fn store_of_the_first_schema_is_read_and_brought_up_to_date() {
     drop(mixed(directory.path()));
     let old = rusqlite::Connection::open(&path).unwrap();
     old.execute_batch(
-        "DROP VIEW viscosity_vs_shear_rate; DROP TABLE frames; ALTER TABLE cases DROP COLUMN deaths;
+        "DROP TABLE disagreements; DROP TABLE shards; DROP TABLE slices; DROP TABLE submissions;
+         ALTER TABLE processes DROP COLUMN job; ALTER TABLE processes DROP COLUMN task;
+         ALTER TABLE processes DROP COLUMN restart; ALTER TABLE processes DROP COLUMN node;
+         DROP VIEW viscosity_vs_shear_rate; DROP TABLE frames; ALTER TABLE cases DROP COLUMN deaths;
          PRAGMA user_version = 1",
     )
     .unwrap();

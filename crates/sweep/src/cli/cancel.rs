@@ -1,0 +1,114 @@
+//! `sweep cancel`.
+
+use super::{Output, store_path};
+use crate::engine::{self, Engine};
+use crate::error::Error;
+use crate::exit;
+use crate::shard;
+use crate::store::{Store, Submission};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Time from one look at tasks that are ending to the next.
+const LOOK: Duration = Duration::from_secs(1);
+
+/// End the tasks of a campaign that were submitted
+///
+/// Tasks at work checkpoint and publish before they end, and are waited for. `sweep submit` goes on from there.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep cancel sweeps/friction.toml\n  sweep cancel results/friction.sqlite --job 4711"
+)]
+pub(crate) struct Arguments {
+    /// The store, or a campaign file whose default store is meant
+    store: PathBuf,
+    /// Only this job [default: all of the campaign]
+    #[arg(long, value_name = "JOB")]
+    job: Option<String>,
+    /// Seconds the tasks are waited for at most
+    #[arg(long, default_value_t = 120, value_name = "SECONDS")]
+    wait: u64,
+}
+
+/// The answer.
+#[derive(Serialize)]
+struct Answer {
+    /// Jobs that were cancelled.
+    cancelled: Vec<String>,
+    /// Tasks that have not ended yet.
+    ending: usize,
+}
+
+/// Cancels what was submitted.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let path = store_path(&arguments.store)?;
+    // Looked at first: a store that is not there must not be made.
+    drop(Store::open_read_only(&path)?);
+    let mut store = Store::open(&path)?;
+    let mut cancelled: Vec<(String, Box<dyn Engine>)> = Vec::new();
+    let named = |submission: &Submission| {
+        arguments.job.is_none() && submission.cancelled_at.is_none()
+            || arguments.job.is_some() && submission.job == arguments.job
+    };
+    let submissions = store.submissions()?;
+    if arguments.job.is_some() && !submissions.iter().any(named) {
+        return Err(Error::Argument {
+            argument: "--job",
+            message: "no such job was submitted from this store".into(),
+        });
+    }
+    for submission in submissions.iter().filter(|submission| named(submission)) {
+        let (Some(job), Some(engine)) = (&submission.job, engine::by_name(&submission.engine))
+        else {
+            continue;
+        };
+        if engine.active(job)?.is_empty() {
+            continue;
+        }
+        // Before they are told: a task that finds the mark does not ask to be started again.
+        let mark = shard::cancel_mark(&submission.folder, &submission.plan, job);
+        if let Some(folder) = mark.parent() {
+            let _ = std::fs::create_dir_all(folder);
+        }
+        // Without it the tasks ask Slurm, and find out as well.
+        let _ = std::fs::write(&mark, "");
+        engine.cancel(job)?;
+        store.cancelled(submission.id)?;
+        cancelled.push((job.clone(), engine));
+    }
+    let begun = Instant::now();
+    let ending = loop {
+        let mut ending = 0;
+        for (job, engine) in &cancelled {
+            ending += engine.active(job)?.len();
+        }
+        if ending == 0 || begun.elapsed() >= Duration::from_secs(arguments.wait) {
+            break ending;
+        }
+        std::thread::sleep(LOOK);
+    };
+    let answer = Answer {
+        cancelled: cancelled.into_iter().map(|(job, _)| job).collect(),
+        ending,
+    };
+    if output.json {
+        output.json(&answer)?;
+    } else if answer.cancelled.is_empty() {
+        writeln!(
+            output.out,
+            "no tasks of this campaign are waiting or at work"
+        )?;
+    } else {
+        writeln!(output.out, "cancelled: {}", answer.cancelled.join(", "))?;
+        if ending > 0 {
+            writeln!(output.out, "{ending} tasks have not ended yet")?;
+        }
+        writeln!(
+            output.out,
+            "`sweep merge {}` takes over what they computed; `sweep submit` goes on from there",
+            arguments.store.display()
+        )?;
+    }
+    Ok(exit::DONE)
+}

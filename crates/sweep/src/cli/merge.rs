@@ -1,0 +1,178 @@
+//! `sweep merge`.
+
+use super::{Output, store_path};
+use crate::campaign::Campaign;
+use crate::error::Error;
+use crate::exit;
+use crate::shard::{self, ShardError};
+use crate::store::{Counts, Disagreement, Merged, Store, StoreError};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Join the shards that tasks published into the store of their campaign
+///
+/// May be given as often as one likes, in any order, while tasks still run: a shard that has not changed is not read again.
+/// Complete runs are preferred to partial ones, and later attempts to earlier ones. Runs computed twice must agree to the last
+/// bit; those that do not are listed, and the exit code is 1. So it is if a shard cannot be read: the others are merged.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep merge results/friction.sqlite results/friction.shards\n  \
+                  sweep merge results/friction.sqlite results/friction.shards/*.sqlite other-machine.sqlite"
+)]
+pub(crate) struct Arguments {
+    /// The store, or a campaign file whose default store is meant; made if it is not there
+    store: PathBuf,
+    /// Shards, or folders of them [default: the folder beside the store]
+    shards: Vec<PathBuf>,
+    /// Merge shards that another build of sweep computed, whose bits may differ; the store keeps a record of it
+    #[arg(long)]
+    allow_mixed_versions: bool,
+}
+
+/// The answer.
+#[derive(Serialize)]
+struct Answer {
+    /// What was merged.
+    #[serde(flatten)]
+    merged: Merged,
+    /// Cases of the store by state.
+    cases: Counts,
+    /// Results that do not agree.
+    disagreements: Vec<Disagreement>,
+    /// Shards of other builds in the store.
+    mixed_shards: u64,
+}
+
+/// Merges shards.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let path = store_path(&arguments.store)?;
+    let shards = if arguments.shards.is_empty() {
+        in_folder(&shard::folder_of(&path))?
+    } else {
+        let mut all = Vec::new();
+        for given in &arguments.shards {
+            if given.is_dir() {
+                all.extend(in_folder(given)?);
+            } else if given.exists() {
+                all.push(given.clone());
+            } else {
+                return Err(ShardError::Vanished {
+                    path: given.clone(),
+                }
+                .into());
+            }
+        }
+        all
+    };
+    let mut store = open(&path, &shards)?;
+    let merged = store.merge(&shards, arguments.allow_mixed_versions)?;
+    let answer = Answer {
+        merged,
+        cases: store.counts()?,
+        disagreements: store.disagreements()?,
+        mixed_shards: store.mixed_shards()?,
+    };
+    let clean = answer.merged.damaged.is_empty() && answer.disagreements.is_empty();
+    if output.json {
+        output.json(&answer)?;
+    } else {
+        write_text(&answer, output)?;
+    }
+    Ok(if clean { exit::DONE } else { exit::FAILED })
+}
+
+/// The shards in a folder.
+pub(super) fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ShardError> {
+    if !folder.is_dir() {
+        return Err(ShardError::Vanished {
+            path: folder.to_owned(),
+        });
+    }
+    Ok(shard::published(folder)
+        .into_iter()
+        .map(|shard| shard.path)
+        .collect())
+}
+
+/// Opens the store; a new one gets the campaign of the first shard that can be read.
+fn open(path: &Path, shards: &[PathBuf]) -> Result<Store, Error> {
+    if path.exists() {
+        return Ok(Store::open(path)?);
+    }
+    let mut first = None;
+    for shard in shards {
+        match Store::open_read_only(shard).and_then(|shard| shard.campaign_text()) {
+            Ok(text) => {
+                let campaign = Campaign::parse(&shard.display().to_string(), text)?;
+                let mut store = Store::open(path)?;
+                store.adopt(&campaign)?;
+                return Ok(store);
+            }
+            Err(error) => first = first.or(Some(error)),
+        }
+    }
+    Err(first
+        .unwrap_or_else(|| StoreError::Missing {
+            path: path.to_owned(),
+        })
+        .into())
+}
+
+/// Says what was merged.
+fn write_text(answer: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
+    let (merged, cases, out) = (&answer.merged, &answer.cases, &mut *output.out);
+    writeln!(
+        out,
+        "{} shards read, {} unchanged: {} new results, {} failures, {} checkpoints; {} results were there, with the same bits",
+        merged.shards,
+        merged.unchanged,
+        merged.results,
+        merged.failures,
+        merged.checkpoints,
+        merged.duplicates
+    )?;
+    if merged.unreadable > 0 {
+        writeln!(
+            out,
+            "{} entries could not be trusted and are computed again",
+            merged.unreadable
+        )?;
+    }
+    for damaged in &merged.damaged {
+        writeln!(
+            out,
+            "cannot be read: {}: {}",
+            damaged.path.display(),
+            damaged.reason
+        )?;
+    }
+    if !merged.damaged.is_empty() {
+        writeln!(
+            out,
+            "tasks at work publish theirs again; what else they held is open, and `sweep submit` goes on with it"
+        )?;
+    }
+    for disagreement in &answer.disagreements {
+        writeln!(
+            out,
+            "DISAGREE: {}: {}; kept: {}, not: {}",
+            disagreement.key, disagreement.what, disagreement.kept, disagreement.other
+        )?;
+    }
+    if answer.mixed_shards > 0 {
+        writeln!(
+            out,
+            "{} shards of another build of sweep were let in",
+            answer.mixed_shards
+        )?;
+    }
+    writeln!(
+        out,
+        "{} of {} cases are done, {} jammed, {} failed",
+        cases.done,
+        cases.total(),
+        cases.jammed,
+        cases.failed
+    )?;
+    Ok(())
+}

@@ -1,0 +1,310 @@
+//! `sweep run --shard`: one task of a campaign, in a store of its own.
+
+use super::{Arguments, Limits, compute};
+use crate::campaign::Campaign;
+use crate::cli::Output;
+use crate::engine::slurm::{self, Requeued};
+use crate::error::Error;
+use crate::exit;
+use crate::runner::{Companion, Progress, Stop};
+use crate::shard::{self, Publisher, ShardError, Slices};
+use crate::store::{Counts, Identity, Manner, Open, Store, StoreError, TaskName};
+use rustix::process::Signal;
+use serde::Serialize;
+use std::collections::HashSet;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// One of so many slices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Part {
+    /// Which one, from 0.
+    task: usize,
+    /// Of how many.
+    tasks: usize,
+}
+
+/// Reads `I/N`.
+pub(super) fn part(text: &str) -> Result<Part, String> {
+    text.split_once('/')
+        .and_then(|(task, tasks)| {
+            Some(Part {
+                task: task.parse().ok()?,
+                tasks: tasks.parse().ok()?,
+            })
+        })
+        .filter(|part| part.task < part.tasks && part.tasks <= 1_000_000)
+        .ok_or_else(|| "write I/N with I from 0 to N - 1, as in 0/24".to_owned())
+}
+
+/// What is said at the end.
+#[derive(Serialize)]
+struct Answer<'a> {
+    /// The task.
+    task: usize,
+    /// Of how many.
+    tasks: usize,
+    /// Its shard.
+    shard: &'a Path,
+    /// Cases of the slice by state.
+    #[serde(rename = "cases")]
+    counts: Counts,
+}
+
+/// A task at work.
+struct Task<'t> {
+    /// Publishes its store.
+    publisher: Publisher,
+    /// Its name, if Slurm started it.
+    slurm: Option<TaskName>,
+    /// Marks that it was cancelled.
+    cancelled: PathBuf,
+    /// Where notes go; nowhere if nobody wants them.
+    note: &'t (dyn Fn(&str) + Sync),
+}
+
+impl Companion for Task<'_> {
+    fn look(&self, progress: &Progress) {
+        if self.publisher.is_due()
+            && let Err(error) = self.publisher.publish()
+        {
+            // Computing goes on: there may be room again at the next attempt.
+            progress.note(&format!("{error}; tried again in a while"));
+        }
+    }
+
+    fn last_words(&self, signal: i32, _: &Progress) {
+        match self.publisher.publish() {
+            Ok(()) => self.again(signal),
+            Err(error) => (self.note)(&error.to_string()),
+        }
+    }
+}
+
+impl Task<'_> {
+    /// Has the task started again, after a signal with work left.
+    fn again(&self, signal: i32) {
+        let Some(name) = &self.slurm else {
+            (self.note)("work is left: give the same command again to go on");
+            return;
+        };
+        if self.cancelled.exists() || signal == Signal::INT.as_raw() {
+            (self.note)("cancelled: `sweep submit` goes on from here");
+            return;
+        }
+        (self.note)(
+            &match slurm::requeue(name, signal == Signal::USR1.as_raw()) {
+                Requeued::Yes => "work is left: Slurm starts the task again".to_owned(),
+                Requeued::Cancelled => "cancelled: `sweep submit` goes on from here".to_owned(),
+                Requeued::No(why) => {
+                    format!(
+                        "work is left, and the task could not be started again ({why}): `sweep submit` goes on from here"
+                    )
+                }
+            },
+        );
+    }
+}
+
+/// Computes one slice of the campaign.
+pub(super) fn execute(
+    arguments: &Arguments,
+    part: Part,
+    mut campaign: Campaign,
+    workers: usize,
+    wall_limit: Option<Duration>,
+    output: &mut Output<'_>,
+) -> Result<u8, Error> {
+    let stop = Stop::for_a_task()?;
+    let folder = arguments
+        .shards
+        .clone()
+        .unwrap_or_else(|| shard::folder_of(&campaign.default_store()));
+    let plan = restrict(arguments, part, &mut campaign)?;
+    let slurm = slurm::this_task(part.task);
+    let name = slurm.clone().unwrap_or_else(|| TaskName {
+        job: "by-hand".into(),
+        task: part.task,
+        restart: 0,
+        node: Identity::of_this_process().host,
+    });
+    let file = shard::name(&plan, &name);
+    let scratch = arguments
+        .scratch
+        .clone()
+        .or_else(|| std::env::var_os("SLURM_TMPDIR").map(PathBuf::from))
+        .unwrap_or_else(|| folder.join("work"));
+    for folder in [&folder, &scratch] {
+        std::fs::create_dir_all(folder).map_err(|source| ShardError::Folder {
+            path: folder.clone(),
+            source,
+        })?;
+    }
+    let quiet = output.quiet;
+    let note = move |text: &str| {
+        if !quiet {
+            // Nobody may read standard error.
+            let _ = writeln!(std::io::stderr(), "{text}");
+        }
+    };
+    let work = scratch.join(&file);
+    let mut store = Store::open(&work)?;
+    store.adopt(&campaign)?;
+    for source in sources(&folder, &plan, part.task) {
+        go_on_from(&mut store, &source, arguments.allow_mixed_versions, &note)?;
+    }
+    let task = Task {
+        publisher: Publisher::new(
+            work,
+            folder.join(file),
+            Duration::from_secs(arguments.publish_every),
+        ),
+        cancelled: shard::cancel_mark(&folder, &plan, &name.job),
+        slurm,
+        note: &note,
+    };
+    // Whoever cannot publish should know before hours are computed, not after.
+    task.publisher.publish()?;
+    store.work_for(name);
+    let limits = Limits {
+        workers,
+        wall_limit,
+    };
+    let counts = store.counts()?;
+    let computed = if counts.pending + counts.running > 0 {
+        compute(
+            arguments,
+            &campaign,
+            &mut store,
+            limits,
+            &stop,
+            Some(&task),
+            output,
+        )
+    } else {
+        Ok(())
+    };
+    // What there is counts, whatever ended the run.
+    let published = task.publisher.publish();
+    computed?;
+    published?;
+    let counts = store.counts()?;
+    drop(store);
+    task.publisher.clean_up();
+    let left = counts.pending + counts.running;
+    answer(part, counts, task.publisher.target(), output)?;
+    // Before Slurm ends this process, as it does with a task that is to be started again.
+    output.out.flush()?;
+    Ok(match stop.signal() {
+        Some(signal) if left > 0 => {
+            task.again(signal);
+            exit::stopped_by(signal)
+        }
+        _ if counts.failed > 0 => exit::FAILED,
+        _ => exit::DONE,
+    })
+}
+
+/// Says how far the slice is.
+fn answer(part: Part, counts: Counts, shard: &Path, output: &mut Output<'_>) -> Result<(), Error> {
+    let left = counts.pending + counts.running;
+    if output.json {
+        return output.json(&Answer {
+            task: part.task,
+            tasks: part.tasks,
+            shard,
+            counts,
+        });
+    }
+    writeln!(
+        output.out,
+        "task {} of {}: {} cases done, {} jammed, {} failed, {left} left: {}",
+        part.task,
+        part.tasks,
+        counts.done,
+        counts.jammed,
+        counts.failed,
+        shard.display()
+    )?;
+    Ok(())
+}
+
+/// Leaves only the cases of the slice in a campaign. Gives the name of the plan.
+fn restrict(arguments: &Arguments, part: Part, campaign: &mut Campaign) -> Result<String, Error> {
+    let (plan, keys) = if let Some(path) = &arguments.slices {
+        Slices::read(path, part.task, part.tasks)?
+    } else {
+        let all: Vec<Open> = campaign
+            .cases
+            .iter()
+            .map(|(key, case)| Open {
+                key: key.to_string(),
+                cost: case.cost(),
+                begun: false,
+            })
+            .collect();
+        let mut slices = Slices::cut(&all, part.tasks);
+        (
+            slices.plan(&campaign.text),
+            slices.tasks.swap_remove(part.task),
+        )
+    };
+    let keys: HashSet<String> = keys.into_iter().collect();
+    campaign
+        .cases
+        .retain(|(key, _)| keys.contains(&key.to_string()));
+    if campaign.cases.len() < keys.len() {
+        return Err(ShardError::Slices {
+            path: arguments.slices.clone().unwrap_or_default(),
+            reason: format!(
+                "{} of its cases are not in {}: these are slices of another campaign file",
+                keys.len() - campaign.cases.len(),
+                arguments.campaign.display()
+            ),
+        }
+        .into());
+    }
+    Ok(plan)
+}
+
+/// Where the slice may have been begun: what was known when it was planned, and what this task published before.
+fn sources(folder: &Path, plan: &str, task: usize) -> Vec<PathBuf> {
+    let begun = shard::plan_folder(folder, plan).join("begun.sqlite");
+    let before = shard::published(folder)
+        .into_iter()
+        .filter(|shard| shard.plan == plan && shard.task.task == task)
+        .map(|shard| shard.path);
+    begun
+        .exists()
+        .then_some(begun)
+        .into_iter()
+        .chain(before)
+        .collect()
+}
+
+/// Takes over what a shard holds of the slice. One that cannot be used is no reason to stop: the slice is computed anew.
+fn go_on_from(
+    store: &mut Store,
+    source: &Path,
+    mixed: bool,
+    note: &dyn Fn(&str),
+) -> Result<(), Error> {
+    match store.merge_as(Manner::Task, &[source.to_owned()], mixed) {
+        Ok(merged) => {
+            for damaged in merged.damaged {
+                note(&format!(
+                    "{} cannot be used: {}",
+                    damaged.path.display(),
+                    damaged.reason
+                ));
+            }
+            Ok(())
+        }
+        Err(error @ (StoreError::OtherBuild { .. } | StoreError::OtherCampaign { .. })) => {
+            note(&format!("{error}: not used"));
+            Ok(())
+        }
+        Err(error) => Err(error.into()),
+    }
+}

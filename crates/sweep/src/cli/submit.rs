@@ -1,0 +1,469 @@
+//! `sweep submit`.
+
+mod folder;
+
+use super::{Output, plan};
+use crate::campaign::Campaign;
+use crate::engine::{self, Engine, EngineError, Job, local::Local, slurm::Slurm, slurm::TimeLimit};
+use crate::error::Error;
+use crate::exit;
+use crate::report::{bytes, duration};
+use crate::shard::{self, Slices};
+use crate::store::{self, Open, Store, Submission};
+use clap::ValueEnum;
+use folder::{Draft, write_plan};
+use serde::Serialize;
+use std::collections::HashSet;
+use std::io::Write as _;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+/// Seconds of a task aimed at where no --time is given.
+const USUAL_TIME_S: f64 = 3600.0;
+/// Options of sbatch that are the business of the script.
+const OURS: [&str; 7] = [
+    "-a",
+    "--array",
+    "--export",
+    "--wrap",
+    "--parsable",
+    "--signal",
+    "--open-mode",
+];
+
+/// Hand what a campaign lacks to Slurm, as one array of tasks
+///
+/// Merges the shards there are, cuts the open cases into slices of equal estimated cost, and submits one array job whose
+/// tasks compute one slice each with `sweep run --shard`. A task that meets its time limit checkpoints and is started again
+/// until its slice is done. Cases that tasks submitted before still work on are left to them. Nothing of the environment is
+/// exported to the tasks; the program is copied into the folder of shards, so that it may be built anew meanwhile.
+#[derive(Debug, clap::Args)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "switches of the command line"
+)]
+#[command(
+    after_help = "Examples:\n  sweep submit sweeps/friction.toml --tasks 200 --time 4:00:00 --partition short --dry-run\n  \
+                  sweep submit sweeps/friction.toml --time 12:00:00 --throttle 50 --sbatch-arg=--mem=4G\n  \
+                  sweep submit sweeps/friction.toml --engine local\n  \
+                  sweep status sweeps/friction.toml && sweep merge sweeps/friction.toml && sweep report sweeps/friction.toml"
+)]
+pub(crate) struct Arguments {
+    /// The campaign file
+    campaign: PathBuf,
+    /// What runs the tasks
+    #[arg(long, value_enum, default_value_t = Kind::Slurm)]
+    engine: Kind,
+    /// The store; shards go to the folder beside it [default: results/NAME.sqlite]
+    #[arg(long, value_name = "FILE")]
+    store: Option<PathBuf>,
+    /// Number of tasks [default: so many that each needs about half of --time]
+    #[arg(long, value_name = "N")]
+    tasks: Option<NonZeroUsize>,
+    /// Cases each task computes at a time, one core each
+    #[arg(long, value_name = "K", default_value = "1")]
+    workers_per_task: NonZeroUsize,
+    /// Tasks at work at a time, at most
+    #[arg(long, value_name = "N")]
+    throttle: Option<NonZeroUsize>,
+    /// Time limit of a task, as for sbatch: minutes, HH:MM:SS or D-HH [default: the site's]
+    #[arg(long, value_name = "TIME")]
+    time: Option<TimeLimit>,
+    /// Partition of the cluster
+    #[arg(long, value_parser = word)]
+    partition: Option<String>,
+    /// Account the time is charged to
+    #[arg(long, value_parser = word)]
+    account: Option<String>,
+    /// Further argument of sbatch, as in --sbatch-arg=--mem=4G; may be repeated
+    #[arg(long, value_name = "ARG", allow_hyphen_values = true)]
+    sbatch_arg: Vec<String>,
+    /// Disk of the nodes the tasks work on [default: SLURM_TMPDIR, or else the folder of shards]
+    #[arg(long, value_name = "DIR")]
+    scratch: Option<PathBuf>,
+    /// Seconds between publications: what a crashed node loses at most
+    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
+    publish_every: u64,
+    /// Computing time after which a single case ends as failed, in seconds
+    #[arg(long, value_name = "SECONDS")]
+    max_wall_time: Option<f64>,
+    /// Keep the layer at every sampled strain, as `sweep run` does
+    #[arg(long)]
+    trajectory: bool,
+    /// Compute failed cases again
+    #[arg(long)]
+    retry_failed: bool,
+    /// Submit although another build of sweep computed what is stored; the store keeps a record of it
+    #[arg(long)]
+    allow_mixed_versions: bool,
+    /// Also submit cases that tasks submitted before may still work on: costs time, does no harm
+    #[arg(long)]
+    again: bool,
+    /// Print what would be submitted, and write nothing
+    #[arg(long)]
+    dry_run: bool,
+}
+
+/// The engines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Kind {
+    /// A cluster with Slurm.
+    Slurm,
+    /// The background of this machine.
+    Local,
+}
+
+/// A name of a partition or an account.
+fn word(text: &str) -> Result<String, String> {
+    let fits = |c: char| c.is_ascii_alphanumeric() || "_-.,@+:/".contains(c);
+    if !text.is_empty() && !text.starts_with('-') && text.chars().all(fits) {
+        Ok(text.to_owned())
+    } else {
+        Err("a name of letters, digits and _ - . , @ + : /".into())
+    }
+}
+
+/// The answer.
+#[derive(Serialize)]
+struct Answer<'a> {
+    /// The job, once it is submitted.
+    job: Option<&'a str>,
+    /// Hash of the slices.
+    plan: &'a str,
+    /// Open cases in it.
+    cases: usize,
+    /// Number of tasks.
+    tasks: usize,
+    /// Where shards go.
+    folder: &'a Path,
+    /// The command that hands the script over.
+    command: &'a [String],
+    /// The script.
+    script: &'a str,
+}
+
+/// Submits what is open.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let campaign = Campaign::read(&arguments.campaign)?;
+    let engine = engine(arguments)?;
+    let limit = match engine.task_limit() {
+        Err(EngineError::Missing { .. }) if arguments.dry_run => crate::engine::slurm::USUAL_ARRAY,
+        limit => limit?,
+    };
+    let path = arguments
+        .store
+        .clone()
+        .unwrap_or_else(|| campaign.default_store());
+    let path = std::path::absolute(&path).map_err(|source| Error::Read { path, source })?;
+    let folder = shard::folder_of(&path);
+    let draft = Draft::new(arguments.dry_run, &path)?;
+    let mut store = draft.open(&campaign)?;
+    gather(arguments, &mut store, &folder, output)?;
+    let open = open(arguments, &store, output)?;
+    if open.is_empty() {
+        writeln!(
+            output.out,
+            "nothing to submit: no case is open that is not with a task already"
+        )?;
+        return Ok(exit::DONE);
+    }
+    let workers = arguments.workers_per_task.get();
+    let asked = arguments
+        .tasks
+        .map_or_else(|| usual_tasks(arguments, &open, limit), NonZeroUsize::get);
+    if asked > limit {
+        return Err(EngineError::TooManyTasks { asked, limit }.into());
+    }
+    let slices = Slices::cut(&open, asked.min(open.len()));
+    let plan = slices.plan(&campaign.text);
+    let job = Job {
+        campaign: campaign.name.clone(),
+        program: folder.join(format!("sweep-{}", store::build())),
+        plan_folder: shard::plan_folder(&folder, &plan),
+        folder,
+        tasks: slices.tasks.len(),
+        workers,
+        throttle: arguments.throttle.map(NonZeroUsize::get),
+        run_arguments: run_arguments(arguments)?,
+    };
+    let script = engine.script(&job)?;
+    let command = engine.command(&job);
+    let mut answer = Answer {
+        job: None,
+        plan: &plan,
+        cases: open.len(),
+        tasks: job.tasks,
+        folder: &job.folder,
+        command: &command,
+        script: &script,
+    };
+    if arguments.dry_run {
+        if output.json {
+            output.json(&answer)?;
+        } else {
+            let words: Vec<String> = command.iter().map(|word| engine::quoted(word)).collect();
+            write!(output.out, "{}\n\n{script}", words.join(" "))?;
+            forecast(&campaign, &open, &job, output);
+        }
+        return Ok(exit::DONE);
+    }
+    write_plan(&job, &store, &campaign, &open, &slices.text(&plan), &script)?;
+    let name = hand_over(engine.as_ref(), &job, &plan, &slices, &mut store)?;
+    answer.job = Some(&name);
+    if output.json {
+        output.json(&answer)?;
+    } else {
+        writeln!(
+            output.out,
+            "job {name}: {} open cases in {} tasks; logs in {}",
+            open.len(),
+            job.tasks,
+            job.plan_folder.display()
+        )?;
+        forecast(&campaign, &open, &job, output);
+    }
+    Ok(exit::DONE)
+}
+
+/// Records the job and hands it to the engine; gives its name.
+fn hand_over(
+    engine: &dyn Engine,
+    job: &Job,
+    plan: &str,
+    slices: &Slices,
+    store: &mut Store,
+) -> Result<String, Error> {
+    let submission = Submission {
+        id: 0,
+        engine: engine.name().into(),
+        job: None,
+        plan: plan.to_owned(),
+        folder: job.folder.clone(),
+        tasks: job.tasks,
+        workers: job.workers,
+        build: store::build(),
+        submitted_at: 0,
+        cancelled_at: None,
+    };
+    let id = store.submit(&submission, &slices.tasks)?;
+    match engine.submit(job) {
+        Ok(name) => {
+            store.submitted(id, &name)?;
+            Ok(name)
+        }
+        Err(error) => {
+            // After an answer nobody understands the job may be there all the same.
+            if !matches!(error, EngineError::Answer { .. }) {
+                store.not_submitted(id)?;
+            }
+            Err(error.into())
+        }
+    }
+}
+
+/// The engine as it was asked for.
+fn engine(arguments: &Arguments) -> Result<Box<dyn Engine>, Error> {
+    let refused =
+        |argument: &'static str, message: String| Err(Error::Argument { argument, message });
+    for argument in &arguments.sbatch_arg {
+        let name = argument.split('=').next().unwrap_or_default();
+        if OURS.contains(&name) {
+            return refused(
+                "--sbatch-arg",
+                format!("{name} is set by sweep itself: see `sweep submit --dry-run`"),
+            );
+        }
+        if !name.starts_with('-') {
+            return refused(
+                "--sbatch-arg",
+                format!(
+                    "write an option with its value, as in --sbatch-arg=--mem=4G, not {argument:?}"
+                ),
+            );
+        }
+    }
+    Ok(match arguments.engine {
+        Kind::Slurm => Box::new(Slurm {
+            time: arguments.time.clone(),
+            partition: arguments.partition.clone(),
+            account: arguments.account.clone(),
+            arguments: arguments.sbatch_arg.clone(),
+        }),
+        Kind::Local => {
+            let foreign = [
+                ("--time", arguments.time.is_some()),
+                ("--partition", arguments.partition.is_some()),
+                ("--account", arguments.account.is_some()),
+                ("--sbatch-arg", !arguments.sbatch_arg.is_empty()),
+            ];
+            if let Some((argument, _)) = foreign.into_iter().find(|(_, given)| *given) {
+                return refused(argument, "only --engine slurm has it".into());
+            }
+            Box::new(Local)
+        }
+    })
+}
+
+/// Brings the store up to date: shards there are, failed cases to be tried again; refuses to mix builds.
+fn gather(
+    arguments: &Arguments,
+    store: &mut Store,
+    folder: &Path,
+    output: &Output<'_>,
+) -> Result<(), Error> {
+    let shards: Vec<PathBuf> = shard::published(folder)
+        .into_iter()
+        .map(|shard| shard.path)
+        .collect();
+    let merged = store.merge(&shards, arguments.allow_mixed_versions)?;
+    for damaged in &merged.damaged {
+        note(
+            output,
+            &format!("not merged: {}: {}", damaged.path.display(), damaged.reason),
+        );
+    }
+    let (build, known) = (store::build(), store.known_builds()?);
+    if !arguments.allow_mixed_versions && !known.is_empty() && !known.contains(&build) {
+        return Err(Error::Argument {
+            argument: "--allow-mixed-versions",
+            message: format!(
+                "the store holds what build {} of sweep computed, and this is build {build}, whose bits may differ: use \
+                 that one, another --store, or allow it; nothing was submitted",
+                known.into_iter().collect::<Vec<_>>().join(", ")
+            ),
+        });
+    }
+    if arguments.retry_failed {
+        store.retry_failed()?;
+    }
+    Ok(())
+}
+
+/// Open cases that no task has.
+fn open(arguments: &Arguments, store: &Store, output: &Output<'_>) -> Result<Vec<Open>, Error> {
+    let mut taken: HashSet<String> = HashSet::new();
+    for submission in store.submissions()? {
+        if arguments.again {
+            break;
+        }
+        let Some(job) = &submission.job else {
+            note(
+                output,
+                "a submission before was cut short before its job number was known: look with `squeue --me` whether it \
+                 runs. What it computes is merged in any case",
+            );
+            continue;
+        };
+        let cases = store.open_of(submission.id)?;
+        if cases.is_empty() {
+            continue;
+        }
+        let Some(engine) = engine::by_name(&submission.engine) else {
+            continue;
+        };
+        let active = engine.active(job).map_err(|error| Error::Argument {
+            argument: "--again",
+            message: format!(
+                "whether job {job}, submitted before, still runs is not known ({error}): give the same command again in a \
+                 while, or with --again to submit its open cases once more"
+            ),
+        })?;
+        if active.is_empty() {
+            continue;
+        }
+        let all = active.iter().any(|task| task.task.is_none());
+        let tasks: HashSet<usize> = active.iter().filter_map(|task| task.task).collect();
+        taken.extend(
+            cases
+                .into_iter()
+                .filter(|(_, task)| all || tasks.contains(task))
+                .map(|(key, _)| key),
+        );
+    }
+    let mut open = store.open_cases()?;
+    open.retain(|case| !taken.contains(&case.key));
+    Ok(open)
+}
+
+/// So many tasks that each needs about half of its time by the estimate, which is no promise.
+fn usual_tasks(arguments: &Arguments, open: &[Open], limit: usize) -> usize {
+    let time = arguments
+        .time
+        .as_ref()
+        .map_or(USUAL_TIME_S, |limit| limit.time.as_secs_f64());
+    let cost: f64 = open.iter().map(|case| case.cost).sum();
+    let workers = arguments.workers_per_task.get();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a count, held within limits below"
+    )]
+    let tasks = (cost / (workers as f64 * time / 2.0)).ceil() as usize;
+    tasks.clamp(1, limit.min(open.len().div_ceil(workers)).max(1))
+}
+
+/// Arguments of every task.
+fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
+    let mut run = vec![
+        "--publish-every".to_owned(),
+        arguments.publish_every.to_string(),
+    ];
+    if let Some(scratch) = &arguments.scratch {
+        let scratch = std::path::absolute(scratch)
+            .ok()
+            .and_then(|path| path.into_os_string().into_string().ok())
+            .ok_or_else(|| EngineError::Path {
+                path: scratch.clone(),
+            })?;
+        run.extend(["--scratch".to_owned(), scratch]);
+    }
+    if let Some(seconds) = arguments.max_wall_time {
+        if !(seconds > 0.0 && seconds.is_finite()) {
+            return Err(Error::Argument {
+                argument: "--max-wall-time",
+                message: format!("a time above 0 seconds, not {seconds}"),
+            });
+        }
+        run.extend(["--max-wall-time".to_owned(), seconds.to_string()]);
+    }
+    for (given, name) in [
+        (arguments.trajectory, "--trajectory"),
+        (arguments.allow_mixed_versions, "--allow-mixed-versions"),
+    ] {
+        if given {
+            run.push(name.into());
+        }
+    }
+    Ok(run)
+}
+
+/// Says how long it may take and how much memory a task needs.
+fn forecast(campaign: &Campaign, open: &[Open], job: &Job, output: &Output<'_>) {
+    if output.quiet {
+        return;
+    }
+    let cost: f64 = open.iter().map(|case| case.cost).sum();
+    let (seconds_per_cost, memory) = plan::forecast(campaign, job.workers);
+    let time = seconds_per_cost.map_or_else(String::new, |seconds| {
+        let each = seconds * cost / (job.tasks * job.workers) as f64;
+        format!("about {} of computing per task, ", duration(each))
+    });
+    note(
+        output,
+        &format!(
+            "{} cases in {} tasks of {} workers: {time}{} of memory each, if nodes are as fast as this machine",
+            open.len(),
+            job.tasks,
+            job.workers,
+            bytes(memory)
+        ),
+    );
+}
+
+/// Says something on standard error.
+fn note(output: &Output<'_>, text: &str) {
+    if !output.quiet {
+        // Nobody may read standard error.
+        let _ = writeln!(std::io::stderr(), "{text}");
+    }
+}

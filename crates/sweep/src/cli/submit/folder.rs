@@ -1,0 +1,117 @@
+//! What `sweep submit` reads and writes: the store, or a copy of it, and the folder of the plan.
+
+use crate::campaign::Campaign;
+use crate::engine::Job;
+use crate::error::Error;
+use crate::shard::{ShardError, write_whole};
+use crate::store::{self, Open, Store};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// The store to plan with: itself, or for a dry run a copy that goes away with this.
+pub(super) struct Draft {
+    /// The store.
+    path: PathBuf,
+    /// Folder of the copy.
+    copy: Option<PathBuf>,
+}
+
+impl Draft {
+    /// Of the store at `path`.
+    pub(super) fn new(dry_run: bool, path: &Path) -> Result<Self, Error> {
+        if !dry_run {
+            return Ok(Self {
+                path: path.to_owned(),
+                copy: None,
+            });
+        }
+        let folder = std::env::temp_dir().join(format!("sweep-dry-run-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).map_err(|source| Error::Write {
+            path: folder.clone(),
+            source,
+        })?;
+        let draft = Self {
+            path: folder.join("store.sqlite"),
+            copy: Some(folder),
+        };
+        if path.exists() {
+            drop(Store::open_read_only(path)?);
+            store::snapshot(path, &draft.path)?;
+        }
+        Ok(draft)
+    }
+
+    /// Opens it, with the campaign as it is now.
+    pub(super) fn open(&self, campaign: &Campaign) -> Result<Store, Error> {
+        let mut store = Store::open(&self.path)?;
+        store.adopt(campaign)?;
+        Ok(store)
+    }
+}
+
+impl Drop for Draft {
+    fn drop(&mut self) {
+        if let Some(copy) = &self.copy {
+            let _ = std::fs::remove_dir_all(copy);
+        }
+    }
+}
+
+/// Writes all that the tasks need into the folder of shards.
+pub(super) fn write_plan(
+    job: &Job,
+    store: &Store,
+    campaign: &Campaign,
+    open: &[Open],
+    slices: &str,
+    script: &str,
+) -> Result<(), Error> {
+    let folder = &job.plan_folder;
+    std::fs::create_dir_all(folder).map_err(|source| ShardError::Folder {
+        path: folder.clone(),
+        source,
+    })?;
+    let written = |path: PathBuf, result: std::io::Result<()>| {
+        result.map_err(|source| Error::Write { path, source })
+    };
+    // The same hash is the same program.
+    if !job.program.exists() {
+        let part = job.program.with_extension("part");
+        let copied = std::env::current_exe()
+            .and_then(|program| std::fs::copy(program, &part))
+            .and_then(|_| std::fs::File::open(&part)?.sync_all())
+            .and_then(|()| std::fs::rename(&part, &job.program));
+        if copied.is_err() {
+            let _ = std::fs::remove_file(&part);
+        }
+        written(job.program.clone(), copied)?;
+    }
+    for (name, text) in [
+        ("campaign.toml", campaign.text.as_str()),
+        ("slices", slices),
+    ] {
+        let path = folder.join(name);
+        written(path.clone(), write_whole(&path, text.as_bytes()))?;
+    }
+    written(
+        job.script_path(),
+        write_whole(&job.script_path(), script.as_bytes()),
+    )?;
+    let begun: HashSet<&str> = open
+        .iter()
+        .filter(|case| case.begun)
+        .map(|case| case.key.as_str())
+        .collect();
+    let path = folder.join("begun.sqlite");
+    if begun.is_empty() {
+        return Ok(());
+    }
+    let part = folder.join(format!("begun.part-{}", std::process::id()));
+    let whole = folder.join(format!("begun.whole-{}", std::process::id()));
+    let made = store
+        .write_begun(campaign, &begun, &part)
+        .and_then(|()| store::snapshot(&part, &whole));
+    let _ = std::fs::remove_file(&part);
+    made?;
+    written(path.clone(), std::fs::rename(&whole, &path))
+}

@@ -1,0 +1,399 @@
+//! Slurm: one array job, submitted with `sbatch` alone. No accounting database is asked for anything.
+
+use super::{ActiveTask, Engine, EngineError, Job, quoted_path};
+use crate::store::TaskName;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+use std::time::Duration;
+
+/// Its name.
+pub const NAME: &str = "slurm";
+/// Size of an array where the site does not tell: Slurm's own default.
+pub(crate) const USUAL_ARRAY: usize = 1001;
+/// Variables a user sets to choose where jobs go. All others that `sbatch` reads could change what the script says.
+const CHOICES: [&str; 7] = [
+    "SBATCH_ACCOUNT",
+    "SBATCH_PARTITION",
+    "SBATCH_QOS",
+    "SBATCH_RESERVATION",
+    "SBATCH_CONSTRAINT",
+    "SBATCH_CLUSTERS",
+    "SBATCH_TIMELIMIT",
+];
+
+/// A Slurm cluster, and what a job asks of it.
+#[derive(Debug, Clone, Default)]
+pub struct Slurm {
+    /// Time limit of a task.
+    pub time: Option<TimeLimit>,
+    /// Partition.
+    pub partition: Option<String>,
+    /// Account.
+    pub account: Option<String>,
+    /// Further arguments of `sbatch`.
+    pub arguments: Vec<String>,
+}
+
+/// A time limit as Slurm writes it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TimeLimit {
+    /// As written.
+    pub text: String,
+    /// What it means.
+    pub time: Duration,
+}
+
+impl std::str::FromStr for TimeLimit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong =
+            || "write minutes, HH:MM:SS, D-HH or D-HH:MM:SS, as in 90, 12:00:00 or 2-12".to_owned();
+        let (days, rest) = match text.split_once('-') {
+            Some((days, rest)) => (Some(days.parse::<u32>().map_err(|_| wrong())?), rest),
+            None => (None, text),
+        };
+        let parts: Vec<u32> = rest
+            .split(':')
+            .map(|part| part.parse().map_err(|_| wrong()))
+            .collect::<Result<_, _>>()?;
+        let [hours, minutes, seconds] = match (days, parts.as_slice()) {
+            (Some(_), [h]) => [*h, 0, 0],
+            (Some(_), [h, m]) => [*h, *m, 0],
+            (None, [m]) => [0, *m, 0],
+            (None, [m, s]) => [0, *m, *s],
+            (_, [h, m, s]) => [*h, *m, *s],
+            _ => return Err(wrong()),
+        };
+        let sum = [
+            (days.unwrap_or(0), 86400),
+            (hours, 3600),
+            (minutes, 60),
+            (seconds, 1),
+        ]
+        .iter()
+        .map(|(n, unit)| u64::from(*n) * unit)
+        .sum();
+        if sum == 0 {
+            return Err(wrong());
+        }
+        Ok(Self {
+            text: text.to_owned(),
+            time: Duration::from_secs(sum),
+        })
+    }
+}
+
+impl Slurm {
+    /// Seconds before the time limit a task is told to stop. Slurm looks once a minute only: the signal may come a minute
+    /// early, and asked for less than a minute ahead it may never come.
+    fn warning_s(&self) -> u64 {
+        let limit = self
+            .time
+            .as_ref()
+            .map_or(1200, |limit| limit.time.as_secs());
+        (limit / 10).clamp(60, 300)
+    }
+}
+
+impl Engine for Slurm {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn task_limit(&self) -> Result<usize, EngineError> {
+        if find("sbatch").is_none() {
+            return Err(missing("sbatch"));
+        }
+        Ok(ask("scontrol", &["show", "config"])
+            .ok()
+            .and_then(|text| {
+                let line = text.lines().find(|line| line.starts_with("MaxArraySize"))?;
+                line.split('=').nth(1)?.trim().parse().ok()
+            })
+            .unwrap_or(USUAL_ARRAY))
+    }
+
+    fn script(&self, job: &Job) -> Result<String, EngineError> {
+        let mut script = String::from("#!/bin/sh\n");
+        let throttle = job
+            .throttle
+            .map_or_else(String::new, |most| format!("%{most}"));
+        let mut option = |text: &str| {
+            // Writing to a string cannot fail.
+            let _ = writeln!(script, "#SBATCH {text}");
+        };
+        option(&format!("--job-name=sweep-{}", job.campaign));
+        option(&format!("--array=0-{}{throttle}", job.tasks.max(1) - 1));
+        option("--nodes=1 --ntasks=1");
+        option(&format!("--cpus-per-task={}", job.workers));
+        for (name, value) in [
+            ("time", self.time.as_ref().map(|limit| &limit.text)),
+            ("partition", self.partition.as_ref()),
+            ("account", self.account.as_ref()),
+        ] {
+            if let Some(value) = value {
+                option(&format!("--{name}={value}"));
+            }
+        }
+        option(&format!("--signal=B:USR1@{}", self.warning_s()));
+        option("--requeue --open-mode=append --output=log-%A_%a");
+        let command = job.task_command("$SLURM_ARRAY_TASK_ID")?;
+        // sweep takes the place of the shell, so that signals reach it. Nothing of the environment of the one who submits
+        // comes along, so Slurm's own programs are looked for where they were found then.
+        let _ = write!(
+            script,
+            "# Campaign {}: {} tasks, one slice of the open cases each. Made by sweep submit.
+unset SLURM_JWT
+PATH=${{PATH:-/usr/bin:/bin}}:{}
+export PATH
+exec {command}
+",
+            job.campaign,
+            job.tasks,
+            quoted_path(&find("sbatch").unwrap_or_else(|| PathBuf::from("/usr/bin")))?,
+        );
+        Ok(script)
+    }
+
+    fn command(&self, job: &Job) -> Vec<String> {
+        let mut command: Vec<String> = ["sbatch", "--parsable", "--export=NONE", "--chdir"]
+            .map(String::from)
+            .into();
+        command.push(job.plan_folder.display().to_string());
+        command.extend(self.arguments.iter().cloned());
+        command.push(job.script_path().display().to_string());
+        command
+    }
+
+    fn submit(&self, job: &Job) -> Result<String, EngineError> {
+        let command = self.command(job);
+        let arguments: Vec<&str> = command[1..].iter().map(String::as_str).collect();
+        let answer = ask(&command[0], &arguments)?;
+        let number = answer.lines().last().unwrap_or_default().trim();
+        // `12`, or `12;cluster` where there are several clusters.
+        let digits = number.split(';').next().unwrap_or_default();
+        if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
+            return Err(EngineError::Answer {
+                command: command.join(" "),
+                said: answer.trim().to_owned(),
+            });
+        }
+        Ok(number.to_owned())
+    }
+
+    fn active(&self, job: &str) -> Result<Vec<ActiveTask>, EngineError> {
+        let (number, cluster) = parts(job);
+        let mut arguments = vec!["-h", "-r", "-j", number, "-o", "%K|%T|%N"];
+        arguments.extend(cluster.iter().flat_map(|cluster| ["-M", cluster]));
+        let lines = match ask("squeue", &arguments) {
+            Ok(lines) => lines,
+            // What squeue says of a job that ended some minutes ago.
+            Err(EngineError::Refused { said, .. }) if said.contains("Invalid job id") => {
+                String::new()
+            }
+            Err(error) => return Err(error),
+        };
+        Ok(lines
+            .lines()
+            .filter_map(|line| {
+                let mut parts = line.trim().split('|');
+                Some(ActiveTask {
+                    task: Some(parts.next()?.parse().ok()?),
+                    state: parts.next()?.to_owned(),
+                    node: parts.next().unwrap_or_default().to_owned(),
+                })
+            })
+            .collect())
+    }
+
+    fn cancel(&self, job: &str) -> Result<(), EngineError> {
+        let (number, cluster) = parts(job);
+        let mut arguments = vec![number];
+        arguments.extend(cluster.iter().flat_map(|cluster| ["-M", cluster]));
+        match ask("scancel", &arguments) {
+            Ok(_) => Ok(()),
+            Err(EngineError::Refused { said, .. }) if said.contains("Invalid job id") => Ok(()),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// The task of an array this process was started as, if it was: `--shard` must name the same one.
+pub(crate) fn this_task(task: usize) -> Option<TaskName> {
+    let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
+    if get("SLURM_ARRAY_TASK_ID")?.parse() != Ok(task) {
+        return None;
+    }
+    Some(TaskName {
+        job: get("SLURM_ARRAY_JOB_ID")?,
+        task,
+        restart: get("SLURM_RESTART_COUNT")
+            .and_then(|count| count.parse().ok())
+            .unwrap_or(0),
+        node: get("SLURMD_NODENAME")?,
+    })
+}
+
+/// What became of a wish to be started again.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Requeued {
+    /// Slurm will start the task again.
+    Yes,
+    /// It was cancelled, and stays so.
+    Cancelled,
+    /// Slurm would not, and said why.
+    No(String),
+}
+
+/// Asks Slurm to start this task again. A task that was told to stop because somebody cancelled it does not ask.
+pub(crate) fn requeue(task: &TaskName, told_in_advance: bool) -> Requeued {
+    let name = format!("{}_{}", task.job, task.task);
+    // The signal before the time limit is ours alone; TERM may mean the limit, a preemption or a cancellation.
+    if !told_in_advance && let Ok(answer) = ask("squeue", &["-h", "-j", &name, "-o", "%T|%r"]) {
+        let (state, reason) = answer.trim().split_once('|').unwrap_or_default();
+        let ending = matches!(state, "COMPLETING" | "CANCELLED");
+        if ending && reason != "TimeLimit" {
+            return Requeued::Cancelled;
+        }
+    }
+    match ask("scontrol", &["requeue", &name]) {
+        Ok(_) => Requeued::Yes,
+        Err(error) => Requeued::No(error.to_string()),
+    }
+}
+
+/// A job and the cluster it is on, if that was named.
+fn parts(job: &str) -> (&str, Option<&str>) {
+    match job.split_once(';') {
+        Some((number, cluster)) => (number, Some(cluster)),
+        None => (job, None),
+    }
+}
+
+/// Runs one of Slurm's programs; gives what it wrote.
+fn ask(program: &str, arguments: &[&str]) -> Result<String, EngineError> {
+    let mut command = Command::new(program);
+    command.args(arguments);
+    for (name, _) in std::env::vars_os() {
+        let text = name.to_string_lossy();
+        // Also what a job leaves in the environment of a job that submits another.
+        let stray = text.starts_with("SBATCH_") && !CHOICES.contains(&text.as_ref())
+            || text.starts_with("SLURM_JOB")
+            || text.starts_with("SLURM_ARRAY")
+            || text.starts_with("SLURM_RESTART");
+        if stray {
+            command.env_remove(&name);
+        }
+    }
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = command.output().map_err(|_| missing(program))?;
+    if status.success() {
+        return Ok(String::from_utf8_lossy(&stdout).into_owned());
+    }
+    let said = String::from_utf8_lossy(&stderr);
+    let said = said
+        .lines()
+        .filter(|line| !line.trim().is_empty())
+        .map(|line| line.trim_start_matches("sbatch: error: "))
+        .collect::<Vec<_>>()
+        .join("; ");
+    Err(EngineError::Refused {
+        command: format!("{program} {}", arguments.join(" ")),
+        advice: advice(&said),
+        said: if said.is_empty() {
+            status.to_string()
+        } else {
+            said
+        },
+    })
+}
+
+/// What can be done about what Slurm said.
+fn advice(said: &str) -> String {
+    let said = said.to_lowercase();
+    let about = |words: &[&str]| words.iter().any(|word| said.contains(word));
+    let what = if about(&["job array"]) {
+        "the site allows smaller arrays only: give fewer --tasks"
+    } else if about(&["account", "association"]) {
+        "choose an account with --account; the site says which are yours"
+    } else if about(&["partition"]) {
+        "choose a partition with --partition; `sinfo -s` lists them"
+    } else if about(&["time limit", "timelimit"]) {
+        "choose a shorter --time: tasks that do not get through are started again by themselves"
+    } else if about(&["limit", "qos", "max"]) {
+        "the site limits what may be submitted at a time: give fewer --tasks, or wait for other jobs to end"
+    } else if about(&["contact", "connect", "timed out"]) {
+        "Slurm's controller does not answer: look with `squeue --me` whether the job is there all the same; if not, try again \
+         in a while"
+    } else if about(&["node configuration", "cpu", "memory"]) {
+        "no node has so many cores or so much memory: give fewer --workers-per-task"
+    } else {
+        "correct what it names"
+    };
+    format!("{what}; then give the same command again")
+}
+
+/// That one of Slurm's programs is not there.
+fn missing(program: &str) -> EngineError {
+    EngineError::Missing {
+        program: program.to_owned(),
+        advice: "give this command on a login node of the cluster, where Slurm is installed (`module load slurm` on some); \
+                 on any machine `sweep submit --engine local` runs the tasks in the background",
+    }
+}
+
+/// The folder a program is found in.
+fn find(program: &str) -> Option<PathBuf> {
+    std::env::split_paths(&std::env::var_os("PATH")?)
+        .find(|folder| folder.join(program).is_file())
+        .and_then(|folder| std::path::absolute(folder).ok())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_limits_are_read_as_slurm_reads_them() {
+        for (text, seconds) in [
+            ("90", 5400),
+            ("1:30", 90),
+            ("12:00:00", 43200),
+            ("2-12", 216_000),
+            ("1-0:30", 88200),
+            ("0-00:00:10", 10),
+        ] {
+            let limit: TimeLimit = text.parse().unwrap();
+            assert_eq!(limit.time.as_secs(), seconds, "{text}");
+        }
+        for text in [
+            "",
+            "0",
+            "soon",
+            "1:2:3:4",
+            "-1",
+            "1-",
+            "1 day",
+            "90\n#SBATCH",
+        ] {
+            assert!(text.parse::<TimeLimit>().is_err(), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn warning_comes_at_least_a_minute_ahead() {
+        let slurm = |text: &str| Slurm {
+            time: Some(text.parse().unwrap()),
+            ..Slurm::default()
+        };
+        assert_eq!(slurm("2").warning_s(), 60);
+        assert_eq!(slurm("30").warning_s(), 180);
+        assert_eq!(slurm("2-0").warning_s(), 300);
+        assert_eq!(Slurm::default().warning_s(), 120);
+    }
+}

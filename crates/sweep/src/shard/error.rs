@@ -1,0 +1,65 @@
+//! What can be wrong with slices and shards.
+
+use std::io;
+use std::path::PathBuf;
+
+/// Why a task could not begin, or its shard not be published.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[non_exhaustive]
+pub enum ShardError {
+    /// A folder that cannot be made.
+    #[error("cannot make the folder {}: {source}", path.display())]
+    #[diagnostic(help("nothing was computed; make it writable, then give the same command again"))]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The folder of shards is gone.
+    #[error("there is no folder of shards at {}", path.display())]
+    #[diagnostic(help(
+        "tasks still at work make it anew when they next publish; `sweep submit CAMPAIGN.toml` computes again what was lost \
+         with it, with the same digits"
+    ))]
+    Vanished {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A file of slices that is not there any more.
+    #[error("there are no slices at {}: the folder of shards was deleted", path.display())]
+    #[diagnostic(help("`sweep submit CAMPAIGN.toml` plans anew what is still open"))]
+    NoSlices {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file of slices that cannot be used.
+    #[error("{}: {reason}", path.display())]
+    #[diagnostic(help("`sweep submit CAMPAIGN.toml` plans anew what is still open"))]
+    Slices {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A shard that could not be written where all can read it.
+    #[error("cannot publish {}: {source}{}", path.display(), if *full { ": the disk is full or the quota used up" } else { "" })]
+    #[diagnostic(help("{advice}"))]
+    Publish {
+        /// The shard.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+        /// Whether there is no room.
+        full: bool,
+        /// What can be done.
+        advice: String,
+    },
+}
+
+impl ShardError {
+    /// Whether a disk failed, and not the command.
+    pub(crate) fn is_of_the_disk(&self) -> bool {
+        matches!(self, Self::Publish { .. })
+    }
+}

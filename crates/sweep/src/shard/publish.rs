@@ -1,0 +1,189 @@
+//! Publishing a shard: copied, synced and renamed, so that nobody ever sees half of one.
+
+use super::ShardError;
+use crate::store::{self, StoreError};
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Time between copies is at least this many times what the last one took.
+const SHARE: u32 = 50;
+
+/// Publishes the store of a task now and then.
+#[derive(Debug)]
+pub struct Publisher {
+    /// The store the task works in.
+    work: PathBuf,
+    /// The shard all can read.
+    target: PathBuf,
+    /// Time from one copy to the next.
+    every: Duration,
+    /// The last copy: when it ended, and how long it took.
+    last: Mutex<(Instant, Duration)>,
+}
+
+impl Publisher {
+    /// Of the store `work`, as the shard `target`.
+    pub fn new(work: PathBuf, target: PathBuf, every: Duration) -> Self {
+        Self {
+            work,
+            target,
+            every,
+            last: Mutex::new((Instant::now(), Duration::ZERO)),
+        }
+    }
+
+    /// The shard.
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
+    /// Whether it is time for the next copy.
+    pub fn is_due(&self) -> bool {
+        let (ended, took) = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        ended.elapsed() >= self.every.max(took * SHARE)
+    }
+
+    /// Publishes what the store holds now. The folder is made again if it has vanished.
+    ///
+    /// # Errors
+    /// [`ShardError::Publish`]. What was published before stays, and so does the store of the task.
+    pub fn publish(&self) -> Result<(), ShardError> {
+        let begun = Instant::now();
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let result = self.copy();
+        *last = (Instant::now(), begun.elapsed());
+        result.map_err(|source| self.explain(source))
+    }
+
+    /// Copies the store into the folder.
+    fn copy(&self) -> io::Result<()> {
+        let folder = self.target.parent().unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder)?;
+        let snapshot = with_ending(&self.work, "snapshot");
+        let name = self.target.file_name().unwrap_or_default();
+        let part = folder.join(format!(
+            ".{}.part-{}",
+            name.to_string_lossy(),
+            std::process::id()
+        ));
+        let result = (|| {
+            remove(&snapshot)?;
+            store::snapshot(&self.work, &snapshot).map_err(of_the_store)?;
+            std::fs::copy(&snapshot, &part)?;
+            File::open(&part)?.sync_all()?;
+            std::fs::rename(&part, &self.target)?;
+            // The name itself must be on the disk too. Not every shared file system lets a folder be synced.
+            let _ = File::open(folder).and_then(|folder| folder.sync_all());
+            Ok(())
+        })();
+        let _ = remove(&snapshot);
+        if result.is_err() {
+            let _ = remove(&part);
+        }
+        result
+    }
+
+    /// Takes the store of the task away, which is published whole.
+    pub fn clean_up(&self) {
+        for file in [
+            self.work.clone(),
+            with_suffix(&self.work, "-wal"),
+            with_suffix(&self.work, "-shm"),
+        ] {
+            let _ = remove(&file);
+        }
+    }
+
+    /// What a failed copy means.
+    fn explain(&self, source: io::Error) -> ShardError {
+        let folder = self.target.parent().unwrap_or(Path::new("."));
+        let full = matches!(
+            source.kind(),
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
+        ) || store::is_full(&self.target);
+        let advice = format!(
+            "what was published before stays, and {} holds the rest; {}, then start the task again \
+             (scontrol requeue JOB_TASK), or give `sweep submit` again: it goes on from what is published",
+            self.work.display(),
+            if full {
+                format!("make room in {}", folder.display())
+            } else {
+                format!("make {} writable", folder.display())
+            }
+        );
+        ShardError::Publish {
+            path: self.target.clone(),
+            source,
+            full,
+            advice,
+        }
+    }
+}
+
+/// An error of the store as one of the system, which is what stands behind it here.
+fn of_the_store(error: StoreError) -> io::Error {
+    let full = matches!(&error, StoreError::Trouble { what, .. } if what.contains("disk is full"));
+    let kind = if full {
+        io::ErrorKind::StorageFull
+    } else {
+        io::ErrorKind::Other
+    };
+    io::Error::new(kind, error)
+}
+
+/// Removes a file that may not be there.
+fn remove(path: &Path) -> io::Result<()> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// A path with another ending.
+fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    with_suffix(path, &format!(".{ending}"))
+}
+
+/// A path with something after it.
+fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    PathBuf::from(name)
+}
+
+/// Writes a file as shards are published: whole or not at all.
+///
+/// # Errors
+/// Those of the system.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    use std::io::Write as _;
+    let part = with_ending(path, &format!("part-{}", std::process::id()));
+    let result = File::create(&part)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .and_then(|()| std::fs::rename(&part, path));
+    if result.is_err() {
+        let _ = remove(&part);
+    }
+    result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn used_up_quota_is_named_with_what_to_do() {
+        let publisher = Publisher::new("/scratch/a".into(), "/shared/b".into(), Duration::ZERO);
+        for kind in [io::ErrorKind::QuotaExceeded, io::ErrorKind::StorageFull] {
+            let error = publisher.explain(io::Error::from(kind));
+            assert!(error.to_string().contains("quota"), "{error}");
+            let ShardError::Publish { advice, .. } = error else {
+                unreachable!("it is about publishing")
+            };
+            assert!(advice.contains("make room in /shared") && advice.contains("/scratch/a"));
+        }
+    }
+}

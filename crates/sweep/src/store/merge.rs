@@ -1,0 +1,326 @@
+//! Merging shards: taking over what other stores of the same campaign hold, case by case, in any order, as often as one likes.
+//!
+//! A complete run outranks a failed one, that one a partial one, more steps outrank fewer. Of two complete runs of one case,
+//! which must have the same bits, the later attempt is kept if they do not.
+
+mod case;
+mod difference;
+mod shards;
+
+use super::entries::entry;
+use super::process::now;
+use super::{Store, StoreError, campaign, count};
+use crate::campaign::Protocol;
+use case::Merging;
+use rusqlite::params;
+use serde::Serialize;
+use shards::{Shard, Stamp, foreign};
+use std::collections::{BTreeSet, HashMap};
+use std::path::{Path, PathBuf};
+
+/// What a merge did.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Merged {
+    /// Shards read.
+    pub shards: u64,
+    /// Shards that had not changed since they were merged before.
+    pub unchanged: u64,
+    /// Results taken over.
+    pub results: u64,
+    /// Results that were there already, with the same bits.
+    pub duplicates: u64,
+    /// Failures taken over.
+    pub failures: u64,
+    /// Runs under way whose checkpoints were taken over.
+    pub checkpoints: u64,
+    /// Entries of shards that could not be trusted.
+    pub unreadable: u64,
+    /// Shards that cannot be read, and why.
+    pub damaged: Vec<Damaged>,
+}
+
+/// A shard that cannot be read.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Damaged {
+    /// The file.
+    pub path: PathBuf,
+    /// Why.
+    pub reason: String,
+}
+
+/// Two results of one case with different bits.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Disagreement {
+    /// Key of the case.
+    pub key: String,
+    /// Who computed the one that is kept.
+    pub kept: String,
+    /// Who computed the other one.
+    pub other: String,
+    /// Where they differ first.
+    pub what: String,
+}
+
+/// How shards are merged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Manner {
+    /// Into the store of the campaign: everything, with a record of the shard.
+    Campaign,
+    /// Into the store of one task: its own cases only, without record.
+    Task,
+}
+
+impl Store {
+    /// Takes over what shards hold. All of them are looked at before the first is merged.
+    ///
+    /// # Errors
+    /// [`StoreError::OtherCampaign`], [`StoreError::OtherBuild`] unless `mixed` versions are allowed, and trouble with the
+    /// store. Shards that cannot be read are no error: they are listed, and the others merged.
+    pub fn merge(&mut self, shards: &[PathBuf], mixed: bool) -> Result<Merged, StoreError> {
+        self.merge_as(Manner::Campaign, shards, mixed)
+    }
+
+    /// [`Store::merge`] in some manner.
+    pub(crate) fn merge_as(
+        &mut self,
+        manner: Manner,
+        shards: &[PathBuf],
+        mixed: bool,
+    ) -> Result<Merged, StoreError> {
+        let name = self.campaign_name()?;
+        let mut merged = Merged::default();
+        let mut readable = Vec::new();
+        for path in shards {
+            if let (Manner::Campaign, Ok(stamp)) = (manner, Stamp::of(path))
+                && self.has_merged(&stamp)?
+            {
+                merged.unchanged += 1;
+                continue;
+            }
+            match Shard::look(path) {
+                Ok(shard) if shard.campaign != name => {
+                    return Err(StoreError::OtherCampaign {
+                        path: path.clone(),
+                        found: shard.campaign,
+                        wanted: name,
+                    });
+                }
+                Ok(shard) => readable.push(shard),
+                Err(error) => merged.damaged.push(Damaged {
+                    path: path.clone(),
+                    reason: error.to_string(),
+                }),
+            }
+        }
+        let known = match manner {
+            Manner::Campaign => self.known_builds()?,
+            Manner::Task => BTreeSet::from([super::process::build()]),
+        };
+        let foreign = foreign(&known, &readable);
+        if let Some((shard, build)) = foreign.first().filter(|_| !mixed) {
+            return Err(StoreError::OtherBuild {
+                path: readable[*shard].path.clone(),
+                build: build.clone(),
+                known: known.into_iter().collect::<Vec<_>>().join(", "),
+            });
+        }
+        let protocol = self.protocol()?;
+        for (number, shard) in readable.iter().enumerate() {
+            let mixed = foreign.iter().any(|(of, _)| *of == number);
+            // Once is enough: other averages come from other strains discarded, which is rare.
+            let protocol = (number + 1 == readable.len()).then_some(&protocol);
+            self.merge_one(manner, shard, mixed, protocol, &mut merged)?;
+        }
+        Ok(merged)
+    }
+
+    /// Whether a shard is recorded as merged and has not changed since.
+    fn has_merged(&self, stamp: &Stamp) -> Result<bool, StoreError> {
+        if stamp.changing {
+            return Ok(false);
+        }
+        self.read(
+            self.connection
+                .prepare_cached(
+                    "SELECT 1 FROM shards WHERE name = ?1 AND size = ?2 AND modified = ?3",
+                )
+                .and_then(|mut query| {
+                    query.exists(params![stamp.name, stamp.size, stamp.modified])
+                }),
+        )
+    }
+
+    /// Builds of the program that computed what is stored, or were submitted to.
+    pub(crate) fn known_builds(&self) -> Result<BTreeSet<String>, StoreError> {
+        let mut known = self.builds()?;
+        known.extend(
+            self.submissions()?
+                .into_iter()
+                .map(|submission| submission.build),
+        );
+        Ok(known)
+    }
+
+    /// Builds of the program that computed what is stored.
+    fn builds(&self) -> Result<BTreeSet<String>, StoreError> {
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT DISTINCT build FROM processes WHERE id IN
+                     (SELECT process FROM results UNION SELECT process FROM checkpoints UNION SELECT process FROM failures)",
+            )
+            .and_then(|mut query| query.query_map([], |row| row.get(0))?.collect());
+        self.read(rows)
+    }
+
+    /// Merges one shard in one transaction.
+    fn merge_one(
+        &mut self,
+        manner: Manner,
+        shard: &Shard,
+        mixed: bool,
+        protocol: Option<&Protocol>,
+        merged: &mut Merged,
+    ) -> Result<(), StoreError> {
+        let store = match Self::open_shard(&shard.path) {
+            Ok(store) => store,
+            Err(error) => {
+                merged.damaged.push(Damaged {
+                    path: shard.path.clone(),
+                    reason: error.to_string(),
+                });
+                return Ok(());
+            }
+        };
+        let old = &store.connection;
+        let builds = self.json("shards", serde_json::to_string(&shard.builds))?;
+        let mut damage = None;
+        let before = merged.clone();
+        let written = self.write(|transaction| {
+            let ids: Result<Vec<i64>, _> = old
+                .prepare("SELECT id FROM cases ORDER BY id")
+                .and_then(|mut query| query.query_map([], |row| row.get(0))?.collect());
+            let mut merging = Merging {
+                old,
+                transaction,
+                manner,
+                processes: HashMap::new(),
+                merged,
+            };
+            for id in ids.unwrap_or_else(|error| {
+                damage = Some(error.to_string());
+                Vec::new()
+            }) {
+                match entry(old, "cases", "id", id) {
+                    Ok(Some(case)) => merging.case(id, &case)?,
+                    Ok(None) => {}
+                    Err(error) => damage = Some(error.to_string()),
+                }
+            }
+            if let Some(protocol) = protocol {
+                campaign::average_again(transaction, protocol)?;
+            }
+            if manner == Manner::Campaign && damage.is_none() {
+                transaction.execute(
+                    "INSERT OR REPLACE INTO shards (name, size, modified, builds, mixed, merged_at)
+                     VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+                    params![
+                        shard.stamp.name,
+                        shard.stamp.size,
+                        shard.stamp.modified,
+                        builds,
+                        mixed,
+                        now()
+                    ],
+                )?;
+            }
+            Ok(())
+        });
+        if written.is_err() {
+            *merged = before;
+        }
+        written?;
+        merged.shards += 1;
+        merged.damaged.extend(damage.map(|reason| Damaged {
+            path: shard.path.clone(),
+            reason,
+        }));
+        Ok(())
+    }
+
+    /// Results that were found to disagree, ever.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn disagreements(&self) -> Result<Vec<Disagreement>, StoreError> {
+        if !self.knows_submissions()? {
+            return Ok(Vec::new());
+        }
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT c.key, d.what, k.host, k.pid, k.job, k.task, k.restart, o.host, o.pid, o.job, o.task, o.restart
+                 FROM disagreements d JOIN cases c ON c.id = d.case_id JOIN processes k ON k.id = d.kept
+                      JOIN processes o ON o.id = d.other ORDER BY c.position, c.id",
+            )
+            .and_then(|mut query| {
+                query
+                    .query_map([], |row| {
+                        let who = |from: usize| -> Result<String, rusqlite::Error> {
+                            let (host, pid): (String, i64) = (row.get(from)?, row.get(from + 1)?);
+                            let job: Option<String> = row.get(from + 2)?;
+                            let task: Option<i64> = row.get(from + 3)?;
+                            let restart: Option<i64> = row.get(from + 4)?;
+                            Ok(match (job, task, restart) {
+                                (Some(job), Some(task), Some(restart)) => {
+                                    format!("job {job} task {task} restart {restart} on {host}")
+                                }
+                                _ => format!("process {pid} on {host}"),
+                            })
+                        };
+                        Ok(Disagreement {
+                            key: row.get(0)?,
+                            what: row.get(1)?,
+                            kept: who(2)?,
+                            other: who(7)?,
+                        })
+                    })?
+                    .collect()
+            });
+        self.read(rows)
+    }
+
+    /// How many shards in a folder were not merged, or have changed since.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn unmerged(&self, folder: &Path) -> Result<u64, StoreError> {
+        let known = self.knows_submissions()?;
+        let mut number = 0;
+        for shard in crate::shard::published(folder) {
+            let merged = match Stamp::of(&shard.path) {
+                Ok(stamp) if known => self.has_merged(&stamp)?,
+                _ => false,
+            };
+            number += u64::from(!merged);
+        }
+        Ok(number)
+    }
+
+    /// How many shards of another build than the store's were let in.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn mixed_shards(&self) -> Result<u64, StoreError> {
+        if !self.knows_submissions()? {
+            return Ok(0);
+        }
+        self.read(
+            self.connection
+                .query_row("SELECT count(*) FROM shards WHERE mixed", [], |row| {
+                    row.get(0)
+                }),
+        )
+        .map(count)
+    }
+}

@@ -1,0 +1,111 @@
+//! Shards as a merge meets them: whole ones, of known builds, changed since the last time.
+
+use crate::store::reading::log_of;
+use crate::store::{Store, StoreError, integer};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+/// What a shard is known by in the record of those merged.
+pub(super) struct Stamp {
+    /// Its name.
+    pub(super) name: String,
+    /// Its size in bytes.
+    pub(super) size: i64,
+    /// When it was last changed, in nanoseconds since 1970.
+    pub(super) modified: i64,
+    /// Whether it has a log, and so may change without being written to.
+    pub(super) changing: bool,
+}
+
+impl Stamp {
+    /// Of the file that now has this name.
+    pub(super) fn of(path: &Path) -> Result<Self, StoreError> {
+        let file = std::fs::metadata(path).map_err(|_| StoreError::Missing {
+            path: path.to_owned(),
+        })?;
+        let since = file.modified().ok();
+        let since = since.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        Ok(Self {
+            name: name.to_string_lossy().into_owned(),
+            size: integer(file.len()),
+            changing: log_of(path).exists(),
+            modified: since.map_or(0, |since| {
+                i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+            }),
+        })
+    }
+}
+
+/// A shard that may be merged.
+pub(super) struct Shard {
+    /// The file. It is closed between the look and the merge: there may be thousands.
+    pub(super) path: PathBuf,
+    /// The campaign it belongs to.
+    pub(super) campaign: String,
+    /// The file as it was when it was opened.
+    pub(super) stamp: Stamp,
+    /// Builds of the program that computed it.
+    pub(super) builds: BTreeSet<String>,
+}
+
+/// Shards, by number, with a build that is not among the known ones. If none is known, all have to be alike.
+pub(super) fn foreign(known: &BTreeSet<String>, shards: &[Shard]) -> Vec<(usize, String)> {
+    let known = if known.is_empty() {
+        let first = shards.iter().find_map(|shard| shard.builds.first());
+        first.cloned().into_iter().collect()
+    } else {
+        known.clone()
+    };
+    shards
+        .iter()
+        .enumerate()
+        .flat_map(|(number, shard)| {
+            let foreign = shard.builds.difference(&known);
+            foreign.map(move |build| (number, build.clone()))
+        })
+        .collect()
+}
+
+impl Shard {
+    /// Looks through all of a shard once: half of a file is no shard.
+    pub(super) fn look(path: &Path) -> Result<Self, StoreError> {
+        // Before it is opened: if it is replaced meanwhile, the next merge reads the new one.
+        let stamp = Stamp::of(path)?;
+        let store = Store::open_shard(path)?;
+        let check: String = store.read(store.connection.query_row(
+            "PRAGMA quick_check(1)",
+            [],
+            |row| row.get(0),
+        ))?;
+        if check != "ok" {
+            return Err(StoreError::Entry {
+                path: path.to_owned(),
+                table: "the file",
+                reason: format!("half-written or damaged: {check}"),
+            });
+        }
+        // SQLite takes what is missing at the end of the last page for zeros.
+        let whole: i64 = store.read(store.connection.query_row(
+            "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size",
+            [],
+            |row| row.get(0),
+        ))?;
+        if !stamp.changing && whole != stamp.size {
+            return Err(StoreError::Entry {
+                path: path.to_owned(),
+                table: "the file",
+                reason: format!("half-written: {} bytes of {whole}", stamp.size),
+            });
+        }
+        let campaign = store.campaign_name()?;
+        let builds = store.builds()?;
+        Ok(Self {
+            path: path.to_owned(),
+            campaign,
+            stamp,
+            builds,
+        })
+    }
+}

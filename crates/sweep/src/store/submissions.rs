@@ -1,0 +1,324 @@
+//! Jobs handed to an engine: which there are, which cases their tasks were given.
+
+use super::{Store, StoreError, count, integer, process};
+use crate::campaign::Campaign;
+use rusqlite::{Row, params};
+use serde::Serialize;
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+/// The task of an engine a process works for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TaskName {
+    /// The job, as the engine names it.
+    pub job: String,
+    /// Number of the task, from 0.
+    pub task: usize,
+    /// Times the task was started before.
+    pub restart: u32,
+    /// The node it runs on.
+    pub node: String,
+}
+
+/// A job that was handed to an engine.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Submission {
+    /// Its row.
+    #[serde(skip)]
+    pub(crate) id: i64,
+    /// The engine.
+    pub engine: String,
+    /// Its name for the engine; `None` if submitting was cut short.
+    pub job: Option<String>,
+    /// Hash of its slices.
+    pub plan: String,
+    /// Where its tasks publish their shards.
+    pub folder: PathBuf,
+    /// Number of its tasks.
+    pub tasks: usize,
+    /// Cases each of them computes at a time.
+    pub workers: usize,
+    /// Hash of the executable it runs.
+    pub build: String,
+    /// When, in milliseconds since 1970.
+    pub submitted_at: i64,
+    /// When it was cancelled.
+    pub cancelled_at: Option<i64>,
+}
+
+/// A case that is neither finished nor failed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Open {
+    /// Its key.
+    pub key: String,
+    /// Estimated cost of what is left of it, in seconds of a common core.
+    pub cost: f64,
+    /// Whether there is a checkpoint of it.
+    pub begun: bool,
+}
+
+/// How far a slice is, as far as the store knows.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct SliceState {
+    /// Its cases.
+    pub cases: u64,
+    /// Those that are finished or failed.
+    pub ended: u64,
+    /// Share of its estimated work that is done.
+    pub work_done: f64,
+}
+
+impl Store {
+    /// Says which task this process works for, before it is entered with [`Store::register`].
+    pub fn work_for(&mut self, task: TaskName) {
+        self.task = Some(task);
+    }
+
+    /// Open cases of the grid in the order of work.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn open_cases(&self) -> Result<Vec<Open>, StoreError> {
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT key, cost * (1.0 - min(1.0 * steps_done / steps, 1.0)), steps_done > 0 FROM cases
+                 WHERE state IN ('pending', 'running') AND position IS NOT NULL ORDER BY rank",
+            )
+            .and_then(|mut query| {
+                query
+                    .query_map([], |row| {
+                        Ok(Open {
+                            key: row.get(0)?,
+                            cost: row.get(1)?,
+                            begun: row.get(2)?,
+                        })
+                    })?
+                    .collect()
+            });
+        self.read(rows)
+    }
+
+    /// Records a job that is about to be handed to an engine; [`Store::submitted`] adds its name.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn submit(
+        &mut self,
+        submission: &Submission,
+        slices: &[Vec<String>],
+    ) -> Result<i64, StoreError> {
+        self.write(|transaction| {
+            transaction.execute(
+                "INSERT INTO submissions (engine, job, plan, folder, tasks, workers, build, submitted_at)
+                 VALUES (?1, NULL, ?2, ?3, ?4, ?5, ?6, ?7)",
+                params![
+                    submission.engine,
+                    submission.plan,
+                    submission.folder.to_string_lossy(),
+                    integer(submission.tasks as u64),
+                    integer(submission.workers as u64),
+                    submission.build,
+                    process::now(),
+                ],
+            )?;
+            let id = transaction.last_insert_rowid();
+            let mut insert = transaction.prepare_cached(
+                "INSERT INTO slices (submission, case_id, task) SELECT ?1, id, ?3 FROM cases WHERE key = ?2",
+            )?;
+            for (task, keys) in slices.iter().enumerate() {
+                for key in keys {
+                    insert.execute(params![id, key, integer(task as u64)])?;
+                }
+            }
+            Ok(id)
+        })
+    }
+
+    /// Records the name the engine gave a job.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn submitted(&mut self, id: i64, job: &str) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            transaction.execute(
+                "UPDATE submissions SET job = ?2 WHERE id = ?1",
+                params![id, job],
+            )?;
+            Ok(())
+        })
+    }
+
+    /// Forgets a job the engine refused.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn not_submitted(&mut self, id: i64) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            transaction.execute("DELETE FROM slices WHERE submission = ?1", [id])?;
+            transaction.execute("DELETE FROM submissions WHERE id = ?1", [id])?;
+            Ok(())
+        })
+    }
+
+    /// Records that a job was cancelled.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn cancelled(&mut self, id: i64) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            transaction.execute(
+                "UPDATE submissions SET cancelled_at = coalesce(cancelled_at, ?2) WHERE id = ?1",
+                params![id, process::now()],
+            )?;
+            Ok(())
+        })
+    }
+
+    /// All jobs, the first first.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn submissions(&self) -> Result<Vec<Submission>, StoreError> {
+        if !self.knows_submissions()? {
+            return Ok(Vec::new());
+        }
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT id, engine, job, plan, folder, tasks, workers, build, submitted_at, cancelled_at
+                 FROM submissions ORDER BY id",
+            )
+            .and_then(|mut query| query.query_map([], submission)?.collect());
+        self.read(rows)
+    }
+
+    /// Keys of the open cases of a job, with their tasks.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn open_of(&self, id: i64) -> Result<HashMap<String, usize>, StoreError> {
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT c.key, s.task FROM slices s JOIN cases c ON c.id = s.case_id
+                 WHERE s.submission = ?1 AND c.state IN ('pending', 'running')",
+            )
+            .and_then(|mut query| {
+                query
+                    .query_map([id], |row| Ok((row.get(0)?, number(row.get(1)?))))?
+                    .collect()
+            });
+        self.read(rows)
+    }
+
+    /// How far the slices of a job are, by task.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn slice_states(&self, id: i64, tasks: usize) -> Result<Vec<SliceState>, StoreError> {
+        let rows: Result<Vec<(usize, SliceState)>, _> = self
+            .connection
+            .prepare(
+                "SELECT s.task, count(*), total(c.state IN ('done', 'jammed', 'failed')),
+                     total(CASE WHEN c.state IN ('done', 'jammed', 'failed') THEN c.cost
+                                ELSE c.cost * c.steps_done / c.steps END) / max(total(c.cost), 1e-300)
+                 FROM slices s JOIN cases c ON c.id = s.case_id WHERE s.submission = ?1 GROUP BY s.task",
+            )
+            .and_then(|mut query| {
+                query
+                    .query_map([id], |row| {
+                        #[expect(
+                            clippy::cast_possible_truncation,
+                            clippy::cast_sign_loss,
+                            reason = "a count"
+                        )]
+                        let ended = row.get::<_, f64>(2)? as u64;
+                        Ok((
+                            number(row.get(0)?),
+                            SliceState {
+                                cases: count(row.get(1)?),
+                                ended,
+                                work_done: row.get(3)?,
+                            },
+                        ))
+                    })?
+                    .collect()
+            });
+        let mut states = vec![SliceState::default(); tasks];
+        for (task, state) in self.read(rows)? {
+            if let Some(place) = states.get_mut(task) {
+                *place = state;
+            }
+        }
+        Ok(states)
+    }
+
+    /// How far a published shard is.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn slice_of_shard(path: &std::path::Path) -> Result<SliceState, StoreError> {
+        let shard = Self::open_shard(path)?;
+        let (counts, (total, done)) = (shard.counts()?, shard.work()?);
+        Ok(SliceState {
+            cases: counts.total(),
+            ended: counts.done + counts.jammed + counts.failed,
+            work_done: if total > 0.0 { done / total } else { 1.0 },
+        })
+    }
+
+    /// Whether the store is of a schema with submissions.
+    pub(super) fn knows_submissions(&self) -> Result<bool, StoreError> {
+        self.read(self.connection.query_row(
+            "SELECT count(*) FROM sqlite_schema WHERE name = 'submissions'",
+            [],
+            |row| row.get::<_, i64>(0),
+        ))
+        .map(|tables| tables > 0)
+    }
+
+    /// Writes the begun ones of some cases, as far as they are, into a new store of their own.
+    ///
+    /// # Errors
+    /// Trouble with either file.
+    pub(crate) fn write_begun(
+        &self,
+        campaign: &Campaign,
+        keys: &std::collections::HashSet<&str>,
+        to: &std::path::Path,
+    ) -> Result<(), StoreError> {
+        let mut some = campaign.clone();
+        some.cases
+            .retain(|(key, _)| keys.contains(key.to_string().as_str()));
+        let mut new = Store::open(to)?;
+        new.adopt(&some)?;
+        new.merge_as(
+            super::merge::Manner::Task,
+            std::slice::from_ref(&self.path),
+            true,
+        )?;
+        Ok(())
+    }
+}
+
+/// A row of [`Store::submissions`].
+fn submission(row: &Row<'_>) -> Result<Submission, rusqlite::Error> {
+    Ok(Submission {
+        id: row.get(0)?,
+        engine: row.get(1)?,
+        job: row.get(2)?,
+        plan: row.get(3)?,
+        folder: PathBuf::from(row.get::<_, String>(4)?),
+        tasks: number(row.get(5)?),
+        workers: number(row.get(6)?),
+        build: row.get(7)?,
+        submitted_at: row.get(8)?,
+        cancelled_at: row.get(9)?,
+    })
+}
+
+/// A number of things in memory.
+fn number(integer: i64) -> usize {
+    usize::try_from(integer).unwrap_or(0)
+}

@@ -1,0 +1,335 @@
+use super::*;
+use rusqlite::types::Value;
+use std::path::PathBuf;
+
+/// A shard of task 0 after so many restarts, and this process at work on it.
+fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
+    let path = directory.join(format!("{name}.sqlite"));
+    let mut store = Store::open(&path).unwrap();
+    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    store.work_for(TaskName {
+        job: "7".into(),
+        task: 0,
+        restart,
+        node: name.into(),
+    });
+    store.register(1).unwrap();
+    // Processes of this test are told apart by their hosts.
+    store
+        .connection
+        .execute("UPDATE processes SET host = ?1", [name])
+        .unwrap();
+    (store, path)
+}
+
+/// Claims the next case and keeps a checkpoint of it.
+fn begin(store: &mut Store, steps: u64) -> Claim {
+    let claim = store.claim().unwrap().unwrap();
+    store.keep(&claim, steps, &checkpoint(steps)).unwrap();
+    claim
+}
+
+fn rows(store: &Store, query: &str) -> Vec<Vec<Value>> {
+    let mut query = store.connection.prepare(query).unwrap();
+    let columns = query.column_count();
+    query
+        .query_map([], |row| {
+            (0..columns).map(|column| row.get(column)).collect()
+        })
+        .unwrap()
+        .collect::<Result<_, _>>()
+        .unwrap()
+}
+
+/// All that the outcome of a merge is, whatever the order.
+fn content(store: &Store) -> Vec<Vec<Value>> {
+    [
+        "SELECT key, state, steps_done FROM cases ORDER BY key",
+        "SELECT c.key, r.viscosity, r.samples, p.host FROM results r JOIN cases c ON c.id = r.case_id
+             JOIN processes p ON p.id = r.process ORDER BY c.key",
+        "SELECT c.key, s.* FROM samples s JOIN cases c ON c.id = s.case_id ORDER BY c.key, s.step",
+        "SELECT c.key, k.steps, k.data FROM checkpoints k JOIN cases c ON c.id = k.case_id ORDER BY c.key, k.steps",
+        "SELECT c.key, f.error FROM failures f JOIN cases c ON c.id = f.case_id ORDER BY c.key, f.error",
+        "SELECT name FROM shards ORDER BY name",
+    ]
+    .iter()
+    .flat_map(|query| rows(store, query))
+    .map(|mut row| {
+        // Numbers of cases are the same in all these stores but may not be in others.
+        row.truncate(6);
+        row
+    })
+    .collect()
+}
+
+fn failure(error: &str) -> Failure {
+    Failure {
+        error: error.into(),
+        step: 9,
+        pair: None,
+        gap: None,
+        snapshot: None,
+        samples: Vec::new(),
+    }
+}
+
+#[test]
+fn shards_merge_in_any_order_and_as_often_as_one_likes() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    // The first case is half done in one shard, further in another, complete in the third; the second failed and was begun;
+    // the third has checkpoints only.
+    let (mut a, path_a) = shard(at, "a", 0);
+    begin(&mut a, 40);
+    let claim = a.claim().unwrap().unwrap();
+    a.fail(&claim, &failure("no")).unwrap();
+    begin(&mut a, 100);
+    let (mut b, path_b) = shard(at, "b", 1);
+    begin(&mut b, 80);
+    begin(&mut b, 120);
+    begin(&mut b, 60);
+    let (mut c, path_c) = shard(at, "c", 2);
+    let claim = begin(&mut c, 20);
+    c.finish(&claim, &finished(State::Done)).unwrap();
+    drop((a, b, c));
+    let paths = [path_a, path_b, path_c];
+    let mut outcomes = Vec::new();
+    for order in [
+        [0, 1, 2],
+        [0, 2, 1],
+        [1, 0, 2],
+        [1, 2, 0],
+        [2, 0, 1],
+        [2, 1, 0],
+    ] {
+        let path = at.join(format!("{order:?}/small.sqlite"));
+        let mut store = Store::open(&path).unwrap();
+        store.adopt(&campaign(CAMPAIGN)).unwrap();
+        for number in order {
+            let shards = [paths[number].clone()];
+            let first = store.merge(&shards, false).unwrap();
+            assert_eq!((first.shards, first.unchanged), (1, 0));
+            let again = store.merge(&shards, false).unwrap();
+            assert_eq!((again.shards, again.unchanged), (0, 1));
+        }
+        let once = content(&store);
+        // As if nothing were known of them.
+        store.connection.execute("DELETE FROM shards", []).unwrap();
+        let again = store.merge(&paths, false).unwrap();
+        assert_eq!(
+            (
+                again.shards,
+                again.results,
+                again.checkpoints,
+                again.failures
+            ),
+            (3, 0, 0, 0)
+        );
+        assert_eq!(content(&store), once);
+        let counts = store.counts().unwrap();
+        assert_eq!((counts.done, counts.failed, counts.pending), (1, 1, 2));
+        assert!(store.disagreements().unwrap().is_empty());
+        outcomes.push(once);
+    }
+    assert!(outcomes.iter().all(|outcome| *outcome == outcomes[0]));
+}
+
+#[test]
+fn merged_checkpoint_is_gone_on_from() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut a, path) = shard(directory.path(), "a", 0);
+    begin(&mut a, 40);
+    let claim = a.claim().unwrap().unwrap();
+    a.keep(&claim, 8, &checkpoint(8)).unwrap();
+    a.keep(&claim, 16, &checkpoint(16)).unwrap();
+    let mut store = open(directory.path());
+    store.merge(&[path], false).unwrap();
+    store.register(1).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps, 40);
+    let claim = store.claim().unwrap().unwrap();
+    let steps: Vec<u64> = claim
+        .checkpoints
+        .iter()
+        .map(|found| found.as_ref().unwrap().snapshot.steps)
+        .collect();
+    assert_eq!(steps, [16, 8]);
+}
+
+#[test]
+fn results_that_differ_are_reported_and_the_later_attempt_is_kept() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let (mut a, early) = shard(at, "early", 0);
+    let (mut b, late) = shard(at, "late", 1);
+    let (mut c, alike) = shard(at, "alike", 0);
+    for (store, viscosity) in [
+        (&mut a, 7.0),
+        (&mut b, 7.000_000_000_000_001),
+        (&mut c, 7.0),
+    ] {
+        let claim = store.claim().unwrap().unwrap();
+        let mut result = finished(State::Done);
+        result.samples[30].1.viscosity = viscosity;
+        store.finish(&claim, &result).unwrap();
+    }
+    drop((a, b, c));
+    for order in [[&early, &late], [&late, &early]] {
+        let mut store =
+            Store::open(&at.join(order[0].file_stem().unwrap()).join("s.sqlite")).unwrap();
+        store.adopt(&campaign(CAMPAIGN)).unwrap();
+        for shard in order {
+            store.merge(std::slice::from_ref(shard), false).unwrap();
+        }
+        let found = store.disagreements().unwrap();
+        assert_eq!(found.len(), 1);
+        assert_eq!(found[0].kept, "job 7 task 0 restart 1 on late");
+        assert_eq!(found[0].other, "job 7 task 0 restart 0 on early");
+        assert!(
+            found[0].what.contains("at step 120: viscosity is 7"),
+            "{}",
+            found[0].what
+        );
+        let kept = rows(&store, "SELECT viscosity FROM samples WHERE step = 120");
+        assert_eq!(kept, [[Value::Real(7.000_000_000_000_001)]]);
+    }
+    let mut store = open(at);
+    let merged = store.merge(&[early, alike], false).unwrap();
+    assert_eq!((merged.results, merged.duplicates), (1, 1));
+    assert!(store.disagreements().unwrap().is_empty());
+}
+
+#[test]
+fn other_campaigns_and_builds_are_refused_before_anything_is_merged() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let (mut a, good) = shard(at, "a", 0);
+    let claim = a.claim().unwrap().unwrap();
+    a.finish(&claim, &finished(State::Done)).unwrap();
+    let (mut b, other) = shard(at, "b", 0);
+    begin(&mut b, 40);
+    begin(&mut b, 44);
+    b.connection
+        .execute("UPDATE processes SET build = 'other'", [])
+        .unwrap();
+    drop((a, b));
+    let mut foreign = Store::open(&at.join("foreign.sqlite")).unwrap();
+    foreign
+        .adopt(&campaign(&CAMPAIGN.replace("small", "else")))
+        .unwrap();
+    let mut store = open(at);
+    let refused = store.merge(&[good.clone(), at.join("foreign.sqlite")], true);
+    assert!(matches!(refused, Err(StoreError::OtherCampaign { .. })));
+    for shards in [[good.clone(), other.clone()], [other.clone(), good.clone()]] {
+        let refused = store.merge(&shards, false);
+        assert!(
+            matches!(refused, Err(StoreError::OtherBuild { .. })),
+            "{refused:?}"
+        );
+    }
+    assert_eq!(store.counts().unwrap().done, 0, "nothing was merged");
+    store.merge(std::slice::from_ref(&good), false).unwrap();
+    assert!(store.merge(std::slice::from_ref(&other), false).is_err());
+    assert_eq!(store.mixed_shards().unwrap(), 0);
+    let merged = store.merge(&[other], true).unwrap();
+    assert_eq!(merged.checkpoints, 1);
+    assert_eq!(store.mixed_shards().unwrap(), 1);
+}
+
+#[test]
+fn half_a_shard_is_named_and_the_others_are_merged() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let (mut a, work) = shard(at, "a", 0);
+    let claim = a.claim().unwrap().unwrap();
+    a.finish(&claim, &finished(State::Done)).unwrap();
+    let good = at.join("good.sqlite");
+    reading::snapshot(&work, &good).unwrap();
+    drop(a);
+    let bytes = std::fs::read(&good).unwrap();
+    for length in [0, 1, 99, 100, 4096, bytes.len() / 2, bytes.len() - 1] {
+        let half = at.join("half.sqlite");
+        std::fs::write(&half, &bytes[..length]).unwrap();
+        let mut store = Store::open(&at.join(format!("{length}/small.sqlite"))).unwrap();
+        store.adopt(&campaign(CAMPAIGN)).unwrap();
+        let merged = store.merge(&[half.clone(), good.clone()], false).unwrap();
+        assert_eq!((merged.damaged.len(), merged.results), (1, 1), "{length}");
+        assert_eq!(merged.damaged[0].path, half);
+        // Whole at last, it is merged by the same command.
+        std::fs::write(&half, &bytes).unwrap();
+        let merged = store.merge(&[half, good.clone()], false).unwrap();
+        assert_eq!((merged.damaged.len(), merged.duplicates), (0, 1));
+    }
+}
+
+#[test]
+fn case_under_way_here_is_left_alone_by_half_of_it_and_ended_by_all_of_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let mut store = open(at);
+    store.register(1).unwrap();
+    let claim = begin(&mut store, 8);
+    let (mut a, path) = shard(at, "a", 0);
+    let theirs = begin(&mut a, 100);
+    store.merge(std::slice::from_ref(&path), false).unwrap();
+    store.keep(&claim, 12, &checkpoint(12)).unwrap();
+    a.finish(&theirs, &finished(State::Jammed)).unwrap();
+    store.merge(&[path], false).unwrap();
+    let lost = store.keep(&claim, 16, &checkpoint(16));
+    assert!(matches!(lost, Err(StoreError::ClaimLost { .. })));
+    assert_eq!(store.counts().unwrap().jammed, 1);
+}
+
+#[test]
+fn complete_run_outranks_a_failure_and_retried_failures_stay_retried() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let (mut a, failed) = shard(at, "a", 0);
+    let claim = a.claim().unwrap().unwrap();
+    a.fail(&claim, &failure("took too long")).unwrap();
+    let (mut b, done) = shard(at, "b", 1);
+    let claim = b.claim().unwrap().unwrap();
+    b.finish(&claim, &finished(State::Done)).unwrap();
+    drop((a, b));
+    for order in [[&failed, &done], [&done, &failed]] {
+        let mut store = Store::open(&at.join(format!(
+            "{}-first/s.sqlite",
+            order[0].file_stem().unwrap().display()
+        )))
+        .unwrap();
+        store.adopt(&campaign(CAMPAIGN)).unwrap();
+        store.merge(&[order[0].clone()], false).unwrap();
+        store.merge(&[order[1].clone()], false).unwrap();
+        let counts = store.counts().unwrap();
+        assert_eq!((counts.done, counts.failed), (1, 0));
+    }
+    let mut store = open(at);
+    store.merge(std::slice::from_ref(&failed), false).unwrap();
+    assert_eq!(store.retry_failed().unwrap(), 1);
+    store.merge(&[failed], false).unwrap();
+    assert_eq!(store.counts().unwrap().failed, 0);
+}
+
+#[test]
+fn store_of_the_second_schema_is_read_and_brought_up_to_date() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("small.sqlite");
+    drop(open(directory.path()));
+    let old = rusqlite::Connection::open(&path).unwrap();
+    old.execute_batch(
+        "DROP TABLE disagreements; DROP TABLE shards; DROP TABLE slices; DROP TABLE submissions;
+         ALTER TABLE processes DROP COLUMN job; ALTER TABLE processes DROP COLUMN task;
+         ALTER TABLE processes DROP COLUMN restart; ALTER TABLE processes DROP COLUMN node;
+         PRAGMA user_version = 2",
+    )
+    .unwrap();
+    drop(old);
+    let read = Store::open_read_only(&path).unwrap();
+    assert!(read.submissions().unwrap().is_empty() && read.disagreements().unwrap().is_empty());
+    assert_eq!(read.mixed_shards().unwrap(), 0);
+    drop(read);
+    let mut store = open(directory.path());
+    assert_eq!(version_of(&store.connection).unwrap(), SCHEMA_VERSION);
+    store.register(1).unwrap();
+    assert!(store.claim().unwrap().is_some());
+}
