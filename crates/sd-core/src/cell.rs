@@ -165,6 +165,18 @@ pub struct Neighbours {
     pub gap: f64,
 }
 
+impl Neighbours {
+    /// The error that names the pair as overlapping.
+    pub(crate) fn overlap(&self) -> Error {
+        Error::Overlap {
+            i: self.i,
+            j: self.j,
+            gap: self.gap,
+            separation: self.distance,
+        }
+    }
+}
+
 /// Neighbours of a sphere within the lubrication range that room is made for; equal ones have 18 at most.
 pub(crate) const MOST_NEIGHBOURS: usize = 20;
 
@@ -215,12 +227,7 @@ impl NeighbourList {
     ) -> Result<(), Error> {
         self.find(cell, centres, radii, range);
         match self.pairs.iter().find(|pair| pair.gap <= 0.0) {
-            Some(pair) => Err(Error::Overlap {
-                i: pair.i,
-                j: pair.j,
-                gap: pair.gap,
-                separation: pair.distance,
-            }),
+            Some(pair) => Err(pair.overlap()),
             None => Ok(()),
         }
     }

@@ -11,6 +11,14 @@ pub struct State {
     pub orientations: Vec<f64>,
 }
 
+impl State {
+    /// Takes the other's place, without allocating once there is room.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.centres.clone_from(&other.centres);
+        self.orientations.clone_from(&other.orientations);
+    }
+}
+
 /// One evaluation of the right-hand side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stage {

@@ -1,6 +1,6 @@
 //! One right-hand side: from positions to velocities, contact forces included.
 
-use crate::cell::Cell;
+use crate::cell::{Cell, Neighbours};
 use crate::contact::procedure::ContactList;
 use crate::contact::rigid::Memory;
 use crate::contact::{Contacts, Quality, Surface};
@@ -60,6 +60,12 @@ impl Motion {
     /// Disturbance velocities `(U − u∞, Ω − Ω∞)` of the last solve, `[3N]`.
     pub fn velocities(&self) -> &[f64] {
         &self.velocities
+    }
+
+    /// The pair with the smallest gap, if any is in lubrication range.
+    pub fn closest(&self) -> Option<&Neighbours> {
+        let pairs = self.resistance.neighbours().iter();
+        pairs.min_by(|a, b| a.gap.total_cmp(&b.gap))
     }
 
     /// Solves for the velocities at the given centres under external forces and torques `[3N]` (empty: none).

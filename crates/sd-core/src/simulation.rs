@@ -22,6 +22,10 @@ use serde::{Deserialize, Serialize};
 pub const JAM_VISCOSITY: f64 = 1e4;
 /// A layer that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
+/// Times a step is halved, and its halves again, where a gap of rigid contacts falls too low within it.
+const MOST_HALVINGS: u32 = 6;
+/// What counts as too low: this share of the roughness height.
+const HELD_SHARE: f64 = 0.5;
 /// Version of [`Snapshot`].
 pub const SNAPSHOT_VERSION: u32 = 1;
 
@@ -73,7 +77,7 @@ pub struct Sample {
 /// What a run has met since its start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Contact problems solved: four per step.
+    /// Contact problems solved: four per step, and those of steps done again in halves (see [`Simulation::step`]).
     pub stages: u64,
     /// Of these, problems that did not converge.
     pub unconverged_stages: u64,
@@ -153,6 +157,8 @@ pub struct Simulation {
     side: f64,
     /// Where the spheres are.
     state: State,
+    /// Where they were at the start of the step.
+    before: State,
     /// Mean disturbance velocities of the last step, where the procedure needs them.
     velocities: Vec<f64>,
     /// Memory of the rigid scheme.
@@ -228,6 +234,7 @@ impl Simulation {
                     .collect(),
                 orientations: snapshot.orientations,
             },
+            before: State::default(),
             velocities: snapshot.velocities,
             memory: snapshot.memory,
             listed: snapshot.listed,
@@ -241,6 +248,9 @@ impl Simulation {
 
     /// One RK4 step; returns the sample taken at its start.
     ///
+    /// Near jamming velocities can leap between two stages, so far that a gap falls below h/2 within a step under the
+    /// rigid scheme, which holds each stage's own gaps. Such a step is done again as two of half the size, down to 2⁻⁶ of it.
+    ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
     pub fn step(&mut self) -> Result<Sample, Error> {
@@ -248,9 +258,15 @@ impl Simulation {
         let mut sample = None;
         let mut integrator = std::mem::take(&mut self.integrator);
         let mut state = std::mem::take(&mut self.state);
-        let result = integrator.step(&mut state, time, dt, |stage, centres, velocities| {
-            self.stage(stage, centres, velocities, &mut sample)
-        });
+        let most = match self.params.contact {
+            ContactScheme::Rigid => MOST_HALVINGS,
+            ContactScheme::Procedure => 0,
+        };
+        self.before.copy_from(&state);
+        let result = self.advance(&mut integrator, &mut state, time, dt, most, &mut sample);
+        if result.is_err() {
+            state.copy_from(&self.before);
+        }
         self.integrator = integrator;
         self.state = state;
         let failed = |source| Error::Step {
@@ -298,6 +314,41 @@ impl Simulation {
         Ok((result?, frame))
     }
 
+    /// Moves the state over `dt`; where a gap falls too low on the way, in two halves, each halved at most `halvings - 1` times.
+    fn advance(
+        &mut self,
+        integrator: &mut RungeKutta,
+        state: &mut State,
+        time: f64,
+        dt: f64,
+        halvings: u32,
+        sample: &mut Option<Sample>,
+    ) -> Result<(), Error> {
+        let mut start_gap = 0.0;
+        let whole = integrator.step(state, time, dt, |stage, centres, velocities| {
+            self.stage(stage, centres, velocities, sample)?;
+            let Some(pair) = self.motion.closest() else {
+                return Ok(());
+            };
+            if stage.number == 0 {
+                start_gap = pair.gap;
+            }
+            let held = start_gap.min(HELD_SHARE * self.surface.roughness);
+            if halvings > 0 && pair.gap < held {
+                return Err(pair.overlap());
+            }
+            Ok(())
+        });
+        match whole {
+            Err(Error::Overlap { .. }) if halvings > 0 => {
+                let half = 0.5 * dt;
+                self.advance(integrator, state, time, half, halvings - 1, sample)?;
+                self.advance(integrator, state, time + half, half, halvings - 1, sample)
+            }
+            whole => whole,
+        }
+    }
+
     /// One right-hand side; the first of a step is the one that is sampled.
     fn stage(
         &mut self,
@@ -333,14 +384,13 @@ impl Simulation {
             }
         };
         let quality = motion.solve_again(&background, &[], law)?;
-        let gaps = motion.resistance.neighbours().iter().map(|p| p.gap);
-        let minimum_gap = gaps.fold(f64::INFINITY, f64::min);
+        let minimum_gap = motion.closest().map_or(f64::INFINITY, |pair| pair.gap);
         let counters = &mut self.counters;
         counters.stages += 1;
         counters.unconverged_stages += u64::from(!quality.converged());
         counters.worst_residual = counters.worst_residual.max(quality.residual);
         counters.worst_friction_error = counters.worst_friction_error.max(quality.friction_error);
-        if stage.number == 0 {
+        if stage.number == 0 && sample.is_none() {
             counters.minimum_gap = counters.minimum_gap.min(minimum_gap);
             let stress = self.stress.stress(
                 &motion.resistance,

@@ -187,6 +187,23 @@ fn near_jamming_every_stage_is_converged_or_counted() {
 }
 
 #[test]
+fn a_step_in_which_spheres_would_overlap_is_halved() {
+    let jamming = Params {
+        spheres: 40,
+        area_fraction: 0.82,
+        shear_rate: 100.0,
+        time_step: 0.01,
+        ..params()
+    };
+    let (samples, snapshot) = run(&jamming, 2, 50);
+    assert!(snapshot.counters.stages > 200, "no step was halved");
+    // One sample per step all the same, and gaps that held.
+    let strains: Vec<f64> = samples.iter().map(|s| s.strain).collect();
+    assert!((0..50).all(|k| (strains[k] - 0.01 * k as f64).abs() < 1e-12));
+    assert!(snapshot.counters.minimum_gap > 0.8 * 0.01);
+}
+
+#[test]
 fn procedure_lets_gaps_drift_and_rigid_does_not() {
     let procedure = Params {
         contact: ContactScheme::Procedure,

@@ -152,7 +152,7 @@ fn lay_out(
     let mut cases = Vec::new();
     let mut grid_of = HashMap::new();
     for (number, grid) in grids.iter().enumerate() {
-        grid.check()?;
+        grid.check(protocol)?;
         for case in grid.cases(protocol) {
             let key = case.key();
             if let Some(other) = grid_of.insert(key, number) {

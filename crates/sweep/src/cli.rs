@@ -35,13 +35,13 @@ use std::io::{IsTerminal, Write};
 )]
 pub struct Cli {
     /// One JSON object on standard output, nothing else
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = "Of every command")]
     json: bool,
     /// No progress and no notes on standard error
-    #[arg(long, short, global = true)]
+    #[arg(long, short, global = true, help_heading = "Of every command")]
     quiet: bool,
     /// Colours in errors
-    #[arg(long, global = true, value_enum, default_value_t = Colour::Auto, value_name = "WHEN")]
+    #[arg(long, global = true, help_heading = "Of every command", value_enum, default_value_t = Colour::Auto, value_name = "WHEN")]
     color: Colour,
     /// What to do.
     #[command(subcommand)]

@@ -1,20 +1,27 @@
 //! What the store holds, averaged over seeds: the answer to the campaign's question.
 
+mod axes;
 mod chart;
+mod columns;
 mod curves;
 mod figure;
 mod json;
 mod page;
+mod parquet;
+mod selection;
 mod text;
 mod tidy;
 
+pub(crate) use axes::identity;
+pub use axes::{AXES, Axis, Value};
 pub(crate) use chart::chart;
-pub use curves::{Abscissa, Curve};
-pub use figure::{Format, Kind, Trace, draw, traces};
+pub use figure::{Drawing, Format, Kind, Quantity, Trace, draw, traces};
 pub use json::write as write_json;
 pub use page::{Home, data, movie, page};
+pub use parquet::parquet;
+pub use selection::Selection;
 pub use text::write as write_text;
-pub(crate) use text::{AXES, contact, hydrodynamics, table};
+pub(crate) use text::{contact, hydrodynamics, table};
 pub use tidy::{write_csv, write_markdown, write_units};
 
 use crate::case::State;
@@ -25,20 +32,22 @@ use sd_core::Params;
 use std::collections::HashMap;
 
 /// Failures listed in a report.
-const FAILURES_SHOWN: u32 = 10;
+const FAILURES_SHOWN: usize = 10;
 
 /// A campaign's results so far.
 #[derive(Debug, Clone)]
 pub struct Report {
     /// Name of the campaign.
     pub campaign: String,
-    /// Its cases by state.
+    /// Which of its points it is about.
+    pub selection: Selection,
+    /// Their cases by state.
     pub counts: Counts,
     /// Strain discarded from every run.
     pub discard: f64,
-    /// Its points in the order of the file.
+    /// The points in the order of the file.
     pub points: Vec<Point>,
-    /// Its first failures.
+    /// Their first failures.
     pub failures: Vec<FailureLine>,
 }
 
@@ -80,14 +89,32 @@ pub struct Point {
 }
 
 impl Report {
-    /// Of all that a store holds now.
+    /// Of what a store holds now about the points selected.
     ///
     /// # Errors
-    /// Trouble with the store.
-    pub fn of(store: &Store) -> Result<Self, Error> {
+    /// Trouble with the store; [`Error::Argument`] on a selection that no point meets.
+    pub fn of(store: &Store, selection: &Selection) -> Result<Self, Error> {
+        let runs = selected_runs(store, selection)?;
+        // Failures are few, or a selection is worth the reading of them all.
+        let limit = if selection.is_everything() {
+            FAILURES_SHOWN
+        } else {
+            usize::MAX
+        };
+        let mut failures = store.failures(u32::try_from(limit).unwrap_or(u32::MAX))?;
+        failures.retain(|failure| selection.has(&failure.params));
+        failures.truncate(FAILURES_SHOWN);
         let mut groups: Vec<Vec<PointRun>> = Vec::new();
         let mut place_of = HashMap::new();
-        for run in store.point_runs()? {
+        let mut counts = Counts::default();
+        for run in runs {
+            *match run.state {
+                State::Pending => &mut counts.pending,
+                State::Running => &mut counts.running,
+                State::Done => &mut counts.done,
+                State::Jammed => &mut counts.jammed,
+                State::Failed => &mut counts.failed,
+            } += 1;
             let place = *place_of.entry(identity(&run.params)).or_insert_with(|| {
                 groups.push(Vec::new());
                 groups.len() - 1
@@ -96,30 +123,22 @@ impl Report {
         }
         Ok(Self {
             campaign: store.campaign_name()?,
-            counts: store.counts()?,
+            selection: selection.clone(),
+            counts,
             discard: store.protocol()?.discard,
             points: groups.iter().filter_map(|runs| Point::of(runs)).collect(),
-            failures: store.failures(FAILURES_SHOWN)?,
+            failures,
         })
     }
 }
 
-/// Equal exactly for equal parameters.
-fn identity(p: &Params) -> ([u64; 7], usize, [isize; 2]) {
-    let numbers = [
-        p.area_fraction,
-        p.friction,
-        p.roughness,
-        p.shear_rate,
-        p.size_ratio,
-        p.large_fraction,
-        p.time_step,
-    ];
-    (
-        numbers.map(f64::to_bits),
-        p.spheres,
-        [p.hydrodynamics as isize, p.contact as isize],
-    )
+/// All runs of the points selected, in the order of the campaign file.
+fn selected_runs(store: &Store, selection: &Selection) -> Result<Vec<PointRun>, Error> {
+    let mut runs = store.point_runs()?;
+    let params: Vec<_> = runs.iter().map(|run| &run.params).collect();
+    selection.check(&params)?;
+    runs.retain(|run| selection.has(&run.params));
+    Ok(runs)
 }
 
 impl Point {

@@ -4,7 +4,7 @@
 //! as their host, so that no page of another site can have its visitor's browser read the store (DNS rebinding).
 
 use crate::error::Error;
-use crate::report::{Home, data, movie, page};
+use crate::report::{Home, Selection, data, movie, page};
 use crate::store::Store;
 use axum::Router;
 use axum::extract::{Path as Segment, Request, State};
@@ -154,7 +154,10 @@ fn answer(kind: &'static str, result: Result<String, Error>) -> Response {
 
 /// The page.
 async fn send_page(State(shared): State<Arc<Shared>>) -> Response {
-    let result = read(&shared, |store| page(store, Home::Server)).await;
+    let result = read(&shared, |store| {
+        page(store, &Selection::default(), Home::Server)
+    })
+    .await;
     answer("text/html; charset=utf-8", result)
 }
 
@@ -165,7 +168,10 @@ async fn send_data(State(shared): State<Arc<Shared>>) -> Response {
     if let Some((_, text)) = last.as_ref().filter(|(at, _)| at.elapsed() < FRESH) {
         return answer("application/json", Ok(text.clone()));
     }
-    let result = read(&shared, |store| data(store, Home::Server)).await;
+    let result = read(&shared, |store| {
+        data(store, &Selection::default(), Home::Server)
+    })
+    .await;
     if let Ok(text) = &result {
         *last = Some((Instant::now(), text.clone()));
     }

@@ -71,6 +71,15 @@ pub struct Estimate {
 }
 
 impl Estimate {
+    /// A value without an error.
+    pub(crate) fn bare(mean: f64) -> Self {
+        Self {
+            mean,
+            standard_error: None,
+            ci95: None,
+        }
+    }
+
     /// From one value per run; `None` without runs.
     pub fn of(runs: &[f64]) -> Option<Self> {
         let n = runs.len() as f64;

@@ -1,7 +1,23 @@
 //! Made-up samples and snapshots for the tests of what stands around the physics.
 
 use sd_core::simulation::Counters;
-use sd_core::{Sample, Snapshot};
+use sd_core::{ContactScheme, Hydrodynamics, Params, Sample, Snapshot};
+
+/// Parameters of the paper's layer.
+pub(crate) fn params() -> Params {
+    Params {
+        spheres: 90,
+        area_fraction: 0.693,
+        roughness: 0.01,
+        friction: 0.3,
+        shear_rate: f64::INFINITY,
+        size_ratio: 1.0,
+        large_fraction: 0.5,
+        hydrodynamics: Hydrodynamics::BallMelrose,
+        contact: ContactScheme::Rigid,
+        time_step: 0.005,
+    }
+}
 
 /// Plausible counters.
 pub(crate) fn counters() -> Counters {

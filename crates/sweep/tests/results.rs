@@ -118,7 +118,7 @@ fn figures_are_drawn_in_both_formats() {
     for kind in ["viscosity", "contacts", "trace", "normal-stress"] {
         for file in ["f.svg", "f.png"] {
             let along = if kind == "contacts" {
-                "shear-rate"
+                "shear_rate"
             } else {
                 "friction"
             };
@@ -344,4 +344,155 @@ fn views_are_for_any_client() {
         let half = point["viscosity_ci95"].as_f64().unwrap();
         assert!((error * 12.706_204_7 - half).abs() < 1e-5 * half.max(1e-3));
     }
+}
+
+#[test]
+fn parquet_is_the_csv_with_types_and_units() {
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    let directory = directory();
+    let at = directory.path();
+    let arguments = [
+        "report",
+        "s.sqlite",
+        "--csv",
+        "t.csv",
+        "--parquet",
+        "t.parquet",
+    ];
+    sweep(at, &arguments).code(0).stdout("");
+    let file = std::fs::File::open(at.join("t.parquet")).unwrap();
+    let reader = SerializedFileReader::new(file).unwrap();
+    let metadata = reader.metadata().file_metadata();
+    let about = |key: &str| {
+        let all = metadata.key_value_metadata().unwrap();
+        let found = all.iter().find(|entry| entry.key == key).unwrap();
+        found.value.clone().unwrap()
+    };
+    assert_eq!(about("campaign"), "small");
+    assert_eq!(about("viscosity.unit"), "mu");
+    assert!(about("shear_rate.meaning").contains("plateau"));
+    let mut table = csv::Reader::from_path(at.join("t.csv")).unwrap();
+    let header = table.headers().unwrap().clone();
+    let mut lines = table.records().map(Result::unwrap);
+    for row in reader.get_row_iter(None).unwrap() {
+        let (row, line) = (row.unwrap(), lines.next().unwrap());
+        let mut names = header.iter().zip(&line);
+        for (name, field) in row.get_column_iter() {
+            let (head, cell) = names.next().unwrap();
+            assert_eq!(name, head);
+            match field {
+                parquet::record::Field::Str(word) => assert_eq!(word, cell),
+                parquet::record::Field::Long(count) => assert_eq!(count.to_string(), cell),
+                parquet::record::Field::Double(number) => {
+                    assert_eq!(number.to_bits(), cell.parse::<f64>().unwrap().to_bits());
+                }
+                parquet::record::Field::Null => assert_eq!(cell, "", "{name}"),
+                other => panic!("{name} is {other}"),
+            }
+        }
+        assert!(names.next().is_none());
+    }
+    assert!(lines.next().is_none());
+}
+
+#[test]
+fn a_selection_holds_for_every_output() {
+    let directory = directory();
+    let at = directory.path();
+    let some = ["--where", "friction=0.3", "--where", "shear_rate=0,inf"];
+    let report = |more: &[&str]| stdout(at, &[&["report", "s.sqlite"], &some[..], more].concat());
+    let json: serde_json::Value = serde_json::from_str(&report(&["--json"])).unwrap();
+    assert_eq!(json["points"].as_array().unwrap().len(), 2);
+    assert_eq!(json["cases"]["done"], 4);
+    assert_eq!(json["points"][1]["shear_rate"], "inf");
+    assert_eq!(json["points"][1]["time_step"], 0.005);
+    let text = report(&[]);
+    assert!(
+        text.contains("4 of 4 cases")
+            && text.contains("only where friction = 0.3, shear_rate = 0 or inf")
+    );
+    assert_eq!(report(&["--csv", "-"]).lines().count(), 3);
+    assert_eq!(report(&["--markdown", "-"]).lines().count(), 4);
+    report(&["--figure", "f.svg", "--kind", "trace"]);
+    let svg = std::fs::read_to_string(at.join("f.svg")).unwrap();
+    assert!(svg.contains("Γ = 0") && svg.contains("Γ = ∞") && !svg.contains("ν ="));
+    report(&["--page", "p.html"]);
+    let page = std::fs::read_to_string(at.join("p.html")).unwrap();
+    assert!(page.contains(r#""selection":"friction = 0.3, shear_rate = 0 or inf""#));
+    assert_eq!(page.matches(r#""viscosity_ci95""#).count(), 2);
+
+    for (condition, part) in [
+        ("friction=0.25", "there are points with 0, 0.3"),
+        ("fricton=0.3", "area_fraction"),
+        ("seed=1", "no axis"),
+        ("friction", "KEY=VALUE"),
+    ] {
+        let output = sweep(at, &["report", "s.sqlite", "--where", condition])
+            .code(2)
+            .stdout("");
+        let error = String::from_utf8_lossy(&output.get_output().stderr).into_owned();
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+#[test]
+fn time_steps_and_sizes_set_curves_apart() {
+    let directory = directory();
+    let at = directory.path();
+    spoilt(
+        at,
+        "UPDATE cases SET time_step = 0.01, params = json_set(params, '$.time_step', 0.01) WHERE friction > 0.2",
+    );
+    let text = stdout(at, &["report", "s.sqlite"]);
+    assert!(text.contains("Δt"), "a column of its own: {text}");
+    let draw = |more: &[&str]| {
+        sweep(
+            at,
+            &[&["report", "s.sqlite", "--figure", "f.svg"], more].concat(),
+        )
+        .code(0);
+        std::fs::read_to_string(at.join("f.svg")).unwrap()
+    };
+    assert!(draw(&[]).contains("ν = 0.3, Δt = 0.01"));
+    for axis in ["time_step", "spheres"] {
+        assert!(draw(&["--along", axis, "--where", "shear_rate=inf"]).contains("<svg"));
+    }
+    for (quantity, label) in [
+        ("viscosity_stresslet", "stresslet viscosity"),
+        ("viscosity_median", "median viscosity"),
+    ] {
+        assert!(draw(&["--quantity", quantity]).contains(label));
+    }
+    assert!(draw(&["--kind", "approach-velocity"]).contains("mean approach velocity"));
+    for wrong in [
+        &["--kind", "trace", "--quantity", "viscosity"][..],
+        &["--case", "3f"],
+        &["--kind", "trace", "--case", "zz"],
+        &["--along", "contact"],
+    ] {
+        sweep(
+            at,
+            &[&["report", "s.sqlite", "--figure", "f.svg"], wrong].concat(),
+        )
+        .code(2);
+    }
+}
+
+#[test]
+fn too_many_curves_are_an_error_that_knows_a_way_out() {
+    let directory = directory();
+    let at = directory.path();
+    let output = sweep(
+        at,
+        &[
+            "report", "s.sqlite", "--figure", "f.svg", "--kind", "contacts", "--along", "spheres",
+        ],
+    )
+    .code(2);
+    let error = String::from_utf8_lossy(&output.get_output().stderr).into_owned();
+    assert!(
+        error.contains("24 curves") && error.contains("--where"),
+        "{error}"
+    );
+    assert!(!at.join("f.svg").exists());
 }

@@ -5,18 +5,47 @@
 //! ```
 //!
 //! Block principal pivoting (Júdice & Pires 1994): guess the support, solve for its forces by Cholesky, exchange
-//! every violating index; when that cycles, only the last violating one (Murty's rule, which ends). Started from the
-//! last support it mostly needs one factorization, and none if the support has not changed.
+//! every violating index. Started from the last support it mostly needs one factorization, and none if the support has not
+//! changed. Near jamming G is all but singular and the exchanges may cycle; then an active set that only ever descends takes
+//! over, which is slower and ends.
 
 use super::COMPLIANCE;
 use crate::linalg::dense::{Cholesky, Matrix};
 
 /// Compliance where all pairs are halted at once: just enough for a Cholesky factor of a hyperstatic network.
 const HALT_COMPLIANCE: f64 = 1e-13;
-/// Exchanges of whole blocks without progress before single exchanges begin.
+/// Exchanges of whole blocks without progress before the descent begins.
 const PATIENCE: u32 = 5;
-/// Exchanges after which the problem is given up as unconverged.
-const MOST_EXCHANGES: u32 = 2000;
+/// Steps of the descent per candidate pair, after which the problem is given up as unconverged.
+const MOST_STEPS_PER_PAIR: usize = 5;
+
+/// What decides nothing: forces below rounding of the largest, slack below rounding of the velocities.
+struct Zero {
+    /// In mu·a²·rate.
+    force: f64,
+    /// In a·rate.
+    slack: f64,
+}
+
+impl Zero {
+    /// For the problem's q and forces at hand.
+    fn of(q: &[f64], f: &[f64]) -> Self {
+        let largest = |x: &[f64]| x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        Self {
+            force: 1e-13 * largest(f),
+            slack: 1e-12 * largest(q),
+        }
+    }
+
+    /// Whether a pair that carries force pulls, or one that carries none closes.
+    fn violates(&self, carries: bool, force: f64, slack: f64) -> bool {
+        if carries {
+            force < -self.force
+        } else {
+            slack < -self.slack
+        }
+    }
+}
 
 /// Support, factor and workspace of the normal problem.
 #[derive(Default)]
@@ -35,6 +64,8 @@ pub(super) struct NormalProblem {
     solution: Vec<f64>,
     /// w of the last solution.
     slack: Vec<f64>,
+    /// Forces f ≥ 0 from which the descent goes on.
+    feasible: Vec<f64>,
 }
 
 impl NormalProblem {
@@ -46,6 +77,7 @@ impl NormalProblem {
             factor: Cholesky::new(candidates),
             solution: Vec::with_capacity(candidates),
             slack: Vec::with_capacity(candidates),
+            feasible: Vec::with_capacity(candidates),
             ..Self::default()
         }
     }
@@ -62,52 +94,111 @@ impl NormalProblem {
     ///
     /// G is the leading `[K × K]` block of `delassus`.
     pub(super) fn solve(&mut self, delassus: &Matrix, q: &[f64], f: &mut [f64]) {
-        let mut fewest = usize::MAX;
-        let mut patience = PATIENCE;
-        for _ in 0..MOST_EXCHANGES {
-            if !self.solve_on_support(delassus, q, f) {
-                break;
-            }
-            // Forces below rounding of the largest, or slack below rounding of the velocities, decide nothing.
-            let largest = f.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            let scale = q.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            let (force_zero, slack_zero) = (1e-13 * largest, 1e-12 * scale);
-            let violates = |carries: bool, force: f64, slack: f64| {
-                if carries {
-                    force < -force_zero
-                } else {
-                    slack < -slack_zero
-                }
-            };
-            let mut violations = 0;
-            let mut last = 0;
-            for (m, &carries) in self.support.iter().enumerate() {
-                if violates(carries, f[m], self.slack[m]) {
-                    violations += 1;
-                    last = m;
-                }
-            }
-            if violations == 0 {
-                break;
-            }
-            if violations < fewest {
-                fewest = violations;
-                patience = PATIENCE;
-            } else {
-                patience = patience.saturating_sub(1);
-            }
-            if patience > 0 {
-                for (m, carries) in self.support.iter_mut().enumerate() {
-                    *carries ^= violates(*carries, f[m], self.slack[m]);
-                }
-            } else {
-                self.support[last] = !self.support[last];
-            }
-            self.factored = false;
+        if !self.exchange_blocks(delassus, q, f) {
+            self.descend(delassus, q, f);
         }
         for x in f.iter_mut() {
             *x = x.max(0.0);
         }
+    }
+
+    /// Block principal pivoting; whether it ended at the solution.
+    fn exchange_blocks(&mut self, delassus: &Matrix, q: &[f64], f: &mut [f64]) -> bool {
+        let mut fewest = usize::MAX;
+        let mut patience = PATIENCE;
+        while self.solve_on_support(delassus, q, f) {
+            let zero = Zero::of(q, f);
+            let mut violations = 0;
+            for ((carries, &force), &slack) in
+                self.support.iter_mut().zip(f.iter()).zip(&self.slack)
+            {
+                if zero.violates(*carries, force, slack) {
+                    violations += 1;
+                    *carries = !*carries;
+                }
+            }
+            if violations == 0 {
+                return true;
+            }
+            self.factored = false;
+            if violations < fewest {
+                fewest = violations;
+                patience = PATIENCE;
+            } else if patience == 0 {
+                return false;
+            } else {
+                patience -= 1;
+            }
+        }
+        false
+    }
+
+    /// The minimum of ½ f·Gf + q·f over f ≥ 0 by an active set (Lawson & Hanson 1974), started from the positive part of f.
+    ///
+    /// Each step goes towards the solution on the support, as far as no force turns negative, so that the function falls and no
+    /// support comes twice. Violating pairs join all at once, or the worst alone where joining at once led nowhere.
+    fn descend(&mut self, delassus: &Matrix, q: &[f64], f: &mut [f64]) {
+        let at = &mut self.feasible;
+        at.clear();
+        at.extend(f.iter().map(|x| x.max(0.0)));
+        for (carries, &x) in self.support.iter_mut().zip(at.iter()) {
+            *carries = x > 0.0;
+        }
+        self.factored = false;
+        let mut alone = false;
+        let mut moved = true;
+        for _ in 0..MOST_STEPS_PER_PAIR * q.len() {
+            if !self.solve_on_support(delassus, q, f) {
+                break;
+            }
+            let zero = Zero::of(q, f);
+            let mut share = 1.0_f64;
+            for &a in &self.active {
+                if f[a] < -zero.force {
+                    share = share.min(self.feasible[a] / (self.feasible[a] - f[a]));
+                }
+            }
+            moved |= share > 0.0;
+            let mut blocked = false;
+            for &a in &self.active {
+                let x = &mut self.feasible[a];
+                let turned = f[a] < -zero.force;
+                *x = (*x + share * (f[a] - *x)).max(0.0);
+                if turned && *x <= zero.force {
+                    *x = 0.0;
+                    self.support[a] = false;
+                    blocked = true;
+                }
+            }
+            if blocked {
+                self.factored = false;
+                continue;
+            }
+            let mut joined = 0;
+            let mut worst = (0.0, None);
+            for (m, &slack) in self.slack.iter().enumerate() {
+                if !self.support[m] && slack < -zero.slack {
+                    joined += 1;
+                    if slack < worst.0 {
+                        worst = (slack, Some(m));
+                    }
+                    self.support[m] = moved;
+                }
+            }
+            let Some(worst) = worst.1 else {
+                return;
+            };
+            if !moved {
+                if alone {
+                    break;
+                }
+                self.support[worst] = true;
+            }
+            alone = joined == 1 || !moved;
+            moved = false;
+            self.factored = false;
+        }
+        f.copy_from_slice(&self.feasible);
     }
 
     /// Forces of either sign that halt every pair at once, `q + G f = 0`, as (12)-(13) of the paper. Returns `max |w|`,
@@ -204,6 +295,45 @@ mod tests {
             problem.solve(&g, &q, &mut f);
             let residual = problem.residual(&g, &q, &f);
             prop_assert!(residual < 1e-9, "residual {residual}");
+        }
+    }
+
+    #[test]
+    fn the_descent_ends_where_the_exchanges_do_and_beyond() {
+        // 40 pairs on 12 degrees of freedom: rank 12, so that all but 12 eigenvalues are the compliance.
+        let wave = |i: usize, j: usize| ((i * i + 7 * j * j + 3 * i * j) as f64).sin();
+        let (rows, k) = (12, 40);
+        let mut y = Matrix::zeros(rows, k);
+        for j in 0..k {
+            for (i, x) in y.column_mut(j).iter_mut().enumerate() {
+                *x = wave(i, j);
+            }
+        }
+        let mut g = Matrix::default();
+        crate::linalg::dense::symmetric_product(&y, &y, &mut g);
+        g.mirror_lower();
+        let motion: Vec<f64> = (0..rows).map(|i| wave(i, 91)).collect();
+        let q: Vec<f64> = (0..k)
+            .map(|j| crate::linalg::dense::dot(y.column(j), &motion) + 0.01)
+            .collect();
+        let mut problem = NormalProblem::default();
+        problem.start((0..k).map(|m| m % 3 == 0));
+        let mut f = vec![0.0; k];
+        problem.descend(&g, &q, &mut f);
+        assert!(f.iter().all(|&x| x >= 0.0));
+        let residual = problem.residual(&g, &q, &f);
+        assert!(residual < 1e-10, "residual {residual}");
+        let mut exchanged = vec![0.0; k];
+        problem.start((0..k).map(|_| true));
+        problem.solve(&g, &q, &mut exchanged);
+        // The forces of a hyperstatic network are not unique at this compliance, the velocities are.
+        let velocity = |f: &[f64]| {
+            let mut v = q.clone();
+            g.add_product(f, &mut v);
+            v
+        };
+        for (a, b) in velocity(&f).iter().zip(velocity(&exchanged)) {
+            assert!((a - b).abs() < 1e-8);
         }
     }
 

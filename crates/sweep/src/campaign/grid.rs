@@ -1,6 +1,7 @@
 //! One `[[grid]]`: the product of its axes.
 
 use super::error::Problem;
+use super::protocol;
 use super::reader::{Axis, Distinct, Located, Table, number, whole, word};
 use super::{CASE_LIMIT, Protocol};
 use crate::case::Case;
@@ -16,7 +17,7 @@ const SPHERE_LIMIT: u64 = 10_000;
 /// Most spheres under Stokesian Dynamics.
 const FULL_LIMIT: u64 = 2_000;
 /// Keys of a grid.
-const KEYS: [&str; 10] = [
+const KEYS: [&str; 11] = [
     "area_fraction",
     "friction",
     "roughness",
@@ -27,6 +28,7 @@ const KEYS: [&str; 10] = [
     "contact",
     "size_ratio",
     "large_fraction",
+    "time_step",
 ];
 /// Words for the hydrodynamics.
 const HYDRODYNAMICS: [(&str, Hydrodynamics); 2] = [
@@ -90,6 +92,8 @@ pub(super) struct Grid {
     size_ratio: Axis<f64>,
     /// Number fraction of large spheres.
     large_fraction: Axis<f64>,
+    /// Time step; the protocol's where the grid says nothing.
+    time_step: Option<Axis<f64>>,
 }
 
 impl Grid {
@@ -153,6 +157,9 @@ impl Grid {
         let contact = table
             .axis("contact", |written, key| word(written, key, &CONTACT))?
             .unwrap_or_else(|| Axis::default_value(ContactScheme::Rigid, &span));
+        let time_step = table.axis("time_step", |written, key| {
+            number(written, key, protocol::STEP_RANGE, protocol::is_step)
+        })?;
         Ok(Self {
             span,
             area_fraction,
@@ -165,6 +172,7 @@ impl Grid {
             contact,
             size_ratio,
             large_fraction,
+            time_step,
         })
     }
 
@@ -181,13 +189,17 @@ impl Grid {
             self.contact.values.len(),
             self.size_ratio.values.len(),
             self.large_fraction.values.len(),
+            self.time_step.as_ref().map_or(1, |axis| axis.values.len()),
         ]
         .into_iter()
         .fold(1, |product: u64, n| product.saturating_mul(n as u64))
     }
 
     /// Refuses layers whose cell is smaller than twice the lubrication cut-off, and layers that no packing reaches.
-    pub(super) fn check(&self) -> Result<(), Problem> {
+    pub(super) fn check(&self, protocol: &Protocol) -> Result<(), Problem> {
+        for step in self.time_step.iter().flat_map(|axis| &axis.values) {
+            protocol::check_step(protocol, step)?;
+        }
         for fraction in &self.area_fraction.values {
             for roughness in &self.roughness.values {
                 check_packing(fraction, roughness)?;
@@ -222,8 +234,19 @@ impl Grid {
         Ok(())
     }
 
-    /// All cases, seeds innermost, then shear rates.
+    /// All cases, seeds innermost, then shear rates, time steps outermost.
     pub(super) fn cases<'g>(&'g self, protocol: &'g Protocol) -> impl Iterator<Item = Case> + 'g {
+        let steps: Vec<f64> = match &self.time_step {
+            Some(axis) => axis.values.iter().map(|step| step.value).collect(),
+            None => vec![protocol.time_step],
+        };
+        steps
+            .into_iter()
+            .flat_map(move |step| self.cases_of(protocol.with_time_step(step)))
+    }
+
+    /// The cases of one time step.
+    fn cases_of(&self, protocol: Protocol) -> impl Iterator<Item = Case> + '_ {
         let outer = self
             .hydrodynamics
             .values
@@ -261,7 +284,7 @@ impl Grid {
                                     time_step: protocol.time_step,
                                 };
                                 self.seeds.values.iter().map(move |seed| {
-                                    Case::new(params.clone(), seed.value, protocol)
+                                    Case::new(params.clone(), seed.value, &protocol)
                                 })
                             })
                         })

@@ -6,6 +6,14 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use toml::de::DeTable;
 
+/// Time steps there are, in words.
+pub(super) const STEP_RANGE: &str = "above 0 and at most 0.1 (a strain)";
+
+/// Whether a number can be a time step.
+pub(super) fn is_step(value: f64) -> bool {
+    (1e-7..=0.1).contains(&value)
+}
+
 /// Longest run, in steps.
 const STEP_LIMIT: f64 = 1e8;
 /// Most samples of one run.
@@ -40,6 +48,12 @@ impl Default for Protocol {
 }
 
 impl Protocol {
+    /// The same with another time step.
+    #[must_use]
+    pub fn with_time_step(self, time_step: f64) -> Self {
+        Self { time_step, ..self }
+    }
+
     /// Whole steps in a strain; `None` if it is not a whole number of them.
     pub fn whole_steps(&self, strain: f64) -> Option<u64> {
         let steps = strain / self.time_step;
@@ -98,12 +112,7 @@ pub(super) fn read(entries: &DeTable<'_>, span: Range<usize>) -> Result<Protocol
         )
     };
     let positive = "above 0 and finite (a strain)";
-    let time_step = read(
-        "time_step",
-        preset.time_step,
-        "above 0 and at most 0.1 (a strain)",
-        |v| (1e-7..=0.1).contains(&v),
-    )?;
+    let time_step = read("time_step", preset.time_step, STEP_RANGE, is_step)?;
     let above_zero: fn(f64) -> bool = |v| v > 0.0 && v.is_finite();
     let strain = read("strain", preset.strain, positive, above_zero)?;
     let discard = read("discard", preset.discard, "from 0 to below `strain`", |v| {
@@ -133,6 +142,20 @@ pub(super) fn read(entries: &DeTable<'_>, span: Range<usize>) -> Result<Protocol
     written.check_lengths()?;
     written.check_averages()?;
     Ok(written.protocol)
+}
+
+/// Refuses a time step of a grid of which the protocol's lengths are no whole numbers. Errors point at the step.
+pub(super) fn check_step(protocol: &Protocol, step: &Located<f64>) -> Result<(), Problem> {
+    let place = || step.span.clone();
+    let written = Written {
+        protocol: protocol.with_time_step(step.value),
+        time_step: place(),
+        strain: place(),
+        discard: place(),
+        checkpoint_every: place(),
+        sample_every: place(),
+    };
+    written.check_lengths()
 }
 
 /// A protocol and the places its values were written at.

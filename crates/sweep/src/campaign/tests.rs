@@ -208,3 +208,23 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_grid_may_have_its_own_time_steps() {
+    let text = |steps: &str| {
+        format!(
+            "name = \"steps\"\n[[grid]]\narea_fraction = 0.6\nfriction = 0.3\nroughness = 0.01\nshear_rate = 1\nseeds = 1\n\
+             spheres = 90\ntime_step = {steps}\n"
+        )
+    };
+    let campaign = Campaign::parse("steps.toml", text("[0.02, 0.01]")).unwrap();
+    let seen: Vec<(f64, u64, u64)> = campaign
+        .cases
+        .iter()
+        .map(|(_, case)| (case.params.time_step, case.steps, case.sample_stride))
+        .collect();
+    assert_eq!(seen, [(0.02, 250, 1), (0.01, 500, 2)]);
+    // The strain between samples, 0.02, is no whole number of steps of 0.008.
+    let error = Campaign::parse("steps.toml", text("0.008")).unwrap_err();
+    assert!(error.to_string().contains("sample_every"), "{error}");
+}

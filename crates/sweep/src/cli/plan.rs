@@ -52,8 +52,6 @@ struct Plan {
     /// Axes and their values.
     #[serde(serialize_with = "as_object")]
     axes: Vec<Values>,
-    /// Steps of a run.
-    steps: u64,
     /// Runs computed at a time.
     workers: usize,
     /// Kinds of runs, that cost the same.
@@ -85,6 +83,8 @@ struct Kind {
     hydrodynamics: Hydrodynamics,
     /// Contact scheme.
     contact: ContactScheme,
+    /// Steps of a run.
+    steps: u64,
     /// Number of runs.
     cases: usize,
     /// Cost of one of its runs over that of the cheapest.
@@ -101,6 +101,13 @@ struct Kind {
     /// Its densest case, which is calibrated.
     #[serde(skip)]
     example: Case,
+}
+
+impl Kind {
+    /// Seconds of a run.
+    fn run_s(&self) -> Option<f64> {
+        Some(self.step_s? * self.steps as f64)
+    }
 }
 
 /// Writes the plan.
@@ -131,17 +138,12 @@ pub(super) fn forecast(campaign: &Campaign, workers: usize) -> (Option<f64>, f64
 fn plan(campaign: &Campaign, workers: usize) -> Plan {
     let mut kinds = kinds(campaign);
     calibrate(&mut kinds);
-    let steps = campaign.protocol.steps();
     let computing_time_s = kinds
         .iter()
-        .map(|kind| kind.step_s.map(|s| s * (steps * kind.cases as u64) as f64))
+        .map(|kind| kind.run_s().map(|s| s * kind.cases as f64))
         .sum::<Option<f64>>();
-    let longest = kinds
-        .iter()
-        .filter_map(|kind| kind.step_s)
-        .fold(0.0, f64::max)
-        * steps as f64;
-    let samples = steps.div_ceil(campaign.protocol.sample_stride());
+    let longest = kinds.iter().filter_map(Kind::run_s).fold(0.0, f64::max);
+    let samples = (campaign.protocol.strain / campaign.protocol.sample_every).ceil();
     let cases = campaign.cases.len();
     let points = 1 + campaign
         .cases
@@ -153,11 +155,10 @@ fn plan(campaign: &Campaign, workers: usize) -> Plan {
         cases,
         points,
         axes: axes(campaign),
-        steps,
         workers,
         computing_time_s,
         elapsed_s: computing_time_s.map(|time| (time / workers as f64).max(longest)),
-        disk_bytes: cases as f64 * (CASE_BYTES + samples as f64 * SAMPLE_BYTES),
+        disk_bytes: cases as f64 * (CASE_BYTES + samples * SAMPLE_BYTES),
         memory_bytes: workers as f64 * kinds.iter().map(|k| k.memory_bytes).fold(0.0, f64::max),
         kinds,
     }
@@ -170,12 +171,13 @@ fn kinds(campaign: &Campaign) -> Vec<Kind> {
     for (_, case) in &campaign.cases {
         let p = &case.params;
         let place = *place_of
-            .entry((p.spheres, p.hydrodynamics, p.contact))
+            .entry((p.spheres, p.hydrodynamics, p.contact, case.steps))
             .or_insert_with(|| {
                 kinds.push(Kind {
                     spheres: p.spheres,
                     hydrodynamics: p.hydrodynamics,
                     contact: p.contact,
+                    steps: case.steps,
                     cases: 0,
                     weight: 1.0,
                     step_s: None,
@@ -192,10 +194,10 @@ fn kinds(campaign: &Campaign) -> Vec<Kind> {
             kind.example = case.clone();
         }
     }
-    kinds.sort_by(|a, b| a.example.step_cost().total_cmp(&b.example.step_cost()));
-    let cheapest = kinds.first().map_or(1.0, |kind| kind.example.step_cost());
+    kinds.sort_by(|a, b| a.example.cost().total_cmp(&b.example.cost()));
+    let cheapest = kinds.first().map_or(1.0, |kind| kind.example.cost());
     for kind in &mut kinds {
-        kind.weight = kind.example.step_cost() / cheapest;
+        kind.weight = kind.example.cost() / cheapest;
     }
     kinds
 }
@@ -263,7 +265,7 @@ type Axis = (&'static str, fn(&Params, u64) -> serde_json::Value);
 
 /// Axes with all their values in the order of their first use.
 fn axes(campaign: &Campaign) -> Vec<Values> {
-    let readers: [Axis; 10] = [
+    let readers: [Axis; 11] = [
         ("area_fraction", |p, _| p.area_fraction.into()),
         ("friction", |p, _| p.friction.into()),
         ("roughness", |p, _| p.roughness.into()),
@@ -281,6 +283,7 @@ fn axes(campaign: &Campaign) -> Vec<Values> {
             crate::report::hydrodynamics(p.hydrodynamics).into()
         }),
         ("contact", |p, _| crate::report::contact(p.contact).into()),
+        ("time_step", |p, _| p.time_step.into()),
         ("seeds", |_, seed| seed.into()),
     ];
     readers
@@ -321,8 +324,8 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
     let out = &mut *output.out;
     writeln!(
         out,
-        "{}: {} runs of {} steps at {} points",
-        plan.campaign, plan.cases, plan.steps, plan.points
+        "{}: {} runs at {} points",
+        plan.campaign, plan.cases, plan.points
     )?;
     writeln!(out, "{axes}")?;
     let mut kinds = crate::report::table(output.width);
@@ -330,6 +333,7 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
         "spheres",
         "hydrodynamics",
         "contact",
+        "steps",
         "runs",
         "weight",
         "step",
@@ -343,14 +347,14 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
             kind.spheres.to_string(),
             crate::report::hydrodynamics(kind.hydrodynamics).into(),
             crate::report::contact(kind.contact).into(),
+            kind.steps.to_string(),
             kind.cases.to_string(),
             significant(kind.weight, 3),
             kind.step_s.map_or_else(
                 || "–".into(),
                 |s| format!("{mark}{} ms", significant(1e3 * s, 3)),
             ),
-            kind.step_s
-                .map_or_else(|| "–".into(), |s| time(s * plan.steps as f64, mark)),
+            kind.run_s().map_or_else(|| "–".into(), |s| time(s, mark)),
             bytes(kind.memory_bytes),
         ]);
     }

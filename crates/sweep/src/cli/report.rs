@@ -4,10 +4,11 @@ use super::{Output, store_path};
 use crate::error::Error;
 use crate::exit;
 use crate::report::{
-    Abscissa, Format, Home, Kind, Report, draw, page, traces, write_csv, write_json,
-    write_markdown, write_text, write_units,
+    AXES, Axis, Drawing, Format, Home, Kind, Quantity, Report, Selection, draw, page, parquet,
+    traces, write_csv, write_json, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use std::path::{Path, PathBuf};
 
 /// Print the results of a campaign, averaged over seeds
@@ -17,16 +18,24 @@ use std::path::{Path, PathBuf};
 #[command(
     after_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json\n  \
                   sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
-                  sweep report results/friction.sqlite --figure contacts.png --kind contacts --along friction\n\n\
+                  sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --markdown -\n  \
+                  sweep report results/friction.sqlite --figure contacts.png --kind contacts --where shear_rate=inf\n  \
+                  sweep report results/dense.sqlite --figure dense.svg --quantity viscosity_median --where area_fraction=0.8\n\n\
                   The store is a SQLite file with two views for other programs, `viscosity_vs_shear_rate` (a row per point) and\n\
                   `runs` (a row per run): sqlite3 -header results/quickstart.sqlite 'SELECT * FROM viscosity_vs_shear_rate'"
 )]
 pub(crate) struct Arguments {
     /// The store, or a campaign file whose default store is meant
     store: PathBuf,
+    /// Only points with one of these values on an axis, by its key in the campaign file; of every output; may be repeated
+    #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
+    selection: Vec<String>,
     /// Write a tidy table, one row per point, `-` for standard output; units go to FILE.units.csv beside it
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
+    /// Write the same table as Parquet, with units in its metadata
+    #[arg(long, value_name = "FILE")]
+    parquet: Option<PathBuf>,
     /// Write a Markdown table, `-` for standard output
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
@@ -37,29 +46,42 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE.html")]
     page: Option<PathBuf>,
     /// What the figure shows
-    #[arg(long, value_enum, default_value_t = Kind::Viscosity, requires = "figure")]
+    #[arg(long, value_enum, default_value_t, requires = "figure")]
     kind: Kind,
+    /// Which viscosity the figure shows [default: viscosity]
+    #[arg(long, value_enum, requires = "figure")]
+    quantity: Option<Quantity>,
     /// The figure's horizontal axis [default: the shear rate where it varies; for contacts the friction]
-    #[arg(long, value_enum, value_name = "AXIS", requires = "figure")]
-    along: Option<Abscissa>,
+    #[arg(long, value_name = "AXIS", value_parser = numeric_axis(), requires = "figure")]
+    along: Option<&'static Axis>,
     /// Runs of a trace, by the beginning of their key [default: the first run of each point]
     #[arg(long, value_name = "KEY", requires = "figure")]
     case: Vec<String>,
 }
 
+/// Reads the name of an axis that a figure can run along, as the campaign file has it.
+fn numeric_axis() -> impl TypedValueParser<Value = &'static Axis> {
+    let names = AXES
+        .iter()
+        .filter(|axis| axis.is_numeric())
+        .map(|axis| PossibleValue::new(axis.key));
+    PossibleValuesParser::new(names)
+        .try_map(|name| Axis::of_key(&name).ok_or("no axis of a campaign"))
+}
+
 /// Writes the report.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let format = arguments.figure.as_deref().map(format_of).transpose()?;
+    let drawing = drawing(arguments)?;
+    let selection = Selection::parse(&arguments.selection)?;
     let store = Store::open_read_only(&store_path(&arguments.store)?)?;
-    let report = Report::of(&store)?;
+    let report = Report::of(&store, &selection)?;
     let mut files = false;
-    if let (Some(path), Some(format)) = (&arguments.figure, format) {
-        let traces = match arguments.kind {
-            Kind::Trace => traces(&store, &arguments.case)?,
+    if let (Some(path), Some(drawing)) = (&arguments.figure, drawing) {
+        let traces = match drawing.kind {
+            Kind::Trace => traces(&store, &selection, &arguments.case)?,
             _ => Vec::new(),
         };
-        let drawn = draw(&report, &traces, arguments.kind, arguments.along, format)?;
-        save(path, &drawn, output)?;
+        save(path, &draw(&report, &traces, drawing)?, output)?;
         files = true;
     }
     if let Some(path) = &arguments.csv {
@@ -73,6 +95,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
         files = true;
     }
+    if let Some(path) = &arguments.parquet {
+        save(path, &parquet(&report)?, output)?;
+        files = true;
+    }
     if let Some(path) = &arguments.markdown {
         let mut bytes = Vec::new();
         write_markdown(&report, &mut bytes)?;
@@ -80,13 +106,45 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         files = true;
     }
     if let Some(path) = &arguments.page {
-        save(path, page(&store, Home::File)?.as_bytes(), output)?;
+        let page = page(&store, &selection, Home::File)?;
+        save(path, page.as_bytes(), output)?;
         files = true;
     }
     if !files {
         print(&report, output)?;
     }
     Ok(exit::DONE)
+}
+
+/// The figure asked for, if one is.
+fn drawing(arguments: &Arguments) -> Result<Option<Drawing>, Error> {
+    let Some(path) = &arguments.figure else {
+        return Ok(None);
+    };
+    let refuse = |argument, message: &str| {
+        Err(Error::Argument {
+            argument,
+            message: message.into(),
+        })
+    };
+    if arguments.quantity.is_some() && arguments.kind != Kind::Viscosity {
+        return refuse(
+            "--quantity",
+            "it chooses a viscosity, so only --kind viscosity has it",
+        );
+    }
+    if !arguments.case.is_empty() && arguments.kind != Kind::Trace {
+        return refuse(
+            "--case",
+            "it names runs in time, so only --kind trace has it",
+        );
+    }
+    Ok(Some(Drawing {
+        kind: arguments.kind,
+        quantity: arguments.quantity.unwrap_or_default(),
+        along: arguments.along,
+        format: format_of(path)?,
+    }))
 }
 
 /// The format a figure's file name asks for.
@@ -115,7 +173,7 @@ pub(super) fn save(path: &Path, bytes: &[u8], output: &mut Output<'_>) -> Result
 
 /// Writes the report of an open store.
 pub(super) fn write(store: &Store, output: &mut Output<'_>) -> Result<(), Error> {
-    print(&Report::of(store)?, output)
+    print(&Report::of(store, &Selection::default())?, output)
 }
 
 /// Writes a report as a table or as JSON.

@@ -59,11 +59,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     writeln!(out, "{name}: {number}, key {}", story.key)?;
     let words: Vec<String> = AXES
         .iter()
-        .filter(|axis| mixed || !["size ratio", "large"].contains(&axis.0))
-        .map(|axis| format!("{} {}", axis.0, axis.1(&story.params)))
+        .filter(|axis| mixed || !axis.is_about_mixtures())
+        .map(|axis| format!("{} {}", axis.symbol, axis.value(&story.params)))
         .collect();
-    let (step, seed) = (story.params.time_step, story.seed);
-    writeln!(out, "{}, time step {step}, seed {seed}", words.join(", "))?;
+    writeln!(out, "{}, seed {}", words.join(", "), story.seed)?;
     let strain = |steps: u64| steps as f64 * story.params.time_step;
     writeln!(
         out,

@@ -1,110 +1,62 @@
 //! Points as curves: one axis of the campaign along, one curve per value of all others.
 
-use super::{AXES, Point, Report};
+use super::axes::{AXES, Axis, Tag, Value, identity};
+use super::{Point, Report};
 use sd_core::Params;
-
-/// The axis a figure is drawn against.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Abscissa {
-    /// Dimensionless shear rate Γ, logarithmic, its plateaus at the edges.
-    ShearRate,
-    /// Friction coefficient ν.
-    Friction,
-    /// Area fraction c.
-    AreaFraction,
-    /// Roughness height h.
-    Roughness,
-}
-
-impl Abscissa {
-    /// Its value.
-    pub fn value(self, params: &Params) -> f64 {
-        match self {
-            Self::ShearRate => params.shear_rate,
-            Self::Friction => params.friction,
-            Self::AreaFraction => params.area_fraction,
-            Self::Roughness => params.roughness,
-        }
-    }
-
-    /// Its symbol, the heading of its column in `AXES`.
-    pub fn symbol(self) -> &'static str {
-        match self {
-            Self::ShearRate => "Γ",
-            Self::Friction => "ν",
-            Self::AreaFraction => "c",
-            Self::Roughness => "h",
-        }
-    }
-
-    /// Its label on a figure.
-    pub(super) fn label(self) -> &'static str {
-        match self {
-            Self::ShearRate => "shear rate Γ",
-            Self::Friction => "friction coefficient ν",
-            Self::AreaFraction => "area fraction c",
-            Self::Roughness => "roughness h / a",
-        }
-    }
-}
 
 /// Points that differ only along one axis, in the order of its values.
 #[derive(Debug)]
-pub struct Curve<'r> {
+pub(super) struct Curve<'r> {
     /// What sets it apart from the others; empty if there are no others.
-    pub label: String,
+    pub(super) label: String,
     /// Its points.
-    pub points: Vec<&'r Point>,
+    pub(super) points: Vec<&'r Point>,
 }
 
 /// The curves of a report.
-pub(super) fn curves(report: &Report, along: Abscissa) -> Vec<Curve<'_>> {
-    let words = |params: &Params| -> Vec<String> {
-        AXES.iter()
-            .filter(|axis| axis.0 != along.symbol())
-            .map(|axis| axis.1(params))
-            .chain([params.time_step.to_string()])
-            .collect()
-    };
-    let names: Vec<&str> = AXES
-        .iter()
-        .map(|axis| axis.0)
-        .filter(|name| *name != along.symbol())
-        .chain(["time step"])
-        .collect();
-    let mut groups: Vec<(Vec<String>, Vec<&Point>)> = Vec::new();
+pub(super) fn curves<'r>(report: &'r Report, along: &Axis) -> Vec<Curve<'r>> {
+    let mut groups: Vec<(Vec<Tag>, Vec<&Point>)> = Vec::new();
     for point in &report.points {
-        let words = words(&point.params);
-        match groups.iter_mut().find(|group| group.0 == words) {
+        let others: Vec<Tag> = identity(&point.params)
+            .into_iter()
+            .zip(&AXES)
+            .filter(|(_, axis)| axis.key != along.key)
+            .map(|(tag, _)| tag)
+            .collect();
+        match groups.iter_mut().find(|group| group.0 == others) {
             Some(group) => group.1.push(point),
-            None => groups.push((words, vec![point])),
+            None => groups.push((others, vec![point])),
         }
     }
-    let differs: Vec<bool> = (0..names.len())
-        .map(|place| {
-            groups
-                .iter()
-                .any(|group| group.0[place] != groups[0].0[place])
-        })
-        .collect();
+    let params: Vec<&Params> = groups.iter().map(|group| &group.1[0].params).collect();
+    let labels = labels(&params, Some(along));
     groups
         .into_iter()
-        .map(|(words, mut points)| {
-            points.sort_by(|a, b| along.value(&a.params).total_cmp(&along.value(&b.params)));
-            let label: Vec<String> = words
-                .iter()
-                .zip(&names)
-                .zip(&differs)
-                .filter(|(_, differs)| **differs)
-                .map(|((word, name), _)| match *name {
-                    "hydrodynamics" | "contact" => word.clone(),
-                    name => format!("{name} = {word}"),
-                })
-                .collect();
-            Curve {
-                label: label.join(", "),
-                points,
-            }
+        .zip(labels)
+        .map(|((_, mut points), label)| {
+            points.sort_by(|a, b| along.number(&a.params).total_cmp(&along.number(&b.params)));
+            Curve { label, points }
+        })
+        .collect()
+}
+
+/// What sets each of some parameters apart from the others: `c = 0.69, Γ = ∞`; the axis they run along left out.
+pub(super) fn labels(params: &[&Params], along: Option<&Axis>) -> Vec<String> {
+    let differing: Vec<&Axis> = AXES
+        .iter()
+        .filter(|axis| along.is_none_or(|along| along.key != axis.key))
+        .filter(|axis| axis.varies(params.iter().copied()))
+        .collect();
+    let word = |axis: &&Axis, params: &Params| match axis.value(params) {
+        Value::Word(word) => word.to_owned(),
+        Value::Number(f64::INFINITY) => format!("{} = ∞", axis.symbol),
+        value => format!("{} = {value}", axis.symbol),
+    };
+    params
+        .iter()
+        .map(|params| {
+            let words: Vec<String> = differing.iter().map(|axis| word(axis, params)).collect();
+            words.join(", ")
         })
         .collect()
 }

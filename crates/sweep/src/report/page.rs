@@ -3,10 +3,11 @@
 //! The page asks nothing of any network. All text of users goes through JSON in a script element, with every `<`, `>` and
 //! `&` escaped, and reaches the page as text only.
 
-use super::json::row;
-use super::{Report, identity};
+use super::json::Row;
+use super::{Report, Selection, identity, selected_runs};
 use crate::error::Error;
-use crate::store::{Kept, Provenance, Store};
+use crate::statistics::ratio;
+use crate::store::{FailureLine, Kept, Provenance, Store};
 use crate::trajectory::state_number;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -38,12 +39,14 @@ pub enum Home {
 }
 
 /// What the script is given.
-#[derive(Debug, Serialize)]
-struct Data {
+#[derive(Serialize)]
+struct Data<'r> {
     /// Whether a server can be asked for news.
     live: bool,
     /// Name of the campaign.
-    campaign: String,
+    campaign: &'r str,
+    /// Which of its points the page is about; nothing for all.
+    selection: String,
     /// Its file.
     text: String,
     /// Strain discarded.
@@ -55,23 +58,23 @@ struct Data {
     /// Seconds left, while processes work on it.
     eta_s: Option<f64>,
     /// Points, with the names of `sweep report --json`.
-    points: Vec<Value>,
+    points: Vec<Row<'r>>,
     /// Runs.
     runs: Vec<Value>,
     /// Movies by key; `true` for one that the server has.
     movies: Map<String, Value>,
     /// Failures.
-    failures: Vec<crate::store::FailureLine>,
+    failures: Vec<FailureLine>,
     /// Programs that computed.
     provenance: Vec<Provenance>,
 }
 
-/// The page of a store.
+/// The page of the points selected of a store.
 ///
 /// # Errors
-/// Trouble with the store.
-pub fn page(store: &Store, home: Home) -> Result<String, Error> {
-    let data = data(store, home)?;
+/// Trouble with the store; [`Error::Argument`] on a selection that no point meets.
+pub fn page(store: &Store, selection: &Selection, home: Home) -> Result<String, Error> {
+    let data = data(store, selection, home)?;
     let connect = match home {
         Home::File => "'none'",
         Home::Server => "'self'",
@@ -96,11 +99,23 @@ fn in_script(json: &str) -> String {
 /// What the script is given, as JSON.
 ///
 /// # Errors
-/// Trouble with the store.
-pub fn data(store: &Store, home: Home) -> Result<String, Error> {
-    let report = Report::of(store)?;
-    let (total, done) = store.work()?;
-    let all = store.point_runs()?;
+/// Trouble with the store; [`Error::Argument`] on a selection that no point meets.
+pub fn data(store: &Store, selection: &Selection, home: Home) -> Result<String, Error> {
+    let report = Report::of(store, selection)?;
+    let work_done = if selection.is_everything() {
+        let (total, done) = store.work()?;
+        ratio(done, total).unwrap_or(1.0)
+    } else {
+        let c = &report.counts;
+        ratio((c.done + c.jammed + c.failed) as f64, c.total() as f64).unwrap_or(1.0)
+    };
+    // The time left is that of the whole campaign.
+    let eta_s = if selection.is_everything() {
+        store.time_left()?
+    } else {
+        None
+    };
+    let all = selected_runs(store, selection)?;
     let mut place_of = HashMap::new();
     for run in &all {
         let next = place_of.len();
@@ -131,33 +146,22 @@ pub fn data(store: &Store, home: Home) -> Result<String, Error> {
         };
         movies.insert(key, film);
     }
+    let mut failures = store.failures(FAILURES)?;
+    failures.retain(|failure| selection.has(&failure.params));
     let document = Data {
         live: home == Home::Server,
+        campaign: &report.campaign,
+        selection: selection.to_string(),
         text: store.campaign_text()?,
         discard: report.discard,
         cases: report.counts,
-        work_done: if total > 0.0 { done / total } else { 1.0 },
-        eta_s: store.time_left()?,
-        points: report
-            .points
-            .iter()
-            .map(|point| {
-                let mut value = row(point);
-                value["time_step"] = json!(point.params.time_step);
-                value["size_ratio"] = json!(point.params.size_ratio);
-                value["large_fraction"] = json!(point.params.large_fraction);
-                value["failed"] = json!(point.failed);
-                let n1 = point.normal_stress_difference;
-                value["normal_stress_difference"] = json!(n1.map(|e| e.mean));
-                value["normal_stress_difference_ci95"] = json!(n1.and_then(|e| e.ci95));
-                value
-            })
-            .collect(),
+        work_done,
+        eta_s,
+        points: report.points.iter().map(Row).collect(),
         runs,
         movies,
-        failures: store.failures(FAILURES)?,
+        failures,
         provenance: store.provenance()?,
-        campaign: report.campaign,
     };
     serde_json::to_string(&document).map_err(|error| Error::Output(error.into()))
 }

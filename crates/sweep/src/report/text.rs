@@ -1,27 +1,12 @@
 //! The report for people: a table, and under it what its columns mean.
 
+use super::axes::{AXES, Axis};
 use super::{Point, Report, significant};
 use crate::error::Error;
 use crate::statistics::Estimate;
 use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
-use sd_core::{ContactScheme, Hydrodynamics, Params};
+use sd_core::{ContactScheme, Hydrodynamics};
 use std::io::Write;
-
-/// An axis of the campaign: its heading and how its value is written.
-pub(crate) type Axis = (&'static str, fn(&Params) -> String);
-
-/// All axes, in the order of the columns.
-pub(crate) const AXES: [Axis; 9] = [
-    ("hydrodynamics", |p| hydrodynamics(p.hydrodynamics).into()),
-    ("contact", |p| contact(p.contact).into()),
-    ("N", |p| p.spheres.to_string()),
-    ("c", |p| p.area_fraction.to_string()),
-    ("size ratio", |p| p.size_ratio.to_string()),
-    ("large", |p| p.large_fraction.to_string()),
-    ("h", |p| p.roughness.to_string()),
-    ("ν", |p| p.friction.to_string()),
-    ("Γ", |p| p.shear_rate.to_string()),
-];
 
 /// A measured quantity: its heading and how its value is written.
 type Column = (&'static str, fn(&Point) -> String);
@@ -104,23 +89,19 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
         c.failed,
         c.pending + c.running
     )?;
-    let differs = |axis: &Axis| {
-        let first = report.points.first().map(|point| axis.1(&point.params));
-        report
-            .points
-            .iter()
-            .any(|point| Some(axis.1(&point.params)) != first)
-    };
     // The shear rate is what curves are drawn against: always a column.
-    let (columns, fixed): (Vec<Axis>, Vec<Axis>) = AXES
-        .into_iter()
-        .partition(|axis| axis.0 == "Γ" || differs(axis));
+    let (columns, fixed): (Vec<&Axis>, Vec<&Axis>) = AXES.iter().partition(|axis| {
+        axis.is_shear_rate() || axis.varies(report.points.iter().map(|point| &point.params))
+    });
+    if !report.selection.is_everything() {
+        writeln!(out, "only where {}", report.selection)?;
+    }
     if let Some(point) = report.points.first() {
         let mixed = report.points.iter().any(|p| p.params.size_ratio > 1.0);
         let words: Vec<String> = fixed
             .iter()
-            .filter(|axis| mixed || !["size ratio", "large"].contains(&axis.0))
-            .map(|axis| format!("{} {}", axis.0, axis.1(&point.params)))
+            .filter(|axis| mixed || !axis.is_about_mixtures())
+            .map(|axis| format!("{} {}", axis.symbol, axis.value(&point.params)))
             .collect();
         writeln!(out, "{}", words.join(", "))?;
         let measured: Vec<Column> = COLUMNS
@@ -132,10 +113,12 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             })
             .collect();
         let mut table = table(width);
-        let axes = columns.iter().map(|axis| axis.0);
-        table.set_header(axes.chain(measured.iter().map(|column| column.0)));
+        let axes = columns.iter().map(|axis| axis.symbol.to_owned());
+        table.set_header(axes.chain(measured.iter().map(|column| column.0.to_owned())));
         for point in &report.points {
-            let axes = columns.iter().map(|axis| axis.1(&point.params));
+            let axes = columns
+                .iter()
+                .map(|axis| axis.value(&point.params).to_string());
             table.add_row(axes.chain(measured.iter().map(|column| column.1(point))));
         }
         for column in table.column_iter_mut() {

@@ -1,7 +1,8 @@
 //! One case from its claim to its end.
 
 use super::{Shared, panics};
-use crate::case::State;
+use crate::campaign::Protocol;
+use crate::case::{Case, State};
 use crate::replay::replay;
 use crate::store::{Checkpoint, Claim, Failure, Finished, StoreError};
 use sd_core::simulation::{Flow, Frame};
@@ -84,6 +85,11 @@ impl Record {
 }
 
 impl Shared<'_> {
+    /// The protocol with the time step of a case.
+    fn protocol_of(&self, case: &Case) -> Protocol {
+        self.protocol.with_time_step(case.params.time_step)
+    }
+
     /// Computes a case and keeps what comes of it.
     pub(super) fn compute(&self, worker: usize, claim: &Claim) -> Result<(), StoreError> {
         let mut run = self.resume(claim)?;
@@ -108,7 +114,7 @@ impl Shared<'_> {
                         .as_ref()
                         .map(|layer| *layer.counters())
                         .unwrap_or_default(),
-                    discard_step: self.protocol.discard_steps(),
+                    discard_step: self.protocol_of(&claim.case).discard_steps(),
                     wall_time_s,
                     resumed: run.record.resumed,
                 };
@@ -193,7 +199,7 @@ impl Shared<'_> {
                 Err(error) => return Ok(End::Failed(Cause::Physics(error))),
             },
         };
-        let checkpoint_stride = self.protocol.checkpoint_stride();
+        let checkpoint_stride = self.protocol_of(case).checkpoint_stride();
         let mut kept = Instant::now();
         let mut cost = Duration::ZERO;
         loop {

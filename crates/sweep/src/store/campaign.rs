@@ -186,26 +186,24 @@ pub(super) fn average_again(
     transaction: &Transaction<'_>,
     protocol: &Protocol,
 ) -> Result<(), rusqlite::Error> {
-    let stale: Vec<(i64, i64)> = transaction
+    let finished: Vec<(i64, i64, f64, i64)> = transaction
         .prepare(
-            "SELECT r.case_id, c.spheres FROM results r JOIN cases c ON c.id = r.case_id
-             WHERE c.position IS NOT NULL AND r.discard_step != ?1",
+            "SELECT r.case_id, c.spheres, c.time_step, r.discard_step FROM results r JOIN cases c ON c.id = r.case_id
+             WHERE c.position IS NOT NULL",
         )?
-        .query_map([integer(protocol.discard_steps())], |row| {
-            Ok((row.get(0)?, row.get(1)?))
+        .query_map([], |row| {
+            Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
         })?
         .collect::<Result<_, _>>()?;
-    for (case, spheres) in stale {
+    for (case, spheres, time_step, discarded) in finished {
+        let discard = protocol.with_time_step(time_step).discard_steps();
+        if integer(discard) == discarded {
+            continue;
+        }
         let samples = results::samples(transaction, case)?;
-        let averages = Averages::of(&samples, protocol.discard_steps());
+        let averages = Averages::of(&samples, discard);
         let spheres = usize::try_from(spheres).unwrap_or(1);
-        results::write_averages(
-            transaction,
-            case,
-            protocol.discard_steps(),
-            &averages,
-            spheres,
-        )?;
+        results::write_averages(transaction, case, discard, &averages, spheres)?;
     }
     Ok(())
 }

@@ -283,7 +283,7 @@ function words() {
   document.title = `${data.campaign} · sweep`;
   $('name').textContent = data.campaign;
   const eta = data.eta_s !== null && data.eta_s !== undefined ? `, about ${data.eta_s < 90 ? Math.round(data.eta_s) + ' s' : data.eta_s < 5400 ? Math.round(data.eta_s / 60) + ' min' : (data.eta_s / 3600).toFixed(1) + ' h'} left` : '';
-  $('summary').textContent = `${c.done} of ${total} runs done, ${c.jammed} jammed, ${c.failed} failed, ${c.running} running, ${c.pending} pending${eta}. Strain discarded: ${data.discard}.`;
+  $('summary').textContent = `${c.done} of ${total} runs done, ${c.jammed} jammed, ${c.failed} failed, ${c.running} running, ${c.pending} pending${eta}. Strain discarded: ${data.discard}.${data.selection ? ` Only where ${data.selection}.` : ''}`;
   $('progress').value = data.work_done;
   const axes = varying();
   const columns = (axes.length ? axes : ['area_fraction', 'shear_rate']).map(a => [NAMES[a], p => show(p[a])]).concat([['runs', p => p.seeds], ['jammed', p => p.jammed], ['failed', p => p.failed]], Object.entries(QUANTITIES).map(([q, name]) => [name, p => show(p[q]) + (p[q + '_ci95'] != null ? ` ± ${show(+p[q + '_ci95'].toPrecision(2))}` : '')]));

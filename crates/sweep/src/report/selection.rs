@@ -1,0 +1,233 @@
+//! Some of a campaign's points: `--where KEY=VALUE[,VALUE..]`.
+
+use super::axes::{AXES, Axis, Value};
+use crate::error::Error;
+use sd_core::Params;
+use std::fmt;
+
+/// Which points are meant: those with one of the given values on every axis named. The default is all of them.
+#[derive(Debug, Clone, Default)]
+pub struct Selection {
+    /// Axes and the values wanted on them.
+    wanted: Vec<(&'static Axis, Vec<Wanted>)>,
+}
+
+/// A value as it was asked for.
+#[derive(Debug, Clone)]
+enum Wanted {
+    /// A word.
+    Word(String),
+    /// A number.
+    Number(f64),
+}
+
+impl Selection {
+    /// Reads `KEY=VALUE[,VALUE..]`; values of a key given twice are put together.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] on a key that is no axis, on no value, on a value that is no number where one is needed.
+    pub fn parse(texts: &[String]) -> Result<Self, Error> {
+        let mut selection = Self::default();
+        for text in texts {
+            let (key, values) = text.split_once('=').ok_or_else(|| {
+                refused(format!(
+                    "{text:?} is not KEY=VALUE, as in friction=0.3 or shear_rate=0.1,inf"
+                ))
+            })?;
+            let axis = Axis::of_key(key.trim()).ok_or_else(|| {
+                let known = AXES.iter().map(|axis| axis.key).collect::<Vec<_>>();
+                refused(format!(
+                    "{key:?} is no axis of a campaign; they are {}",
+                    known.join(", ")
+                ))
+            })?;
+            let values = values
+                .split(',')
+                .map(|value| Wanted::read(axis, value.trim()))
+                .collect::<Result<Vec<_>, _>>()?;
+            match selection.wanted.iter_mut().find(|w| w.0.key == axis.key) {
+                Some((_, known)) => known.extend(values),
+                None => selection.wanted.push((axis, values)),
+            }
+        }
+        Ok(selection)
+    }
+
+    /// Whether all points are meant.
+    pub fn is_everything(&self) -> bool {
+        self.wanted.is_empty()
+    }
+
+    /// Whether the point of these parameters is meant.
+    pub fn has(&self, params: &Params) -> bool {
+        self.wanted.iter().all(|(axis, values)| {
+            let value = axis.value(params);
+            values.iter().any(|wanted| wanted.is(value))
+        })
+    }
+
+    /// Makes sure that every value asked for is one that some point of the campaign has, and that some point has them all.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] with the values there are.
+    pub fn check(&self, params: &[&Params]) -> Result<(), Error> {
+        for (axis, values) in &self.wanted {
+            for wanted in values {
+                if params.iter().any(|p| wanted.is(axis.value(p))) {
+                    continue;
+                }
+                let mut there: Vec<Value> = Vec::new();
+                for value in params.iter().map(|p| axis.value(p)) {
+                    if !there.contains(&value) {
+                        there.push(value);
+                    }
+                }
+                if there.is_empty() {
+                    return Err(refused("the campaign has no points".into()));
+                }
+                there.sort_by(Value::order);
+                let there: Vec<String> = there.iter().map(Value::to_string).collect();
+                return Err(refused(format!(
+                    "no point has {} = {wanted}; there are points with {}",
+                    axis.key,
+                    there.join(", ")
+                )));
+            }
+        }
+        if !self.is_everything() && !params.iter().any(|p| self.has(p)) {
+            return Err(refused(format!("no point has {self} at once")));
+        }
+        Ok(())
+    }
+}
+
+/// As it was given: `friction = 0.3, shear_rate = 0.1 or inf`.
+impl fmt::Display for Selection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (place, (axis, values)) in self.wanted.iter().enumerate() {
+            let values: Vec<String> = values.iter().map(Wanted::to_string).collect();
+            let comma = if place > 0 { ", " } else { "" };
+            write!(f, "{comma}{} = {}", axis.key, values.join(" or "))?;
+        }
+        Ok(())
+    }
+}
+
+impl Wanted {
+    /// Reads a value on an axis.
+    fn read(axis: &Axis, text: &str) -> Result<Self, Error> {
+        if text.is_empty() {
+            return Err(refused(format!(
+                "{} = what? The value is missing",
+                axis.key
+            )));
+        }
+        if !axis.is_numeric() {
+            return Ok(Self::Word(text.to_lowercase()));
+        }
+        match text.replace('∞', "inf").parse::<f64>() {
+            Ok(number) if !number.is_nan() => Ok(Self::Number(number)),
+            _ => Err(refused(format!("{} = {text:?} is not a number", axis.key))),
+        }
+    }
+
+    /// Whether this is the value meant; numbers up to the last digits of a decimal fraction.
+    fn is(&self, value: Value) -> bool {
+        let same = |a: f64, b: f64| a == b || (b.is_finite() && (a - b).abs() <= 1e-12 * b.abs());
+        match (self, value) {
+            (Self::Word(wanted), Value::Word(word)) => wanted == word,
+            (Self::Number(wanted), Value::Count(count)) => same(*wanted, count as f64),
+            (Self::Number(wanted), Value::Number(number)) => same(*wanted, number),
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Display for Wanted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Word(word) => f.write_str(word),
+            Self::Number(number) => write!(f, "{number}"),
+        }
+    }
+}
+
+/// The error about the argument.
+fn refused(message: String) -> Error {
+    Error::Argument {
+        argument: "--where",
+        message,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::params;
+
+    fn selection(texts: &[&str]) -> Result<Selection, Error> {
+        Selection::parse(&texts.iter().map(ToString::to_string).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn values_of_a_key_are_alternatives_and_keys_go_together() {
+        let at = |friction, shear_rate| Params {
+            friction,
+            shear_rate,
+            ..params()
+        };
+        let some = selection(&["friction=0.1,0.3", "shear-rate = ∞", "friction=0.5"]).unwrap();
+        assert!(some.has(&at(0.3, f64::INFINITY)) && some.has(&at(0.5, f64::INFINITY)));
+        assert!(!some.has(&at(0.3, 1.0)) && !some.has(&at(0.2, f64::INFINITY)));
+        assert_eq!(
+            some.to_string(),
+            "friction = 0.1 or 0.3 or 0.5, shear_rate = inf"
+        );
+        assert!(
+            selection(&["contact=Rigid", "spheres=90"])
+                .unwrap()
+                .has(&params())
+        );
+        assert!(!selection(&["shear_rate=1"]).unwrap().has(&params()));
+        assert!(Selection::default().has(&params()));
+    }
+
+    #[test]
+    fn errors_say_what_is_there() {
+        let point = params();
+        for (text, part) in [
+            ("friction", "KEY=VALUE"),
+            ("seed=3", "area_fraction, size_ratio"),
+            ("friction=", "missing"),
+            ("friction=nan", "not a number"),
+            ("friction=many", "not a number"),
+            (
+                "friction=0.25",
+                "no point has friction = 0.25; there are points with 0.3",
+            ),
+            ("contact=soft", "there are points with rigid"),
+        ] {
+            let error = selection(&[text])
+                .and_then(|s| s.check(&[&point]))
+                .unwrap_err()
+                .to_string();
+            assert!(error.contains(part), "{error}");
+        }
+        let none = selection(&["friction=0.3"]).unwrap().check(&[]);
+        assert!(none.unwrap_err().to_string().contains("no points"));
+    }
+
+    #[test]
+    fn values_that_never_meet_are_an_error() {
+        let points = [0.1, 0.3].map(|friction| Params {
+            friction,
+            spheres: if friction < 0.2 { 90 } else { 40 },
+            ..params()
+        });
+        let error = selection(&["friction=0.1", "spheres=40"])
+            .unwrap()
+            .check(&points.each_ref())
+            .unwrap_err();
+        assert!(error.to_string().contains("at once"), "{error}");
+    }
+}
