@@ -4,6 +4,7 @@
 pub mod local;
 pub mod slurm;
 
+use crate::store::TaskName;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -40,7 +41,7 @@ pub struct ActiveTask {
 }
 
 /// What runs the tasks of a job.
-pub trait Engine {
+pub trait Engine: Sync {
     /// Its name in the store and on the command line.
     fn name(&self) -> &'static str;
 
@@ -76,15 +77,45 @@ pub trait Engine {
     /// # Errors
     /// An engine that is not there or refuses.
     fn cancel(&self, job: &str) -> Result<(), EngineError>;
+
+    /// The name of this process as task number `task`, if this engine started it as that and can start it again.
+    fn this_task(&self, _task: usize) -> Option<TaskName> {
+        None
+    }
+
+    /// Asks for this task to be started again, after a signal with work left. `in_advance`: the signal was the one asked for
+    /// ahead of the time limit, which nobody else sends.
+    fn start_again(&self, _task: &TaskName, _in_advance: bool) -> Again {
+        Again::No(format!("{} does not start tasks again", self.name()))
+    }
+}
+
+/// What becomes of a task that was told to stop with work left.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Again {
+    /// It will be started again.
+    Yes,
+    /// It was cancelled, and stays so.
+    Cancelled,
+    /// The engine would not start it again, and said why.
+    No(String),
+}
+
+/// All engines.
+fn all() -> [Box<dyn Engine>; 2] {
+    [Box::new(slurm::Slurm::default()), Box::new(local::Local)]
 }
 
 /// The engine of a job that is in a store.
 pub fn by_name(name: &str) -> Option<Box<dyn Engine>> {
-    match name {
-        slurm::NAME => Some(Box::new(slurm::Slurm::default())),
-        local::NAME => Some(Box::new(local::Local)),
-        _ => None,
-    }
+    all().into_iter().find(|engine| engine.name() == name)
+}
+
+/// The engine that started this process as task number `task`, and what it calls the task.
+pub fn of_this_task(task: usize) -> Option<(Box<dyn Engine>, TaskName)> {
+    all()
+        .into_iter()
+        .find_map(|engine| engine.this_task(task).map(|name| (engine, name)))
 }
 
 /// Why an engine could not do what was asked for.

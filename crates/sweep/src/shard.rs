@@ -18,6 +18,8 @@ use std::time::SystemTime;
 
 /// Ending of a shard's name.
 const ENDING: &str = ".sqlite";
+/// Runs that were begun when a plan was made, in its folder, for its tasks to go on from.
+pub(crate) const BEGUN: &str = "begun.sqlite";
 
 /// The folder of shards that belongs to a store: `results/NAME.shards` for `results/NAME.sqlite`.
 pub fn folder_of(store: &Path) -> PathBuf {
@@ -47,7 +49,7 @@ pub fn name(plan: &str, task: &TaskName) -> String {
 }
 
 /// A word as part of a name of a file.
-fn tame(word: &str) -> String {
+pub(crate) fn tame(word: &str) -> String {
     let tame = |c: char| {
         if c.is_ascii_alphanumeric() || "_-".contains(c) {
             c

@@ -47,10 +47,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     drop(Store::open_read_only(&path)?);
     let mut store = Store::open(&path)?;
     let mut cancelled: Vec<(String, Box<dyn Engine>)> = Vec::new();
-    let named = |submission: &Submission| {
-        arguments.job.is_none() && submission.cancelled_at.is_none()
-            || arguments.job.is_some() && submission.job == arguments.job
-    };
+    let named =
+        |submission: &Submission| arguments.job.is_none() || submission.job == arguments.job;
     let submissions = store.submissions()?;
     if arguments.job.is_some() && !submissions.iter().any(named) {
         return Err(Error::Argument {

@@ -5,16 +5,13 @@ use crate::store;
 use std::os::unix::process::CommandExt as _;
 use std::process::{Command, Stdio};
 
-/// Its name.
-pub const NAME: &str = "local";
-
 /// Tasks in the background of this machine. A job is named by the number and the start of its process.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Local;
 
 impl Engine for Local {
     fn name(&self) -> &'static str {
-        NAME
+        "local"
     }
 
     fn task_limit(&self) -> Result<usize, EngineError> {

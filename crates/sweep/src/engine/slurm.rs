@@ -1,14 +1,12 @@
 //! Slurm: one array job, submitted with `sbatch` alone. No accounting database is asked for anything.
 
-use super::{ActiveTask, Engine, EngineError, Job, quoted_path};
+use super::{ActiveTask, Again, Engine, EngineError, Job, quoted_path};
 use crate::store::TaskName;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 use std::time::Duration;
 
-/// Its name.
-pub const NAME: &str = "slurm";
 /// Size of an array where the site does not tell: Slurm's own default.
 pub(crate) const USUAL_ARRAY: usize = 1001;
 /// Variables a user sets to choose where jobs go. All others that `sbatch` reads could change what the script says.
@@ -99,7 +97,7 @@ impl Slurm {
 
 impl Engine for Slurm {
     fn name(&self) -> &'static str {
-        NAME
+        "slurm"
     }
 
     fn task_limit(&self) -> Result<usize, EngineError> {
@@ -218,49 +216,37 @@ exec {command}
             Err(error) => Err(error),
         }
     }
-}
 
-/// The task of an array this process was started as, if it was: `--shard` must name the same one.
-pub(crate) fn this_task(task: usize) -> Option<TaskName> {
-    let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
-    if get("SLURM_ARRAY_TASK_ID")?.parse() != Ok(task) {
-        return None;
-    }
-    Some(TaskName {
-        job: get("SLURM_ARRAY_JOB_ID")?,
-        task,
-        restart: get("SLURM_RESTART_COUNT")
-            .and_then(|count| count.parse().ok())
-            .unwrap_or(0),
-        node: get("SLURMD_NODENAME")?,
-    })
-}
-
-/// What became of a wish to be started again.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Requeued {
-    /// Slurm will start the task again.
-    Yes,
-    /// It was cancelled, and stays so.
-    Cancelled,
-    /// Slurm would not, and said why.
-    No(String),
-}
-
-/// Asks Slurm to start this task again. A task that was told to stop because somebody cancelled it does not ask.
-pub(crate) fn requeue(task: &TaskName, told_in_advance: bool) -> Requeued {
-    let name = format!("{}_{}", task.job, task.task);
-    // The signal before the time limit is ours alone; TERM may mean the limit, a preemption or a cancellation.
-    if !told_in_advance && let Ok(answer) = ask("squeue", &["-h", "-j", &name, "-o", "%T|%r"]) {
-        let (state, reason) = answer.trim().split_once('|').unwrap_or_default();
-        let ending = matches!(state, "COMPLETING" | "CANCELLED");
-        if ending && reason != "TimeLimit" {
-            return Requeued::Cancelled;
+    fn this_task(&self, task: usize) -> Option<TaskName> {
+        let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
+        // Inside a task of some other array this process may be started by hand.
+        if get("SLURM_ARRAY_TASK_ID")?.parse() != Ok(task) {
+            return None;
         }
+        Some(TaskName {
+            job: get("SLURM_ARRAY_JOB_ID")?,
+            task,
+            restart: get("SLURM_RESTART_COUNT")
+                .and_then(|count| count.parse().ok())
+                .unwrap_or(0),
+            node: get("SLURMD_NODENAME")?,
+        })
     }
-    match ask("scontrol", &["requeue", &name]) {
-        Ok(_) => Requeued::Yes,
-        Err(error) => Requeued::No(error.to_string()),
+
+    fn start_again(&self, task: &TaskName, in_advance: bool) -> Again {
+        let name = format!("{}_{}", task.job, task.task);
+        // The signal before the time limit is ours alone; TERM may mean the limit, a preemption or a cancellation.
+        if !in_advance && let Ok(answer) = ask("squeue", &["-h", "-j", &name, "-o", "%T|%r"]) {
+            let (state, reason) = answer.trim().split_once('|').unwrap_or_default();
+            let ending = matches!(state, "COMPLETING" | "CANCELLED");
+            if ending && reason != "TimeLimit" {
+                return Again::Cancelled;
+            }
+        }
+        match ask("scontrol", &["requeue", &name]) {
+            Ok(_) => Again::Yes,
+            Err(error) => Again::No(error.to_string()),
+        }
     }
 }
 
@@ -320,7 +306,7 @@ fn advice(said: &str) -> String {
     let what = if about(&["job array"]) {
         "the site allows smaller arrays only: give fewer --tasks"
     } else if about(&["account", "association"]) {
-        "choose an account with --account; the site says which are yours"
+        "choose an account and a partition you may use with --account and --partition; the site says which are yours"
     } else if about(&["partition"]) {
         "choose a partition with --partition; `sinfo -s` lists them"
     } else if about(&["time limit", "timelimit"]) {

@@ -3,7 +3,7 @@
 use super::{Arguments, Limits, compute};
 use crate::campaign::Campaign;
 use crate::cli::Output;
-use crate::engine::slurm::{self, Requeued};
+use crate::engine::{self, Again, Engine};
 use crate::error::Error;
 use crate::exit;
 use crate::runner::{Companion, Progress, Stop};
@@ -56,8 +56,8 @@ struct Answer<'a> {
 struct Task<'t> {
     /// Publishes its store.
     publisher: Publisher,
-    /// Its name, if Slurm started it.
-    slurm: Option<TaskName>,
+    /// What started it, unless somebody did by hand, and its name there.
+    started_by: Option<(Box<dyn Engine>, TaskName)>,
     /// Marks that it was cancelled.
     cancelled: PathBuf,
     /// Where notes go; nowhere if nobody wants them.
@@ -85,25 +85,22 @@ impl Companion for Task<'_> {
 impl Task<'_> {
     /// Has the task started again, after a signal with work left.
     fn again(&self, signal: i32) {
-        let Some(name) = &self.slurm else {
+        let Some((engine, name)) = &self.started_by else {
             (self.note)("work is left: give the same command again to go on");
             return;
         };
-        if self.cancelled.exists() || signal == Signal::INT.as_raw() {
-            (self.note)("cancelled: `sweep submit` goes on from here");
-            return;
-        }
-        (self.note)(
-            &match slurm::requeue(name, signal == Signal::USR1.as_raw()) {
-                Requeued::Yes => "work is left: Slurm starts the task again".to_owned(),
-                Requeued::Cancelled => "cancelled: `sweep submit` goes on from here".to_owned(),
-                Requeued::No(why) => {
-                    format!(
-                        "work is left, and the task could not be started again ({why}): `sweep submit` goes on from here"
-                    )
-                }
-            },
-        );
+        let again = if self.cancelled.exists() || signal == Signal::INT.as_raw() {
+            Again::Cancelled
+        } else {
+            engine.start_again(name, signal == Signal::USR1.as_raw())
+        };
+        (self.note)(&match again {
+            Again::Yes => format!("work is left: {} starts the task again", engine.name()),
+            Again::Cancelled => "cancelled: `sweep submit` goes on from here".to_owned(),
+            Again::No(why) => format!(
+                "work is left, and the task could not be started again ({why}): `sweep submit` goes on from here"
+            ),
+        });
     }
 }
 
@@ -122,13 +119,10 @@ pub(super) fn execute(
         .clone()
         .unwrap_or_else(|| shard::folder_of(&campaign.default_store()));
     let plan = restrict(arguments, part, &mut campaign)?;
-    let slurm = slurm::this_task(part.task);
-    let name = slurm.clone().unwrap_or_else(|| TaskName {
-        job: "by-hand".into(),
-        task: part.task,
-        restart: 0,
-        node: Identity::of_this_process().host,
-    });
+    let started_by = engine::of_this_task(part.task);
+    let name = started_by
+        .as_ref()
+        .map_or_else(|| by_hand(part), |(_, name)| name.clone());
     let file = shard::name(&plan, &name);
     let scratch = arguments
         .scratch
@@ -151,8 +145,14 @@ pub(super) fn execute(
     let work = scratch.join(&file);
     let mut store = Store::open(&work)?;
     store.adopt(&campaign)?;
-    for source in sources(&folder, &plan, part.task) {
-        go_on_from(&mut store, &source, arguments.allow_mixed_versions, &note)?;
+    let before = Before::of(&folder, &plan, &name);
+    if go_on_from(&mut store, &before.others, arguments, &note)? > 0 {
+        // What failed in another job is in this slice because it is to be computed again.
+        store.retry_failed()?;
+    }
+    go_on_from(&mut store, &before.own, arguments, &note)?;
+    if arguments.retry_failed {
+        store.retry_failed()?;
     }
     let task = Task {
         publisher: Publisher::new(
@@ -161,7 +161,7 @@ pub(super) fn execute(
             Duration::from_secs(arguments.publish_every),
         ),
         cancelled: shard::cancel_mark(&folder, &plan, &name.job),
-        slurm,
+        started_by,
         note: &note,
     };
     // Whoever cannot publish should know before hours are computed, not after.
@@ -194,7 +194,7 @@ pub(super) fn execute(
     task.publisher.clean_up();
     let left = counts.pending + counts.running;
     answer(part, counts, task.publisher.target(), output)?;
-    // Before Slurm ends this process, as it does with a task that is to be started again.
+    // Before the engine ends this process, as it does with a task that is to be started again.
     output.out.flush()?;
     Ok(match stop.signal() {
         Some(signal) if left > 0 => {
@@ -204,6 +204,16 @@ pub(super) fn execute(
         _ if counts.failed > 0 => exit::FAILED,
         _ => exit::DONE,
     })
+}
+
+/// The name of a task that no engine started.
+fn by_hand(part: Part) -> TaskName {
+    TaskName {
+        job: "by-hand".into(),
+        task: part.task,
+        restart: 0,
+        node: Identity::of_this_process().host,
+    }
 }
 
 /// Says how far the slice is.
@@ -268,43 +278,64 @@ fn restrict(arguments: &Arguments, part: Part, campaign: &mut Campaign) -> Resul
     Ok(plan)
 }
 
-/// Where the slice may have been begun: what was known when it was planned, and what this task published before.
-fn sources(folder: &Path, plan: &str, task: usize) -> Vec<PathBuf> {
-    let begun = shard::plan_folder(folder, plan).join("begun.sqlite");
-    let before = shard::published(folder)
-        .into_iter()
-        .filter(|shard| shard.plan == plan && shard.task.task == task)
-        .map(|shard| shard.path);
-    begun
-        .exists()
-        .then_some(begun)
-        .into_iter()
-        .chain(before)
-        .collect()
+/// Where the slice may have been begun.
+struct Before {
+    /// What was known when it was planned, and what other jobs with the same slices published.
+    others: Vec<PathBuf>,
+    /// What the task published itself before it was started again.
+    own: Vec<PathBuf>,
 }
 
-/// Takes over what a shard holds of the slice. One that cannot be used is no reason to stop: the slice is computed anew.
+impl Before {
+    /// Of a task.
+    fn of(folder: &Path, plan: &str, name: &TaskName) -> Self {
+        let (own, published): (Vec<_>, Vec<_>) = shard::published(folder)
+            .into_iter()
+            .filter(|shard| shard.plan == plan && shard.task.task == name.task)
+            .partition(|shard| shard.task.job == shard::tame(&name.job));
+        let begun = shard::plan_folder(folder, plan).join(shard::BEGUN);
+        Self {
+            others: begun
+                .exists()
+                .then_some(begun)
+                .into_iter()
+                .chain(published.into_iter().map(|shard| shard.path))
+                .collect(),
+            own: own.into_iter().map(|shard| shard.path).collect(),
+        }
+    }
+}
+
+/// Takes over what shards hold of the slice; gives the number of failures among it. A shard that cannot be used is no reason
+/// to stop: the slice is computed anew.
 fn go_on_from(
     store: &mut Store,
-    source: &Path,
-    mixed: bool,
+    sources: &[PathBuf],
+    arguments: &Arguments,
     note: &dyn Fn(&str),
-) -> Result<(), Error> {
-    match store.merge_as(Manner::Task, &[source.to_owned()], mixed) {
-        Ok(merged) => {
-            for damaged in merged.damaged {
-                note(&format!(
-                    "{} cannot be used: {}",
-                    damaged.path.display(),
-                    damaged.reason
-                ));
+) -> Result<u64, Error> {
+    let mut failures = 0;
+    for source in sources {
+        match store.merge_as(
+            Manner::Task,
+            std::slice::from_ref(source),
+            arguments.allow_mixed_versions,
+        ) {
+            Ok(merged) => {
+                failures += merged.failures;
+                for damaged in merged.damaged {
+                    note(&format!(
+                        "{} cannot be used: {}",
+                        damaged.path.display(),
+                        damaged.reason
+                    ));
+                }
             }
-            Ok(())
+            Err(error @ (StoreError::OtherBuild { .. } | StoreError::OtherCampaign { .. })) => {
+                note(&format!("{error}: not used"));
+            }
+            Err(error) => return Err(error.into()),
         }
-        Err(error @ (StoreError::OtherBuild { .. } | StoreError::OtherCampaign { .. })) => {
-            note(&format!("{error}: not used"));
-            Ok(())
-        }
-        Err(error) => Err(error.into()),
     }
+    Ok(failures)
 }

@@ -3,7 +3,7 @@
 use crate::campaign::Campaign;
 use crate::engine::Job;
 use crate::error::Error;
-use crate::shard::{ShardError, write_whole};
+use crate::shard::{BEGUN, ShardError, write_whole};
 use crate::store::{self, Open, Store};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -102,7 +102,7 @@ pub(super) fn write_plan(
         .filter(|case| case.begun)
         .map(|case| case.key.as_str())
         .collect();
-    let path = folder.join("begun.sqlite");
+    let path = folder.join(BEGUN);
     if begun.is_empty() {
         return Ok(());
     }
