@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::far_field::{FarField, FarResistance};
 use crate::instant::{Configuration, ContactRequest, Instant, solve};
 use crate::integrate::{RungeKutta, State};
+use crate::linalg::dense::Matrix;
 use crate::modes::{Background, Vec2};
 use crate::motion::{ContactLaw, Motion};
 use crate::pair::{Passed, Passing, pass};
@@ -257,9 +258,9 @@ fn ewald(all: &mut Vec<Check>) -> Result<(), Error> {
     let with = |alpha: f64| -> Result<Vec<f64>, Error> {
         let far_field = FarField::with_splitting(&cell, &start.radii, 1e-13, alpha)?;
         let mut far = FarResistance::new(far_field);
-        far.update(&cell, &start.centres)?;
+        let mut block = Matrix::default();
+        far.update(&cell, &start.centres, &mut block)?;
         let n = start.radii.len();
-        let block = far.r_fu();
         Ok((0..3 * n)
             .flat_map(|j| block.column(j)[j..].iter().copied())
             .collect())
