@@ -89,6 +89,7 @@ fn checkout() -> tempfile::TempDir {
         let name = entry.unwrap().file_name();
         write_program(&at.join("scripts").join(name), "#!/bin/sh\n");
     }
+    std::os::unix::fs::symlink(root().join("crates"), at.join("crates")).unwrap();
     let quickstart = std::fs::read_to_string(root().join("sweeps/quickstart.toml")).unwrap();
     let short = quickstart
         .replace("strain = 4.0", "strain = 0.1")
@@ -135,8 +136,9 @@ fn run(file: &str) {
 fn files() -> Vec<String> {
     let mut all = vec!["README.md".to_owned(), "CONTRIBUTING.md".to_owned()];
     for entry in std::fs::read_dir(root().join("docs")).unwrap() {
-        let name = entry.unwrap().file_name().into_string().unwrap();
-        if name.ends_with(".md") {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "md") {
+            let name = path.file_name().unwrap().to_str().unwrap();
             all.push(format!("docs/{name}"));
         }
     }
@@ -166,7 +168,18 @@ fn every_campaign_is_one() {
             let at = directory.path().join("campaign.toml");
             std::fs::write(&at, &text).unwrap();
             let read = sweep::campaign::Campaign::read(&at);
-            assert!(read.is_ok(), "{file}: {:?}\n{text}", read.err());
+            let campaign = match read {
+                Ok(campaign) => campaign,
+                Err(error) => panic!("{file}: {error}\n{text}"),
+            };
+            // A block that names a file in its first line is that file, but for what it says beside.
+            let name = text.lines().next().unwrap_or_default();
+            if let Some(name) = name.strip_prefix("# sweeps/") {
+                let there =
+                    sweep::campaign::Campaign::read(&root().join("sweeps").join(name)).unwrap();
+                assert_eq!(campaign.cases, there.cases, "{file} and {name}");
+                assert_eq!(campaign.protocol, there.protocol, "{file} and {name}");
+            }
         }
     }
 }
@@ -177,8 +190,9 @@ fn every_link_leads_somewhere() {
     for file in files() {
         let markdown = std::fs::read_to_string(root().join(&file)).unwrap();
         let folder = root().join(&file).parent().unwrap().to_owned();
-        for link in markdown.split("](").skip(1) {
-            let target = link.split([')', '#', ' ']).next().unwrap_or_default();
+        let links = markdown.split("](").skip(1);
+        for link in links.chain(markdown.split("src=\"").skip(1)) {
+            let target = link.split([')', '#', ' ', '"']).next().unwrap_or_default();
             let outside = target.contains("://") || target.is_empty();
             if !outside && !folder.join(target).exists() {
                 writeln!(broken, "{file}: {target}").unwrap();
@@ -186,4 +200,30 @@ fn every_link_leads_somewhere() {
         }
     }
     assert!(broken.is_empty(), "{broken}");
+}
+
+#[test]
+fn every_subcommand_has_examples_that_are_commands() {
+    use clap::{CommandFactory as _, Parser as _};
+    for subcommand in sweep::cli::Cli::command().get_subcommands() {
+        let name = subcommand.get_name();
+        let help = subcommand.get_after_help().map(ToString::to_string);
+        let help = help.unwrap_or_default();
+        let examples: Vec<&str> = help
+            .lines()
+            .map(|line| line.trim_start_matches("Example:").trim())
+            .flat_map(|line| line.split(" | ").flat_map(|part| part.split(" && ")))
+            .filter_map(|command| command.split(" > ").next())
+            .filter(|command| command.starts_with("sweep "))
+            .collect();
+        let own = format!("sweep {name}");
+        assert!(
+            examples.iter().any(|example| example.starts_with(&own)),
+            "{name} has no example"
+        );
+        for example in examples {
+            let parsed = sweep::cli::Cli::try_parse_from(example.split_whitespace());
+            assert!(parsed.is_ok(), "{example}: {:?}", parsed.err());
+        }
+    }
 }
