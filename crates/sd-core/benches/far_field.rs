@@ -3,7 +3,8 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use sd_core::cell::Cell;
 use sd_core::far_field::{DEFAULT_TOLERANCE, FarField, FarResistance};
-use sd_core::linalg::dense::{Cholesky, Matrix};
+use sd_core::linalg::dense::Matrix;
+use sd_core::linalg::tiles::{TiledCholesky, TiledMatrix};
 use sd_core::modes::Vec2;
 use std::hint::black_box;
 
@@ -35,11 +36,11 @@ fn far_field(criterion: &mut Criterion) {
         let mut group = criterion.benchmark_group(format!("far_field_{n}"));
         group.sample_size(if n > 100 { 10 } else { 50 });
         let mut far_field = FarField::new(&cell, &radii, DEFAULT_TOLERANCE).expect("valid radii");
-        let mut mobility = Matrix::zeros(6 * n, 6 * n);
+        let mut mobility = TiledMatrix::default();
         group.bench_function("fill", |bench| {
             bench.iter(|| far_field.fill(&cell, black_box(&centres), &mut mobility));
         });
-        let mut cholesky = Cholesky::new(6 * n);
+        let mut cholesky = TiledCholesky::default();
         group.bench_function("copy_and_cholesky", |bench| {
             bench.iter(|| {
                 cholesky.matrix_mut().clone_from(&mobility);
@@ -53,8 +54,9 @@ fn far_field(criterion: &mut Criterion) {
         });
         let far_field = FarField::new(&cell, &radii, DEFAULT_TOLERANCE).expect("valid radii");
         let mut resistance = FarResistance::new(far_field);
+        let mut r_fu = Matrix::default();
         group.bench_function("resistance", |bench| {
-            bench.iter(|| resistance.update(&cell, black_box(&centres)));
+            bench.iter(|| resistance.update(&cell, black_box(&centres), &mut r_fu));
         });
         group.finish();
     }

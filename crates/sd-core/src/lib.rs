@@ -17,13 +17,27 @@
 //! | `η, N1` | relative viscosity, first normal stress difference |
 //!
 //! # Equations
+//! Each stands with its derivation's source, signs and limits at the top of the module named at the right.
 //! ```text
-//! (F, T, S~) = R (v, −E)                           R grand resistance, symmetric positive definite
+//! (F, T, S~) = R (v, −E)                           R grand resistance, symmetric positive definite      resistance
 //! R = R_far + Σ_pairs [R2B − R2B∞]                 Stokesian Dynamics; Ball-Melrose: isolated drag for R_far
-//! R_FU v = R_FE E + F_external + F_contact         the motion
-//! f ≥ 0, w ≥ 0, f w = 0                            rigid contacts, w what the gap gains beyond h
-//! η = 1 + (Σ S_xy + Σ contact stress)/V            the viscosity, V = 2 ⟨a⟩ A
+//! R_far = M⁻¹, its uniform mode at no cost         M mobility of the periodic layer                     far_field
+//! R2B                                              two spheres, any gap and size ratio                  two_sphere
+//! R_FU v = R_FE E + F_external + F_contact         the motion                                           motion
+//! f ≥ 0, w ≥ 0, f w = 0                            rigid contacts, w what the gap gains beyond h        contact::rigid
+//! |F_t| ≤ ν f where f > F_crit                     friction, rolling or slipping                        contact::friction
+//! η = 1 + (Σ S_xy + Σ contact stress)/V            the viscosity, V = 2 ⟨a⟩ A                           stress
+//! dx/dt = u∞ + v, dθ/dt = Ω                        fourth order in time                                 integrate
 //! ```
+//!
+//! # Units of what goes in and comes out
+//! | Quantity | Unit | Where |
+//! | --- | --- | --- |
+//! | lengths, gaps, roughness | a | [`Params`], [`Snapshot`], [`Sample`] |
+//! | time, strain | 1/rate | [`Params::time_step`], [`Sample::strain`] |
+//! | velocities, residuals | a·rate | [`contact::Contact`], [`contact::Quality`] |
+//! | forces, critical load | μ·a²·rate | [`contact::Contact`], [`Params::critical_load`] |
+//! | viscosity; stresses | μ; μ·rate | [`Sample`], [`stress::Stress`] |
 //!
 //! # Where things are, in the order of a right-hand side
 //! [`cell`] images and neighbours → [`two_sphere`] near field of a pair, [`far_field`] mobility of all → [`resistance`] their sum,
@@ -34,6 +48,7 @@
 //! The crate reads no file, prints nothing and starts no thread; a run is a function of [`Params`] and a seed alone.
 //!
 //! # Example
+//! `cargo run --release -p sd-core --example layer` shears a layer, `--example pair` drives two spheres past each other.
 //! ```
 //! use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
 //!

@@ -8,4 +8,5 @@ mod halves;
 pub mod profile;
 pub mod simd;
 pub mod staggered;
+pub mod tiles;
 mod vector;

@@ -184,10 +184,8 @@ impl Resistance {
         self.evaluate_terms();
         let n = self.radii.len();
         if let Some(far) = &mut self.far {
-            far.update(cell, centres)?;
             let matrix = self.factor.full_matrix();
-            matrix.reshape(3 * n, 3 * n);
-            matrix.values_mut().copy_from_slice(far.r_fu().values());
+            far.update(cell, centres, matrix)?;
             if matches!(cell, Cell::Periodic { .. }) {
                 resist_uniform_motion(matrix);
             }
@@ -318,7 +316,7 @@ impl Resistance {
                 for e in self.far_vector[..3 * n].chunks_exact_mut(3) {
                     e.copy_from_slice(strain.as_slice());
                 }
-                far.apply(&mut self.far_vector);
+                far.apply_for_forces(&mut self.far_vector);
                 forces.copy_from_slice(&self.far_vector[3 * n..]);
             }
             None => forces.fill(0.0),

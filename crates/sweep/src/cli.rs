@@ -59,42 +59,32 @@ enum Colour {
     Never,
 }
 
-/// The subcommands.
+/// The subcommands. What is said of each stands with its arguments: text here would take the place of all of that.
 #[derive(Debug, Subcommand)]
+#[cfg_attr(
+    not(test),
+    expect(
+        clippy::missing_docs_in_private_items,
+        reason = "documentation of a variant would hide the long help of its arguments"
+    )
+)]
 enum Command {
-    /// Say what a campaign would do: its axes, its runs, how long they take here, how much they store
     Plan(plan::Arguments),
-    /// Compute what a campaign lacks, then print its report
     Run(run::Arguments),
-    /// Hand what a campaign lacks to Slurm, as one array of tasks
     Submit(submit::Arguments),
-    /// Join the shards that tasks published into the store of their campaign
     Merge(merge::Arguments),
-    /// End the tasks of a campaign that were submitted
     Cancel(cancel::Arguments),
-    /// Say how far a campaign is
     Status(status::Arguments),
-    /// Print the results of a campaign, averaged over seeds
     Report(report::Arguments),
-    /// Tell the story of one run: parameters, trace, counters, provenance, error
     Show(show::Arguments),
-    /// Write the kept frames of one run, for OVITO or as tables
     Export(export::Arguments),
-    /// Show the report as a live page in the browser
     Serve(serve::Arguments),
-    /// Print the state before a failure as input of `sweep solve`
     Replay(replay::Arguments),
-    /// Save all that can be read of a damaged store into a new one
     Salvage(salvage::Arguments),
-    /// Solve one instant of one configuration
     Solve(solve::Arguments),
-    /// Print the resistance functions of two spheres
     Scalars(scalars::Arguments),
-    /// Recompute known results and compare
     Verify(verify::Arguments),
-    /// Drive two spheres past each other
     Pair(pair::Arguments),
-    /// Print a completion script for a shell
     Completions(completions::Arguments),
 }
 

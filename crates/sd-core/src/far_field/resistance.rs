@@ -3,7 +3,9 @@
 use super::FarField;
 use crate::cell::Cell;
 use crate::error::Error;
-use crate::linalg::dense::{Cholesky, Matrix, dot};
+use crate::linalg::dense::{Matrix, dot};
+use crate::linalg::simd::vectorised;
+use crate::linalg::tiles::{TILE, TiledCholesky};
 use crate::modes::Vec2;
 
 /// The far-field resistance of one configuration: M⁻¹, without resistance to a uniform translation of a layer.
@@ -16,11 +18,7 @@ pub struct FarResistance {
     /// Fills M.
     far_field: FarField,
     /// M, then L.
-    cholesky: Cholesky,
-    /// Inverse of the trailing half of L.
-    work: Matrix,
-    /// Force from velocity.
-    r_fu: Matrix,
+    cholesky: TiledCholesky,
     /// Columns of W below its 3N zeros, `[3N × 2]`; no columns in unbounded fluid.
     uniform: Matrix,
     /// Columns of L⁻ᵀ W, velocity rows, `[3N × 2]`.
@@ -30,12 +28,9 @@ pub struct FarResistance {
 impl FarResistance {
     /// Workspace around a planned far field.
     pub fn new(far_field: FarField) -> Self {
-        let n = far_field.spheres();
         Self {
             far_field,
-            cholesky: Cholesky::new(6 * n),
-            work: Matrix::zeros(3 * n, 3 * n),
-            r_fu: Matrix::zeros(3 * n, 3 * n),
+            cholesky: TiledCholesky::default(),
             uniform: Matrix::default(),
             lifted: Matrix::default(),
         }
@@ -48,9 +43,18 @@ impl FarResistance {
 
     /// Computes `R_far` of a configuration. Allocates nothing after the first call.
     ///
+    /// # Arguments
+    /// - `r_fu`: takes force from velocity, the lower triangle `[3N × 3N]` of `R_far`'s trailing block, in mu·a, mu·a², mu·a³; rows and
+    ///   columns are `(x, y, z-rotation)` of sphere 0, of sphere 1, ….
+    ///
     /// # Errors
     /// Those of [`FarField::fill`]; [`Error::NotPositiveDefinite`] names the sphere at which the factorization broke down.
-    pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+    pub fn update(
+        &mut self,
+        cell: &Cell,
+        centres: &[Vec2],
+        r_fu: &mut Matrix,
+    ) -> Result<(), Error> {
         let n = self.far_field.spheres();
         self.far_field
             .fill(cell, centres, self.cholesky.matrix_mut())?;
@@ -61,64 +65,85 @@ impl FarResistance {
                 pivot: failure.pivot,
                 sphere: (failure.pivot % (3 * n)) / 3,
             })?;
-        self.cholesky
-            .trailing_inverse(3 * n, &mut self.work, &mut self.r_fu);
+        self.cholesky.trailing_inverse(r_fu);
         if self.far_field.is_periodic() {
-            self.remove_uniform_motion();
+            self.remove_uniform_motion(r_fu);
         }
         Ok(())
     }
 
     /// W, and the rank-two correction of the force-velocity block.
-    fn remove_uniform_motion(&mut self) {
-        let m = self.r_fu.rows();
+    fn remove_uniform_motion(&mut self, r_fu: &mut Matrix) {
+        let m = r_fu.rows();
         self.uniform.reset(m, 2);
-        self.lifted.reshape(m, 2);
-        // L⁻¹ V: sums of columns of the inverse of the trailing half of L.
-        for j in 0..m {
-            if j % 3 < 2 {
-                let column = &self.work.column(j)[j..];
-                for (sum, value) in self.uniform.column_mut(j % 3)[j..].iter_mut().zip(column) {
-                    *sum += value;
+        self.lifted.reset(m, 2);
+        let (first, second) = self.uniform.values_mut().split_at_mut(m);
+        // L⁻¹ V: sums of every third row of L₂₂⁻ᵀ, whose rows of tiles begin with a sphere.
+        for (rows, columns) in self.cholesky.inverse_rows() {
+            let spheres = rows.len() / 3;
+            for (column, (x, y)) in columns.chunks_exact(TILE).zip(
+                first[rows.start..]
+                    .iter_mut()
+                    .zip(&mut second[rows.start..]),
+            ) {
+                for sphere in column[..3 * spheres].chunks_exact(3) {
+                    *x += sphere[0];
+                    *y += sphere[1];
                 }
             }
         }
-        let (first, second) = self.uniform.values_mut().split_at_mut(m);
         normalise(first);
         let overlap = dot(first, second);
         for (b, a) in second.iter_mut().zip(&*first) {
             *b -= overlap * a;
         }
         normalise(second);
-        for c in 0..2 {
-            for j in 0..m {
-                self.lifted[(j, c)] = dot(&self.work.column(j)[j..], &self.uniform.column(c)[j..]);
-            }
-        }
-        let (x, y) = (self.lifted.column(0), self.lifted.column(1));
-        for j in 0..m {
-            let (xj, yj) = (x[j], y[j]);
-            for ((r, xi), yi) in self.r_fu.column_mut(j)[j..]
-                .iter_mut()
-                .zip(&x[j..])
-                .zip(&y[j..])
-            {
-                *r -= xi * xj + yi * yj;
-            }
-        }
-    }
-
-    /// Force from velocity: lower triangle `[3N × 3N]` of `R_far`'s trailing block, in mu·a, mu·a², mu·a³.
-    ///
-    /// Rows and columns are `(x, y, z-rotation)` of sphere 0, of sphere 1, ….
-    pub fn r_fu(&self) -> &Matrix {
-        &self.r_fu
+        let cholesky = &self.cholesky;
+        let (x, y) = self.lifted.values_mut().split_at_mut(m);
+        vectorised(
+            #[inline(always)]
+            || {
+                for (rows, columns) in cholesky.inverse_rows() {
+                    let (mut sum_x, mut sum_y) = ([0.0; TILE], [0.0; TILE]);
+                    let weights = first[rows.start..].iter().zip(&second[rows.start..]);
+                    for (column, (&a, &b)) in columns.chunks_exact(TILE).zip(weights) {
+                        for k in 0..TILE {
+                            sum_x[k] += a * column[k];
+                            sum_y[k] += b * column[k];
+                        }
+                    }
+                    x[rows.clone()].copy_from_slice(&sum_x[..rows.len()]);
+                    y[rows.clone()].copy_from_slice(&sum_y[..rows.len()]);
+                }
+                for j in 0..m {
+                    let (xj, yj) = (x[j], y[j]);
+                    for ((r, xi), yi) in
+                        r_fu.column_mut(j)[j..].iter_mut().zip(&x[j..]).zip(&y[j..])
+                    {
+                        *r -= xi * xj + yi * yj;
+                    }
+                }
+            },
+        );
     }
 
     /// `x ← R_far x`, with x `[6N]` as (−E; U − u∞, Ω − Ω∞) in the order of the module; becomes (S~; F, T).
     ///
     /// Two triangular solves, 2(6N)² flops.
     pub fn apply(&self, x: &mut [f64]) {
+        self.apply_lower(x);
+        self.cholesky.solve_upper_vector(x, 0);
+    }
+
+    /// As [`FarResistance::apply`] for the forces and torques alone: what becomes of the 3N leading entries has no meaning.
+    pub fn apply_for_forces(&self, x: &mut [f64]) {
+        self.apply_lower(x);
+        self.cholesky
+            .solve_upper_vector(x, 3 * self.far_field.spheres());
+    }
+
+    /// `x ← (I − W Wᵀ) L⁻¹ x`.
+    fn apply_lower(&self, x: &mut [f64]) {
         let n = self.far_field.spheres();
         self.cholesky.solve_lower_vector(x);
         if self.far_field.is_periodic() {
@@ -131,7 +156,6 @@ impl FarResistance {
                 }
             }
         }
-        self.cholesky.solve_upper_vector(x);
     }
 }
 

@@ -198,7 +198,7 @@ impl WaveSpace {
                 count(2.0 * (self.cut_off * self.cut_off - kx * kx).max(0.0).sqrt())
             })
             .sum();
-        let pairs = spheres.max(super::CHUNK);
+        let pairs = spheres.max(super::ewald::CHUNK);
         let layers = self.layers();
         self.vectors.reserve(vectors);
         self.even.reshape(vectors, EVEN.len() * layers);

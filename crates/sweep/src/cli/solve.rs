@@ -27,8 +27,8 @@ const PAIR_LIMIT: usize = 1_000_000;
 
 /// Solve one instant of one configuration
 ///
-/// FILE is JSON: `centres`, and optionally `radii`, `cell`, `offset`, `hydrodynamics`, `background`, `forces`, `torques`,
-/// `contact`. Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
+/// FILE is JSON: `centres` and `hydrodynamics`, and optionally `radii`, `cell`, `offset`, `background`, `forces`, `torques`,
+/// `contact`; docs/json.md has all of it. Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example:\n  echo '{\"centres\": [[0, 0], [2.1, 0]], \"hydrodynamics\": \"ball-melrose\"}' | sweep solve - --json"

@@ -181,15 +181,8 @@ mod tests {
     fn every_parameter_is_an_axis() {
         // A parameter that is none would have its points averaged together.
         let written = serde_json::to_value(params()).unwrap();
-        let mut keys: Vec<&str> = written
-            .as_object()
-            .unwrap()
-            .keys()
-            .map(String::as_str)
-            .collect();
-        let mut axes: Vec<&str> = AXES.iter().map(|axis| axis.key).collect();
-        keys.sort_unstable();
-        axes.sort_unstable();
-        assert_eq!(axes, keys);
+        for key in written.as_object().unwrap().keys() {
+            assert!(Axis::of_key(key).is_some(), "{key}");
+        }
     }
 }
