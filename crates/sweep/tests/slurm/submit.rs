@@ -1,6 +1,7 @@
 //! Submitting: what is handed over, what is refused, what is left to tasks at work.
 
 use super::cluster::{Cluster, QUICK, contains, long, words};
+use assert_cmd::cargo::cargo_bin;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -238,4 +239,30 @@ fn background_of_this_machine_is_an_engine_too() {
     std::thread::sleep(Duration::from_millis(500));
     contains(&cluster.ok(&["cancel", "small.toml"]), &["cancelled: "]);
     contains(&cluster.ok(&["cancel", "small.toml"]), &["no tasks"]);
+}
+
+#[test]
+fn commands_of_the_documentation_work() {
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/cluster.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let commands: Vec<&str> = page
+        .lines()
+        .filter_map(|line| line.strip_prefix("cluster$ "))
+        .collect();
+    assert_eq!(commands.len(), 3);
+    let cluster = Cluster::new(QUICK);
+    let file = commands[0].split(' ').nth(2).unwrap();
+    std::fs::write(cluster.home().join(file), QUICK).unwrap();
+    std::os::unix::fs::symlink(cargo_bin("sweep"), cluster.home().join("sweep")).unwrap();
+    let output = Command::new("sh")
+        .args(["-eu", "-c", &commands.join("\n")])
+        .current_dir(cluster.home())
+        .env("PATH", cluster.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{output:?}");
+    contains(
+        &words(&output.stdout),
+        &["job 4711", "0 of 6 cases are done"],
+    );
 }
