@@ -24,9 +24,12 @@ impl Engine for Local {
         Ok(format!(
             "#!/bin/sh
 # Campaign {name}: {tasks} tasks, {lanes} at a time. Made by sweep submit.
+# Told to stop, tasks checkpoint, lanes end with their task, and this waits for them.
+trap : TERM
 lane=0
 while [ \"$lane\" -lt {lanes} ]; do
     (
+        trap exit TERM
         task=$lane
         while [ \"$task\" -lt {tasks} ]; do
             {command}
@@ -35,7 +38,7 @@ while [ \"$lane\" -lt {lanes} ]; do
     ) &
     lane=$((lane + 1))
 done
-wait
+until wait; do :; done
 ",
             name = job.campaign,
         ))

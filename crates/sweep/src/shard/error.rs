@@ -42,8 +42,22 @@ pub enum ShardError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A file of the plan that could not be written.
+    #[error("cannot write {}: {source}{}", path.display(), no_room(*full))]
+    #[diagnostic(help(
+        "nothing was submitted; {}, or choose another place with --store FILE, then give the same command again",
+        if *full { "make room" } else { "make the folder writable" }
+    ))]
+    Plan {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+        /// Whether there is no room.
+        full: bool,
+    },
     /// A shard that could not be written where all can read it.
-    #[error("cannot publish {}: {source}{}", path.display(), if *full { ": the disk is full or the quota used up" } else { "" })]
+    #[error("cannot publish {}: {source}{}", path.display(), no_room(*full))]
     #[diagnostic(help("{advice}"))]
     Publish {
         /// The shard.
@@ -60,6 +74,15 @@ pub enum ShardError {
 impl ShardError {
     /// Whether a disk failed, and not the command.
     pub(crate) fn is_of_the_disk(&self) -> bool {
-        matches!(self, Self::Publish { .. })
+        matches!(self, Self::Publish { .. } | Self::Plan { .. })
+    }
+}
+
+/// What is said of a disk without room.
+fn no_room(full: bool) -> &'static str {
+    if full {
+        ": the disk is full or the quota used up"
+    } else {
+        ""
     }
 }

@@ -100,10 +100,7 @@ impl Publisher {
     /// What a failed copy means.
     fn explain(&self, source: io::Error) -> ShardError {
         let folder = self.target.parent().unwrap_or(Path::new("."));
-        let full = matches!(
-            source.kind(),
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
-        ) || store::is_full(&self.target);
+        let full = no_room(&source, &self.target);
         let advice = format!(
             "what was published before stays, and {} holds the rest; {}, then start the task again \
              (scontrol requeue JOB_TASK), or give `sweep submit` again: it goes on from what is published",
@@ -121,6 +118,14 @@ impl Publisher {
             advice,
         }
     }
+}
+
+/// Whether a file could not be written for want of room.
+pub(crate) fn no_room(error: &io::Error, path: &Path) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
+    ) || store::is_full(path)
 }
 
 /// An error of the store as one of the system, which is what stands behind it here.

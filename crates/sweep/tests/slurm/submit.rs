@@ -238,6 +238,9 @@ fn background_of_this_machine_is_an_engine_too() {
     cluster.ok(&submit);
     std::thread::sleep(Duration::from_millis(500));
     contains(&cluster.ok(&["cancel", "small.toml"]), &["cancelled: "]);
+    // And are waited for: each has taken its store away.
+    let work = cluster.shards().join("work");
+    assert_eq!(std::fs::read_dir(work).unwrap().count(), 0);
     contains(&cluster.ok(&["cancel", "small.toml"]), &["no tasks"]);
 }
 

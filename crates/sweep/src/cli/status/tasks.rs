@@ -180,8 +180,9 @@ pub(super) fn write(
         if waiting && job.trouble.is_none() {
             writeln!(
                 out,
-                "tasks ended with work left: `sweep merge {}`, then `sweep submit` goes on from there",
-                store.display()
+                "tasks ended with work left: `sweep merge {}`, then `sweep submit` goes on from there; their logs are in {}",
+                store.display(),
+                shard::plan_folder(&s.folder, &s.plan).display()
             )?;
         }
     }

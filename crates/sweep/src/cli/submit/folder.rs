@@ -3,7 +3,7 @@
 use crate::campaign::Campaign;
 use crate::engine::Job;
 use crate::error::Error;
-use crate::shard::{BEGUN, ShardError, write_whole};
+use crate::shard::{BEGUN, ShardError, no_room, write_whole};
 use crate::store::{self, Open, Store};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -67,16 +67,19 @@ pub(super) fn write_plan(
     script: &str,
 ) -> Result<(), Error> {
     let folder = &job.plan_folder;
-    std::fs::create_dir_all(folder).map_err(|source| ShardError::Folder {
-        path: folder.clone(),
-        source,
-    })?;
     let written = |path: PathBuf, result: std::io::Result<()>| {
-        result.map_err(|source| Error::Write { path, source })
+        result.map_err(|source| ShardError::Plan {
+            full: no_room(&source, &path),
+            path,
+            source,
+        })
     };
+    written(folder.clone(), std::fs::create_dir_all(folder))?;
     // The same hash is the same program.
     if !job.program.exists() {
-        let part = job.program.with_extension("part");
+        let part = job
+            .program
+            .with_extension(format!("part-{}", std::process::id()));
         let copied = std::env::current_exe()
             .and_then(|program| std::fs::copy(program, &part))
             .and_then(|_| std::fs::File::open(&part)?.sync_all())
@@ -113,5 +116,6 @@ pub(super) fn write_plan(
         .and_then(|()| store::snapshot(&part, &whole));
     let _ = std::fs::remove_file(&part);
     made?;
-    written(path.clone(), std::fs::rename(&whole, &path))
+    written(path.clone(), std::fs::rename(&whole, &path))?;
+    Ok(())
 }
