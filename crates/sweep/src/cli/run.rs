@@ -27,7 +27,7 @@ const WORKER_LIMIT: usize = 4096;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/friction.toml --workers 8 --store /scratch/friction.sqlite\n  \
-                  sweep run sweeps/friction.toml --shard 3/24      # one of 24 tasks of any scheduler; sweep merge joins them"
+                  sweep run sweeps/friction.toml --shard 3/24"
 )]
 pub(crate) struct Arguments {
     /// The campaign file

@@ -128,18 +128,18 @@ fn word(text: &str) -> Result<String, String> {
 struct Answer<'a> {
     /// The job, once it is submitted.
     job: Option<&'a str>,
-    /// Hash of the slices.
-    plan: &'a str,
     /// Open cases in it.
     cases: usize,
     /// Number of tasks.
     tasks: usize,
+    /// Hash of the slices; this and what follows is null if nothing is open.
+    plan: Option<&'a str>,
     /// Where shards go.
-    folder: &'a Path,
+    folder: Option<&'a Path>,
     /// The command that hands the script over.
-    command: &'a [String],
+    command: Option<&'a [String]>,
     /// The script.
-    script: &'a str,
+    script: Option<&'a str>,
 }
 
 /// Submits what is open.
@@ -161,68 +161,92 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     gather(arguments, &mut store, &folder, output)?;
     let open = open(arguments, &store, output)?;
     if open.is_empty() {
-        writeln!(
-            output.out,
-            "nothing to submit: no case is open that is not with a task already"
-        )?;
+        nothing(output)?;
         return Ok(exit::DONE);
     }
-    let workers = arguments.workers_per_task.get();
-    let asked = arguments
-        .tasks
-        .map_or_else(|| usual_tasks(arguments, &open, limit), NonZeroUsize::get);
-    if asked > limit {
-        return Err(EngineError::TooManyTasks { asked, limit }.into());
-    }
-    let slices = Slices::cut(&open, asked.min(open.len()));
+    let tasks = tasks(arguments, &open, limit)?;
+    let slices = Slices::cut(&open, tasks);
     let plan = slices.plan(&campaign.text);
     let job = Job {
         campaign: campaign.name.clone(),
         program: folder.join(format!("sweep-{}", store::build())),
         plan_folder: shard::plan_folder(&folder, &plan),
         folder,
-        tasks: slices.tasks.len(),
-        workers,
+        tasks,
+        workers: arguments.workers_per_task.get(),
         throttle: arguments.throttle.map(NonZeroUsize::get),
         run_arguments: run_arguments(arguments)?,
     };
     let script = engine.script(&job)?;
-    let command = engine.command(&job);
-    let mut answer = Answer {
-        job: None,
-        plan: &plan,
-        cases: open.len(),
-        tasks: job.tasks,
-        folder: &job.folder,
-        command: &command,
-        script: &script,
+    let name = if arguments.dry_run {
+        None
+    } else {
+        write_plan(&job, &store, &campaign, &open, &slices.text(&plan), &script)?;
+        Some(hand_over(
+            engine.as_ref(),
+            &job,
+            &plan,
+            &slices,
+            &mut store,
+        )?)
     };
-    if arguments.dry_run {
-        if output.json {
-            output.json(&answer)?;
-        } else {
-            let words: Vec<String> = command.iter().map(|word| engine::quoted(word)).collect();
-            write!(output.out, "{}\n\n{script}", words.join(" "))?;
-            forecast(&campaign, &open, &job, output);
-        }
+    let command = engine.command(&job);
+    if output.json {
+        output.json(&Answer {
+            job: name.as_deref(),
+            cases: open.len(),
+            tasks,
+            plan: Some(&plan),
+            folder: Some(&job.folder),
+            command: Some(&command),
+            script: Some(&script),
+        })?;
         return Ok(exit::DONE);
     }
-    write_plan(&job, &store, &campaign, &open, &slices.text(&plan), &script)?;
-    let name = hand_over(engine.as_ref(), &job, &plan, &slices, &mut store)?;
-    answer.job = Some(&name);
-    if output.json {
-        output.json(&answer)?;
-    } else {
+    if let Some(name) = name {
         writeln!(
             output.out,
-            "job {name}: {} open cases in {} tasks; logs in {}",
+            "job {name}: {} open cases in {tasks} tasks; logs in {}",
             open.len(),
-            job.tasks,
             job.plan_folder.display()
         )?;
-        forecast(&campaign, &open, &job, output);
+    } else {
+        let words: Vec<String> = command.iter().map(|word| engine::quoted(word)).collect();
+        write!(output.out, "{}\n\n{script}", words.join(" "))?;
     }
+    forecast(&campaign, &open, &job, output);
     Ok(exit::DONE)
+}
+
+/// Says that nothing is open.
+fn nothing(output: &mut Output<'_>) -> Result<(), Error> {
+    if output.json {
+        return output.json(&Answer {
+            job: None,
+            cases: 0,
+            tasks: 0,
+            plan: None,
+            folder: None,
+            command: None,
+            script: None,
+        });
+    }
+    writeln!(
+        output.out,
+        "nothing to submit: no case is open that is not with a task already"
+    )?;
+    Ok(())
+}
+
+/// Number of tasks: as many as asked for, if so many may be and have anything to do.
+fn tasks(arguments: &Arguments, open: &[Open], limit: usize) -> Result<usize, EngineError> {
+    let asked = arguments
+        .tasks
+        .map_or_else(|| usual_tasks(arguments, open, limit), NonZeroUsize::get);
+    if asked > limit {
+        return Err(EngineError::TooManyTasks { asked, limit });
+    }
+    Ok(asked.min(open.len()))
 }
 
 /// Records the job and hands it to the engine; gives its name.

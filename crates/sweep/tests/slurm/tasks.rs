@@ -31,6 +31,10 @@ fn tasks_compute_what_a_local_run_does() {
         &cluster.ok(&["submit", "small.toml"]),
         &["nothing to submit"],
     );
+    assert_eq!(
+        cluster.json(&["submit", "small.toml", "--json"])["cases"],
+        0
+    );
     // A value more: only what is new is submitted.
     std::fs::write(
         cluster.home().join("small.toml"),

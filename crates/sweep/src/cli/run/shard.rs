@@ -114,27 +114,6 @@ pub(super) fn execute(
     output: &mut Output<'_>,
 ) -> Result<u8, Error> {
     let stop = Stop::for_a_task()?;
-    let folder = arguments
-        .shards
-        .clone()
-        .unwrap_or_else(|| shard::folder_of(&campaign.default_store()));
-    let plan = restrict(arguments, part, &mut campaign)?;
-    let started_by = engine::of_this_task(part.task);
-    let name = started_by
-        .as_ref()
-        .map_or_else(|| by_hand(part), |(_, name)| name.clone());
-    let file = shard::name(&plan, &name);
-    let scratch = arguments
-        .scratch
-        .clone()
-        .or_else(|| std::env::var_os("SLURM_TMPDIR").map(PathBuf::from))
-        .unwrap_or_else(|| folder.join("work"));
-    for folder in [&folder, &scratch] {
-        std::fs::create_dir_all(folder).map_err(|source| ShardError::Folder {
-            path: folder.clone(),
-            source,
-        })?;
-    }
     let quiet = output.quiet;
     let note = move |text: &str| {
         if !quiet {
@@ -142,31 +121,8 @@ pub(super) fn execute(
             let _ = writeln!(std::io::stderr(), "{text}");
         }
     };
-    let work = scratch.join(&file);
-    let mut store = Store::open(&work)?;
-    store.adopt(&campaign)?;
-    let before = Before::of(&folder, &plan, &name);
-    if go_on_from(&mut store, &before.others, arguments, &note)? > 0 {
-        // What failed in another job is in this slice because it is to be computed again.
-        store.retry_failed()?;
-    }
-    go_on_from(&mut store, &before.own, arguments, &note)?;
-    if arguments.retry_failed {
-        store.retry_failed()?;
-    }
-    let task = Task {
-        publisher: Publisher::new(
-            work,
-            folder.join(file),
-            Duration::from_secs(arguments.publish_every),
-        ),
-        cancelled: shard::cancel_mark(&folder, &plan, &name.job),
-        started_by,
-        note: &note,
-    };
-    // Whoever cannot publish should know before hours are computed, not after.
-    task.publisher.publish()?;
-    store.work_for(name);
+    let plan = restrict(arguments, part, &mut campaign)?;
+    let (mut store, task) = begin(arguments, part, &plan, &campaign, &note)?;
     let limits = Limits {
         workers,
         wall_limit,
@@ -192,18 +148,73 @@ pub(super) fn execute(
     let counts = store.counts()?;
     drop(store);
     task.publisher.clean_up();
-    let left = counts.pending + counts.running;
     answer(part, counts, task.publisher.target(), output)?;
     // Before the engine ends this process, as it does with a task that is to be started again.
     output.out.flush()?;
     Ok(match stop.signal() {
-        Some(signal) if left > 0 => {
+        Some(signal) if counts.pending + counts.running > 0 => {
             task.again(signal);
             exit::stopped_by(signal)
         }
         _ if counts.failed > 0 => exit::FAILED,
         _ => exit::DONE,
     })
+}
+
+/// Makes the store of a task, with all that is known of its slice, and publishes it for the first time.
+fn begin<'t>(
+    arguments: &Arguments,
+    part: Part,
+    plan: &str,
+    campaign: &Campaign,
+    note: &'t (dyn Fn(&str) + Sync),
+) -> Result<(Store, Task<'t>), Error> {
+    let folder = arguments
+        .shards
+        .clone()
+        .unwrap_or_else(|| shard::folder_of(&campaign.default_store()));
+    let scratch = arguments
+        .scratch
+        .clone()
+        .or_else(|| std::env::var_os("SLURM_TMPDIR").map(PathBuf::from))
+        .unwrap_or_else(|| folder.join("work"));
+    for folder in [&folder, &scratch] {
+        std::fs::create_dir_all(folder).map_err(|source| ShardError::Folder {
+            path: folder.clone(),
+            source,
+        })?;
+    }
+    let started_by = engine::of_this_task(part.task);
+    let name = started_by
+        .as_ref()
+        .map_or_else(|| by_hand(part), |(_, name)| name.clone());
+    let file = shard::name(plan, &name);
+    let work = scratch.join(&file);
+    let mut store = Store::open(&work)?;
+    store.adopt(campaign)?;
+    let before = Before::of(&folder, plan, &name);
+    if go_on_from(&mut store, &before.others, arguments, note)? > 0 {
+        // What failed in another job is in this slice because it is to be computed again.
+        store.retry_failed()?;
+    }
+    go_on_from(&mut store, &before.own, arguments, note)?;
+    if arguments.retry_failed {
+        store.retry_failed()?;
+    }
+    let task = Task {
+        publisher: Publisher::new(
+            work,
+            folder.join(file),
+            Duration::from_secs(arguments.publish_every),
+        ),
+        cancelled: shard::cancel_mark(&folder, plan, &name.job),
+        started_by,
+        note,
+    };
+    store.work_for(name);
+    // Whoever cannot publish should know before hours are computed, not after.
+    task.publisher.publish()?;
+    Ok((store, task))
 }
 
 /// The name of a task that no engine started.
