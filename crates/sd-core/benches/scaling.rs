@@ -4,6 +4,8 @@
 //! c = 0.693, h = 0.01, ν = 0.3, Γ = 100, rigid contacts, layers sheared by 0.8. Arguments are numbers of spheres; an N divisible
 //! by 4 from 400 on is made of 2 × 2 copies of a layer of N/4.
 
+#![expect(clippy::print_stdout, reason = "a bench prints its table")]
+
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::{Mat, Par, Spec};

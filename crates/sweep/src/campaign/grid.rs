@@ -162,7 +162,6 @@ impl Grid {
         })?;
         Ok(Self {
             span,
-            time_step,
             area_fraction,
             friction,
             roughness,
@@ -173,6 +172,7 @@ impl Grid {
             contact,
             size_ratio,
             large_fraction,
+            time_step,
         })
     }
 
