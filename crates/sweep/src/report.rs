@@ -15,7 +15,7 @@ mod tidy;
 pub(crate) use axes::identity;
 pub use axes::{AXES, Axis, Value};
 pub(crate) use chart::chart;
-pub use figure::{Drawing, Format, Kind, Quantity, Trace, draw, traces};
+pub use figure::{Drawing, Format, Kind, Quantity, Trace, draw, draw_paths, traces};
 pub use json::write as write_json;
 pub use page::{Home, data, movie, page};
 pub use parquet::parquet;

@@ -496,3 +496,19 @@ fn too_many_curves_are_an_error_that_knows_a_way_out() {
     );
     assert!(!at.join("f.svg").exists());
 }
+
+#[test]
+fn paths_of_a_passing_pair_are_drawn() {
+    let directory = directory();
+    let at = directory.path();
+    let pair = ["pair", "--no-contact", "--time-step", "0.5", "--figure"];
+    sweep(at, &[&pair[..], &["paths.svg"]].concat()).code(0);
+    let svg = std::fs::read_to_string(at.join("paths.svg")).unwrap();
+    for word in ["first sphere", "second sphere", "x / a", "y / a"] {
+        assert!(svg.contains(word), "{word}");
+    }
+    let refused = sweep(at, &[&pair[..], &["paths.gif"]].concat()).code(2);
+    let said = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+    assert!(said.contains("svg") && said.contains("png"), "{said}");
+    assert!(!at.join("paths.gif").exists());
+}

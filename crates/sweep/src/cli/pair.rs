@@ -1,12 +1,14 @@
 //! `sweep pair`.
 
 use super::Output;
+use super::report::{format_of, save};
 use crate::error::Error;
 use crate::exit;
-use crate::report::significant;
+use crate::report::{draw_paths, significant};
 use crate::tables;
 use sd_core::NearFields;
 use sd_core::pair::{Passing, pass};
+use std::path::PathBuf;
 
 /// Drive two spheres past each other
 ///
@@ -14,7 +16,8 @@ use sd_core::pair::{Passing, pass};
 /// far ahead as it was behind.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep pair --roughness 0.05 --friction 0.5\n  sweep pair --no-contact --json"
+    after_help = "Examples:\n  sweep pair --roughness 0.05 --friction 0.5\n  sweep pair --no-contact --json\n  \
+                  sweep pair --size-ratio 0.5 --figure paths.svg"
 )]
 pub(crate) struct Arguments {
     /// Radius of the second sphere over that of the first
@@ -35,6 +38,9 @@ pub(crate) struct Arguments {
     /// Half the distance along x at the start
     #[arg(long, value_name = "X", default_value_t = 5.0)]
     start: f64,
+    /// Draw the paths of both centres
+    #[arg(long, value_name = "FILE.svg|png")]
+    figure: Option<PathBuf>,
     /// Time step, in viscosity times radius squared over force
     #[arg(long, value_name = "T", default_value_t = 0.05)]
     time_step: f64,
@@ -76,7 +82,17 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         start: arguments.start,
         time_step: arguments.time_step,
     };
+    let format = arguments.figure.as_deref().map(format_of).transpose()?;
     let passed = pass(&passing, &tables)?;
+    if let (Some(path), Some(format)) = (&arguments.figure, format) {
+        let [x1, x2] = [1, 4];
+        let path_of = |x: usize| passed.path.iter().map(|row| (row[x], row[x + 1])).collect();
+        save(
+            path,
+            &draw_paths([path_of(x1), path_of(x2)], format)?,
+            output,
+        )?;
+    }
     if output.json {
         output.json(&passed)?;
         return Ok(exit::DONE);

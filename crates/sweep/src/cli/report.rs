@@ -148,7 +148,7 @@ fn drawing(arguments: &Arguments) -> Result<Option<Drawing>, Error> {
 }
 
 /// The format a figure's file name asks for.
-fn format_of(path: &Path) -> Result<Format, Error> {
+pub(super) fn format_of(path: &Path) -> Result<Format, Error> {
     let extension = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     match extension.as_deref().and_then(|e| e.to_str()) {
         Some("svg") => Ok(Format::Svg),

@@ -185,6 +185,32 @@ pub fn draw(report: &Report, traces: &[Trace], drawing: Drawing) -> Result<Vec<u
     render(&sketch, drawing.format).map_err(refuse)
 }
 
+/// Draws the paths of spheres that pass: the centres of the first and the second, in a.
+///
+/// # Errors
+/// [`Error::Argument`] if there is nothing to draw.
+pub fn draw_paths(paths: [Vec<(f64, f64)>; 2], format: Format) -> Result<Vec<u8>, Error> {
+    let lines = paths.into_iter().zip(["first sphere", "second sphere"]);
+    let sketch = Sketch {
+        lines: lines
+            .enumerate()
+            .map(|(style, (path, label))| Line {
+                label: label.into(),
+                points: path.into_iter().map(|(x, y)| (x, y, None)).collect(),
+                style,
+                plain: true,
+            })
+            .collect(),
+        x: "x / a".into(),
+        y: "y / a",
+        ..Sketch::default()
+    };
+    render(&sketch, format).map_err(|message| Error::Argument {
+        argument: "--figure",
+        message,
+    })
+}
+
 /// The axis of a figure if the user names none: the first that varies.
 fn default_axis(report: &Report, kind: Kind) -> &'static Axis {
     let first = if kind == Kind::Contacts {
