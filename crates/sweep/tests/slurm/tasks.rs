@@ -162,6 +162,8 @@ fn status_shows_tasks_and_slices_and_cancel_ends_them() {
     let task = Task::FIRST;
     let child = cluster.start(&script, task);
     cluster.wait_for_steps(task, 40);
+    // Held while it is looked at, or it would be done on a busy machine.
+    send(&child, Signal::STOP);
     let status = cluster.json(&["status", "small.toml", "--json"]);
     let tasks = &status["jobs"][0]["tasks"];
     assert_eq!(status["jobs"][0]["job"], "4711");
@@ -190,6 +192,7 @@ fn status_shows_tasks_and_slices_and_cancel_ends_them() {
     // Even where squeue could not tell: the mark is there.
     cluster.says("squeue", "RUNNING|None\n");
     send(&child, Signal::TERM);
+    send(&child, Signal::CONT);
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(143), "{output:?}");
     assert!(cluster.was_told("requeue").is_empty());
