@@ -139,3 +139,31 @@ fn plan_writes_nothing() {
     assert!(plan["computing_time_s"].as_f64().unwrap() > 0.0);
     assert!(!directory.path().join("results").exists());
 }
+
+#[test]
+fn runs_of_another_campaign_are_taken_over() {
+    let whole = directory();
+    let at = whole.path();
+    sweep(at, &["run", "small.toml", "--quiet"]).code(0);
+    let other = CAMPAIGN
+        .replace("\"small\"", "\"other\"")
+        .replace("[0.1, inf]", "inf")
+        .replace("discard = 0.1", "discard = 0.2");
+    std::fs::write(at.join("other.toml"), other).unwrap();
+    sweep(at, &["run", "other.toml", "--quiet"]).code(0);
+    // A part of the first campaign from the second one's store; the rest is computed.
+    let anew = directory();
+    let store = at.join("results/other.sqlite");
+    let run = ["run", "small.toml", "--reuse", store.to_str().unwrap()];
+    let ran = sweep(anew.path(), &run).code(0);
+    let said = String::from_utf8_lossy(&ran.get_output().stderr).into_owned();
+    assert!(said.contains("taken over: 2 runs"), "{said}");
+    assert_eq!(results(anew.path()), results(at));
+    let nowhere = directory();
+    sweep(
+        nowhere.path(),
+        &["run", "small.toml", "--reuse", "no.sqlite"],
+    )
+    .code(2);
+    assert!(!nowhere.path().join("results").exists());
+}

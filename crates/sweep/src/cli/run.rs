@@ -27,6 +27,7 @@ const WORKER_LIMIT: usize = 4096;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/friction.toml --workers 8 --store /scratch/friction.sqlite\n  \
+                  sweep run sweeps/friction.toml --reuse results/quickstart.sqlite\n  \
                   sweep run sweeps/friction.toml --shard 3/24"
 )]
 pub(crate) struct Arguments {
@@ -44,6 +45,10 @@ pub(crate) struct Arguments {
     /// Computing time after which a single case ends as failed, in seconds
     #[arg(long, value_name = "SECONDS")]
     max_wall_time: Option<f64>,
+    /// Another campaign's store: take its runs of the same parameters, steps and seeds in place of computing them again. May be
+    /// given several times
+    #[arg(long, value_name = "STORE", conflicts_with = "shard")]
+    reuse: Vec<PathBuf>,
     /// Keep the layer at every sampled strain, for `sweep export` and movies; finished cases are not computed again for it
     #[arg(long)]
     trajectory: bool,
@@ -110,8 +115,14 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             path.display()
         );
     }
+    for other in &arguments.reuse {
+        Store::open_read_only(other)?;
+    }
     let mut store = Store::open(&path)?;
     store.adopt(&campaign)?;
+    if !arguments.reuse.is_empty() {
+        reuse(&mut store, &arguments.reuse, output)?;
+    }
     if arguments.retry_failed {
         store.retry_failed()?;
     }
@@ -131,6 +142,30 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         None if store.counts()?.failed > 0 => exit::FAILED,
         None => exit::DONE,
     })
+}
+
+/// Takes over what other stores hold, and says what that was.
+fn reuse(store: &mut Store, others: &[PathBuf], output: &Output<'_>) -> Result<(), Error> {
+    let taken = store.reuse(others)?;
+    if output.quiet {
+        return Ok(());
+    }
+    // Nobody may read standard error; the run goes on all the same.
+    let mut to = std::io::stderr();
+    let _ = writeln!(
+        to,
+        "taken over: {} runs, {} failures, {} checkpoints",
+        taken.results, taken.failures, taken.checkpoints
+    );
+    for damaged in taken.damaged {
+        let _ = writeln!(
+            to,
+            "{} cannot be used: {}",
+            damaged.path.display(),
+            damaged.reason
+        );
+    }
+    Ok(())
 }
 
 /// How much may be computed at a time, and for how long.

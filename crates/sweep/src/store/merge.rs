@@ -68,6 +68,9 @@ pub(crate) enum Manner {
     Campaign,
     /// Into the store of one task: its own cases only, without record.
     Task,
+    /// From any campaign: cases this one has as well, without record. The key of a case holds all that its bits depend on, the
+    /// version of the physics with it.
+    Reuse,
 }
 
 impl Store {
@@ -78,6 +81,14 @@ impl Store {
     /// store. Shards that cannot be read are no error: they are listed, and the others merged.
     pub fn merge(&mut self, shards: &[PathBuf], mixed: bool) -> Result<Merged, StoreError> {
         self.merge_as(Manner::Campaign, shards, mixed)
+    }
+
+    /// Takes over runs that other stores, of whatever campaigns, hold of cases of this one.
+    ///
+    /// # Errors
+    /// Trouble with the store. Stores that cannot be read are no error: they are listed, and the others used.
+    pub fn reuse(&mut self, stores: &[PathBuf]) -> Result<Merged, StoreError> {
+        self.merge_as(Manner::Reuse, stores, true)
     }
 
     /// [`Store::merge`] in some manner.
@@ -98,7 +109,7 @@ impl Store {
                 continue;
             }
             match Shard::look(path) {
-                Ok(shard) if shard.campaign != name => {
+                Ok(shard) if manner != Manner::Reuse && shard.campaign != name => {
                     return Err(StoreError::OtherCampaign {
                         path: path.clone(),
                         found: shard.campaign,
@@ -114,7 +125,7 @@ impl Store {
         }
         let known = match manner {
             Manner::Campaign => self.known_builds()?,
-            Manner::Task => BTreeSet::from([super::process::build()]),
+            Manner::Task | Manner::Reuse => BTreeSet::from([super::process::build()]),
         };
         let foreign = foreign(&known, &readable);
         if let Some((shard, build)) = foreign.first().filter(|_| !mixed) {

@@ -88,7 +88,7 @@ impl Merging<'_> {
                 .optional()
         };
         let known = look()?;
-        if known.is_some() || self.manner == Manner::Task || !worth {
+        if known.is_some() || self.manner != Manner::Campaign || !worth {
             return Ok(known);
         }
         let mut row = row.clone();
