@@ -4,7 +4,7 @@
 //! |F_t| ≤ ν f;   u_t = 0 where |F_t| < ν f;   else F_t = ν f sign(u_t)
 //! ```
 //!
-//! for all pairs at once, together with the normal forces ([`super::cone`]). The paper's rolling force would halt the slip of an isolated
+//! for all pairs at once, together with the normal forces (`contact/cone.rs`). The paper's rolling force would halt the slip of an isolated
 //! pair (section II A says that it does not of many): this one halts it in the layer. The same problem serves
 //! [`super::stick_slide`], with the compliance 1/(k_t s) of the springs over the time ahead s and what they bear already as an
 //! offset, and [`super::stick_rotate`], with rows for the relative spin and no limit:
