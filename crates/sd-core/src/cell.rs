@@ -193,6 +193,8 @@ pub struct NeighbourList {
     bins: Vec<(usize, usize)>,
     /// Neighbours of the sphere at hand.
     found: Vec<Neighbours>,
+    /// Overlap of two surfaces from which [`NeighbourList::update`] refuses them, in a.
+    deepest: f64,
 }
 
 impl NeighbourList {
@@ -204,7 +206,13 @@ impl NeighbourList {
             starts: Vec::new(),
             bins: Vec::with_capacity(spheres),
             found: Vec::with_capacity(MOST_NEIGHBOURS),
+            deepest: 0.0,
         }
+    }
+
+    /// Lets surfaces overlap by less than `deepest`, in a.
+    pub(crate) fn allow_overlap(&mut self, deepest: f64) {
+        self.deepest = deepest;
     }
 
     /// The pairs of the last [`NeighbourList::update`].
@@ -212,7 +220,7 @@ impl NeighbourList {
         &self.pairs
     }
 
-    /// Finds all pairs with `2r/(a_i + a_j) < range`, and checks that none overlaps.
+    /// Finds all pairs with `2r/(a_i + a_j) < range`, and checks that none overlaps (soft ones: too deeply).
     ///
     /// In a periodic cell the range must not exceed [`LUBRICATION_RANGE`] and the cell must pass [`Cell::check_range`].
     ///
@@ -226,7 +234,7 @@ impl NeighbourList {
         range: f64,
     ) -> Result<(), Error> {
         self.find(cell, centres, radii, range);
-        match self.pairs.iter().find(|pair| pair.gap <= 0.0) {
+        match self.pairs.iter().find(|pair| pair.gap <= -self.deepest) {
             Some(pair) => Err(pair.overlap()),
             None => Ok(()),
         }

@@ -15,10 +15,18 @@
 //!
 //! where v_n⁰, u_t⁰ belong to the motion without contact forces. `G_nn` is the Delassus matrix.
 
+mod cone;
+pub mod coulomb;
 pub mod friction;
+pub mod hertz;
+pub mod laws;
+pub mod linear_spring;
 mod normal;
 pub mod procedure;
+pub mod repulsion;
 pub mod rigid;
+pub mod stick_rotate;
+pub mod stick_slide;
 
 use crate::cell::Neighbours;
 use crate::linalg::dense::{Matrix, add_scaled, dot};
@@ -36,9 +44,9 @@ pub const COMPLIANCE: f64 = 1e-10;
 pub enum ContactState {
     /// No friction: no force, or one below the critical load.
     Frictionless,
-    /// Friction as the isolated pair's lubrication would need it to roll.
+    /// Friction as the isolated pair's lubrication would need it to roll; under laws without slip, friction within its limit.
     Rolling,
-    /// Friction at its limit ν f.
+    /// Friction at its limit.
     Slipping,
 }
 
@@ -202,6 +210,8 @@ pub struct Contacts {
     normal: normal::NormalProblem,
     /// Workspace of the friction iteration.
     friction: friction::Workspace,
+    /// Workspace of the laws chosen one by one.
+    laws: laws::Workspace,
 }
 
 /// Most spheres for which room is made in advance for all contacts there can be.
@@ -226,6 +236,7 @@ impl Contacts {
             normal_forces: Vec::with_capacity(most),
             normal: normal::NormalProblem::new(most),
             friction: friction::Workspace::new(most),
+            laws: laws::Workspace::new(most),
             ..Self::default()
         };
         contacts.normal_columns.reserve(rows, most);

@@ -1,13 +1,14 @@
 //! One instant of one configuration: velocities, stresslets, contact forces.
 
 use crate::cell::Cell;
+use crate::contact::laws::{History, Laws, Phase};
 use crate::contact::procedure::ContactList;
 use crate::contact::rigid::Memory;
 use crate::contact::{Contact, Surface};
 use crate::error::Error;
 use crate::modes::{Background, Vec2, strain_tensor};
 use crate::motion::{ContactLaw, Motion};
-use crate::params::Hydrodynamics;
+use crate::params::{DEEPEST_OVERLAP, Hydrodynamics};
 use crate::resistance::{NearFields, Resistance};
 use crate::stress::{Stress, StressWork};
 use nalgebra::Vector3;
@@ -53,6 +54,17 @@ pub enum ContactRequest {
         /// Roughness and friction.
         surface: Surface,
     },
+    /// Laws chosen one by one; springs are as long as the gaps say.
+    Laws {
+        /// The laws, in the units of the solver.
+        laws: Laws,
+        /// Gap below which lubrication is held constant, in a; 0: nowhere, and surfaces may not overlap.
+        lubrication_gap: f64,
+        /// How far contact forces look ahead, in strain.
+        time_span: f64,
+        /// Forces of the tangential springs; others are unstretched.
+        springs: Memory,
+    },
 }
 
 /// Motion, stresslets and contacts of a configuration.
@@ -66,6 +78,8 @@ pub struct Instant {
     pub stress: Option<Stress>,
     /// All candidate pairs.
     pub contacts: Vec<Contact>,
+    /// Pairs that a repulsion keeps apart, besides.
+    pub repelled: Vec<Contact>,
 }
 
 impl Instant {
@@ -73,6 +87,91 @@ impl Instant {
     pub fn stresslet(&self, i: usize) -> (f64, f64, f64) {
         strain_tensor(&self.stresslets[i])
     }
+}
+
+/// Solves the motion under a contact problem; the resistance must be up to date.
+fn move_under(
+    motion: &mut Motion,
+    configuration: &Configuration,
+    external: &[f64],
+    request: &ContactRequest,
+) -> Result<(), Error> {
+    let background = &configuration.background;
+    let span_is_good = |time_span: f64| {
+        in_range(
+            time_span.is_finite() && time_span > 0.0,
+            "contact.time_span",
+            time_span,
+            "positive and finite",
+        )
+    };
+    match request {
+        ContactRequest::None => {
+            motion.solve_again(background, external, ContactLaw::None)?;
+        }
+        ContactRequest::Listed { pairs } => {
+            let mut listed = listed_pairs(pairs, motion)?;
+            let surface = Surface {
+                roughness: 0.0,
+                friction: 0.0,
+                critical_load: f64::INFINITY,
+            };
+            let law = ContactLaw::Procedure {
+                surface,
+                listed: &mut listed,
+            };
+            motion.solve_again(background, external, law)?;
+        }
+        ContactRequest::Rigid { surface, time_span } => {
+            check_surface(surface)?;
+            span_is_good(*time_span)?;
+            let law = ContactLaw::Rigid {
+                surface: *surface,
+                time_span: *time_span,
+                memory: &mut Memory::default(),
+            };
+            motion.solve_again(background, external, law)?;
+        }
+        ContactRequest::Laws {
+            laws,
+            time_span,
+            springs,
+            ..
+        } => {
+            check_surface(&laws.surface)?;
+            span_is_good(*time_span)?;
+            let law = ContactLaw::Laws {
+                laws,
+                span: (*time_span, Phase::Alone),
+                memory: &mut springs.clone(),
+                history: &mut History::default(),
+            };
+            motion.solve(
+                &configuration.cell,
+                &configuration.centres,
+                background,
+                external,
+                law,
+            )?;
+        }
+        ContactRequest::Procedure { surface } => {
+            check_surface(surface)?;
+            motion.solve_again(background, external, ContactLaw::None)?;
+            let mut listed = ContactList::default();
+            listed.add_approaching(
+                &motion.resistance,
+                background,
+                surface.roughness,
+                motion.velocities(),
+            );
+            let law = ContactLaw::Procedure {
+                surface: *surface,
+                listed: &mut listed,
+            };
+            motion.solve_again(background, external, law)?;
+        }
+    }
+    Ok(())
 }
 
 /// Solves one instant.
@@ -101,61 +200,25 @@ pub fn solve(
         .collect();
     let resistance = Resistance::new(*hydrodynamics, cell, radii, tables)?;
     let mut motion = Motion::new(resistance);
-    motion.resistance.update(cell, centres)?;
-    match request {
-        ContactRequest::None => {
-            motion.solve_again(background, &external, ContactLaw::None)?;
-        }
-        ContactRequest::Listed { pairs } => {
-            let mut listed = listed_pairs(pairs, &motion)?;
-            let surface = Surface {
-                roughness: 0.0,
-                friction: 0.0,
-                critical_load: f64::INFINITY,
-            };
-            let law = ContactLaw::Procedure {
-                surface,
-                listed: &mut listed,
-            };
-            motion.solve_again(background, &external, law)?;
-        }
-        ContactRequest::Rigid { surface, time_span } => {
-            check_surface(surface)?;
-            in_range(
-                time_span.is_finite() && *time_span > 0.0,
-                "contact.time_span",
-                *time_span,
-                "positive and finite",
-            )?;
-            let law = ContactLaw::Rigid {
-                surface: *surface,
-                time_span: *time_span,
-                memory: &mut Memory::default(),
-            };
-            motion.solve_again(background, &external, law)?;
-        }
-        ContactRequest::Procedure { surface } => {
-            check_surface(surface)?;
-            motion.solve_again(background, &external, ContactLaw::None)?;
-            let mut listed = ContactList::default();
-            listed.add_approaching(
-                &motion.resistance,
-                background,
-                surface.roughness,
-                motion.velocities(),
-            );
-            let law = ContactLaw::Procedure {
-                surface: *surface,
-                listed: &mut listed,
-            };
-            motion.solve_again(background, &external, law)?;
-        }
+    if let ContactRequest::Laws {
+        lubrication_gap, ..
+    } = request
+        && *lubrication_gap > 0.0
+    {
+        motion
+            .resistance
+            .regularise(*lubrication_gap, DEEPEST_OVERLAP);
     }
+    motion.resistance.update(cell, centres)?;
+    move_under(&mut motion, configuration, &external, request)?;
     let mut work = StressWork::default();
     let contacts = motion.contacts.list.clone();
+    let repelled = &motion.repelled.pairs;
     let (resistance, velocities) = (&motion.resistance, motion.velocities());
     let stress = if let Some(area) = cell.area() {
-        Some(work.stress(resistance, background, velocities, &contacts, area))
+        Some(work.stress(
+            resistance, background, velocities, &contacts, repelled, area,
+        ))
     } else {
         work.update(resistance, background, velocities);
         None
@@ -168,6 +231,7 @@ pub fn solve(
         stresslets: work.stresslets,
         stress,
         contacts,
+        repelled: repelled.clone(),
     })
 }
 

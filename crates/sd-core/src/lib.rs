@@ -88,9 +88,12 @@ pub mod simulation;
 pub mod start;
 pub mod stress;
 pub mod two_sphere;
+pub mod two_stage;
 pub mod verify;
 
 pub use error::Error;
-pub use params::{ContactScheme, Hydrodynamics, Params};
+pub use params::{
+    ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, Params, TangentialLaw,
+};
 pub use resistance::NearFields;
 pub use simulation::{Flow, Sample, Simulation, Snapshot};

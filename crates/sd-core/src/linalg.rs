@@ -4,6 +4,7 @@
 //! factorization of a large full matrix may be shared by an idle thread, in the same pieces and so with the same bits.
 
 pub mod dense;
+pub mod general;
 mod halves;
 pub mod profile;
 pub mod simd;

@@ -1,7 +1,9 @@
 //! One right-hand side: from positions to velocities, contact forces included.
 
 use crate::cell::{Cell, Neighbours};
+use crate::contact::laws::{History, Laws, Phase, Span};
 use crate::contact::procedure::ContactList;
+use crate::contact::repulsion::Repelled;
 use crate::contact::rigid::Memory;
 use crate::contact::{Contacts, Quality, Surface};
 use crate::error::Error;
@@ -28,6 +30,24 @@ pub enum ContactLaw<'a> {
         /// Pairs in contact.
         listed: &'a mut ContactList,
     },
+    /// See [`crate::contact::laws`].
+    Laws {
+        /// The laws.
+        laws: &'a Laws,
+        /// How far contact forces look ahead, in strain, and in which stage of a step.
+        span: (f64, Phase),
+        /// Forces of the stage before, tangential springs.
+        memory: &'a mut Memory,
+        /// What the stages of a step tell each other.
+        history: &'a mut History,
+    },
+}
+
+impl ContactLaw<'_> {
+    /// Whether it adds to `R_FU` itself, which must then be assembled only.
+    fn changes_resistance(&self) -> bool {
+        matches!(self, Self::Laws { laws, .. } if laws.repulsion.is_some())
+    }
 }
 
 /// Solver of the motion of one set of spheres, with its workspace.
@@ -36,6 +56,8 @@ pub struct Motion {
     pub resistance: Resistance,
     /// Contact problem of the last solve; its list is empty without contact.
     pub contacts: Contacts,
+    /// Pairs that a repulsion keeps apart, besides.
+    pub repelled: Repelled,
     /// External and background forces `[3N]`.
     forces: Vec<f64>,
     /// Work vector in the order of the factor's rows, `[3N]`.
@@ -51,6 +73,7 @@ impl Motion {
         Self {
             contacts: Contacts::new(resistance.radii().len()),
             resistance,
+            repelled: Repelled::default(),
             forces: vec![0.0; n],
             rows: Vec::with_capacity(n),
             velocities: vec![0.0; n],
@@ -80,14 +103,18 @@ impl Motion {
         external: &[f64],
         law: ContactLaw<'_>,
     ) -> Result<Quality, Error> {
-        self.resistance.update(cell, centres)?;
+        if law.changes_resistance() {
+            self.resistance.assemble(cell, centres)?;
+        } else {
+            self.resistance.update(cell, centres)?;
+        }
         self.solve_again(background, external, law)
     }
 
-    /// [`Motion::solve`] at the centres of the last call.
+    /// [`Motion::solve`] at the centres of the last call, for laws without repulsion; with one, `R_FU` must have been assembled anew.
     ///
     /// # Errors
-    /// Velocities that are not finite.
+    /// Velocities that are not finite; an indefinite matrix.
     pub fn solve_again(
         &mut self,
         background: &Background,
@@ -98,6 +125,32 @@ impl Motion {
             .background_forces(&background.strain(), &mut self.forces);
         for (force, x) in self.forces.iter_mut().zip(external) {
             *force += x;
+        }
+        self.repelled.pairs.clear();
+        if let ContactLaw::Laws {
+            laws:
+                Laws {
+                    repulsion: Some(repulsion),
+                    ..
+                },
+            span: (time, phase),
+            history,
+            ..
+        } = &law
+        {
+            let span = Span {
+                time: *time,
+                phase: *phase,
+                first: &history.motion,
+            };
+            self.repelled.add(
+                repulsion,
+                &mut self.resistance,
+                background,
+                &span,
+                &mut self.forces,
+            );
+            self.resistance.factor()?;
         }
         let (resistance, forces) = (&self.resistance, &self.forces);
         let velocities = &mut self.velocities;
@@ -119,7 +172,16 @@ impl Motion {
             ContactLaw::Procedure { surface, listed } => self
                 .contacts
                 .solve_procedure(resistance, background, &surface, forces, listed, velocities),
+            ContactLaw::Laws {
+                laws,
+                span,
+                memory,
+                history,
+            } => self.contacts.solve_laws(
+                resistance, background, laws, span, forces, memory, history, velocities,
+            ),
         };
+        self.repelled.finish(velocities);
         match velocities.iter().position(|v| !v.is_finite()) {
             Some(at) => Err(Error::NotFinite {
                 quantity: "the velocity",

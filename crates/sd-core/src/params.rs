@@ -1,6 +1,16 @@
 //! What decides a run: typed, ranged, validated.
 
+mod laws;
+
+pub use laws::{
+    ContactLaws, DEEPEST_OVERLAP, FrictionOnset, LUBRICATION_SHARE, NormalLaw,
+    TANGENTIAL_STIFFNESS, TangentialLaw,
+};
+
+use crate::contact::Surface;
+use crate::contact::rigid::Memory;
 use crate::error::Error;
+use crate::instant::ContactRequest;
 use serde::{Deserialize, Serialize};
 
 /// How the grand resistance matrix is made.
@@ -14,13 +24,40 @@ pub enum Hydrodynamics {
 }
 
 /// How touching spheres are kept apart.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ContactScheme {
     /// Complementarity solved at every stage: gaps stay at the roughness height.
     Rigid,
     /// The paper's steps 1-6, to the letter.
     Procedure,
+    /// Other laws, each chosen by itself.
+    Laws(ContactLaws),
+}
+
+impl ContactScheme {
+    /// Its laws; those of the paper for [`ContactScheme::Rigid`] and [`ContactScheme::Procedure`].
+    pub fn laws(&self) -> &ContactLaws {
+        match self {
+            Self::Rigid | Self::Procedure => &ContactLaws::PAPER,
+            Self::Laws(laws) => laws,
+        }
+    }
+
+    /// The contact problem of a single instant of a run with these parameters: forces look ahead by `time_span`, in strain.
+    pub fn request(&self, params: &Params, time_span: f64) -> ContactRequest {
+        let surface = params.surface();
+        match self {
+            Self::Rigid => ContactRequest::Rigid { surface, time_span },
+            Self::Procedure => ContactRequest::Procedure { surface },
+            Self::Laws(laws) => ContactRequest::Laws {
+                laws: laws.in_solver_units(surface),
+                lubrication_gap: laws.lubrication_gap,
+                time_span,
+                springs: Memory::default(),
+            },
+        }
+    }
 }
 
 /// Parameters of one run, but for its seed. Lengths in a, times in inverse shear rates, forces in mu·a²·rate.
@@ -66,6 +103,15 @@ impl Params {
     /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite at Γ = 0.
     pub fn critical_load(&self) -> f64 {
         6.0 * std::f64::consts::PI / self.shear_rate.abs()
+    }
+
+    /// Roughness, friction and critical load.
+    pub fn surface(&self) -> Surface {
+        Surface {
+            roughness: self.roughness,
+            friction: self.friction,
+            critical_load: self.critical_load(),
+        }
     }
 
     /// Checks every range.
@@ -131,7 +177,20 @@ impl Params {
             "time_step",
             self.time_step,
             "above 0 and at most 0.1",
-        )
+        )?;
+        match &self.contact {
+            ContactScheme::Rigid | ContactScheme::Procedure => Ok(()),
+            ContactScheme::Laws(laws)
+                if laws.is_soft() && (self.shear_rate == 0.0 || self.shear_rate.is_infinite()) =>
+            {
+                Err(Error::OutOfRange {
+                    field: "shear_rate",
+                    value: self.shear_rate,
+                    allowed: "above 0 and finite under soft laws, whose stiffness is in units of F_crit = 6 pi/shear_rate",
+                })
+            }
+            ContactScheme::Laws(laws) => laws.validate(&self.surface()),
+        }
     }
 }
 

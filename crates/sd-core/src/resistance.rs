@@ -96,6 +96,8 @@ pub struct Resistance {
     order: Order,
     /// Work vector of the far field, `[6N]`.
     far_vector: Vec<f64>,
+    /// Gap below which near-field terms are those of this gap, in a.
+    lubrication_gap: f64,
 }
 
 impl Resistance {
@@ -162,7 +164,14 @@ impl Resistance {
             factor: ProfileCholesky::new(3 * radii.len()),
             order: Order::new(radii.len()),
             far_vector: Vec::new(),
+            lubrication_gap: 0.0,
         })
+    }
+
+    /// For soft spheres: near-field terms below a gap are those at that gap, and surfaces may overlap by less than `deepest`, in a.
+    pub fn regularise(&mut self, lubrication_gap: f64, deepest: f64) {
+        self.lubrication_gap = lubrication_gap;
+        self.neighbours.allow_overlap(deepest);
     }
 
     /// Assembles and factors at new positions. The cell's sides must be those of [`Resistance::new`]; its offset is free.
@@ -208,6 +217,7 @@ impl Resistance {
     fn evaluate_terms(&mut self) {
         let (tables, species, count) = (&self.tables, &self.species, self.species_count);
         let (radii, terms) = (&self.radii, &mut self.terms);
+        let least = self.lubrication_gap;
         let pairs = self.neighbours.pairs();
         terms.clear();
         vectorised(
@@ -216,7 +226,7 @@ impl Resistance {
                 for pair in pairs {
                     let (i, j) = (pair.i, pair.j);
                     let table = &tables[count * species[i] + species[j]];
-                    terms.push(table.evaluate(radii[i], radii[j], pair.gap));
+                    terms.push(table.evaluate(radii[i], radii[j], pair.gap.max(least)));
                 }
             },
         );
@@ -247,6 +257,25 @@ impl Resistance {
                         block[(row, 3 + column)]
                     };
                 }
+            }
+        }
+    }
+
+    /// Adds `slope` n nᵀ of a pair's relative velocity to the assembled `R_FU`: a resistance along the line of centres, which the
+    /// fluid has no part in. Neither [`Resistance::apply`] nor [`Resistance::background_forces`] knows of it.
+    pub fn add_spring(&mut self, pair: &Neighbours, slope: f64) {
+        let (i, j) = (self.order.rows[pair.i], self.order.rows[pair.j]);
+        let (first, second) = if i < j { (i, j) } else { (j, i) };
+        let n = pair.normal;
+        let matrix = self.factor.filled_matrix();
+        for column in 0..2 {
+            for row in 0..2 {
+                let value = slope * n[row] * n[column];
+                if row >= column {
+                    matrix[(first + row, first + column)] += value;
+                    matrix[(second + row, second + column)] += value;
+                }
+                matrix[(second + row, first + column)] -= value;
             }
         }
     }
@@ -303,7 +332,8 @@ impl Resistance {
     /// Inverse slip mobility K of the pair, alone in unbounded fluid, in mu·a.
     pub fn slip_resistance(&self, pair: &Neighbours) -> f64 {
         let table = &self.tables[self.species_count * self.species[pair.i] + self.species[pair.j]];
-        table.slip_resistance(self.radii[pair.i], self.radii[pair.j], pair.gap)
+        let gap = pair.gap.max(self.lubrication_gap);
+        table.slip_resistance(self.radii[pair.i], self.radii[pair.j], gap)
     }
 
     /// Forces `R_FE e` with which the background strain `(e1, e2, e3)` drives the spheres, `[3N]`.

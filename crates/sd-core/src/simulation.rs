@@ -1,10 +1,15 @@
 //! One run: a layer sheared step by step.
 
 mod frame;
+mod sample;
+mod snapshot;
 
 pub use frame::{Frame, FrameContact};
+pub use sample::{Counters, JAM_VISCOSITY, Sample};
+pub use snapshot::{SNAPSHOT_VERSION, Snapshot};
 
 use crate::cell::Cell;
+use crate::contact::laws::{History, Laws, Phase};
 use crate::contact::procedure::ContactList;
 use crate::contact::rigid::Memory;
 use crate::contact::{Surface, most_contacts};
@@ -12,23 +17,19 @@ use crate::error::Error;
 use crate::integrate::{RungeKutta, Stage, State};
 use crate::modes::{Background, Vec2};
 use crate::motion::{ContactLaw, Motion};
-use crate::params::{ContactScheme, Hydrodynamics, Params};
+use crate::params::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
 use crate::resistance::{NearFields, Resistance};
 use crate::start;
-use crate::stress::{ContactCounts, Stress, StressWork};
+use crate::stress::{ContactCounts, StressWork};
+use crate::two_stage::TwoStage;
 use serde::{Deserialize, Serialize};
 
-/// Relative viscosity above which the layer counts as jammed for the moment.
-pub const JAM_VISCOSITY: f64 = 1e4;
 /// A layer that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
 /// Times a step is halved, and its halves again, where a gap of rigid contacts falls too low within it.
 const MOST_HALVINGS: u32 = 6;
 /// What counts as too low: this share of the roughness height.
 const HELD_SHARE: f64 = 0.5;
-/// Version of [`Snapshot`].
-pub const SNAPSHOT_VERSION: u32 = 1;
-
 /// Memory of a [`Simulation`], in bytes, from above (near jamming): its matrices, and a few kilobytes per sphere.
 ///
 /// ```text
@@ -45,71 +46,6 @@ pub fn memory_bytes(params: &Params) -> f64 {
     8.0 * (near + far) * n * n + 8192.0 * n
 }
 
-/// What is measured at the first stage of a step.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Sample {
-    /// Strain at which it was taken.
-    pub strain: f64,
-    /// Relative viscosity in full: stresslets and contact stress.
-    pub viscosity: f64,
-    /// Relative viscosity from the stresslets alone, eq. (20) of the paper to the letter.
-    pub viscosity_stresslet: f64,
-    /// First normal stress difference `N1 = σ_xx − σ_yy`, contacts included, in mu·rate.
-    pub normal_stress_difference: f64,
-    /// v'Rv / (V rate), in mu·rate.
-    pub dissipation: f64,
-    /// Pairs with a normal contact force.
-    pub contacts: u32,
-    /// Of these, pairs whose force exceeds the critical load.
-    pub activated: u32,
-    /// Of the activated, pairs that roll.
-    pub rolling: u32,
-    /// Of the activated, pairs that slip.
-    pub slipping: u32,
-    /// Mean normal velocity over the contacts, negative for approach, in a·rate; 0 without contacts.
-    pub normal_velocity: f64,
-    /// Smallest gap in the layer, in a; infinite if no pair is in lubrication range.
-    pub minimum_gap: f64,
-    /// What the run has met so far, this stage included.
-    pub counters: Counters,
-}
-
-/// What a run has met since its start.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Counters {
-    /// Contact problems solved: four per step, and those of steps done again in halves (see [`Simulation::step`]).
-    pub stages: u64,
-    /// Of these, problems that did not converge.
-    pub unconverged_stages: u64,
-    /// Largest residual of the normal contact problem, in a·rate.
-    pub worst_residual: f64,
-    /// Largest inconsistency of a friction force with its law, over the largest force of its stage.
-    pub worst_friction_error: f64,
-    /// Smallest gap at the start of any step, in a. (Stages within a step are no states of the layer.)
-    pub minimum_gap: f64,
-    /// Times the viscosity rose above [`JAM_VISCOSITY`].
-    pub jam_events: u64,
-    /// Steps begun above it.
-    pub jammed_steps: u64,
-    /// Steps since it was last below.
-    pub jammed_steps_running: u64,
-}
-
-impl Default for Counters {
-    fn default() -> Self {
-        Self {
-            stages: 0,
-            unconverged_stages: 0,
-            worst_residual: 0.0,
-            worst_friction_error: 0.0,
-            minimum_gap: f64::INFINITY,
-            jam_events: 0,
-            jammed_steps: 0,
-            jammed_steps_running: 0,
-        }
-    }
-}
-
 /// Whether a run can go on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Flow {
@@ -119,30 +55,12 @@ pub enum Flow {
     Jammed,
 }
 
-/// All that the next step needs. Restored with the same parameters, a run goes on with the same bits.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Snapshot {
-    /// [`SNAPSHOT_VERSION`].
-    pub version: u32,
-    /// Steps done; strain = steps × time step.
-    pub steps: u64,
-    /// Radii, in a.
-    pub radii: Vec<f64>,
-    /// Side of the square cell, in a.
-    pub side: f64,
-    /// Centres, in a.
-    pub centres: Vec<[f64; 2]>,
-    /// Orientations, in radians.
-    pub orientations: Vec<f64>,
-    /// Mean disturbance velocities `[3N]` of the last step, for step 1 of the procedure; empty before it and under other schemes.
-    pub velocities: Vec<f64>,
-    /// Contact forces of the last stage, where the rigid scheme starts.
-    pub memory: Memory,
-    /// Contact list of the procedure.
-    pub listed: ContactList,
-    /// Counters.
-    pub counters: Counters,
+/// Laws chosen one by one, with what they need within a step.
+struct Chosen {
+    /// The laws.
+    laws: Laws,
+    /// What the stages tell each other.
+    history: History,
 }
 
 /// A layer under shear.
@@ -161,8 +79,10 @@ pub struct Simulation {
     before: State,
     /// Mean disturbance velocities of the last step, where the procedure needs them.
     velocities: Vec<f64>,
-    /// Memory of the rigid scheme.
+    /// Memory of the rigid scheme and of other laws.
     memory: Memory,
+    /// Laws chosen one by one, where they are.
+    chosen: Option<Box<Chosen>>,
     /// Memory of the procedure.
     listed: ContactList,
     /// Counters.
@@ -171,6 +91,8 @@ pub struct Simulation {
     motion: Motion,
     /// Integrator.
     integrator: RungeKutta,
+    /// Integrator of soft laws.
+    two_stage: TwoStage,
     /// Stresslets.
     stress: StressWork,
     /// A look at the first stage, while one is asked for.
@@ -213,17 +135,25 @@ impl Simulation {
         params.validate()?;
         snapshot.check(params)?;
         let cell = Cell::periodic(snapshot.side, snapshot.side, 0.0)?;
-        let resistance = Resistance::new(params.hydrodynamics, &cell, &snapshot.radii, tables)?;
+        let mut resistance = Resistance::new(params.hydrodynamics, &cell, &snapshot.radii, tables)?;
         let most = most_contacts(params.spheres);
+        let chosen = match &params.contact {
+            ContactScheme::Rigid | ContactScheme::Procedure => None,
+            ContactScheme::Laws(laws) => {
+                if laws.is_soft() {
+                    resistance.regularise(laws.lubrication_gap, DEEPEST_OVERLAP);
+                }
+                Some(Box::new(Chosen {
+                    laws: laws.in_solver_units(params.surface()),
+                    history: History::new(most, params.spheres),
+                }))
+            }
+        };
         snapshot.memory.forces.reserve(most);
         snapshot.listed.pairs.reserve(most);
         Ok(Self {
             params: params.clone(),
-            surface: Surface {
-                roughness: params.roughness,
-                friction: params.friction,
-                critical_load: params.critical_load(),
-            },
+            surface: params.surface(),
             steps: snapshot.steps,
             side: snapshot.side,
             state: State {
@@ -237,16 +167,18 @@ impl Simulation {
             before: State::default(),
             velocities: snapshot.velocities,
             memory: snapshot.memory,
+            chosen,
             listed: snapshot.listed,
             counters: snapshot.counters,
             motion: Motion::new(resistance),
             integrator: RungeKutta::default(),
+            two_stage: TwoStage::default(),
             stress: StressWork::default(),
             frame: None,
         })
     }
 
-    /// One RK4 step; returns the sample taken at its start.
+    /// One step, of RK4 or under soft laws of [`crate::two_stage`]; returns the sample taken at its start.
     ///
     /// Near jamming velocities can leap between two stages, so far that a gap falls below h/2 within a step under the
     /// rigid scheme, which holds each stage's own gaps. Such a step is done again as two of half the size, down to 2⁻⁶ of it.
@@ -258,12 +190,16 @@ impl Simulation {
         let mut sample = None;
         let mut integrator = std::mem::take(&mut self.integrator);
         let mut state = std::mem::take(&mut self.state);
-        let most = match self.params.contact {
-            ContactScheme::Rigid => MOST_HALVINGS,
-            ContactScheme::Procedure => 0,
-        };
         self.before.copy_from(&state);
-        let result = self.advance(&mut integrator, &mut state, time, dt, most, &mut sample);
+        let result = if self.is_soft() {
+            self.advance_soft(&mut state, time, dt, &mut sample)
+        } else {
+            let most = match self.params.contact {
+                ContactScheme::Rigid | ContactScheme::Laws(_) => MOST_HALVINGS,
+                ContactScheme::Procedure => 0,
+            };
+            self.advance(&mut integrator, &mut state, time, dt, most, &mut sample)
+        };
         if result.is_err() {
             state.copy_from(&self.before);
         }
@@ -285,33 +221,6 @@ impl Simulation {
             *x = cell.wrap(*x);
         }
         Ok(sample)
-    }
-
-    /// [`Simulation::step`] with a look at its first stage. The numbers of the run are the same with it as without.
-    ///
-    /// # Errors
-    /// Those of [`Simulation::step`].
-    pub fn step_with_frame(&mut self) -> Result<(Sample, Frame), Error> {
-        let strain = self.strain();
-        let travelled = strain * self.side;
-        self.frame = Some(Box::new(Frame {
-            strain,
-            side: self.side,
-            offset: travelled - self.side * (travelled / self.side + 0.5).floor(),
-            radii: self.motion.resistance.radii().to_vec(),
-            centres: self
-                .state
-                .centres
-                .iter()
-                .copied()
-                .map(frame::plain)
-                .collect(),
-            orientations: self.state.orientations.clone(),
-            ..Frame::default()
-        }));
-        let result = self.step();
-        let frame = self.frame.take().map(|frame| *frame).unwrap_or_default();
-        Ok((result?, frame))
     }
 
     /// Moves the state over `dt`; where a gap falls too low on the way, in two halves, each halved at most `halvings - 1` times.
@@ -349,6 +258,29 @@ impl Simulation {
         }
     }
 
+    /// Whether forces depend on gaps.
+    fn is_soft(&self) -> bool {
+        self.chosen
+            .as_ref()
+            .is_some_and(|chosen| chosen.laws.is_soft())
+    }
+
+    /// Moves the state over `dt` under soft laws, in two stages.
+    fn advance_soft(
+        &mut self,
+        state: &mut State,
+        time: f64,
+        dt: f64,
+        sample: &mut Option<Sample>,
+    ) -> Result<(), Error> {
+        let mut two_stage = std::mem::take(&mut self.two_stage);
+        let result = two_stage.step(state, time, dt, |stage, centres, velocities| {
+            self.stage(stage, centres, velocities, sample)
+        });
+        self.two_stage = two_stage;
+        result
+    }
+
     /// One right-hand side; the first of a step is the one that is sampled.
     fn stage(
         &mut self,
@@ -361,7 +293,13 @@ impl Simulation {
         let cell = self.cell_at(stage.time)?;
         let motion = &mut self.motion;
         let surface = self.surface;
-        motion.resistance.update(&cell, centres)?;
+        let repels = |chosen: &Chosen| chosen.laws.repulsion.is_some();
+        if self.chosen.as_deref().is_some_and(repels) {
+            // The repulsion adds to the matrix before it is factored.
+            motion.resistance.assemble(&cell, centres)?;
+        } else {
+            motion.resistance.update(&cell, centres)?;
+        }
         let law = match self.params.contact {
             ContactScheme::Rigid => ContactLaw::Rigid {
                 surface,
@@ -382,6 +320,22 @@ impl Simulation {
                     listed: &mut self.listed,
                 }
             }
+            ContactScheme::Laws(_) => match &mut self.chosen {
+                None => ContactLaw::None,
+                Some(chosen) => ContactLaw::Laws {
+                    span: (
+                        stage.span,
+                        match (chosen.laws.is_soft(), stage.number) {
+                            (false, _) => Phase::Alone,
+                            (true, 0) => Phase::First,
+                            (true, _) => Phase::Second,
+                        },
+                    ),
+                    laws: &chosen.laws,
+                    memory: &mut self.memory,
+                    history: &mut chosen.history,
+                },
+            },
         };
         let quality = motion.solve_again(&background, &[], law)?;
         let minimum_gap = motion.closest().map_or(f64::INFINITY, |pair| pair.gap);
@@ -397,9 +351,10 @@ impl Simulation {
                 &background,
                 motion.velocities(),
                 &motion.contacts.list,
+                &motion.repelled.pairs,
                 self.side * self.side,
             );
-            count_jam(counters, &stress);
+            counters.count_jam(stress.viscosity);
             if let Some(frame) = &mut self.frame {
                 frame.solved(&self.stress.stresslets, &motion.contacts.list);
             }
@@ -489,57 +444,5 @@ impl Simulation {
             listed: self.listed.clone(),
             counters: self.counters,
         }
-    }
-}
-
-/// Keeps the jam counters, at the first stage of each step.
-fn count_jam(counters: &mut Counters, stress: &Stress) {
-    if stress.viscosity > JAM_VISCOSITY {
-        counters.jam_events += u64::from(counters.jammed_steps_running == 0);
-        counters.jammed_steps += 1;
-        counters.jammed_steps_running += 1;
-    } else {
-        counters.jammed_steps_running = 0;
-    }
-}
-
-impl Snapshot {
-    /// Refuses what cannot be a snapshot of a run with these parameters.
-    fn check(&self, params: &Params) -> Result<(), Error> {
-        let refuse = |reason| Err(Error::Snapshot { reason });
-        let n = params.spheres;
-        if self.version != SNAPSHOT_VERSION {
-            return refuse("made by another version of the program");
-        }
-        if self.radii.len() != n || self.centres.len() != n || self.orientations.len() != n {
-            return refuse("other number of spheres");
-        }
-        if !(self.velocities.is_empty() || self.velocities.len() == 3 * n) {
-            return refuse("velocities of another number of spheres");
-        }
-        if !self
-            .listed
-            .pairs
-            .iter()
-            .all(|&(i, j)| i < j && (j as usize) < n)
-        {
-            return refuse("contacts of spheres that are not there");
-        }
-        let finite = self.centres.iter().flatten().all(|x| x.is_finite())
-            && self.orientations.iter().all(|x| x.is_finite())
-            && self.velocities.iter().all(|x| x.is_finite())
-            && self
-                .memory
-                .forces
-                .iter()
-                .all(|f| f.2.is_finite() && f.3.is_finite());
-        if !finite {
-            return refuse("not all numbers are finite");
-        }
-        let (radii, side) = start::radii_and_side(params)?;
-        if self.radii != radii || self.side.to_bits() != side.to_bits() {
-            return refuse("other radii or cell than the parameters give");
-        }
-        Ok(())
     }
 }

@@ -59,13 +59,14 @@ impl StressWork {
         work + strained
     }
 
-    /// Stress of a layer of area `area`, for the velocities and contacts of a solved stage.
+    /// Stress of a layer of area `area`, for the velocities and contacts of a solved stage; `repelled`: pairs that repel besides.
     pub fn stress(
         &mut self,
         resistance: &Resistance,
         background: &Background,
         velocities: &[f64],
         contacts: &[Contact],
+        repelled: &[Contact],
         area: f64,
     ) -> Stress {
         let power = self.update(resistance, background, velocities);
@@ -78,7 +79,7 @@ impl StressWork {
             difference += xx - yy;
         }
         let (mut contact_shear, mut contact_difference) = (0.0, 0.0);
-        for c in contacts {
+        for c in contacts.iter().chain(repelled) {
             let (shear, difference) = contact_stress(c);
             contact_shear += shear;
             contact_difference += difference;

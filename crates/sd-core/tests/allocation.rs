@@ -5,7 +5,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
+use sd_core::{
+    ContactLaws, ContactScheme, Hydrodynamics, NearFields, NormalLaw, Params, Simulation,
+    TangentialLaw,
+};
 
 /// Allocations in 200 steps after the first ones.
 fn allocations(hydrodynamics: Hydrodynamics, contact: ContactScheme, steps: u64) -> u64 {
@@ -42,5 +45,28 @@ fn steps_of_settled_runs_allocate_nothing() {
             let count = allocations(hydrodynamics, contact, 40);
             assert_eq!(count, 0, "{hydrodynamics:?}, {contact:?}");
         }
+    }
+}
+
+#[test]
+fn other_laws_allocate_nothing() {
+    let rigid = |tangential| ContactLaws {
+        tangential,
+        ..ContactLaws::PAPER
+    };
+    let spring = |tangential| ContactLaws::linear_spring(1e4, tangential, 0.01);
+    for laws in [
+        rigid(TangentialLaw::Coulomb),
+        spring(TangentialLaw::RollSlip),
+        spring(TangentialLaw::StickSlide),
+        ContactLaws {
+            normal: NormalLaw::Hertz,
+            repulsion: 1.0,
+            repulsion_length: 0.02,
+            ..spring(TangentialLaw::StickSlide)
+        },
+    ] {
+        let count = allocations(Hydrodynamics::BallMelrose, ContactScheme::Laws(laws), 40);
+        assert_eq!(count, 0, "{laws:?}");
     }
 }

@@ -1,6 +1,7 @@
 //! The state of a run as `sweep solve` reads it: what is kept of a failure, so that it can be looked into by itself.
 
-use sd_core::{Params, Snapshot};
+use sd_core::two_stage::GAMMA;
+use sd_core::{ContactScheme, Params, Snapshot};
 use serde_json::json;
 
 /// The input of `sweep solve` for one state of a layer.
@@ -12,13 +13,24 @@ pub(crate) fn replay(p: &Params, snapshot: &Snapshot) -> String {
         (0.0, 0.0)
     };
     let mut contact = json!({
-        "scheme": p.contact,
+        "scheme": match p.contact {
+            ContactScheme::Rigid => "rigid",
+            ContactScheme::Procedure => "procedure",
+            ContactScheme::Laws(_) => "laws",
+        },
         "roughness": p.roughness,
         "friction": friction,
         "critical_load": load,
     });
-    if p.contact == sd_core::ContactScheme::Rigid {
-        contact["time_span"] = json!(p.time_step);
+    match p.contact {
+        ContactScheme::Procedure => {}
+        ContactScheme::Rigid => contact["time_span"] = json!(p.time_step),
+        ContactScheme::Laws(laws) => {
+            let share = if laws.is_soft() { GAMMA } else { 1.0 };
+            contact["time_span"] = json!(share * p.time_step);
+            contact["laws"] = json!(laws);
+            contact["springs"] = json!(snapshot.memory.forces);
+        }
     }
     json!({
         "centres": snapshot.centres,

@@ -21,7 +21,7 @@ pub use page::{Home, data, movie, page};
 pub use parquet::parquet;
 pub use selection::Selection;
 pub use text::write as write_text;
-pub(crate) use text::{contact, hydrodynamics, table};
+pub(crate) use text::{contact, hydrodynamics, onset, table, tangential};
 pub use tidy::{write_csv, write_markdown, write_units};
 
 use crate::case::State;

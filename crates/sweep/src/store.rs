@@ -48,7 +48,7 @@ use std::time::{Duration, Instant};
 /// Marks the file as ours: `SWEP`.
 const APPLICATION_ID: i32 = 0x5357_4550;
 /// Version of the schema this program reads and writes.
-const SCHEMA_VERSION: i32 = 3;
+const SCHEMA_VERSION: i32 = 4;
 /// What a store of schema 1 lacks.
 const FROM_1_TO_2: &str = "ALTER TABLE cases ADD COLUMN deaths INTEGER NOT NULL DEFAULT 0";
 /// How long a lock held by another program is waited for.
@@ -144,13 +144,16 @@ impl Store {
         match version {
             0 => transaction.execute_batch(include_str!("store/schema.sql"))?,
             1 => transaction.execute_batch(FROM_1_TO_2)?,
-            2 => {}
+            2 | 3 => {}
             _ => return Ok(()),
         }
         if version < 2 {
             transaction.execute_batch(include_str!("store/schema_2.sql"))?;
         }
-        transaction.execute_batch(include_str!("store/schema_3.sql"))?;
+        if version < 3 {
+            transaction.execute_batch(include_str!("store/schema_3.sql"))?;
+        }
+        transaction.execute_batch(include_str!("store/schema_4.sql"))?;
         transaction.pragma_update(None, "application_id", APPLICATION_ID)?;
         transaction.pragma_update(None, "user_version", SCHEMA_VERSION)?;
         transaction.commit()?;

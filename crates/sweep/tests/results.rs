@@ -300,7 +300,11 @@ fn store_of_schema_1_is_read_and_then_brought_up_to_date() {
         "DROP TABLE disagreements; DROP TABLE shards; DROP TABLE slices; DROP TABLE submissions;
          ALTER TABLE processes DROP COLUMN job; ALTER TABLE processes DROP COLUMN task;
          ALTER TABLE processes DROP COLUMN restart; ALTER TABLE processes DROP COLUMN node;
-         DROP VIEW viscosity_vs_shear_rate; DROP TABLE frames; ALTER TABLE cases DROP COLUMN deaths;
+         DROP VIEW viscosity_vs_shear_rate; DROP VIEW runs; DROP TABLE frames; ALTER TABLE cases DROP COLUMN deaths;
+         ALTER TABLE cases DROP COLUMN tangential; ALTER TABLE cases DROP COLUMN friction_onset;
+         ALTER TABLE cases DROP COLUMN stiffness; ALTER TABLE cases DROP COLUMN tangential_stiffness;
+         ALTER TABLE cases DROP COLUMN dashpot; ALTER TABLE cases DROP COLUMN lubrication_gap;
+         ALTER TABLE cases DROP COLUMN repulsion; ALTER TABLE cases DROP COLUMN repulsion_length;
          PRAGMA user_version = 1",
     );
     sweep(at, &["report", "s.sqlite", "--page", "p.html"]).code(0);
@@ -311,7 +315,7 @@ fn store_of_schema_1_is_read_and_then_brought_up_to_date() {
     let version: i64 = store
         .pragma_query_value(None, "user_version", |row| row.get(0))
         .unwrap();
-    assert_eq!(version, 3);
+    assert_eq!(version, 4);
     let frames: i64 = store
         .query_row("SELECT count(*) FROM frames", [], |row| row.get(0))
         .unwrap();

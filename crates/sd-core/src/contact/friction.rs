@@ -51,6 +51,8 @@ pub(super) struct Workspace {
     activated: Vec<bool>,
     /// Bias of every candidate: what w has besides `v_n`.
     pub(super) bias: Vec<f64>,
+    /// Load taken off before friction: 0 for the paper's law.
+    pub(super) offset: f64,
     /// q of the normal problem, one entry per candidate.
     q: Vec<f64>,
     /// Acceleration.
@@ -67,6 +69,7 @@ impl Workspace {
             best: vector(),
             activated: Vec::with_capacity(candidates),
             bias: vector(),
+            offset: 0.0,
             q: vector(),
             anderson: Anderson::new(candidates),
         }
@@ -113,7 +116,8 @@ impl Contacts {
         let mut passes = 0;
         while passes < MOST_PASSES {
             error = self.pass(surface, passes < DECIDING_PASSES);
-            if passes < DECIDING_PASSES && self.admit_loaded(surface) {
+            let admitting = passes < DECIDING_PASSES || self.friction.offset > 0.0;
+            if admitting && self.admit_loaded(surface) {
                 return None;
             }
             passes += 1;
@@ -186,7 +190,7 @@ impl Contacts {
         let mut change: f64 = 0.0;
         for (m, &k) in self.frictional.iter().enumerate() {
             let contact = &mut self.list[k];
-            if deciding {
+            if deciding || work.offset > 0.0 {
                 work.activated[m] = f[k] > surface.critical_load;
             }
             let (force, state) = if work.activated[m] {
@@ -194,7 +198,7 @@ impl Contacts {
                     work.wanted[m],
                     contact.slip_resistance,
                     surface.friction,
-                    f[k],
+                    f[k] - work.offset,
                 )
             } else {
                 (0.0, ContactState::Frictionless)
@@ -209,7 +213,7 @@ impl Contacts {
 
 /// Anderson acceleration of a fixed point x = g(x) (Walker & Ni 2011, type II), by modified Gram-Schmidt.
 #[derive(Default)]
-struct Anderson {
+pub(super) struct Anderson {
     /// Last x.
     x: Vec<f64>,
     /// Last residual g(x) − x.
@@ -228,7 +232,7 @@ struct Anderson {
 
 impl Anderson {
     /// Room for that many unknowns.
-    fn new(unknowns: usize) -> Self {
+    pub(super) fn new(unknowns: usize) -> Self {
         let vector = || Vec::with_capacity(unknowns);
         let vectors = || (0..DEPTH).map(|_| vector()).collect();
         Self {
@@ -242,7 +246,7 @@ impl Anderson {
     }
 
     /// Forgets the past.
-    fn restart(&mut self) {
+    pub(super) fn restart(&mut self) {
         self.kept = 0;
         self.started = false;
         for store in [
@@ -255,7 +259,7 @@ impl Anderson {
     }
 
     /// Replaces x by the next guess; `image` is g(x).
-    fn advance(&mut self, x: &mut [f64], image: &[f64]) {
+    pub(super) fn advance(&mut self, x: &mut [f64], image: &[f64]) {
         let n = x.len();
         if self.started {
             if self.kept == DEPTH {

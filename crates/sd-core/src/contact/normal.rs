@@ -90,6 +90,16 @@ impl NormalProblem {
         self.factored = false;
     }
 
+    /// The matrix has changed: what was factored no longer belongs to it.
+    pub(super) fn changed(&mut self) {
+        self.factored = false;
+    }
+
+    /// w of the solution last measured.
+    pub(super) fn slack(&self) -> &[f64] {
+        &self.slack
+    }
+
     /// Solves for the forces f; q and f have one entry per candidate. [`NormalProblem::residual`] says how well.
     ///
     /// G is the leading `[K × K]` block of `delassus`.

@@ -14,9 +14,9 @@ use crate::resistance::Resistance;
 /// β: share of an overlap taken back within one time span.
 pub const RESTITUTION: f64 = 0.2;
 /// Approach velocity, in a·rate, that the first choice of candidates allows for.
-const EXPECTED_APPROACH: f64 = 3.0;
+pub(super) const EXPECTED_APPROACH: f64 = 3.0;
 /// Rounds of adding pairs that turned out to close after all.
-const MOST_ROUNDS: u32 = 20;
+pub(super) const MOST_ROUNDS: u32 = 20;
 
 /// Forces remembered from the stage before: where to start.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -27,7 +27,7 @@ pub struct Memory {
 
 impl Memory {
     /// The forces of a pair, zero if it had none.
-    fn forces(&self, i: usize, j: usize) -> (f64, f64) {
+    pub(super) fn forces(&self, i: usize, j: usize) -> (f64, f64) {
         let key = |entry: &(u32, u32, f64, f64)| (entry.0 as usize, entry.1 as usize);
         match self.forces.binary_search_by_key(&(i, j), key) {
             Ok(at) => (self.forces[at].2, self.forces[at].3),
@@ -36,7 +36,7 @@ impl Memory {
     }
 
     /// Replaces the forces by those of a solved stage.
-    fn store(&mut self, contacts: &Contacts) {
+    pub(super) fn store(&mut self, contacts: &Contacts) {
         self.forces.clear();
         for c in contacts.list.iter().filter(|c| c.normal_force > 0.0) {
             #[expect(

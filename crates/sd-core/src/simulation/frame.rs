@@ -1,6 +1,8 @@
 //! A look at the layer at the first stage of a step: where the spheres are, what they bear, what touches.
 
+use super::{Sample, Simulation};
 use crate::contact::{Contact, ContactState};
+use crate::error::Error;
 use crate::modes::{Vec2, strain_tensor};
 use nalgebra::Vector3;
 
@@ -42,6 +44,29 @@ pub struct FrameContact {
     pub tangential_force: f64,
     /// What it does.
     pub state: ContactState,
+}
+
+impl Simulation {
+    /// [`Simulation::step`] with a look at its first stage. The numbers of the run are the same with it as without.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::step`].
+    pub fn step_with_frame(&mut self) -> Result<(Sample, Frame), Error> {
+        let strain = self.strain();
+        let travelled = strain * self.side;
+        self.frame = Some(Box::new(Frame {
+            strain,
+            side: self.side,
+            offset: travelled - self.side * (travelled / self.side + 0.5).floor(),
+            radii: self.motion.resistance.radii().to_vec(),
+            centres: self.state.centres.iter().copied().map(plain).collect(),
+            orientations: self.state.orientations.clone(),
+            ..Frame::default()
+        }));
+        let result = self.step();
+        let frame = self.frame.take().map(|frame| *frame).unwrap_or_default();
+        Ok((result?, frame))
+    }
 }
 
 impl Frame {

@@ -1,12 +1,13 @@
 //! One `[[grid]]`: the product of its axes.
 
+use super::contact::{self, Choice, Contact};
 use super::error::Problem;
 use super::protocol;
 use super::reader::{Axis, Distinct, Located, Table, number, whole, word};
 use super::{CASE_LIMIT, Protocol};
 use crate::case::Case;
 use sd_core::cell::Cell;
-use sd_core::{ContactScheme, Hydrodynamics, Params};
+use sd_core::{Hydrodynamics, Params};
 use std::f64::consts::PI;
 use std::ops::Range;
 use toml::Spanned;
@@ -16,8 +17,8 @@ use toml::de::{DeTable, DeValue};
 const SPHERE_LIMIT: u64 = 10_000;
 /// Most spheres under Stokesian Dynamics.
 const FULL_LIMIT: u64 = 2_000;
-/// Keys of a grid.
-const KEYS: [&str; 11] = [
+/// Keys of a grid, besides those of [`contact`].
+const KEYS: [&str; 10] = [
     "area_fraction",
     "friction",
     "roughness",
@@ -25,7 +26,6 @@ const KEYS: [&str; 11] = [
     "seeds",
     "spheres",
     "hydrodynamics",
-    "contact",
     "size_ratio",
     "large_fraction",
     "time_step",
@@ -35,27 +35,12 @@ const HYDRODYNAMICS: [(&str, Hydrodynamics); 2] = [
     ("stokesian-dynamics", Hydrodynamics::StokesianDynamics),
     ("ball-melrose", Hydrodynamics::BallMelrose),
 ];
-/// Words for the contact scheme.
-const CONTACT: [(&str, ContactScheme); 2] = [
-    ("rigid", ContactScheme::Rigid),
-    ("procedure", ContactScheme::Procedure),
-];
-
 impl Distinct for Hydrodynamics {
     fn identity(&self) -> u64 {
         *self as u64
     }
     fn written(&self) -> String {
         name_of(&HYDRODYNAMICS, self).into()
-    }
-}
-
-impl Distinct for ContactScheme {
-    fn identity(&self) -> u64 {
-        *self as u64
-    }
-    fn written(&self) -> String {
-        name_of(&CONTACT, self).into()
     }
 }
 
@@ -86,8 +71,8 @@ pub(super) struct Grid {
     spheres: Axis<u64>,
     /// Hydrodynamics.
     hydrodynamics: Axis<Hydrodynamics>,
-    /// Contact scheme.
-    contact: Axis<ContactScheme>,
+    /// Contact laws.
+    contact: Contact,
     /// Size ratio.
     size_ratio: Axis<f64>,
     /// Number fraction of large spheres.
@@ -99,7 +84,8 @@ pub(super) struct Grid {
 impl Grid {
     /// Reads a grid and checks the range of every value in it.
     pub(super) fn read(entries: &DeTable<'_>, span: Range<usize>) -> Result<Self, Problem> {
-        let table = Table::new(entries, span.clone(), "[[grid]]", &KEYS)?;
+        let known = [&KEYS[..], &contact::KEYS].concat();
+        let table = Table::new(entries, span.clone(), "[[grid]]", &known)?;
         let numbers = |key, example: &str, range, inside: fn(f64) -> bool| {
             table.need(key, example)?;
             table.axis(key, |written, key| number(written, key, range, inside))
@@ -154,9 +140,8 @@ impl Grid {
                 word(written, key, &HYDRODYNAMICS)
             })?
             .unwrap_or_else(|| Axis::default_value(Hydrodynamics::StokesianDynamics, &span));
-        let contact = table
-            .axis("contact", |written, key| word(written, key, &CONTACT))?
-            .unwrap_or_else(|| Axis::default_value(ContactScheme::Rigid, &span));
+        let contact = Contact::read(&table, &span)?;
+        contact.check(&span, &roughness, &shear_rate)?;
         let time_step = table.axis("time_step", |written, key| {
             number(written, key, protocol::STEP_RANGE, protocol::is_step)
         })?;
@@ -186,13 +171,14 @@ impl Grid {
             self.seeds.values.len(),
             self.spheres.values.len(),
             self.hydrodynamics.values.len(),
-            self.contact.values.len(),
             self.size_ratio.values.len(),
             self.large_fraction.values.len(),
             self.time_step.as_ref().map_or(1, |axis| axis.values.len()),
         ]
         .into_iter()
-        .fold(1, |product: u64, n| product.saturating_mul(n as u64))
+        .fold(self.contact.len(), |product: u64, n| {
+            product.saturating_mul(n as u64)
+        })
     }
 
     /// Refuses layers whose cell is smaller than twice the lubrication cut-off, and layers that no packing reaches.
@@ -234,25 +220,30 @@ impl Grid {
         Ok(())
     }
 
-    /// All cases, seeds innermost, then shear rates, time steps outermost.
+    /// All cases, seeds innermost, then shear rates, time steps outermost. Where values have no meaning, several can be the same.
     pub(super) fn cases<'g>(&'g self, protocol: &'g Protocol) -> impl Iterator<Item = Case> + 'g {
+        let choices = self.contact.choices();
         let steps: Vec<f64> = match &self.time_step {
             Some(axis) => axis.values.iter().map(|step| step.value).collect(),
             None => vec![protocol.time_step],
         };
         steps
             .into_iter()
-            .flat_map(move |step| self.cases_of(protocol.with_time_step(step)))
+            .flat_map(move |step| self.cases_of(protocol.with_time_step(step), choices.clone()))
     }
 
-    /// The cases of one time step.
-    fn cases_of(&self, protocol: Protocol) -> impl Iterator<Item = Case> + '_ {
+    /// The cases of one time step under some contact laws.
+    fn cases_of(
+        &self,
+        protocol: Protocol,
+        choices: Vec<Choice>,
+    ) -> impl Iterator<Item = Case> + '_ {
         let outer = self
             .hydrodynamics
             .values
             .iter()
             .flat_map(move |hydrodynamics| {
-                self.contact.values.iter().flat_map(move |contact| {
+                choices.clone().into_iter().flat_map(move |contact| {
                     self.spheres.values.iter().flat_map(move |spheres| {
                         self.area_fraction
                             .values
@@ -271,16 +262,18 @@ impl Grid {
                     self.roughness.values.iter().flat_map(move |roughness| {
                         self.friction.values.iter().flat_map(move |friction| {
                             self.shear_rate.values.iter().flat_map(move |shear_rate| {
+                                let (scheme, friction) =
+                                    contact.scheme(roughness.value, friction.value);
                                 let params = Params {
                                     spheres: usize::try_from(spheres.value).unwrap_or(usize::MAX),
                                     area_fraction: area_fraction.value,
                                     roughness: roughness.value,
-                                    friction: friction.value,
+                                    friction,
                                     shear_rate: shear_rate.value,
                                     size_ratio: ratio.value,
                                     large_fraction: large.value,
                                     hydrodynamics: hydrodynamics.value,
-                                    contact: contact.value,
+                                    contact: scheme,
                                     time_step: protocol.time_step,
                                 };
                                 self.seeds.values.iter().map(move |seed| {

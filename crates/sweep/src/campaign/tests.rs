@@ -42,6 +42,47 @@ fn product_of_the_axes_in_the_order_of_the_file() {
 }
 
 #[test]
+fn values_without_meaning_under_a_law_make_no_cases_of_their_own() {
+    let laws = |text: &str| {
+        let text = GOOD
+            .replace("[0, 0.1, inf]", "0.1")
+            .replace("seeds = 4", &format!("seeds = [1]\n{text}"));
+        let campaign = parse_text(&text).unwrap();
+        let all: Vec<_> = campaign.cases.iter().map(|(_, c)| &c.params).collect();
+        all.iter()
+            .map(|p| {
+                let laws = p.contact.laws();
+                assert!(p.validate().is_ok());
+                let words = crate::report::contact(&p.contact);
+                let rubs = crate::report::tangential(laws.tangential);
+                format!("{words} {rubs} {} {}", laws.stiffness, p.friction)
+            })
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    let plain = "rigid roll-slip inf 0, rigid roll-slip inf 0.3";
+    assert_eq!(laws(""), plain);
+    // The defaults, written: the same cases, with the same keys as before there was anything to choose.
+    let written = "contact = \"rigid\"\ntangential = \"roll-slip\"\nfriction_onset = \"critical-load\"\nrepulsion = 0";
+    assert_eq!(laws(written), plain);
+    let key = |text: &str| {
+        let text = GOOD.replace("seeds = 4", &format!("seeds = 4\n{text}"));
+        parse_text(&text).unwrap().cases[0].0
+    };
+    assert_eq!(key(written), key(""));
+    assert_eq!(
+        laws(
+            "contact = [\"rigid\", \"linear-spring\"]\nstiffness = [1e3, inf]\ntangential = [\"stick-slide\", \"none\"]"
+        ),
+        "rigid roll-slip inf 0, rigid coulomb inf 0.3, linear-spring roll-slip 1000 0, linear-spring stick-slide 1000 0.3"
+    );
+    assert_eq!(
+        laws("contact = \"exponential-repulsion\"\ntangential = [\"coulomb\", \"stick-rotate\"]"),
+        "exponential-repulsion roll-slip inf 0"
+    );
+}
+
+#[test]
 fn same_case_in_two_files_has_the_same_key() {
     let other = GOOD
         .replace("\"friction\"", "\"other\"")
@@ -117,6 +158,30 @@ fn every_error_shows_the_place_and_says_what_is_allowed() {
         (
             "seeds = 4",
             "size_ratio = [1, 2]\nlarge_fraction = [0.2, 0.5]\nseeds = 4",
+        ),
+        ("seeds = 4", "contact = \"soft\"\nseeds = 4"),
+        ("seeds = 4", "contact = \"hertz\"\nseeds = 4"),
+        (
+            "seeds = 4",
+            "contact = \"linear-spring\"\nstiffness = [1e4, 0]\nseeds = 4",
+        ),
+        (
+            "seeds = 4",
+            "contact = \"linear-spring\"\nstiffness = 1e4\nseeds = 4",
+        ),
+        ("seeds = 4", "stiffness = 1e4\nseeds = 4"),
+        ("seeds = 4", "tangential = \"sticky\"\nseeds = 4"),
+        (
+            "seeds = 4",
+            "contact = [\"rigid\", \"procedure\"]\ntangential = \"coulomb\"\nseeds = 4",
+        ),
+        (
+            "shear_rate = [0, 0.1, inf]",
+            "shear_rate = 1\ncontact = \"linear-spring\"\nstiffness = 1e4\nlubrication_gap = 0.02",
+        ),
+        (
+            "shear_rate = [0, 0.1, inf]",
+            "shear_rate = 1\ncontact = \"exponential-repulsion\"\nrepulsion = 0",
         ),
         ("seeds = 4", "seeds = 4\nseeds = 5"),
         ("[[grid]]", "[[grid"),

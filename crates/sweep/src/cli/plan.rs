@@ -5,10 +5,10 @@ use crate::campaign::Campaign;
 use crate::case::Case;
 use crate::error::Error;
 use crate::exit;
-use crate::report::{bytes, duration, significant};
+use crate::report::{AXES, Axis, Value, bytes, duration, significant};
 use crate::tables;
 use sd_core::simulation::memory_bytes;
-use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
+use sd_core::{Hydrodynamics, NearFields, Simulation};
 use serde::{Serialize, Serializer};
 use std::collections::{HashMap, HashSet};
 use std::num::NonZeroUsize;
@@ -81,8 +81,10 @@ struct Kind {
     spheres: usize,
     /// Hydrodynamics.
     hydrodynamics: Hydrodynamics,
-    /// Contact scheme.
-    contact: ContactScheme,
+    /// Word of the contact scheme.
+    contact: &'static str,
+    /// Word of the tangential law.
+    tangential: &'static str,
     /// Steps of a run.
     steps: u64,
     /// Number of runs.
@@ -170,13 +172,16 @@ fn kinds(campaign: &Campaign) -> Vec<Kind> {
     let mut place_of = HashMap::new();
     for (_, case) in &campaign.cases {
         let p = &case.params;
+        let contact = crate::report::contact(&p.contact);
+        let tangential = crate::report::tangential(p.contact.laws().tangential);
         let place = *place_of
-            .entry((p.spheres, p.hydrodynamics, p.contact, case.steps))
+            .entry((p.spheres, p.hydrodynamics, contact, tangential, case.steps))
             .or_insert_with(|| {
                 kinds.push(Kind {
                     spheres: p.spheres,
                     hydrodynamics: p.hydrodynamics,
-                    contact: p.contact,
+                    contact,
+                    tangential,
                     steps: case.steps,
                     cases: 0,
                     weight: 1.0,
@@ -260,44 +265,31 @@ fn measure(case: &Case, tables: &NearFields, time: Duration) -> Result<f64, sd_c
     Ok(begun.elapsed().as_secs_f64() / f64::from(steps))
 }
 
-/// An axis and how its value is read from a case.
-type Axis = (&'static str, fn(&Params, u64) -> serde_json::Value);
-
-/// Axes with all their values in the order of their first use.
+/// Axes with all their values in the order of their first use, without those that say nothing of these cases.
 fn axes(campaign: &Campaign) -> Vec<Values> {
-    let readers: [Axis; 11] = [
-        ("area_fraction", |p, _| p.area_fraction.into()),
-        ("friction", |p, _| p.friction.into()),
-        ("roughness", |p, _| p.roughness.into()),
-        ("shear_rate", |p, _| {
-            if p.shear_rate.is_infinite() {
-                "inf".into()
-            } else {
-                p.shear_rate.into()
-            }
-        }),
-        ("size_ratio", |p, _| p.size_ratio.into()),
-        ("large_fraction", |p, _| p.large_fraction.into()),
-        ("spheres", |p, _| p.spheres.into()),
-        ("hydrodynamics", |p, _| {
-            crate::report::hydrodynamics(p.hydrodynamics).into()
-        }),
-        ("contact", |p, _| crate::report::contact(p.contact).into()),
-        ("time_step", |p, _| p.time_step.into()),
-        ("seeds", |_, seed| seed.into()),
-    ];
-    readers
-        .into_iter()
-        .map(|(name, read)| {
-            let mut seen = HashSet::new();
-            let values = campaign
-                .cases
-                .iter()
-                .map(|(_, case)| read(&case.params, case.seed))
-                .filter(|value| seen.insert(value.to_string()))
-                .collect();
-            (name, values)
+    let params = || campaign.cases.iter().map(|(_, case)| &case.params);
+    let json = |value| match value {
+        Value::Word(word) => word.into(),
+        Value::Count(count) => count.into(),
+        Value::Number(number) if number.is_infinite() => "inf".into(),
+        Value::Number(number) => number.into(),
+    };
+    let different = |all: &mut dyn Iterator<Item = serde_json::Value>| {
+        let mut seen = HashSet::new();
+        all.filter(|value| seen.insert(value.to_string())).collect()
+    };
+    // Mixtures were in every plan before there was anything to leave out.
+    let shown = |axis: &&Axis| {
+        matches!(axis.key, "size_ratio" | "large_fraction") || axis.matters(params())
+    };
+    let seeds = different(&mut campaign.cases.iter().map(|(_, case)| case.seed.into()));
+    AXES.iter()
+        .filter(shown)
+        .map(|axis| {
+            let mut values = params().map(|p| json(axis.value(p)));
+            (axis.key, different(&mut values))
         })
+        .chain([("seeds", seeds)])
         .collect()
 }
 
@@ -346,7 +338,10 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
         kinds.add_row([
             kind.spheres.to_string(),
             crate::report::hydrodynamics(kind.hydrodynamics).into(),
-            crate::report::contact(kind.contact).into(),
+            match kind.tangential {
+                "roll-slip" => kind.contact.into(),
+                other => format!("{}, {other}", kind.contact),
+            },
             kind.steps.to_string(),
             kind.cases.to_string(),
             significant(kind.weight, 3),

@@ -50,7 +50,6 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     let width = output.width.unwrap_or(WIDTH).clamp(40, 120);
     let out = &mut *output.out;
-    let mixed = story.params.size_ratio > 1.0;
     let number = story.number.map_or_else(
         || "no longer in the campaign file".into(),
         |number| format!("case {number}"),
@@ -59,7 +58,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     writeln!(out, "{name}: {number}, key {}", story.key)?;
     let words: Vec<String> = AXES
         .iter()
-        .filter(|axis| mixed || !axis.is_about_mixtures())
+        .filter(|axis| axis.matters(std::iter::once(&story.params)))
         .map(|axis| format!("{} {}", axis.symbol, axis.value(&story.params)))
         .collect();
     writeln!(out, "{}, seed {}", words.join(", "), story.seed)?;

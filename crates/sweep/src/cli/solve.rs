@@ -6,10 +6,11 @@ use crate::exit;
 use crate::report::significant;
 use crate::tables;
 use sd_core::cell::Cell;
+use sd_core::contact::rigid::Memory;
 use sd_core::contact::{ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, Instant, solve};
 use sd_core::modes::{Background, Vec2};
-use sd_core::{Hydrodynamics, NearFields};
+use sd_core::{ContactLaws, Hydrodynamics, NearFields};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -96,6 +97,8 @@ enum Scheme {
     Rigid,
     /// The paper's procedure.
     Procedure,
+    /// Laws chosen one by one.
+    Laws,
 }
 
 /// Contact problem as it is written. Which values belong to which scheme is checked afterwards: an enum tagged by
@@ -113,8 +116,12 @@ struct Contact {
     friction: Option<f64>,
     /// Critical load.
     critical_load: Option<f64>,
-    /// Time span of the rigid scheme.
+    /// Time span of the rigid scheme and of laws.
     time_span: Option<f64>,
+    /// The laws, in units of the critical load.
+    laws: Option<ContactLaws>,
+    /// Pairs, normal forces where the solver starts, forces of tangential springs.
+    springs: Option<Vec<(u32, u32, f64, f64)>>,
 }
 
 /// Solves and writes.
@@ -246,6 +253,13 @@ impl Contact {
         ];
         let pairs = [("contact.pairs", self.pairs.is_some())];
         let span = [("contact.time_span", self.time_span.is_some())];
+        let chosen = [
+            ("contact.laws", self.laws.is_some()),
+            ("contact.springs", self.springs.is_some()),
+        ];
+        if scheme != Scheme::Laws {
+            stray(&chosen)?;
+        }
         let need = |name: &'static str, value: Option<f64>| match value {
             Some(value) if value >= 0.0 => Ok(value),
             Some(value) => Err((name, format!("{value} is out of range: not negative"))),
@@ -269,7 +283,7 @@ impl Contact {
                 }
                 Ok(ContactRequest::Listed { pairs })
             }
-            Scheme::Rigid | Scheme::Procedure => {
+            Scheme::Rigid | Scheme::Procedure | Scheme::Laws => {
                 stray(&pairs)?;
                 let roughness = need("contact.roughness", self.roughness)?;
                 let friction = need("contact.friction", self.friction)?;
@@ -290,7 +304,34 @@ impl Contact {
                         format!("{time_span} is out of range: above 0"),
                     ));
                 }
-                Ok(ContactRequest::Rigid { surface, time_span })
+                if scheme == Scheme::Rigid {
+                    return Ok(ContactRequest::Rigid { surface, time_span });
+                }
+                let laws = self
+                    .laws
+                    .ok_or(("contact.laws", "scheme laws needs it".into()))?;
+                laws.validate(&surface)
+                    .map_err(|error| ("contact.laws", error.to_string()))?;
+                let mut forces = self.springs.unwrap_or_default();
+                if forces.len() > PAIR_LIMIT {
+                    return Err(("contact.springs", format!("at most {PAIR_LIMIT} pairs")));
+                }
+                if let Some(spring) = forces.iter().find(|f| f.0 >= f.1) {
+                    return Err((
+                        "contact.springs",
+                        format!(
+                            "pairs are [i, j, …] with i < j, not [{}, {}, …]",
+                            spring.0, spring.1
+                        ),
+                    ));
+                }
+                forces.sort_unstable_by_key(|f| (f.0, f.1));
+                Ok(ContactRequest::Laws {
+                    lubrication_gap: laws.lubrication_gap,
+                    laws: laws.in_solver_units(surface),
+                    time_span,
+                    springs: Memory { forces },
+                })
             }
         }
     }

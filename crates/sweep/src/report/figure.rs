@@ -276,7 +276,7 @@ fn axis(report: &Report, along: &Axis) -> Option<Rates> {
         .iter()
         .map(|p| along.number(&p.params))
         .collect();
-    along.is_shear_rate().then(|| Rates::of(&values))
+    along.is_logarithmic().then(|| Rates::of(&values))
 }
 
 /// Place of a point.

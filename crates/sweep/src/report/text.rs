@@ -5,7 +5,7 @@ use super::{Point, Report, duration, significant};
 use crate::error::Error;
 use crate::statistics::Estimate;
 use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
-use sd_core::{ContactScheme, Hydrodynamics};
+use sd_core::{ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, TangentialLaw};
 use std::io::Write;
 
 /// A measured quantity: its heading and how its value is written.
@@ -36,11 +36,34 @@ pub(crate) fn hydrodynamics(choice: Hydrodynamics) -> &'static str {
     }
 }
 
-/// Word for a contact scheme, as in campaign files.
-pub(crate) fn contact(choice: ContactScheme) -> &'static str {
+/// Word for a contact scheme, by what presses, as in campaign files.
+pub(crate) fn contact(choice: &ContactScheme) -> &'static str {
     match choice {
-        ContactScheme::Rigid => "rigid",
         ContactScheme::Procedure => "procedure",
+        ContactScheme::Rigid | ContactScheme::Laws(_) => match choice.laws().normal {
+            NormalLaw::Rigid => "rigid",
+            NormalLaw::LinearSpring => "linear-spring",
+            NormalLaw::Hertz => "hertz",
+            NormalLaw::ExponentialRepulsion => "exponential-repulsion",
+        },
+    }
+}
+
+/// Word for a tangential law, as in campaign files.
+pub(crate) fn tangential(choice: TangentialLaw) -> &'static str {
+    match choice {
+        TangentialLaw::RollSlip => "roll-slip",
+        TangentialLaw::StickSlide => "stick-slide",
+        TangentialLaw::Coulomb => "coulomb",
+        TangentialLaw::StickRotate => "stick-rotate",
+    }
+}
+
+/// Word for the onset of friction, as in campaign files.
+pub(crate) fn onset(choice: FrictionOnset) -> &'static str {
+    match choice {
+        FrictionOnset::CriticalLoad => "critical-load",
+        FrictionOnset::Reduced => "reduced",
     }
 }
 
@@ -97,11 +120,16 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
         writeln!(out, "only where {}", report.selection)?;
     }
     if let Some(point) = report.points.first() {
-        let mixed = report.points.iter().any(|p| p.params.size_ratio > 1.0);
         let words: Vec<String> = fixed
             .iter()
-            .filter(|axis| mixed || !axis.is_about_mixtures())
-            .map(|axis| format!("{} {}", axis.symbol, axis.value(&point.params)))
+            .filter(|axis| axis.matters(report.points.iter().map(|p| &p.params)))
+            .map(|axis| {
+                let mut points = report.points.iter();
+                let shown = points
+                    .find(|p| axis.has_meaning(&p.params))
+                    .unwrap_or(point);
+                format!("{} {}", axis.symbol, axis.value(&shown.params))
+            })
             .collect();
         writeln!(out, "{}", words.join(", "))?;
         let measured: Vec<Column> = COLUMNS

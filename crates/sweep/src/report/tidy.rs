@@ -46,13 +46,14 @@ pub fn write_units(out: &mut dyn Write) -> Result<(), Error> {
 /// # Errors
 /// Output that cannot be written.
 pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), Error> {
-    let mixed = report.points.iter().any(|p| p.params.size_ratio > 1.0);
-    let about_mixtures = |name| Axis::of_key(name).is_some_and(Axis::is_about_mixtures);
+    let matters = |name| {
+        Axis::of_key(name).is_none_or(|axis| axis.matters(report.points.iter().map(|p| &p.params)))
+    };
     let columns: Vec<Column> = columns()
         .filter(|column| match column.name {
             "jammed" => report.counts.jammed > 0,
             "failed" => report.counts.failed > 0,
-            name => mixed || !about_mixtures(name),
+            name => matters(name),
         })
         .collect();
     let heads = columns.iter().map(|column| match column.unit {

@@ -3,6 +3,7 @@
 use super::{Store, StoreError, integer, process, results};
 use crate::campaign::{Campaign, Protocol};
 use crate::case::{Case, CaseKey};
+use crate::report;
 use crate::statistics::Averages;
 use rusqlite::{OptionalExtension, Transaction, params};
 use std::cmp::Reverse;
@@ -98,10 +99,6 @@ struct Row<'c> {
     rank: usize,
     /// Its parameters as JSON.
     params: String,
-    /// Word for its hydrodynamics.
-    hydrodynamics: String,
-    /// Word for its contact scheme.
-    contact: String,
 }
 
 /// All cases of a campaign with their order of work: dear runs first, so that no core idles at the end, then the first
@@ -128,17 +125,12 @@ fn rows(campaign: &Campaign) -> impl Iterator<Item = Result<Row<'_>, serde_json:
         .zip(ranks)
         .enumerate()
         .map(|(position, ((key, case), rank))| {
-            let word = |json: Result<String, serde_json::Error>| {
-                json.map(|quoted| quoted.trim_matches('"').to_owned())
-            };
             Ok(Row {
                 key: *key,
                 case,
                 position,
                 rank,
                 params: serde_json::to_string(&case.params)?,
-                hydrodynamics: word(serde_json::to_string(&case.params.hydrodynamics))?,
-                contact: word(serde_json::to_string(&case.params.contact))?,
             })
         })
 }
@@ -147,12 +139,15 @@ impl Row<'_> {
     /// Writes a new case, or gives a known one its place in the file.
     fn insert(&self, transaction: &Transaction<'_>) -> Result<(), rusqlite::Error> {
         let p = &self.case.params;
+        let laws = p.contact.laws();
         transaction
             .prepare_cached(
                 "INSERT INTO cases (key, position, rank, params, seed, steps, sample_stride, time_step, area_fraction,
                      friction, roughness, shear_rate, spheres, size_ratio, large_fraction, hydrodynamics, contact, cost,
-                     changed_at)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19)
+                     changed_at, tangential, friction_onset, stiffness, tangential_stiffness, dashpot, lubrication_gap,
+                     repulsion, repulsion_length)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21,
+                     ?22, ?23, ?24, ?25, ?26, ?27)
                  ON CONFLICT (key) DO UPDATE SET position = excluded.position, rank = excluded.rank,
                      cost = excluded.cost",
             )?
@@ -172,10 +167,18 @@ impl Row<'_> {
                 integer(p.spheres as u64),
                 p.size_ratio,
                 p.large_fraction,
-                self.hydrodynamics,
-                self.contact,
+                report::hydrodynamics(p.hydrodynamics),
+                report::contact(&p.contact),
                 self.case.cost(),
                 process::now(),
+                report::tangential(laws.tangential),
+                report::onset(laws.onset),
+                laws.stiffness,
+                laws.tangential_stiffness,
+                laws.dashpot,
+                laws.lubrication_gap,
+                laws.repulsion,
+                laws.repulsion_length,
             ])?;
         Ok(())
     }

@@ -145,10 +145,3 @@ CREATE TABLE failures (
     failed_at INTEGER NOT NULL
 );
 CREATE INDEX failures_of_case ON failures (case_id);
-
-CREATE VIEW runs AS
-SELECT c.key, c.state, c.area_fraction, c.friction, c.roughness, c.shear_rate, c.spheres, c.size_ratio,
-       c.large_fraction, c.hydrodynamics, c.contact, c.seed, r.*
-FROM cases c LEFT JOIN results r ON r.case_id = c.id
-WHERE c.position IS NOT NULL
-ORDER BY c.position;

@@ -4,8 +4,9 @@ const $ = id => document.getElementById(id);
 const NS = 'http://www.w3.org/2000/svg';
 let data = JSON.parse($('data').textContent);
 const live = data.live;
-const AXES = ['hydrodynamics', 'contact', 'spheres', 'area_fraction', 'size_ratio', 'large_fraction', 'roughness', 'friction', 'shear_rate', 'time_step'];
-const NAMES = { hydrodynamics: 'hydrodynamics', contact: 'contact', spheres: 'N', area_fraction: 'c', size_ratio: 'size ratio', large_fraction: 'large', roughness: 'h', friction: 'ν', shear_rate: 'Γ', time_step: 'time step' };
+const AXES = ['hydrodynamics', 'contact', 'tangential', 'friction_onset', 'spheres', 'area_fraction', 'size_ratio', 'large_fraction', 'roughness', 'friction', 'stiffness', 'tangential_stiffness', 'dashpot', 'lubrication_gap', 'repulsion', 'repulsion_length', 'shear_rate', 'time_step'];
+const WORDS = new Set(['hydrodynamics', 'contact', 'tangential', 'friction_onset']);
+const NAMES = { hydrodynamics: 'hydrodynamics', contact: 'contact', tangential: 'tangential', friction_onset: 'onset', spheres: 'N', area_fraction: 'c', size_ratio: 'size ratio', large_fraction: 'large', roughness: 'h', friction: 'ν', stiffness: 'stiffness k', tangential_stiffness: 'k_t/k', dashpot: 'dashpot', lubrication_gap: 'g_min', repulsion: 'F₀', repulsion_length: 'l', shear_rate: 'Γ', time_step: 'time step' };
 const QUANTITIES = { viscosity: 'viscosity', viscosity_median: 'median viscosity', viscosity_stresslet: 'stresslet viscosity', normal_stress_difference: 'normal stress difference N₁', contacts_per_sphere: 'contacts per sphere', activated_fraction: 'activated fraction', rolling_fraction: 'rolling fraction', minimum_gap: 'smallest gap', mean_approach_velocity: 'mean approach velocity' };
 const hidden = new Set();
 const chosenFilters = {};
@@ -87,7 +88,7 @@ function curves() {
 }
 
 function xAxis(along, points) {
-  if (along === 'shear_rate') {
+  if (along === 'shear_rate' || along === 'stiffness') {
     const finite = points.map(p => p.x).filter(v => v > 0 && isFinite(v)).map(Math.log10);
     const low = finite.length ? Math.floor(Math.min(...finite)) : 0, high = finite.length ? Math.ceil(Math.max(...finite)) : 0;
     const place = v => v <= 0 ? low - 1 : v === Infinity ? high + 1 : Math.log10(v);
@@ -142,7 +143,7 @@ function plot() {
     for (const p of drawn) {
       const cx = X(x.place(p.x)), cy = Y(p.y);
       const group = draw('g', { class: chosen === p.index ? 'point chosen' : 'point', tabindex: number++ ? '-1' : '0', role: 'button', 'data-index': p.index });
-      const text = `${curve.label}\n${NAMES[along]} = ${show(along === 'shear_rate' && p.x === Infinity ? 'inf' : p.x)}\n${QUANTITIES[quantity]} ${show(p.y)}${p.half !== null ? ` ± ${show(p.half)}` : ''}\n${p.point.seeds} runs${p.point.jammed ? `, ${p.point.jammed} jammed` : ''}${p.point.failed ? `, ${p.point.failed} failed` : ''}`;
+      const text = `${curve.label}\n${NAMES[along]} = ${show(p.x)}\n${QUANTITIES[quantity]} ${show(p.y)}${p.half !== null ? ` ± ${show(p.half)}` : ''}\n${p.point.seeds} runs${p.point.jammed ? `, ${p.point.jammed} jammed` : ''}${p.point.failed ? `, ${p.point.failed} failed` : ''}`;
       group.setAttribute('aria-label', text.replaceAll('\n', ', '));
       if (p.half) {
         const upper = Y(p.y + p.half), lower = Y(Math.max(p.y - p.half, y.low));
@@ -302,7 +303,7 @@ function controls() {
     select.value = options.some(o => o[0] === before) ? before : options.some(o => o[0] === preferred) ? preferred : options[0]?.[0];
   };
   keep($('quantity'), Object.entries(QUANTITIES), 'viscosity');
-  const numeric = varying().filter(a => a !== 'hydrodynamics' && a !== 'contact');
+  const numeric = varying().filter(a => !WORDS.has(a));
   keep($('along'), (numeric.length ? numeric : ['shear_rate']).map(a => [a, NAMES[a]]), 'shear_rate');
   filters();
 }

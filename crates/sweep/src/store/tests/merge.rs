@@ -320,6 +320,11 @@ fn store_of_the_second_schema_is_read_and_brought_up_to_date() {
         "DROP TABLE disagreements; DROP TABLE shards; DROP TABLE slices; DROP TABLE submissions;
          ALTER TABLE processes DROP COLUMN job; ALTER TABLE processes DROP COLUMN task;
          ALTER TABLE processes DROP COLUMN restart; ALTER TABLE processes DROP COLUMN node;
+         DROP VIEW viscosity_vs_shear_rate; DROP VIEW runs;
+         ALTER TABLE cases DROP COLUMN tangential; ALTER TABLE cases DROP COLUMN friction_onset;
+         ALTER TABLE cases DROP COLUMN stiffness; ALTER TABLE cases DROP COLUMN tangential_stiffness;
+         ALTER TABLE cases DROP COLUMN dashpot; ALTER TABLE cases DROP COLUMN lubrication_gap;
+         ALTER TABLE cases DROP COLUMN repulsion; ALTER TABLE cases DROP COLUMN repulsion_length;
          PRAGMA user_version = 2",
     )
     .unwrap();

@@ -228,10 +228,23 @@ fn store_of_the_first_schema_is_read_and_brought_up_to_date() {
         "DROP TABLE disagreements; DROP TABLE shards; DROP TABLE slices; DROP TABLE submissions;
          ALTER TABLE processes DROP COLUMN job; ALTER TABLE processes DROP COLUMN task;
          ALTER TABLE processes DROP COLUMN restart; ALTER TABLE processes DROP COLUMN node;
-         DROP VIEW viscosity_vs_shear_rate; DROP TABLE frames; ALTER TABLE cases DROP COLUMN deaths;
+         DROP VIEW viscosity_vs_shear_rate; DROP VIEW runs; DROP TABLE frames; ALTER TABLE cases DROP COLUMN deaths;
          PRAGMA user_version = 1",
     )
     .unwrap();
+    for law in [
+        "tangential",
+        "friction_onset",
+        "stiffness",
+        "tangential_stiffness",
+        "dashpot",
+        "lubrication_gap",
+        "repulsion",
+        "repulsion_length",
+    ] {
+        old.execute_batch(&format!("ALTER TABLE cases DROP COLUMN {law}"))
+            .unwrap();
+    }
     drop(old);
     assert_eq!(
         Store::open_read_only(&path).unwrap().counts().unwrap().done,
@@ -241,6 +254,15 @@ fn store_of_the_first_schema_is_read_and_brought_up_to_date() {
     store.register(1).unwrap();
     assert!(store.claim().unwrap().is_some());
     assert_eq!(version_of(&store.connection).unwrap(), SCHEMA_VERSION);
+    let laws: (String, f64) = store
+        .connection
+        .query_row(
+            "SELECT tangential, stiffness FROM runs LIMIT 1",
+            [],
+            |row| Ok((row.get(0)?, row.get(1)?)),
+        )
+        .unwrap();
+    assert_eq!(laws, ("roll-slip".to_owned(), f64::INFINITY));
 }
 
 #[test]

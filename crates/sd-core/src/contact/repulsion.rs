@@ -1,0 +1,93 @@
+//! A short-ranged repulsion of the surfaces, as between charged spheres in an electrolyte.
+//!
+//! ```text
+//! F = F0 exp(−g/l)
+//! ```
+//!
+//! along the line of centres, at every gap within lubrication range, alone or besides a contact law, which it does not touch:
+//! friction knows the force of the contact only. Source: Mari et al., J. Rheol. 58, 1693 (2014), eq. (13). Its slope over the time
+//! a stage looks ahead is added to R_FU, whose pairs it shares:
+//!
+//! ```text
+//! F = F0 exp(−g/l) (1 − s v_n / l),   R_FU ← R_FU + Σ s F0 exp(−g/l)/l n nᵀ
+//! ```
+
+use super::Contact;
+use super::laws::Span;
+use crate::modes::Background;
+use crate::resistance::Resistance;
+
+/// Exponents beyond which the force is left out: 1e-13 of F0.
+const FARTHEST: f64 = 30.0;
+
+/// The law, in the units of the solver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Repulsion {
+    /// F0, in mu·a²·rate.
+    pub force: f64,
+    /// l, in a.
+    pub length: f64,
+}
+
+impl Repulsion {
+    /// Force at a gap.
+    pub fn at(&self, gap: f64) -> f64 {
+        self.force * (-gap / self.length).exp()
+    }
+
+    /// Energy stored at a gap, in mu·a³·rate.
+    pub fn energy(&self, gap: f64) -> f64 {
+        self.length * self.at(gap)
+    }
+}
+
+/// Repelling pairs of a stage.
+#[derive(Debug, Default)]
+pub struct Repelled {
+    /// The pairs; force and normal velocity are those of the stage once it is solved.
+    pub pairs: Vec<Contact>,
+    /// Slope over the time ahead `s F/l` and the force without motion, of each.
+    lines: Vec<[f64; 2]>,
+}
+
+impl Repelled {
+    /// Adds the slopes to the assembled resistance, which must be factored after, and the forces to `forces` `[3N]`.
+    ///
+    /// `first`: disturbance velocities of the first stage, at the second one.
+    pub fn add(
+        &mut self,
+        repulsion: &Repulsion,
+        resistance: &mut Resistance,
+        background: &Background,
+        span: &Span<'_>,
+        forces: &mut [f64],
+    ) {
+        self.pairs.clear();
+        self.lines.clear();
+        for pair in resistance.neighbours() {
+            if pair.gap > FARTHEST * repulsion.length {
+                continue;
+            }
+            let contact = Contact::new(*pair, resistance.radii(), background);
+            let force = repulsion.at(pair.gap);
+            let ahead = span.time * force / repulsion.length;
+            // f = force − ahead (v_n − taken back), v_n with the background's part.
+            let taken_back = span.taken_back(&contact);
+            let still = force + ahead * (taken_back - contact.background[0]);
+            contact.add_normal(still, [3 * pair.i, 3 * pair.j], forces);
+            self.pairs.push(contact);
+            self.lines.push([ahead, force + ahead * taken_back]);
+        }
+        for (contact, line) in self.pairs.iter().zip(&self.lines) {
+            resistance.add_spring(&contact.pair, line[0]);
+        }
+    }
+
+    /// Forces and velocities that belong to the solved motion `[3N]`.
+    pub fn finish(&mut self, velocities: &[f64]) {
+        for (contact, [ahead, still]) in self.pairs.iter_mut().zip(&self.lines) {
+            contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
+            contact.normal_force = still - ahead * contact.normal_velocity;
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! What a run tells of itself: a sample at every step, and counters of what it has met.
+
+use serde::{Deserialize, Serialize};
+
+/// Relative viscosity above which the layer counts as jammed for the moment.
+pub const JAM_VISCOSITY: f64 = 1e4;
+/// What is measured at the first stage of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Sample {
+    /// Strain at which it was taken.
+    pub strain: f64,
+    /// Relative viscosity in full: stresslets and contact stress.
+    pub viscosity: f64,
+    /// Relative viscosity from the stresslets alone, eq. (20) of the paper to the letter.
+    pub viscosity_stresslet: f64,
+    /// First normal stress difference `N1 = σ_xx − σ_yy`, contacts included, in mu·rate.
+    pub normal_stress_difference: f64,
+    /// v'Rv / (V rate), in mu·rate.
+    pub dissipation: f64,
+    /// Pairs with a normal contact force.
+    pub contacts: u32,
+    /// Of these, pairs whose force exceeds the critical load.
+    pub activated: u32,
+    /// Of the activated, pairs that roll.
+    pub rolling: u32,
+    /// Of the activated, pairs that slip.
+    pub slipping: u32,
+    /// Mean normal velocity over the contacts, negative for approach, in a·rate; 0 without contacts.
+    pub normal_velocity: f64,
+    /// Smallest gap in the layer, in a; infinite if no pair is in lubrication range.
+    pub minimum_gap: f64,
+    /// What the run has met so far, this stage included.
+    pub counters: Counters,
+}
+
+/// What a run has met since its start.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Counters {
+    /// Contact problems solved: four per step, and those of steps done again in halves (see [`Simulation::step`]).
+    pub stages: u64,
+    /// Of these, problems that did not converge.
+    pub unconverged_stages: u64,
+    /// Largest residual of the normal contact problem, in a·rate.
+    pub worst_residual: f64,
+    /// Largest inconsistency of a friction force with its law, over the largest force of its stage.
+    pub worst_friction_error: f64,
+    /// Smallest gap at the start of any step, in a. (Stages within a step are no states of the layer.)
+    pub minimum_gap: f64,
+    /// Times the viscosity rose above [`JAM_VISCOSITY`].
+    pub jam_events: u64,
+    /// Steps begun above it.
+    pub jammed_steps: u64,
+    /// Steps since it was last below.
+    pub jammed_steps_running: u64,
+}
+
+impl Default for Counters {
+    fn default() -> Self {
+        Self {
+            stages: 0,
+            unconverged_stages: 0,
+            worst_residual: 0.0,
+            worst_friction_error: 0.0,
+            minimum_gap: f64::INFINITY,
+            jam_events: 0,
+            jammed_steps: 0,
+            jammed_steps_running: 0,
+        }
+    }
+}
+
+impl Counters {
+    /// Keeps the jam counters, at the first stage of each step.
+    pub(super) fn count_jam(&mut self, viscosity: f64) {
+        if viscosity > JAM_VISCOSITY {
+            self.jam_events += u64::from(self.jammed_steps_running == 0);
+            self.jammed_steps += 1;
+            self.jammed_steps_running += 1;
+        } else {
+            self.jammed_steps_running = 0;
+        }
+    }
+}
