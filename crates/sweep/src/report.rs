@@ -49,6 +49,10 @@ pub struct Report {
     pub points: Vec<Point>,
     /// Their first failures.
     pub failures: Vec<FailureLine>,
+    /// Seconds of computing their results took, over all workers.
+    pub computing: f64,
+    /// Programs that finished results of the store, the latest first.
+    pub programs: Vec<String>,
 }
 
 /// All runs that differ only in their seed.
@@ -104,6 +108,7 @@ impl Report {
         let mut failures = store.failures(u32::try_from(limit).unwrap_or(u32::MAX))?;
         failures.retain(|failure| selection.has(&failure.params));
         failures.truncate(FAILURES_SHOWN);
+        let computing = runs.iter().filter_map(|run| run.wall_time_s).sum();
         let mut groups: Vec<Vec<PointRun>> = Vec::new();
         let mut place_of = HashMap::new();
         let mut counts = Counts::default();
@@ -128,8 +133,22 @@ impl Report {
             discard: store.protocol()?.discard,
             points: groups.iter().filter_map(|runs| Point::of(runs)).collect(),
             failures,
+            computing,
+            programs: programs(store)?,
         })
     }
+}
+
+/// The programs that finished results of a store, each once, the latest first.
+fn programs(store: &Store) -> Result<Vec<String>, Error> {
+    let mut programs: Vec<String> = Vec::new();
+    for process in store.provenance()? {
+        let program = process.program();
+        if !programs.contains(&program) {
+            programs.push(program);
+        }
+    }
+    Ok(programs)
 }
 
 /// All runs of the points selected, in the order of the campaign file.

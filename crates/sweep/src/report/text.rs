@@ -1,7 +1,7 @@
 //! The report for people: a table, and under it what its columns mean.
 
 use super::axes::{AXES, Axis};
-use super::{Point, Report, significant};
+use super::{Point, Report, duration, significant};
 use crate::error::Error;
 use crate::statistics::Estimate;
 use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
@@ -160,6 +160,14 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
              median: over runs, of their medians in time. Jammed runs are counted, not averaged. \
              activated: of contacts; rolling: of activated ones.",
             report.discard
+        )?;
+    }
+    if report.computing > 0.0 {
+        writeln!(
+            out,
+            "computed in {}, summed over workers, by {}",
+            duration(report.computing),
+            report.programs.join("; ")
         )?;
     }
     for failure in &report.failures {

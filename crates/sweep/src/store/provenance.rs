@@ -22,6 +22,18 @@ pub struct Provenance {
     pub results: u64,
 }
 
+impl Provenance {
+    /// The program, as people name it: version, version of its physics, beginning of its hash.
+    pub fn program(&self) -> String {
+        format!(
+            "sweep {} (physics {}, build {})",
+            self.version,
+            self.physics_version,
+            self.build.get(..12).unwrap_or(&self.build)
+        )
+    }
+}
+
 impl Store {
     /// The campaign file last run, to the letter.
     ///
