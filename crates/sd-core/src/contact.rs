@@ -311,8 +311,13 @@ impl Contacts {
                 add_scaled(&mut motion[start..], y, -force);
             }
         }
-        resistance.solver().solve_upper_vector(motion);
-        resistance.from_rows(motion, velocities);
+        self.settle(resistance, velocities);
+    }
+
+    /// Velocities `[3N]` of what `motion` holds, half solved, and the contact velocities that belong to them.
+    fn settle(&mut self, resistance: &Resistance, velocities: &mut [f64]) {
+        resistance.solver().solve_upper_vector(&mut self.motion);
+        resistance.from_rows(&self.motion, velocities);
         self.list.sort_unstable_by_key(|c| (c.pair.i, c.pair.j));
         for contact in &mut self.list {
             contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);

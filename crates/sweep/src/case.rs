@@ -185,22 +185,7 @@ mod tests {
     use super::*;
 
     fn case() -> Case {
-        Case::new(
-            Params {
-                spheres: 90,
-                area_fraction: 0.693,
-                roughness: 0.01,
-                friction: 0.3,
-                shear_rate: f64::INFINITY,
-                size_ratio: 1.0,
-                large_fraction: 0.5,
-                hydrodynamics: Hydrodynamics::BallMelrose,
-                contact: ContactScheme::Rigid,
-                time_step: 0.005,
-            },
-            7,
-            &Protocol::default(),
-        )
+        Case::new(crate::test_support::params(), 7, &Protocol::default())
     }
 
     #[test]

@@ -27,7 +27,7 @@ pub use tidy::{write_csv, write_markdown, write_units};
 use crate::case::State;
 use crate::error::Error;
 use crate::statistics::{Estimate, mean, median, ratio};
-use crate::store::{Counts, FailureLine, PointRun, Store};
+use crate::store::{Counts, FailureLine, PointRun, Provenance, Store};
 use sd_core::Params;
 use std::collections::HashMap;
 
@@ -51,8 +51,8 @@ pub struct Report {
     pub failures: Vec<FailureLine>,
     /// Seconds of computing their results took, over all workers.
     pub computing: f64,
-    /// Programs that finished results of the store, the latest first.
-    pub programs: Vec<String>,
+    /// Processes that finished results of the store, the latest first.
+    pub provenance: Vec<Provenance>,
 }
 
 /// All runs that differ only in their seed.
@@ -134,21 +134,9 @@ impl Report {
             points: groups.iter().filter_map(|runs| Point::of(runs)).collect(),
             failures,
             computing,
-            programs: programs(store)?,
+            provenance: store.provenance()?,
         })
     }
-}
-
-/// The programs that finished results of a store, each once, the latest first.
-fn programs(store: &Store) -> Result<Vec<String>, Error> {
-    let mut programs: Vec<String> = Vec::new();
-    for process in store.provenance()? {
-        let program = process.program();
-        if !programs.contains(&program) {
-            programs.push(program);
-        }
-    }
-    Ok(programs)
 }
 
 /// All runs of the points selected, in the order of the campaign file.

@@ -317,12 +317,6 @@ impl Contacts {
                 add_scaled(&mut motion[start..], y, -force);
             }
         }
-        resistance.solver().solve_upper_vector(motion);
-        resistance.from_rows(motion, velocities);
-        self.list.sort_unstable_by_key(|c| (c.pair.i, c.pair.j));
-        for contact in &mut self.list {
-            contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
-            contact.slip_velocity = contact.background[1] + contact.slip_row(velocities);
-        }
+        self.settle(resistance, velocities);
     }
 }

@@ -12,7 +12,7 @@
 
 use super::rigid::{EXPECTED_APPROACH, MOST_ROUNDS, Memory, RESTITUTION};
 use super::stick_slide::Stretch;
-use super::{COMPLIANCE, Contact, ContactState, Contacts, Quality, Surface, hertz, linear_spring};
+use super::{COMPLIANCE, Contact, Contacts, Quality, Surface, hertz, linear_spring};
 use crate::modes::Background;
 use crate::params::FrictionOnset;
 use crate::resistance::Resistance;
@@ -420,8 +420,7 @@ impl Contacts {
         let held = span.phase != Phase::Alone;
         // What the solver of the normal problem adds by itself; springs have their own.
         let networks = match (laws.normal, laws.tangential) {
-            (Normal::Rigid, Tangential::RollSlip) => 0.0,
-            (Normal::Rigid, _) => COMPLIANCE,
+            (Normal::Rigid, tangential) if tangential != Tangential::RollSlip => COMPLIANCE,
             _ => 0.0,
         };
         for (k, contact) in self.list.iter().enumerate() {
@@ -493,30 +492,11 @@ impl Contacts {
                 |k: &usize| loaded(self.normal_forces[*k]) || loaded(self.list[*k].normal_force);
             self.frictional.extend((0..self.list.len()).filter(now));
             return match setting.laws.tangential {
-                Tangential::RollSlip => self.solve_roll_slip(setting),
+                Tangential::RollSlip => self.solve_roll_slip(setting.resistance, surface),
                 _ => self.solve_cone(setting, memory, history),
             };
         }
-        for (contact, &f) in self.list.iter_mut().zip(&self.normal_forces) {
-            contact.normal_force = f;
-            contact.tangential_force = 0.0;
-            contact.state = ContactState::Frictionless;
-        }
-        Quality {
-            residual: self.normal_residual(),
-            friction_error: 0.0,
-            passes: 1,
-        }
-    }
-
-    /// The paper's friction, as with rigid asperities.
-    fn solve_roll_slip(&mut self, setting: Setting<'_>) -> Quality {
-        loop {
-            self.reduce_slip(setting.resistance);
-            if let Some(quality) = self.solve_frictional(&setting.laws.surface) {
-                return quality;
-            }
-        }
+        self.take_frictionless()
     }
 
     /// Keeps the tangential springs, or the forces where the next stage starts.

@@ -141,13 +141,27 @@ impl Contacts {
             let loaded =
                 |k: &usize| self.normal_forces[*k] > load || self.list[*k].normal_force > load;
             self.frictional.extend((0..self.list.len()).filter(loaded));
-            loop {
-                self.reduce_slip(resistance);
-                if let Some(quality) = self.solve_frictional(surface) {
-                    return quality;
-                }
+            return self.solve_roll_slip(resistance, surface);
+        }
+        self.take_frictionless()
+    }
+
+    /// Forces with the paper's friction on `frictional`, and on those that turn out to need it.
+    pub(super) fn solve_roll_slip(
+        &mut self,
+        resistance: &Resistance,
+        surface: &Surface,
+    ) -> Quality {
+        loop {
+            self.reduce_slip(resistance);
+            if let Some(quality) = self.solve_frictional(surface) {
+                return quality;
             }
         }
+    }
+
+    /// Puts the normal forces into `list`, where none is loaded enough for friction.
+    pub(super) fn take_frictionless(&mut self) -> Quality {
         for (contact, &f) in self.list.iter_mut().zip(&self.normal_forces) {
             contact.normal_force = f;
             contact.tangential_force = 0.0;

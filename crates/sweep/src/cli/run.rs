@@ -158,12 +158,7 @@ fn reuse(store: &mut Store, others: &[PathBuf], output: &Output<'_>) -> Result<(
         taken.results, taken.failures, taken.checkpoints
     );
     for damaged in taken.damaged {
-        let _ = writeln!(
-            to,
-            "{} cannot be used: {}",
-            damaged.path.display(),
-            damaged.reason
-        );
+        let _ = writeln!(to, "{damaged}");
     }
     Ok(())
 }

@@ -113,14 +113,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         )?;
     }
     if let Some(origin) = &story.origin {
-        writeln!(
-            out,
-            "computed on {} by sweep {} (physics {}, build {})",
-            origin.host,
-            origin.version,
-            origin.physics_version,
-            origin.build.get(..12).unwrap_or(&origin.build)
-        )?;
+        writeln!(out, "computed on {} by {}", origin.host, origin.program())?;
     }
     for failure in &story.failures {
         let place = failure.pair.map_or_else(String::new, |[i, j]| {

@@ -66,7 +66,7 @@ struct Data<'r> {
     /// Failures.
     failures: Vec<FailureLine>,
     /// Programs that computed.
-    provenance: Vec<Provenance>,
+    provenance: &'r [Provenance],
 }
 
 /// The page of the points selected of a store.
@@ -161,7 +161,7 @@ pub fn data(store: &Store, selection: &Selection, home: Home) -> Result<String, 
         runs,
         movies,
         failures,
-        provenance: store.provenance()?,
+        provenance: &report.provenance,
     };
     serde_json::to_string(&document).map_err(|error| Error::Output(error.into()))
 }

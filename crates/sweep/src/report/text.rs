@@ -4,6 +4,7 @@ use super::axes::{AXES, Axis};
 use super::{Point, Report, duration, significant};
 use crate::error::Error;
 use crate::statistics::Estimate;
+use crate::store::Provenance;
 use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
 use sd_core::{ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, TangentialLaw};
 use std::io::Write;
@@ -96,6 +97,18 @@ fn interval(estimate: Option<Estimate>) -> String {
     }
 }
 
+/// The programs of processes, each once.
+fn programs(processes: &[Provenance]) -> Vec<String> {
+    let mut programs: Vec<String> = Vec::new();
+    for process in processes {
+        let program = process.program();
+        if !programs.contains(&program) {
+            programs.push(program);
+        }
+    }
+    programs
+}
+
 /// Writes the report as a table.
 ///
 /// # Errors
@@ -167,7 +180,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             out,
             "computed in {}, summed over workers, by {}",
             duration(report.computing),
-            report.programs.join("; ")
+            programs(&report.provenance).join("; ")
         )?;
     }
     for failure in &report.failures {

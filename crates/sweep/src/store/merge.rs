@@ -16,6 +16,7 @@ use rusqlite::params;
 use serde::Serialize;
 use shards::{Shard, Stamp, foreign};
 use std::collections::{BTreeSet, HashMap};
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// What a merge did.
@@ -46,6 +47,12 @@ pub struct Damaged {
     pub path: PathBuf,
     /// Why.
     pub reason: String,
+}
+
+impl fmt::Display for Damaged {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} cannot be used: {}", self.path.display(), self.reason)
+    }
 }
 
 /// Two results of one case with different bits.

@@ -25,13 +25,14 @@ pub struct Provenance {
 impl Provenance {
     /// The program, as people name it: version, version of its physics, beginning of its hash.
     pub fn program(&self) -> String {
-        format!(
-            "sweep {} (physics {}, build {})",
-            self.version,
-            self.physics_version,
-            self.build.get(..12).unwrap_or(&self.build)
-        )
+        program(&self.version, self.physics_version, &self.build)
     }
+}
+
+/// A program, as people name it.
+pub(super) fn program(version: &str, physics_version: u64, build: &str) -> String {
+    let build = build.get(..12).unwrap_or(build);
+    format!("sweep {version} (physics {physics_version}, build {build})")
 }
 
 impl Store {

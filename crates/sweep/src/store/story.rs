@@ -1,5 +1,6 @@
 //! All that the store knows of one case.
 
+use super::provenance::program;
 use super::query::params;
 use super::{Store, StoreError, count, results};
 use rusqlite::{OptionalExtension, Row};
@@ -174,6 +175,13 @@ impl Store {
             .map(|(_, sample)| (sample.strain, sample.viscosity))
             .filter(|(_, viscosity)| viscosity.is_finite())
             .collect())
+    }
+}
+
+impl Origin {
+    /// The program, as people name it.
+    pub fn program(&self) -> String {
+        program(&self.version, self.physics_version, &self.build)
     }
 }
 

@@ -335,11 +335,7 @@ fn go_on_from(
             Ok(merged) => {
                 failures += merged.failures;
                 for damaged in merged.damaged {
-                    note(&format!(
-                        "{} cannot be used: {}",
-                        damaged.path.display(),
-                        damaged.reason
-                    ));
+                    note(&damaged.to_string());
                 }
             }
             Err(error @ (StoreError::OtherBuild { .. } | StoreError::OtherCampaign { .. })) => {
