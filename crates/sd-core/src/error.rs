@@ -79,6 +79,15 @@ pub enum Error {
         /// Sphere that row belongs to.
         sphere: usize,
     },
+    /// Memory is short.
+    #[error("not enough memory for {purpose}")]
+    OutOfMemory {
+        /// What it was for.
+        purpose: &'static str,
+    },
+    /// A contact law that needs all of `R_FU` factored, in a layer held as a network.
+    #[error("a layer held as a network of pairs knows rigid contacts or none")]
+    OnlyRigidContacts,
     /// A number that is not finite came out of a computation.
     #[error("{quantity} of sphere {sphere} is not finite")]
     NotFinite {
