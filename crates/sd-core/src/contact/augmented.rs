@@ -30,7 +30,7 @@ const PATIENCE: u32 = 10;
 /// Steps in one call, after which it is given up as unconverged.
 const MOST_STEPS: u32 = 60;
 /// Changes of the set that a factor outlives.
-const MOST_CHANGES: usize = 8;
+const MOST_CHANGES: usize = 20;
 /// Iterations that may be lost to an old set before it is factored anew: what a factorization costs, in solves.
 const FACTOR_COST: u32 = 6;
 /// Iterations that a fresh factor needs.
