@@ -21,6 +21,7 @@ pub mod friction;
 pub mod hertz;
 pub mod laws;
 pub mod linear_spring;
+mod newton;
 mod normal;
 pub mod procedure;
 pub mod repulsion;

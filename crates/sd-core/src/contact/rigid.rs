@@ -133,13 +133,21 @@ impl Contacts {
             .zip(self.free_normal.iter().zip(bias.iter()))
             .map(|(c, (v, b))| c.normal_force > 0.0 || v + b < 0.0);
         self.normal.start(started);
-        self.solve_frictionless();
         let load = surface.critical_load;
         self.frictional.clear();
+        let loaded_before = |k: &usize| self.list[*k].normal_force > load;
+        if surface.has_friction() && (0..self.list.len()).any(|k| loaded_before(&k)) {
+            // Those loaded before; the solution says which others it needs.
+            self.frictional
+                .extend((0..self.list.len()).filter(loaded_before));
+            self.normal_forces.clear();
+            self.normal_forces
+                .extend(self.list.iter().map(|contact| contact.normal_force));
+            return self.solve_roll_slip(resistance, surface);
+        }
+        self.solve_frictionless();
         if surface.has_friction() && self.normal_forces.iter().any(|&f| f > load) {
-            // Those loaded now or before; the iteration says which others it needs.
-            let loaded =
-                |k: &usize| self.normal_forces[*k] > load || self.list[*k].normal_force > load;
+            let loaded = |k: &usize| self.normal_forces[*k] > load;
             self.frictional.extend((0..self.list.len()).filter(loaded));
             return self.solve_roll_slip(resistance, surface);
         }
