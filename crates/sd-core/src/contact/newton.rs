@@ -13,7 +13,7 @@
 
 use super::friction::{DECIDING_PASSES, STANDSTILL, law};
 use super::{COMPLIANCE, ContactState, Contacts, Surface};
-use crate::linalg::dense::{Matrix, symmetric_product};
+use crate::linalg::dense::{Matrix, subtract_square};
 use crate::linalg::general::GeneralSolver;
 
 /// Systems after which the fixed point takes over.
@@ -52,10 +52,10 @@ pub(super) struct Workspace {
     follows: Vec<Follows>,
     /// Closed candidates, ascending.
     active: Vec<usize>,
-    /// `√K G_tn` of those that roll, on the closed ones.
-    rolling: Matrix,
-    /// `G_nt B` of those that roll, on the closed ones.
-    square: Matrix,
+    /// Frictional candidates that roll, as places in `frictional`, with √K.
+    rolling: Vec<(usize, f64)>,
+    /// `√K G_nt` of those that roll, on the closed ones.
+    couplings: Matrix,
     /// F_t at f = 0, one per frictional candidate.
     constant: Vec<f64>,
     /// Right-hand side and solution of the system.
@@ -67,17 +67,14 @@ pub(super) struct Workspace {
 impl Workspace {
     /// Room for that many candidates.
     pub(super) fn new(candidates: usize) -> Self {
-        let matrix = || {
-            let mut matrix = Matrix::default();
-            matrix.reserve(candidates * candidates);
-            matrix
-        };
+        let mut couplings = Matrix::default();
+        couplings.reserve(candidates * candidates);
         Self {
             closed: Vec::with_capacity(candidates),
             follows: Vec::with_capacity(candidates),
             active: Vec::with_capacity(candidates),
-            rolling: matrix(),
-            square: matrix(),
+            rolling: Vec::with_capacity(candidates),
+            couplings,
             constant: Vec::with_capacity(candidates),
             solution: Vec::with_capacity(candidates),
             solver: GeneralSolver::new(candidates),
@@ -159,19 +156,19 @@ impl Contacts {
         work.active
             .extend((0..work.closed.len()).filter(|&k| work.closed[k]));
         let size = work.active.len();
-        let rolls = |follows: &Follows| *follows == Follows::Slip;
-        let rolling = work.follows.iter().filter(|x| rolls(x)).count();
-        work.rolling.reshape(rolling, size);
-        for (column, &k) in work.active.iter().enumerate() {
-            let entries = self.frictional.iter().zip(&work.follows);
-            let rows = entries.zip(g_tn.column(k)).filter(|((_, x), _)| rolls(x));
-            let target = work.rolling.column_mut(column);
-            for (entry, ((&m, _), g)) in target.iter_mut().zip(rows) {
-                *entry = self.list[m].slip_resistance.sqrt() * g;
+        work.rolling.clear();
+        work.rolling.extend(
+            (0..self.frictional.len())
+                .filter(|&m| work.follows[m] == Follows::Slip)
+                .map(|m| (m, self.list[self.frictional[m]].slip_resistance.sqrt())),
+        );
+        work.couplings.reshape(size, work.rolling.len());
+        for (row, &k) in work.active.iter().enumerate() {
+            let slips = g_tn.column(k);
+            for (column, &(m, root)) in work.rolling.iter().enumerate() {
+                work.couplings[(row, column)] = root * slips[m];
             }
         }
-        symmetric_product(&work.rolling, &work.rolling, &mut work.square);
-        work.square.mirror_lower();
         work.constant.clear();
         for ((&k, &slip), follows) in self
             .frictional
@@ -201,12 +198,13 @@ impl Contacts {
         matrix.reshape(size, size);
         for (column, &k) in work.active.iter().enumerate() {
             let target = matrix.column_mut(column);
-            let (normal, square) = (g_nn.column(k), work.square.column(column));
-            for ((entry, &a), s) in target.iter_mut().zip(&work.active).zip(square) {
-                *entry = normal[a] - s;
+            let normal = g_nn.column(k);
+            for (entry, &a) in target.iter_mut().zip(&work.active) {
+                *entry = normal[a];
             }
             target[column] += COMPLIANCE;
         }
+        subtract_square(matrix, &work.couplings);
         for (m, follows) in work.follows.iter().enumerate() {
             let Follows::Load(factor) = *follows else {
                 continue;
