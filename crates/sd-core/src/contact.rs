@@ -30,7 +30,7 @@ pub mod stick_rotate;
 pub mod stick_slide;
 
 use crate::cell::Neighbours;
-use crate::linalg::dense::{Matrix, add_scaled, dot};
+use crate::linalg::dense::Matrix;
 use crate::linalg::staggered::StaggeredColumns;
 use crate::modes::{Background, Vec2};
 use crate::resistance::Resistance;
@@ -205,6 +205,8 @@ pub struct Contacts {
     free_normal: Vec<f64>,
     /// u_t⁰ of each frictional candidate.
     free_slip: Vec<f64>,
+    /// Weights of columns in the motion.
+    weights: Vec<f64>,
     /// Normal forces at hand.
     normal_forces: Vec<f64>,
     /// Solver of the normal problem.
@@ -234,6 +236,7 @@ impl Contacts {
             frictional: Vec::with_capacity(most),
             free_normal: Vec::with_capacity(most),
             free_slip: Vec::with_capacity(most),
+            weights: Vec::with_capacity(most),
             normal_forces: Vec::with_capacity(most),
             normal: normal::NormalProblem::new(most),
             friction: friction::Workspace::new(most),
@@ -266,10 +269,10 @@ impl Contacts {
         self.normal_columns.solve_lower(solver);
         self.normal_columns.gram(&mut self.g_nn);
         self.free_normal.clear();
-        for (k, contact) in self.list.iter().enumerate() {
-            let (start, y) = self.normal_columns.tail(k);
-            let velocity = dot(y, &self.free[start..]);
-            self.free_normal.push(contact.background[0] + velocity);
+        self.normal_columns
+            .add_transposed_product(&self.free, &mut self.free_normal);
+        for (velocity, contact) in self.free_normal.iter_mut().zip(&self.list) {
+            *velocity += contact.background[0];
         }
     }
 
@@ -288,10 +291,10 @@ impl Contacts {
         self.slip_columns
             .transposed_product(&self.normal_columns, &mut self.g_tn);
         self.free_slip.clear();
-        for (m, &k) in self.frictional.iter().enumerate() {
-            let (start, y) = self.slip_columns.tail(m);
-            let velocity = dot(y, &self.free[start..]);
-            self.free_slip.push(self.list[k].background[1] + velocity);
+        self.slip_columns
+            .add_transposed_product(&self.free, &mut self.free_slip);
+        for (velocity, &k) in self.free_slip.iter_mut().zip(&self.frictional) {
+            *velocity += self.list[k].background[1];
         }
     }
 
@@ -299,18 +302,15 @@ impl Contacts {
     fn finish(&mut self, resistance: &Resistance, velocities: &mut [f64]) {
         let motion = &mut self.motion;
         motion.clone_from(&self.free);
-        for (k, contact) in self.list.iter().enumerate() {
-            if contact.normal_force != 0.0 {
-                let (start, y) = self.normal_columns.tail(k);
-                add_scaled(&mut motion[start..], y, contact.normal_force);
-            }
-        }
-        for (m, &k) in self.frictional.iter().enumerate() {
-            let force = self.list[k].tangential_force;
-            if force != 0.0 {
-                let (start, y) = self.slip_columns.tail(m);
-                add_scaled(&mut motion[start..], y, -force);
-            }
+        let weights = &mut self.weights;
+        weights.clear();
+        weights.extend(self.list.iter().map(|contact| contact.normal_force));
+        self.normal_columns.add_product(weights, motion);
+        if !self.frictional.is_empty() {
+            let force = |&k: &usize| -self.list[k].tangential_force;
+            weights.clear();
+            weights.extend(self.frictional.iter().map(force));
+            self.slip_columns.add_product(weights, motion);
         }
         self.settle(resistance, velocities);
     }

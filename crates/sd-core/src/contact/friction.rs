@@ -9,7 +9,7 @@
 
 use super::newton::{self, Outcome};
 use super::{ContactState, Contacts, Quality, Surface};
-use crate::linalg::dense::dot;
+use crate::linalg::dense::{add_scaled, dot};
 
 /// Largest number of passes between friction and normal forces.
 const MOST_PASSES: u32 = 200;
@@ -308,7 +308,7 @@ impl Anderson {
         let gamma = self.least_squares();
         x.copy_from_slice(image);
         for (step, weight) in self.image_steps[..self.kept].iter().zip(gamma) {
-            super::add_scaled(x, step, -weight);
+            add_scaled(x, step, -weight);
         }
     }
 
@@ -329,7 +329,7 @@ impl Anderson {
                 if used[other] {
                     let projection = dot(&basis[other], &q);
                     triangle[other][column] = projection;
-                    super::add_scaled(&mut q, &basis[other], -projection);
+                    add_scaled(&mut q, &basis[other], -projection);
                 }
             }
             let norm = dot(&q, &q).sqrt();
