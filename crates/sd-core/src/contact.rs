@@ -205,6 +205,8 @@ pub struct Contacts {
     free_normal: Vec<f64>,
     /// u_t⁰ of each frictional candidate.
     free_slip: Vec<f64>,
+    /// Workspace of sorting `list`.
+    sorting: Sorting,
     /// Weights of columns in the motion.
     weights: Vec<f64>,
     /// Normal forces at hand.
@@ -215,6 +217,28 @@ pub struct Contacts {
     friction: friction::Workspace,
     /// Workspace of the laws chosen one by one.
     laws: laws::Workspace,
+}
+
+/// Workspace of a sort that moves each contact once: they are large.
+#[derive(Default)]
+struct Sorting {
+    /// Key and place of each contact.
+    keys: Vec<([usize; 3], usize)>,
+    /// The contacts in order.
+    sorted: Vec<Contact>,
+}
+
+impl Sorting {
+    /// Sorts by a key that no two contacts share.
+    fn sort(&mut self, list: &mut Vec<Contact>, key: impl Fn(&Contact) -> [usize; 3]) {
+        self.keys.clear();
+        self.keys
+            .extend(list.iter().enumerate().map(|(k, c)| (key(c), k)));
+        self.keys.sort_unstable();
+        self.sorted.clear();
+        self.sorted.extend(self.keys.iter().map(|&(_, k)| list[k]));
+        std::mem::swap(list, &mut self.sorted);
+    }
 }
 
 /// Most spheres for which room is made in advance for all contacts there can be.
@@ -236,6 +260,10 @@ impl Contacts {
             frictional: Vec::with_capacity(most),
             free_normal: Vec::with_capacity(most),
             free_slip: Vec::with_capacity(most),
+            sorting: Sorting {
+                keys: Vec::with_capacity(most),
+                sorted: Vec::with_capacity(most),
+            },
             weights: Vec::with_capacity(most),
             normal_forces: Vec::with_capacity(most),
             normal: normal::NormalProblem::new(most),
@@ -259,8 +287,8 @@ impl Contacts {
         solver.solve_lower_vector(&mut self.free);
         let rows = |c: &Contact| [c.pair.i, c.pair.j].map(|sphere| resistance.row(sphere));
         let start = |c: &Contact| rows(c)[0].min(rows(c)[1]);
-        self.list
-            .sort_unstable_by_key(|c| (start(c), c.pair.i, c.pair.j));
+        self.sorting
+            .sort(&mut self.list, |c| [start(c), c.pair.i, c.pair.j]);
         let starts = self.list.iter().map(start);
         self.normal_columns.reset(forces.len(), starts);
         for (k, contact) in self.list.iter().enumerate() {
@@ -319,7 +347,8 @@ impl Contacts {
     fn settle(&mut self, resistance: &Resistance, velocities: &mut [f64]) {
         resistance.solver().solve_upper_vector(&mut self.motion);
         resistance.from_rows(&self.motion, velocities);
-        self.list.sort_unstable_by_key(|c| (c.pair.i, c.pair.j));
+        self.sorting
+            .sort(&mut self.list, |c| [c.pair.i, c.pair.j, 0]);
         for contact in &mut self.list {
             contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
             contact.slip_velocity = contact.background[1] + contact.slip_row(velocities);

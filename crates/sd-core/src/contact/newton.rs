@@ -12,8 +12,8 @@
 //! mostly needs one or two systems, where the fixed point of [`super::friction`] needs a dozen passes. Where it cycles, that takes over.
 
 use super::friction::{DECIDING_PASSES, STANDSTILL, law};
-use super::{COMPLIANCE, ContactState, Contacts, Surface};
-use crate::linalg::dense::{Matrix, subtract_square};
+use super::{COMPLIANCE, Contact, ContactState, Contacts, Surface};
+use crate::linalg::dense::{Matrix, add_scaled, symmetric_product};
 use crate::linalg::general::GeneralSolver;
 
 /// Systems after which the fixed point takes over.
@@ -52,10 +52,16 @@ pub(super) struct Workspace {
     follows: Vec<Follows>,
     /// Closed candidates, ascending.
     active: Vec<usize>,
-    /// Frictional candidates that roll, as places in `frictional`, with √K.
+    /// Frictional candidates that roll when a stage begins, as places in `frictional`, with √K.
     rolling: Vec<(usize, f64)>,
-    /// `√K G_nt` of those that roll, on the closed ones.
+    /// `√K G_tn` of those, on all candidates; then of one.
     couplings: Matrix,
+    /// `G_tn`ᵀ K `G_tn` of those that roll, lower triangle.
+    square: Matrix,
+    /// `G_nn` less that, both triangles.
+    symmetric: Matrix,
+    /// Whether each frictional candidate is among those; empty if `symmetric` is not of this stage.
+    counted: Vec<bool>,
     /// F_t at f = 0, one per frictional candidate.
     constant: Vec<f64>,
     /// Right-hand side and solution of the system.
@@ -67,17 +73,82 @@ pub(super) struct Workspace {
 impl Workspace {
     /// Room for that many candidates.
     pub(super) fn new(candidates: usize) -> Self {
-        let mut couplings = Matrix::default();
-        couplings.reserve(candidates * candidates);
+        let matrix = || {
+            let mut matrix = Matrix::default();
+            matrix.reserve(candidates * candidates);
+            matrix
+        };
         Self {
             closed: Vec::with_capacity(candidates),
             follows: Vec::with_capacity(candidates),
             active: Vec::with_capacity(candidates),
             rolling: Vec::with_capacity(candidates),
-            couplings,
+            couplings: matrix(),
+            square: matrix(),
+            symmetric: matrix(),
+            counted: Vec::with_capacity(candidates),
             constant: Vec::with_capacity(candidates),
             solution: Vec::with_capacity(candidates),
             solver: GeneralSolver::new(candidates),
+        }
+    }
+
+    /// Brings the symmetric part of the system, `G_nn` less what follows the slip, up to date: all of it at first, then by those
+    /// that began or ceased to roll.
+    fn follow_slip(
+        &mut self,
+        g_nn: &Matrix,
+        g_tn: &Matrix,
+        frictional: &[usize],
+        list: &[Contact],
+    ) {
+        let count = g_nn.columns();
+        let rolls = |follows: &Follows| *follows == Follows::Slip;
+        let root = |m: usize| list[frictional[m]].slip_resistance.sqrt();
+        if self.counted.is_empty() {
+            self.counted.extend(self.follows.iter().map(rolls));
+            self.rolling.clear();
+            self.rolling.extend(
+                (0..frictional.len())
+                    .filter(|&m| self.counted[m])
+                    .map(|m| (m, root(m))),
+            );
+            self.couplings.reshape(self.rolling.len(), count);
+            for k in 0..count {
+                let slips = g_tn.column(k);
+                let target = self.couplings.column_mut(k);
+                for (entry, &(m, root)) in target.iter_mut().zip(&self.rolling) {
+                    *entry = root * slips[m];
+                }
+            }
+            symmetric_product(&self.couplings, &self.couplings, &mut self.square);
+            self.symmetric.reshape(count, count);
+            for k in 0..count {
+                let (normal, square) = (g_nn.column(k), self.square.column(k));
+                let target = self.symmetric.column_mut(k);
+                for (row, entry) in target.iter_mut().enumerate().skip(k) {
+                    *entry = normal[row] - square[row];
+                }
+            }
+            self.symmetric.mirror_lower();
+            return;
+        }
+        for m in 0..frictional.len() {
+            let now = rolls(&self.follows[m]);
+            if now == self.counted[m] {
+                continue;
+            }
+            self.counted[m] = now;
+            let root = root(m);
+            self.couplings.reshape(count, 1);
+            for (k, entry) in self.couplings.column_mut(0).iter_mut().enumerate() {
+                *entry = root * g_tn[(m, k)];
+            }
+            let coupling = self.couplings.column(0);
+            let sign = if now { -1.0 } else { 1.0 };
+            for (k, &weight) in coupling.iter().enumerate() {
+                add_scaled(self.symmetric.column_mut(k), coupling, sign * weight);
+            }
         }
     }
 }
@@ -127,6 +198,7 @@ impl Contacts {
                 .extend(self.normal_forces.iter().map(|&f| f > 0.0));
         }
         work.follows.clear();
+        work.counted.clear();
         friction.activated.clear();
         for &k in &self.frictional {
             let contact = &self.list[k];
@@ -156,19 +228,7 @@ impl Contacts {
         work.active
             .extend((0..work.closed.len()).filter(|&k| work.closed[k]));
         let size = work.active.len();
-        work.rolling.clear();
-        work.rolling.extend(
-            (0..self.frictional.len())
-                .filter(|&m| work.follows[m] == Follows::Slip)
-                .map(|m| (m, self.list[self.frictional[m]].slip_resistance.sqrt())),
-        );
-        work.couplings.reshape(size, work.rolling.len());
-        for (row, &k) in work.active.iter().enumerate() {
-            let slips = g_tn.column(k);
-            for (column, &(m, root)) in work.rolling.iter().enumerate() {
-                work.couplings[(row, column)] = root * slips[m];
-            }
-        }
+        work.follow_slip(g_nn, g_tn, &self.frictional, &self.list);
         work.constant.clear();
         for ((&k, &slip), follows) in self
             .frictional
@@ -198,13 +258,12 @@ impl Contacts {
         matrix.reshape(size, size);
         for (column, &k) in work.active.iter().enumerate() {
             let target = matrix.column_mut(column);
-            let normal = g_nn.column(k);
+            let source = work.symmetric.column(k);
             for (entry, &a) in target.iter_mut().zip(&work.active) {
-                *entry = normal[a];
+                *entry = source[a];
             }
             target[column] += COMPLIANCE;
         }
-        subtract_square(matrix, &work.couplings);
         for (m, follows) in work.follows.iter().enumerate() {
             let Follows::Load(factor) = *follows else {
                 continue;

@@ -191,8 +191,13 @@ impl Contacts {
         let loaded_before = |k: &usize| self.list[*k].normal_force > load;
         if surface.has_friction() && (0..self.list.len()).any(|k| loaded_before(&k)) {
             // Those loaded before; the solution says which others it needs.
-            self.frictional
-                .extend((0..self.list.len()).filter(loaded_before));
+            let count = self.list.len();
+            self.frictional.extend((0..count).filter(loaded_before));
+            if 10 * self.frictional.len() >= 9 * count {
+                // The few others cost less now than later.
+                self.frictional.clear();
+                self.frictional.extend(0..count);
+            }
             self.normal_forces.clear();
             self.normal_forces
                 .extend(self.list.iter().map(|contact| contact.normal_force));
