@@ -29,7 +29,7 @@ const NODES: usize = 8;
 /// The entries, the slip resistance, and one unused.
 const LANES: usize = ENTRIES + 2;
 /// Lanes summed together, few enough to stay in registers.
-const BLOCK: usize = 36;
+const BLOCK: usize = 12;
 /// Blocks of lanes.
 const BLOCKS: usize = LANES / BLOCK;
 /// Place of the slip resistance.
