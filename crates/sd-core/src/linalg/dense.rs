@@ -381,37 +381,6 @@ pub fn add_outer(c: &mut Matrix, a: &Matrix, b: &Matrix, alpha: f64) {
     );
 }
 
-/// `C ← C − A Aᵀ`, both triangles, for small matrices.
-pub fn subtract_square(c: &mut Matrix, a: &Matrix) {
-    let (n, depth) = (a.rows, a.columns - a.columns % 4);
-    vectorised(
-        #[inline(always)]
-        || {
-            for first in (0..n).step_by(2) {
-                let (left, right) = c.values[n * first..].split_at_mut(n);
-                if right.is_empty() {
-                    for k in 0..a.columns {
-                        let column = a.column(k);
-                        vector::add_scaled_inline(left, column, -column[first]);
-                    }
-                    break;
-                }
-                let right = &mut right[..n];
-                for k in (0..depth).step_by(4) {
-                    let columns = [0, 1, 2, 3].map(|p| a.column(k + p));
-                    let weights = [first, first + 1].map(|row| columns.map(|x| x[row]));
-                    vector::subtract_four_from_two([&mut *left, &mut *right], columns, weights);
-                }
-                for k in depth..a.columns {
-                    let column = a.column(k);
-                    vector::add_scaled_inline(left, column, -column[first]);
-                    vector::add_scaled_inline(right, column, -column[first + 1]);
-                }
-            }
-        },
-    );
-}
-
 /// Solves `A x = b` in place by Gaussian elimination with partial pivoting; A is overwritten. For small or one-off systems.
 ///
 /// # Errors

@@ -13,7 +13,7 @@ use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Par};
 
 /// Columns multiplied at once.
-const COLUMNS: usize = 32;
+const COLUMNS: usize = 24;
 
 /// Columns `[n × K]`, each zero above its start.
 #[derive(Debug, Clone, Default)]
