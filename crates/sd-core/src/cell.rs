@@ -148,6 +148,10 @@ impl Cell {
     }
 }
 
+mod near;
+
+use near::NearPairs;
+
 /// Two spheres within range of each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Neighbours {
@@ -177,6 +181,32 @@ impl Neighbours {
     }
 }
 
+/// The spheres of a pair, if they are within range.
+#[inline(always)]
+fn neighbours(
+    cell: &Cell,
+    centres: &[Vec2],
+    radii: &[f64],
+    range: f64,
+    [i, j]: [usize; 2],
+) -> Option<Neighbours> {
+    let (r, image) = cell.nearest(centres[j] - centres[i]);
+    let sum = radii[i] + radii[j];
+    let square = r.norm_squared();
+    let reach = 0.5 * range * sum;
+    (square < reach * reach).then(|| {
+        let distance = square.sqrt();
+        Neighbours {
+            i,
+            j,
+            image,
+            distance,
+            normal: r / distance,
+            gap: distance - sum,
+        }
+    })
+}
+
 /// Neighbours of a sphere within the lubrication range that room is made for; equal ones have 18 at most.
 pub(crate) const MOST_NEIGHBOURS: usize = 20;
 
@@ -193,6 +223,8 @@ pub struct NeighbourList {
     bins: Vec<(usize, usize)>,
     /// Neighbours of the sphere at hand.
     found: Vec<Neighbours>,
+    /// Pairs that may come within range for a while.
+    near: NearPairs,
     /// Overlap of two surfaces from which [`NeighbourList::update`] refuses them, in a.
     deepest: f64,
 }
@@ -206,6 +238,7 @@ impl NeighbourList {
             starts: Vec::new(),
             bins: Vec::with_capacity(spheres),
             found: Vec::with_capacity(MOST_NEIGHBOURS),
+            near: NearPairs::new(spheres),
             deepest: 0.0,
         }
     }
@@ -233,7 +266,9 @@ impl NeighbourList {
         radii: &[f64],
         range: f64,
     ) -> Result<(), Error> {
-        self.find(cell, centres, radii, range);
+        if !self.find_near(cell, centres, radii, range) {
+            self.find(cell, centres, radii, range);
+        }
         match self.pairs.iter().find(|pair| pair.gap <= -self.deepest) {
             Some(pair) => Err(pair.overlap()),
             None => Ok(()),
@@ -312,21 +347,8 @@ impl NeighbourList {
                     let bin = other_row * columns + bin_column % columns;
                     for &j in &self.sorted[self.starts[bin]..self.starts[bin + 1]] {
                         if j > i {
-                            let (r, image) = cell.nearest(centres[j] - centres[i]);
-                            let sum = radii[i] + radii[j];
-                            let square = r.norm_squared();
-                            let reach = 0.5 * range * sum;
-                            if square < reach * reach {
-                                let distance = square.sqrt();
-                                self.found.push(Neighbours {
-                                    i,
-                                    j,
-                                    image,
-                                    distance,
-                                    normal: r / distance,
-                                    gap: distance - sum,
-                                });
-                            }
+                            self.found
+                                .extend(neighbours(cell, centres, radii, range, [i, j]));
                         }
                     }
                 }
@@ -393,6 +415,35 @@ mod tests {
             unreachable!()
         };
         assert!((offset + 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn lists_kept_under_shear_find_what_new_ones_find() {
+        // Points that drift, at random and with the flow, and are wrapped now and then.
+        let (side, n) = (14.0, 40);
+        let mut list = NeighbourList::new(n);
+        let radii: Vec<f64> = (0..n).map(|i| if i % 3 == 0 { 1.4 } else { 1.0 }).collect();
+        let mut centres: Vec<Vec2> = (0..n)
+            .map(|i| Vec2::new((7 * i) as f64 % side, (3.3 * i as f64) % side))
+            .collect();
+        list.allow_overlap(f64::INFINITY);
+        for step in 0..600 {
+            let cell = Cell::periodic(side, side, 0.003 * f64::from(step) * side).unwrap();
+            list.update(&cell, &centres, &radii, LUBRICATION_RANGE)
+                .unwrap();
+            let mut new = NeighbourList::default();
+            new.find(&cell, &centres, &radii, LUBRICATION_RANGE);
+            assert_eq!(list.pairs, new.pairs);
+            for (i, x) in centres.iter_mut().enumerate() {
+                let wave = (f64::from(step) * 0.01 + i as f64).sin();
+                *x += Vec2::new(0.003 * x.y + 0.01 * wave, 0.02 * wave);
+                if step % 4 == 3 {
+                    *x = Cell::periodic(side, side, 0.003 * f64::from(step + 1) * side)
+                        .unwrap()
+                        .wrap(*x);
+                }
+            }
+        }
     }
 
     #[test]

@@ -23,6 +23,7 @@ pub mod hertz;
 pub mod laws;
 pub mod linear_spring;
 pub mod network;
+mod newton;
 mod normal;
 pub mod procedure;
 pub mod repulsion;
@@ -31,7 +32,7 @@ pub mod stick_rotate;
 pub mod stick_slide;
 
 use crate::cell::Neighbours;
-use crate::linalg::dense::{Matrix, add_scaled, dot};
+use crate::linalg::dense::Matrix;
 use crate::linalg::staggered::StaggeredColumns;
 use crate::modes::{Background, Vec2};
 use crate::resistance::Resistance;
@@ -211,6 +212,10 @@ pub struct Contacts {
     free_normal: Vec<f64>,
     /// u_t⁰ of each frictional candidate.
     free_slip: Vec<f64>,
+    /// Workspace of sorting `list`.
+    sorting: Sorting,
+    /// Weights of columns in the motion.
+    weights: Vec<f64>,
     /// Normal forces at hand.
     normal_forces: Vec<f64>,
     /// Solver of the normal problem.
@@ -221,6 +226,28 @@ pub struct Contacts {
     laws: laws::Workspace,
     /// Workspace of networks.
     network: network::Workspace,
+}
+
+/// Workspace of a sort that moves each contact once: they are large.
+#[derive(Default)]
+struct Sorting {
+    /// Key and place of each contact.
+    keys: Vec<([usize; 3], usize)>,
+    /// The contacts in order.
+    sorted: Vec<Contact>,
+}
+
+impl Sorting {
+    /// Sorts by a key that no two contacts share.
+    fn sort(&mut self, list: &mut Vec<Contact>, key: impl Fn(&Contact) -> [usize; 3]) {
+        self.keys.clear();
+        self.keys
+            .extend(list.iter().enumerate().map(|(k, c)| (key(c), k)));
+        self.keys.sort_unstable();
+        self.sorted.clear();
+        self.sorted.extend(self.keys.iter().map(|&(_, k)| list[k]));
+        std::mem::swap(list, &mut self.sorted);
+    }
 }
 
 /// Most spheres for which room is made in advance for all contacts there can be.
@@ -242,6 +269,11 @@ impl Contacts {
             frictional: Vec::with_capacity(most),
             free_normal: Vec::with_capacity(most),
             free_slip: Vec::with_capacity(most),
+            sorting: Sorting {
+                keys: Vec::with_capacity(most),
+                sorted: Vec::with_capacity(most),
+            },
+            weights: Vec::with_capacity(most),
             normal_forces: Vec::with_capacity(most),
             normal: normal::NormalProblem::new(most),
             friction: friction::Workspace::new(most),
@@ -264,8 +296,8 @@ impl Contacts {
         solver.solve_lower_vector(&mut self.free);
         let rows = |c: &Contact| [c.pair.i, c.pair.j].map(|sphere| resistance.row(sphere));
         let start = |c: &Contact| rows(c)[0].min(rows(c)[1]);
-        self.list
-            .sort_unstable_by_key(|c| (start(c), c.pair.i, c.pair.j));
+        self.sorting
+            .sort(&mut self.list, |c| [start(c), c.pair.i, c.pair.j]);
         let starts = self.list.iter().map(start);
         self.normal_columns.reset(forces.len(), starts);
         for (k, contact) in self.list.iter().enumerate() {
@@ -274,10 +306,10 @@ impl Contacts {
         self.normal_columns.solve_lower(solver);
         self.normal_columns.gram(&mut self.g_nn);
         self.free_normal.clear();
-        for (k, contact) in self.list.iter().enumerate() {
-            let (start, y) = self.normal_columns.tail(k);
-            let velocity = dot(y, &self.free[start..]);
-            self.free_normal.push(contact.background[0] + velocity);
+        self.normal_columns
+            .add_transposed_product(&self.free, &mut self.free_normal);
+        for (velocity, contact) in self.free_normal.iter_mut().zip(&self.list) {
+            *velocity += contact.background[0];
         }
     }
 
@@ -296,10 +328,10 @@ impl Contacts {
         self.slip_columns
             .transposed_product(&self.normal_columns, &mut self.g_tn);
         self.free_slip.clear();
-        for (m, &k) in self.frictional.iter().enumerate() {
-            let (start, y) = self.slip_columns.tail(m);
-            let velocity = dot(y, &self.free[start..]);
-            self.free_slip.push(self.list[k].background[1] + velocity);
+        self.slip_columns
+            .add_transposed_product(&self.free, &mut self.free_slip);
+        for (velocity, &k) in self.free_slip.iter_mut().zip(&self.frictional) {
+            *velocity += self.list[k].background[1];
         }
     }
 
@@ -307,18 +339,15 @@ impl Contacts {
     fn finish(&mut self, resistance: &Resistance, velocities: &mut [f64]) {
         let motion = &mut self.motion;
         motion.clone_from(&self.free);
-        for (k, contact) in self.list.iter().enumerate() {
-            if contact.normal_force != 0.0 {
-                let (start, y) = self.normal_columns.tail(k);
-                add_scaled(&mut motion[start..], y, contact.normal_force);
-            }
-        }
-        for (m, &k) in self.frictional.iter().enumerate() {
-            let force = self.list[k].tangential_force;
-            if force != 0.0 {
-                let (start, y) = self.slip_columns.tail(m);
-                add_scaled(&mut motion[start..], y, -force);
-            }
+        let weights = &mut self.weights;
+        weights.clear();
+        weights.extend(self.list.iter().map(|contact| contact.normal_force));
+        self.normal_columns.add_product(weights, motion);
+        if !self.frictional.is_empty() {
+            let force = |&k: &usize| -self.list[k].tangential_force;
+            weights.clear();
+            weights.extend(self.frictional.iter().map(force));
+            self.slip_columns.add_product(weights, motion);
         }
         self.settle(resistance, velocities);
     }
@@ -327,7 +356,8 @@ impl Contacts {
     fn settle(&mut self, resistance: &Resistance, velocities: &mut [f64]) {
         resistance.solver().solve_upper_vector(&mut self.motion);
         resistance.from_rows(&self.motion, velocities);
-        self.list.sort_unstable_by_key(|c| (c.pair.i, c.pair.j));
+        self.sorting
+            .sort(&mut self.list, |c| [c.pair.i, c.pair.j, 0]);
         for contact in &mut self.list {
             contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
             contact.slip_velocity = contact.background[1] + contact.slip_row(velocities);

@@ -277,26 +277,26 @@ impl Resistance {
     fn add_terms(&mut self) {
         let matrix = self.factor.filled_matrix();
         for (pair, term) in self.neighbours.pairs().iter().zip(&self.terms) {
-            let block = term.force_velocity(pair.normal);
+            let n = pair.normal;
             let (i, j) = (self.order.rows[pair.i], self.order.rows[pair.j]);
-            for column in 0..3 {
-                let own = &mut matrix.column_mut(i + column);
-                for row in column..3 {
-                    own[i + row] += block[(row, column)];
+            for (first, block) in [(i, term.block(n, 0, 0)), (j, term.block(n, 1, 1))] {
+                for (column, entries) in block.into_iter().enumerate() {
+                    let own = &mut matrix.column_mut(first + column)[first..first + 3];
+                    for row in column..3 {
+                        own[row] += entries[row];
+                    }
                 }
-                let other = &mut matrix.column_mut(j + column);
-                for row in column..3 {
-                    other[j + row] += block[(3 + row, 3 + column)];
-                }
-                // The coupling stands below the diagonal, in the columns of the sphere that comes first.
-                let (first, second) = if i < j { (i, j) } else { (j, i) };
+            }
+            // The coupling stands below the diagonal, in the columns of the sphere that comes first.
+            let (first, second, block) = if i < j {
+                (i, j, term.block(n, 1, 0))
+            } else {
+                (j, i, term.block(n, 0, 1))
+            };
+            for (column, entries) in block.into_iter().enumerate() {
                 let coupling = &mut matrix.column_mut(first + column)[second..second + 3];
-                for (row, value) in coupling.iter_mut().enumerate() {
-                    *value += if i < j {
-                        block[(3 + row, column)]
-                    } else {
-                        block[(row, 3 + column)]
-                    };
+                for (value, entry) in coupling.iter_mut().zip(entries) {
+                    *value += entry;
                 }
             }
         }

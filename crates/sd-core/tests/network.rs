@@ -87,7 +87,10 @@ fn velocities_forces_and_states_are_those_of_the_factored_layer() {
         let (found, others, _) = stage(&layer, surface, true);
         let fastest = expected.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
         for (a, b) in found.iter().zip(&expected) {
-            assert!((a - b).abs() < limit * fastest, "{a} {b} of {fastest}");
+            assert!(
+                (a - b).abs() < limit * fastest,
+                "{a} {b} of {fastest}: {area_fraction} {friction} {load}"
+            );
         }
         let largest = contacts.iter().fold(0.0, |m: f64, c| m.max(c.normal_force));
         assert!(largest > 10.0);

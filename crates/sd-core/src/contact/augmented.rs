@@ -86,8 +86,8 @@ pub(super) struct Augmented {
     factored: (Vec<bool>, bool),
     /// Iterations lost to it since.
     lost: u32,
-    /// Number of each candidate in the pattern.
-    numbers: Vec<usize>,
+    /// Number of each candidate in the pattern, which has all that are near.
+    numbers: Vec<Option<usize>>,
     /// max(0, p).
     trial: Vec<f64>,
     /// Force left over, `[3N]`.
@@ -128,8 +128,7 @@ impl Augmented {
         self.active.extend(self.forces.iter().map(|&f| f > 0.0));
         self.numbers.clear();
         let number = |c: &Contact| system.network.number_of(&c.pair);
-        self.numbers
-            .extend(system.list.iter().map(|c| number(c).unwrap_or(0)));
+        self.numbers.extend(system.list.iter().map(number));
         self.factored.1 = false;
     }
 
@@ -267,7 +266,9 @@ impl Augmented {
                 let block = [xx, xy, 0.0, xy, yy, 0.0, 0.0, 0.0, 0.0].map(|x| STIFFNESS * x);
                 factor.add_own(pattern, c.pair.i, &block);
                 factor.add_own(pattern, c.pair.j, &block);
-                factor.add_coupling(pattern, self.numbers[k], &block.map(|x| -x));
+                if let Some(number) = self.numbers[k] {
+                    factor.add_coupling(pattern, number, &block.map(|x| -x));
+                }
             }
         }
         factor.factor(pattern).map_err(not_positive)?;

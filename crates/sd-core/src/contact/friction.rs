@@ -7,16 +7,17 @@
 //!
 //! Steps 4 to 6 of the paper, with the sign of (19) mended: friction opposes slip.
 
+use super::newton::{self, Outcome};
 use super::{ContactState, Contacts, Quality, Surface};
-use crate::linalg::dense::dot;
+use crate::linalg::dense::{add_scaled, dot};
 
 /// Largest number of passes between friction and normal forces.
 const MOST_PASSES: u32 = 200;
 /// Passes in which the set of activated contacts is still decided; then it is held, since the law jumps at `F_crit` and a
 /// self-consistent set need not exist.
-const DECIDING_PASSES: u32 = 4;
+pub(super) const DECIDING_PASSES: u32 = 4;
 /// Change of the friction forces, over the largest force, at which they stand still.
-const STANDSTILL: f64 = 1e-11;
+pub(super) const STANDSTILL: f64 = 1e-11;
 /// Depth of the Anderson acceleration.
 const DEPTH: usize = 5;
 
@@ -42,19 +43,21 @@ pub fn law(
 #[derive(Default)]
 pub(super) struct Workspace {
     /// Friction forces that went into the last normal problem.
-    applied: Vec<f64>,
+    pub(super) applied: Vec<f64>,
     /// What the law makes of the result.
-    wanted: Vec<f64>,
+    pub(super) wanted: Vec<f64>,
     /// Best of `applied` so far.
     best: Vec<f64>,
     /// Whether friction acts.
-    activated: Vec<bool>,
+    pub(super) activated: Vec<bool>,
     /// Bias of every candidate: what w has besides `v_n`.
     pub(super) bias: Vec<f64>,
     /// Load taken off before friction: 0 for the paper's law.
     pub(super) offset: f64,
     /// q of the normal problem, one entry per candidate.
-    q: Vec<f64>,
+    pub(super) q: Vec<f64>,
+    /// Newton's method, which comes first.
+    pub(super) newton: newton::Workspace,
     /// Acceleration.
     anderson: Anderson,
 }
@@ -71,6 +74,7 @@ impl Workspace {
             bias: vector(),
             offset: 0.0,
             q: vector(),
+            newton: newton::Workspace::new(candidates),
             anderson: Anderson::new(candidates),
         }
     }
@@ -99,6 +103,15 @@ impl Contacts {
     /// Slip must have been reduced. Starts from the friction forces in `list`. `None` if a candidate whose slip was not
     /// reduced exceeds the critical load: it has then joined `frictional`.
     pub(super) fn solve_frictional(&mut self, surface: &Surface) -> Option<Quality> {
+        match self.solve_by_newton(surface) {
+            Outcome::Solved(systems, error) => Some(self.take_frictional(systems, error)),
+            Outcome::Admitted => None,
+            Outcome::Cycled(systems) => self.iterate(surface, systems),
+        }
+    }
+
+    /// The fixed point of [`Contacts::solve_frictional`], after `passes` in vain.
+    fn iterate(&mut self, surface: &Surface, before: u32) -> Option<Quality> {
         let count = self.frictional.len();
         let work = &mut self.friction;
         work.applied.clear();
@@ -109,6 +122,7 @@ impl Contacts {
         );
         work.activated.clear();
         work.activated.resize(count, false);
+        work.wanted.clear();
         work.wanted.resize(count, 0.0);
         work.anderson.restart();
         let mut best = f64::INFINITY;
@@ -143,6 +157,11 @@ impl Contacts {
             work.applied.clone_from(&work.best);
             error = self.pass(surface, false);
         }
+        Some(self.take_frictional(before + passes, error))
+    }
+
+    /// Puts the forces found into `list`.
+    fn take_frictional(&mut self, passes: u32, error: f64) -> Quality {
         for (contact, &f) in self.list.iter_mut().zip(&self.normal_forces) {
             contact.normal_force = f;
             contact.tangential_force = 0.0;
@@ -154,15 +173,15 @@ impl Contacts {
                 contact.state = ContactState::Frictionless;
             }
         }
-        Some(Quality {
+        Quality {
             residual: self.normal_residual(),
             friction_error: error,
             passes,
-        })
+        }
     }
 
     /// Adds to `frictional` the candidates above the critical load that it lacks; whether there were any.
-    fn admit_loaded(&mut self, surface: &Surface) -> bool {
+    pub(super) fn admit_loaded(&mut self, surface: &Surface) -> bool {
         let before = self.frictional.len();
         for (k, &f) in self.normal_forces.iter().enumerate() {
             if f > surface.critical_load && self.frictional[..before].binary_search(&k).is_err() {
@@ -289,7 +308,7 @@ impl Anderson {
         let gamma = self.least_squares();
         x.copy_from_slice(image);
         for (step, weight) in self.image_steps[..self.kept].iter().zip(gamma) {
-            super::add_scaled(x, step, -weight);
+            add_scaled(x, step, -weight);
         }
     }
 
@@ -310,7 +329,7 @@ impl Anderson {
                 if used[other] {
                     let projection = dot(&basis[other], &q);
                     triangle[other][column] = projection;
-                    super::add_scaled(&mut q, &basis[other], -projection);
+                    add_scaled(&mut q, &basis[other], -projection);
                 }
             }
             let norm = dot(&q, &q).sqrt();

@@ -10,7 +10,7 @@
 
 use super::augmented::{Augmented, Goal, System, not_positive};
 use super::friction::{Anderson, law};
-use super::rigid::{EXPECTED_APPROACH, MOST_ROUNDS, Memory, RESTITUTION};
+use super::rigid::{MOST_ROUNDS, Memory, bias};
 use super::{Contact, ContactState, Contacts, Quality, Surface};
 use crate::error::Error;
 use crate::linalg::gradients::{ConjugateGradients, largest};
@@ -238,13 +238,7 @@ impl Contacts {
         velocities: &mut [f64],
     ) -> Result<Quality, Error> {
         let pattern = network.pattern().ok_or(NOT_ASSEMBLED)?;
-        let radii = resistance.radii();
-        let pairs = resistance.neighbours();
-        let reach = surface.roughness + EXPECTED_APPROACH * time_span;
-        self.list.clear();
-        for pair in pairs.iter().filter(|p| p.gap < reach) {
-            self.list.push(Contact::new(*pair, radii, background));
-        }
+        self.choose_candidates(resistance, background, surface, time_span, memory);
         self.network.start(driving.forces.len());
         let mut worst = Quality::default();
         for _ in 0..MOST_ROUNDS {
@@ -263,17 +257,13 @@ impl Contacts {
                 contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
                 contact.slip_velocity = contact.background[1] + contact.slip_row(velocities);
             }
-            memory.store(self);
             if !self.add_closing(
-                resistance, background, surface, time_span, reach, velocities,
+                resistance, background, surface, time_span, velocities, memory,
             ) {
                 return Ok(worst);
             }
         }
-        for c in &self.list {
-            let span = (c.pair.gap - surface.roughness) / time_span;
-            worst.residual = worst.residual.max(-(c.normal_velocity + span.max(0.0)));
-        }
+        worst.residual = worst.residual.max(self.fastest_closing(surface, time_span));
         Ok(worst)
     }
 
@@ -289,11 +279,7 @@ impl Contacts {
     ) -> Result<Quality, Error> {
         let work = &mut self.network;
         let list = &mut self.list;
-        let bias = |c: &Contact| {
-            let excess = c.pair.gap - surface.roughness;
-            let share = if excess < 0.0 { RESTITUTION } else { 1.0 };
-            c.background[0] + share * excess / time_span
-        };
+        let bias = |c: &Contact| c.background[0] + bias(c.pair.gap - surface.roughness, time_span);
         let system = System {
             network,
             pattern,

@@ -143,6 +143,28 @@ impl NormalProblem {
         false
     }
 
+    /// Measures forces of either sign found elsewhere for the support `closed`, and exchanges every violating index of it; how
+    /// many there were. Forces below zero, as rounding leaves them or as they violate, end as zero.
+    pub(super) fn exchange(
+        &mut self,
+        delassus: &Matrix,
+        q: &[f64],
+        f: &mut [f64],
+        closed: &mut [bool],
+    ) -> usize {
+        self.update_slack(delassus, q, f);
+        let zero = Zero::of(q, f);
+        let mut violations = 0;
+        for ((carries, force), &slack) in closed.iter_mut().zip(f.iter_mut()).zip(&self.slack) {
+            if zero.violates(*carries, *force, slack) {
+                violations += 1;
+                *carries = !*carries;
+            }
+            *force = force.max(0.0);
+        }
+        violations
+    }
+
     /// The minimum of ½ f·Gf + q·f over f ≥ 0 by an active set (Lawson & Hanson 1974), started from the positive part of f.
     ///
     /// Each step goes towards the solution on the support, as far as no force turns negative, so that the function falls and no

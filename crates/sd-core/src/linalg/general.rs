@@ -1,14 +1,23 @@
 //! Gaussian elimination with partial pivoting, for systems that are solved again and again.
 
 use super::dense::{Matrix, NotPositive};
+use super::simd::vectorised;
+use super::vector;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::{MatMut, Par, Spec};
+
+/// Dimension below which systems are eliminated here: calls of a library for small blocks cost more than the work.
+const SMALL: usize = 160;
+/// Columns eliminated at once there.
+const PANEL: usize = 4;
 
 /// Solver of general systems `A x = b`, with its workspace.
 pub struct GeneralSolver {
     /// A to fill, then L and U.
     matrix: Matrix,
+    /// Right-hand side of a small system.
+    rhs: Vec<f64>,
     /// Order of the rows, and its inverse.
     permutation: [Vec<usize>; 2],
     /// Scratch, sized for the largest matrix so far.
@@ -37,6 +46,7 @@ impl GeneralSolver {
         matrix.reserve(n * n);
         Self {
             matrix,
+            rhs: Vec::with_capacity(n.min(SMALL)),
             permutation: [Vec::with_capacity(n), Vec::with_capacity(n)],
             scratch: scratch(n),
             capacity: n,
@@ -56,6 +66,9 @@ impl GeneralSolver {
         let n = self.matrix.rows();
         if n == 0 {
             return Ok(());
+        }
+        if n < SMALL {
+            return self.solve_small(x);
         }
         if n > self.capacity {
             self.scratch = scratch(n);
@@ -89,6 +102,126 @@ impl GeneralSolver {
         );
         Ok(())
     }
+
+    /// [`GeneralSolver::solve`] of a small system: four columns at a time, whose steps the other columns then take at once. The
+    /// right-hand side comes along as one more column.
+    fn solve_small(&mut self, x: &mut [f64]) -> Result<(), NotPositive> {
+        let [work, _] = &mut self.permutation;
+        let (matrix, rhs) = (&mut self.matrix, &mut self.rhs);
+        rhs.clear();
+        rhs.extend_from_slice(x);
+        vectorised(
+            #[inline(always)]
+            || eliminate(matrix, rhs, work),
+        )?;
+        x.copy_from_slice(rhs);
+        Ok(())
+    }
+}
+
+/// Eliminates A and b, and solves for b in place; `exchanges` is scratch.
+#[inline(always)]
+fn eliminate(
+    matrix: &mut Matrix,
+    b: &mut [f64],
+    exchanges: &mut Vec<usize>,
+) -> Result<(), NotPositive> {
+    let n = b.len();
+    for first in (0..n).step_by(PANEL) {
+        let end = (first + PANEL).min(n);
+        exchanges.clear();
+        let (panel, rest) = matrix.values_mut()[n * first..].split_at_mut(n * (end - first));
+        for k in first..end {
+            let (known, open) = panel.split_at_mut(n * (k - first));
+            let column = &mut open[..n];
+            take_steps(known, n, first, exchanges, column);
+            let (mut pivot, mut largest) = (k, column[k].abs());
+            for (row, value) in column.iter().enumerate().skip(k + 1) {
+                if value.abs() > largest {
+                    (pivot, largest) = (row, value.abs());
+                }
+            }
+            if largest == 0.0 || !largest.is_finite() {
+                return Err(NotPositive { pivot: k });
+            }
+            column.swap(k, pivot);
+            exchanges.push(pivot);
+            for known in known.chunks_exact_mut(n) {
+                known.swap(k, pivot);
+            }
+            let own = column[k].recip();
+            for value in &mut column[k + 1..] {
+                *value *= own;
+            }
+        }
+        if end - first == PANEL {
+            let mut pairs = rest.chunks_exact_mut(2 * n);
+            for two in &mut pairs {
+                let (left, right) = two.split_at_mut(n);
+                take_four_steps(panel, first, exchanges, [left, right]);
+            }
+            // With an odd number of columns the last is the right-hand side's companion.
+            let last = pairs.into_remainder();
+            if last.is_empty() {
+                take_steps(panel, n, first, exchanges, b);
+            } else {
+                take_four_steps(panel, first, exchanges, [last, b]);
+            }
+        } else {
+            take_steps(panel, n, first, exchanges, b);
+        }
+    }
+    for k in (0..n).rev() {
+        let column = matrix.column(k);
+        let value = b[k] / column[k];
+        b[k] = value;
+        vector::add_scaled_inline(&mut b[..k], &column[..k], -value);
+    }
+    Ok(())
+}
+
+/// The exchanges of rows and the steps of a panel's first columns, on another column.
+#[inline(always)]
+fn take_steps(panel: &[f64], n: usize, first: usize, exchanges: &[usize], column: &mut [f64]) {
+    for (step, &pivot) in exchanges.iter().enumerate() {
+        column.swap(first + step, pivot);
+    }
+    for (step, l) in panel.chunks_exact(n).take(exchanges.len()).enumerate() {
+        let (above, below) = column.split_at_mut(first + step + 1);
+        let value = above[first + step];
+        vector::add_scaled_inline(below, &l[first + step + 1..], -value);
+    }
+}
+
+/// The same for all four columns of a panel, on two other columns.
+#[inline(always)]
+fn take_four_steps(panel: &[f64], first: usize, exchanges: &[usize], columns: [&mut [f64]; 2]) {
+    let n = columns[0].len();
+    let end = first + PANEL;
+    let l = [0, 1, 2, 3].map(|k| &panel[n * k..n * (k + 1)]);
+    let mut u = [[0.0; PANEL]; 2];
+    let below = columns.map(|column| {
+        for (step, &pivot) in exchanges.iter().enumerate() {
+            column.swap(first + step, pivot);
+        }
+        column
+    });
+    let [left, right] = below;
+    for (column, u) in [&mut *left, &mut *right].into_iter().zip(&mut u) {
+        for k in 0..PANEL {
+            let mut value = column[first + k];
+            for (l, &before) in l.iter().zip(u.iter()).take(k) {
+                value -= l[first + k] * before;
+            }
+            column[first + k] = value;
+            u[k] = value;
+        }
+    }
+    vector::subtract_four_from_two(
+        [&mut left[end..], &mut right[end..]],
+        l.map(|l| &l[end..]),
+        u,
+    );
 }
 
 #[cfg(test)]
@@ -98,7 +231,7 @@ mod tests {
     #[test]
     fn solves_systems_of_changing_size_and_names_a_singular_column() {
         let mut solver = GeneralSolver::new(4);
-        for n in [3, 40, 7] {
+        for n in [3, 40, 7, 200, 8] {
             solver.matrix_mut().reset(n, n);
             for j in 0..n {
                 for i in 0..n {

@@ -21,7 +21,7 @@ use faer::{Accum, Par, Spec};
 use std::ops::Range;
 
 /// Columns eliminated at once; a multiple of four.
-pub(super) const PANEL: usize = 48;
+pub(super) const PANEL: usize = 24;
 
 /// Cholesky factorization `A = L Lᵀ` within a band and last rows, with its workspace.
 #[derive(Default)]

@@ -6,12 +6,14 @@
 
 use super::dense::Matrix;
 use super::profile::{PANEL, ProfileCholesky};
+use super::simd::vectorised;
+use super::vector;
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Par};
 
 /// Columns multiplied at once.
-const COLUMNS: usize = 32;
+const COLUMNS: usize = 24;
 
 /// Columns `[n × K]`, each zero above its start.
 #[derive(Debug, Clone, Default)]
@@ -51,6 +53,46 @@ impl StaggeredColumns {
     pub fn tail(&self, k: usize) -> (usize, &[f64]) {
         let start = self.starts[k];
         (start, &self.matrix.column(k)[start..])
+    }
+
+    /// `Bᵀ x`, appended to `out`.
+    pub fn add_transposed_product(&self, x: &[f64], out: &mut Vec<f64>) {
+        vectorised(
+            #[inline(always)]
+            || {
+                let whole = self.count() - self.count() % 4;
+                // Four columns from where the first begins: the others are zero above their own.
+                for k in (0..whole).step_by(4) {
+                    let start = self.starts[k];
+                    let columns = [0, 1, 2, 3].map(|c| &self.matrix.column(k + c)[start..]);
+                    out.extend_from_slice(&vector::dot_four(columns, &x[start..]));
+                }
+                for k in whole..self.count() {
+                    let (start, column) = self.tail(k);
+                    out.push(vector::dot_inline(column, &x[start..]));
+                }
+            },
+        );
+    }
+
+    /// `y ← y + B x`.
+    pub fn add_product(&self, x: &[f64], y: &mut [f64]) {
+        vectorised(
+            #[inline(always)]
+            || {
+                let whole = self.count() - self.count() % 4;
+                for k in (0..whole).step_by(4) {
+                    let start = self.starts[k];
+                    let columns = [0, 1, 2, 3].map(|c| &self.matrix.column(k + c)[start..]);
+                    let weights = [0, 1, 2, 3].map(|c| x[k + c]);
+                    vector::add_four(&mut y[start..], columns, weights);
+                }
+                for (k, &weight) in x.iter().enumerate().skip(whole) {
+                    let (start, column) = self.tail(k);
+                    vector::add_scaled_inline(&mut y[start..], column, weight);
+                }
+            },
+        );
     }
 
     /// Replaces the columns B by `L⁻¹ B`.
@@ -172,9 +214,17 @@ mod tests {
                 let expected = dot(a.matrix.column(k), a.matrix.column(l));
                 assert!((gram[(l, k)] - expected).abs() < 1e-12);
             }
+            let (mut sums, mut sum) = (Vec::new(), vec![0.0; 120]);
+            b.add_transposed_product(a.matrix.column(k), &mut sums);
+            b.add_product(&sums, &mut sum);
+            for (row, x) in sum.iter().enumerate() {
+                let expected: f64 = (0..b.count()).map(|l| sums[l] * b.matrix[(row, l)]).sum();
+                assert!((x - expected).abs() < 1e-12);
+            }
             for l in 0..b.count() {
                 let expected = dot(a.matrix.column(k), b.matrix.column(l));
                 assert!((product[(l, k)] - expected).abs() < 1e-12);
+                assert!((sums[l] - expected).abs() < 1e-12);
             }
         }
     }

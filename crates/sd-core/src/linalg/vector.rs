@@ -75,3 +75,36 @@ pub(super) fn add_four(y: &mut [f64], x: [&[f64]; 4], s: [f64; 4]) {
         y[i] += (s[0] * a[i] + s[1] * b[i]) + (s[2] * c[i] + s[3] * d[i]);
     }
 }
+
+/// `y_c ← y_c − Σ_k u_ck l_k` for two vectors y at once and four vectors l at least as long, for callers that are vectorised
+/// themselves.
+#[inline(always)]
+pub(super) fn subtract_four_from_two(y: [&mut [f64]; 2], l: [&[f64]; 4], u: [[f64; 4]; 2]) {
+    /// Entries at a time: copied first, so that nobody wonders whether the vectors overlap.
+    const LANES: usize = 8;
+    let [y0, y1] = y;
+    let length = y0.len();
+    let (y0, end0) = y0.as_chunks_mut::<LANES>();
+    let (y1, end1) = y1[..length].as_chunks_mut::<LANES>();
+    let [(a, end_a), (b, end_b), (c, end_c), (d, end_d)] =
+        l.map(|x| x[..length].as_chunks::<LANES>());
+    let [u0, u1] = u.map(|u| u.map(|x| -x));
+    let both = y0.iter_mut().zip(y1.iter_mut());
+    let columns = a.iter().zip(b).zip(c.iter().zip(d));
+    for ((y0, y1), ((a, b), (c, d))) in both.zip(columns) {
+        let (mut s0, mut s1) = (*y0, *y1);
+        for (x, k) in [(a, 0), (b, 1), (c, 2), (d, 3)] {
+            for i in 0..LANES {
+                s0[i] = x[i].mul_add(u0[k], s0[i]);
+                s1[i] = x[i].mul_add(u1[k], s1[i]);
+            }
+        }
+        (*y0, *y1) = (s0, s1);
+    }
+    for (x, k) in [(end_a, 0), (end_b, 1), (end_c, 2), (end_d, 3)] {
+        for ((y0, y1), &x) in end0.iter_mut().zip(end1.iter_mut()).zip(x) {
+            *y0 = x.mul_add(u0[k], *y0);
+            *y1 = x.mul_add(u1[k], *y1);
+        }
+    }
+}

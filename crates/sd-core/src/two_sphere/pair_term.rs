@@ -91,29 +91,37 @@ impl PairTerm {
     /// `R_FU [6 × 6]`, forces and torques of both from velocities of both.
     #[inline]
     pub fn force_velocity(&self, n: Vec2) -> SMatrix<f64, 6, 6> {
-        let (xx, xy, yy) = (n.x * n.x, n.x * n.y, n.y * n.y);
         let mut out = SMatrix::<f64, 6, 6>::zeros();
         for p in 0..2 {
             for q in 0..2 {
-                let along = self.axial(2 * p, 2 * q);
-                let across = self.odd(3 * p, 3 * q);
-                let force_spin = self.odd(3 * p, 3 * q + 1);
-                let torque_velocity = self.odd(3 * p + 1, 3 * q);
-                let block = SMatrix::<f64, 3, 3>::new(
-                    along * xx + across * yy,
-                    (along - across) * xy,
-                    -force_spin * n.y,
-                    (along - across) * xy,
-                    along * yy + across * xx,
-                    force_spin * n.x,
-                    -torque_velocity * n.y,
-                    torque_velocity * n.x,
-                    self.odd(3 * p + 1, 3 * q + 1),
-                );
-                out.fixed_view_mut::<3, 3>(3 * p, 3 * q).copy_from(&block);
+                for (column, entries) in self.block(n, p, q).into_iter().enumerate() {
+                    for (row, entry) in entries.into_iter().enumerate() {
+                        out[(3 * p + row, 3 * q + column)] = entry;
+                    }
+                }
             }
         }
         out
+    }
+
+    /// Block (p, q) of [`PairTerm::force_velocity`], by columns: forces and torque on sphere p from the velocities of sphere q.
+    #[inline(always)]
+    pub(crate) fn block(&self, n: Vec2, p: usize, q: usize) -> [[f64; 3]; 3] {
+        let along = self.axial(2 * p, 2 * q);
+        let across = self.odd(3 * p, 3 * q);
+        let force_spin = self.odd(3 * p, 3 * q + 1);
+        let torque_velocity = self.odd(3 * p + 1, 3 * q);
+        let oblique = (along - across) * (n.x * n.y);
+        let (xx, yy) = (n.x * n.x, n.y * n.y);
+        [
+            [along * xx + across * yy, oblique, -torque_velocity * n.y],
+            [oblique, along * yy + across * xx, torque_velocity * n.x],
+            [
+                -force_spin * n.y,
+                force_spin * n.x,
+                self.odd(3 * p + 1, 3 * q + 1),
+            ],
+        ]
     }
 
     /// `R_FE e`: forces and torques of both from strains `(e1, e2, e3)` of both.

@@ -275,17 +275,17 @@ impl NearField {
         } else {
             [0.0; 3]
         };
-        let mut sums = [0.0; LANES];
+        let mut sums = [0.0_f64; LANES];
         for block in 0..BLOCKS {
-            let mut sum = [0.0; BLOCK];
+            let mut sum = [0.0_f64; BLOCK];
             for power in powers[block].iter().rev() {
                 for lane in 0..BLOCK {
-                    sum[lane] = sum[lane] * x + power[lane];
+                    sum[lane] = sum[lane].mul_add(x, power[lane]);
                 }
             }
             for (g, f) in self.singular[block].iter().zip(singular) {
                 for lane in 0..BLOCK {
-                    sum[lane] += f * g[lane];
+                    sum[lane] = g[lane].mul_add(f, sum[lane]);
                 }
             }
             sums[block * BLOCK..(block + 1) * BLOCK].copy_from_slice(&sum);
