@@ -156,6 +156,15 @@ impl Contacts {
             let work = &mut self.friction;
             work.applied.clone_from(&work.best);
             error = self.pass(surface, false);
+            if error > Quality::FRICTION_LIMIT {
+                if let Some(solved) = self.solve_held(surface) {
+                    error = solved;
+                } else {
+                    let work = &mut self.friction;
+                    work.applied.clone_from(&work.best);
+                    error = self.pass(surface, false);
+                }
+            }
         }
         Some(self.take_frictional(before + passes, error))
     }
