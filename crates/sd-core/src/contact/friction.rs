@@ -106,20 +106,22 @@ impl Contacts {
         match self.solve_by_newton(surface) {
             Outcome::Solved(systems, error) => Some(self.take_frictional(systems, error)),
             Outcome::Admitted => None,
-            Outcome::Cycled(systems) => self.iterate(surface, systems),
+            Outcome::Cycled(systems) => self.iterate(surface, systems, false),
         }
     }
 
-    /// The fixed point of [`Contacts::solve_frictional`], after `passes` in vain.
-    fn iterate(&mut self, surface: &Surface, before: u32) -> Option<Quality> {
+    /// The fixed point of [`Contacts::solve_frictional`], after so many passes `before`; from the friction in `list`, then from none.
+    fn iterate(&mut self, surface: &Surface, before: u32, from_rest: bool) -> Option<Quality> {
         let count = self.frictional.len();
         let work = &mut self.friction;
         work.applied.clear();
-        work.applied.extend(
-            self.frictional
-                .iter()
-                .map(|&k| self.list[k].tangential_force),
-        );
+        work.applied.extend(self.frictional.iter().map(|&k| {
+            if from_rest {
+                0.0
+            } else {
+                self.list[k].tangential_force
+            }
+        }));
         work.activated.clear();
         work.activated.resize(count, false);
         work.wanted.clear();
@@ -159,6 +161,8 @@ impl Contacts {
             if error > Quality::FRICTION_LIMIT {
                 if let Some(solved) = self.solve_held(surface) {
                     error = solved;
+                } else if !from_rest {
+                    return self.iterate(surface, before + passes, true);
                 } else {
                     let work = &mut self.friction;
                     work.applied.clone_from(&work.best);
