@@ -98,7 +98,8 @@ impl Contacts {
             .residual(&self.g_nn, &self.friction.q, &self.normal_forces)
     }
 
-    /// Alternates the normal problem, w = `v_n` + bias, with the friction law until the forces stand still, and puts them into `list`.
+    /// Normal forces, w = `v_n` + bias, and friction that agree, put into `list`: by Newton's method, or by alternating the normal
+    /// problem with the friction law until the forces stand still.
     ///
     /// Slip must have been reduced. Starts from the friction forces in `list`. `None` if a candidate whose slip was not
     /// reduced exceeds the critical load: it has then joined `frictional`.

@@ -191,7 +191,7 @@ impl Contacts {
         let mut patience = PATIENCE;
         let mut chance = Chance::All;
         for count in 1..=MOST_SYSTEMS {
-            if !self.solve_states(surface) {
+            if !self.solve_states() {
                 return Outcome::Cycled(count);
             }
             let deciding =
@@ -252,7 +252,7 @@ impl Contacts {
     }
 
     /// Normal forces (of either sign) and friction that the states at hand give; `false` if their system is singular.
-    fn solve_states(&mut self, surface: &Surface) -> bool {
+    fn solve_states(&mut self) -> bool {
         let (g_nn, g_tn) = (&self.g_nn, &self.g_tn);
         let friction = &mut self.friction;
         let work = &mut friction.newton;
@@ -342,7 +342,6 @@ impl Contacts {
                 .map(|(v, b)| v + b),
         );
         g_tn.subtract_transposed_product(&friction.applied, &mut friction.q);
-        debug_assert!(surface.friction >= 0.0, "a friction coefficient");
         true
     }
 
