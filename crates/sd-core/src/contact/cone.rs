@@ -108,7 +108,7 @@ pub(super) struct Merit {
 
 /// Which contradictions a step mends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Chance {
+pub(super) enum Chance {
     /// All of them.
     All,
     /// Each with an even chance; the state of a generator whose numbers are the same on every machine.
@@ -117,7 +117,7 @@ enum Chance {
 
 impl Chance {
     /// Whether the next one is mended.
-    fn draw(&mut self) -> bool {
+    pub(super) fn draw(&mut self) -> bool {
         match self {
             Self::All => true,
             Self::Some(state) => {

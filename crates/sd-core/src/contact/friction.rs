@@ -98,7 +98,8 @@ impl Contacts {
             .residual(&self.g_nn, &self.friction.q, &self.normal_forces)
     }
 
-    /// Alternates the normal problem, w = `v_n` + bias, with the friction law until the forces stand still, and puts them into `list`.
+    /// Normal forces, w = `v_n` + bias, and friction that agree, put into `list`: by Newton's method, or by alternating the normal
+    /// problem with the friction law until the forces stand still.
     ///
     /// Slip must have been reduced. Starts from the friction forces in `list`. `None` if a candidate whose slip was not
     /// reduced exceeds the critical load: it has then joined `frictional`.
@@ -106,20 +107,22 @@ impl Contacts {
         match self.solve_by_newton(surface) {
             Outcome::Solved(systems, error) => Some(self.take_frictional(systems, error)),
             Outcome::Admitted => None,
-            Outcome::Cycled(systems) => self.iterate(surface, systems),
+            Outcome::Cycled(systems) => self.iterate(surface, systems, false),
         }
     }
 
-    /// The fixed point of [`Contacts::solve_frictional`], after `passes` in vain.
-    fn iterate(&mut self, surface: &Surface, before: u32) -> Option<Quality> {
+    /// The fixed point of [`Contacts::solve_frictional`], after so many passes `before`; from the friction in `list`, then from none.
+    fn iterate(&mut self, surface: &Surface, before: u32, from_rest: bool) -> Option<Quality> {
         let count = self.frictional.len();
         let work = &mut self.friction;
         work.applied.clear();
-        work.applied.extend(
-            self.frictional
-                .iter()
-                .map(|&k| self.list[k].tangential_force),
-        );
+        work.applied.extend(self.frictional.iter().map(|&k| {
+            if from_rest {
+                0.0
+            } else {
+                self.list[k].tangential_force
+            }
+        }));
         work.activated.clear();
         work.activated.resize(count, false);
         work.wanted.clear();
@@ -156,6 +159,17 @@ impl Contacts {
             let work = &mut self.friction;
             work.applied.clone_from(&work.best);
             error = self.pass(surface, false);
+            if error > Quality::FRICTION_LIMIT {
+                if let Some(solved) = self.solve_held(surface) {
+                    error = solved;
+                } else if !from_rest {
+                    return self.iterate(surface, before + passes, true);
+                } else {
+                    let work = &mut self.friction;
+                    work.applied.clone_from(&work.best);
+                    error = self.pass(surface, false);
+                }
+            }
         }
         Some(self.take_frictional(before + passes, error))
     }

@@ -11,14 +11,15 @@
 //! The states that its solution contradicts are mended, and the system is solved anew. Started from the states of the stage before it
 //! mostly needs one or two systems, where the fixed point of [`super::friction`] needs a dozen passes. Where it cycles, that takes over.
 
+use super::cone::Chance;
 use super::friction::{DECIDING_PASSES, STANDSTILL, law};
 use super::{COMPLIANCE, Contact, ContactState, Contacts, Surface};
 use crate::linalg::dense::{Matrix, add_scaled, symmetric_product};
 use crate::linalg::general::GeneralSolver;
 
 /// Systems after which the fixed point takes over.
-const MOST_SYSTEMS: u32 = 16;
-/// Systems without fewer contradictions after which it does.
+const MOST_SYSTEMS: u32 = 40;
+/// Systems without fewer contradictions after which only some of them are mended at a time, chosen by chance.
 const PATIENCE: u32 = 4;
 
 /// How the friction force of a contact follows the normal forces.
@@ -159,27 +160,58 @@ impl Contacts {
     /// Leaves normal forces, the friction applied, whom it acts on, and states as the fixed point does.
     pub(super) fn solve_by_newton(&mut self, surface: &Surface) -> Outcome {
         self.guess(surface);
+        self.solve_guessed(surface, DECIDING_PASSES)
+    }
+
+    /// Another attempt, from forces that the fixed point left and with the contacts on which it let friction act; the friction error
+    /// if it succeeds.
+    pub(super) fn solve_held(&mut self, surface: &Surface) -> Option<f64> {
+        let friction = &mut self.friction;
+        let work = &mut friction.newton;
+        work.closed.clear();
+        work.closed
+            .extend(self.normal_forces.iter().map(|&f| f > 0.0));
+        work.follows.clear();
+        for (&k, &applied) in self.frictional.iter().zip(&friction.applied) {
+            work.follows.push(match self.list[k].state {
+                ContactState::Frictionless => Follows::Not,
+                ContactState::Rolling => Follows::Slip,
+                ContactState::Slipping => Follows::Load(surface.friction.copysign(applied)),
+            });
+        }
+        match self.solve_guessed(surface, 0) {
+            Outcome::Solved(_, error) => Some(error),
+            Outcome::Admitted | Outcome::Cycled(_) => None,
+        }
+    }
+
+    /// Solves from the states at hand; in the first systems it is decided whom friction acts on.
+    fn solve_guessed(&mut self, surface: &Surface, deciding_systems: u32) -> Outcome {
         let mut fewest = usize::MAX;
         let mut patience = PATIENCE;
+        let mut chance = Chance::All;
         for count in 1..=MOST_SYSTEMS {
-            if !self.solve_states(surface) {
+            if !self.solve_states() {
                 return Outcome::Cycled(count);
             }
-            let deciding = count <= DECIDING_PASSES || self.friction.offset > 0.0;
+            let deciding =
+                count <= deciding_systems || self.friction.offset > 0.0 && deciding_systems > 0;
             if deciding && self.admit_loaded(surface) {
                 return Outcome::Admitted;
             }
-            let (contradictions, error) = self.mend(surface, deciding);
+            let (contradictions, error) = self.mend(surface, deciding, &mut chance);
             if contradictions == 0 {
                 return Outcome::Solved(count, error);
             }
             if contradictions < fewest {
                 fewest = contradictions;
                 patience = PATIENCE;
-            } else if patience == 0 {
-                return Outcome::Cycled(count);
+                chance = Chance::All;
             } else {
-                patience -= 1;
+                patience = patience.saturating_sub(1);
+                if patience == 0 && chance == Chance::All {
+                    chance = Chance::Some(u64::from(count));
+                }
             }
         }
         Outcome::Cycled(MOST_SYSTEMS)
@@ -220,7 +252,7 @@ impl Contacts {
     }
 
     /// Normal forces (of either sign) and friction that the states at hand give; `false` if their system is singular.
-    fn solve_states(&mut self, surface: &Surface) -> bool {
+    fn solve_states(&mut self) -> bool {
         let (g_nn, g_tn) = (&self.g_nn, &self.g_tn);
         let friction = &mut self.friction;
         let work = &mut friction.newton;
@@ -310,18 +342,21 @@ impl Contacts {
                 .map(|(v, b)| v + b),
         );
         g_tn.subtract_transposed_product(&friction.applied, &mut friction.q);
-        debug_assert!(surface.friction >= 0.0, "a friction coefficient");
         true
     }
 
-    /// Counts the states that the forces at hand contradict, and changes them; with the friction error.
-    fn mend(&mut self, surface: &Surface, deciding: bool) -> (usize, f64) {
+    /// Counts the states that the forces at hand contradict, and changes them, all or some; with the friction error.
+    fn mend(&mut self, surface: &Surface, deciding: bool, chance: &mut Chance) -> (usize, f64) {
         let friction = &mut self.friction;
         let work = &mut friction.newton;
         let closed = &mut work.closed;
-        let mut found =
-            self.normal
-                .exchange(&self.g_nn, &friction.q, &mut self.normal_forces, closed);
+        let mut found = self.normal.exchange(
+            &self.g_nn,
+            &friction.q,
+            &mut self.normal_forces,
+            closed,
+            chance,
+        );
         let f = &self.normal_forces;
         let largest = f.iter().fold(0.0, |m: f64, x| m.max(*x));
         let mut error: f64 = 0.0;
@@ -347,6 +382,9 @@ impl Contacts {
                 continue;
             }
             found += 1;
+            if !chance.draw() {
+                continue;
+            }
             work.follows[m] = match state {
                 ContactState::Frictionless => Follows::Not,
                 ContactState::Rolling => Follows::Slip,

@@ -10,6 +10,7 @@
 //! over, which is slower and ends.
 
 use super::COMPLIANCE;
+use super::cone::Chance;
 use crate::linalg::dense::{Cholesky, Matrix};
 
 /// Compliance where all pairs are halted at once: just enough for a Cholesky factor of a hyperstatic network.
@@ -143,7 +144,7 @@ impl NormalProblem {
         false
     }
 
-    /// Measures forces of either sign found elsewhere for the support `closed`, and exchanges every violating index of it; how
+    /// Measures forces of either sign found elsewhere for the support `closed`, and exchanges the violating indices of it, all or some; how
     /// many there were. Forces below zero, as rounding leaves them or as they violate, end as zero.
     pub(super) fn exchange(
         &mut self,
@@ -151,6 +152,7 @@ impl NormalProblem {
         q: &[f64],
         f: &mut [f64],
         closed: &mut [bool],
+        chance: &mut Chance,
     ) -> usize {
         self.update_slack(delassus, q, f);
         let zero = Zero::of(q, f);
@@ -158,7 +160,7 @@ impl NormalProblem {
         for ((carries, force), &slack) in closed.iter_mut().zip(f.iter_mut()).zip(&self.slack) {
             if zero.violates(*carries, *force, slack) {
                 violations += 1;
-                *carries = !*carries;
+                *carries ^= chance.draw();
             }
             *force = force.max(0.0);
         }

@@ -135,15 +135,12 @@ fn eliminate(
             let (known, open) = panel.split_at_mut(n * (k - first));
             let column = &mut open[..n];
             take_steps(known, n, first, exchanges, column);
-            let (mut pivot, mut largest) = (k, column[k].abs());
-            for (row, value) in column.iter().enumerate().skip(k + 1) {
-                if value.abs() > largest {
-                    (pivot, largest) = (row, value.abs());
-                }
-            }
-            if largest == 0.0 || !largest.is_finite() {
+            let largest = vector::largest(&column[k..]);
+            let place = column[k..].iter().position(|x| x.abs() == largest);
+            let (Some(below), true) = (place, largest > 0.0 && largest.is_finite()) else {
                 return Err(NotPositive { pivot: k });
-            }
+            };
+            let pivot = k + below;
             column.swap(k, pivot);
             exchanges.push(pivot);
             for known in known.chunks_exact_mut(n) {
@@ -153,6 +150,10 @@ fn eliminate(
             for value in &mut column[k + 1..] {
                 *value *= own;
             }
+        }
+        if exchanges.iter().copied().eq(first..end) {
+            // Mostly the diagonal is the largest.
+            exchanges.clear();
         }
         if end - first == PANEL {
             let mut pairs = rest.chunks_exact_mut(2 * n);
@@ -186,7 +187,7 @@ fn take_steps(panel: &[f64], n: usize, first: usize, exchanges: &[usize], column
     for (step, &pivot) in exchanges.iter().enumerate() {
         column.swap(first + step, pivot);
     }
-    for (step, l) in panel.chunks_exact(n).take(exchanges.len()).enumerate() {
+    for (step, l) in panel.chunks_exact(n).enumerate() {
         let (above, below) = column.split_at_mut(first + step + 1);
         let value = above[first + step];
         vector::add_scaled_inline(below, &l[first + step + 1..], -value);

@@ -101,10 +101,27 @@ pub(super) fn subtract_four_from_two(y: [&mut [f64]; 2], l: [&[f64]; 4], u: [[f6
         }
         (*y0, *y1) = (s0, s1);
     }
-    for (x, k) in [(end_a, 0), (end_b, 1), (end_c, 2), (end_d, 3)] {
-        for ((y0, y1), &x) in end0.iter_mut().zip(end1.iter_mut()).zip(x) {
-            *y0 = x.mul_add(u0[k], *y0);
-            *y1 = x.mul_add(u1[k], *y1);
+    let ends = [(end_a, 0), (end_b, 1), (end_c, 2), (end_d, 3)].map(|(x, k)| (x, u0[k], u1[k]));
+    for (i, (y0, y1)) in end0.iter_mut().zip(end1).enumerate() {
+        let (mut s0, mut s1) = (*y0, *y1);
+        for (x, u0, u1) in ends {
+            s0 = x[i].mul_add(u0, s0);
+            s1 = x[i].mul_add(u1, s1);
+        }
+        (*y0, *y1) = (s0, s1);
+    }
+}
+
+/// Largest magnitude, for callers that are vectorised themselves; entries that are not numbers do not count.
+#[inline(always)]
+pub(super) fn largest(x: &[f64]) -> f64 {
+    let larger = |m: f64, x: f64| if x.abs() > m { x.abs() } else { m };
+    let (eights, rest) = x.as_chunks::<8>();
+    let mut most = [0.0; 8];
+    for eight in eights {
+        for (m, &x) in most.iter_mut().zip(eight) {
+            *m = larger(*m, x);
         }
     }
+    most.iter().chain(rest).fold(0.0, |m, &x| larger(m, x))
 }
