@@ -1,18 +1,22 @@
-//! Layers with a developed contact network: c = 0.693, h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
+//! Layers with a developed contact network: h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
 
+use sd_core::cell::Cell;
 use sd_core::contact::rigid::Memory;
+use sd_core::modes::Vec2;
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 
 /// Time step of the runs and of the stages timed.
 pub(crate) const TIME_STEP: f64 = 0.005;
 /// Strain after which the layer is taken.
 const STRAIN: f64 = 0.8;
+/// Layers of as many spheres and more are copies of smaller ones.
+const COPIED_FROM: usize = 400;
 
 /// Parameters of the layers.
-pub(crate) fn params(spheres: usize, hydrodynamics: Hydrodynamics) -> Params {
+pub(crate) fn params(spheres: usize, area_fraction: f64, hydrodynamics: Hydrodynamics) -> Params {
     Params {
         spheres,
-        area_fraction: 0.693,
+        area_fraction,
         roughness: 0.01,
         friction: 0.3,
         shear_rate: 100.0,
@@ -24,39 +28,61 @@ pub(crate) fn params(spheres: usize, hydrodynamics: Hydrodynamics) -> Params {
     }
 }
 
-/// A layer sheared by Ball-Melrose hydrodynamics.
-pub(crate) fn sheared(spheres: usize) -> Snapshot {
-    let params = params(spheres, Hydrodynamics::BallMelrose);
+/// A layer sheared by Ball-Melrose hydrodynamics; from 400 spheres on k × k copies of one of fewer, with as many contacts per sphere.
+///
+/// # Panics
+/// If such an N is not k² times a smaller number of spheres.
+pub(crate) fn layer(spheres: usize, area_fraction: f64) -> Snapshot {
+    let copies = (1..100)
+        .find(|k| spheres / (k * k) < COPIED_FROM && spheres.is_multiple_of(k * k))
+        .expect("a number of spheres that copies of fewer than 400 make");
+    let params = params(
+        spheres / (copies * copies),
+        area_fraction,
+        Hydrodynamics::BallMelrose,
+    );
     let mut simulation =
         Simulation::new(&params, 1, &NearFields::default()).expect("valid parameters");
     while simulation.strain() < STRAIN {
         simulation.step().expect("a step that succeeds");
     }
-    simulation.snapshot()
+    let small = simulation.snapshot();
+    if copies == 1 {
+        small
+    } else {
+        copied(&small, area_fraction, copies)
+    }
 }
 
-/// 2 × 2 copies of a layer, as one of four times the spheres.
-pub(crate) fn quadrupled(small: &Snapshot) -> Snapshot {
-    let n = small.radii.len();
+/// k × k copies of a layer.
+fn copied(small: &Snapshot, area_fraction: f64, copies: usize) -> Snapshot {
     let mut large = small.clone();
-    large.side = 2.0 * small.side;
+    large.side = copies as f64 * small.side;
     large.memory = Memory::default();
     let shift = small.steps as f64 * TIME_STEP * small.side;
-    for copy in 1..4_usize {
-        let (right, up) = ((copy % 2) as f64, (copy / 2) as f64);
-        for k in 0..n {
-            let [x, y] = small.centres[k];
+    for copy in 1..copies * copies {
+        let (right, up) = ((copy % copies) as f64, (copy / copies) as f64);
+        for &[x, y] in &small.centres {
             large
                 .centres
                 .push([x + right * small.side + up * shift, y + up * small.side]);
-            large.orientations.push(small.orientations[k]);
-            large.radii.push(small.radii[k]);
         }
+        large.orientations.extend_from_slice(&small.orientations);
+        large.radii.extend_from_slice(&small.radii);
     }
     // The same length, with the bits that the parameters give.
-    let params = params(large.radii.len(), Hydrodynamics::BallMelrose);
+    let params = params(large.radii.len(), area_fraction, Hydrodynamics::BallMelrose);
     let (_, side) = sd_core::start::radii_and_side(&params).expect("a valid layer");
     assert!((side / large.side - 1.0).abs() < 1e-12);
     large.side = side;
     large
+}
+
+/// Cell and centres of a layer.
+pub(crate) fn positions(snapshot: &Snapshot) -> (Cell, Vec<Vec2>) {
+    let offset = snapshot.steps as f64 * TIME_STEP * snapshot.side;
+    let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
+    let centres = snapshot.centres.iter();
+    let centres = centres.map(|&[x, y]| Vec2::new(x, y)).collect();
+    (cell, centres)
 }
