@@ -1,8 +1,11 @@
 //! Layers with a developed contact network: h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
 
 use sd_core::cell::Cell;
+use sd_core::contact::Surface;
 use sd_core::contact::rigid::Memory;
-use sd_core::modes::Vec2;
+use sd_core::modes::{Background, Vec2};
+use sd_core::motion::{ContactLaw, Motion};
+use sd_core::resistance::Resistance;
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 
 /// Time step of the runs and of the stages timed.
@@ -78,11 +81,60 @@ fn copied(small: &Snapshot, area_fraction: f64, copies: usize) -> Snapshot {
     large
 }
 
-/// Cell and centres of a layer.
-pub(crate) fn positions(snapshot: &Snapshot) -> (Cell, Vec<Vec2>) {
-    let offset = snapshot.steps as f64 * TIME_STEP * snapshot.side;
-    let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
-    let centres = snapshot.centres.iter();
-    let centres = centres.map(|&[x, y]| Vec2::new(x, y)).collect();
-    (cell, centres)
+/// The right-hand side of a layer at one instant, in its parts.
+pub(crate) struct Layer {
+    /// Cell, sheared.
+    pub(crate) cell: Cell,
+    /// Centres.
+    pub(crate) centres: Vec<Vec2>,
+    /// Solver.
+    pub(crate) motion: Motion,
+    /// Roughness, friction, critical load.
+    surface: Surface,
+    /// Contact forces of the stage before. After the first solve those of the same instant, as good a start as in a run.
+    memory: Memory,
+}
+
+impl Layer {
+    /// Of a snapshot.
+    pub(crate) fn new(snapshot: &Snapshot, params: &Params) -> Self {
+        let offset = snapshot.steps as f64 * TIME_STEP * snapshot.side;
+        let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
+        let centres = snapshot.centres.iter();
+        let resistance = Resistance::new(
+            params.hydrodynamics,
+            &cell,
+            &snapshot.radii,
+            &NearFields::default(),
+        );
+        Self {
+            cell,
+            centres: centres.map(|&[x, y]| Vec2::new(x, y)).collect(),
+            motion: Motion::new(resistance.expect("a valid layer")),
+            surface: params.surface(),
+            memory: Memory::default(),
+        }
+    }
+
+    /// Pairs, far field, `R_FU`.
+    pub(crate) fn assemble(&mut self) {
+        let done = self.motion.resistance.assemble(&self.cell, &self.centres);
+        done.expect("a regular layer");
+    }
+
+    /// Factors `R_FU`.
+    pub(crate) fn factor(&mut self) {
+        self.motion.resistance.factor().expect("a regular layer");
+    }
+
+    /// Contact forces and velocities of a stage that looks ahead by `time_span`.
+    pub(crate) fn solve(&mut self, time_span: f64) {
+        let law = ContactLaw::Rigid {
+            surface: self.surface,
+            time_span,
+            memory: &mut self.memory,
+        };
+        let solved = self.motion.solve_again(&Background::SHEAR, &[], law);
+        solved.expect("finite velocities");
+    }
 }
