@@ -33,7 +33,7 @@ const LONG_ENOUGH: Duration = Duration::from_secs(4);
 /// Rounds at least.
 const ROUNDS: usize = 3;
 /// Time step and strain of the runs whose time is told.
-const RUN: (f64, f64) = (0.025, 5.0);
+const RUN: (f64, f64) = (0.01, 5.0);
 
 /// Milliseconds of a call.
 fn milliseconds(call: impl FnOnce()) -> f64 {
