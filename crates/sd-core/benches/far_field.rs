@@ -29,7 +29,7 @@ fn layer(columns: usize, rows: usize) -> (Cell, Vec<Vec2>) {
 
 /// The bench.
 fn far_field(criterion: &mut Criterion) {
-    for (columns, rows) in [(9, 10), (20, 20)] {
+    for (columns, rows) in [(5, 10), (9, 10), (10, 20), (20, 20), (20, 40)] {
         let n = columns * rows;
         let (cell, centres) = layer(columns, rows);
         let radii = vec![1.0; n];
@@ -39,6 +39,12 @@ fn far_field(criterion: &mut Criterion) {
         let mut mobility = TiledMatrix::default();
         group.bench_function("fill", |bench| {
             bench.iter(|| far_field.fill(&cell, black_box(&centres), &mut mobility));
+        });
+        group.bench_function("real_space_sums", |bench| {
+            bench.iter(|| far_field.real_space_sums(&cell, black_box(&centres)));
+        });
+        group.bench_function("wave_space_sums", |bench| {
+            bench.iter(|| far_field.wave_space_sums(&cell, black_box(&centres)));
         });
         let mut cholesky = TiledCholesky::default();
         group.bench_function("copy_and_cholesky", |bench| {

@@ -1,127 +1,180 @@
-//! Cost of one right-hand side of full Stokesian Dynamics over the number of spheres, beside faer's bare Cholesky factorization
-//! of a matrix of dimension 6N: the least of many interleaved rounds each, so that their ratio holds on a busy machine as well.
+//! Cost of a right-hand side over the number of spheres, as the tables of `results/published/performance.md`.
 //!
-//! c = 0.693, h = 0.01, ν = 0.3, Γ = 100, rigid contacts, layers sheared by 0.8. Arguments are numbers of spheres; an N divisible
-//! by 4 from 400 on is made of 2 × 2 copies of a layer of N/4.
+//! ```text
+//! cargo bench -p sd-core --bench scaling -- full [N...]             beside faer's bare Cholesky of a matrix of dimension 6N
+//! cargo bench -p sd-core --bench scaling -- ball-melrose [c=0.75] [N...]
+//! cargo bench -p sd-core --bench scaling -- tables                  of two spheres
+//! ```
+//!
+//! Computing times of one thread. The parts: least times of many interleaved rounds, so that their ratios hold on a busy machine as well, each contact problem
+//! started from its own solution. A step: middle time of steps in sequence, as in a run. h = 0.01, ν = 0.3, Γ = 100, rigid contacts,
+//! layers sheared by 0.8, time step 0.005; an N from 400 on is made of k × k copies of a smaller layer.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
+#[path = "layers/cholesky.rs"]
+mod cholesky;
+#[path = "layers/clock.rs"]
+mod clock;
 #[path = "layers/sheared.rs"]
 mod layers;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt;
-use faer::{Mat, Par, Spec};
-use layers::{TIME_STEP, params, quadrupled, sheared};
-use sd_core::cell::Cell;
-use sd_core::contact::Surface;
-use sd_core::contact::rigid::Memory;
-use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
-use sd_core::resistance::Resistance;
-use sd_core::{Hydrodynamics, NearFields};
-use std::time::Instant;
+use cholesky::BareCholesky;
+use clock::Moment;
+use layers::{Layer, TIME_STEP, layer, params};
+use sd_core::linalg::simd::vectorised;
+use sd_core::two_sphere::NearField;
+use sd_core::{Hydrodynamics, NearFields, Simulation, Snapshot};
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+/// Time for one N and one kind of measurement: as many rounds as fit, and some at least.
+const LONG_ENOUGH: Duration = Duration::from_secs(4);
+/// Rounds at least.
+const ROUNDS: usize = 3;
+/// Time step and strain of the runs whose time is told.
+const RUN: (f64, f64) = (0.01, 5.0);
 
 /// Milliseconds of a call.
 fn milliseconds(call: impl FnOnce()) -> f64 {
-    let start = Instant::now();
+    let start = Moment::now();
     call();
-    1e3 * start.elapsed().as_secs_f64()
+    1e3 * start.seconds()
 }
 
-/// Least times in ms: right-hand side, assembly, factorization, contact solve, bare Cholesky.
-fn measure(spheres: usize, seconds: f64) -> [f64; 5] {
-    let snapshot = if spheres >= 400 {
-        quadrupled(&sheared(spheres / 4))
-    } else {
-        sheared(spheres)
-    };
-    let offset = snapshot.steps as f64 * TIME_STEP * snapshot.side;
-    let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
-    let centres: Vec<Vec2> = snapshot
-        .centres
-        .iter()
-        .map(|&[x, y]| Vec2::new(x, y))
-        .collect();
-    let resistance = Resistance::new(
-        Hydrodynamics::StokesianDynamics,
-        &cell,
-        &snapshot.radii,
-        &NearFields::default(),
-    );
-    let mut motion = Motion::new(resistance.expect("a valid layer"));
-    let surface = Surface {
-        roughness: 0.01,
-        friction: 0.3,
-        critical_load: params(spheres, Hydrodynamics::StokesianDynamics).critical_load(),
-    };
-    let mut memory = Memory::default();
-    let n = 6 * spheres;
-    let mut matrix = Mat::<f64>::zeros(n, n);
-    let scratch = llt::factor::cholesky_in_place_scratch::<f64>(n, Par::Seq, Spec::default());
-    let mut scratch = MemBuffer::new(scratch);
-    let mut least = [f64::INFINITY; 5];
+/// Repeats a measurement for long enough.
+fn rounds<const K: usize>(mut measure: impl FnMut() -> [f64; K]) -> Vec<[f64; K]> {
     let start = Instant::now();
-    let mut rounds = 0;
-    while rounds < 5 || start.elapsed().as_secs_f64() < seconds {
-        let assembly = milliseconds(|| {
-            let done = motion.resistance.assemble(&cell, &centres);
-            done.expect("a regular layer");
-        });
-        let factorization = milliseconds(|| motion.resistance.factor().expect("a regular layer"));
-        let contacts = milliseconds(|| {
-            let law = ContactLaw::Rigid {
-                surface,
-                time_span: 0.5 * TIME_STEP,
-                memory: &mut memory,
-            };
-            motion
-                .solve_again(&Background::SHEAR, &[], law)
-                .expect("finite velocities");
-        });
-        matrix.fill(0.0);
-        for k in 0..n {
-            matrix[(k, k)] = 2.0;
-        }
-        let bare = milliseconds(|| {
-            llt::factor::cholesky_in_place(
-                matrix.as_mut(),
-                llt::factor::LltRegularization::default(),
-                Par::Seq,
-                MemStack::new(&mut scratch),
-                Spec::default(),
-            )
-            .expect("a positive diagonal");
-        });
-        let times = [
-            assembly + factorization + contacts,
-            assembly,
-            factorization,
-            contacts,
-            bare,
-        ];
-        for (least, time) in least.iter_mut().zip(times) {
-            *least = time.min(*least);
-        }
-        rounds += 1;
+    let mut all = Vec::new();
+    while all.len() < ROUNDS || start.elapsed() < LONG_ENOUGH {
+        all.push(measure());
     }
-    least
+    all
+}
+
+/// Least times in ms: assembly, factorization, contact solve, bare Cholesky if there is one.
+fn parts(
+    snapshot: &Snapshot,
+    area_fraction: f64,
+    hydrodynamics: Hydrodynamics,
+    mut bare: Option<BareCholesky>,
+) -> [f64; 4] {
+    let params = params(snapshot.radii.len(), area_fraction, hydrodynamics);
+    let mut layer = Layer::new(snapshot, &params);
+    let all = rounds(|| {
+        [
+            milliseconds(|| layer.assemble()),
+            milliseconds(|| layer.factor()),
+            milliseconds(|| layer.solve(0.5 * TIME_STEP)),
+            bare.as_mut().map_or(f64::NAN, |bare| {
+                bare.reset();
+                milliseconds(|| bare.factor())
+            }),
+        ]
+    });
+    all.into_iter()
+        .reduce(|a, b| std::array::from_fn(|k| a[k].min(b[k])))
+        .expect("rounds")
+}
+
+/// Middle time of steps in sequence, in ms.
+fn step(snapshot: &Snapshot, area_fraction: f64, hydrodynamics: Hydrodynamics) -> f64 {
+    let params = params(snapshot.radii.len(), area_fraction, hydrodynamics);
+    let simulation = Simulation::from_snapshot(&params, snapshot.clone(), &NearFields::default());
+    let mut simulation = simulation.expect("a valid snapshot");
+    simulation.step().expect("a step that succeeds");
+    let mut all = rounds(|| {
+        [milliseconds(|| {
+            simulation.step().expect("a step that succeeds");
+        })]
+    });
+    all.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    all[all.len() / 2][0]
+}
+
+/// One row for each N.
+fn table(hydrodynamics: Hydrodynamics, area_fraction: f64, all: &[usize]) {
+    let full = hydrodynamics == Hydrodynamics::StokesianDynamics;
+    let (head, rule) = if full {
+        (" bare Cholesky of 6N | ratio |", " ---: | ---: |")
+    } else {
+        ("", "")
+    };
+    println!(
+        "| N | right-hand side | assembly | factorization | contacts | step |{head} run of {} strains |",
+        RUN.1
+    );
+    println!("| ---: | ---: | ---: | ---: | ---: | ---: |{rule} ---: |");
+    for &spheres in all {
+        let snapshot = layer(spheres, area_fraction);
+        let bare = full.then(|| BareCholesky::new(spheres));
+        let [assembly, factorization, contacts, bare] =
+            parts(&snapshot, area_fraction, hydrodynamics, bare);
+        let total = assembly + factorization + contacts;
+        let step = step(&snapshot, area_fraction, hydrodynamics);
+        let ratio = if full {
+            format!(" {bare:.3} | {:.2} |", total / bare)
+        } else {
+            String::new()
+        };
+        println!(
+            "| {spheres} | {total:.3} | {assembly:.3} | {factorization:.3} | {contacts:.3} | {step:.2} |{ratio} {:.2} s |",
+            1e-3 * step * RUN.1 / RUN.0
+        );
+    }
+}
+
+/// Tables of the near field of two spheres: making one, and what a pair costs.
+fn tables() {
+    let made = milliseconds(|| {
+        black_box(NearField::new(1.4).expect("a valid size ratio"));
+    });
+    let known = milliseconds(|| {
+        black_box(NearField::equal_spheres());
+    });
+    let table = NearField::equal_spheres();
+    let pairs = 100_000;
+    let evaluated = rounds(|| {
+        [milliseconds(|| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    for k in 0..pairs {
+                        black_box(table.evaluate(1.0, 1.0, 1e-3 + 1e-5 * f64::from(k)));
+                    }
+                },
+            );
+        })]
+    });
+    let least = evaluated.iter().map(|t| t[0]).fold(f64::INFINITY, f64::min);
+    println!("| table of two spheres | time |");
+    println!("| --- | ---: |");
+    println!("| made, size ratio 1.4 | {:.2} s |", 1e-3 * made);
+    println!("| equal spheres, kept in the program | {known:.2} ms |");
+    println!(
+        "| one pair evaluated | {:.0} ns |",
+        1e6 * least / f64::from(pairs)
+    );
 }
 
 fn main() {
-    let given: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
-    let all = if given.is_empty() {
-        vec![50, 90, 200, 400, 800]
-    } else {
-        given
+    let given: Vec<String> = std::env::args().skip(1).collect();
+    let has = |word: &str| given.iter().any(|given| given == word);
+    let spheres = |usual: &[usize]| {
+        let all: Vec<usize> = given.iter().filter_map(|a| a.parse().ok()).collect();
+        if all.is_empty() { usual.to_vec() } else { all }
     };
-    println!("ms, least of many rounds");
-    println!("    N  right-hand side   assembly  factor  contacts  bare Cholesky 6N   ratio");
-    for spheres in all {
-        let [total, assembly, factor, contacts, bare] = measure(spheres, 5.0);
-        println!(
-            "{spheres:5} {total:16.3} {assembly:10.3} {factor:7.3} {contacts:9.3} {bare:17.3} {:7.2}",
-            total / bare
-        );
+    let area_fraction = given
+        .iter()
+        .find_map(|given| given.strip_prefix("c=")?.parse().ok())
+        .unwrap_or(0.693);
+    if has("tables") {
+        tables();
+    } else if has("ball-melrose") {
+        let all = spheres(&[90, 400, 1000]);
+        table(Hydrodynamics::BallMelrose, area_fraction, &all);
+    } else {
+        let all = spheres(&[50, 90, 200, 400, 800]);
+        table(Hydrodynamics::StokesianDynamics, area_fraction, &all);
     }
 }

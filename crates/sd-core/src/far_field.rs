@@ -185,6 +185,20 @@ impl FarField {
         Ok(())
     }
 
+    /// The real-space half of the sums in [`FarField::fill`] alone, to no effect: for measuring what it takes. Periodic cells only.
+    pub fn real_space_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
+        if let Some(ewald) = &mut self.ewald {
+            ewald.real_sums(cell, centres);
+        }
+    }
+
+    /// The same of the wave-space half.
+    pub fn wave_space_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
+        if let Some(ewald) = &mut self.ewald {
+            ewald.wave_sums(cell, centres);
+        }
+    }
+
     /// Refuses a cell other than the planned one.
     fn check_cell(&self, cell: &Cell) -> Result<(), Error> {
         let found = match *cell {

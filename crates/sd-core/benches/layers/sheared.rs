@@ -1,18 +1,25 @@
-//! Layers with a developed contact network: c = 0.693, h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
+//! Layers with a developed contact network: h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
 
+use sd_core::cell::Cell;
+use sd_core::contact::Surface;
 use sd_core::contact::rigid::Memory;
+use sd_core::modes::{Background, Vec2};
+use sd_core::motion::{ContactLaw, Motion};
+use sd_core::resistance::Resistance;
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 
 /// Time step of the runs and of the stages timed.
 pub(crate) const TIME_STEP: f64 = 0.005;
 /// Strain after which the layer is taken.
 const STRAIN: f64 = 0.8;
+/// Layers of as many spheres and more are copies of smaller ones.
+const COPIED_FROM: usize = 400;
 
 /// Parameters of the layers.
-pub(crate) fn params(spheres: usize, hydrodynamics: Hydrodynamics) -> Params {
+pub(crate) fn params(spheres: usize, area_fraction: f64, hydrodynamics: Hydrodynamics) -> Params {
     Params {
         spheres,
-        area_fraction: 0.693,
+        area_fraction,
         roughness: 0.01,
         friction: 0.3,
         shear_rate: 100.0,
@@ -24,39 +31,110 @@ pub(crate) fn params(spheres: usize, hydrodynamics: Hydrodynamics) -> Params {
     }
 }
 
-/// A layer sheared by Ball-Melrose hydrodynamics.
-pub(crate) fn sheared(spheres: usize) -> Snapshot {
-    let params = params(spheres, Hydrodynamics::BallMelrose);
+/// A layer sheared by Ball-Melrose hydrodynamics; from 400 spheres on k × k copies of one of fewer, with as many contacts per sphere.
+///
+/// # Panics
+/// If such an N is not k² times a smaller number of spheres.
+pub(crate) fn layer(spheres: usize, area_fraction: f64) -> Snapshot {
+    let copies = (1..100)
+        .find(|k| spheres / (k * k) < COPIED_FROM && spheres.is_multiple_of(k * k))
+        .expect("a number of spheres that copies of fewer than 400 make");
+    let params = params(
+        spheres / (copies * copies),
+        area_fraction,
+        Hydrodynamics::BallMelrose,
+    );
     let mut simulation =
         Simulation::new(&params, 1, &NearFields::default()).expect("valid parameters");
     while simulation.strain() < STRAIN {
         simulation.step().expect("a step that succeeds");
     }
-    simulation.snapshot()
+    let small = simulation.snapshot();
+    if copies == 1 {
+        small
+    } else {
+        copied(&small, area_fraction, copies)
+    }
 }
 
-/// 2 × 2 copies of a layer, as one of four times the spheres.
-pub(crate) fn quadrupled(small: &Snapshot) -> Snapshot {
-    let n = small.radii.len();
+/// k × k copies of a layer.
+fn copied(small: &Snapshot, area_fraction: f64, copies: usize) -> Snapshot {
     let mut large = small.clone();
-    large.side = 2.0 * small.side;
+    large.side = copies as f64 * small.side;
     large.memory = Memory::default();
     let shift = small.steps as f64 * TIME_STEP * small.side;
-    for copy in 1..4_usize {
-        let (right, up) = ((copy % 2) as f64, (copy / 2) as f64);
-        for k in 0..n {
-            let [x, y] = small.centres[k];
+    for copy in 1..copies * copies {
+        let (right, up) = ((copy % copies) as f64, (copy / copies) as f64);
+        for &[x, y] in &small.centres {
             large
                 .centres
                 .push([x + right * small.side + up * shift, y + up * small.side]);
-            large.orientations.push(small.orientations[k]);
-            large.radii.push(small.radii[k]);
         }
+        large.orientations.extend_from_slice(&small.orientations);
+        large.radii.extend_from_slice(&small.radii);
     }
     // The same length, with the bits that the parameters give.
-    let params = params(large.radii.len(), Hydrodynamics::BallMelrose);
+    let params = params(large.radii.len(), area_fraction, Hydrodynamics::BallMelrose);
     let (_, side) = sd_core::start::radii_and_side(&params).expect("a valid layer");
     assert!((side / large.side - 1.0).abs() < 1e-12);
     large.side = side;
     large
+}
+
+/// The right-hand side of a layer at one instant, in its parts.
+pub(crate) struct Layer {
+    /// Cell, sheared.
+    pub(crate) cell: Cell,
+    /// Centres.
+    pub(crate) centres: Vec<Vec2>,
+    /// Solver.
+    pub(crate) motion: Motion,
+    /// Roughness, friction, critical load.
+    surface: Surface,
+    /// Contact forces of the stage before. After the first solve those of the same instant, as good a start as in a run.
+    memory: Memory,
+}
+
+impl Layer {
+    /// Of a snapshot.
+    pub(crate) fn new(snapshot: &Snapshot, params: &Params) -> Self {
+        let offset = snapshot.steps as f64 * TIME_STEP * snapshot.side;
+        let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
+        let centres = snapshot.centres.iter();
+        let resistance = Resistance::new(
+            params.hydrodynamics,
+            &cell,
+            &snapshot.radii,
+            &NearFields::default(),
+        );
+        Self {
+            cell,
+            centres: centres.map(|&[x, y]| Vec2::new(x, y)).collect(),
+            motion: Motion::new(resistance.expect("a valid layer")),
+            surface: params.surface(),
+            memory: Memory::default(),
+        }
+    }
+
+    /// Pairs, far field, `R_FU`.
+    pub(crate) fn assemble(&mut self) {
+        let done = self.motion.resistance.assemble(&self.cell, &self.centres);
+        done.expect("a regular layer");
+    }
+
+    /// Factors `R_FU`.
+    pub(crate) fn factor(&mut self) {
+        self.motion.resistance.factor().expect("a regular layer");
+    }
+
+    /// Contact forces and velocities of a stage that looks ahead by `time_span`.
+    pub(crate) fn solve(&mut self, time_span: f64) {
+        let law = ContactLaw::Rigid {
+            surface: self.surface,
+            time_span,
+            memory: &mut self.memory,
+        };
+        let solved = self.motion.solve_again(&Background::SHEAR, &[], law);
+        solved.expect("finite velocities");
+    }
 }

@@ -76,6 +76,23 @@ pub(super) fn cut_offs(alpha: f64, area: f64, radii: &[f64], tolerance: f64) -> 
     CutOffs { distance, wave }
 }
 
+/// The columns of the matrix in ranges of about [`CHUNK`] pairs, with their numbers of pairs.
+fn chunks(n: usize) -> impl Iterator<Item = (std::ops::Range<usize>, usize)> {
+    let mut start = 0;
+    std::iter::from_fn(move || {
+        if start + 1 >= n {
+            return None;
+        }
+        let first = start;
+        let mut pairs = 0;
+        while start + 1 < n && (pairs == 0 || pairs + n - 1 - start <= CHUNK) {
+            pairs += n - 1 - start;
+            start += 1;
+        }
+        Some((first..start, pairs))
+    })
+}
+
 impl Ewald {
     /// The periodic mobility.
     pub(super) fn fill(
@@ -90,16 +107,37 @@ impl Ewald {
         let real_self = self.real.update(cell);
         let wave_self = self.wave.update(cell, centres);
         self.fill_diagonal(sizes, radii, &real_self, &wave_self, target);
-        let mut start = 0;
-        while start + 1 < n {
-            let mut end = start;
-            let mut pairs = 0;
-            while end + 1 < n && (pairs == 0 || pairs + n - 1 - end <= CHUNK) {
-                pairs += n - 1 - end;
-                end += 1;
+        for (range, pairs) in chunks(n) {
+            self.fill_columns(sizes, centres, range, pairs, target);
+        }
+    }
+
+    /// The real-space sums of all pairs, and nothing else of [`Ewald::fill`].
+    pub(super) fn real_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
+        let n = centres.len();
+        let layers = if self.equal { 1 } else { 2 };
+        self.real.update(cell);
+        for (range, pairs) in chunks(n) {
+            self.sums.resize(pairs * layers, [0.0; LANES]);
+            let mut start = 0;
+            for j in range {
+                let end = start + n - 1 - j;
+                let sums = &mut self.sums[start * layers..end * layers];
+                let real = &self.real;
+                vectorised(
+                    #[inline(always)]
+                    || real.column(centres, j, sums),
+                );
+                start = end;
             }
-            self.fill_columns(sizes, centres, start..end, pairs, target);
-            start = end;
+        }
+    }
+
+    /// The wave-space sums of all pairs, and nothing else of [`Ewald::fill`].
+    pub(super) fn wave_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
+        self.wave.update(cell, centres);
+        for (range, _) in chunks(centres.len()) {
+            self.wave.columns(range);
         }
     }
 

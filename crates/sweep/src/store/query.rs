@@ -122,9 +122,10 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn counts(&self) -> Result<Counts, StoreError> {
+        // Rows in their own order: by the index of states each would be looked up alone, four times as slow.
         let rows: Result<Vec<(String, i64)>, _> = self
             .connection
-            .prepare("SELECT state, count(*) FROM cases WHERE position IS NOT NULL GROUP BY state")
+            .prepare("SELECT state, count(*) FROM cases NOT INDEXED WHERE position IS NOT NULL GROUP BY state")
             .and_then(|mut query| {
                 query
                     .query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?

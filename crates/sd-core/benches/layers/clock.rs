@@ -1,0 +1,23 @@
+//! Computing time of this thread, which other programs on the machine do not add to.
+
+use rustix::time::{ClockId, clock_gettime};
+use std::time::Duration;
+
+/// A moment in the life of this thread.
+#[derive(Clone, Copy)]
+pub(crate) struct Moment(Duration);
+
+impl Moment {
+    /// Now.
+    pub(crate) fn now() -> Self {
+        let time = clock_gettime(ClockId::ThreadCPUTime);
+        let seconds = u64::try_from(time.tv_sec).unwrap_or(0);
+        let nanoseconds = u64::try_from(time.tv_nsec).unwrap_or(0);
+        Self(Duration::from_secs(seconds) + Duration::from_nanos(nanoseconds))
+    }
+
+    /// Computing time since then, in seconds.
+    pub(crate) fn seconds(self) -> f64 {
+        (Self::now().0 - self.0).as_secs_f64()
+    }
+}

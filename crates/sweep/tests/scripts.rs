@@ -1,0 +1,42 @@
+//! The scripts, as far as they can be tried without doing their work.
+#![cfg(unix)]
+#![expect(clippy::unwrap_used, reason = "tests: a panic is the failure")]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The folder of the scripts.
+fn scripts() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts")
+}
+
+#[test]
+fn every_script_can_be_read() {
+    for entry in std::fs::read_dir(scripts()).unwrap() {
+        let path = entry.unwrap().path();
+        let status = Command::new("bash").arg("-n").arg(&path).status();
+        assert!(status.unwrap().success(), "{}", path.display());
+    }
+}
+
+#[test]
+fn unknown_parts_of_the_bench_are_refused_before_anything_is_measured() {
+    let output = Command::new(scripts().join("bench"))
+        .args(["profile", "speed"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("no part speed"), "{told}");
+}
+
+#[test]
+fn every_campaign_has_its_published_results() {
+    let sweeps = scripts().join("../sweeps");
+    let published = std::fs::read_to_string(scripts().join("published")).unwrap();
+    for entry in std::fs::read_dir(sweeps).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        let name = name.strip_suffix(".toml").unwrap_or_default();
+        assert!(name == "quickstart" || published.contains(name), "{name}");
+    }
+}
