@@ -53,8 +53,8 @@ pub fn memory_bytes(params: &Params) -> f64 {
 /// Spheres from which on a layer of rigid contacts under Ball-Melrose hydrodynamics is held as a network: where it costs less.
 pub const LEAST_NETWORK: usize = 250;
 
-/// Whether runs with these parameters hold the layer as a network.
-fn is_network(params: &Params) -> bool {
+/// Whether runs with these parameters hold the layer as a [network](crate::resistance::Network).
+pub fn is_network(params: &Params) -> bool {
     params.hydrodynamics == Hydrodynamics::BallMelrose
         && params.contact == ContactScheme::Rigid
         && params.spheres >= LEAST_NETWORK

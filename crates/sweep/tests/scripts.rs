@@ -1,6 +1,5 @@
 //! The scripts, as far as they can be tried without doing their work.
 #![cfg(unix)]
-#![expect(clippy::unwrap_used, reason = "tests: a panic is the failure")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -18,6 +18,6 @@ impl Moment {
 
     /// Computing time since then, in seconds.
     pub(crate) fn seconds(self) -> f64 {
-        (Self::now().0 - self.0).as_secs_f64()
+        Self::now().0.saturating_sub(self.0).as_secs_f64()
     }
 }

@@ -6,6 +6,7 @@ use sd_core::contact::rigid::Memory;
 use sd_core::modes::{Background, Vec2};
 use sd_core::motion::{ContactLaw, Motion};
 use sd_core::resistance::Resistance;
+use sd_core::simulation::is_network;
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 
 /// Time step of the runs and of the stages timed.
@@ -62,6 +63,7 @@ fn copied(small: &Snapshot, area_fraction: f64, copies: usize) -> Snapshot {
     let mut large = small.clone();
     large.side = copies as f64 * small.side;
     large.memory = Memory::default();
+    large.near_pairs.clear();
     let shift = small.steps as f64 * TIME_STEP * small.side;
     for copy in 1..copies * copies {
         let (right, up) = ((copy % copies) as f64, (copy / copies) as f64);
@@ -101,12 +103,12 @@ impl Layer {
         let offset = snapshot.steps as f64 * TIME_STEP * snapshot.side;
         let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
         let centres = snapshot.centres.iter();
-        let resistance = Resistance::new(
-            params.hydrodynamics,
-            &cell,
-            &snapshot.radii,
-            &NearFields::default(),
-        );
+        let (radii, tables) = (&snapshot.radii, NearFields::default());
+        let resistance = if is_network(params) {
+            Resistance::as_network(&cell, radii, &tables, &[])
+        } else {
+            Resistance::new(params.hydrodynamics, &cell, radii, &tables)
+        };
         Self {
             cell,
             centres: centres.map(|&[x, y]| Vec2::new(x, y)).collect(),
