@@ -34,7 +34,7 @@ pub struct Snapshot {
     /// Contact list of the procedure.
     pub listed: ContactList,
     /// Pairs of the near part's pattern, ordered, in layers held as a network: the order of elimination follows from them.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(default)]
     pub near_pairs: Vec<(u32, u32)>,
     /// Counters.
     pub counters: Counters,
