@@ -52,8 +52,12 @@ pub struct FarOperator {
     units: Vec<f64>,
     /// Near pairs.
     pairs: Vec<NearPair>,
-    /// Self mobility less what the grid holds of a sphere's own image, `[6N]`: a diagonal.
-    own: Vec<f64>,
+    /// Self mobility less what the grid holds of a sphere's own image: a diagonal, modes as in [`NearPair`].
+    own: Vec<[f64; 6]>,
+    /// Force modes of each sphere.
+    sources: Vec<[f64; 6]>,
+    /// Velocity modes of each sphere.
+    results: Vec<[f64; 6]>,
 }
 
 impl FarOperator {
@@ -62,47 +66,58 @@ impl FarOperator {
     /// # Arguments
     /// - `cell`: periodic; its offset may differ in every call of [`FarOperator::update`].
     /// - `radii`: one per sphere, in a.
-    /// - `tolerance`: of M, relative to its largest entry, 1e-14 to 1e-3; the grid's window limits it to 1e-9.
+    /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3: the grid's window leaves a few 1e-9.
     ///
     /// # Errors
     /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without bounds.
     pub fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
-        check(radii, tolerance)?;
-        let Cell::Periodic {
-            length_x, length_y, ..
-        } = *cell
-        else {
-            return Err(Error::OutOfRange {
-                field: "cell",
-                value: f64::INFINITY,
-                allowed: "periodic",
-            });
-        };
+        check_plan(radii, tolerance)?;
+        let [length_x, length_y] = periodic_sides(cell)?;
         let (n, area) = (radii.len() as f64, length_x * length_y);
-        // Beyond half a side a sphere would meet two images of one neighbour.
-        let longest = 0.499 * length_x.min(length_y);
-        let mut best = (f64::INFINITY, 0.0, None);
+        let longest = longest([length_x, length_y]);
+        let mut best = (f64::INFINITY, 0.0);
         for step in 0..80 {
-            let alpha = 4.0 / longest * 1.05_f64.powi(step);
+            let alpha = 3.0 / longest * 1.05_f64.powi(step);
             let cut_offs = cut_offs(alpha, area, radii, tolerance);
             if cut_offs.distance > longest {
                 continue;
             }
             // Nanoseconds: each near pair, each wave vector on its share of the grid.
             let pairs = 0.5 * n * n * PI * cut_offs.distance.powi(2) / area;
-            let points = 1.5 * 2.25 * area * (cut_offs.wave / PI).powi(2);
+            let points = 1.12 * 2.5 * area * (cut_offs.wave / PI).powi(2);
             let cost = 25.0 * pairs + 60.0 * points;
             if cost < best.0 {
-                best = (cost, alpha, Some(cut_offs));
+                best = (cost, alpha);
             }
         }
-        let (_, alpha, Some(CutOffs { distance, wave })) = best else {
-            return Err(Error::OutOfRange {
-                field: "cell",
-                value: longest,
-                allowed: "wide enough for the near part of the mobility",
-            });
+        Self::with_splitting(cell, radii, tolerance, best.1)
+    }
+
+    /// As [`FarOperator::new`] with a given splitting parameter α, in 1/a: for tests of the sums.
+    ///
+    /// # Errors
+    /// As [`FarOperator::new`]; also where the near part would reach beyond half a side.
+    pub fn with_splitting(
+        cell: &Cell,
+        radii: &[f64],
+        tolerance: f64,
+        alpha: f64,
+    ) -> Result<Self, Error> {
+        check_plan(radii, tolerance)?;
+        let sides = periodic_sides(cell)?;
+        let longest = longest(sides);
+        let narrow = Error::OutOfRange {
+            field: "cell",
+            value: longest,
+            allowed: "wide enough for the near part of the mobility",
         };
+        if !(alpha * longest >= 1.0 && alpha.is_finite()) {
+            return Err(narrow);
+        }
+        let CutOffs { distance, wave } = cut_offs(alpha, sides[0] * sides[1], radii, tolerance);
+        if distance > longest {
+            return Err(narrow);
+        }
         let sizes: Vec<_> = radii.iter().map(|&a| FiniteSize::new(a)).collect();
         let equal = radii.iter().all(|a| a.to_bits() == radii[0].to_bits());
         let factors = equal.then(|| sizes[0].factors(&sizes[0]));
@@ -110,23 +125,25 @@ impl FarOperator {
         let own = RadialChain::own_image(alpha).radial_functions();
         let own = [own.0, own.1]
             .map(|radial| unbounded::lanes(&radial, Vec2::zeros()).map(|v| v / (8.0 * PI)));
-        let mut diagonal = vec![0.0; 6 * radii.len()];
-        for (i, size) in sizes.iter().enumerate() {
+        let mut diagonal = vec![[0.0; 6]; radii.len()];
+        for ((size, &radius), diagonal) in sizes.iter().zip(radii).zip(&mut diagonal) {
             let image = kernels::finite_size(&own[0], &own[1], &size.factors(size));
             let image = kernels::blocks(&image, &image);
-            let single = self_mobility(radii[i]);
+            let single = self_mobility(radius);
             for k in 0..3 {
-                diagonal[3 * i + k] = single[3 + k] - image.strain_stresslet[k][k];
-                diagonal[3 * (radii.len() + i) + k] = single[k] - image.velocity_force[k][k];
+                diagonal[k] = single[3 + k] - image.strain_stresslet[k][k];
+                diagonal[3 + k] = single[k] - image.velocity_force[k][k];
             }
         }
         Ok(Self {
             radii: radii.to_vec(),
-            sides: [length_x, length_y],
+            sides,
             alpha,
             equal,
-            real: RealSpace::new(alpha, distance, 1.99 * smallest, tolerance, factors),
-            grid: Grid::new([length_x, length_y], &sizes, alpha, wave),
+            real: RealSpace::new(alpha, distance, 1.99 * smallest, 0.1 * tolerance, factors),
+            grid: Grid::new(sides, &sizes, alpha, wave, tolerance),
+            sources: vec![[0.0; 6]; radii.len()],
+            results: vec![[0.0; 6]; radii.len()],
             sizes,
             list: NeighbourList::new(radii.len()),
             reach: distance,
@@ -217,38 +234,86 @@ impl FarOperator {
     /// # Accuracy
     /// The tolerance of the plan, relative to the largest entry of M; test `operator_is_the_dense_mobility`.
     pub fn apply(&mut self, x: &[f64], y: &mut [f64]) {
-        for ((y, x), own) in y.iter_mut().zip(x).zip(&self.own) {
-            *y = own * x;
-        }
         let n = self.radii.len();
-        let pairs = &self.pairs;
+        let (strains, velocities) = x.split_at(3 * n);
+        let rows = strains.chunks_exact(3).zip(velocities.chunks_exact(3));
+        let spheres = self.sources.iter_mut().zip(&mut self.results);
+        for (((s, f), (source, result)), own) in rows.zip(spheres).zip(&self.own) {
+            source[..3].copy_from_slice(s);
+            source[3..].copy_from_slice(f);
+            for k in 0..6 {
+                result[k] = own[k] * source[k];
+            }
+        }
+        let (pairs, sources, results) = (&self.pairs, &self.sources, &mut self.results);
         vectorised(
             #[inline(always)]
-            || {
-                let gather = |i: usize| -> [f64; 6] {
-                    let (s, f) = (&x[3 * i..3 * i + 3], &x[3 * (n + i)..3 * (n + i) + 3]);
-                    [s[0], s[1], s[2], f[0], f[1], f[2]]
-                };
-                for NearPair { i, j, block } in pairs {
-                    let (of_i, of_j) = (gather(*i), gather(*j));
-                    let (mut to_i, mut to_j) = ([0.0; 6], [0.0; 6]);
-                    for c in 0..6 {
-                        for r in 0..6 {
-                            to_i[r] = block[c][r].mul_add(of_j[c], to_i[r]);
-                        }
-                        to_j[c] = (block[c][0] * of_i[0] + block[c][1] * of_i[1])
-                            + (block[c][2] * of_i[2] + block[c][3] * of_i[3])
-                            + (block[c][4] * of_i[4] + block[c][5] * of_i[5]);
-                    }
-                    for (k, to) in [(*i, to_i), (*j, to_j)] {
-                        for r in 0..3 {
-                            y[3 * k + r] += to[r];
-                            y[3 * (n + k) + r] += to[3 + r];
-                        }
-                    }
-                }
-            },
+            || add_pairs(pairs, sources, results),
         );
-        self.grid.add(x, y);
+        self.grid.add(&self.sources, &mut self.results);
+        let (strains, velocities) = y.split_at_mut(3 * n);
+        let rows = strains
+            .chunks_exact_mut(3)
+            .zip(velocities.chunks_exact_mut(3));
+        for ((e, u), result) in rows.zip(&self.results) {
+            e.copy_from_slice(&result[..3]);
+            u.copy_from_slice(&result[3..]);
+        }
     }
 }
+
+/// Refuses radii out of range, and tolerances that the grid does not reach.
+fn check_plan(radii: &[f64], tolerance: f64) -> Result<(), Error> {
+    check(radii, tolerance)?;
+    if tolerance < 1e-8 {
+        return Err(Error::OutOfRange {
+            field: "tolerance",
+            value: tolerance,
+            allowed: "1e-8 to 1e-3",
+        });
+    }
+    Ok(())
+}
+
+/// Longest reach of the near part: beyond half a side a sphere would meet two images of one neighbour.
+fn longest(sides: [f64; 2]) -> f64 {
+    0.499 * sides[0].min(sides[1])
+}
+
+/// Sides of a periodic cell.
+fn periodic_sides(cell: &Cell) -> Result<[f64; 2], Error> {
+    match *cell {
+        Cell::Periodic {
+            length_x, length_y, ..
+        } => Ok([length_x, length_y]),
+        Cell::Unbounded => Err(Error::OutOfRange {
+            field: "cell",
+            value: f64::INFINITY,
+            allowed: "periodic",
+        }),
+    }
+}
+
+/// Adds what near pairs do to each other.
+#[inline(always)]
+fn add_pairs(pairs: &[NearPair], sources: &[[f64; 6]], results: &mut [[f64; 6]]) {
+    for NearPair { i, j, block } in pairs {
+        let (of_i, of_j) = (sources[*i], sources[*j]);
+        let (mut to_i, mut to_j) = (results[*i], [0.0; 6]);
+        for c in 0..6 {
+            for r in 0..6 {
+                to_i[r] = block[c][r].mul_add(of_j[c], to_i[r]);
+            }
+            to_j[c] = (block[c][0] * of_i[0] + block[c][1] * of_i[1])
+                + (block[c][2] * of_i[2] + block[c][3] * of_i[3])
+                + (block[c][4] * of_i[4] + block[c][5] * of_i[5]);
+        }
+        results[*i] = to_i;
+        for (result, value) in results[*j].iter_mut().zip(to_j) {
+            *result += value;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// A triangular layer of `columns × rows` spheres at an area fraction, each moved by at most `shake`.
-fn layer(
+pub(super) fn layer(
     columns: usize,
     rows: usize,
     area_fraction: f64,
@@ -113,7 +113,7 @@ fn three() -> (Cell, Vec<Vec2>, Vec<f64>) {
 }
 
 /// All of M from its lower triangle.
-fn mobility(far_field: &mut FarField, cell: &Cell, centres: &[Vec2]) -> Matrix {
+pub(super) fn mobility(far_field: &mut FarField, cell: &Cell, centres: &[Vec2]) -> Matrix {
     let mut tiled = TiledMatrix::default();
     far_field.fill(cell, centres, &mut tiled).unwrap();
     let n = tiled.rows();
@@ -465,56 +465,4 @@ fn bad_input_is_refused() {
             ..
         })
     ));
-}
-
-#[test]
-fn operator_is_the_dense_mobility() {
-    for (unequal, offset) in [(false, 0.0), (false, 5.1), (true, -4.7), (true, 2.2)] {
-        let (cell, centres) = layer(5, 6, 0.6, 0.2, offset);
-        let radii: Vec<_> = (0..30)
-            .map(|i| {
-                if unequal {
-                    1.0 - 0.02 * f64::from(i)
-                } else {
-                    1.0
-                }
-            })
-            .collect();
-        let m = mobility(
-            &mut FarField::new(&cell, &radii, 1e-11).unwrap(),
-            &cell,
-            &centres,
-        );
-        let largest = m.values().iter().fold(0.0, |a: f64, b| a.max(b.abs()));
-        let mut operator = operator::FarOperator::new(&cell, &radii, 1e-9).unwrap();
-        operator.update(&cell, &centres).unwrap();
-        // Whole columns of force-free sources: the uniform force mode is another.
-        let (mut worst, mut asymmetry): (f64, f64) = (0.0, 0.0);
-        let mut all = Matrix::zeros(180, 180);
-        for j in 0..180 {
-            let mut x = vec![0.0; 180];
-            x[j] = 1.0;
-            let mut found = vec![0.0; 180];
-            operator.apply(&x, &mut found);
-            all.column_mut(j).copy_from_slice(&found);
-            if j >= 90 && j % 3 < 2 {
-                // Less the same force on another sphere.
-                let other = 90 + (j - 90 + 3) % 90;
-                x[other] = -1.0;
-                operator.apply(&x, &mut found);
-            }
-            let mut expected = vec![0.0; 180];
-            m.add_product(&x, &mut expected);
-            for (a, b) in found.iter().zip(&expected) {
-                worst = worst.max((a - b).abs() / largest);
-            }
-        }
-        for j in 0..180 {
-            for i in 0..j {
-                asymmetry = asymmetry.max((all[(i, j)] - all[(j, i)]).abs() / largest);
-            }
-        }
-        assert!(worst < 1e-8, "{unequal} {offset}: {worst:e}");
-        assert!(asymmetry < 1e-14, "{asymmetry:e}");
-    }
 }

@@ -1,0 +1,134 @@
+//! Cost of full Stokesian Dynamics by iteration over the number of spheres: planning, one product with the mobility, one
+//! Ball-Melrose solve, one solve without contacts from nothing and from the one before.
+//!
+//! c = 0.75, h = 0.01, ν = 0.3, Γ = ∞, rigid contacts, layers sheared by Ball-Melrose hydrodynamics; an N above 400 is made of 2 × 2
+//! copies of a layer of N/4, every sphere moved by up to a thousandth of its radius. Arguments are numbers of spheres.
+
+#![expect(clippy::print_stdout, reason = "a bench prints its table")]
+
+use sd_core::cell::Cell;
+use sd_core::modes::{Background, Vec2};
+use sd_core::resistance::Resistance;
+use sd_core::resistance::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
+use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
+use std::time::Instant;
+
+/// Time step of the runs.
+const TIME_STEP: f64 = 0.005;
+/// Steps before the layer is taken.
+const STEPS: u32 = 60;
+
+/// Least milliseconds of several calls.
+fn least(calls: u32, mut call: impl FnMut()) -> f64 {
+    let one = |_| {
+        let start = Instant::now();
+        call();
+        1e3 * start.elapsed().as_secs_f64()
+    };
+    (0..calls).map(one).fold(f64::INFINITY, f64::min)
+}
+
+/// Cell and centres of a sheared layer.
+fn layer(spheres: usize) -> (Cell, Vec<Vec2>) {
+    let copies = if spheres > 400 { 2 } else { 1 };
+    let params = Params {
+        spheres: spheres / (copies * copies),
+        area_fraction: 0.75,
+        roughness: 0.01,
+        friction: 0.3,
+        shear_rate: f64::INFINITY,
+        size_ratio: 1.0,
+        large_fraction: 0.5,
+        hydrodynamics: Hydrodynamics::BallMelrose,
+        contact: ContactScheme::Rigid,
+        time_step: TIME_STEP,
+    };
+    let mut simulation =
+        Simulation::new(&params, 1, &NearFields::default()).expect("valid parameters");
+    for _ in 0..STEPS {
+        simulation.step().expect("a step that succeeds");
+    }
+    let small = simulation.snapshot();
+    let shift = f64::from(STEPS) * TIME_STEP * small.side;
+    let mut centres = Vec::new();
+    for copy in 0..copies * copies {
+        let (right, up) = ((copy % copies) as f64, (copy / copies) as f64);
+        for [x, y] in &small.centres {
+            let k = centres.len() as f64;
+            let shake = Vec2::new((12.9 * k).sin(), (78.2 * k + 1.0).sin()) * 1e-3;
+            let at = Vec2::new(x + right * small.side + up * shift, y + up * small.side);
+            centres.push(if copies > 1 { at + shake } else { at });
+        }
+    }
+    let side = copies as f64 * small.side;
+    let offset = copies as f64 * shift;
+    (Cell::periodic(side, side, offset).expect("a side"), centres)
+}
+
+/// One line of the table.
+fn measure(spheres: usize) {
+    let (cell, mut centres) = layer(spheres);
+    let n = centres.len();
+    let radii = vec![1.0; n];
+    let near = Resistance::new(
+        Hydrodynamics::BallMelrose,
+        &cell,
+        &radii,
+        &NearFields::default(),
+    );
+    let mut near = near.expect("a valid layer");
+    let factoring = least(3, || near.update(&cell, &centres).expect("no overlap"));
+    let mut far = IterativeFarField::new(&cell, &radii, DEFAULT_RESIDUAL).expect("a wide cell");
+    let planning = least(3, || far.update(&cell, &centres).expect("the planned cell"));
+    let x: Vec<f64> = (0..6 * n).map(|k| (k as f64).sin()).collect();
+    let mut y = vec![0.0; 6 * n];
+    let product = least(20, || far.apply_mobility(&x, &mut y));
+    let mut rows = x[..3 * n].to_vec();
+    let solve = least(20, || near.solver().solve(&mut rows));
+    let strain = Background::SHEAR.strain();
+    let (mut forces, mut v) = (vec![0.0; 3 * n], vec![0.0; 3 * n]);
+    near.background_forces(&strain, &mut forces);
+    let mut cold = 0;
+    let whole = least(3, || {
+        far.forget();
+        let found = far.solve(&near, &strain, &forces, &mut v);
+        cold = found.expect("a regular layer").iterations;
+    });
+    // The stage after, half a time step later.
+    for (k, x) in centres.iter_mut().enumerate() {
+        let flow = Background::SHEAR.velocity(*x) + Vec2::new(v[3 * k], v[3 * k + 1]);
+        *x += 0.1 * TIME_STEP * flow;
+    }
+    let Cell::Periodic {
+        length_x,
+        length_y,
+        offset,
+    } = cell
+    else {
+        return;
+    };
+    let cell = Cell::periodic(length_x, length_y, offset + 0.1 * TIME_STEP * length_y);
+    let cell = cell.expect("a side");
+    near.update(&cell, &centres).expect("no overlap");
+    far.update(&cell, &centres).expect("the planned cell");
+    near.background_forces(&strain, &mut forces);
+    let warm = far.solve(&near, &strain, &forces, &mut v);
+    let warm = warm.expect("a regular layer").iterations;
+    let (pairs, points) = far.operator().sizes();
+    println!(
+        "{n:6} {pairs:8} {points:8} {factoring:9.1} {planning:8.1} {product:8.2} {solve:8.2} {cold:6} {warm:6} {whole:9.1}"
+    );
+}
+
+fn main() {
+    let mut numbers: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
+    if numbers.is_empty() {
+        numbers = vec![200, 800, 2000];
+    }
+    println!(
+        "     N    pairs   points  factor/ms  plan/ms product/ms solve/ms  cold  warm  all/ms"
+    );
+    for spheres in numbers {
+        measure(spheres);
+    }
+}
