@@ -54,9 +54,9 @@ pub struct FarOperator {
     pairs: Vec<NearPair>,
     /// Self mobility less what the grid holds of a sphere's own image: a diagonal, modes as in [`NearPair`].
     own: Vec<[f64; 6]>,
-    /// Force modes of each sphere.
+    /// Force modes of each sphere, of all vectors at hand.
     sources: Vec<[f64; 6]>,
-    /// Velocity modes of each sphere.
+    /// Velocity modes of each sphere, of all vectors at hand.
     results: Vec<[f64; 6]>,
 }
 
@@ -85,7 +85,7 @@ impl FarOperator {
             // Nanoseconds: each near pair, each wave vector on its share of the grid.
             let pairs = 0.5 * n * n * PI * cut_offs.distance.powi(2) / area;
             let points = 1.12 * 2.5 * area * (cut_offs.wave / PI).powi(2);
-            let cost = 25.0 * pairs + 60.0 * points;
+            let cost = 40.0 * pairs + 50.0 * points;
             if cost < best.0 {
                 best = (cost, alpha);
             }
@@ -142,8 +142,8 @@ impl FarOperator {
             equal,
             real: RealSpace::new(alpha, distance, 1.99 * smallest, 0.1 * tolerance, factors),
             grid: Grid::new(sides, &sizes, alpha, wave, tolerance),
-            sources: vec![[0.0; 6]; radii.len()],
-            results: vec![[0.0; 6]; radii.len()],
+            sources: Vec::with_capacity(2 * radii.len()),
+            results: Vec::with_capacity(2 * radii.len()),
             sizes,
             list: NeighbourList::new(radii.len()),
             reach: distance,
@@ -229,35 +229,66 @@ impl FarOperator {
         Ok(())
     }
 
-    /// `y ← M x`; both `[6N]`, stresslets or strains of all spheres first, then forces and torques or velocities.
+    /// `y ← M x`; both `[6N]`, stresslets or strains of all spheres first, then forces and torques or velocities; or several such
+    /// vectors one after another, which share the reading of the near pairs.
     ///
     /// # Accuracy
     /// The tolerance of the plan, relative to the largest entry of M; test `operator_is_the_dense_mobility`.
     pub fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         let n = self.radii.len();
-        let (strains, velocities) = x.split_at(3 * n);
-        let rows = strains.chunks_exact(3).zip(velocities.chunks_exact(3));
-        let spheres = self.sources.iter_mut().zip(&mut self.results);
-        for (((s, f), (source, result)), own) in rows.zip(spheres).zip(&self.own) {
-            source[..3].copy_from_slice(s);
-            source[3..].copy_from_slice(f);
-            for k in 0..6 {
-                result[k] = own[k] * source[k];
+        self.sources.clear();
+        self.results.clear();
+        for x in x.chunks_exact(6 * n) {
+            let (strains, velocities) = x.split_at(3 * n);
+            let rows = strains.chunks_exact(3).zip(velocities.chunks_exact(3));
+            for ((s, f), own) in rows.zip(&self.own) {
+                let source = [s[0], s[1], s[2], f[0], f[1], f[2]];
+                self.sources.push(source);
+                self.results
+                    .push(std::array::from_fn(|k| own[k] * source[k]));
             }
         }
         let (pairs, sources, results) = (&self.pairs, &self.sources, &mut self.results);
         vectorised(
             #[inline(always)]
-            || add_pairs(pairs, sources, results),
+            || add_pairs(n, pairs, sources, results),
         );
-        self.grid.add(&self.sources, &mut self.results);
-        let (strains, velocities) = y.split_at_mut(3 * n);
-        let rows = strains
-            .chunks_exact_mut(3)
-            .zip(velocities.chunks_exact_mut(3));
-        for ((e, u), result) in rows.zip(&self.results) {
-            e.copy_from_slice(&result[..3]);
-            u.copy_from_slice(&result[3..]);
+        let vectors = sources.chunks_exact(n).zip(results.chunks_exact_mut(n));
+        for (sources, results) in vectors {
+            self.grid.add(sources, results);
+        }
+        for (y, results) in y.chunks_exact_mut(6 * n).zip(self.results.chunks_exact(n)) {
+            let (strains, velocities) = y.split_at_mut(3 * n);
+            let rows = strains
+                .chunks_exact_mut(3)
+                .zip(velocities.chunks_exact_mut(3));
+            for ((e, u), result) in rows.zip(results) {
+                e.copy_from_slice(&result[..3]);
+                u.copy_from_slice(&result[3..]);
+            }
+        }
+    }
+}
+
+/// Adds what near pairs do to each other, for vectors of n spheres one after another.
+#[inline(always)]
+fn add_pairs(n: usize, pairs: &[NearPair], sources: &[[f64; 6]], results: &mut [[f64; 6]]) {
+    for NearPair { i, j, block } in pairs {
+        for (sources, results) in sources.chunks_exact(n).zip(results.chunks_exact_mut(n)) {
+            let (of_i, of_j) = (sources[*i], sources[*j]);
+            let (mut to_i, mut to_j) = (results[*i], [0.0; 6]);
+            for c in 0..6 {
+                for r in 0..6 {
+                    to_i[r] = block[c][r].mul_add(of_j[c], to_i[r]);
+                }
+                to_j[c] = (block[c][0] * of_i[0] + block[c][1] * of_i[1])
+                    + (block[c][2] * of_i[2] + block[c][3] * of_i[3])
+                    + (block[c][4] * of_i[4] + block[c][5] * of_i[5]);
+            }
+            results[*i] = to_i;
+            for (result, value) in results[*j].iter_mut().zip(to_j) {
+                *result += value;
+            }
         }
     }
 }
@@ -291,27 +322,6 @@ fn periodic_sides(cell: &Cell) -> Result<[f64; 2], Error> {
             value: f64::INFINITY,
             allowed: "periodic",
         }),
-    }
-}
-
-/// Adds what near pairs do to each other.
-#[inline(always)]
-fn add_pairs(pairs: &[NearPair], sources: &[[f64; 6]], results: &mut [[f64; 6]]) {
-    for NearPair { i, j, block } in pairs {
-        let (of_i, of_j) = (sources[*i], sources[*j]);
-        let (mut to_i, mut to_j) = (results[*i], [0.0; 6]);
-        for c in 0..6 {
-            for r in 0..6 {
-                to_i[r] = block[c][r].mul_add(of_j[c], to_i[r]);
-            }
-            to_j[c] = (block[c][0] * of_i[0] + block[c][1] * of_i[1])
-                + (block[c][2] * of_i[2] + block[c][3] * of_i[3])
-                + (block[c][4] * of_i[4] + block[c][5] * of_i[5]);
-        }
-        results[*i] = to_i;
-        for (result, value) in results[*j].iter_mut().zip(to_j) {
-            *result += value;
-        }
     }
 }
 

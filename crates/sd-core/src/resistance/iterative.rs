@@ -111,11 +111,7 @@ impl IterativeFarField {
                 allowed: "1e-7 to 1e-2",
             });
         }
-        let operator = FarOperator::new(
-            cell,
-            radii,
-            std::env::var("TOL").map_or(OPERATOR_TOLERANCE * residual, |t| t.parse().unwrap()),
-        )?;
+        let operator = FarOperator::new(cell, radii, OPERATOR_TOLERANCE * residual)?;
         let n = radii.len();
         let mut drag = vec![0.0; 6 * n];
         for (i, &radius) in radii.iter().enumerate() {
@@ -314,11 +310,11 @@ impl Work {
         let c = self
             .uniform
             .against(translations(&self.preconditioned[half..]));
-        for k in 0..half {
+        for (k, drag) in drag_v.iter().enumerate() {
             let (moved, answer) = (translation(c, k), self.uniform.answer(c, k));
             self.residual[half + k] -= moved;
             self.lag[k] -= moved - answer;
-            self.preconditioned[half + k] -= drag_v[k] * answer;
+            self.preconditioned[half + k] -= drag * answer;
         }
         dot(&self.residual, &self.preconditioned)
     }

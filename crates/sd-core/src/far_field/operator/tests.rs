@@ -114,6 +114,25 @@ fn applications_allocate_nothing_and_repeat_bit_for_bit() {
     });
     assert_eq!(counted.count_total, 0);
     assert_eq!(first, second);
+    let (both, mut found) = ([&x[..], &x[..]].concat(), vec![0.0; 360]);
+    operator.apply(&both, &mut found);
+    assert_eq!(found, [first, second].concat());
+}
+
+#[test]
+fn cost_grows_with_the_number_of_spheres_alone() {
+    let sizes = [10, 20, 40].map(|side: usize| {
+        let (cell, centres) = layer(side, side, 0.7, 0.1, 3.0);
+        let radii = vec![1.0; side * side];
+        let mut operator = FarOperator::new(&cell, &radii, 1e-7).unwrap();
+        operator.update(&cell, &centres).unwrap();
+        let (pairs, points) = operator.sizes();
+        (pairs + points) as f64 / radii.len() as f64
+    });
+    assert!(
+        sizes.iter().all(|size| (size / sizes[0] - 1.0).abs() < 0.3),
+        "{sizes:?}"
+    );
 }
 
 #[test]

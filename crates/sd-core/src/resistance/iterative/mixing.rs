@@ -27,6 +27,14 @@ pub(super) struct Mixing {
 }
 
 impl Mixing {
+    /// Makes room for so many unknowns.
+    pub(super) fn reserve(&mut self, unknowns: usize) {
+        let pair = || [Vec::with_capacity(unknowns), Vec::with_capacity(unknowns)];
+        self.steps = (0..DEPTH).map(|_| pair()).collect();
+        self.last = pair();
+        self.restart();
+    }
+
     /// Forgets all.
     pub(super) fn restart(&mut self) {
         self.kept = 0;
@@ -56,9 +64,6 @@ impl Mixing {
     fn learn(&mut self, x: &[f64], residual: &[f64]) {
         let full = self.kept == DEPTH;
         let slot = if full { self.oldest } else { self.kept };
-        if self.steps.len() == slot {
-            self.steps.push(Default::default());
-        }
         let mut new = std::mem::take(&mut self.steps[slot]);
         let now = [x, residual];
         for ((new, now), last) in new.iter_mut().zip(now).zip(&self.last) {
@@ -114,6 +119,7 @@ mod tests {
         };
         let residual = |x: &[f64]| -> Vec<f64> { g(x).iter().zip(x).map(|(g, x)| g - x).collect() };
         let mut mixing = Mixing::default();
+        mixing.reserve(3);
         let mut x = vec![0.0; 3];
         for _ in 0..4 {
             let r = residual(&x);

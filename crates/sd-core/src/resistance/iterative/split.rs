@@ -25,6 +25,8 @@ use nalgebra::Vector3;
 const REDUCTION: f64 = 0.1;
 /// Change of the residual by new contact states, over the residual, below which they are taken as settled.
 const SETTLED: f64 = 0.1;
+/// Rise of the residual over its least at which the acceleration starts anew.
+const WORSE: f64 = 10.0;
 
 /// Contacts under Ball-Melrose hydrodynamics.
 ///
@@ -99,15 +101,17 @@ impl Workspace {
             vector.clear();
             vector.resize(n, 0.0);
         }
+        self.mixing.reserve(2 * n + 4);
     }
 
-    /// Norm of `change` over that of the next `√M₀ q`.
+    /// Norm of `change` over that of the next `√M₀ q` of both parts together: near jamming the two are large and all but cancel.
     fn relative_change(&self) -> f64 {
-        let next: f64 = self
-            .scaled
-            .iter()
-            .zip(&self.change)
-            .map(|(q, change)| (q + change) * (q + change))
+        let part = (self.scaled.len() - 4) / 2;
+        let next: f64 = (0..part)
+            .map(|k| {
+                let [n, t] = [k, k + part].map(|at| self.scaled[at] + self.change[at]);
+                (n + t) * (n + t)
+            })
             .sum();
         let square = dot(&self.change, &self.change);
         if square > 0.0 {
@@ -122,7 +126,7 @@ impl IterativeFarField {
     /// Disturbance velocities `[3N]` with contacts; their forces stay with `motion`.
     ///
     /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone; the velocities are v = v_N + v_T, consistent with the last contact solve to
-    /// rounding, and [`IterativeFarField::correct`] then has the far field of both parts. The first solves allocate.
+    /// rounding, and [`IterativeFarField::correct`] then has the far field of both parts. Allocates nothing after the first call.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::NotConverged`]; those of the contact problem.
@@ -145,6 +149,7 @@ impl IterativeFarField {
         // Residual at which the contact problem is solved again.
         let mut goal = 0.0;
         let mut can_respond = true;
+        let mut best = f64::INFINITY;
         loop {
             self.take_flow(forces);
             let solved_before = found.contact_solves;
@@ -190,6 +195,12 @@ impl IterativeFarField {
             }
             found.iterations += 1;
             let work = &mut self.split;
+            // Steps that mislead are worse than none.
+            if found.residual > WORSE * best {
+                work.mixing.restart();
+                best = found.residual;
+            }
+            best = best.min(found.residual);
             work.mixing.advance(&mut work.scaled, &work.change);
         }
         self.forget();
@@ -209,16 +220,14 @@ impl IterativeFarField {
         for ((q, scaled), root) in work.densities.iter_mut().zip(&work.scaled).zip(&work.roots) {
             *q = scaled * root;
         }
+        work.flow.fill(0.0);
+        let moving = work.densities.iter().rposition(|&q| q != 0.0);
+        let parts = moving.map_or(0, |last| last / whole + 1) * whole;
+        self.operator
+            .apply(&work.densities[..parts], &mut work.flow[..parts]);
         for part in 0..2 {
-            let (q, flow) = (
-                &work.densities[part * whole..(part + 1) * whole],
-                &mut work.flow[part * whole..(part + 1) * whole],
-            );
-            if q.iter().all(|&q| q == 0.0) {
-                flow.fill(0.0);
-            } else {
-                self.operator.apply(q, flow);
-            }
+            let q = &work.densities[part * whole..(part + 1) * whole];
+            let flow = &mut work.flow[part * whole..(part + 1) * whole];
             let c = [0, 1].map(|row| {
                 let at = 2 * (whole + part) + row;
                 work.scaled[at] * work.roots[at]
@@ -254,9 +263,9 @@ impl IterativeFarField {
                 net[k % 3] += work.densities[at] + work.roots[at] * work.change[at];
             }
             let c = self.work.uniform.against(net);
-            for row in 0..2 {
+            for (row, c) in c.into_iter().enumerate() {
                 let at = 2 * (whole + part) + row;
-                work.change[at] = c[row] / work.roots[at];
+                work.change[at] = c / work.roots[at];
             }
         }
     }

@@ -248,3 +248,41 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
         assert!(expected.viscosity > 1.0 + 5.0 * PI / 3.0 / PI * 0.72);
     }
 }
+
+#[test]
+fn stages_that_follow_each_other_take_fewer_iterations() {
+    let (cell, mut centres, radii) = sheared(&params(150, 1.0));
+    let Cell::Periodic {
+        length_x,
+        length_y,
+        mut offset,
+    } = cell
+    else {
+        return;
+    };
+    let surface = Surface {
+        roughness: 0.01,
+        friction: 0.3,
+        critical_load: 0.0,
+    };
+    let (external, shear) = (vec![0.0; 450], Background::SHEAR);
+    let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
+    let mut v = vec![0.0; 450];
+    let mut iterations = Vec::new();
+    for _ in 0..8 {
+        let cell = Cell::periodic(length_x, length_y, offset).unwrap();
+        let (near, forces) = near(&cell, &centres, &radii, &external);
+        far.update(&cell, &centres).unwrap();
+        let mut contacts = DenseContacts::new(&near, &surface, 0.0025);
+        let strain = shear.strain();
+        let found = far
+            .solve_split(&near, &mut contacts, &strain, &forces, &mut v)
+            .unwrap();
+        iterations.push(found.iterations);
+        for (x, v) in centres.iter_mut().zip(v.chunks_exact(3)) {
+            *x += 0.0025 * (shear.velocity(*x) + Vec2::new(v[0], v[1]));
+        }
+        offset += 0.0025 * length_y;
+    }
+    assert!(iterations[1..].iter().all(|&count| count < iterations[0]));
+}
