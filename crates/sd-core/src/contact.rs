@@ -15,12 +15,14 @@
 //!
 //! where v_n⁰, u_t⁰ belong to the motion without contact forces. `G_nn` is the Delassus matrix.
 
+mod augmented;
 mod cone;
 pub mod coulomb;
 pub mod friction;
 pub mod hertz;
 pub mod laws;
 pub mod linear_spring;
+pub mod network;
 mod normal;
 pub mod procedure;
 pub mod repulsion;
@@ -114,6 +116,11 @@ impl Contact {
             slip_velocity: 0.0,
             state: ContactState::Frictionless,
         }
+    }
+
+    /// First rows of its spheres in vectors `[3N]` in their order.
+    fn rows(&self) -> [usize; 2] {
+        [3 * self.pair.i, 3 * self.pair.j]
     }
 
     /// n·(v_j − v_i) for disturbance velocities `[3N]`, without the background.
@@ -212,6 +219,8 @@ pub struct Contacts {
     friction: friction::Workspace,
     /// Workspace of the laws chosen one by one.
     laws: laws::Workspace,
+    /// Workspace of networks.
+    network: network::Workspace,
 }
 
 /// Most spheres for which room is made in advance for all contacts there can be.

@@ -93,6 +93,15 @@ pub enum Error {
         /// Relative residual wanted.
         wanted: f64,
     },
+    /// Memory is short.
+    #[error("not enough memory for {purpose}")]
+    OutOfMemory {
+        /// What it was for.
+        purpose: &'static str,
+    },
+    /// A contact law that needs all of `R_FU` factored, in a layer held as a network.
+    #[error("a layer held as a network of pairs knows rigid contacts or none")]
+    OnlyRigidContacts,
     /// A number that is not finite came out of a computation.
     #[error("{quantity} of sphere {sphere} is not finite")]
     NotFinite {

@@ -5,9 +5,11 @@
 
 pub mod dense;
 pub mod general;
+pub mod gradients;
 mod halves;
 pub mod profile;
 pub mod simd;
+pub mod sparse;
 pub mod staggered;
 pub mod tiles;
 mod vector;

@@ -2,6 +2,7 @@
 
 use crate::cell::{Cell, Neighbours};
 use crate::contact::laws::{History, Laws, Phase, Span};
+use crate::contact::network::Driving;
 use crate::contact::procedure::ContactList;
 use crate::contact::repulsion::Repelled;
 use crate::contact::rigid::Memory;
@@ -70,8 +71,12 @@ impl Motion {
     /// Workspace for the spheres the resistance was made for.
     pub fn new(resistance: Resistance) -> Self {
         let n = 3 * resistance.radii().len();
+        let contacts = match resistance.network() {
+            None => Contacts::new(resistance.radii().len()),
+            Some(_) => Contacts::default(),
+        };
         Self {
-            contacts: Contacts::new(resistance.radii().len()),
+            contacts,
             resistance,
             repelled: Repelled::default(),
             forces: vec![0.0; n],
@@ -156,6 +161,11 @@ impl Motion {
         let velocities = &mut self.velocities;
         let quality = match law {
             ContactLaw::None => {
+                if let Some(network) = resistance.network() {
+                    self.contacts
+                        .solve_free_network(network, forces, velocities)?;
+                    return finite(velocities, Quality::default());
+                }
                 self.contacts.list.clear();
                 resistance.to_rows(forces, &mut self.rows);
                 resistance.solver().solve(&mut self.rows);
@@ -166,9 +176,22 @@ impl Motion {
                 surface,
                 time_span,
                 memory,
-            } => self.contacts.solve_rigid(
-                resistance, background, &surface, time_span, forces, memory, velocities,
-            ),
+            } => match resistance.network() {
+                None => self.contacts.solve_rigid(
+                    resistance, background, &surface, time_span, forces, memory, velocities,
+                ),
+                Some(network) => {
+                    let driving = Driving {
+                        forces,
+                        by_friction: &[],
+                    };
+                    self.contacts.solve_rigid_network(
+                        resistance, network, background, &surface, time_span, driving, memory,
+                        velocities,
+                    )?
+                }
+            },
+            _ if resistance.network().is_some() => return Err(Error::OnlyRigidContacts),
             ContactLaw::Procedure { surface, listed } => self
                 .contacts
                 .solve_procedure(resistance, background, &surface, forces, listed, velocities),
@@ -182,12 +205,17 @@ impl Motion {
             ),
         };
         self.repelled.finish(velocities);
-        match velocities.iter().position(|v| !v.is_finite()) {
-            Some(at) => Err(Error::NotFinite {
-                quantity: "the velocity",
-                sphere: at / 3,
-            }),
-            None => Ok(quality),
-        }
+        finite(velocities, quality)
+    }
+}
+
+/// The quality, or the error that names a sphere whose velocity is not finite.
+fn finite(velocities: &[f64], quality: Quality) -> Result<Quality, Error> {
+    match velocities.iter().position(|v| !v.is_finite()) {
+        Some(at) => Err(Error::NotFinite {
+            quantity: "the velocity",
+            sphere: at / 3,
+        }),
+        None => Ok(quality),
     }
 }

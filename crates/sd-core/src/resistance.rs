@@ -11,6 +11,7 @@
 //! then exact under Stokesian Dynamics. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
 
 pub mod iterative;
+mod network;
 mod order;
 
 use crate::cell::{Cell, LUBRICATION_RANGE, MOST_NEIGHBOURS, NeighbourList, Neighbours};
@@ -23,6 +24,7 @@ use crate::modes::Vec2;
 use crate::params::Hydrodynamics;
 use crate::two_sphere::{NearField, PairTerm};
 use nalgebra::{SVector, Vector3};
+pub use network::Network;
 use order::Order;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -99,6 +101,8 @@ pub struct Resistance {
     far_vector: Vec<f64>,
     /// Gap below which near-field terms are those of this gap, in a.
     lubrication_gap: f64,
+    /// `R_FU` pair by pair, where there is no factor.
+    network: Option<Box<Network>>,
 }
 
 impl Resistance {
@@ -113,6 +117,37 @@ impl Resistance {
         cell: &Cell,
         radii: &[f64],
         tables: &NearFields,
+    ) -> Result<Self, Error> {
+        let factor = ProfileCholesky::new(3 * radii.len());
+        Self::with_factor(hydrodynamics, cell, radii, tables, factor)
+    }
+
+    /// As [`Resistance::new`] for Ball-Melrose hydrodynamics, with `R_FU` held as a [`Network`] in place of a factor: O(N), for many
+    /// spheres with rigid contacts or none.
+    ///
+    /// `listed`: pairs of the near part's pattern where a run goes on, ordered; else empty.
+    ///
+    /// # Errors
+    /// Those of [`Resistance::new`]; [`Error::OutOfMemory`].
+    pub fn as_network(
+        cell: &Cell,
+        radii: &[f64],
+        tables: &NearFields,
+        listed: &[(u32, u32)],
+    ) -> Result<Self, Error> {
+        let (kind, factor) = (Hydrodynamics::BallMelrose, ProfileCholesky::default());
+        let mut resistance = Self::with_factor(kind, cell, radii, tables, factor)?;
+        resistance.network = Some(Box::new(Network::new(radii.len(), listed)?));
+        Ok(resistance)
+    }
+
+    /// With the factor's workspace.
+    fn with_factor(
+        hydrodynamics: Hydrodynamics,
+        cell: &Cell,
+        radii: &[f64],
+        tables: &NearFields,
+        factor: ProfileCholesky,
     ) -> Result<Self, Error> {
         if radii.is_empty() {
             return Err(Error::NoSpheres);
@@ -162,10 +197,11 @@ impl Resistance {
             neighbours: NeighbourList::new(radii.len()),
             terms: Vec::with_capacity(MOST_NEIGHBOURS * radii.len() / 2),
             far,
-            factor: ProfileCholesky::new(3 * radii.len()),
+            factor,
             order: Order::new(radii.len()),
             far_vector: Vec::new(),
             lubrication_gap: 0.0,
+            network: None,
         })
     }
 
@@ -192,6 +228,11 @@ impl Resistance {
         self.neighbours
             .update(cell, centres, &self.radii, self.range)?;
         self.evaluate_terms();
+        if let Some(network) = &mut self.network {
+            let drags = self.radii.iter().map(|&a| isolated_drag(a));
+            let pairs = self.neighbours.pairs();
+            return network.assemble(pairs, &self.terms, &self.radii, drags);
+        }
         let n = self.radii.len();
         if let Some(far) = &mut self.far {
             let matrix = self.factor.full_matrix();
@@ -281,11 +322,14 @@ impl Resistance {
         }
     }
 
-    /// The second half of [`Resistance::update`]: factors `R_FU` in place, once for every [`Resistance::assemble`].
+    /// The second half of [`Resistance::update`]: factors `R_FU` in place, once for every [`Resistance::assemble`]. Nothing for a network.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`].
     pub fn factor(&mut self) -> Result<(), Error> {
+        if self.network.is_some() {
+            return Ok(());
+        }
         self.factor
             .factor()
             .map_err(|bad| Error::NotPositiveDefinite {
@@ -293,6 +337,11 @@ impl Resistance {
                 pivot: bad.pivot,
                 sphere: self.order.spheres[bad.pivot / 3],
             })
+    }
+
+    /// `R_FU` pair by pair, where there is no factor.
+    pub fn network(&self) -> Option<&Network> {
+        self.network.as_deref()
     }
 
     /// Radii, in a.

@@ -35,15 +35,29 @@ const HELD_SHARE: f64 = 0.5;
 /// ```text
 /// Ball-Melrose: R_FU (3N)², columns of the contacts 2 × 3N × K, their products 3 K², with K ≈ 1.5 N candidates
 /// Stokesian Dynamics: besides, M (6N)² and two more matrices (3N)²
+/// as a network: pairs, two sparse factors and their pattern, 16 kB per sphere
 /// ```
 pub fn memory_bytes(params: &Params) -> f64 {
     let n = params.spheres as f64;
+    if is_network(params) {
+        return 16384.0 * n;
+    }
     let near = 9.0 + 9.0 + 6.75;
     let far = match params.hydrodynamics {
         Hydrodynamics::BallMelrose => 0.0,
         Hydrodynamics::StokesianDynamics => 36.0 + 2.0 * 9.0,
     };
     8.0 * (near + far) * n * n + 8192.0 * n
+}
+
+/// Spheres from which on a layer of rigid contacts under Ball-Melrose hydrodynamics is held as a network: where it costs less.
+pub const LEAST_NETWORK: usize = 250;
+
+/// Whether runs with these parameters hold the layer as a network.
+fn is_network(params: &Params) -> bool {
+    params.hydrodynamics == Hydrodynamics::BallMelrose
+        && params.contact == ContactScheme::Rigid
+        && params.spheres >= LEAST_NETWORK
 }
 
 /// Whether a run can go on.
@@ -118,6 +132,7 @@ impl Simulation {
             velocities: Vec::new(),
             memory: Memory::default(),
             listed: ContactList::default(),
+            near_pairs: Vec::new(),
             counters: Counters::default(),
         };
         Self::from_snapshot(params, snapshot, tables)
@@ -135,7 +150,11 @@ impl Simulation {
         params.validate()?;
         snapshot.check(params)?;
         let cell = Cell::periodic(snapshot.side, snapshot.side, 0.0)?;
-        let mut resistance = Resistance::new(params.hydrodynamics, &cell, &snapshot.radii, tables)?;
+        let mut resistance = if is_network(params) {
+            Resistance::as_network(&cell, &snapshot.radii, tables, &snapshot.near_pairs)?
+        } else {
+            Resistance::new(params.hydrodynamics, &cell, &snapshot.radii, tables)?
+        };
         let most = most_contacts(params.spheres);
         let chosen = match &params.contact {
             ContactScheme::Rigid | ContactScheme::Procedure => None,
@@ -430,6 +449,19 @@ impl Simulation {
         &self.counters
     }
 
+    /// The pattern of a layer held as a network.
+    fn near_pairs(&self) -> Vec<(u32, u32)> {
+        let Some(network) = self.motion.resistance.network() else {
+            return Vec::new();
+        };
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "sphere numbers fit 32 bits"
+        )]
+        let short = |&(i, j): &(usize, usize)| (i as u32, j as u32);
+        network.listed().iter().map(short).collect()
+    }
+
     /// All that the next step needs.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot {
@@ -442,6 +474,7 @@ impl Simulation {
             velocities: self.velocities.clone(),
             memory: self.memory.clone(),
             listed: self.listed.clone(),
+            near_pairs: self.near_pairs(),
             counters: self.counters,
         }
     }

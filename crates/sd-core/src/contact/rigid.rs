@@ -79,24 +79,12 @@ impl Contacts {
             worst.friction_error = quality.friction_error;
             worst.passes += quality.passes;
             self.finish(resistance, velocities);
-            // Pairs left out that would pass through h within the time span after all.
-            let before = self.list.len();
-            for pair in pairs.iter().filter(|p| p.gap >= reach) {
-                let contact = Contact::new(*pair, radii, background);
-                let approach = contact.background[0] + contact.normal_row(velocities);
-                if approach + (pair.gap - surface.roughness) / time_span >= 0.0 {
-                    continue;
-                }
-                let known = |c: &Contact| (c.pair.i, c.pair.j) == (pair.i, pair.j);
-                if !self.list[..before].iter().any(known) {
-                    self.list.push(contact);
-                }
-            }
             memory.store(self);
-            if self.list.len() == before {
+            if !self.add_closing(
+                resistance, background, surface, time_span, reach, velocities,
+            ) {
                 return worst;
             }
-            self.list.sort_unstable_by_key(|c| (c.pair.i, c.pair.j));
         }
         // Still closing pairs: report by how much, as a violation of the normal problem.
         for c in &self.list {
@@ -104,6 +92,35 @@ impl Contacts {
             worst.residual = worst.residual.max(-(c.normal_velocity + span.max(0.0)));
         }
         worst
+    }
+
+    /// Adds to the candidates the pairs beyond `reach` that would pass through h within the time span after all; whether there are any.
+    pub(super) fn add_closing(
+        &mut self,
+        resistance: &Resistance,
+        background: &Background,
+        surface: &Surface,
+        time_span: f64,
+        reach: f64,
+        velocities: &[f64],
+    ) -> bool {
+        let before = self.list.len();
+        for pair in resistance.neighbours().iter().filter(|p| p.gap >= reach) {
+            let contact = Contact::new(*pair, resistance.radii(), background);
+            let approach = contact.background[0] + contact.normal_row(velocities);
+            if approach + (pair.gap - surface.roughness) / time_span >= 0.0 {
+                continue;
+            }
+            let known = |c: &Contact| (c.pair.i, c.pair.j) == (pair.i, pair.j);
+            if !self.list[..before].iter().any(known) {
+                self.list.push(contact);
+            }
+        }
+        let added = self.list.len() > before;
+        if added {
+            self.list.sort_unstable_by_key(|c| (c.pair.i, c.pair.j));
+        }
+        added
     }
 
     /// Forces of the candidates at hand, put into `list`.

@@ -33,6 +33,9 @@ pub struct Snapshot {
     pub memory: Memory,
     /// Contact list of the procedure.
     pub listed: ContactList,
+    /// Pairs of the near part's pattern, ordered, in layers held as a network: the order of elimination follows from them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub near_pairs: Vec<(u32, u32)>,
     /// Counters.
     pub counters: Counters,
 }
@@ -58,6 +61,12 @@ impl Snapshot {
             .all(|&(i, j)| i < j && (j as usize) < n)
         {
             return refuse("contacts of spheres that are not there");
+        }
+        let pairs = &self.near_pairs;
+        if !pairs.iter().all(|&(i, j)| i < j && (j as usize) < n)
+            || !pairs.is_sorted_by(|a, b| a < b)
+        {
+            return refuse("near pairs of spheres that are not there, or not in order");
         }
         let finite = self.centres.iter().flatten().all(|x| x.is_finite())
             && self.orientations.iter().all(|x| x.is_finite())
