@@ -19,6 +19,8 @@
 //! besides the background.
 
 mod mixing;
+mod near;
+pub mod rigid;
 pub mod split;
 mod uniform;
 
@@ -30,6 +32,7 @@ use crate::far_field::unbounded::self_mobility;
 use crate::linalg::dense::{add_scaled, dot};
 use crate::modes::Vec2;
 use nalgebra::Vector3;
+use near::NearSolver;
 use uniform::{Uniform, translation, translations};
 
 /// Default relative residual.
@@ -89,8 +92,8 @@ struct Work {
     image: Vec<f64>,
     /// Translations of the layer.
     uniform: Uniform,
-    /// Vector in the order of the factor's rows, `[3N]`.
-    rows: Vec<f64>,
+    /// Ball-Melrose solves.
+    near: NearSolver,
 }
 
 impl IterativeFarField {
@@ -139,7 +142,7 @@ impl IterativeFarField {
                 step_lag: half(),
                 image: vector(),
                 uniform: Uniform::default(),
-                rows: Vec::with_capacity(3 * n),
+                near: NearSolver::default(),
             },
             split: split::Workspace::default(),
         })
@@ -177,7 +180,7 @@ impl IterativeFarField {
     /// Disturbance velocities `[3N]` under forces, without contacts. Allocates nothing after the first call.
     ///
     /// # Arguments
-    /// - `near`: Ball-Melrose, updated at the positions of [`IterativeFarField::update`].
+    /// - `near`: Ball-Melrose, a factor or a network, updated at the positions of [`IterativeFarField::update`].
     /// - `strain`: background `(e1, e2, e3)`.
     /// - `forces`: external ones and those of [`Resistance::background_forces`] of `near`, `[3N]`. External ones should add up to
     ///   zero: hardly anything would resist their sum.
@@ -205,9 +208,10 @@ impl IterativeFarField {
         for ((v, f), excess) in velocities.iter_mut().zip(forces).zip(&excess[half..]) {
             *v = f - excess;
         }
-        solve_near(near, &mut work.rows, velocities);
+        work.near.start(near)?;
+        work.near.solve(near, velocities);
         work.uniform.update(near, &drag[half..]);
-        work.uniform.solve(near, &mut work.rows, &drag[half..]);
+        work.uniform.solve(near, &mut work.near, &drag[half..]);
         let rows = velocities.iter().zip(&drag[half..]).zip(&excess[half..]);
         work.lag.clear();
         work.lag
@@ -298,7 +302,7 @@ impl Work {
         for ((lag, r), drag) in self.lag.iter_mut().zip(r).zip(drag_v) {
             *lag = drag * r;
         }
-        solve_near(near, &mut self.rows, &mut self.lag);
+        self.near.solve(near, &mut self.lag);
         let (strains, velocities) = self.preconditioned.split_at_mut(half);
         for ((s, r), drag) in strains.iter_mut().zip(&self.residual).zip(drag) {
             *s = drag * r;
@@ -331,13 +335,6 @@ impl Work {
             }
         }
     }
-}
-
-/// `x ← R_BM⁻¹ x`, `[3N]`.
-fn solve_near(near: &Resistance, rows: &mut Vec<f64>, x: &mut [f64]) {
-    near.to_rows(x, rows);
-    near.solver().solve(rows);
-    near.from_rows(rows, x);
 }
 
 /// `Σ q²/drag`.

@@ -2,10 +2,11 @@
 
 mod dense_contacts;
 
+use super::rigid::RigidNetwork;
 use super::split::SplitMotion;
 use super::*;
 use crate::contact::rigid::Memory;
-use crate::contact::{ContactState, Surface};
+use crate::contact::{ContactState, Contacts, Quality, Surface};
 use crate::far_field::{FarField, FarResistance};
 use crate::modes::{Background, strain_tensor};
 use crate::motion::{ContactLaw, Motion};
@@ -285,4 +286,70 @@ fn stages_that_follow_each_other_take_fewer_iterations() {
         offset += 0.0025 * length_y;
     }
     assert!(iterations[1..].iter().all(|&count| count < iterations[0]));
+}
+
+#[test]
+fn rigid_contacts_of_a_network_are_those_of_the_dense_far_field() {
+    let (cell, centres, radii) = sheared(&params(150, 1.0));
+    let shear = Background::SHEAR;
+    let surface = Surface {
+        roughness: 0.01,
+        friction: 0.3,
+        critical_load: 0.0,
+    };
+    let mut dense = Motion::new(dense_resistance(&cell, &radii));
+    let law = ContactLaw::Rigid {
+        surface,
+        time_span: 0.0025,
+        memory: &mut Memory::default(),
+    };
+    dense
+        .solve(&cell, &centres, &shear, &[0.0; 450], law)
+        .unwrap();
+    let mut near = Resistance::as_network(&cell, &radii, &NearFields::default(), &[]).unwrap();
+    near.update(&cell, &centres).unwrap();
+    let (strain, mut forces) = (shear.strain(), vec![0.0; 450]);
+    near.background_forces(&strain, &mut forces);
+    let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
+    far.update(&cell, &centres).unwrap();
+    // Without contacts, by the network and by the factor.
+    let (mut by_network, mut by_factor) = (vec![0.0; 450], vec![0.0; 450]);
+    let first = far.solve(&near, &strain, &forces, &mut by_network).unwrap();
+    let (factored, _) = super::tests::near(&cell, &centres, &radii, &[0.0; 450]);
+    far.forget();
+    let second = far
+        .solve(&factored, &strain, &forces, &mut by_factor)
+        .unwrap();
+    assert_eq!(first.iterations, second.iterations);
+    assert!(relative_difference(&by_factor, &by_network) < 1e-8);
+    far.forget();
+    let mut v = vec![0.0; 450];
+    let mut contacts = Contacts::default();
+    let mut motion = RigidNetwork {
+        near: &near,
+        contacts: &mut contacts,
+        background: &shear,
+        surface,
+        time_span: 0.0025,
+        memory: &mut Memory::default(),
+        total: &mut Vec::new(),
+        quality: Quality::default(),
+    };
+    let found = far
+        .solve_split(&near, &mut motion, &strain, &forces, &mut v)
+        .unwrap();
+    assert!(motion.quality.converged());
+    println!("{found:?} {:?}", motion.quality);
+    let error = relative_difference(dense.velocities(), &v);
+    assert!(error < 2e-6, "{error:e}");
+    let both = |list: &[crate::contact::Contact]| -> Vec<f64> {
+        let loaded = list.iter().filter(|c| c.normal_force > 0.0);
+        loaded
+            .flat_map(|c| [c.normal_force, c.tangential_force])
+            .collect()
+    };
+    let (expected, forces) = (both(&dense.contacts.list), both(&contacts.list));
+    assert_eq!(expected.len(), forces.len());
+    let error = relative_difference(&expected, &forces);
+    assert!(error < 2e-6, "{error:e}");
 }

@@ -1,7 +1,7 @@
 //! Translations of the layer as a whole: what resists them, and what keeps the far field's forces adding up to zero.
 
 use super::super::Resistance;
-use super::solve_near;
+use super::near::NearSolver;
 use nalgebra::Vector3;
 
 /// How small the pair terms' resistance to a translation may be, over isolated drag, before there is none.
@@ -52,11 +52,11 @@ impl Uniform {
     }
 
     /// How the spheres answer to it, `Vᵀ W V`.
-    pub(super) fn solve(&mut self, near: &Resistance, rows: &mut Vec<f64>, drag: &[f64]) {
+    pub(super) fn solve(&mut self, near: &Resistance, solver: &mut NearSolver, drag: &[f64]) {
         for (answer, force) in self.answers.iter_mut().zip(&self.resisted) {
             answer.clear();
             answer.extend_from_slice(force);
-            solve_near(near, rows, answer);
+            solver.solve(near, answer);
         }
         self.invert(drag, |_, answers| {
             answers.map(|answer| {

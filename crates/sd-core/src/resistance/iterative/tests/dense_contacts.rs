@@ -1,6 +1,6 @@
 //! A small dense solver of the rigid contact problem in two parts, by Newton's method on the states of the contacts.
 
-use super::super::solve_near;
+use super::super::near::NearSolver;
 use super::super::split::SplitMotion;
 use crate::contact::rigid::RESTITUTION;
 use crate::contact::{COMPLIANCE, Contact, Surface, tangent};
@@ -55,7 +55,7 @@ impl<'a> DenseContacts<'a> {
             .map(|pair| Contact::new(*pair, near.radii(), &shear))
             .collect();
         let width = 3 * near.radii().len();
-        let mut work = Vec::new();
+        let mut work = NearSolver::default();
         let rows = [0, 1].map(|kind| -> Vec<Vec<f64>> {
             let row = |c: &Contact| {
                 let mut row = vec![0.0; width];
@@ -74,7 +74,7 @@ impl<'a> DenseContacts<'a> {
         });
         let columns = rows.clone().map(|mut columns| {
             for column in &mut columns {
-                solve_near(near, &mut work, column);
+                work.solve(near, column);
             }
             columns
         });
@@ -171,7 +171,7 @@ impl<'a> DenseContacts<'a> {
     fn free(&self, forces: &[f64]) -> Vec<f64> {
         let mut free = forces.to_vec();
         for part in free.chunks_exact_mut(forces.len() / 2) {
-            solve_near(self.near, &mut Vec::new(), part);
+            NearSolver::default().solve(self.near, part);
         }
         free
     }
