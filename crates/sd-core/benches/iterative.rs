@@ -7,8 +7,12 @@
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
 use sd_core::cell::Cell;
+use sd_core::contact::network::Driving;
+use sd_core::contact::rigid::Memory;
+use sd_core::contact::{Contacts, Quality, Surface};
 use sd_core::modes::{Background, Vec2};
 use sd_core::resistance::Resistance;
+use sd_core::resistance::iterative::rigid::RigidNetwork;
 use sd_core::resistance::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
 use std::sync::LazyLock;
@@ -79,14 +83,9 @@ fn measure(spheres: usize) {
     let (cell, mut centres) = layer(spheres);
     let n = centres.len();
     let radii = vec![1.0; n];
-    let near = Resistance::new(
-        Hydrodynamics::BallMelrose,
-        &cell,
-        &radii,
-        &NearFields::default(),
-    );
+    let near = Resistance::as_network(&cell, &radii, &NearFields::default(), &[]);
     let mut near = near.expect("a valid layer");
-    let factoring = mean(5, || near.update(&cell, &centres).expect("no overlap"));
+    let assembling = mean(3, || near.update(&cell, &centres).expect("no overlap"));
     let mut far = IterativeFarField::new(&cell, &radii, DEFAULT_RESIDUAL).expect("a wide cell");
     let planning = mean(5, || far.update(&cell, &centres).expect("the planned cell"));
     let x: Vec<f64> = (0..6 * n).map(|k| (k as f64).sin()).collect();
@@ -95,8 +94,6 @@ fn measure(spheres: usize) {
     let both = [&x[..], &x[..]].concat();
     let mut two = vec![0.0; 12 * n];
     let pair = mean(50, || far.apply_mobility(&both, &mut two));
-    let mut rows = x[..3 * n].to_vec();
-    let solve = mean(100, || near.solver().solve(&mut rows));
     let strain = Background::SHEAR.strain();
     let (mut forces, mut v) = (vec![0.0; 3 * n], vec![0.0; 3 * n]);
     near.background_forces(&strain, &mut forces);
@@ -126,9 +123,60 @@ fn measure(spheres: usize) {
     near.background_forces(&strain, &mut forces);
     let warm = far.solve(&near, &strain, &forces, &mut v);
     let warm = warm.expect("a regular layer").iterations;
+    let surface = Surface {
+        roughness: 0.01,
+        friction: 0.3,
+        critical_load: 0.0,
+    };
+    let (mut contacts, mut memory) = (Contacts::default(), Memory::default());
+    let mut with_contacts = |forget: bool| {
+        if forget {
+            far.forget();
+        }
+        let mut motion = RigidNetwork {
+            near: &near,
+            contacts: &mut contacts,
+            background: &Background::SHEAR,
+            surface,
+            time_span: 0.5 * TIME_STEP,
+            memory: &mut memory,
+            total: &mut Vec::new(),
+            quality: Quality::default(),
+        };
+        let begun = computing();
+        let found = far.solve_split(&near, &mut motion, &strain, &forces, &mut v);
+        (
+            found.expect("a regular layer"),
+            1e-6 * (computing() - begun),
+        )
+    };
+    let first = with_contacts(true);
+    let begun = computing();
+    let plain = {
+        let driving = Driving {
+            forces: &forces,
+            by_friction: &[],
+        };
+        let network = near.network().expect("a network");
+        let mut v = vec![0.0; 3 * n];
+        let mut contacts = Contacts::default();
+        let mut memory = Memory::default();
+        let quality = contacts.solve_rigid_network(
+            &near,
+            network,
+            &Background::SHEAR,
+            &surface,
+            0.5 * TIME_STEP,
+            driving,
+            &mut memory,
+            &mut v,
+        );
+        (quality, 1e-6 * (computing() - begun))
+    };
+    println!("contacts: {first:?}; Ball-Melrose alone {plain:?}");
     let (pairs, points) = far.operator().sizes();
     println!(
-        "{n:6} {pairs:8} {points:8} {factoring:9.1} {planning:8.1} {product:8.2} {pair:8.2} {solve:8.2} {cold:6} {warm:6} {whole:9.1}"
+        "{n:6} {pairs:8} {points:8} {assembling:9.1} {planning:8.1} {product:8.2} {pair:8.2} {cold:6} {warm:6} {whole:9.1}"
     );
 }
 
@@ -138,7 +186,7 @@ fn main() {
         numbers = vec![200, 800, 2000];
     }
     println!(
-        "     N    pairs   points  factor/ms  plan/ms product/ms   two/ms solve/ms  cold  warm  all/ms"
+        "     N    pairs   pointsassembly/ms  plan/ms product/ms   two/ms  cold  warm  all/ms"
     );
     for spheres in numbers {
         measure(spheres);

@@ -20,6 +20,7 @@
 
 mod mixing;
 mod near;
+pub mod passes;
 pub mod rigid;
 pub mod split;
 mod uniform;

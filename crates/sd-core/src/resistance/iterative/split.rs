@@ -26,7 +26,7 @@ const REDUCTION: f64 = 0.1;
 /// Change of the residual by new contact states, over the residual, below which they are taken as settled.
 const SETTLED: f64 = 0.1;
 /// Rise of the residual over its least at which the acceleration starts anew.
-const WORSE: f64 = 10.0;
+pub(super) const WORSE: f64 = 10.0;
 
 /// Contacts under Ball-Melrose hydrodynamics.
 ///
@@ -53,23 +53,27 @@ pub trait SplitMotion {
 #[derive(Default)]
 pub(super) struct Workspace {
     /// `√M₀ q` and c times the root of the layer's drag, `[12N + 4]`.
-    scaled: Vec<f64>,
+    pub(super) scaled: Vec<f64>,
     /// `√M₀⁻¹`, then one over the root of the layer's drag, `[12N + 4]`.
-    roots: Vec<f64>,
+    pub(super) roots: Vec<f64>,
     /// q.
     densities: Vec<f64>,
     /// `M q + V c`.
     flow: Vec<f64>,
     /// Change of `scaled` in one iteration, `[12N + 4]`.
-    change: Vec<f64>,
+    pub(super) change: Vec<f64>,
     /// The same at held states.
     held: Vec<f64>,
     /// Forces on the Ball-Melrose spheres, `[6N]`.
-    forces: Vec<f64>,
+    pub(super) forces: Vec<f64>,
     /// Velocities, `[6N]`.
-    velocities: Vec<f64>,
+    pub(super) velocities: Vec<f64>,
+    /// Friction forces applied, by candidate.
+    pub(super) applied: Vec<f64>,
+    /// What the law makes of them.
+    pub(super) wanted: Vec<f64>,
     /// Acceleration.
-    mixing: Mixing,
+    pub(super) mixing: Mixing,
 }
 
 impl Workspace {
@@ -79,7 +83,7 @@ impl Workspace {
     }
 
     /// Gives the vectors their lengths; all but the first time nothing happens.
-    fn prepare(&mut self, drag: &[f64]) {
+    pub(super) fn prepare(&mut self, drag: &[f64]) {
         let n = drag.len();
         if self.roots.len() == 2 * n + 4 {
             return;
@@ -105,8 +109,8 @@ impl Workspace {
     }
 
     /// Norm of `change` over that of the next `√M₀ q` of both parts together: near jamming the two are large and all but cancel.
-    fn relative_change(&self) -> f64 {
-        let part = (self.scaled.len() - 4) / 2;
+    pub(super) fn relative_change(&self) -> f64 {
+        let part = (self.roots.len() - 4) / 2;
         let next: f64 = (0..part)
             .map(|k| {
                 let [n, t] = [k, k + part].map(|at| self.scaled[at] + self.change[at]);
@@ -213,7 +217,7 @@ impl IterativeFarField {
     }
 
     /// `M q`, and with it the forces on the Ball-Melrose spheres.
-    fn take_flow(&mut self, forces: &[f64]) {
+    pub(super) fn take_flow(&mut self, forces: &[f64]) {
         let whole = self.drag.len();
         let half = whole / 2;
         let work = &mut self.split;
@@ -242,7 +246,7 @@ impl IterativeFarField {
     }
 
     /// The change for the velocities at hand: `√M₀⁻¹ (x − M q − V c)`, and that of c.
-    fn take_change(&mut self, strain: &Vector3<f64>) {
+    pub(super) fn take_change(&mut self, strain: &Vector3<f64>) {
         let whole = self.drag.len();
         let half = whole / 2;
         let work = &mut self.split;
@@ -271,7 +275,7 @@ impl IterativeFarField {
     }
 
     /// The excess of both parts together, and their velocities.
-    fn finish(&mut self, velocities: &mut [f64]) {
+    pub(super) fn finish(&mut self, velocities: &mut [f64]) {
         let whole = self.drag.len();
         let half = whole / 2;
         let work = &mut self.split;
