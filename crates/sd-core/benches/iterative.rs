@@ -8,11 +8,11 @@
 
 use sd_core::cell::Cell;
 use sd_core::contact::network::Driving;
+use sd_core::contact::network::passing::NetworkPasses;
 use sd_core::contact::rigid::Memory;
-use sd_core::contact::{Contacts, Quality, Surface};
+use sd_core::contact::{Contacts, Surface};
 use sd_core::modes::{Background, Vec2};
 use sd_core::resistance::Resistance;
-use sd_core::resistance::iterative::rigid::RigidNetwork;
 use sd_core::resistance::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
 use std::sync::LazyLock;
@@ -129,28 +129,36 @@ fn measure(spheres: usize) {
         critical_load: 0.0,
     };
     let (mut contacts, mut memory) = (Contacts::default(), Memory::default());
-    let mut with_contacts = |forget: bool| {
-        if forget {
-            far.forget();
-        }
-        let mut motion = RigidNetwork {
-            near: &near,
-            contacts: &mut contacts,
-            background: &Background::SHEAR,
-            surface,
-            time_span: 0.5 * TIME_STEP,
-            memory: &mut memory,
-            total: &mut Vec::new(),
-            quality: Quality::default(),
-        };
+    let mut with_contacts = |name: &str,
+                             far: &mut IterativeFarField,
+                             cell: &Cell,
+                             near: &Resistance,
+                             centres: &[Vec2]| {
         let begun = computing();
-        let found = far.solve_split(&near, &mut motion, &strain, &forces, &mut v);
-        (
-            found.expect("a regular layer"),
-            1e-6 * (computing() - begun),
-        )
+        far.update(cell, centres).expect("the planned cell");
+        let mut motion = NetworkPasses::new(
+            near,
+            &mut contacts,
+            &Background::SHEAR,
+            surface,
+            0.5 * TIME_STEP,
+            &mut memory,
+        );
+        let found = far.solve_passes(near, &mut motion, &strain, &forces, &mut v);
+        let found = found.expect("a regular layer");
+        let (quality, joined) = motion.finish(&v);
+        let spent = 1e-6 * (computing() - begun);
+        println!("{n:6} {name}: {found:?} {quality:?} {joined} {spent:.0} ms");
     };
-    let first = with_contacts(true);
+    far.forget();
+    with_contacts(
+        "with contacts, from nothing",
+        &mut far,
+        &cell,
+        &near,
+        &centres,
+    );
+    with_contacts("with contacts, again", &mut far, &cell, &near, &centres);
     let begun = computing();
     let plain = {
         let driving = Driving {
@@ -173,7 +181,7 @@ fn measure(spheres: usize) {
         );
         (quality, 1e-6 * (computing() - begun))
     };
-    println!("contacts: {first:?}; Ball-Melrose alone {plain:?}");
+    println!("{n:6} Ball-Melrose with contacts, from nothing: {plain:?}");
     let (pairs, points) = far.operator().sizes();
     println!(
         "{n:6} {pairs:8} {points:8} {assembling:9.1} {planning:8.1} {product:8.2} {pair:8.2} {cold:6} {warm:6} {whole:9.1}"
