@@ -1,5 +1,5 @@
-//! Cost of full Stokesian Dynamics by iteration over the number of spheres: planning, one product with the mobility, with two
-//! vectors at once, one Ball-Melrose solve, one solve without contacts from nothing and from the one before.
+//! Cost of full Stokesian Dynamics by iteration over the number of spheres: assembly, planning, one product with the mobility, with
+//! two vectors at once, iterations of a solve without contacts from nothing and from the one before, its time; then with contacts.
 //!
 //! c = 0.75, h = 0.01, ν = 0.3, Γ = ∞, rigid contacts, layers sheared by Ball-Melrose hydrodynamics; an N above 400 is made of 2 × 2
 //! copies of a layer of N/4, every sphere moved by up to a thousandth of its radius. Arguments are numbers of spheres.
@@ -7,7 +7,6 @@
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::network::Driving;
 use sd_core::contact::network::passing::NetworkPasses;
 use sd_core::contact::rigid::Memory;
 use sd_core::contact::{Contacts, Surface};
@@ -129,59 +128,31 @@ fn measure(spheres: usize) {
         critical_load: 0.0,
     };
     let (mut contacts, mut memory) = (Contacts::default(), Memory::default());
-    let mut with_contacts = |name: &str,
-                             far: &mut IterativeFarField,
-                             cell: &Cell,
-                             near: &Resistance,
-                             centres: &[Vec2]| {
-        let begun = computing();
-        far.update(cell, centres).expect("the planned cell");
-        let mut motion = NetworkPasses::new(
-            near,
-            &mut contacts,
-            &Background::SHEAR,
-            surface,
-            0.5 * TIME_STEP,
-            &mut memory,
-        );
-        let found = far.solve_passes(near, &mut motion, &strain, &forces, &mut v);
-        let found = found.expect("a regular layer");
-        let (quality, joined) = motion.finish(&v);
-        let spent = 1e-6 * (computing() - begun);
-        println!("{n:6} {name}: {found:?} {quality:?} {joined} {spent:.0} ms");
-    };
+    let mut offset = offset + 0.1 * TIME_STEP * length_y;
     far.forget();
-    with_contacts(
-        "with contacts, from nothing",
-        &mut far,
-        &cell,
-        &near,
-        &centres,
-    );
-    with_contacts("with contacts, again", &mut far, &cell, &near, &centres);
-    let begun = computing();
-    let plain = {
-        let driving = Driving {
-            forces: &forces,
-            by_friction: &[],
+    for name in ["from nothing", "next stage", "next stage"] {
+        let cell = Cell::periodic(length_x, length_y, offset).expect("a side");
+        near.update(&cell, &centres).expect("no overlap");
+        near.background_forces(&strain, &mut forces);
+        let begun = computing();
+        far.update(&cell, &centres).expect("the planned cell");
+        let (contacts, memory) = (&mut contacts, &mut memory);
+        let (shear, span) = (&Background::SHEAR, 0.5 * TIME_STEP);
+        let mut motion = NetworkPasses::new(&near, contacts, shear, surface, span, memory);
+        let (found, quality) = loop {
+            let found = far.solve_passes(&near, &mut motion, &strain, &forces, &mut v);
+            if let (quality, false) = motion.finish(&v) {
+                break (found.expect("a regular layer"), quality);
+            }
         };
-        let network = near.network().expect("a network");
-        let mut v = vec![0.0; 3 * n];
-        let mut contacts = Contacts::default();
-        let mut memory = Memory::default();
-        let quality = contacts.solve_rigid_network(
-            &near,
-            network,
-            &Background::SHEAR,
-            &surface,
-            0.5 * TIME_STEP,
-            driving,
-            &mut memory,
-            &mut v,
-        );
-        (quality, 1e-6 * (computing() - begun))
-    };
-    println!("{n:6} Ball-Melrose with contacts, from nothing: {plain:?}");
+        let spent = 1e-6 * (computing() - begun);
+        println!("{n:6} with contacts, {name}: {spent:.0} ms, {found:?} {quality:?}");
+        for (k, x) in centres.iter_mut().enumerate() {
+            let flow = Background::SHEAR.velocity(*x) + Vec2::new(v[3 * k], v[3 * k + 1]);
+            *x += span * flow;
+        }
+        offset += span * length_y;
+    }
     let (pairs, points) = far.operator().sizes();
     println!(
         "{n:6} {pairs:8} {points:8} {assembling:9.1} {planning:8.1} {product:8.2} {pair:8.2} {cold:6} {warm:6} {whole:9.1}"

@@ -21,7 +21,6 @@
 mod mixing;
 mod near;
 pub mod passes;
-pub mod rigid;
 pub mod split;
 mod uniform;
 
@@ -40,7 +39,7 @@ use uniform::{Uniform, translation, translations};
 pub const DEFAULT_RESIDUAL: f64 = 1e-6;
 /// Default limit of the iterations of one solve.
 pub const MOST_ITERATIONS: u32 = 300;
-/// Tolerance of M over the relative residual asked for.
+/// Tolerance of M over the relative residual asked for; test `linear_motion_is_that_of_the_dense_far_field`.
 const OPERATOR_TOLERANCE: f64 = 0.1;
 
 /// How an iteration ended.

@@ -3,9 +3,7 @@
 use super::super::augmented::{Goal, System};
 use super::super::rigid::{EXPECTED_APPROACH, Memory, RESTITUTION};
 use super::super::{Contact, ContactState, Contacts, Quality, Surface};
-use super::{
-    DECIDING_PASSES, Driving, LEAST_FORCE, NOT_ASSEMBLED, PASSING, ROUNDING, SHARE, VIOLATION,
-};
+use super::{DECIDING_PASSES, Driving, LEAST_FORCE, NOT_ASSEMBLED, ROUNDING, VIOLATION};
 use crate::error::Error;
 use crate::modes::Background;
 use crate::resistance::Resistance;
@@ -13,6 +11,11 @@ use crate::resistance::iterative::passes::Passing;
 
 /// How small a violation of the normal problem must be, over the relative residual of the far field, in a·rate.
 const STRICT: f64 = 5e-3;
+
+/// How small a force left over must be, over the relative residual of the far field and the drag on a sphere.
+const CLOSE: f64 = 0.1;
+/// Relative residual that the first pass is made for.
+const FIRST: f64 = 1e-2;
 
 /// The contact problem of one stage.
 pub struct NetworkPasses<'a> {
@@ -69,7 +72,7 @@ impl<'a> NetworkPasses<'a> {
     /// whether pairs have joined that would close after all; it must then be solved again.
     pub fn finish(&mut self, velocities: &[f64]) -> (Quality, bool) {
         let work = &self.contacts.network;
-        let (mut largest, mut change) = (LEAST_FORCE, 0.0_f64);
+        let (mut largest, mut change): (f64, f64) = (LEAST_FORCE, 0.0);
         for (k, c) in self.contacts.list.iter_mut().enumerate() {
             c.normal_force = work.normal.forces[k];
             c.tangential_force = work.applied[k];
@@ -155,12 +158,12 @@ impl Passing for NetworkPasses<'_> {
             .forces
             .iter()
             .fold(LEAST_FORCE, |m: f64, f| m.max(*f));
-        let residual = residual.min(1.0);
+        let residual = residual.min(FIRST);
         let friction = self.surface.has_friction();
         let goal = Goal {
-            force: (SHARE * residual * LEAST_FORCE).max(ROUNDING * largest),
+            force: (CLOSE * residual * LEAST_FORCE).max(ROUNDING * largest),
             velocity: (STRICT * residual).clamp(VIOLATION[1], VIOLATION[0]),
-            passing: before < PASSING,
+            passing: false,
         };
         let system = System {
             network,
@@ -186,6 +189,6 @@ impl Passing for NetworkPasses<'_> {
         for (v, v_t) in v.iter_mut().zip(v_t) {
             *v -= *v_t;
         }
-        Ok(changed || goal.passing)
+        Ok(changed)
     }
 }

@@ -129,8 +129,9 @@ impl Workspace {
 impl IterativeFarField {
     /// Disturbance velocities `[3N]` with contacts; their forces stay with `motion`.
     ///
-    /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone; the velocities are v = v_N + v_T, consistent with the last contact solve to
-    /// rounding, and [`IterativeFarField::correct`] then has the far field of both parts. Allocates nothing after the first call.
+    /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone. The velocities are v = v_N + v_T of the last
+    /// contact problem solved, and [`IterativeFarField::correct`] then has the far field of both parts. Allocates nothing after the
+    /// first call.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::NotConverged`]; those of the contact problem.

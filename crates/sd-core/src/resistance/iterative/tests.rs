@@ -1,8 +1,8 @@
 //! The iterated far field against the dense one.
 
 mod dense_contacts;
+mod whole_contacts;
 
-use super::rigid::RigidNetwork;
 use super::split::SplitMotion;
 use super::*;
 use crate::contact::network::passing::NetworkPasses;
@@ -14,6 +14,7 @@ use crate::motion::{ContactLaw, Motion};
 use crate::stress::StressWork;
 use crate::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
 use dense_contacts::DenseContacts;
+use whole_contacts::RigidNetwork;
 
 /// Parameters of a layer with many contacts, all with friction.
 fn params(spheres: usize, size_ratio: f64) -> Params {
@@ -238,7 +239,6 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
                     found
                 }
             };
-            println!("{spheres} {friction} {residual:e} {way:?} {found:?}");
             assert!(found.unwrap().residual <= residual);
             let error = relative_difference(dense.velocities(), &v);
             let (mut work, mut counter, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
@@ -253,10 +253,6 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
                 differences += (c.normal_force - f).powi(2) + (c.tangential_force - f_t).powi(2);
             }
             let force_error = (differences / squares).sqrt();
-            println!(
-                "{error:e} {force_error:e} {:e}",
-                viscosity / expected.viscosity - 1.0
-            );
             assert!(error < 2.0 * residual, "{way:?} {error:e}");
             assert!(force_error < 2.0 * residual, "{way:?} {force_error:e}");
             assert!(
@@ -364,7 +360,6 @@ fn rigid_contacts_of_a_network_are_those_of_the_dense_far_field() {
                 quality: Quality::default(),
             };
             let found = far.solve_split(&near, &mut motion, &strain, &forces, &mut v);
-            println!("{found:?}");
             found.unwrap();
             motion.quality
         } else {
@@ -372,14 +367,12 @@ fn rigid_contacts_of_a_network_are_those_of_the_dense_far_field() {
             let mut motion = NetworkPasses::new(&near, contacts, &shear, surface, 0.0025, memory);
             loop {
                 let found = far.solve_passes(&near, &mut motion, &strain, &forces, &mut v);
-                println!("{found:?}");
                 found.unwrap();
                 if let (quality, false) = motion.finish(&v) {
                     break quality;
                 }
             }
         };
-        println!("{quality:?}");
         assert!(quality.converged(), "{quality:?}");
         let error = relative_difference(dense.velocities(), &v);
         assert!(error < 2e-6, "{error:e}");

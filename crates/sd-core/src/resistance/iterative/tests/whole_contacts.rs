@@ -1,7 +1,7 @@
-//! Rigid contacts of a network under an iterated far field.
+//! Rigid contacts of a network, solved as a whole in every iteration of the far field.
 
-use super::super::Resistance;
-use super::split::SplitMotion;
+use super::super::super::Resistance;
+use super::super::split::SplitMotion;
 use crate::contact::network::Driving;
 use crate::contact::rigid::Memory;
 use crate::contact::{Contacts, Quality, Surface};
@@ -9,23 +9,23 @@ use crate::error::Error;
 use crate::modes::Background;
 
 /// The contact problem of one stage.
-pub struct RigidNetwork<'a> {
+pub(super) struct RigidNetwork<'a> {
     /// Ball-Melrose, [`Resistance::as_network`], at the stage's positions.
-    pub near: &'a Resistance,
+    pub(super) near: &'a Resistance,
     /// Candidates and their forces.
-    pub contacts: &'a mut Contacts,
+    pub(super) contacts: &'a mut Contacts,
     /// Imposed flow.
-    pub background: &'a Background,
+    pub(super) background: &'a Background,
     /// Roughness and friction.
-    pub surface: Surface,
+    pub(super) surface: Surface,
     /// τ of the stage, in strain.
-    pub time_span: f64,
+    pub(super) time_span: f64,
     /// Forces of the stage before, then of this one.
-    pub memory: &'a mut Memory,
+    pub(super) memory: &'a mut Memory,
     /// Scratch.
-    pub total: &'a mut Vec<f64>,
+    pub(super) total: &'a mut Vec<f64>,
     /// How well the last contact problem was solved.
-    pub quality: Quality,
+    pub(super) quality: Quality,
 }
 
 impl SplitMotion for RigidNetwork<'_> {
