@@ -173,7 +173,7 @@ impl Grid {
         );
     }
 
-    /// Derivatives of the lattice coordinates: ∂_x = d[0] ∂_X, ∂_y = d[1] ∂_X + d[2] ∂_Y.
+    /// Derivatives of the lattice coordinates d: `∂_x = d₀ ∂_X, ∂_y = d₁ ∂_X + d₂ ∂_Y`.
     fn slopes(&self) -> [f64; 3] {
         let [length_x, length_y, offset] = self.cell;
         [

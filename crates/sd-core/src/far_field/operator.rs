@@ -1,7 +1,7 @@
 //! The periodic mobility as an operator: `M x` in O(N log N), M never formed.
 //!
 //! The short-ranged part is a sum over near pairs, their blocks kept; the long-ranged part goes through a grid
-//! ([`super::grid`]). Same kernels, same modes, same order of rows as [`super::FarField`], but **without the uniform force
+//! (`grid`). Same kernels, same modes, same order of rows as [`super::FarField`], but **without the uniform force
 //! mode**: a force common to all spheres moves none of them here, where the dense matrix has an arbitrary constant.
 
 use super::check;

@@ -11,7 +11,7 @@
 //! conjugate gradients of [`super`] iterate; contacts make it piecewise linear, and friction takes its symmetry. It is accelerated
 //! with a long memory. While the states of the contacts (open, rolling, slipping) are held it is linear, so most iterations ask only
 //! for the linear response at the states found last, and the contact problem itself is solved anew each time their residual has
-//! fallen by [`REDUCTION`].
+//! fallen by a factor of ten.
 
 use super::super::Resistance;
 use super::mixing::Mixing;
