@@ -79,6 +79,20 @@ pub enum Error {
         /// Sphere that row belongs to.
         sphere: usize,
     },
+    /// An iteration that did not reach what was asked of it.
+    #[error(
+        "{quantity} did not converge: relative residual {residual:.1e} after {iterations} iterations, {wanted:.1e} wanted; the spheres may be too close, or ask for less"
+    )]
+    NotConverged {
+        /// What was iterated.
+        quantity: &'static str,
+        /// Iterations made.
+        iterations: u32,
+        /// Relative residual reached.
+        residual: f64,
+        /// Relative residual wanted.
+        wanted: f64,
+    },
     /// Memory is short.
     #[error("not enough memory for {purpose}")]
     OutOfMemory {

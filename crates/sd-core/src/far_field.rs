@@ -11,7 +11,9 @@
 //! So the block of the inverse that is needed explicitly, force from velocity, is the trailing one.
 
 mod ewald;
+mod grid;
 pub(crate) mod kernels;
+pub mod operator;
 mod real_space;
 pub mod resistance;
 pub mod unbounded;
@@ -201,27 +203,32 @@ impl FarField {
 
     /// Refuses a cell other than the planned one.
     fn check_cell(&self, cell: &Cell) -> Result<(), Error> {
-        let found = match *cell {
-            Cell::Unbounded => [f64::INFINITY; 2],
-            Cell::Periodic {
-                length_x, length_y, ..
-            } => [length_x, length_y],
-        };
         let planned = self
             .ewald
             .as_ref()
             .map_or([f64::INFINITY; 2], |ewald| ewald.sides);
-        for (k, field) in ["cell[0]", "cell[1]"].into_iter().enumerate() {
-            if found[k].to_bits() != planned[k].to_bits() {
-                return Err(Error::OutOfRange {
-                    field,
-                    value: found[k],
-                    allowed: "the side the far field was planned for",
-                });
-            }
-        }
-        Ok(())
+        check_sides(cell, planned)
     }
+}
+
+/// Refuses a cell of other sides than planned; infinite ones stand for unbounded fluid.
+fn check_sides(cell: &Cell, planned: [f64; 2]) -> Result<(), Error> {
+    let found = match *cell {
+        Cell::Unbounded => [f64::INFINITY; 2],
+        Cell::Periodic {
+            length_x, length_y, ..
+        } => [length_x, length_y],
+    };
+    for (k, field) in ["cell[0]", "cell[1]"].into_iter().enumerate() {
+        if found[k].to_bits() != planned[k].to_bits() {
+            return Err(Error::OutOfRange {
+                field,
+                value: found[k],
+                allowed: "the side the far field was planned for",
+            });
+        }
+    }
+    Ok(())
 }
 
 /// Refuses radii and tolerances out of range.

@@ -42,6 +42,7 @@
 //! # Where things are, in the order of a right-hand side
 //! [`cell`] images and neighbours → [`two_sphere`] near field of a pair, [`far_field`] mobility of all → [`resistance`] their sum,
 //! factored → [`contact`] forces between rough surfaces → [`motion`] velocities → [`stress`] viscosity → [`integrate`] Runge-Kutta.
+//! Past dense, [`resistance::iterative`] puts the far field on top of Ball-Melrose by iteration, its mobility applied on a grid.
 //! [`simulation`] is a run of it, [`start`] its first layer, [`instant`] a single evaluation, [`mod@pair`] two spheres alone.
 //! [`linalg`] holds all that names the linear-algebra library.
 //!

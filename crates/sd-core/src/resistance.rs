@@ -10,6 +10,7 @@
 //! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count at any distance and are
 //! then exact under Stokesian Dynamics. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
 
+pub mod iterative;
 mod network;
 mod order;
 

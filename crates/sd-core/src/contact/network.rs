@@ -8,6 +8,8 @@
 //! Passes between f and F_t end when F_t stands still, accelerated as there. Each pass need only be solved a little better than F_t
 //! still moves.
 
+pub mod passing;
+
 use super::augmented::{Augmented, Goal, System, not_positive};
 use super::friction::{Anderson, law};
 use super::rigid::{MOST_ROUNDS, Memory, bias};

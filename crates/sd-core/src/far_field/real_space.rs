@@ -4,7 +4,7 @@
 //! evenly, so that the bits of r² are the index, and narrow where the functions are steep.
 
 use super::kernels::{self, LANES, Lanes, RADIAL};
-use super::unbounded::RadialChain;
+use super::unbounded::{self, RadialChain};
 use crate::cell::Cell;
 use crate::modes::Vec2;
 use std::f64::consts::PI;
@@ -250,6 +250,22 @@ impl RealSpace {
             }
         }
         sums
+    }
+
+    /// The term of one separation within the cut-off: lanes of equal spheres and nothing, or those of f and of ∇²f.
+    #[inline(always)]
+    pub(crate) fn single(&self, separation: Vec2) -> [Lanes; 2] {
+        let square = separation.norm_squared();
+        let mut lanes = [[0.0; LANES]; 2];
+        for (layer, (lanes, table)) in lanes.iter_mut().zip(&self.tables).enumerate() {
+            let radial = if square < table.smallest {
+                exact(square, self.alpha, self.equal.as_ref())[layer]
+            } else {
+                table.evaluate(square)
+            };
+            *lanes = unbounded::lanes(&radial, separation);
+        }
+        lanes
     }
 
     /// Sums of the images of all pairs (i, j), i > j, of one j; `sums` takes one entry per i and table.

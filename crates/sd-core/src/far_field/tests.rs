@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// A triangular layer of `columns × rows` spheres at an area fraction, each moved by at most `shake`.
-fn layer(
+pub(super) fn layer(
     columns: usize,
     rows: usize,
     area_fraction: f64,
@@ -113,7 +113,7 @@ fn three() -> (Cell, Vec<Vec2>, Vec<f64>) {
 }
 
 /// All of M from its lower triangle.
-fn mobility(far_field: &mut FarField, cell: &Cell, centres: &[Vec2]) -> Matrix {
+pub(super) fn mobility(far_field: &mut FarField, cell: &Cell, centres: &[Vec2]) -> Matrix {
     let mut tiled = TiledMatrix::default();
     far_field.fill(cell, centres, &mut tiled).unwrap();
     let n = tiled.rows();

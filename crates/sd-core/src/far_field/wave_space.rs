@@ -20,8 +20,8 @@ pub(crate) const EVEN: [usize; 12] = [0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19];
 /// Lanes that go with the sine.
 pub(crate) const ODD: [usize; 8] = [4, 5, 6, 7, 12, 13, 14, 15];
 
-/// Lanes of one wave vector, without 1/area: weights of cos or sin, for f and for ∇²f.
-pub(crate) fn weights(k: Vec2, alpha: f64) -> [Lanes; 2] {
+/// `(b0, b1, b2)/8π` of one wave vector: the factor 8π of G cancels against that of the mobility.
+pub(crate) fn transforms(k: Vec2, alpha: f64) -> [f64; 3] {
     let square = k.norm_squared();
     let length = square.sqrt();
     let sigma = 0.25 / (alpha * alpha);
@@ -33,10 +33,16 @@ pub(crate) fn weights(k: Vec2, alpha: f64) -> [Lanes; 2] {
     let inner = square + 0.5 / sigma;
     let j_1 = j0 * inner;
     let j_2 = j0 * (inner * inner + 0.5 / (sigma * sigma));
-    // The factor 8π of G cancels against that of the mobility.
-    let b0 = -(j2 + sigma * j1 + 2.0 * sigma * sigma * j0);
-    let b1 = -(j1 + sigma * j0 + 2.0 * sigma * sigma * j_1);
-    let b2 = -(j0 + sigma * j_1 + 2.0 * sigma * sigma * j_2);
+    [
+        -(j2 + sigma * j1 + 2.0 * sigma * sigma * j0),
+        -(j1 + sigma * j0 + 2.0 * sigma * sigma * j_1),
+        -(j0 + sigma * j_1 + 2.0 * sigma * sigma * j_2),
+    ]
+}
+
+/// Lanes of one wave vector, without 1/area: weights of cos or sin, for f and for ∇²f.
+pub(crate) fn weights(k: Vec2, alpha: f64) -> [Lanes; 2] {
+    let [b0, b1, b2] = transforms(k, alpha);
     [lanes(k, b0, -b1), lanes(k, -b1, b2)]
 }
 

@@ -1,0 +1,187 @@
+//! Rigid contacts of a network under an iterated far field: the passes of [`super`], one for each iteration of the far field.
+
+use super::super::augmented::{Goal, System};
+use super::super::rigid::{Memory, bias};
+use super::super::{Contact, ContactState, Contacts, Quality, Surface};
+use super::{DECIDING_PASSES, Driving, LEAST_FORCE, NOT_ASSEMBLED, ROUNDING, VIOLATION};
+use crate::error::Error;
+use crate::modes::Background;
+use crate::resistance::Resistance;
+use crate::resistance::iterative::passes::Passing;
+
+/// How small a violation of the normal problem must be, over the relative residual of the far field, in a·rate.
+const STRICT: f64 = 5e-3;
+
+/// How small a force left over must be, over the relative residual of the far field and the drag on a sphere.
+const CLOSE: f64 = 0.1;
+/// Relative residual that the first pass is made for.
+const FIRST: f64 = 1e-2;
+
+/// The contact problem of one stage.
+pub struct NetworkPasses<'a> {
+    /// Ball-Melrose, [`Resistance::as_network`], at the stage's positions.
+    pub near: &'a Resistance,
+    /// Candidates, forces and workspace.
+    pub contacts: &'a mut Contacts,
+    /// Imposed flow.
+    pub background: &'a Background,
+    /// Roughness and friction.
+    pub surface: Surface,
+    /// τ of the stage, in strain.
+    pub time_span: f64,
+    /// Forces of the stage before, then of this one.
+    pub memory: &'a mut Memory,
+    /// How well the normal problem of the last pass was solved.
+    quality: Quality,
+}
+
+impl<'a> NetworkPasses<'a> {
+    /// The problem of all pairs that could close within the time span.
+    pub fn new(
+        near: &'a Resistance,
+        contacts: &'a mut Contacts,
+        background: &'a Background,
+        surface: Surface,
+        time_span: f64,
+        memory: &'a mut Memory,
+    ) -> Self {
+        let problem = Self {
+            near,
+            contacts,
+            background,
+            surface,
+            time_span,
+            memory,
+            quality: Quality::default(),
+        };
+        problem.contacts.choose_candidates(
+            near,
+            background,
+            &problem.surface,
+            time_span,
+            problem.memory,
+        );
+        problem
+    }
+
+    /// Takes the velocities `[3N]` that came out: forces and velocities of the list, memory. How well the stage was solved, and
+    /// whether pairs have joined that would close after all; it must then be solved again.
+    pub fn finish(&mut self, velocities: &[f64]) -> (Quality, bool) {
+        let work = &self.contacts.network;
+        let (mut largest, mut change): (f64, f64) = (LEAST_FORCE, 0.0);
+        for (k, c) in self.contacts.list.iter_mut().enumerate() {
+            c.normal_force = work.normal.forces[k];
+            c.tangential_force = work.applied[k];
+            if c.normal_force == 0.0 || !self.surface.has_friction() {
+                c.state = ContactState::Frictionless;
+            }
+            c.normal_velocity = c.background[0] + c.normal_row(velocities);
+            c.slip_velocity = c.background[1] + c.slip_row(velocities);
+            largest = largest.max(c.normal_force);
+            change = change.max((work.wanted[k] - work.applied[k]).abs());
+        }
+        self.quality.friction_error = change / largest;
+        let joined = self.contacts.add_closing(
+            self.near,
+            self.background,
+            &self.surface,
+            self.time_span,
+            velocities,
+            self.memory,
+        );
+        (self.quality, joined)
+    }
+}
+
+impl Passing for NetworkPasses<'_> {
+    fn start(&mut self, applied: &mut Vec<f64>) {
+        applied.clear();
+        let Some((network, pattern)) = self.near.network().and_then(|n| Some((n, n.pattern()?)))
+        else {
+            return;
+        };
+        let work = &mut self.contacts.network;
+        work.start(3 * self.near.radii().len());
+        for c in &mut self.contacts.list {
+            (c.normal_force, c.tangential_force) = self.memory.forces(c.pair.i, c.pair.j);
+        }
+        let list = &self.contacts.list;
+        let bias = |c: &Contact| {
+            c.background[0] + bias(c.pair.gap - self.surface.roughness, self.time_span)
+        };
+        let system = System {
+            network,
+            pattern,
+            list,
+        };
+        work.normal.start(&system, list.iter().map(bias));
+        work.start_friction(list);
+        applied.extend_from_slice(&work.applied);
+        self.quality = Quality::default();
+    }
+
+    fn pass(
+        &mut self,
+        forces: &[f64],
+        applied: &[f64],
+        (before, residual): (u32, f64),
+        velocities: &mut [f64],
+        wanted: &mut Vec<f64>,
+    ) -> Result<bool, Error> {
+        let network = self.near.network().ok_or(Error::OnlyRigidContacts)?;
+        let pattern = network.pattern().ok_or(NOT_ASSEMBLED)?;
+        let (normal, by_friction) = forces.split_at(forces.len() / 2);
+        let (v, v_t) = velocities.split_at_mut(by_friction.len());
+        let Contacts {
+            network: work,
+            list,
+            ..
+        } = &mut *self.contacts;
+        work.applied.copy_from_slice(applied);
+        // The sum of both parts' forces, where the velocities will be.
+        for (v, (n, t)) in v.iter_mut().zip(normal.iter().zip(by_friction)) {
+            *v = n + t;
+        }
+        let driving = Driving {
+            forces: v,
+            by_friction,
+        };
+        let largest = work
+            .normal
+            .forces
+            .iter()
+            .fold(LEAST_FORCE, |m: f64, f| m.max(*f));
+        let residual = residual.min(FIRST);
+        let friction = self.surface.has_friction();
+        let goal = Goal {
+            force: (CLOSE * residual * LEAST_FORCE).max(ROUNDING * largest),
+            velocity: (STRICT * residual).clamp(VIOLATION[1], VIOLATION[0]),
+            passing: false,
+        };
+        let system = System {
+            network,
+            pattern,
+            list,
+        };
+        work.drive(&system, driving, goal.force)?;
+        self.quality.residual = work.normal.solve(&system, &work.driving, goal)?;
+        self.quality.passes += 1;
+        // A load of zero makes no jump: it is never decided.
+        let jumps = self.surface.critical_load > 0.0;
+        let deciding = !jumps || before < DECIDING_PASSES;
+        let activated = |work: &super::Workspace| work.activated.iter().filter(|a| **a).count();
+        let active = activated(work);
+        if friction {
+            work.apply_law(list, self.near, &self.surface, deciding);
+        }
+        let changed = jumps && deciding && activated(work) != active;
+        wanted.clear();
+        wanted.extend_from_slice(&work.wanted);
+        v.copy_from_slice(&work.normal.velocities);
+        v_t.copy_from_slice(&work.by_friction);
+        for (v, v_t) in v.iter_mut().zip(v_t) {
+            *v -= *v_t;
+        }
+        Ok(changed)
+    }
+}
