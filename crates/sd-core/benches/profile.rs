@@ -174,14 +174,7 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
             if stage.number == 0 {
                 let motion = &layer.motion;
                 parts.time("stress", || {
-                    stress.stress(
-                        &motion.resistance,
-                        &Background::SHEAR,
-                        motion.velocities(),
-                        &motion.contacts.list,
-                        &[],
-                        snapshot.side * snapshot.side,
-                    );
+                    stress.stress(motion, &Background::SHEAR, snapshot.side * snapshot.side);
                 });
             }
             let flow = |x: Vec2| Background::SHEAR.velocity(x);

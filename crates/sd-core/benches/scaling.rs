@@ -174,7 +174,7 @@ fn main() {
         let all = spheres(&[90, 400, 1000]);
         table(Hydrodynamics::BallMelrose, area_fraction, &all);
     } else {
-        let all = spheres(&[50, 90, 200, 400, 800]);
+        let all = spheres(&[50, 90, 200, 400, 800, 2000]);
         table(Hydrodynamics::StokesianDynamics, area_fraction, &all);
     }
 }

@@ -210,14 +210,9 @@ impl Layer {
 
     /// Viscosity of the motion last solved.
     fn viscosity(&mut self) -> f64 {
-        let stress = self.stress.stress(
-            &self.motion.resistance,
-            &Background::SHEAR,
-            self.motion.velocities(),
-            &self.motion.contacts.list,
-            &[],
-            self.side * self.side,
-        );
+        let stress = self
+            .stress
+            .stress(&self.motion, &Background::SHEAR, self.side * self.side);
         stress.viscosity
     }
 

@@ -213,25 +213,22 @@ pub fn solve(
     move_under(&mut motion, configuration, &external, request)?;
     let mut work = StressWork::default();
     let contacts = motion.contacts.list.clone();
-    let repelled = &motion.repelled.pairs;
-    let (resistance, velocities) = (&motion.resistance, motion.velocities());
     let stress = if let Some(area) = cell.area() {
-        Some(work.stress(
-            resistance, background, velocities, &contacts, repelled, area,
-        ))
+        Some(work.stress(&motion, background, area))
     } else {
-        work.update(resistance, background, velocities);
+        work.update(&motion, background);
         None
     };
     Ok(Instant {
-        disturbances: velocities
+        disturbances: motion
+            .velocities()
             .chunks_exact(3)
             .map(|v| [v[0], v[1], v[2]])
             .collect(),
         stresslets: work.stresslets,
         stress,
         contacts,
-        repelled: repelled.clone(),
+        repelled: motion.repelled.pairs.clone(),
     })
 }
 

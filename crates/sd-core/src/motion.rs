@@ -3,6 +3,7 @@
 use crate::cell::{Cell, Neighbours};
 use crate::contact::laws::{History, Laws, Phase, Span};
 use crate::contact::network::Driving;
+use crate::contact::network::passing::NetworkPasses;
 use crate::contact::procedure::ContactList;
 use crate::contact::repulsion::Repelled;
 use crate::contact::rigid::Memory;
@@ -10,6 +11,8 @@ use crate::contact::{Contacts, Quality, Surface};
 use crate::error::Error;
 use crate::modes::{Background, Vec2};
 use crate::resistance::Resistance;
+use crate::resistance::iterative::IterativeFarField;
+use nalgebra::Vector3;
 
 /// What keeps the spheres apart, with what it remembers from stage to stage.
 pub enum ContactLaw<'a> {
@@ -65,6 +68,8 @@ pub struct Motion {
     rows: Vec<f64>,
     /// Disturbance velocities `[3N]` of the last solve.
     velocities: Vec<f64>,
+    /// Far field iterated on top of a Ball-Melrose network.
+    far: Option<Box<IterativeFarField>>,
 }
 
 impl Motion {
@@ -82,6 +87,59 @@ impl Motion {
             forces: vec![0.0; n],
             rows: Vec::with_capacity(n),
             velocities: vec![0.0; n],
+            far: None,
+        }
+    }
+
+    /// Full Stokesian Dynamics of many spheres: the far field iterated on top of a Ball-Melrose network, for rigid contacts or none.
+    pub fn with_far_field(network: Resistance, far: IterativeFarField) -> Self {
+        Self {
+            far: Some(Box::new(far)),
+            ..Self::new(network)
+        }
+    }
+
+    /// Takes positions: assembles, and factors what is factored.
+    ///
+    /// # Errors
+    /// Overlaps, an indefinite matrix, memory.
+    pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+        self.assemble(cell, centres)?;
+        self.resistance.factor()
+    }
+
+    /// The first half of [`Motion::update`], without the factor.
+    ///
+    /// # Errors
+    /// Overlaps, an indefinite mobility, memory.
+    pub fn assemble(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+        self.resistance.assemble(cell, centres)?;
+        match &mut self.far {
+            Some(far) => far.update(cell, centres),
+            None => Ok(()),
+        }
+    }
+
+    /// Lets the next iteration of the far field, if there is one, not begin where the last ended: its result then depends on
+    /// positions and contacts alone.
+    pub fn forget(&mut self) {
+        if let Some(far) = &mut self.far {
+            far.forget();
+        }
+    }
+
+    /// Counterforces `[3N]` and stresslets of the last solve, as [`Resistance::apply`]; `work` is scratch.
+    pub fn counterforces(
+        &self,
+        strain: &Vector3<f64>,
+        work: &mut Vec<f64>,
+        forces: &mut Vec<f64>,
+        stresslets: &mut Vec<Vector3<f64>>,
+    ) {
+        self.resistance
+            .apply(&self.velocities, strain, work, forces, stresslets);
+        if let Some(far) = &self.far {
+            far.correct(forces, stresslets);
         }
     }
 
@@ -109,11 +167,49 @@ impl Motion {
         law: ContactLaw<'_>,
     ) -> Result<Quality, Error> {
         if law.changes_resistance() {
-            self.resistance.assemble(cell, centres)?;
+            self.assemble(cell, centres)?;
         } else {
-            self.resistance.update(cell, centres)?;
+            self.update(cell, centres)?;
         }
         self.solve_again(background, external, law)
+    }
+
+    /// Adds the repulsion of laws that have one to forces and `R_FU`, and factors that.
+    ///
+    /// # Errors
+    /// An indefinite matrix.
+    fn add_repulsion(
+        &mut self,
+        background: &Background,
+        law: &ContactLaw<'_>,
+    ) -> Result<(), Error> {
+        self.repelled.pairs.clear();
+        if let ContactLaw::Laws {
+            laws:
+                Laws {
+                    repulsion: Some(repulsion),
+                    ..
+                },
+            span: (time, phase),
+            history,
+            ..
+        } = law
+        {
+            let span = Span {
+                time: *time,
+                phase: *phase,
+                first: &history.motion,
+            };
+            self.repelled.add(
+                repulsion,
+                &mut self.resistance,
+                background,
+                &span,
+                &mut self.forces,
+            );
+            self.resistance.factor()?;
+        }
+        Ok(())
     }
 
     /// [`Motion::solve`] at the centres of the last call, for laws without repulsion; with one, `R_FU` must have been assembled anew.
@@ -131,34 +227,30 @@ impl Motion {
         for (force, x) in self.forces.iter_mut().zip(external) {
             *force += x;
         }
-        self.repelled.pairs.clear();
-        if let ContactLaw::Laws {
-            laws:
-                Laws {
-                    repulsion: Some(repulsion),
-                    ..
-                },
-            span: (time, phase),
-            history,
-            ..
-        } = &law
-        {
-            let span = Span {
-                time: *time,
-                phase: *phase,
-                first: &history.motion,
-            };
-            self.repelled.add(
-                repulsion,
-                &mut self.resistance,
-                background,
-                &span,
-                &mut self.forces,
-            );
-            self.resistance.factor()?;
-        }
+        self.add_repulsion(background, &law)?;
         let (resistance, forces) = (&self.resistance, &self.forces);
         let velocities = &mut self.velocities;
+        if let Some(far) = &mut self.far {
+            let strain = background.strain();
+            let quality = match law {
+                ContactLaw::None => {
+                    self.contacts.list.clear();
+                    far.solve(resistance, &strain, forces, velocities)?;
+                    Quality::default()
+                }
+                ContactLaw::Rigid {
+                    surface,
+                    time_span: span,
+                    memory,
+                } => {
+                    let contacts = &mut self.contacts;
+                    NetworkPasses::new(resistance, contacts, background, surface, span, memory)
+                        .solve(far, &strain, forces, velocities)?
+                }
+                _ => return Err(Error::OnlyRigidContacts),
+            };
+            return finite(velocities, quality);
+        }
         let quality = match law {
             ContactLaw::None => {
                 if let Some(network) = resistance.network() {

@@ -18,6 +18,7 @@ use crate::integrate::{RungeKutta, Stage, State};
 use crate::modes::{Background, Vec2};
 use crate::motion::{ContactLaw, Motion};
 use crate::params::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
+use crate::resistance::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
 use crate::resistance::{NearFields, Resistance};
 use crate::start;
 use crate::stress::{ContactCounts, StressWork};
@@ -35,12 +36,15 @@ const HELD_SHARE: f64 = 0.5;
 /// ```text
 /// Ball-Melrose: R_FU (3N)², columns of the contacts 2 × 3N × K, their products 3 K², with K ≈ 1.5 N candidates
 /// Stokesian Dynamics: besides, M (6N)² and two more matrices (3N)²
-/// as a network: pairs, two sparse factors and their pattern, 16 kB per sphere
+/// as a network: pairs, two sparse factors and their pattern, 16 kB per sphere; an iterated far field 32 kB more
 /// ```
 pub fn memory_bytes(params: &Params) -> f64 {
     let n = params.spheres as f64;
     if is_network(params) {
-        return 16384.0 * n;
+        return match params.hydrodynamics {
+            Hydrodynamics::BallMelrose => 16384.0 * n,
+            Hydrodynamics::StokesianDynamics => 49152.0 * n,
+        };
     }
     let near = 9.0 + 9.0 + 6.75;
     let far = match params.hydrodynamics {
@@ -50,14 +54,18 @@ pub fn memory_bytes(params: &Params) -> f64 {
     8.0 * (near + far) * n * n + 8192.0 * n
 }
 
-/// Spheres from which on a layer of rigid contacts under Ball-Melrose hydrodynamics is held as a network: where it costs less.
+/// Spheres from which on a layer of rigid contacts is held as a network, under Ball-Melrose hydrodynamics: where it costs less.
 pub const LEAST_NETWORK: usize = 250;
+/// The same under Stokesian Dynamics, where the far field is then iterated.
+pub const LEAST_ITERATED: usize = 800;
 
 /// Whether runs with these parameters hold the layer as a [network](crate::resistance::Network).
 pub fn is_network(params: &Params) -> bool {
-    params.hydrodynamics == Hydrodynamics::BallMelrose
-        && params.contact == ContactScheme::Rigid
-        && params.spheres >= LEAST_NETWORK
+    let least = match params.hydrodynamics {
+        Hydrodynamics::BallMelrose => LEAST_NETWORK,
+        Hydrodynamics::StokesianDynamics => LEAST_ITERATED,
+    };
+    params.contact == ContactScheme::Rigid && params.spheres >= least
 }
 
 /// Whether a run can go on.
@@ -168,6 +176,13 @@ impl Simulation {
                 }))
             }
         };
+        let motion =
+            if is_network(params) && params.hydrodynamics == Hydrodynamics::StokesianDynamics {
+                let far = IterativeFarField::new(&cell, &snapshot.radii, DEFAULT_RESIDUAL)?;
+                Motion::with_far_field(resistance, far)
+            } else {
+                Motion::new(resistance)
+            };
         snapshot.memory.forces.reserve(most);
         snapshot.listed.pairs.reserve(most);
         Ok(Self {
@@ -189,7 +204,7 @@ impl Simulation {
             chosen,
             listed: snapshot.listed,
             counters: snapshot.counters,
-            motion: Motion::new(resistance),
+            motion,
             integrator: RungeKutta::default(),
             two_stage: TwoStage::default(),
             stress: StressWork::default(),
@@ -312,12 +327,16 @@ impl Simulation {
         let cell = self.cell_at(stage.time)?;
         let motion = &mut self.motion;
         let surface = self.surface;
+        if stage.number == 0 {
+            // So that a run resumed here has the same bits.
+            motion.forget();
+        }
         let repels = |chosen: &Chosen| chosen.laws.repulsion.is_some();
         if self.chosen.as_deref().is_some_and(repels) {
             // The repulsion adds to the matrix before it is factored.
-            motion.resistance.assemble(&cell, centres)?;
+            motion.assemble(&cell, centres)?;
         } else {
-            motion.resistance.update(&cell, centres)?;
+            motion.update(&cell, centres)?;
         }
         let law = match self.params.contact {
             ContactScheme::Rigid => ContactLaw::Rigid {
@@ -365,14 +384,9 @@ impl Simulation {
         counters.worst_friction_error = counters.worst_friction_error.max(quality.friction_error);
         if stage.number == 0 && sample.is_none() {
             counters.minimum_gap = counters.minimum_gap.min(minimum_gap);
-            let stress = self.stress.stress(
-                &motion.resistance,
-                &background,
-                motion.velocities(),
-                &motion.contacts.list,
-                &motion.repelled.pairs,
-                self.side * self.side,
-            );
+            let stress = self
+                .stress
+                .stress(motion, &background, self.side * self.side);
             counters.count_jam(stress.viscosity);
             if let Some(frame) = &mut self.frame {
                 frame.solved(&self.stress.stresslets, &motion.contacts.list);

@@ -11,7 +11,7 @@
 
 use crate::contact::{Contact, ContactState};
 use crate::modes::{Background, strain_tensor};
-use crate::resistance::Resistance;
+use crate::motion::Motion;
 use nalgebra::Vector3;
 
 /// Bulk stress of the layer at one instant.
@@ -39,38 +39,24 @@ pub struct StressWork {
 }
 
 impl StressWork {
-    /// Stresslets of all spheres at the given disturbances `[3N]`; returns v'Rv, in mu·a³·rate².
-    pub fn update(
-        &mut self,
-        resistance: &Resistance,
-        background: &Background,
-        velocities: &[f64],
-    ) -> f64 {
+    /// Stresslets of all spheres in the motion last solved; returns v'Rv, in mu·a³·rate².
+    pub fn update(&mut self, motion: &Motion, background: &Background) -> f64 {
         let strain = background.strain();
-        resistance.apply(
-            velocities,
+        motion.counterforces(
             &strain,
             &mut self.far,
             &mut self.forces,
             &mut self.stresslets,
         );
-        let work: f64 = crate::linalg::dense::dot(velocities, &self.forces);
+        let work: f64 = crate::linalg::dense::dot(motion.velocities(), &self.forces);
         let strained: f64 = self.stresslets.iter().map(|s| s.dot(&strain)).sum();
         work + strained
     }
 
-    /// Stress of a layer of area `area`, for the velocities and contacts of a solved stage; `repelled`: pairs that repel besides.
-    pub fn stress(
-        &mut self,
-        resistance: &Resistance,
-        background: &Background,
-        velocities: &[f64],
-        contacts: &[Contact],
-        repelled: &[Contact],
-        area: f64,
-    ) -> Stress {
-        let power = self.update(resistance, background, velocities);
-        let radii = resistance.radii();
+    /// Stress of a layer of area `area`, for the motion last solved, with its contacts and pairs that repel besides.
+    pub fn stress(&mut self, motion: &Motion, background: &Background, area: f64) -> Stress {
+        let power = self.update(motion, background);
+        let radii = motion.resistance.radii();
         let volume = 2.0 * area * radii.iter().sum::<f64>() / radii.len() as f64;
         let (mut shear, mut difference) = (0.0, 0.0);
         for s in &self.stresslets {
@@ -79,7 +65,7 @@ impl StressWork {
             difference += xx - yy;
         }
         let (mut contact_shear, mut contact_difference) = (0.0, 0.0);
-        for c in contacts.iter().chain(repelled) {
+        for c in motion.contacts.list.iter().chain(&motion.repelled.pairs) {
             let (shear, difference) = contact_stress(c);
             contact_shear += shear;
             contact_difference += difference;

@@ -6,6 +6,7 @@ use sd_core::contact::rigid::Memory;
 use sd_core::modes::{Background, Vec2};
 use sd_core::motion::{ContactLaw, Motion};
 use sd_core::resistance::Resistance;
+use sd_core::resistance::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
 use sd_core::simulation::is_network;
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 
@@ -104,15 +105,19 @@ impl Layer {
         let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
         let centres = snapshot.centres.iter();
         let (radii, tables) = (&snapshot.radii, NearFields::default());
-        let resistance = if is_network(params) {
-            Resistance::as_network(&cell, radii, &tables, &[])
+        let motion = if !is_network(params) {
+            Resistance::new(params.hydrodynamics, &cell, radii, &tables).map(Motion::new)
+        } else if params.hydrodynamics == Hydrodynamics::BallMelrose {
+            Resistance::as_network(&cell, radii, &tables, &[]).map(Motion::new)
         } else {
-            Resistance::new(params.hydrodynamics, &cell, radii, &tables)
+            let far = IterativeFarField::new(&cell, radii, DEFAULT_RESIDUAL);
+            let network = Resistance::as_network(&cell, radii, &tables, &[]);
+            network.and_then(|network| Ok(Motion::with_far_field(network, far?)))
         };
         Self {
             cell,
             centres: centres.map(|&[x, y]| Vec2::new(x, y)).collect(),
-            motion: Motion::new(resistance.expect("a valid layer")),
+            motion: motion.expect("a valid layer"),
             surface: params.surface(),
             memory: Memory::default(),
         }
@@ -120,7 +125,7 @@ impl Layer {
 
     /// Pairs, far field, `R_FU`.
     pub(crate) fn assemble(&mut self) {
-        let done = self.motion.resistance.assemble(&self.cell, &self.centres);
+        let done = self.motion.assemble(&self.cell, &self.centres);
         done.expect("a regular layer");
     }
 
@@ -129,8 +134,9 @@ impl Layer {
         self.motion.resistance.factor().expect("a regular layer");
     }
 
-    /// Contact forces and velocities of a stage that looks ahead by `time_span`.
+    /// Contact forces and velocities of a stage that looks ahead by `time_span`; a far field is iterated from nothing.
     pub(crate) fn solve(&mut self, time_span: f64) {
+        self.motion.forget();
         let law = ContactLaw::Rigid {
             surface: self.surface,
             time_span,

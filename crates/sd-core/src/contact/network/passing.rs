@@ -1,13 +1,15 @@
 //! Rigid contacts of a network under an iterated far field: the passes of [`super`], one for each iteration of the far field.
 
 use super::super::augmented::{Goal, System};
-use super::super::rigid::{Memory, bias};
+use super::super::rigid::{MOST_ROUNDS, Memory, bias};
 use super::super::{Contact, ContactState, Contacts, Quality, Surface};
 use super::{DECIDING_PASSES, Driving, LEAST_FORCE, NOT_ASSEMBLED, ROUNDING, VIOLATION};
 use crate::error::Error;
 use crate::modes::Background;
 use crate::resistance::Resistance;
+use crate::resistance::iterative::IterativeFarField;
 use crate::resistance::iterative::passes::Passing;
+use nalgebra::Vector3;
 
 /// How small a violation of the normal problem must be, over the relative residual of the far field, in a·rate.
 const STRICT: f64 = 5e-3;
@@ -64,9 +66,39 @@ impl<'a> NetworkPasses<'a> {
         problem
     }
 
+    /// Solves the stage: rounds, as long as pairs join that would close after all.
+    ///
+    /// # Errors
+    /// Those of [`IterativeFarField::solve_passes`].
+    pub fn solve(
+        &mut self,
+        far: &mut IterativeFarField,
+        strain: &Vector3<f64>,
+        forces: &[f64],
+        velocities: &mut [f64],
+    ) -> Result<Quality, Error> {
+        let mut passes = 0;
+        for _ in 0..MOST_ROUNDS {
+            let near = self.near;
+            far.solve_passes(near, self, strain, forces, velocities)?;
+            let (mut quality, joined) = self.finish(velocities);
+            passes += quality.passes;
+            quality.passes = passes;
+            if !joined {
+                return Ok(quality);
+            }
+        }
+        let closing = self.contacts.fastest_closing(&self.surface, self.time_span);
+        Ok(Quality {
+            residual: self.quality.residual.max(closing),
+            passes,
+            ..self.quality
+        })
+    }
+
     /// Takes the velocities `[3N]` that came out: forces and velocities of the list, memory. How well the stage was solved, and
     /// whether pairs have joined that would close after all; it must then be solved again.
-    pub fn finish(&mut self, velocities: &[f64]) -> (Quality, bool) {
+    fn finish(&mut self, velocities: &[f64]) -> (Quality, bool) {
         let work = &self.contacts.network;
         let (mut largest, mut change): (f64, f64) = (LEAST_FORCE, 0.0);
         for (k, c) in self.contacts.list.iter_mut().enumerate() {

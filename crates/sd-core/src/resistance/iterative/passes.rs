@@ -43,17 +43,23 @@ pub trait Passing {
     ) -> Result<bool, Error>;
 }
 
+/// Rise of the residual over its least at which the acceleration starts anew.
+const WORSE: f64 = 10.0;
+
 /// What a friction force counts in the norm of the iteration, as if it drove an isolated sphere.
 fn weight() -> f64 {
     (6.0 * PI).sqrt().recip()
 }
 
 impl IterativeFarField {
-    /// As [`IterativeFarField::solve_split`], with friction forces iterated along. Those applied in the last pass are what the law
-    /// wants up to the relative residual.
+    /// Disturbance velocities `[3N]` with contacts; their forces stay with `motion`.
+    ///
+    /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone. Friction forces are iterated along with the far field;
+    /// those applied in the last pass are what the law wants up to the relative residual. The velocities are v = v_N + v_T of the last
+    /// pass, and [`IterativeFarField::correct`] then has the far field of both parts.
     ///
     /// # Errors
-    /// As there.
+    /// [`Error::Length`]; [`Error::NotConverged`]; those of the contact problem.
     pub fn solve_passes(
         &mut self,
         near: &Resistance,
@@ -112,7 +118,7 @@ impl IterativeFarField {
                 break Ok(done);
             }
             found.iterations += 1;
-            if changed || joined || found.residual > super::split::WORSE * best {
+            if changed || joined || found.residual > WORSE * best {
                 work.mixing.restart();
                 best = found.residual;
             }

@@ -1,53 +1,20 @@
-//! Motion with contacts under an iterated far field: in two parts, as the friction law asks for.
+//! The motion in two parts under an iterated far field, as the friction law asks for.
 //!
 //! ```text
 //! v_N: the motion under all forces but friction,   v_T: what friction adds,   v = v_N + v_T
 //! R_BM v_N = F + R_n,FE E + Cᵀ f − δ_N,   R_BM v_T = −Dᵀ F_t − δ_T        contact law on v and the slip of v_N
 //! M q_N = (−E; v_N) − V c_N,   M q_T = (0; v_T) − V c_T                   q = M₀⁻¹ x + δ, Vᵀ q = 0 for each part
 //! ```
-//! Whoever solves contacts under Ball-Melrose hydrodynamics ([`SplitMotion`]) solves them here: the far field acts as the forces −δ.
-//! Given q and c, take `δ = q − M₀⁻¹ (M q + V c)`, solve the contacts; `M₀⁻¹ x + δ` is the next q, and c moves by what the pair
-//! terms would need to take up the force on the layer, `(Vᵀ R_n V)⁻¹ Vᵀ q`. This map is what the preconditioned
-//! conjugate gradients of [`super`] iterate; contacts make it piecewise linear, and friction takes its symmetry. It is accelerated
-//! with a long memory. While the states of the contacts (open, rolling, slipping) are held it is linear, so most iterations ask only
-//! for the linear response at the states found last, and the contact problem itself is solved anew each time their residual has
-//! fallen by a factor of ten.
+//! Contacts are solved under Ball-Melrose hydrodynamics, on which the far field acts as the forces −δ. Given q and c, take
+//! `δ = q − M₀⁻¹ (M q + V c)` and let the spheres move; `M₀⁻¹ x + δ` is the next q, and c moves by what the pair terms would need to
+//! take up the force on the layer, `(Vᵀ R_n V)⁻¹ Vᵀ q`. This map is what the preconditioned conjugate gradients of [`super`]
+//! iterate; contacts make it piecewise linear, and friction takes its symmetry: [`super::passes`] accelerate it with a long memory.
 
-use super::super::Resistance;
+use super::IterativeFarField;
 use super::mixing::Mixing;
 use super::uniform::translation;
-use super::{Convergence, IterativeFarField, check_length};
-use crate::error::Error;
 use crate::linalg::dense::dot;
 use nalgebra::Vector3;
-
-/// Factor by which the residual falls at held states before the contact problem is solved again.
-const REDUCTION: f64 = 0.1;
-/// Change of the residual by new contact states, over the residual, below which they are taken as settled.
-const SETTLED: f64 = 0.1;
-/// Rise of the residual over its least at which the acceleration starts anew.
-pub(super) const WORSE: f64 = 10.0;
-
-/// Contacts under Ball-Melrose hydrodynamics.
-///
-/// Forces and velocities are `[6N]`: the part N `[3N]`, then the part T, both as in [`super::super::Resistance`].
-pub trait SplitMotion {
-    /// Solves the contact problem: `R_BM v_N = F_N + Cᵀ f`, `R_BM v_T = F_T − Dᵀ F_t`, contact law on v_N + v_T and the slip of v_N.
-    ///
-    /// `round`: how many times it was solved before in this stage. A law that jumps must hold its choice from some round on, since
-    /// a self-consistent one need not exist; forces of the last round are the place to start.
-    ///
-    /// # Errors
-    /// Whatever makes the stage fail.
-    fn solve(&mut self, forces: &[f64], round: u32, velocities: &mut [f64]) -> Result<(), Error>;
-
-    /// The same with the states of all contacts held as [`SplitMotion::solve`] left them: affine in the forces, and no change for
-    /// those of the last solve. `false`, with velocities untouched, if it cannot: every iteration then solves the contact problem.
-    ///
-    /// # Errors
-    /// Whatever makes the stage fail.
-    fn respond(&mut self, forces: &[f64], velocities: &mut [f64]) -> Result<bool, Error>;
-}
 
 /// Vectors of the iteration, `[12N]`: part N `[6N]`, strains first, then part T; where said also c of both parts, four numbers.
 #[derive(Default)]
@@ -62,8 +29,6 @@ pub(super) struct Workspace {
     flow: Vec<f64>,
     /// Change of `scaled` in one iteration, `[12N + 4]`.
     pub(super) change: Vec<f64>,
-    /// The same at held states.
-    held: Vec<f64>,
     /// Forces on the Ball-Melrose spheres, `[6N]`.
     pub(super) forces: Vec<f64>,
     /// Velocities, `[6N]`.
@@ -97,7 +62,7 @@ impl Workspace {
             vector.clear();
             vector.resize(2 * n, 0.0);
         }
-        for vector in [&mut self.scaled, &mut self.change, &mut self.held] {
+        for vector in [&mut self.scaled, &mut self.change] {
             vector.clear();
             vector.resize(2 * n + 4, 0.0);
         }
@@ -127,96 +92,6 @@ impl Workspace {
 }
 
 impl IterativeFarField {
-    /// Disturbance velocities `[3N]` with contacts; their forces stay with `motion`.
-    ///
-    /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone. The velocities are v = v_N + v_T of the last
-    /// contact problem solved, and [`IterativeFarField::correct`] then has the far field of both parts. Allocates nothing after the
-    /// first call.
-    ///
-    /// # Errors
-    /// [`Error::Length`]; [`Error::NotConverged`]; those of the contact problem.
-    pub fn solve_split(
-        &mut self,
-        near: &Resistance,
-        motion: &mut impl SplitMotion,
-        strain: &Vector3<f64>,
-        forces: &[f64],
-        velocities: &mut [f64],
-    ) -> Result<Convergence, Error> {
-        let half = self.drag.len() / 2;
-        check_length("forces", forces.len(), half)?;
-        check_length("velocities", velocities.len(), half)?;
-        check_length("near field", 3 * near.radii.len(), half)?;
-        self.split.prepare(&self.drag);
-        self.work.uniform.update(near, &self.drag[half..]);
-        self.split.mixing.restart();
-        let mut found = Convergence::default();
-        // Residual at which the contact problem is solved again.
-        let mut goal = 0.0;
-        let mut can_respond = true;
-        let mut best = f64::INFINITY;
-        loop {
-            self.take_flow(forces);
-            let solved_before = found.contact_solves;
-            found.residual = f64::INFINITY;
-            if solved_before > 0 && can_respond {
-                let work = &mut self.split;
-                can_respond = motion.respond(&work.forces, &mut work.velocities)?;
-                if can_respond {
-                    self.take_change(strain);
-                    found.residual = self.split.relative_change();
-                }
-            }
-            if solved_before == 0 || !can_respond || found.residual <= goal {
-                let held = found.residual;
-                std::mem::swap(&mut self.split.held, &mut self.split.change);
-                let work = &mut self.split;
-                motion.solve(&work.forces, solved_before, &mut work.velocities)?;
-                found.contact_solves += 1;
-                self.take_change(strain);
-                let work = &mut self.split;
-                found.residual = work.relative_change();
-                if found.residual <= self.residual {
-                    self.finish(velocities);
-                    return Ok(found);
-                }
-                let settled = held.is_finite() && {
-                    let jump: f64 = (work.held.iter().zip(&work.change))
-                        .map(|(held, now)| (held - now) * (held - now))
-                        .sum();
-                    jump < SETTLED * SETTLED * dot(&work.change, &work.change)
-                };
-                if can_respond && !settled {
-                    work.mixing.restart();
-                }
-                goal = if settled {
-                    0.9 * self.residual
-                } else {
-                    (REDUCTION * found.residual).max(0.9 * self.residual)
-                };
-            }
-            if found.iterations == self.most || !found.residual.is_finite() {
-                break;
-            }
-            found.iterations += 1;
-            let work = &mut self.split;
-            // Steps that mislead are worse than none.
-            if found.residual > WORSE * best {
-                work.mixing.restart();
-                best = found.residual;
-            }
-            best = best.min(found.residual);
-            work.mixing.advance(&mut work.scaled, &work.change);
-        }
-        self.forget();
-        Err(Error::NotConverged {
-            quantity: "the far field with contacts",
-            iterations: found.iterations,
-            residual: found.residual,
-            wanted: self.residual,
-        })
-    }
-
     /// `M q`, and with it the forces on the Ball-Melrose spheres.
     pub(super) fn take_flow(&mut self, forces: &[f64]) {
         let whole = self.drag.len();

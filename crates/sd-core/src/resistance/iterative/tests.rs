@@ -1,20 +1,17 @@
 //! The iterated far field against the dense one.
 
 mod dense_contacts;
-mod whole_contacts;
 
-use super::split::SplitMotion;
 use super::*;
 use crate::contact::network::passing::NetworkPasses;
 use crate::contact::rigid::Memory;
-use crate::contact::{ContactState, Contacts, Quality, Surface};
+use crate::contact::{ContactState, Contacts, Surface};
 use crate::far_field::{FarField, FarResistance};
 use crate::modes::{Background, strain_tensor};
 use crate::motion::{ContactLaw, Motion};
 use crate::stress::StressWork;
 use crate::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
 use dense_contacts::DenseContacts;
-use whole_contacts::RigidNetwork;
 
 /// Parameters of a layer with many contacts, all with friction.
 fn params(spheres: usize, size_ratio: f64) -> Params {
@@ -95,7 +92,7 @@ fn linear_motion_is_that_of_the_dense_far_field() {
             .solve(&cell, &centres, &shear, &external, ContactLaw::None)
             .unwrap();
         let mut expected = StressWork::default();
-        let power = expected.update(&dense.resistance, &shear, dense.velocities());
+        let power = expected.update(&dense, &shear);
         let (near, forces) = near(&cell, &centres, &radii, &external);
         for residual in [1e-4, 1e-6, 1e-7] {
             let mut far = IterativeFarField::new(&cell, &radii, residual).unwrap();
@@ -154,30 +151,6 @@ fn solves_allocate_nothing_and_stop_at_the_limit() {
     assert!(IterativeFarField::new(&cell, &radii, 1e-12).is_err());
 }
 
-/// [`DenseContacts`] that solve the contact problem in every iteration.
-struct Unresponsive<'a>(DenseContacts<'a>);
-
-impl SplitMotion for Unresponsive<'_> {
-    fn solve(&mut self, forces: &[f64], round: u32, v: &mut [f64]) -> Result<(), Error> {
-        self.0.solve(forces, round, v)
-    }
-
-    fn respond(&mut self, _: &[f64], _: &mut [f64]) -> Result<bool, Error> {
-        Ok(false)
-    }
-}
-
-/// How the contacts are solved.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Way {
-    /// By their linear response between contact problems.
-    Response,
-    /// As a whole in every iteration.
-    Whole,
-    /// With friction iterated along.
-    Passes,
-}
-
 #[test]
 fn motion_with_contacts_is_that_of_the_dense_far_field() {
     for (spheres, friction) in [(60, 0.0), (60, 0.3), (150, 0.3)] {
@@ -203,8 +176,7 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
         assert!(quality.converged(), "{quality:?}");
         let area = cell.area().unwrap();
         let list = &dense.contacts.list;
-        let v = dense.velocities().to_vec();
-        let expected = StressWork::default().stress(&dense.resistance, &shear, &v, list, &[], area);
+        let expected = StressWork::default().stress(&dense, &shear, area);
         let count = |state| {
             list.iter()
                 .filter(|c| c.normal_force > 0.0 && c.state == state)
@@ -217,28 +189,12 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
         );
         let (near, forces) = near(&cell, &centres, &radii, &external);
         let strain = shear.strain();
-        for (residual, way) in [
-            (1e-4, Way::Response),
-            (1e-6, Way::Response),
-            (1e-6, Way::Whole),
-            (1e-4, Way::Passes),
-            (1e-6, Way::Passes),
-            (1e-7, Way::Response),
-        ] {
+        for residual in [1e-4, 1e-6, 1e-7] {
             let mut far = IterativeFarField::new(&cell, &radii, residual).unwrap();
             far.update(&cell, &centres).unwrap();
             let mut contacts = DenseContacts::new(&near, &surface, time_span);
             let mut v = vec![0.0; 3 * spheres];
-            let found = match way {
-                Way::Response => far.solve_split(&near, &mut contacts, &strain, &forces, &mut v),
-                Way::Passes => far.solve_passes(&near, &mut contacts, &strain, &forces, &mut v),
-                Way::Whole => {
-                    let mut motion = Unresponsive(contacts);
-                    let found = far.solve_split(&near, &mut motion, &strain, &forces, &mut v);
-                    contacts = motion.0;
-                    found
-                }
-            };
+            let found = far.solve_passes(&near, &mut contacts, &strain, &forces, &mut v);
             assert!(found.unwrap().residual <= residual);
             let error = relative_difference(dense.velocities(), &v);
             let (mut work, mut counter, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
@@ -253,8 +209,8 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
                 differences += (c.normal_force - f).powi(2) + (c.tangential_force - f_t).powi(2);
             }
             let force_error = (differences / squares).sqrt();
-            assert!(error < 2.0 * residual, "{way:?} {error:e}");
-            assert!(force_error < 2.0 * residual, "{way:?} {force_error:e}");
+            assert!(error < 2.0 * residual, "{error:e}");
+            assert!(force_error < 2.0 * residual, "{force_error:e}");
             assert!(
                 (viscosity / expected.viscosity - 1.0).abs() < 0.5 * residual,
                 "{viscosity} {}",
@@ -262,44 +218,6 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
             );
         }
     }
-}
-
-#[test]
-fn stages_that_follow_each_other_take_fewer_iterations() {
-    let (cell, mut centres, radii) = sheared(&params(150, 1.0));
-    let Cell::Periodic {
-        length_x,
-        length_y,
-        mut offset,
-    } = cell
-    else {
-        return;
-    };
-    let surface = Surface {
-        roughness: 0.01,
-        friction: 0.3,
-        critical_load: 0.0,
-    };
-    let (external, shear) = (vec![0.0; 450], Background::SHEAR);
-    let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
-    let mut v = vec![0.0; 450];
-    let mut iterations = Vec::new();
-    for _ in 0..8 {
-        let cell = Cell::periodic(length_x, length_y, offset).unwrap();
-        let (near, forces) = near(&cell, &centres, &radii, &external);
-        far.update(&cell, &centres).unwrap();
-        let mut contacts = DenseContacts::new(&near, &surface, 0.0025);
-        let strain = shear.strain();
-        let found = far
-            .solve_split(&near, &mut contacts, &strain, &forces, &mut v)
-            .unwrap();
-        iterations.push(found.iterations);
-        for (x, v) in centres.iter_mut().zip(v.chunks_exact(3)) {
-            *x += 0.0025 * (shear.velocity(*x) + Vec2::new(v[0], v[1]));
-        }
-        offset += 0.0025 * length_y;
-    }
-    assert!(iterations[1..].iter().all(|&count| count < iterations[0]));
 }
 
 #[test]
@@ -343,42 +261,16 @@ fn rigid_contacts_of_a_network_are_those_of_the_dense_far_field() {
             .collect()
     };
     let expected = both(&dense.contacts.list);
-    for whole in [true, false] {
-        far.forget();
-        let mut v = vec![0.0; 450];
-        let mut contacts = Contacts::default();
-        let mut memory = Memory::default();
-        let quality = if whole {
-            let mut motion = RigidNetwork {
-                near: &near,
-                contacts: &mut contacts,
-                background: &shear,
-                surface,
-                time_span: 0.0025,
-                memory: &mut memory,
-                total: &mut Vec::new(),
-                quality: Quality::default(),
-            };
-            let found = far.solve_split(&near, &mut motion, &strain, &forces, &mut v);
-            found.unwrap();
-            motion.quality
-        } else {
-            let (contacts, memory) = (&mut contacts, &mut memory);
-            let mut motion = NetworkPasses::new(&near, contacts, &shear, surface, 0.0025, memory);
-            loop {
-                let found = far.solve_passes(&near, &mut motion, &strain, &forces, &mut v);
-                found.unwrap();
-                if let (quality, false) = motion.finish(&v) {
-                    break quality;
-                }
-            }
-        };
-        assert!(quality.converged(), "{quality:?}");
-        let error = relative_difference(dense.velocities(), &v);
-        assert!(error < 2e-6, "{error:e}");
-        let forces = both(&contacts.list);
-        assert_eq!(expected.len(), forces.len());
-        let error = relative_difference(&expected, &forces);
-        assert!(error < 2e-6, "{error:e}");
-    }
+    far.forget();
+    let mut v = vec![0.0; 450];
+    let (mut contacts, mut memory) = (Contacts::default(), Memory::default());
+    let mut passes = NetworkPasses::new(&near, &mut contacts, &shear, surface, 0.0025, &mut memory);
+    let quality = passes.solve(&mut far, &strain, &forces, &mut v).unwrap();
+    assert!(quality.converged(), "{quality:?}");
+    let error = relative_difference(dense.velocities(), &v);
+    assert!(error < 2e-6, "{error:e}");
+    let forces = both(&contacts.list);
+    assert_eq!(expected.len(), forces.len());
+    let error = relative_difference(&expected, &forces);
+    assert!(error < 2e-6, "{error:e}");
 }

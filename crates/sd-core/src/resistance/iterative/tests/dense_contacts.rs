@@ -2,7 +2,6 @@
 
 use super::super::near::NearSolver;
 use super::super::passes::Passing;
-use super::super::split::SplitMotion;
 use crate::contact::rigid::RESTITUTION;
 use crate::contact::{COMPLIANCE, Contact, Surface, tangent};
 use crate::error::Error;
@@ -189,8 +188,9 @@ impl<'a> DenseContacts<'a> {
     }
 }
 
-impl SplitMotion for DenseContacts<'_> {
-    fn solve(&mut self, forces: &[f64], _: u32, velocities: &mut [f64]) -> Result<(), Error> {
+impl DenseContacts<'_> {
+    /// Solves the contact problem, forces and velocities `[6N]` as in [`Passing::pass`].
+    fn solve(&mut self, forces: &[f64], velocities: &mut [f64]) {
         let count = self.list.len();
         let free = self.free(forces);
         for pass in 0.. {
@@ -224,14 +224,6 @@ impl SplitMotion for DenseContacts<'_> {
             }
         }
         self.add_contacts(&free, velocities);
-        Ok(())
-    }
-
-    fn respond(&mut self, forces: &[f64], velocities: &mut [f64]) -> Result<bool, Error> {
-        let free = self.free(forces);
-        self.forces_at_states(&free);
-        self.add_contacts(&free, velocities);
-        Ok(true)
     }
 }
 
@@ -257,7 +249,7 @@ impl Passing for DenseContacts<'_> {
             add_scaled(by_friction, row, -f);
         }
         self.friction = 0.0;
-        SplitMotion::solve(self, &forces, 0, velocities)?;
+        self.solve(&forces, velocities);
         self.friction = friction;
         wanted.clear();
         for k in 0..count {
