@@ -93,7 +93,7 @@ fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
 
 #[test]
 fn killed_task_loses_no_more_than_since_it_published() {
-    let cluster = Cluster::new(&long().replace(LONG, "strain = 12.0"));
+    let cluster = Cluster::new(&long().replace(LONG, "strain = 48.0"));
     let script = cluster.submit(&["--tasks", "1", "--publish-every", "0"]);
     let mut task = Task::FIRST;
     let mut child = cluster.start(&script, task);
