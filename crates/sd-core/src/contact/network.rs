@@ -26,11 +26,11 @@ const MOST_PASSES: u32 = 100;
 /// Passes in which the set of activated contacts is still decided.
 const DECIDING_PASSES: u32 = 4;
 /// Passes whose normal forces need not be exact, as friction is still far off.
-const PASSING: u32 = 2;
+const PASSING: u32 = 3;
 /// Change of the friction forces, over the largest force, at which they stand still.
 const STANDSTILL: f64 = 1e-8;
 /// How much better a pass is solved than the last change of the friction forces.
-const SHARE: f64 = 0.1;
+const SHARE: f64 = 0.3;
 /// Largest violation asked of the normal problem, first and last, in a·rate.
 const VIOLATION: [f64; 2] = [1e-4, 1e-9];
 /// Force left over that is rounding, over the largest force.
