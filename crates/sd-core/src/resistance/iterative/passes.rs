@@ -51,6 +51,14 @@ fn weight() -> f64 {
     (6.0 * PI).sqrt().recip()
 }
 
+/// Whether no friction force differs from what the law wants by more than a share of the largest, or of the drag on a sphere: few
+/// contacts hardly count in the norm over all spheres.
+fn stands_still(applied: &[f64], wanted: &[f64], share: f64) -> bool {
+    let largest = wanted.iter().fold(6.0 * PI, |m: f64, f| m.max(f.abs()));
+    let mut pairs = applied.iter().zip(wanted);
+    pairs.all(|(applied, wanted)| (applied - wanted).abs() <= share * largest)
+}
+
 impl IterativeFarField {
     /// Disturbance velocities `[3N]` with contacts; their forces stay with `motion`.
     ///
@@ -113,7 +121,8 @@ impl IterativeFarField {
             work.scaled.truncate(flow);
             work.scaled.extend(applied.iter().map(|f| weight() * f));
             found.residual = work.relative_change();
-            let done = found.residual <= self.residual && !changed && !joined;
+            let still = stands_still(&applied, &wanted, self.residual);
+            let done = found.residual <= self.residual && still && !changed && !joined;
             if done || found.iterations == self.most || !found.residual.is_finite() {
                 break Ok(done);
             }
