@@ -358,6 +358,11 @@ impl Contacts {
         resistance.from_rows(&self.motion, velocities);
         self.sorting
             .sort(&mut self.list, |c| [c.pair.i, c.pair.j, 0]);
+        self.take_velocities(velocities);
+    }
+
+    /// The contact velocities that belong to disturbance velocities `[3N]`, put into `list`.
+    fn take_velocities(&mut self, velocities: &[f64]) {
         for contact in &mut self.list {
             contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
             contact.slip_velocity = contact.background[1] + contact.slip_row(velocities);

@@ -215,11 +215,6 @@ impl Contacts {
         Ok(())
     }
 
-    /// The part of the last motion that friction makes, `[3N]`.
-    pub fn motion_by_friction(&self) -> &[f64] {
-        &self.network.by_friction
-    }
-
     /// As [`Contacts::solve_rigid`], for a network.
     ///
     /// # Errors
@@ -244,21 +239,13 @@ impl Contacts {
         self.network.start(driving.forces.len());
         let mut worst = Quality::default();
         for _ in 0..MOST_ROUNDS {
-            for contact in &mut self.list {
-                let (f, f_t) = memory.forces(contact.pair.i, contact.pair.j);
-                contact.normal_force = f;
-                contact.tangential_force = f_t;
-            }
-            let quality =
-                self.solve_network(resistance, network, pattern, surface, time_span, driving)?;
+            self.begin_network((network, pattern), surface, time_span, memory);
+            let quality = self.solve_network(resistance, network, pattern, surface, driving)?;
             worst.residual = quality.residual;
             worst.friction_error = quality.friction_error;
             worst.passes += quality.passes;
             velocities.copy_from_slice(&self.network.normal.velocities);
-            for contact in &mut self.list {
-                contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
-                contact.slip_velocity = contact.background[1] + contact.slip_row(velocities);
-            }
+            self.take_velocities(velocities);
             if !self.add_closing(
                 resistance, background, surface, time_span, velocities, memory,
             ) {
@@ -276,19 +263,10 @@ impl Contacts {
         network: &Network,
         pattern: &BlockPattern,
         surface: &Surface,
-        time_span: f64,
         driving: Driving<'_>,
     ) -> Result<Quality, Error> {
         let work = &mut self.network;
         let list = &mut self.list;
-        let bias = |c: &Contact| c.background[0] + bias(c.pair.gap - surface.roughness, time_span);
-        let system = System {
-            network,
-            pattern,
-            list,
-        };
-        work.normal.start(&system, list.iter().map(bias));
-        work.start_friction(list);
         let friction = surface.has_friction();
         let mut quality = Quality::default();
         let mut error = if friction { 1.0 } else { 0.0 };
@@ -336,14 +314,42 @@ impl Contacts {
                 work.anderson.advance(&mut work.applied, &work.wanted);
             }
         }
-        for (k, c) in list.iter_mut().enumerate() {
+        self.take_network_forces(surface);
+        Ok(quality)
+    }
+
+    /// Begins with the forces of the stage before.
+    fn begin_network(
+        &mut self,
+        (network, pattern): (&Network, &BlockPattern),
+        surface: &Surface,
+        time_span: f64,
+        memory: &Memory,
+    ) {
+        for c in &mut self.list {
+            (c.normal_force, c.tangential_force) = memory.forces(c.pair.i, c.pair.j);
+        }
+        let (work, list) = (&mut self.network, &self.list);
+        let bias = |c: &Contact| c.background[0] + bias(c.pair.gap - surface.roughness, time_span);
+        let system = System {
+            network,
+            pattern,
+            list,
+        };
+        work.normal.start(&system, list.iter().map(bias));
+        work.start_friction(list);
+    }
+
+    /// The forces found, put into `list`.
+    fn take_network_forces(&mut self, surface: &Surface) {
+        let work = &self.network;
+        for (k, c) in self.list.iter_mut().enumerate() {
             c.normal_force = work.normal.forces[k];
             c.tangential_force = work.applied[k];
-            if c.normal_force == 0.0 || !friction {
+            if c.normal_force == 0.0 || !surface.has_friction() {
                 c.state = ContactState::Frictionless;
             }
         }
-        Ok(quality)
     }
 }
 

@@ -153,16 +153,6 @@ impl IterativeFarField {
         self.most = most;
     }
 
-    /// The mobility in use.
-    pub fn operator(&self) -> &FarOperator {
-        &self.operator
-    }
-
-    /// `y ← M x`, see [`FarOperator::apply`].
-    pub fn apply_mobility(&mut self, x: &[f64], y: &mut [f64]) {
-        self.operator.apply(x, y);
-    }
-
     /// Forgets the last solve: the next one starts from Ball-Melrose.
     pub fn forget(&mut self) {
         self.excess.fill(0.0);

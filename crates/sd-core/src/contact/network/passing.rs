@@ -1,8 +1,8 @@
 //! Rigid contacts of a network under an iterated far field: the passes of [`super`], one for each iteration of the far field.
 
 use super::super::augmented::{Goal, System};
-use super::super::rigid::{MOST_ROUNDS, Memory, bias};
-use super::super::{Contact, ContactState, Contacts, Quality, Surface};
+use super::super::rigid::{MOST_ROUNDS, Memory};
+use super::super::{Contacts, Quality, Surface};
 use super::{DECIDING_PASSES, Driving, LEAST_FORCE, NOT_ASSEMBLED, ROUNDING, VIOLATION};
 use crate::error::Error;
 use crate::modes::Background;
@@ -22,17 +22,17 @@ const FIRST: f64 = 1e-2;
 /// The contact problem of one stage.
 pub struct NetworkPasses<'a> {
     /// Ball-Melrose, [`Resistance::as_network`], at the stage's positions.
-    pub near: &'a Resistance,
+    near: &'a Resistance,
     /// Candidates, forces and workspace.
-    pub contacts: &'a mut Contacts,
+    contacts: &'a mut Contacts,
     /// Imposed flow.
-    pub background: &'a Background,
+    background: &'a Background,
     /// Roughness and friction.
-    pub surface: Surface,
+    surface: Surface,
     /// τ of the stage, in strain.
-    pub time_span: f64,
+    time_span: f64,
     /// Forces of the stage before, then of this one.
-    pub memory: &'a mut Memory,
+    memory: &'a mut Memory,
     /// How well the normal problem of the last pass was solved.
     quality: Quality,
 }
@@ -99,19 +99,18 @@ impl<'a> NetworkPasses<'a> {
     /// Takes the velocities `[3N]` that came out: forces and velocities of the list, memory. How well the stage was solved, and
     /// whether pairs have joined that would close after all; it must then be solved again.
     fn finish(&mut self, velocities: &[f64]) -> (Quality, bool) {
+        self.contacts.take_network_forces(&self.surface);
+        self.contacts.take_velocities(velocities);
         let work = &self.contacts.network;
-        let (mut largest, mut change): (f64, f64) = (LEAST_FORCE, 0.0);
-        for (k, c) in self.contacts.list.iter_mut().enumerate() {
-            c.normal_force = work.normal.forces[k];
-            c.tangential_force = work.applied[k];
-            if c.normal_force == 0.0 || !self.surface.has_friction() {
-                c.state = ContactState::Frictionless;
-            }
-            c.normal_velocity = c.background[0] + c.normal_row(velocities);
-            c.slip_velocity = c.background[1] + c.slip_row(velocities);
-            largest = largest.max(c.normal_force);
-            change = change.max((work.wanted[k] - work.applied[k]).abs());
-        }
+        let largest = work
+            .normal
+            .forces
+            .iter()
+            .fold(LEAST_FORCE, |m: f64, f| m.max(*f));
+        let pairs = work.wanted.iter().zip(&work.applied);
+        let change = pairs.fold(0.0, |m: f64, (wanted, applied)| {
+            m.max((wanted - applied).abs())
+        });
         self.quality.friction_error = change / largest;
         let joined = self.contacts.add_closing(
             self.near,
@@ -132,23 +131,15 @@ impl Passing for NetworkPasses<'_> {
         else {
             return;
         };
-        let work = &mut self.contacts.network;
-        work.start(3 * self.near.radii().len());
-        for c in &mut self.contacts.list {
-            (c.normal_force, c.tangential_force) = self.memory.forces(c.pair.i, c.pair.j);
-        }
-        let list = &self.contacts.list;
-        let bias = |c: &Contact| {
-            c.background[0] + bias(c.pair.gap - self.surface.roughness, self.time_span)
-        };
-        let system = System {
-            network,
-            pattern,
-            list,
-        };
-        work.normal.start(&system, list.iter().map(bias));
-        work.start_friction(list);
-        applied.extend_from_slice(&work.applied);
+        let contacts = &mut *self.contacts;
+        contacts.network.start(3 * self.near.radii().len());
+        contacts.begin_network(
+            (network, pattern),
+            &self.surface,
+            self.time_span,
+            self.memory,
+        );
+        applied.extend_from_slice(&contacts.network.applied);
         self.quality = Quality::default();
     }
 
