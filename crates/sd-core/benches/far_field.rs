@@ -3,8 +3,8 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use sd_core::cell::Cell;
 use sd_core::far_field::{DEFAULT_TOLERANCE, FarField, FarResistance};
+use sd_core::linalg::cholesky::tiled::{TiledCholesky, TiledMatrix};
 use sd_core::linalg::dense::Matrix;
-use sd_core::linalg::tiles::{TiledCholesky, TiledMatrix};
 use sd_core::modes::Vec2;
 use std::hint::black_box;
 

@@ -22,9 +22,9 @@ use sd_core::cell::{Cell, LUBRICATION_RANGE, NeighbourList};
 use sd_core::contact::ContactState;
 use sd_core::far_field::{DEFAULT_TOLERANCE, FarField};
 use sd_core::integrate::{RungeKutta, State};
+use sd_core::linalg::cholesky::tiled::TiledCholesky;
 use sd_core::linalg::dense::Matrix;
 use sd_core::linalg::staggered::StaggeredColumns;
-use sd_core::linalg::tiles::TiledCholesky;
 use sd_core::modes::{Background, Vec2};
 use sd_core::stress::StressWork;
 

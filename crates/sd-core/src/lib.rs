@@ -73,28 +73,23 @@
 //! # Ok::<(), sd_core::Error>(())
 //! ```
 
-pub mod cell;
 pub mod contact;
 pub mod error;
-pub mod far_field;
-pub mod instant;
-pub mod integrate;
+pub mod geometry;
+pub mod hydrodynamics;
 pub mod linalg;
-pub mod modes;
 pub mod motion;
-pub mod pair;
 pub mod params;
-pub mod resistance;
-pub mod simulation;
-pub mod start;
+pub mod run;
 pub mod stress;
-pub mod two_sphere;
-pub mod two_stage;
-pub mod verify;
 
 pub use error::Error;
+pub use geometry::{cell, modes};
+pub use hydrodynamics::resistance::NearFields;
+pub use hydrodynamics::{far_field, iterative, resistance, two_sphere};
 pub use params::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, Params, TangentialLaw,
 };
-pub use resistance::NearFields;
-pub use simulation::{Flow, Sample, Simulation, Snapshot};
+pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
+pub use run::steppers::{runge_kutta as integrate, two_stage};
+pub use run::{instant, pair, simulation, start, verify};

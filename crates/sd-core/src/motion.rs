@@ -1,6 +1,5 @@
 //! One right-hand side: from positions to velocities, contact forces included.
 
-use crate::cell::{Cell, Neighbours};
 use crate::contact::laws::{History, Laws, Phase, Span};
 use crate::contact::network::Driving;
 use crate::contact::network::passing::NetworkPasses;
@@ -9,9 +8,10 @@ use crate::contact::repulsion::Repelled;
 use crate::contact::rigid::Memory;
 use crate::contact::{Contacts, Quality, Surface};
 use crate::error::Error;
-use crate::modes::{Background, Vec2};
-use crate::resistance::Resistance;
-use crate::resistance::iterative::IterativeFarField;
+use crate::geometry::cell::{Cell, Neighbours};
+use crate::geometry::modes::{Background, Vec2};
+use crate::hydrodynamics::iterative::IterativeFarField;
+use crate::hydrodynamics::resistance::Resistance;
 use nalgebra::Vector3;
 
 /// What keeps the spheres apart, with what it remembers from stage to stage.

@@ -10,7 +10,7 @@ pub use laws::{
 use crate::contact::Surface;
 use crate::contact::rigid::Memory;
 use crate::error::Error;
-use crate::instant::ContactRequest;
+use crate::run::instant::ContactRequest;
 use serde::{Deserialize, Serialize};
 
 /// How the grand resistance matrix is made.

@@ -10,7 +10,7 @@
 //! `−r f n n + (r/2) F_t (n t + t n)`: each sphere feels the force at its end of the line of centres.
 
 use crate::contact::{Contact, ContactState};
-use crate::modes::{Background, strain_tensor};
+use crate::geometry::modes::{Background, strain_tensor};
 use crate::motion::Motion;
 use nalgebra::Vector3;
 

@@ -3,10 +3,10 @@
 use sd_core::cell::Cell;
 use sd_core::contact::Surface;
 use sd_core::contact::rigid::Memory;
+use sd_core::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
 use sd_core::modes::{Background, Vec2};
 use sd_core::motion::{ContactLaw, Motion};
 use sd_core::resistance::Resistance;
-use sd_core::resistance::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
 use sd_core::simulation::is_network;
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 

@@ -18,10 +18,10 @@
 
 use super::{COMPLIANCE, Contact};
 use crate::error::Error;
+use crate::hydrodynamics::resistance::Network;
+use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
+use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 use crate::linalg::dense::dot;
-use crate::linalg::gradients::{ConjugateGradients, largest};
-use crate::linalg::sparse::{BlockCholesky, BlockPattern};
-use crate::resistance::Network;
 
 /// ρ, in mu·a. Larger ones need fewer updates of f near jamming; single precision holds it well.
 const STIFFNESS: f64 = 1e6;

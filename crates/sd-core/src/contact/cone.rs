@@ -15,7 +15,7 @@
 //! Compliance of springs and offsets of their history are part of G and q: see [`super::laws`].
 
 use crate::linalg::dense::{Matrix, add_scaled};
-use crate::linalg::general::GeneralSolver;
+use crate::linalg::lu::GeneralSolver;
 
 /// Newton steps before other ways are tried.
 const FIRST_STEPS: u32 = 8;

@@ -15,10 +15,10 @@ use super::friction::{Anderson, law};
 use super::rigid::{MOST_ROUNDS, Memory, bias};
 use super::{Contact, ContactState, Contacts, Quality, Surface};
 use crate::error::Error;
-use crate::linalg::gradients::{ConjugateGradients, largest};
-use crate::linalg::sparse::{BlockCholesky, BlockPattern};
-use crate::modes::Background;
-use crate::resistance::{Network, Resistance};
+use crate::geometry::modes::Background;
+use crate::hydrodynamics::resistance::{Network, Resistance};
+use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
+use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 use std::f64::consts::PI;
 
 /// Largest number of passes between friction and normal forces.

@@ -15,7 +15,7 @@ use super::cone::Chance;
 use super::friction::{DECIDING_PASSES, STANDSTILL, law};
 use super::{COMPLIANCE, Contact, ContactState, Contacts, Surface};
 use crate::linalg::dense::{Matrix, add_scaled, symmetric_product};
-use crate::linalg::general::GeneralSolver;
+use crate::linalg::lu::GeneralSolver;
 
 /// Systems after which the fixed point takes over.
 const MOST_SYSTEMS: u32 = 40;

@@ -1,6 +1,6 @@
 //! Dense column-major matrices and their factorizations.
 
-use super::halves;
+use super::cholesky::recursive;
 use super::simd::vectorised;
 use super::vector;
 pub use super::vector::{add_scaled, dot};
@@ -218,7 +218,7 @@ impl Cholesky {
     /// [`NotPositive`] with the row at which it broke down.
     pub fn factor(&mut self) -> Result<(), NotPositive> {
         let (matrix, scratch) = self.parts();
-        halves::factor(matrix.view_mut(), scratch)
+        recursive::factor(matrix.view_mut(), scratch)
     }
 
     /// The matrix and the scratch of its factorization.

@@ -4,8 +4,8 @@
 //! where they begin, each block of rows concerns the leading ones only, and a product of two blocks of columns only the
 //! rows below both beginnings: half to a third of the dense cost.
 
+use super::cholesky::skyline::{PANEL, ProfileCholesky};
 use super::dense::Matrix;
-use super::profile::{PANEL, ProfileCholesky};
 use super::simd::vectorised;
 use super::vector;
 use faer::linalg::matmul::matmul;

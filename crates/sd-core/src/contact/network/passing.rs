@@ -5,10 +5,10 @@ use super::super::rigid::{MOST_ROUNDS, Memory};
 use super::super::{Contacts, Quality, Surface};
 use super::{DECIDING_PASSES, Driving, LEAST_FORCE, NOT_ASSEMBLED, ROUNDING, VIOLATION};
 use crate::error::Error;
-use crate::modes::Background;
-use crate::resistance::Resistance;
-use crate::resistance::iterative::IterativeFarField;
-use crate::resistance::iterative::passes::Passing;
+use crate::geometry::modes::Background;
+use crate::hydrodynamics::iterative::IterativeFarField;
+use crate::hydrodynamics::iterative::passes::Passing;
+use crate::hydrodynamics::resistance::Resistance;
 use nalgebra::Vector3;
 
 /// How small a violation of the normal problem must be, over the relative residual of the far field, in a·rate.

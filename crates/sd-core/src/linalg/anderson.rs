@@ -1,0 +1,130 @@
+//! Acceleration of a fixed point with a long memory.
+//!
+//! ```text
+//! steps e_k of x and d_k of the residual that belong together, d_k orthonormal:   x ← x + r − Σ (d_k·r)(e_k + d_k)
+//! ```
+//! Anderson's method with the least-squares problem solved as it grows; of a linear fixed point it makes the least residual in the
+//! space spanned, as GMRES does.
+
+use crate::linalg::dense::{add_scaled, dot};
+
+/// Steps remembered.
+const DEPTH: usize = 40;
+
+/// Memory of the acceleration.
+#[derive(Default)]
+pub(crate) struct Mixing {
+    /// Pairs of steps (of x, of the residual), `kept` of them in use.
+    steps: Vec<[Vec<f64>; 2]>,
+    /// Pairs in use.
+    kept: usize,
+    /// Which is overwritten next once all are in use.
+    oldest: usize,
+    /// Last x and its residual.
+    last: [Vec<f64>; 2],
+    /// Whether `last` holds anything that a step can be taken from.
+    connected: bool,
+}
+
+impl Mixing {
+    /// Makes room for so many unknowns.
+    pub(crate) fn reserve(&mut self, unknowns: usize) {
+        let pair = || [Vec::with_capacity(unknowns), Vec::with_capacity(unknowns)];
+        self.steps = (0..DEPTH).map(|_| pair()).collect();
+        self.last = pair();
+        self.restart();
+    }
+
+    /// Forgets all.
+    pub(crate) fn restart(&mut self) {
+        self.kept = 0;
+        self.oldest = 0;
+        self.connected = false;
+    }
+
+    /// Replaces x by the next guess; `residual` is g(x) − x.
+    pub(crate) fn advance(&mut self, x: &mut [f64], residual: &[f64]) {
+        if self.connected {
+            self.learn(x, residual);
+        }
+        for (last, now) in self.last.iter_mut().zip([&*x, residual]) {
+            last.clear();
+            last.extend_from_slice(now);
+        }
+        self.connected = true;
+        add_scaled(x, residual, 1.0);
+        for [step, change] in &self.steps[..self.kept] {
+            let share = dot(change, residual);
+            add_scaled(x, step, -share);
+            add_scaled(x, change, -share);
+        }
+    }
+
+    /// Adds the step from the last x to this one.
+    fn learn(&mut self, x: &[f64], residual: &[f64]) {
+        let full = self.kept == DEPTH;
+        let slot = if full { self.oldest } else { self.kept };
+        let mut new = std::mem::take(&mut self.steps[slot]);
+        let now = [x, residual];
+        for ((new, now), last) in new.iter_mut().zip(now).zip(&self.last) {
+            new.clear();
+            new.extend(now.iter().zip(last).map(|(now, last)| now - last));
+        }
+        let [step, change] = &mut new;
+        let before = dot(change, change).sqrt();
+        // Twice is enough.
+        for _ in 0..2 {
+            for (k, [other_step, other]) in self.steps[..self.kept].iter().enumerate() {
+                if k != slot {
+                    let share = dot(other, change);
+                    add_scaled(change, other, -share);
+                    add_scaled(step, other_step, -share);
+                }
+            }
+        }
+        let norm = dot(change, change).sqrt();
+        let useful = norm > 1e-10 * before;
+        if useful {
+            for value in step.iter_mut().chain(change.iter_mut()) {
+                *value /= norm;
+            }
+        }
+        self.steps[slot] = new;
+        if useful && full {
+            self.oldest = (slot + 1) % DEPTH;
+        } else if useful {
+            self.kept += 1;
+        } else if full {
+            // An empty place in the middle: the last pair takes it.
+            self.steps.swap(slot, DEPTH - 1);
+            self.kept -= 1;
+            self.oldest = 0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_linear_fixed_point_takes_as_many_steps_as_unknowns() {
+        // g(x) = A x + b; the plain iteration diverges.
+        let g = |x: &[f64]| {
+            [
+                1.5 * x[0] - 0.3 * x[1] + 1.0,
+                0.4 * x[0] + 0.2 * x[1] - 2.0,
+                -2.0 * x[2] + 0.1 * x[0] + 0.5,
+            ]
+        };
+        let residual = |x: &[f64]| -> Vec<f64> { g(x).iter().zip(x).map(|(g, x)| g - x).collect() };
+        let mut mixing = Mixing::default();
+        mixing.reserve(3);
+        let mut x = vec![0.0; 3];
+        for _ in 0..4 {
+            let r = residual(&x);
+            mixing.advance(&mut x, &r);
+        }
+        assert!(residual(&x).iter().all(|r| r.abs() < 1e-12), "{x:?}");
+    }
+}
