@@ -31,8 +31,8 @@ pub mod rigid;
 pub mod stick_rotate;
 pub mod stick_slide;
 
-use crate::geometry::cell::Neighbours;
 use crate::geometry::modes::{Background, Vec2};
+use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::Matrix;
 use crate::linalg::staggered::StaggeredColumns;

@@ -2,3 +2,6 @@
 
 pub mod cell;
 pub mod modes;
+pub mod neighbours;
+pub mod pair;
+mod verlet;

@@ -91,5 +91,5 @@ pub use params::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, Params, TangentialLaw,
 };
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
-pub use run::steppers::{runge_kutta as integrate, two_stage};
+pub use run::steppers::{rosenbrock as two_stage, runge_kutta as integrate};
 pub use run::{instant, pair, simulation, start, verify};

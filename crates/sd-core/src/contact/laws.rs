@@ -81,7 +81,7 @@ pub struct Laws {
 }
 
 impl Laws {
-    /// Whether forces depend on gaps: steps are then those of [`crate::run::steppers::two_stage`].
+    /// Whether forces depend on gaps: steps are then those of [`crate::run::steppers::rosenbrock`].
     pub fn is_soft(&self) -> bool {
         !matches!(self.normal, Normal::Rigid) || self.repulsion.is_some()
     }

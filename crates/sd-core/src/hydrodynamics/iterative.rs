@@ -18,8 +18,8 @@
 //! The relative residual is `√(rᵀ W r)/√(qᵀ M₀ q)`, r = x − M q − V c. A remaining r is a flow that the spheres are subjected to
 //! besides the background.
 
+pub mod fixed_point;
 mod near;
-pub mod passes;
 pub mod split;
 mod uniform;
 

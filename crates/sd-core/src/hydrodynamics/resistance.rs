@@ -10,12 +10,14 @@
 //! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count at any distance and are
 //! then exact under Stokesian Dynamics. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
 
-mod network;
 mod order;
+mod pairwise;
 
 use crate::error::Error;
-use crate::geometry::cell::{Cell, LUBRICATION_RANGE, MOST_NEIGHBOURS, NeighbourList, Neighbours};
+use crate::geometry::cell::{Cell, LUBRICATION_RANGE};
 use crate::geometry::modes::Vec2;
+use crate::geometry::neighbours::{MOST_NEIGHBOURS, NeighbourList};
+use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::far_field::{DEFAULT_TOLERANCE, FarField, FarResistance};
 use crate::hydrodynamics::two_sphere::{NearField, PairTerm};
 use crate::linalg::cholesky::skyline::ProfileCholesky;
@@ -23,8 +25,8 @@ use crate::linalg::dense::Matrix;
 use crate::linalg::simd::vectorised;
 use crate::params::Hydrodynamics;
 use nalgebra::{SVector, Vector3};
-pub use network::Network;
 use order::Order;
+pub use pairwise::Network;
 use std::f64::consts::PI;
 use std::sync::Arc;
 

@@ -20,8 +20,8 @@ use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::motion::{ContactLaw, Motion};
 use crate::params::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
 use crate::run::start;
+use crate::run::steppers::rosenbrock::TwoStage;
 use crate::run::steppers::runge_kutta::{RungeKutta, Stage, State};
-use crate::run::steppers::two_stage::TwoStage;
 use crate::stress::{ContactCounts, StressWork};
 use serde::{Deserialize, Serialize};
 
@@ -212,7 +212,7 @@ impl Simulation {
         })
     }
 
-    /// One step, of RK4 or under soft laws of [`crate::run::steppers::two_stage`]; returns the sample taken at its start.
+    /// One step, of RK4 or under soft laws of [`crate::run::steppers::rosenbrock`]; returns the sample taken at its start.
     ///
     /// Near jamming velocities can leap between two stages, so far that a gap falls below h/2 within a step under the
     /// rigid scheme, which holds each stage's own gaps. Such a step is done again as two of half the size, down to 2⁻⁶ of it.

@@ -5,8 +5,9 @@
 //! crowds of pairs just at h. Dense layers that get stuck are shaken and relaxed again, ever more gently.
 
 use crate::error::Error;
-use crate::geometry::cell::{Cell, NeighbourList};
+use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
+use crate::geometry::neighbours::NeighbourList;
 use crate::params::Params;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

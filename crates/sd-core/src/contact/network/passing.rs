@@ -7,7 +7,7 @@ use super::{DECIDING_PASSES, Driving, LEAST_FORCE, NOT_ASSEMBLED, ROUNDING, VIOL
 use crate::error::Error;
 use crate::geometry::modes::Background;
 use crate::hydrodynamics::iterative::IterativeFarField;
-use crate::hydrodynamics::iterative::passes::Passing;
+use crate::hydrodynamics::iterative::fixed_point::Passing;
 use crate::hydrodynamics::resistance::Resistance;
 use nalgebra::Vector3;
 

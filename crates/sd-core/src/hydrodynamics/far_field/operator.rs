@@ -11,8 +11,9 @@ use super::kernels::{self, FiniteSize};
 use super::real_space::RealSpace;
 use super::unbounded::{self, RadialChain, self_mobility};
 use crate::error::Error;
-use crate::geometry::cell::{Cell, NeighbourList};
+use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
+use crate::geometry::neighbours::NeighbourList;
 use crate::linalg::simd::vectorised;
 use std::f64::consts::PI;
 

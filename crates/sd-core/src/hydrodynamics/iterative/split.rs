@@ -8,7 +8,7 @@
 //! Contacts are solved under Ball-Melrose hydrodynamics, on which the far field acts as the forces −δ. Given q and c, take
 //! `δ = q − M₀⁻¹ (M q + V c)` and let the spheres move; `M₀⁻¹ x + δ` is the next q, and c moves by what the pair terms would need to
 //! take up the force on the layer, `(Vᵀ R_n V)⁻¹ Vᵀ q`. This map is what the preconditioned conjugate gradients of [`super`]
-//! iterate; contacts make it piecewise linear, and friction takes its symmetry: [`super::passes`] accelerate it with a long memory.
+//! iterate; contacts make it piecewise linear, and friction takes its symmetry: [`super::fixed_point`] accelerate it with a long memory.
 
 use super::IterativeFarField;
 use super::uniform::translation;

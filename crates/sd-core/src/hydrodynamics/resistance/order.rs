@@ -1,7 +1,8 @@
 //! The order of the spheres in the factor of `R_FU`: along the gradient, where only near ones couple.
 
-use crate::geometry::cell::{Cell, Neighbours};
+use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
+use crate::geometry::pair::Neighbours;
 
 /// An order of the spheres, and what couples in it.
 #[derive(Debug, Default)]

@@ -1,7 +1,7 @@
 //! A small dense solver of the rigid contact problem in two parts, by Newton's method on the states of the contacts.
 
+use super::super::fixed_point::Passing;
 use super::super::near::NearSolver;
-use super::super::passes::Passing;
 use crate::contact::rigid::RESTITUTION;
 use crate::contact::{COMPLIANCE, Contact, Surface, tangent};
 use crate::error::Error;

@@ -1,7 +1,7 @@
 //! `R_FU` of Ball-Melrose hydrodynamics pair by pair: products with it in O(N), and its near part for a sparse factor.
 
 use crate::error::Error;
-use crate::geometry::cell::Neighbours;
+use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::sparse::{Block, BlockCholesky, BlockPattern};
 use crate::linalg::simd::vectorised;

@@ -8,16 +8,16 @@
 //! good while   2 max |w| + |Δγ| (1 + s) r ≤ s r       for the shortest range r and the skin s r of any pair
 //! ```
 
-use super::{Cell, NeighbourList, neighbours};
+use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
-use crate::linalg::simd::vectorised;
+use crate::geometry::pair::Neighbours;
 
 /// Skin s, over the range.
 const SKIN: f64 = 0.1;
 
 /// Pairs within the longer range, and when they were.
 #[derive(Debug, Default)]
-pub(super) struct NearPairs {
+pub(super) struct VerletList {
     /// The pairs, ordered by (i, j).
     pairs: Vec<[usize; 2]>,
     /// Centres at the search; none if there was none.
@@ -30,20 +30,49 @@ pub(super) struct NearPairs {
     cell: Option<Cell>,
 }
 
-impl NearPairs {
-    /// Room for the pairs of so many spheres.
-    pub(super) fn new(spheres: usize) -> Self {
+impl VerletList {
+    /// Room for that many spheres and pairs.
+    pub(super) fn new(spheres: usize, pairs: usize) -> Self {
         Self {
-            pairs: Vec::with_capacity(super::MOST_NEIGHBOURS * spheres / 2),
+            pairs: Vec::with_capacity(pairs),
             centres: Vec::with_capacity(spheres),
             radii: Vec::with_capacity(spheres),
             ..Self::default()
         }
     }
 
+    /// The range with its skin that a search for this list must have.
+    pub(super) fn longer(range: f64) -> f64 {
+        (1.0 + SKIN) * range
+    }
+
+    /// The pairs kept, ordered by (i, j).
+    pub(super) fn pairs(&self) -> &[[usize; 2]] {
+        &self.pairs
+    }
+
+    /// Keeps the pairs that a search with the longer range has found.
+    pub(super) fn keep(
+        &mut self,
+        found: &[Neighbours],
+        cell: &Cell,
+        centres: &[Vec2],
+        radii: &[f64],
+        range: f64,
+    ) {
+        self.pairs.clear();
+        self.pairs.extend(found.iter().map(|pair| [pair.i, pair.j]));
+        self.centres.clear();
+        self.centres.extend_from_slice(centres);
+        self.radii.clear();
+        self.radii.extend_from_slice(radii);
+        self.range = range;
+        self.cell = Some(*cell);
+    }
+
     /// Whether no pair can have crossed the skin since the search.
     #[inline(always)]
-    fn is_good(&self, cell: &Cell, centres: &[Vec2], radii: &[f64], range: f64) -> bool {
+    pub(super) fn is_good(&self, cell: &Cell, centres: &[Vec2], radii: &[f64], range: f64) -> bool {
         let (
             Some(Cell::Periodic {
                 length_x: old_x,
@@ -72,56 +101,5 @@ impl NearPairs {
         }
         let shortest = range * radii.iter().copied().fold(f64::INFINITY, f64::min);
         2.0 * square.sqrt() + strain.abs() * (1.0 + SKIN) * shortest <= SKIN * shortest
-    }
-}
-
-impl NeighbourList {
-    /// [`NeighbourList::find`] by way of pairs kept from an earlier search; `false` if the cell is too small for a skin, or unbounded.
-    pub(super) fn find_near(
-        &mut self,
-        cell: &Cell,
-        centres: &[Vec2],
-        radii: &[f64],
-        range: f64,
-    ) -> bool {
-        let Cell::Periodic {
-            length_x, length_y, ..
-        } = *cell
-        else {
-            return false;
-        };
-        let longer = (1.0 + SKIN) * range;
-        let largest = radii.iter().copied().fold(0.0, f64::max);
-        if length_x.min(length_y) < 2.0 * longer * largest {
-            return false;
-        }
-        let good = vectorised(
-            #[inline(always)]
-            || self.near.is_good(cell, centres, radii, range),
-        );
-        if !good {
-            self.find(cell, centres, radii, longer);
-            let near = &mut self.near;
-            near.pairs.clear();
-            near.pairs
-                .extend(self.pairs.iter().map(|pair| [pair.i, pair.j]));
-            near.centres.clear();
-            near.centres.extend_from_slice(centres);
-            near.radii.clear();
-            near.radii.extend_from_slice(radii);
-            near.range = range;
-            near.cell = Some(*cell);
-        }
-        let (near, pairs) = (&self.near.pairs, &mut self.pairs);
-        pairs.clear();
-        vectorised(
-            #[inline(always)]
-            || {
-                for &pair in near {
-                    pairs.extend(neighbours(cell, centres, radii, range, pair));
-                }
-            },
-        );
-        true
     }
 }
