@@ -3,20 +3,32 @@
 //! 1. New contacts: pairs that approached with the last step's velocities and have `g ≤ h`. The list is kept between steps.
 //! 2. One simultaneous solve for the normal forces that halt all listed pairs, (12)-(13).
 //! 3. Pairs whose force would pull are dropped from the list.
-//! 4. to 6. Friction by [`super::friction::law`] from the motion under the remaining normal forces, added after.
+//! 4. to 6. Friction from the motion under the remaining normal forces, added after:
 //!
-//! Friction pushes pairs together after f was found, and a pair enters below h by up to a step's motion: gaps drift. That is
-//! the scheme's own error, kept here for comparison; [`super::rigid`] has none of it.
+//! ```text
+//! F_roll = K u_t,   K > 0 the inverse slip mobility of the isolated pair, u_t the slip that normal forces alone leave
+//! f ≤ F_crit: F_t = 0;   |F_roll| ≤ ν f: F_t = F_roll (rolls);   else F_t = ν f sign(u_t) (slips)
+//! ```
+//!
+//! with the sign of (19) mended: friction opposes slip. It pushes pairs together after f was found, and a pair enters below h by up to a
+//! step's motion: gaps drift. That is the scheme's own error, kept here for comparison.
 
-use super::{Contact, Contacts, Quality, Surface, friction};
+use super::pair::{Contact, ContactState, Surface};
+use super::solver::ContactSolver;
+use super::{Quality, solve::problem};
+use crate::error::Error;
 use crate::geometry::modes::Background;
+use crate::geometry::pair::PairKey;
 use crate::hydrodynamics::resistance::Resistance;
+
+/// Compliance where all pairs are halted at once: just enough for a factor of a hyperstatic network.
+const HALT_COMPLIANCE: f64 = 1e-13;
 
 /// Listed pairs, ordered by (i, j).
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct ContactList {
     /// The pairs.
-    pub pairs: Vec<(u32, u32)>,
+    pub pairs: Vec<PairKey>,
 }
 
 impl ContactList {
@@ -31,93 +43,126 @@ impl ContactList {
         for pair in resistance.neighbours() {
             if pair.gap <= roughness {
                 let contact = Contact::new(*pair, resistance.radii(), background);
-                if contact.background[0] + contact.normal_row(velocities) < 0.0 {
-                    self.add(pair.i, pair.j);
+                if contact.background[0] + contact.normal_row().read(velocities) < 0.0 {
+                    self.add(pair.key());
                 }
             }
         }
     }
 
     /// Adds one pair, i < j.
-    pub fn add(&mut self, i: usize, j: usize) {
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "sphere numbers fit 32 bits"
-        )]
-        let key = (i as u32, j as u32);
-        if let Err(at) = self.pairs.binary_search(&key) {
-            self.pairs.insert(at, key);
+    pub fn add(&mut self, pair: PairKey) {
+        if let Err(at) = self.pairs.binary_search(&pair) {
+            self.pairs.insert(at, pair);
         }
     }
 
     /// Whether a pair is listed.
-    fn contains(&self, i: usize, j: usize) -> bool {
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "sphere numbers fit 32 bits"
-        )]
-        self.pairs.binary_search(&(i as u32, j as u32)).is_ok()
+    fn contains(&self, pair: PairKey) -> bool {
+        self.pairs.binary_search(&pair).is_ok()
     }
 }
 
-impl Contacts {
+/// The friction force of the paper's law, and what the contact does.
+///
+/// `slip`: u_t under normal forces alone, in a·rate. `normal_force`: f > `F_crit`. Returns `F_t`, with the sign of the slip.
+pub fn roll_or_slip(
+    slip: f64,
+    slip_resistance: f64,
+    friction: f64,
+    normal_force: f64,
+) -> (f64, ContactState) {
+    let roll = slip_resistance * slip;
+    let limit = friction * normal_force;
+    if roll.abs() <= limit {
+        (roll, ContactState::Rolling)
+    } else {
+        (limit.copysign(roll), ContactState::Slipping)
+    }
+}
+
+impl ContactSolver {
     /// Solves one stage by steps 2 to 6. Velocities `[3N]` are the disturbances; forces `[3N]` all but contact's.
     ///
     /// Pairs that would be pulled leave the list (step 3). A listed pair out of lubrication range has left, too.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`]; [`Error::OutOfMemory`].
     pub fn solve_procedure(
         &mut self,
-        resistance: &Resistance,
-        background: &Background,
+        (resistance, background): (&Resistance, &Background),
         surface: &Surface,
         forces: &[f64],
         listed: &mut ContactList,
         velocities: &mut [f64],
-    ) -> Quality {
+    ) -> Result<Quality, Error> {
         self.list.clear();
-        for pair in resistance.neighbours() {
-            if listed.contains(pair.i, pair.j) {
-                self.list
-                    .push(Contact::new(*pair, resistance.radii(), background));
-            }
-        }
-        self.reduce_normal(resistance, forces);
-        self.normal_forces.resize(self.list.len(), 0.0);
-        let residual = self
-            .normal
-            .halt_all(&self.g_nn, &self.free_normal, &mut self.normal_forces);
+        let pairs = resistance.neighbours().iter();
+        let pairs = pairs.filter(|pair| listed.contains(pair.key()));
+        self.list
+            .extend(pairs.map(|pair| Contact::new(*pair, resistance.radii(), background)));
+        let problem = &mut self.problem;
+        problem.isolated = true;
+        problem.tangential.clear();
+        problem.normal.clear();
+        problem.normal.extend(self.list.iter().map(|contact| problem::Normal {
+            row: contact.normal_row(),
+            bias: contact.background[0],
+            compliance: HALT_COMPLIANCE,
+        }));
+        let residual = self.halt_all(resistance, forces)?;
         listed.pairs.clear();
-        for (contact, f) in self.list.iter_mut().zip(&mut self.normal_forces) {
+        for (contact, f) in self.list.iter_mut().zip(&mut self.solver.forces.normal) {
             *f = f.max(0.0);
             contact.normal_force = *f;
             if *f > 0.0 {
-                listed.add(contact.pair.i, contact.pair.j);
+                listed.add(contact.pair.key());
             }
         }
-        let load = surface.critical_load;
-        self.frictional.clear();
+        self.problem.tangential.clear();
         if surface.has_friction() {
-            let loaded = |k: &usize| self.normal_forces[*k] > load;
-            self.frictional.extend((0..self.list.len()).filter(loaded));
-        }
-        if !self.frictional.is_empty() {
-            self.reduce_slip(resistance);
-            self.g_tn
-                .add_product(&self.normal_forces, &mut self.free_slip);
-            for (&k, &slip) in self.frictional.iter().zip(&self.free_slip) {
-                let contact = &mut self.list[k];
-                (contact.tangential_force, contact.state) = friction::law(
-                    slip,
-                    contact.slip_resistance,
-                    surface.friction,
-                    contact.normal_force,
-                );
+            for (k, contact) in self.list.iter_mut().enumerate() {
+                if contact.normal_force > surface.critical_load {
+                    contact.slip_resistance = resistance.slip_resistance(&contact.pair);
+                    self.problem.tangential.push(problem::Tangential {
+                        contact: k,
+                        row: contact.slip_row(),
+                        shift: contact.background[1],
+                        compliance: 0.0,
+                        acts: true,
+                    });
+                }
             }
         }
-        self.finish(resistance, velocities);
-        Quality {
+        self.measure_slip(resistance)?;
+        for (m, row) in self.problem.tangential.iter().enumerate() {
+            let contact = &mut self.list[row.contact];
+            (contact.tangential_force, contact.state) = roll_or_slip(
+                self.solver.forces.slip[m],
+                contact.slip_resistance,
+                surface.friction,
+                contact.normal_force,
+            );
+            self.solver.forces.tangential[m] = contact.tangential_force;
+        }
+        self.move_under_forces(resistance, velocities)?;
+        Ok(Quality {
             residual,
             friction_error: 0.0,
-            passes: 1,
-        }
+            systems: 1,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn friction_has_the_sign_of_the_slip_and_is_limited() {
+        use ContactState::{Rolling, Slipping};
+        assert_eq!(roll_or_slip(0.1, 20.0, 0.5, 10.0), (2.0, Rolling));
+        assert_eq!(roll_or_slip(-1.0, 20.0, 0.5, 10.0), (-5.0, Slipping));
+        assert_eq!(roll_or_slip(1.0, 20.0, 0.0, 10.0), (0.0, Slipping));
     }
 }

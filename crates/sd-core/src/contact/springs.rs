@@ -19,11 +19,14 @@
 //!
 //! so that s follows u_t to second order while the spring sticks, and lands on a limit at which both stages slide.
 
+use super::laws::Phase;
+use super::pair::Contact;
+use super::warm_start::SpringForces;
+use crate::geometry::pair::PairKey;
 use crate::run::steppers::rosenbrock::GAMMA;
-use serde::{Deserialize, Serialize};
 
 /// One contact during a step: spring force s at its start, friction F1 at the first stage.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Stretch {
     /// s, in mu·a²·rate.
     pub start: f64,
@@ -45,6 +48,61 @@ impl Stretch {
     /// s at the end of the step, with friction F2 at the second stage.
     pub fn end(&self, second: f64) -> f64 {
         self.start + (3.0 * (self.first - self.start) + second - self.second()) / (2.0 * GAMMA)
+    }
+}
+
+/// Tangential springs under way within a step.
+#[derive(Debug, Clone, Default)]
+pub struct Stretches {
+    /// By pair, ordered by (i, j).
+    entries: Vec<(PairKey, Stretch)>,
+}
+
+impl Stretches {
+    /// Room for that many contacts.
+    pub(crate) fn reserve(&mut self, contacts: usize) {
+        self.entries.reserve(contacts);
+    }
+
+    /// The spring of a pair, unstretched if it had none.
+    fn of(&self, contact: &Contact) -> Stretch {
+        self.entries
+            .binary_search_by_key(&contact.pair.key(), |entry| entry.0)
+            .map_or_else(|_| Stretch::default(), |at| self.entries[at].1)
+    }
+
+    /// What the friction force at a stage adds `k_t s u_t` to.
+    pub(crate) fn base(&self, contact: &Contact, forces: &SpringForces, phase: Phase) -> f64 {
+        match phase {
+            Phase::Second => self.of(contact).base(),
+            Phase::Alone | Phase::First => forces.of(contact),
+        }
+    }
+
+    /// Takes the friction forces of a solved stage: springs move on at the end of a step, and within one wait for its second stage.
+    pub(crate) fn take(&mut self, contacts: &[Contact], forces: &mut SpringForces, phase: Phase) {
+        match phase {
+            Phase::Alone => {}
+            Phase::First => {
+                self.entries.clear();
+                for contact in contacts {
+                    let (start, first) = (forces.of(contact), contact.tangential_force);
+                    if start != 0.0 || first != 0.0 {
+                        let stretch = Stretch { start, first };
+                        self.entries.push((contact.pair.key(), stretch));
+                    }
+                }
+            }
+            Phase::Second => {
+                forces.0.clear();
+                for contact in contacts.iter().filter(|c| c.normal_force > 0.0) {
+                    let end = self.of(contact).end(contact.tangential_force);
+                    if end != 0.0 {
+                        forces.keep(contact, end);
+                    }
+                }
+            }
+        }
     }
 }
 

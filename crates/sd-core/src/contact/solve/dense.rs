@@ -1,0 +1,351 @@
+//! The contact problem of small layers: `R_FU` factored, contacts brought down to small dense matrices.
+//!
+//! ```text
+//! R_FU = L Lᵀ,   Y_n = L⁻¹ Cᵀ,   Y_t = L⁻¹ Dᵀ,   G_nn = Y_nᵀ Y_n, …          w = w⁰ + G_nn f − G_nt t,   z = z⁰ + G_tn f − G_tt t
+//! ```
+//!
+//! G_nn is the Delassus matrix; w⁰ and z⁰ belong to the motion without contact forces. Where tangential rows read the motion that normal
+//! forces alone leave, there is no G_tt. With p = −t on sticking rows the system of given states is symmetric but for the columns of
+//! contacts that slide, whose friction follows the load: `t = ±ν (f − f₀)`.
+
+use super::problem::{Forces, Grip, Noise, Problem, Proximal, States, System, largest};
+use crate::contact::row::Row;
+use crate::hydrodynamics::resistance::Resistance;
+use crate::linalg::dense::Matrix;
+use crate::linalg::lu::GeneralSolver;
+use crate::linalg::staggered::StaggeredColumns;
+
+/// Matrices, columns and workspace.
+#[derive(Default)]
+pub(crate) struct DenseSystem {
+    /// `L⁻¹` of the forces without contact, `[3N]`; rows as [`Resistance::row`] has them, as in all columns here.
+    free: Vec<f64>,
+    /// The motion in the same order of rows, `[3N]`.
+    motion: Vec<f64>,
+    /// `Y_n`, `[3N × K]`, ordered by where columns begin.
+    normal_columns: StaggeredColumns,
+    /// `Y_t`, `[3N × M]`, likewise.
+    tangential_columns: StaggeredColumns,
+    /// Candidate of each normal column, and row of each tangential one.
+    order: [Vec<usize>; 2],
+    /// Normal column of each candidate, and tangential one of each row.
+    place: [Vec<usize>; 2],
+    /// `[K × K]`, both triangles.
+    g_nn: Matrix,
+    /// `[M × K]`.
+    g_tn: Matrix,
+    /// `[M × M]`.
+    g_tt: Matrix,
+    /// v_n and u_t without contact forces, by column.
+    free_normal: Vec<f64>,
+    free_slip: Vec<f64>,
+    /// Unknowns of the linear system, as columns: closed candidates, then sticking rows.
+    unknowns: [Vec<usize>; 2],
+    /// Right-hand side and solution.
+    solution: Vec<f64>,
+    /// Forces by column, and the velocities that they make.
+    by_column: [Vec<f64>; 2],
+    velocities: [Vec<f64>; 2],
+    solver: GeneralSolver,
+    /// Whether there is no `g_tt`.
+    isolated: bool,
+}
+
+impl DenseSystem {
+    /// Room for that many candidates of that many spheres.
+    pub(crate) fn new(spheres: usize, candidates: usize) -> Self {
+        let matrix = |entries| {
+            let mut matrix = Matrix::default();
+            matrix.reserve(entries);
+            matrix
+        };
+        let square = candidates * candidates;
+        let mut system = Self {
+            g_nn: matrix(square),
+            g_tn: matrix(square),
+            g_tt: matrix(square),
+            solver: GeneralSolver::new(2 * candidates),
+            ..Self::default()
+        };
+        system.normal_columns.reserve(3 * spheres, candidates);
+        system.tangential_columns.reserve(3 * spheres, candidates);
+        for vector in [&mut system.free, &mut system.motion] {
+            vector.reserve(3 * spheres);
+        }
+        for vector in [
+            &mut system.free_normal,
+            &mut system.free_slip,
+            &mut system.solution,
+        ] {
+            vector.reserve(2 * candidates);
+        }
+        for pair in [&mut system.by_column, &mut system.velocities] {
+            pair.iter_mut().for_each(|v| v.reserve(2 * candidates));
+        }
+        for pair in [&mut system.order, &mut system.place, &mut system.unknowns] {
+            pair.iter_mut().for_each(|v| v.reserve(2 * candidates));
+        }
+        system
+    }
+
+    /// Takes the candidates of a stage. `forces`: all but those of contact, `[3N]`.
+    pub(crate) fn begin(&mut self, resistance: &Resistance, problem: &Problem, forces: &[f64]) {
+        let solver = resistance.solver();
+        resistance.to_rows(forces, &mut self.free);
+        solver.solve_lower_vector(&mut self.free);
+        let rows = problem.normal.iter().map(|entry| entry.row);
+        let ([order, _], [place, _]) = (&mut self.order, &mut self.place);
+        sort(resistance, rows.clone(), order, place);
+        let columns = &mut self.normal_columns;
+        fill(columns, resistance, self.free.len(), order, |k| problem.normal[k].row);
+        columns.gram(&mut self.g_nn);
+        self.free_normal.clear();
+        columns.add_transposed_product(&self.free, &mut self.free_normal);
+        self.begin_rows(resistance, problem);
+    }
+
+    /// Takes the tangential rows of the problem, whose candidates are known.
+    pub(crate) fn begin_rows(&mut self, resistance: &Resistance, problem: &Problem) {
+        let rows = problem.tangential.iter().map(|entry| entry.row);
+        let ([_, order], [_, place]) = (&mut self.order, &mut self.place);
+        sort(resistance, rows, order, place);
+        let columns = &mut self.tangential_columns;
+        fill(columns, resistance, self.free.len(), order, |m| {
+            problem.tangential[m].row
+        });
+        columns.transposed_product(&self.normal_columns, &mut self.g_tn);
+        self.isolated = problem.isolated;
+        if !self.isolated {
+            columns.gram(&mut self.g_tt);
+        }
+        self.free_slip.clear();
+        columns.add_transposed_product(&self.free, &mut self.free_slip);
+    }
+
+    /// Disturbance velocities `[3N]` under the forces found.
+    pub(crate) fn finish(
+        &mut self,
+        resistance: &Resistance,
+        forces: &Forces,
+        velocities: &mut [f64],
+    ) {
+        self.take(forces);
+        self.motion.clone_from(&self.free);
+        self.normal_columns
+            .add_product(&self.by_column[0], &mut self.motion);
+        for t in &mut self.by_column[1] {
+            *t = -*t;
+        }
+        self.tangential_columns
+            .add_product(&self.by_column[1], &mut self.motion);
+        resistance.solver().solve_upper_vector(&mut self.motion);
+        resistance.from_rows(&self.motion, velocities);
+    }
+
+    /// Puts forces into the order of the columns.
+    fn take(&mut self, forces: &Forces) {
+        let given = [&forces.normal, &forces.tangential];
+        for ((target, order), given) in self.by_column.iter_mut().zip(&self.order).zip(given) {
+            target.clear();
+            target.extend(order.iter().map(|&at| given[at]));
+        }
+    }
+}
+
+/// First row in the factor of each sphere of a row.
+fn starts(resistance: &Resistance, row: &Row) -> [usize; 2] {
+    row.spheres.map(|sphere| resistance.row(sphere))
+}
+
+/// The order of rows by where their columns begin, and its inverse.
+fn sort(
+    resistance: &Resistance,
+    rows: impl Iterator<Item = Row>,
+    order: &mut Vec<usize>,
+    place: &mut Vec<usize>,
+) {
+    place.clear();
+    place.extend(rows.map(|row| {
+        let [i, j] = starts(resistance, &row);
+        i.min(j)
+    }));
+    order.clear();
+    order.extend(0..place.len());
+    order.sort_unstable_by_key(|&at| (place[at], at));
+    for (column, &at) in order.iter().enumerate() {
+        place[at] = column;
+    }
+}
+
+/// Columns `L⁻¹ rowᵀ` in that order.
+fn fill(
+    columns: &mut StaggeredColumns,
+    resistance: &Resistance,
+    size: usize,
+    order: &[usize],
+    row: impl Fn(usize) -> Row,
+) {
+    let begin = |&at: &usize| {
+        let [i, j] = starts(resistance, &row(at));
+        i.min(j)
+    };
+    columns.reset(size, order.iter().map(begin));
+    for (column, &at) in order.iter().enumerate() {
+        let row = row(at);
+        row.add_at(1.0, starts(resistance, &row), columns.column_mut(column));
+    }
+    columns.solve_lower(resistance.solver());
+}
+
+impl System for DenseSystem {
+    fn solve(
+        &mut self,
+        problem: &Problem,
+        states: &States,
+        proximal: &Proximal,
+        forces: &mut Forces,
+    ) -> Option<Noise> {
+        let [active, sticking] = &mut self.unknowns;
+        let [order, row_order] = &self.order;
+        active.clear();
+        active.extend((0..order.len()).filter(|&c| states.closed[order[c]]));
+        sticking.clear();
+        sticking.extend((0..row_order.len()).filter(|&c| states.grip[row_order[c]] == Grip::Stick));
+        let (first, size) = (active.len(), active.len() + sticking.len());
+        let matrix = self.solver.matrix_mut();
+        matrix.reshape(size, size);
+        let kappa = proximal.compliance;
+        for (column, &b) in active.iter().enumerate() {
+            let target = matrix.column_mut(column);
+            let (normal, tangential) = (self.g_nn.column(b), self.g_tn.column(b));
+            for (entry, &a) in target.iter_mut().zip(active.iter()) {
+                *entry = normal[a];
+            }
+            target[column] += problem.normal[order[b]].compliance + kappa;
+            for (entry, &s) in target[first..].iter_mut().zip(sticking.iter()) {
+                *entry = tangential[s];
+            }
+        }
+        for (column, &s) in sticking.iter().enumerate() {
+            let target = matrix.column_mut(first + column);
+            for (entry, &a) in target.iter_mut().zip(active.iter()) {
+                *entry = self.g_tn[(s, a)];
+            }
+            if self.isolated {
+                target[first..].fill(0.0);
+            } else {
+                let own = self.g_tt.column(s);
+                for (entry, &r) in target[first..].iter_mut().zip(sticking.iter()) {
+                    *entry = own[r];
+                }
+            }
+            target[first + column] += problem.tangential[row_order[s]].compliance + kappa;
+        }
+        self.solution.clear();
+        self.solution.extend(active.iter().map(|&a| {
+            let k = order[a];
+            let centre = if kappa == 0.0 { 0.0 } else { kappa * proximal.normal[k] };
+            centre - problem.normal[k].bias - self.free_normal[a]
+        }));
+        self.solution.extend(sticking.iter().map(|&s| {
+            let m = row_order[s];
+            let centre = if kappa == 0.0 { 0.0 } else { kappa * proximal.tangential[m] };
+            -problem.tangential[m].shift - self.free_slip[s] - centre
+        }));
+        for (m, grip) in states.grip.iter().enumerate() {
+            let sign = grip.sign();
+            let contact = problem.tangential[m].contact;
+            if sign == 0.0 || !states.closed[contact] {
+                continue;
+            }
+            let Ok(column) = active.binary_search(&self.place[0][contact]) else {
+                continue;
+            };
+            // The columns of p = −t for this row, as t follows the load.
+            let (slope, own) = (sign * problem.friction, self.place[1][m]);
+            let target = matrix.column_mut(column);
+            for (entry, &a) in target.iter_mut().zip(active.iter()) {
+                *entry -= slope * self.g_tn[(own, a)];
+            }
+            for (entry, &s) in target[first..].iter_mut().zip(sticking.iter()) {
+                if !self.isolated {
+                    *entry -= slope * self.g_tt[(s, own)];
+                }
+            }
+            if problem.offset > 0.0 {
+                let given = slope * problem.offset;
+                let (upper, lower) = self.solution.split_at_mut(first);
+                for (x, &a) in upper.iter_mut().zip(active.iter()) {
+                    *x -= given * self.g_tn[(own, a)];
+                }
+                for (x, &s) in lower.iter_mut().zip(sticking.iter()) {
+                    if !self.isolated {
+                        *x -= given * self.g_tt[(s, own)];
+                    }
+                }
+            }
+        }
+        if self.solver.solve(&mut self.solution).is_err()
+            || !self.solution.iter().all(|x| x.is_finite())
+        {
+            return None;
+        }
+        forces.normal.clear();
+        forces.normal.resize(problem.normal.len(), 0.0);
+        for (&a, &f) in active.iter().zip(&self.solution) {
+            forces.normal[order[a]] = f;
+        }
+        forces.tangential.clear();
+        forces.tangential.resize(problem.tangential.len(), 0.0);
+        for (&s, &p) in sticking.iter().zip(&self.solution[first..]) {
+            forces.tangential[row_order[s]] = -p;
+        }
+        for (m, grip) in states.grip.iter().enumerate() {
+            let sign = grip.sign();
+            let contact = problem.tangential[m].contact;
+            if sign != 0.0 && states.closed[contact] {
+                let load = forces.normal[contact] - problem.offset;
+                forces.tangential[m] = sign * problem.friction * load;
+            }
+        }
+        self.measure(problem, forces);
+        let given = self.free_normal.iter().chain(&self.free_slip);
+        let fastest = given.fold(0.0, |most: f64, v| most.max(v.abs()));
+        let biases = problem.normal.iter().map(|entry| entry.bias.abs());
+        let shifts = problem.tangential.iter().map(|entry| entry.shift.abs());
+        Some(Noise {
+            force: 1e-13 * largest(&forces.normal).max(largest(&forces.tangential)),
+            velocity: 1e-12 * biases.chain(shifts).fold(fastest, f64::max),
+            exact: true,
+        })
+    }
+
+    fn measure(&mut self, problem: &Problem, forces: &mut Forces) {
+        self.take(forces);
+        let [f, t] = &self.by_column;
+        let [slack, slip] = &mut self.velocities;
+        slack.clone_from(&self.free_normal);
+        self.g_nn.add_product(f, slack);
+        self.g_tn.subtract_transposed_product(t, slack);
+        slip.clone_from(&self.free_slip);
+        self.g_tn.add_product(f, slip);
+        if !self.isolated {
+            self.g_tt.subtract_transposed_product(t, slip);
+        }
+        forces.slack.clear();
+        for (k, entry) in problem.normal.iter().enumerate() {
+            let moved = slack[self.place[0][k]] + entry.compliance * forces.normal[k];
+            forces.slack.push(moved + entry.bias);
+        }
+        forces.slip.clear();
+        for (m, entry) in problem.tangential.iter().enumerate() {
+            let moved = slip[self.place[1][m]] - entry.compliance * forces.tangential[m];
+            forces.slip.push(moved + entry.shift);
+        }
+    }
+
+    fn mobility(&self, candidate: usize) -> f64 {
+        let column = self.place[0][candidate];
+        self.g_nn[(column, column)]
+    }
+}

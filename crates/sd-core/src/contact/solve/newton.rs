@@ -1,0 +1,429 @@
+//! All forces of a contact problem at once, by guessing what each contact does and mending what the guess contradicts.
+//!
+//! Once each contact is known to be open, to stick or to slide to either side, the problem is linear. A semismooth Newton method
+//! (Alart & Curnier 1991) solves it for the states at hand and mends those that its solution contradicts; started from the last states it
+//! mostly needs one or two systems. Where it cycles, some contradictions are mended by chance, which ends most cycles. Where that fails too,
+//! compliance is added about the forces at hand, which makes the problem an easy one, and taken away again step by step: the proximal
+//! point method, which is the method of multipliers for the motion. What is accepted is measured: [`Merit`] vanishes exactly at a solution.
+//!
+//! On which contacts friction acts (f > F_crit) is decided along with the states in the first systems and then held, as the law jumps
+//! there and a set that agrees with itself need not exist.
+
+use super::problem::{Forces, Grip, Noise, Problem, Proximal, States, System, largest};
+
+/// Systems before other ways are tried.
+const FIRST_SYSTEMS: u32 = 40;
+/// Systems of a proximal problem.
+const PROXIMAL_SYSTEMS: u32 = 12;
+/// Systems in which it is decided on which contacts friction acts.
+const DECIDING_SYSTEMS: u32 = 4;
+/// Systems without fewer contradictions after which only some are mended at a time, chosen by chance.
+const PATIENCE: u32 = 3;
+/// Proximal problems before the best forces so far are given back, with their merit.
+const MOST_ROUNDS: u32 = 60;
+/// Compliance of the first proximal problem, over the largest mobility of a contact.
+const FIRST_COMPLIANCE: f64 = 3.0;
+/// What it is divided by after the first problem that is solved; at most.
+const STIFFENING: [f64; 2] = [10.0, 1e3];
+/// At least, after some that are not.
+const LEAST_STIFFENING: f64 = 2.0;
+/// Residual over the largest velocity at which proximal problems end.
+const SOLVED: f64 = 1e-12;
+
+/// How well forces solve a problem.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Merit {
+    /// `max |min(G f, w)|` and `max |G (t − clamp(t + z/G, −ρ, ρ))|`, G the mobility of the contact; whichever is larger, in a·rate.
+    pub(crate) residual: f64,
+    /// `max |t − clamp(t + z/G, −ρ, ρ)|` over the largest normal force.
+    pub(crate) friction_error: f64,
+}
+
+/// How a solve ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Outcome {
+    /// The forces at hand are the best found.
+    Solved {
+        /// How well.
+        merit: Merit,
+        /// Linear systems solved.
+        systems: u32,
+    },
+    /// Candidates without a tangential row have come above the critical load, and need one.
+    Admit {
+        /// Linear systems solved.
+        systems: u32,
+    },
+}
+
+/// Which contradictions are mended: all, or where that goes in circles some at random.
+struct Pace {
+    /// Fewest contradictions so far.
+    fewest: usize,
+    /// Systems without fewer ones that are still waited for.
+    patience: u32,
+    /// State of a generator whose numbers are the same on every machine, once chance decides.
+    chance: Option<u64>,
+}
+
+impl Pace {
+    /// Begins with all.
+    fn new() -> Self {
+        Self {
+            fewest: usize::MAX,
+            patience: PATIENCE,
+            chance: None,
+        }
+    }
+
+    /// Whether the next contradiction is mended: even chances, once chance decides.
+    fn draw(&mut self) -> bool {
+        self.chance.as_mut().is_none_or(|state| {
+            // Knuth's MMIX generator; its high bits are the good ones.
+            *state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            *state >> 63 == 1
+        })
+    }
+
+    /// After a system with so many contradictions.
+    fn after(&mut self, system: u32, contradictions: usize) {
+        if contradictions < self.fewest {
+            *self = Self {
+                fewest: contradictions,
+                ..Self::new()
+            };
+        } else {
+            self.patience = self.patience.saturating_sub(1);
+            if self.patience == 0 && self.chance.is_none() {
+                self.chance = Some(u64::from(system));
+            }
+        }
+    }
+}
+
+/// How a row of Newton steps ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ended {
+    /// No state is contradicted.
+    Solved,
+    /// A candidate needs a tangential row.
+    Admit,
+    /// It cycled, or the states had no solution.
+    Failed,
+}
+
+/// When friction begins to act.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Onset {
+    /// Load above which friction acts.
+    pub(crate) critical_load: f64,
+    /// Whether the set of contacts on which it acts follows the loads to the end: where the law does not jump there.
+    pub(crate) smooth: bool,
+    /// Whether contacts without a tangential row get one once they are loaded.
+    pub(crate) admits: bool,
+}
+
+/// States, forces and workspace.
+#[derive(Debug, Default)]
+pub(crate) struct BoxSolver {
+    /// What each contact does.
+    pub(crate) states: States,
+    /// Forces at hand.
+    pub(crate) forces: Forces,
+    /// Best forces so far.
+    best: Forces,
+    /// Forces about which a proximal problem is.
+    proximal: Proximal,
+    /// Systems in which the set of contacts with friction may still change.
+    deciding: u32,
+}
+
+impl BoxSolver {
+    /// Room for that many candidates.
+    pub(crate) fn reserve(&mut self, candidates: usize) {
+        self.states.closed.reserve(candidates);
+        self.states.grip.reserve(2 * candidates);
+        for forces in [&mut self.forces, &mut self.best] {
+            forces.normal.reserve(candidates);
+            forces.slack.reserve(candidates);
+            forces.tangential.reserve(2 * candidates);
+            forces.slip.reserve(2 * candidates);
+        }
+        self.proximal.normal.reserve(candidates);
+        self.proximal.tangential.reserve(2 * candidates);
+    }
+
+    /// Solves from the states and forces at hand, which are then those of the solution or of the best found.
+    ///
+    /// `refine`: called after every system with problem and forces, for entries that depend on the solution; how many changed.
+    pub(crate) fn solve(
+        &mut self,
+        problem: &mut Problem,
+        system: &mut impl System,
+        onset: Onset,
+        mut refine: impl FnMut(&mut Problem, &Forces) -> usize,
+    ) -> Outcome {
+        self.deciding = DECIDING_SYSTEMS;
+        self.proximal.compliance = 0.0;
+        let (ended, mut systems) =
+            self.newton(problem, system, onset, &mut refine, FIRST_SYSTEMS);
+        match ended {
+            Ended::Admit => Outcome::Admit { systems },
+            Ended::Solved => {
+                self.clip();
+                Outcome::Solved {
+                    merit: self.merit(problem, system),
+                    systems,
+                }
+            }
+            Ended::Failed => {
+                let (merit, more) = self.approach(problem, system, onset, &mut refine);
+                systems += more;
+                Outcome::Solved { merit, systems }
+            }
+        }
+    }
+
+    /// Newton steps until no state is contradicted, and how many.
+    fn newton(
+        &mut self,
+        problem: &mut Problem,
+        system: &mut impl System,
+        onset: Onset,
+        refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
+        most: u32,
+    ) -> (Ended, u32) {
+        let mut pace = Pace::new();
+        for count in 1..=most {
+            let Some(noise) =
+                system.solve(problem, &self.states, &self.proximal, &mut self.forces)
+            else {
+                return (Ended::Failed, count);
+            };
+            let deciding = onset.smooth || self.deciding > 0;
+            self.deciding = self.deciding.saturating_sub(1);
+            let mut found = 0;
+            if deciding {
+                if onset.admits && self.lacks_row(problem, onset.critical_load) {
+                    return (Ended::Admit, count);
+                }
+                found += self.decide(problem, onset.critical_load);
+            }
+            found += refine(problem, &self.forces);
+            found += self.mend(problem, noise, &mut pace);
+            if found == 0 && noise.exact {
+                return (Ended::Solved, count);
+            }
+            if found > 0 {
+                pace.after(count, found);
+            }
+        }
+        (Ended::Failed, most)
+    }
+
+    /// Whether a candidate above the critical load has no tangential row.
+    fn lacks_row(&self, problem: &Problem, critical_load: f64) -> bool {
+        let mut rows = problem.tangential.iter().peekable();
+        self.forces.normal.iter().enumerate().any(|(k, &f)| {
+            let mut has_row = false;
+            while rows.next_if(|row| row.contact == k).is_some() {
+                has_row = true;
+            }
+            f > critical_load && !has_row
+        })
+    }
+
+    /// Lets friction act where the load is above the critical one; the number of changes.
+    fn decide(&mut self, problem: &mut Problem, critical_load: f64) -> usize {
+        let mut changes = 0;
+        for row in &mut problem.tangential {
+            let acts = self.forces.normal[row.contact] > critical_load;
+            changes += usize::from(row.acts != acts && self.states.closed[row.contact]);
+            row.acts = acts;
+        }
+        changes
+    }
+
+    /// Solves a row of proximal problems, each about the solution of the one before; how well it ended, and the number of systems.
+    fn approach(
+        &mut self,
+        problem: &mut Problem,
+        system: &mut impl System,
+        onset: Onset,
+        refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
+    ) -> (Merit, u32) {
+        let mut best = Merit {
+            residual: f64::INFINITY,
+            friction_error: f64::INFINITY,
+        };
+        self.keep_best(problem, system, &mut best);
+        let mobility = (0..problem.normal.len()).map(|k| system.mobility(k));
+        let mut compliance = FIRST_COMPLIANCE * mobility.fold(0.0, f64::max);
+        let velocities = largest(&self.forces.slack).max(largest(&self.forces.slip));
+        let solved = SOLVED * velocities.max(1.0);
+        let mut systems = 0;
+        let (mut factor, mut growth) = (STIFFENING[0], STIFFENING[0]);
+        self.read_states(problem);
+        self.centre();
+        for _ in 0..MOST_ROUNDS {
+            self.proximal.compliance = compliance;
+            let (ended, steps) =
+                self.newton(problem, system, onset, refine, PROXIMAL_SYSTEMS);
+            systems += steps;
+            if ended == Ended::Solved {
+                self.admit(problem);
+                self.centre();
+                if steps == 1 {
+                    // Where the states stand, only the last digits are missing.
+                    factor = (factor * growth).min(STIFFENING[1]);
+                }
+                compliance /= factor;
+            } else {
+                self.forces.normal.clone_from(&self.proximal.normal);
+                self.forces.tangential.clone_from(&self.proximal.tangential);
+                compliance *= STIFFENING[0].max(factor);
+                factor = factor.sqrt().max(LEAST_STIFFENING);
+                growth = growth.sqrt();
+            }
+            self.read_states(problem);
+            self.keep_best(problem, system, &mut best);
+            if best.residual <= solved {
+                break;
+            }
+        }
+        self.proximal.compliance = 0.0;
+        std::mem::swap(&mut self.forces, &mut self.best);
+        self.read_states(problem);
+        system.measure(problem, &mut self.forces);
+        (best, systems)
+    }
+
+    /// Takes the forces at hand as those about which the next proximal problem is.
+    fn centre(&mut self) {
+        self.proximal.normal.clone_from(&self.forces.normal);
+        self.proximal.tangential.clone_from(&self.forces.tangential);
+    }
+
+    /// Sets forces that rounding left below zero to zero.
+    fn clip(&mut self) {
+        for f in &mut self.forces.normal {
+            *f = f.max(0.0);
+        }
+    }
+
+    /// Makes the forces at hand admissible.
+    fn admit(&mut self, problem: &Problem) {
+        self.clip();
+        for (t, row) in self.forces.tangential.iter_mut().zip(&problem.tangential) {
+            let bound = problem.bound(row, &self.forces.normal);
+            *t = t.clamp(-bound, bound);
+        }
+    }
+
+    /// Measures the forces at hand, made admissible, and keeps them if there were none better.
+    fn keep_best(&mut self, problem: &Problem, system: &mut impl System, best: &mut Merit) {
+        self.admit(problem);
+        system.measure(problem, &mut self.forces);
+        let merit = self.merit(problem, system);
+        // Also from not-a-number, which a broken system leaves.
+        if merit.residual < best.residual || best.residual.is_infinite() {
+            *best = merit;
+            self.best.clone_from(&self.forces);
+        }
+    }
+
+    /// Merit of the forces at hand, whose slack and slip are known.
+    fn merit(&self, problem: &Problem, system: &impl System) -> Merit {
+        let (mut residual, mut error, mut most) = (0.0_f64, 0.0_f64, f64::MIN_POSITIVE);
+        let mut count = |violation: f64| {
+            residual = if violation.is_nan() {
+                f64::INFINITY
+            } else {
+                residual.max(violation)
+            };
+        };
+        for (k, &f) in self.forces.normal.iter().enumerate() {
+            count((system.mobility(k) * f).min(self.forces.slack[k]).abs());
+            most = most.max(f);
+        }
+        for (m, row) in problem.tangential.iter().enumerate() {
+            let (t, z) = (self.forces.tangential[m], self.forces.slip[m]);
+            let bound = problem.bound(row, &self.forces.normal);
+            let own = system.mobility(row.contact) + row.compliance;
+            let off = (t - (t + z / own).clamp(-bound, bound)).abs();
+            count(own * off);
+            error = error.max(off);
+        }
+        Merit {
+            residual,
+            friction_error: error / most,
+        }
+    }
+
+    /// Counts the states that the forces at hand contradict, and changes them, all or some.
+    fn mend(&mut self, problem: &Problem, noise: Noise, pace: &mut Pace) -> usize {
+        let (forces, states) = (&self.forces, &mut self.states);
+        let mut found = 0;
+        for (k, closed) in states.closed.iter_mut().enumerate() {
+            let f = forces.normal[k];
+            let wrong = if *closed {
+                f < -noise.force
+            } else {
+                forces.slack[k] + self.proximal.slack(k, f) < -noise.velocity
+            };
+            if wrong {
+                found += 1;
+                *closed ^= pace.draw();
+            }
+        }
+        for (m, row) in problem.tangential.iter().enumerate() {
+            let load = forces.normal[row.contact] - problem.offset;
+            let (t, grip) = (forces.tangential[m], states.grip[m]);
+            let z = forces.slip[m] + self.proximal.slip(m, t);
+            let gripped = row.acts && states.closed[row.contact];
+            let limited = problem.friction.is_finite();
+            let below_offset = problem.offset > 0.0 && load <= noise.force;
+            let next = match grip {
+                _ if !gripped => Grip::Off,
+                // A contact that has just closed grips; one whose load came over the offset slides as it did.
+                Grip::Off if below_offset => Grip::Off,
+                Grip::Off if problem.offset > 0.0 && limited => Grip::sliding(z),
+                Grip::Off => Grip::Stick,
+                _ if problem.offset > 0.0 && load < -noise.force => Grip::Off,
+                Grip::Stick if limited && t.abs() > problem.friction * load + noise.force => {
+                    Grip::sliding(t)
+                }
+                Grip::Plus if z < -noise.velocity => Grip::Stick,
+                Grip::Minus if z > noise.velocity => Grip::Stick,
+                same => same,
+            };
+            if next != grip {
+                found += 1;
+                if pace.draw() {
+                    states.grip[m] = next;
+                }
+            }
+        }
+        found
+    }
+
+    /// States that the forces at hand show.
+    pub(crate) fn read_states(&mut self, problem: &Problem) {
+        let (forces, states) = (&self.forces, &mut self.states);
+        states.closed.clear();
+        states.closed.extend(forces.normal.iter().map(|&f| f > 0.0));
+        states.grip.clear();
+        for (&t, row) in forces.tangential.iter().zip(&problem.tangential) {
+            let bound = problem.bound(row, &forces.normal);
+            states.grip.push(if bound == 0.0 {
+                Grip::Off
+            } else if t.abs() < bound * (1.0 - 1e-12) {
+                Grip::Stick
+            } else {
+                Grip::sliding(t)
+            });
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! The entries of the contact problem: what every law comes down to at one stage.
+
+use crate::contact::row::Row;
+
+/// Normal part of one candidate: `w = C v + bias + compliance f`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Normal {
+    /// Row of C.
+    pub(crate) row: Row,
+    /// What w has besides, in a·rate: the background's part, and the gap left over the time ahead.
+    pub(crate) bias: f64,
+    /// In a·rate per unit of force: the inverse of a spring's stiffness over the time ahead; nearly nothing for a rigid contact.
+    pub(crate) compliance: f64,
+}
+
+/// A tangential row of one candidate: `z = D v + shift − compliance t`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Tangential {
+    /// Its candidate.
+    pub(crate) contact: usize,
+    /// Row of D.
+    pub(crate) row: Row,
+    /// What z has besides, in a·rate: the background's part, and the stretch of a spring over the time ahead.
+    pub(crate) shift: f64,
+    /// In a·rate per unit of force.
+    pub(crate) compliance: f64,
+    /// Whether friction acts: the load is above the critical one.
+    pub(crate) acts: bool,
+}
+
+/// One contact problem; see [`super`].
+#[derive(Debug, Default)]
+pub(crate) struct Problem {
+    /// Candidates, ordered by (i, j).
+    pub(crate) normal: Vec<Normal>,
+    /// Tangential rows, ordered by candidate; candidates without one have no friction.
+    pub(crate) tangential: Vec<Tangential>,
+    /// ν; infinite where friction has no limit.
+    pub(crate) friction: f64,
+    /// Load taken off before friction.
+    pub(crate) offset: f64,
+    /// Whether tangential rows read the motion that normal forces alone leave.
+    pub(crate) isolated: bool,
+}
+
+impl Problem {
+    /// Bound ρ of |t| in a row, at normal forces f.
+    pub(crate) fn bound(&self, row: &Tangential, f: &[f64]) -> f64 {
+        let load = f[row.contact] - self.offset;
+        if load > 0.0 && row.acts {
+            self.friction * load
+        } else {
+            0.0
+        }
+    }
+}
+
+/// What a tangential row does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Grip {
+    /// No force: friction does not act, or there is no load.
+    Off,
+    /// Within the bound, z = 0.
+    Stick,
+    /// t = ρ.
+    Plus,
+    /// t = −ρ.
+    Minus,
+}
+
+impl Grip {
+    /// The sliding state with a force of that sign.
+    pub(crate) fn sliding(towards: f64) -> Self {
+        if towards > 0.0 {
+            Self::Plus
+        } else {
+            Self::Minus
+        }
+    }
+
+    /// Sign of the force of a sliding row; 0 in other states.
+    pub(crate) fn sign(self) -> f64 {
+        match self {
+            Self::Plus => 1.0,
+            Self::Minus => -1.0,
+            Self::Off | Self::Stick => 0.0,
+        }
+    }
+}
+
+/// What each candidate and each row does; the problem is linear once this is known.
+#[derive(Debug, Default)]
+pub(crate) struct States {
+    /// Whether each candidate is closed.
+    pub(crate) closed: Vec<bool>,
+    /// What each row does.
+    pub(crate) grip: Vec<Grip>,
+}
+
+/// Forces, and the velocities that go with them.
+#[derive(Debug, Default, Clone)]
+pub(crate) struct Forces {
+    /// f of each candidate, in mu·a²·rate.
+    pub(crate) normal: Vec<f64>,
+    /// t of each row.
+    pub(crate) tangential: Vec<f64>,
+    /// w of each candidate, in a·rate.
+    pub(crate) slack: Vec<f64>,
+    /// z of each row.
+    pub(crate) slip: Vec<f64>,
+}
+
+/// Compliance about given forces, which makes a problem easier: `w + κ (f − f₀)`, `z − κ (t − t₀)`.
+#[derive(Debug, Default)]
+pub(crate) struct Proximal {
+    /// κ; 0: the problem as it is.
+    pub(crate) compliance: f64,
+    /// f₀.
+    pub(crate) normal: Vec<f64>,
+    /// t₀.
+    pub(crate) tangential: Vec<f64>,
+}
+
+impl Proximal {
+    /// What the proximal problem adds to w of a candidate.
+    pub(crate) fn slack(&self, k: usize, f: f64) -> f64 {
+        if self.compliance == 0.0 {
+            0.0
+        } else {
+            self.compliance * (f - self.normal[k])
+        }
+    }
+
+    /// What it adds to z of a row.
+    pub(crate) fn slip(&self, m: usize, t: f64) -> f64 {
+        if self.compliance == 0.0 {
+            0.0
+        } else {
+            -self.compliance * (t - self.tangential[m])
+        }
+    }
+}
+
+/// What decides nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Noise {
+    /// Forces below this, in mu·a²·rate.
+    pub(crate) force: f64,
+    /// Velocities below this, in a·rate.
+    pub(crate) velocity: f64,
+    /// Whether the forces are as exact as they can be.
+    pub(crate) exact: bool,
+}
+
+/// The linear algebra behind a problem: how forces of contacts move contacts.
+pub(crate) trait System {
+    /// Forces (of either sign) that the states give, their slack and slip of the problem without proximal terms.
+    ///
+    /// `None` where the states have no solution.
+    fn solve(
+        &mut self,
+        problem: &Problem,
+        states: &States,
+        proximal: &Proximal,
+        forces: &mut Forces,
+    ) -> Option<Noise>;
+
+    /// Slack and slip of given forces.
+    fn measure(&mut self, problem: &Problem, forces: &mut Forces);
+
+    /// How fast a unit of force moves its own candidate, about; in a·rate per unit of force.
+    fn mobility(&self, candidate: usize) -> f64;
+}
+
+/// Largest magnitude.
+pub(crate) fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most: f64, x| most.max(x.abs()))
+}

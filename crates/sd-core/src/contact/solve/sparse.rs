@@ -1,0 +1,545 @@
+//! The contact problem of large layers: no matrix of contacts, one sparse factor in which closed contacts are stiff.
+//!
+//! For given states the velocities and forces solve one linear system, here with rows that slide left out of the unknowns:
+//!
+//! ```text
+//! R v − Cᵀ f + Dᵀ t = F                    all spheres
+//! C v + κ f = −b                           closed candidates
+//! D v − μ t = −d                           sticking rows; t = ±ν (f − f₀) on sliding ones
+//! R v_N − Cᵀ f = F_N                       where rows read the motion v_N that normal forces alone leave, in place of v
+//! ```
+//!
+//! It is solved by [`Gmres`] in double precision. The preconditioner is the same system with the near part of R and without what makes it
+//! unsymmetric; eliminating the forces from it leaves `R + Cᵀ S C + Dᵀ S D` with the stiffnesses S = 1/κ of springs over the time
+//! ahead, or a large one for rigid contacts: a sparse Cholesky factor in single precision. So soft and rigid contacts cost the same.
+
+use super::problem::{Forces, Grip, Noise, Problem, Proximal, States, System, largest};
+use crate::contact::row::Row;
+use crate::error::Error;
+use crate::hydrodynamics::resistance::{Network, Resistance};
+use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
+use crate::linalg::dense::{NotPositive, dot};
+use crate::linalg::gmres::Gmres;
+use std::f64::consts::PI;
+
+/// Smallest compliance in the preconditioner, in a/(mu·a²·rate): single precision holds its inverse well.
+const LEAST_COMPLIANCE: f64 = 1e-6;
+/// What a velocity counts in the norm of the residual: the force that it takes, in mu·a.
+const WEIGHT: f64 = 30.0;
+/// By how much one call lowers the residual.
+const GAIN: f64 = 1e-3;
+/// Residual that is rounding, over the norm of all forces.
+const ROUNDING: f64 = 1e-11;
+/// Most iterations of one call.
+const MOST_ITERATIONS: usize = 40;
+/// Changes of the states that a factor outlives.
+const MOST_CHANGES: usize = 20;
+/// Iterations of a call beyond which a factor with other states is made anew.
+const PATIENT: usize = 8;
+/// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
+const LEAST_FORCE: f64 = 6.0 * PI;
+/// Mobility of a contact, about, in 1/(mu·a).
+const MOBILITY: f64 = 0.02;
+
+/// Velocities, factors and workspace.
+#[derive(Default)]
+pub(crate) struct SparseSystem {
+    /// v, `[3N]`.
+    velocities: Vec<f64>,
+    /// v_N, `[3N]`, where tangential rows read it.
+    isolated: Vec<f64>,
+    /// F and F_N, `[3N]` each.
+    driving: [Vec<f64>; 2],
+    /// Number of each candidate's pair in the pattern.
+    numbers: Vec<Option<usize>>,
+    /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
+    held: BlockCholesky,
+    /// Stiffnesses of the candidates and rows in it; empty: there is none.
+    factored: Vec<f64>,
+    /// Stiffnesses that the states ask for.
+    stiffness: Vec<f64>,
+    /// Iterations of the last call with this factor.
+    iterations: usize,
+    /// Factor of the near part of R, and whether it is that of the stage.
+    free: (BlockCholesky, bool),
+    /// Solver of the system.
+    gmres: Gmres,
+    /// Residual and correction: of v, of v_N, of f, of t.
+    residual: Vec<f64>,
+    correction: Vec<f64>,
+    /// Forces on the spheres, `[3N]`.
+    work: Vec<f64>,
+}
+
+/// The spheres, contacts and what they do: all that the linear system is made of.
+struct Linear<'a> {
+    network: &'a Network,
+    problem: &'a Problem,
+    states: &'a States,
+    kappa: f64,
+}
+
+impl SparseSystem {
+    /// Takes the candidates of a stage, spheres at the velocities of the stage before where they are known.
+    ///
+    /// `forces`: all but those of contact, `[3N]`; `isolated`: those of them that drive v_N.
+    pub(crate) fn begin(
+        &mut self,
+        network: &Network,
+        problem: &Problem,
+        forces: &[f64],
+        isolated: &[f64],
+    ) {
+        for (driving, given) in self.driving.iter_mut().zip([forces, isolated]) {
+            driving.clear();
+            driving.extend_from_slice(given);
+        }
+        for velocities in [&mut self.velocities, &mut self.isolated] {
+            if velocities.len() != forces.len() {
+                velocities.clear();
+                velocities.resize(forces.len(), 0.0);
+            }
+        }
+        self.work.resize(forces.len(), 0.0);
+        self.begin_candidates(network, problem);
+    }
+
+    /// Takes other candidates in the same stage.
+    pub(crate) fn begin_candidates(&mut self, network: &Network, problem: &Problem) {
+        self.numbers.clear();
+        let numbers = problem
+            .normal
+            .iter()
+            .map(|entry| network.number_of(entry.row.spheres));
+        self.numbers.extend(numbers);
+        self.factored.clear();
+    }
+
+    /// Begins a stage at new positions; spheres at rest in the background where `at_rest`.
+    pub(crate) fn start(&mut self, at_rest: bool) {
+        self.free.1 = false;
+        self.factored.clear();
+        if at_rest {
+            self.velocities.clear();
+            self.isolated.clear();
+        }
+    }
+
+    /// Disturbance velocities `[3N]` of the last solution, and those that normal forces alone leave.
+    pub(crate) fn velocities(&self) -> [&[f64]; 2] {
+        [&self.velocities, &self.isolated]
+    }
+}
+
+impl Linear<'_> {
+    /// Compliance of a candidate.
+    fn compliance(&self, k: usize) -> f64 {
+        self.problem.normal[k].compliance + self.kappa
+    }
+
+    /// Compliance of a row.
+    fn row_compliance(&self, m: usize) -> f64 {
+        self.problem.tangential[m].compliance + self.kappa
+    }
+
+    /// Friction over load of a sliding row of a closed candidate; 0 for others.
+    fn slope(&self, m: usize) -> f64 {
+        let sign = self.states.grip[m].sign();
+        if sign == 0.0 || !self.states.closed[self.problem.tangential[m].contact] {
+            0.0
+        } else {
+            sign * self.problem.friction
+        }
+    }
+
+    /// Splits a vector into its parts: v, v_N, f, t.
+    fn split<'x>(&self, x: &'x [f64]) -> [&'x [f64]; 4] {
+        let n = 3 * self.network.spheres();
+        let (v, rest) = x.split_at(n);
+        let (v_n, rest) = rest.split_at(if self.problem.isolated { n } else { 0 });
+        let (f, t) = rest.split_at(self.problem.normal.len());
+        [v, v_n, f, t]
+    }
+
+    /// The same, to write.
+    fn split_mut<'x>(&self, x: &'x mut [f64]) -> [&'x mut [f64]; 4] {
+        let n = 3 * self.network.spheres();
+        let (v, rest) = x.split_at_mut(n);
+        let (v_n, rest) = rest.split_at_mut(if self.problem.isolated { n } else { 0 });
+        let (f, t) = rest.split_at_mut(self.problem.normal.len());
+        [v, v_n, f, t]
+    }
+
+    /// `y = A x` of the linear system; rows of velocities times [`WEIGHT`].
+    fn apply(&self, x: &[f64], y: &mut [f64]) {
+        let [v, v_n, f, t] = self.split(x);
+        let [y_v, y_n, y_f, y_t] = self.split_mut(y);
+        self.network.apply(v, y_v);
+        if self.problem.isolated {
+            self.network.apply(v_n, y_n);
+        }
+        for (k, entry) in self.problem.normal.iter().enumerate() {
+            y_f[k] = 0.0;
+            if !self.states.closed[k] {
+                continue;
+            }
+            entry.row.add(-f[k], y_v);
+            if self.problem.isolated {
+                entry.row.add(-f[k], y_n);
+            }
+            y_f[k] = WEIGHT * (entry.row.read(v) + self.compliance(k) * f[k]);
+        }
+        for (m, entry) in self.problem.tangential.iter().enumerate() {
+            y_t[m] = 0.0;
+            let slope = self.slope(m);
+            if slope != 0.0 {
+                entry.row.add(slope * f[entry.contact], y_v);
+            } else if self.states.grip[m] == Grip::Stick {
+                entry.row.add(t[m], y_v);
+                let read = entry.row.read(if self.problem.isolated { v_n } else { v });
+                y_t[m] = WEIGHT * (read - self.row_compliance(m) * t[m]);
+            }
+        }
+    }
+
+    /// Stiffness of each candidate, then of each row, in the preconditioner.
+    fn stiffnesses(&self, stiffness: &mut Vec<f64>) {
+        let of = |compliance: f64| compliance.max(LEAST_COMPLIANCE).recip();
+        stiffness.clear();
+        stiffness.extend((0..self.problem.normal.len()).map(|k| {
+            if self.states.closed[k] {
+                of(self.compliance(k))
+            } else {
+                0.0
+            }
+        }));
+        stiffness.extend((0..self.problem.tangential.len()).map(|m| {
+            if self.states.grip[m] == Grip::Stick {
+                of(self.row_compliance(m))
+            } else {
+                0.0
+            }
+        }));
+    }
+
+    /// `z = P⁻¹ r`.
+    fn precondition(
+        &self,
+        (pattern, held, free): (&BlockPattern, &mut BlockCholesky, &mut BlockCholesky),
+        stiffness: &[f64],
+        r: &[f64],
+        z: &mut [f64],
+        work: &mut [f64],
+    ) {
+        let [r_v, r_n, r_f, r_t] = self.split(r);
+        let [z_v, z_n, z_f, z_t] = self.split_mut(z);
+        let (normal, tangential) = stiffness.split_at(self.problem.normal.len());
+        let isolated = self.problem.isolated;
+        work.copy_from_slice(r_v);
+        for ((entry, &s), r) in self.problem.normal.iter().zip(normal).zip(r_f) {
+            if s != 0.0 {
+                entry.row.add(s * r / WEIGHT, work);
+            }
+        }
+        if !isolated {
+            for ((entry, &s), r) in self.problem.tangential.iter().zip(tangential).zip(r_t) {
+                if s != 0.0 {
+                    entry.row.add(s * r / WEIGHT, work);
+                }
+            }
+        }
+        held.solve(pattern, work, z_v);
+        if isolated {
+            work.copy_from_slice(r_n);
+        }
+        for (k, (entry, &s)) in self.problem.normal.iter().zip(normal).enumerate() {
+            z_f[k] = 0.0;
+            if s != 0.0 {
+                z_f[k] = s * (r_f[k] / WEIGHT - entry.row.read(z_v));
+                if isolated {
+                    entry.row.add(z_f[k], work);
+                }
+            }
+        }
+        if isolated {
+            free.solve(pattern, work, z_n);
+        }
+        let read_from: &[f64] = if isolated { z_n } else { z_v };
+        for (m, (entry, &s)) in self.problem.tangential.iter().zip(tangential).enumerate() {
+            z_t[m] = if s == 0.0 {
+                0.0
+            } else {
+                s * (entry.row.read(read_from) - r_t[m] / WEIGHT)
+            };
+        }
+    }
+}
+
+impl SparseSystem {
+    /// The residual of the linear system at the velocities and forces at hand.
+    fn find_residual(
+        &mut self,
+        linear: &Linear<'_>,
+        proximal: &Proximal,
+        forces: &Forces,
+    ) {
+        let problem = linear.problem;
+        let n = self.velocities.len();
+        let flow = if problem.isolated { 2 * n } else { n };
+        let size = flow + problem.normal.len() + problem.tangential.len();
+        self.residual.clear();
+        self.residual.resize(size, 0.0);
+        let [r_v, r_n, r_f, r_t] = linear.split_mut(&mut self.residual);
+        linear.network.apply(&self.velocities, &mut self.work);
+        for ((r, f), moved) in r_v.iter_mut().zip(&self.driving[0]).zip(&self.work) {
+            *r = f - moved;
+        }
+        if problem.isolated {
+            linear.network.apply(&self.isolated, &mut self.work);
+            for ((r, f), moved) in r_n.iter_mut().zip(&self.driving[1]).zip(&self.work) {
+                *r = f - moved;
+            }
+        }
+        for (k, entry) in problem.normal.iter().enumerate() {
+            let f = forces.normal[k];
+            if linear.states.closed[k] {
+                entry.row.add(f, r_v);
+                if problem.isolated {
+                    entry.row.add(f, r_n);
+                }
+                let slack = entry.row.read(&self.velocities) + entry.bias + entry.compliance * f;
+                r_f[k] = -WEIGHT * (slack + proximal.slack(k, f));
+            }
+        }
+        for (m, entry) in problem.tangential.iter().enumerate() {
+            let t = forces.tangential[m];
+            if t != 0.0 {
+                entry.row.add(-t, r_v);
+            }
+            if linear.states.grip[m] == Grip::Stick {
+                let flow = if problem.isolated {
+                    &self.isolated
+                } else {
+                    &self.velocities
+                };
+                let slip = entry.row.read(flow) + entry.shift - entry.compliance * t;
+                r_t[m] = -WEIGHT * (slip + proximal.slip(m, t));
+            }
+        }
+    }
+
+    /// Forces of states that carry none or that follow the load.
+    fn follow(linear: &Linear<'_>, forces: &mut Forces) {
+        let problem = linear.problem;
+        forces.normal.resize(problem.normal.len(), 0.0);
+        forces.tangential.resize(problem.tangential.len(), 0.0);
+        for (f, closed) in forces.normal.iter_mut().zip(&linear.states.closed) {
+            if !closed {
+                *f = 0.0;
+            }
+        }
+        for (m, t) in forces.tangential.iter_mut().enumerate() {
+            let slope = linear.slope(m);
+            if slope != 0.0 {
+                let contact = problem.tangential[m].contact;
+                *t = slope * (forces.normal[contact] - problem.offset);
+            } else if linear.states.grip[m] != Grip::Stick {
+                *t = 0.0;
+            }
+        }
+    }
+
+    /// Makes the factors that the states need, unless those at hand serve.
+    fn prepare(&mut self, linear: &Linear<'_>, pattern: &BlockPattern) -> Result<(), NotPositive> {
+        linear.stiffnesses(&mut self.stiffness);
+        let problem = linear.problem;
+        let rows = if problem.isolated {
+            problem.normal.len()
+        } else {
+            self.stiffness.len()
+        };
+        let changes = if self.factored.len() == rows {
+            let pairs = self.factored.iter().zip(&self.stiffness);
+            pairs.filter(|(old, new)| old != new).count()
+        } else {
+            usize::MAX
+        };
+        if changes > MOST_CHANGES || changes > 0 && self.iterations > PATIENT {
+            linear.network.fill(pattern, &mut self.held);
+            for (at, &s) in self.stiffness[..rows].iter().enumerate() {
+                if s != 0.0 {
+                    let (contact, row) = if at < problem.normal.len() {
+                        (at, &problem.normal[at].row)
+                    } else {
+                        let entry = &problem.tangential[at - problem.normal.len()];
+                        (entry.contact, &entry.row)
+                    };
+                    add_stiffness(&mut self.held, pattern, row, self.numbers[contact], s);
+                }
+            }
+            self.held.factor(pattern)?;
+            self.factored.clear();
+            self.factored.extend_from_slice(&self.stiffness[..rows]);
+        }
+        if problem.isolated && !self.free.1 {
+            linear.network.fill(pattern, &mut self.free.0);
+            self.free.0.factor(pattern)?;
+            self.free.1 = true;
+        }
+        Ok(())
+    }
+}
+
+/// Adds `s rowᵀ row` to the matrix.
+fn add_stiffness(
+    matrix: &mut BlockCholesky,
+    pattern: &BlockPattern,
+    row: &Row,
+    number: Option<usize>,
+    s: f64,
+) {
+    let (i, j) = row.weights.split_at(3);
+    let block = |rows: &[f64], columns: &[f64]| {
+        std::array::from_fn(|at| s * rows[at % 3] * columns[at / 3])
+    };
+    matrix.add_own(pattern, row.spheres[0], &block(i, i));
+    matrix.add_own(pattern, row.spheres[1], &block(j, j));
+    if let Some(number) = number {
+        matrix.add_coupling(pattern, number, &block(j, i));
+    }
+}
+
+/// A [`SparseSystem`] with the network it belongs to.
+pub(crate) struct OnNetwork<'a> {
+    /// R pair by pair.
+    pub(crate) network: &'a Network,
+    /// Its pattern.
+    pub(crate) pattern: &'a BlockPattern,
+    /// Velocities, factors and workspace.
+    pub(crate) system: &'a mut SparseSystem,
+    /// The relative residual that is enough; 0: as exact as can be.
+    pub(crate) enough: f64,
+}
+
+impl System for OnNetwork<'_> {
+    fn solve(
+        &mut self,
+        problem: &Problem,
+        states: &States,
+        proximal: &Proximal,
+        forces: &mut Forces,
+    ) -> Option<Noise> {
+        let linear = Linear {
+            network: self.network,
+            problem,
+            states,
+            kappa: proximal.compliance,
+        };
+        let system = &mut *self.system;
+        SparseSystem::follow(&linear, forces);
+        system.find_residual(&linear, proximal, forces);
+        let square = |x: &[f64]| dot(x, x);
+        let size = square(&system.driving[0])
+            + square(&forces.normal)
+            + square(&forces.tangential)
+            + LEAST_FORCE * LEAST_FORCE;
+        let floor = ROUNDING.max(self.enough) * size.sqrt();
+        let before = square(&system.residual).sqrt();
+        let goal = floor.max(GAIN * before);
+        let mut left = before;
+        if before > floor {
+            system.prepare(&linear, self.pattern).ok()?;
+            system.correction.clear();
+            system.correction.resize(system.residual.len(), 0.0);
+            let (held, free, work) = (&mut system.held, &mut system.free.0, &mut system.work);
+            let stiffness = &system.stiffness;
+            let reached = system.gmres.solve(
+                &system.residual,
+                &mut system.correction,
+                (goal, MOST_ITERATIONS),
+                |x, y| linear.apply(x, y),
+                |r, z| linear.precondition((self.pattern, held, free), stiffness, r, z, work),
+            );
+            system.iterations = reached.iterations;
+            left = reached.residual;
+            let [v, v_n, f, t] = linear.split(&system.correction);
+            let add = |x: &mut [f64], dx: &[f64]| x.iter_mut().zip(dx).for_each(|(x, d)| *x += d);
+            add(&mut system.velocities, v);
+            add(&mut system.isolated, v_n);
+            add(&mut forces.normal, f);
+            add(&mut forces.tangential, t);
+            SparseSystem::follow(&linear, forces);
+        }
+        if !left.is_finite() {
+            return None;
+        }
+        self.read(problem, forces);
+        Some(Noise {
+            force: left.max(1e-13 * largest(&forces.normal)),
+            velocity: (left / WEIGHT).max(1e-13),
+            exact: left <= floor,
+        })
+    }
+
+    fn measure(&mut self, problem: &Problem, forces: &mut Forces) {
+        // The motion under these forces: no contact is closed, all forces are given.
+        let states = States {
+            closed: vec![false; problem.normal.len()],
+            grip: vec![Grip::Off; problem.tangential.len()],
+        };
+        let mut driving = self.system.driving.clone();
+        for (entry, &f) in problem.normal.iter().zip(&forces.normal) {
+            driving.iter_mut().for_each(|force| entry.row.add(f, force));
+        }
+        for (entry, &t) in problem.tangential.iter().zip(&forces.tangential) {
+            entry.row.add(-t, &mut driving[0]);
+        }
+        std::mem::swap(&mut self.system.driving, &mut driving);
+        let mut none = Forces::default();
+        for _ in 0..8 {
+            let noise = self.solve(problem, &states, &Proximal::default(), &mut none);
+            if noise.is_none_or(|noise| noise.exact) {
+                break;
+            }
+        }
+        self.system.driving = driving;
+        self.read(problem, forces);
+    }
+
+    fn mobility(&self, _: usize) -> f64 {
+        MOBILITY
+    }
+}
+
+impl OnNetwork<'_> {
+    /// Slack and slip of the velocities at hand.
+    fn read(&self, problem: &Problem, forces: &mut Forces) {
+        let Forces {
+            normal,
+            tangential,
+            slack,
+            slip,
+        } = forces;
+        let v = &self.system.velocities;
+        slack.clear();
+        let entries = problem.normal.iter().zip(&*normal);
+        slack.extend(entries.map(|(e, f)| e.row.read(v) + e.bias + e.compliance * f));
+        let flow = if problem.isolated {
+            &self.system.isolated
+        } else {
+            v
+        };
+        slip.clear();
+        let entries = problem.tangential.iter().zip(&*tangential);
+        slip.extend(entries.map(|(e, t)| e.row.read(flow) + e.shift - e.compliance * t));
+    }
+}
+
+/// The error for a factor that broke down.
+pub(crate) fn not_positive(bad: NotPositive) -> Error {
+    Error::NotPositiveDefinite {
+        matrix: "near part of the resistance",
+        pivot: bad.pivot,
+        sphere: bad.pivot / 3,
+    }
+}

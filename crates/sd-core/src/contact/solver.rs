@@ -1,0 +1,501 @@
+//! The contact problem of one stage: which pairs take part, what their laws ask for, and the forces that answer.
+
+use super::laws::{Laws, Overlap, Phase, Span, Tangential};
+use super::pair::{Contact, ContactState};
+use super::row::Row;
+use super::solve::dense::DenseSystem;
+use super::solve::newton::{BoxSolver, Onset, Outcome};
+use super::solve::problem::{self, Forces, Grip, Problem};
+use super::solve::sparse::{OnNetwork, SparseSystem};
+use super::springs::Stretches;
+use super::warm_start::{SpringForces, WarmStart};
+use super::{Quality, most_contacts};
+use crate::error::Error;
+use crate::geometry::modes::Background;
+use crate::hydrodynamics::resistance::Resistance;
+
+/// Approach velocity, in a·rate, that the first choice of candidates allows for.
+const EXPECTED_APPROACH: f64 = 3.0;
+/// Change of a normal velocity from one stage to the next, in a·rate, that the next choice of candidates allows for.
+const EXPECTED_CHANGE: f64 = 0.3;
+/// Rounds of adding pairs that turned out to close after all.
+const MOST_ROUNDS: u32 = 20;
+/// Distance of a force from a curved law, over the largest force or 1, at which linearisations end.
+const LINEARISED: f64 = 1e-10;
+
+/// What a contact problem is posed in.
+#[derive(Clone, Copy)]
+pub struct Stage<'a> {
+    /// Hydrodynamics, factored where they are.
+    pub resistance: &'a Resistance,
+    /// Imposed flow.
+    pub background: &'a Background,
+    /// Laws.
+    pub laws: &'a Laws,
+    /// Time ahead.
+    pub span: Span<'a>,
+}
+
+/// What drives the spheres besides contacts, `[3N]` each.
+#[derive(Clone, Copy)]
+pub struct Driving<'a> {
+    /// All external and background forces.
+    pub all: &'a [f64],
+    /// Those of them that count for the motion that normal forces alone leave.
+    pub isolated: &'a [f64],
+    /// Relative residual that is enough; 0: as exact as can be.
+    pub enough: f64,
+}
+
+impl<'a> Driving<'a> {
+    /// The same forces for both motions.
+    pub fn by(forces: &'a [f64]) -> Self {
+        Self {
+            all: forces,
+            isolated: forces,
+            enough: 0.0,
+        }
+    }
+}
+
+/// What contacts remember from stage to stage and from step to step.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContactMemory {
+    /// Forces of the stage before: where the next begins.
+    pub warm_start: WarmStart,
+    /// Forces of tangential springs; none under laws without.
+    pub springs: SpringForces,
+}
+
+/// The linear algebra behind the problem.
+pub(super) enum Backend {
+    /// Small dense matrices of contacts.
+    Dense(Box<DenseSystem>),
+    /// A sparse factor of all spheres.
+    Sparse(Box<SparseSystem>),
+}
+
+/// The contact problem with its workspace. Reused, it allocates only when the layer has more contacts than ever before.
+pub struct ContactSolver {
+    /// Candidate pairs, ordered by (i, j), with the forces and velocities of the last solution.
+    pub list: Vec<Contact>,
+    /// Their overlaps.
+    overlaps: Vec<Overlap>,
+    /// Entries.
+    pub(super) problem: Problem,
+    /// States and forces.
+    pub(super) solver: BoxSolver,
+    /// Linear algebra.
+    pub(super) backend: Backend,
+    /// Tangential springs within a step.
+    stretches: Stretches,
+}
+
+impl ContactSolver {
+    /// Workspace with room for all contacts of the spheres. Pages never written to cost no memory.
+    pub fn new(resistance: &Resistance) -> Self {
+        let spheres = resistance.radii().len();
+        let most = most_contacts(spheres);
+        let backend = if resistance.network().is_some() {
+            Backend::Sparse(Box::default())
+        } else {
+            Backend::Dense(Box::new(DenseSystem::new(spheres, most)))
+        };
+        let mut solver = Self {
+            list: Vec::with_capacity(most),
+            overlaps: Vec::with_capacity(most),
+            problem: Problem::default(),
+            solver: BoxSolver::default(),
+            backend,
+            stretches: Stretches::default(),
+        };
+        solver.problem.normal.reserve(most);
+        solver.problem.tangential.reserve(2 * most);
+        solver.solver.reserve(most);
+        solver.stretches.reserve(most);
+        solver
+    }
+
+    /// Begins a step: what is known of the motion from stages before is forgotten, so that a run that is resumed here has the same bits.
+    pub fn begin_step(&mut self) {
+        if let Backend::Sparse(system) = &mut self.backend {
+            system.start(true);
+        }
+    }
+
+    /// Solves one stage. `velocities`: disturbances `[3N]` that come out.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`]; [`Error::OutOfMemory`].
+    pub fn solve(
+        &mut self,
+        stage: &Stage<'_>,
+        driving: Driving<'_>,
+        memory: &mut ContactMemory,
+        velocities: &mut [f64],
+    ) -> Result<Quality, Error> {
+        self.choose(stage, &memory.warm_start);
+        let mut quality = Quality::default();
+        if let Backend::Sparse(system) = &mut self.backend {
+            system.start(false);
+        }
+        for _ in 0..MOST_ROUNDS {
+            let found = self.solve_candidates(stage, driving, memory, velocities)?;
+            quality = Quality {
+                systems: quality.systems + found.systems,
+                ..found
+            };
+            if !self.add_closing(stage, velocities, &mut memory.warm_start) {
+                self.keep_springs(stage, &mut memory.springs);
+                return Ok(quality);
+            }
+        }
+        // By how much pairs still close counts as a violation.
+        let closing = self.list.iter().filter(|c| c.normal_force == 0.0);
+        let closing = closing.map(|c| -c.normal_velocity - bias_of(stage, c));
+        quality.residual = closing.fold(quality.residual, f64::max);
+        self.keep_springs(stage, &mut memory.springs);
+        Ok(quality)
+    }
+
+    /// The springs of a solved stage.
+    fn keep_springs(&mut self, stage: &Stage<'_>, springs: &mut SpringForces) {
+        if matches!(stage.laws.tangential, Tangential::StickSlide { .. }) {
+            self.stretches.take(&self.list, springs, stage.span.phase);
+        }
+    }
+
+    /// The first candidates: pairs that touched or were about to in the stage before, or all near ones where there was none.
+    fn choose(&mut self, stage: &Stage<'_>, warm_start: &WarmStart) {
+        let (radii, pairs) = (stage.resistance.radii(), stage.resistance.neighbours());
+        self.list.clear();
+        if matches!(stage.laws.normal, super::laws::Normal::None) {
+            return;
+        }
+        if warm_start.is_empty() {
+            let reach = stage.laws.surface.roughness + EXPECTED_APPROACH * stage.span.time;
+            let near = pairs.iter().filter(|pair| pair.gap < reach);
+            self.list
+                .extend(near.map(|pair| Contact::new(*pair, radii, stage.background)));
+            return;
+        }
+        for (pair, [f, t]) in warm_start.known(pairs) {
+            let mut contact = Contact::new(*pair, radii, stage.background);
+            (contact.normal_force, contact.tangential_force) = (f, t);
+            self.list.push(contact);
+        }
+    }
+
+    /// Adds to `list` the pairs left out that would close within the time span after all; whether there were any.
+    ///
+    /// Remembers the forces of all others, and who may touch in the next stage.
+    fn add_closing(
+        &mut self,
+        stage: &Stage<'_>,
+        velocities: &[f64],
+        warm_start: &mut WarmStart,
+    ) -> bool {
+        warm_start.forces.clear();
+        if matches!(stage.laws.normal, super::laws::Normal::None) {
+            return false;
+        }
+        let radii = stage.resistance.radii();
+        let before = self.list.len();
+        let mut known = 0;
+        // Pairs and list are both ordered by (i, j).
+        for pair in stage.resistance.neighbours() {
+            let (forces, slack, bias);
+            if let Some(contact) = self.list[..before].get(known)
+                && contact.pair.key() == pair.key()
+            {
+                let entry = &self.problem.normal[known];
+                known += 1;
+                forces = [contact.normal_force, contact.tangential_force];
+                bias = entry.bias - contact.background[0];
+                slack = contact.normal_velocity + bias;
+            } else {
+                let contact = Contact::new(*pair, radii, stage.background);
+                forces = [0.0, 0.0];
+                bias = bias_of(stage, &contact);
+                slack = contact.background[0] + contact.normal_row().read(velocities) + bias;
+                if slack < 0.0 {
+                    self.list.push(contact);
+                }
+            }
+            // The next time span may be twice as long.
+            if forces[0] > 0.0 || slack - 0.5 * bias.max(0.0) < EXPECTED_CHANGE {
+                warm_start.keep(pair, forces);
+            }
+        }
+        let added = self.list.len() > before;
+        if added {
+            self.list.sort_unstable_by_key(|contact| contact.pair.key());
+        }
+        added
+    }
+
+    /// Forces of the candidates at hand, put into `list`, and the motion.
+    fn solve_candidates(
+        &mut self,
+        stage: &Stage<'_>,
+        driving: Driving<'_>,
+        memory: &ContactMemory,
+        velocities: &mut [f64],
+    ) -> Result<Quality, Error> {
+        self.pose(stage);
+        let (laws, resistance) = (stage.laws, stage.resistance);
+        let friction = laws.surface.has_friction();
+        let load = laws.surface.critical_load;
+        let sparse = matches!(self.backend, Backend::Sparse(_));
+        let onset = Onset {
+            critical_load: load,
+            smooth: laws.is_smooth(),
+            admits: friction && !sparse,
+        };
+        if friction {
+            let loaded = self.list.iter().filter(|c| c.normal_force > load).count();
+            // Rows cost a dense system much: the solution says who needs one. The few others cost less now than later.
+            let all = sparse || 10 * loaded >= 9 * self.list.len();
+            self.add_rows(stage, memory, |_, contact| all || contact.normal_force > load);
+        }
+        let solver = &mut self.solver;
+        solver.forces.normal.clear();
+        solver
+            .forces
+            .normal
+            .extend(self.list.iter().map(|contact| contact.normal_force));
+        self.take_rows();
+        let mut systems = 0;
+        let mut begun = false;
+        loop {
+            let (problem, solver) = (&mut self.problem, &mut self.solver);
+            let overlaps = &mut self.overlaps;
+            let refine = |problem: &mut Problem, forces: &Forces| {
+                refine(stage, problem, overlaps, forces)
+            };
+            let outcome = match &mut self.backend {
+                Backend::Dense(system) => {
+                    if begun {
+                        system.begin_rows(resistance, problem);
+                    } else {
+                        system.begin(resistance, problem, driving.all);
+                    }
+                    solver.solve(problem, &mut **system, onset, refine)
+                }
+                Backend::Sparse(system) => {
+                    let (network, pattern) = resistance.pairwise()?;
+                    system.begin(network, problem, driving.all, driving.isolated);
+                    let mut on_network = OnNetwork {
+                        network,
+                        pattern,
+                        system,
+                        enough: driving.enough,
+                    };
+                    solver.solve(problem, &mut on_network, onset, refine)
+                }
+            };
+            begun = true;
+            match outcome {
+                Outcome::Admit { systems: more } => {
+                    systems += more;
+                    self.keep_forces();
+                    let normal = std::mem::take(&mut self.solver.forces.normal);
+                    self.add_rows(stage, memory, |k, contact| {
+                        normal[k] > load || contact.slip_resistance > 0.0
+                    });
+                    self.solver.forces.normal = normal;
+                    self.take_rows();
+                }
+                Outcome::Solved {
+                    merit,
+                    systems: more,
+                } => {
+                    self.keep_forces();
+                    match &mut self.backend {
+                        Backend::Dense(system) => {
+                            system.finish(resistance, &self.solver.forces, velocities);
+                        }
+                        Backend::Sparse(system) => {
+                            velocities.copy_from_slice(system.velocities()[0]);
+                        }
+                    }
+                    for contact in &mut self.list {
+                        contact.take_velocities(velocities);
+                    }
+                    return Ok(Quality {
+                        residual: merit.residual,
+                        friction_error: merit.friction_error,
+                        systems: systems + more,
+                    });
+                }
+            }
+        }
+    }
+
+    /// The normal entries of the candidates at hand.
+    fn pose(&mut self, stage: &Stage<'_>) {
+        let laws = stage.laws;
+        let held = stage.span.phase != Phase::Alone;
+        self.problem.friction = laws.friction();
+        self.problem.offset = laws.offset();
+        self.problem.isolated = matches!(laws.tangential, Tangential::RollSlip);
+        self.problem.tangential.clear();
+        self.problem.normal.clear();
+        self.overlaps.clear();
+        for contact in &self.list {
+            let mut overlap = overlap_of(stage, contact);
+            overlap.reference = laws
+                .normal
+                .first_reference(overlap.now, contact.normal_force);
+            let [bias, compliance] = laws.normal.entry(&overlap, stage.span.time, held);
+            self.overlaps.push(overlap);
+            self.problem.normal.push(problem::Normal {
+                row: contact.normal_row(),
+                bias,
+                compliance,
+            });
+        }
+    }
+
+    /// The tangential rows of the candidates that `wanted` names.
+    fn add_rows(
+        &mut self,
+        stage: &Stage<'_>,
+        memory: &ContactMemory,
+        wanted: impl Fn(usize, &Contact) -> bool,
+    ) {
+        let rows = &mut self.problem.tangential;
+        rows.clear();
+        for (k, contact) in self.list.iter_mut().enumerate() {
+            if !wanted(k, contact) {
+                continue;
+            }
+            if contact.slip_resistance == 0.0 {
+                contact.slip_resistance = stage.resistance.slip_resistance(&contact.pair);
+            }
+            let mut row = problem::Tangential {
+                contact: k,
+                row: contact.slip_row(),
+                shift: contact.background[1],
+                compliance: super::laws::COMPLIANCE,
+                acts: false,
+            };
+            match stage.laws.tangential {
+                Tangential::RollSlip => row.compliance = contact.slip_resistance.recip(),
+                Tangential::StickSlide { stiffness } => {
+                    let base = self
+                        .stretches
+                        .base(contact, &memory.springs, stage.span.phase);
+                    let ahead = stiffness * stage.span.time;
+                    row.compliance += ahead.recip();
+                    row.shift += base / ahead;
+                }
+                Tangential::Coulomb => {}
+                Tangential::StickRotate => {
+                    rows.push(row);
+                    // The background turns both spheres alike.
+                    row.shift = 0.0;
+                    row.row = Row::spin([contact.pair.i, contact.pair.j]);
+                }
+            }
+            rows.push(row);
+        }
+        let load = stage.laws.surface.critical_load;
+        for row in rows {
+            row.acts = self.list[row.contact].normal_force > load;
+        }
+    }
+
+    /// Tangential forces to begin with, and the states that all forces show.
+    fn take_rows(&mut self) {
+        let (list, rows) = (&self.list, &self.problem.tangential);
+        let forces = &mut self.solver.forces;
+        forces.tangential.clear();
+        let mut before = None;
+        forces.tangential.extend(rows.iter().map(|row| {
+            let first = before != Some(row.contact);
+            before = Some(row.contact);
+            if first {
+                list[row.contact].tangential_force
+            } else {
+                0.0
+            }
+        }));
+        self.solver.read_states(&self.problem);
+    }
+
+    /// Puts the forces found, and what their contacts do, into `list`.
+    fn keep_forces(&mut self) {
+        for (contact, &f) in self.list.iter_mut().zip(&self.solver.forces.normal) {
+            contact.normal_force = f;
+            contact.tangential_force = 0.0;
+            contact.state = ContactState::Frictionless;
+        }
+        let mut before = None;
+        for (m, row) in self.problem.tangential.iter().enumerate() {
+            let first = before != Some(row.contact);
+            before = Some(row.contact);
+            // The second row of a contact is that of its spin.
+            if first {
+                let contact = &mut self.list[row.contact];
+                contact.tangential_force = self.solver.forces.tangential[m];
+                contact.state = match self.solver.states.grip[m] {
+                    Grip::Off => ContactState::Frictionless,
+                    Grip::Stick => ContactState::Rolling,
+                    Grip::Plus | Grip::Minus => ContactState::Slipping,
+                };
+            }
+        }
+    }
+}
+
+/// How much nearer than h a pair is, with what the first stage's motion takes back.
+fn overlap_of(stage: &Stage<'_>, contact: &Contact) -> Overlap {
+    let roughness = stage.laws.surface.roughness;
+    let taken_back = stage.span.time * stage.span.taken_back(contact);
+    let now = roughness - (contact.pair.gap - taken_back);
+    Overlap {
+        now,
+        reference: now,
+        touching: contact.pair.gap < roughness,
+        background: contact.background[0],
+    }
+}
+
+/// What w of a pair without force has besides v_n.
+fn bias_of(stage: &Stage<'_>, contact: &Contact) -> f64 {
+    let overlap = Overlap {
+        background: 0.0,
+        ..overlap_of(stage, contact)
+    };
+    let held = stage.span.phase != Phase::Alone;
+    stage.laws.normal.entry(&overlap, stage.span.time, held)[0]
+}
+
+/// Linearises curved laws about where the contacts are now, where they are not near enough; how many were not.
+fn refine(
+    stage: &Stage<'_>,
+    problem: &mut Problem,
+    overlaps: &mut [Overlap],
+    forces: &Forces,
+) -> usize {
+    let law = &stage.laws.normal;
+    if !law.is_curved() {
+        return 0;
+    }
+    let time = stage.span.time;
+    let held = stage.span.phase != Phase::Alone;
+    let largest = forces.normal.iter().fold(1.0_f64, |most, f| most.max(*f));
+    let mut found = 0;
+    for (k, (entry, overlap)) in problem.normal.iter_mut().zip(overlaps).enumerate() {
+        let f = forces.normal[k];
+        let velocity = forces.slack[k] - entry.bias - entry.compliance * f + overlap.background;
+        let error = law.refine(overlap, velocity, f.max(0.0), time);
+        if error > LINEARISED * largest {
+            [entry.bias, entry.compliance] = law.entry(overlap, time, held);
+            found += 1;
+        }
+    }
+    found
+}
