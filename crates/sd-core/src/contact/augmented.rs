@@ -18,7 +18,7 @@
 
 use super::{COMPLIANCE, Contact};
 use crate::error::Error;
-use crate::hydrodynamics::resistance::Network;
+use crate::hydrodynamics::resistance::PairwiseResistance;
 use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
 use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 use crate::linalg::dense::dot;
@@ -44,7 +44,7 @@ const MOST_GAIN: f64 = 1e-9;
 #[derive(Clone, Copy)]
 pub(super) struct System<'a> {
     /// `R_FU`.
-    pub(super) network: &'a Network,
+    pub(super) network: &'a PairwiseResistance,
     /// Pattern of its near part.
     pub(super) pattern: &'a BlockPattern,
     /// The candidates.
