@@ -91,5 +91,8 @@ pub use params::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, Params, TangentialLaw,
 };
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
-pub use run::steppers::{rosenbrock as two_stage, runge_kutta as integrate};
+pub use run::steppers::{rosenbrock, runge_kutta as integrate};
 pub use run::{instant, pair, simulation, start, verify};
+
+#[cfg(test)]
+mod tests;

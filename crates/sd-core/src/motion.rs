@@ -77,7 +77,7 @@ impl Motion {
     /// Workspace for the spheres the resistance was made for.
     pub fn new(resistance: Resistance) -> Self {
         let n = 3 * resistance.radii().len();
-        let contacts = match resistance.network() {
+        let contacts = match resistance.pairwise() {
             None => Contacts::new(resistance.radii().len()),
             Some(_) => Contacts::default(),
         };
@@ -254,7 +254,7 @@ impl Motion {
         }
         let quality = match law {
             ContactLaw::None => {
-                if let Some(network) = resistance.network() {
+                if let Some(network) = resistance.pairwise() {
                     self.contacts
                         .solve_free_network(network, forces, velocities)?;
                     return finite(velocities, Quality::default());
@@ -269,7 +269,7 @@ impl Motion {
                 surface,
                 time_span,
                 memory,
-            } => match resistance.network() {
+            } => match resistance.pairwise() {
                 None => self.contacts.solve_rigid(
                     resistance, background, &surface, time_span, forces, memory, velocities,
                 ),
@@ -284,7 +284,7 @@ impl Motion {
                     )?
                 }
             },
-            _ if resistance.network().is_some() => return Err(Error::OnlyRigidContacts),
+            _ if resistance.pairwise().is_some() => return Err(Error::OnlyRigidContacts),
             ContactLaw::Procedure { surface, listed } => self
                 .contacts
                 .solve_procedure(resistance, background, &surface, forces, listed, velocities),

@@ -13,7 +13,7 @@ use sd_core::modes::{Background, Vec2};
 use sd_core::motion::{ContactLaw, Motion};
 use sd_core::params::DEEPEST_OVERLAP;
 use sd_core::resistance::Resistance;
-use sd_core::two_stage::TwoStage;
+use sd_core::rosenbrock::Rosenbrock;
 use sd_core::{
     ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
     Simulation, Snapshot, TangentialLaw,
@@ -250,7 +250,7 @@ fn pushed(
     let force = n * push + Vec2::new(-n.y, n.x) * shear;
     let external = [force.x, force.y, 0.0, -force.x, -force.y, 0.0];
     let mut history = History::default();
-    let mut integrator = TwoStage::default();
+    let mut integrator = Rosenbrock::default();
     let dt = time / f64::from(steps);
     for _ in 0..steps {
         let (memory, last) = (&mut out.memory, &mut out.last);

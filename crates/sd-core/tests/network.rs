@@ -7,7 +7,7 @@ use sd_core::contact::{Contact, ContactState, Surface};
 use sd_core::modes::{Background, Vec2};
 use sd_core::motion::{ContactLaw, Motion};
 use sd_core::resistance::Resistance;
-use sd_core::simulation::{LEAST_ITERATED, LEAST_NETWORK};
+use sd_core::simulation::{LEAST_ITERATED, LEAST_PAIRWISE};
 use sd_core::{
     ContactLaws, ContactScheme, Error, Hydrodynamics, NearFields, Params, Simulation, Snapshot,
     TangentialLaw,
@@ -42,15 +42,15 @@ fn sheared(params: &Params, steps: u64) -> (Snapshot, Cell, Vec<Vec2>) {
     (snapshot.clone(), cell, centres.collect())
 }
 
-/// One stage of a layer, as a network or not: velocities, contacts, and the matrix for more.
+/// One stage of a layer, held pair by pair or factored: velocities, contacts, and the matrix for more.
 fn stage(
     (snapshot, cell, centres): &(Snapshot, Cell, Vec<Vec2>),
     surface: Surface,
-    as_network: bool,
+    pairwise: bool,
 ) -> (Vec<f64>, Vec<Contact>, Motion) {
     let (radii, tables) = (&snapshot.radii, NearFields::default());
-    let resistance = if as_network {
-        Resistance::as_network(cell, radii, &tables, &[]).unwrap()
+    let resistance = if pairwise {
+        Resistance::new_pairwise(cell, radii, &tables, &[]).unwrap()
     } else {
         Resistance::new(Hydrodynamics::BallMelrose, cell, radii, &tables).unwrap()
     };
@@ -119,8 +119,8 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         friction: 0.0,
         critical_load: f64::INFINITY,
     };
-    let [dense, network] = [false, true].map(|as_network| {
-        let mut motion = stage(&layer, surface, as_network).2;
+    let [dense, network] = [false, true].map(|pairwise| {
+        let mut motion = stage(&layer, surface, pairwise).2;
         let shear = &Background::SHEAR;
         let torques: Vec<f64> = (0..300).map(|k| f64::from(k).sin()).collect();
         let solved = motion.solve(cell, centres, shear, &torques, ContactLaw::None);
@@ -136,7 +136,7 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         .resistance
         .apply(v, &strain, &mut work, &mut forces, &mut stresslets);
     let mut product = vec![0.0; 300];
-    let network = network.resistance.network().unwrap();
+    let network = network.resistance.pairwise().unwrap();
     network.apply(v, &mut product);
     for (a, b) in product.iter().zip(&forces) {
         assert!((a - b).abs() < 1e-9, "{a} {b}");
@@ -148,7 +148,7 @@ fn a_network_knows_rigid_contacts_only() {
     let layer = sheared(&params(40, 0.6, 0.3), 1);
     let (snapshot, cell, centres) = &layer;
     let tables = NearFields::default();
-    let resistance = Resistance::as_network(cell, &snapshot.radii, &tables, &[]).unwrap();
+    let resistance = Resistance::new_pairwise(cell, &snapshot.radii, &tables, &[]).unwrap();
     let mut motion = Motion::new(resistance);
     let mut listed = sd_core::contact::procedure::ContactList::default();
     let law = ContactLaw::Procedure {
@@ -161,7 +161,7 @@ fn a_network_knows_rigid_contacts_only() {
 
 #[test]
 fn a_run_resumed_has_the_same_bits() {
-    let params = params(LEAST_NETWORK, 0.75, 0.3);
+    let params = params(LEAST_PAIRWISE, 0.75, 0.3);
     let tables = NearFields::default();
     let mut whole = Simulation::new(&params, 2, &tables).unwrap();
     let mut patterns = Vec::new();
@@ -209,7 +209,7 @@ fn laws_chosen_one_by_one_stay_factored() {
             tangential: TangentialLaw::Coulomb,
             ..ContactLaws::PAPER
         }),
-        ..params(LEAST_NETWORK, 0.4, 0.3)
+        ..params(LEAST_PAIRWISE, 0.4, 0.3)
     };
     let mut simulation = Simulation::new(&params, 1, &NearFields::default()).unwrap();
     simulation.step().unwrap();
@@ -218,14 +218,14 @@ fn laws_chosen_one_by_one_stay_factored() {
 
 #[test]
 fn a_large_layer_satisfies_its_conditions_near_jamming() {
-    let params = params(LEAST_NETWORK, 0.8, 1.0);
+    let params = params(LEAST_PAIRWISE, 0.8, 1.0);
     let layer = sheared(&params, 25);
     let counters = layer.0.counters;
     assert_eq!(counters.unconverged_stages, 0, "{counters:?}");
     assert!(counters.minimum_gap > 0.0085);
     let (velocities, contacts, motion) = stage(&layer, params.surface(), true);
     let carrying = contacts.iter().filter(|c| c.normal_force > 0.0).count();
-    assert!(carrying > LEAST_NETWORK, "{carrying}");
+    assert!(carrying > LEAST_PAIRWISE, "{carrying}");
     let largest = contacts.iter().fold(0.0, |m: f64, c| m.max(c.normal_force));
     let (mut forces, mut stresslets, mut work) = (Vec::new(), Vec::new(), Vec::new());
     let strain = Background::SHEAR.strain();

@@ -7,7 +7,7 @@ use sd_core::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
 use sd_core::modes::{Background, Vec2};
 use sd_core::motion::{ContactLaw, Motion};
 use sd_core::resistance::Resistance;
-use sd_core::simulation::is_network;
+use sd_core::simulation::is_pairwise;
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 
 /// Time step of the runs and of the stages timed.
@@ -105,13 +105,13 @@ impl Layer {
         let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
         let centres = snapshot.centres.iter();
         let (radii, tables) = (&snapshot.radii, NearFields::default());
-        let motion = if !is_network(params) {
+        let motion = if !is_pairwise(params) {
             Resistance::new(params.hydrodynamics, &cell, radii, &tables).map(Motion::new)
         } else if params.hydrodynamics == Hydrodynamics::BallMelrose {
-            Resistance::as_network(&cell, radii, &tables, &[]).map(Motion::new)
+            Resistance::new_pairwise(&cell, radii, &tables, &[]).map(Motion::new)
         } else {
             let far = IterativeFarField::new(&cell, radii, DEFAULT_RESIDUAL);
-            let network = Resistance::as_network(&cell, radii, &tables, &[]);
+            let network = Resistance::new_pairwise(&cell, radii, &tables, &[]);
             network.and_then(|network| Ok(Motion::with_far_field(network, far?)))
         };
         Self {

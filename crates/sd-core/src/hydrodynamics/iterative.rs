@@ -20,7 +20,7 @@
 
 pub mod fixed_point;
 mod near;
-pub mod split;
+mod split;
 mod uniform;
 
 use crate::error::Error;
@@ -32,6 +32,7 @@ use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
 use nalgebra::Vector3;
 use near::NearSolver;
+use split::SplitMotion;
 use uniform::{Uniform, translation, translations};
 
 /// Default relative residual.
@@ -46,8 +47,8 @@ const OPERATOR_TOLERANCE: f64 = 0.1;
 pub struct Convergence {
     /// Iterations, each with one product with M and one Ball-Melrose solve for each part of the motion.
     pub iterations: u32,
-    /// Solves of the contact problem; 0 without contacts.
-    pub contact_solves: u32,
+    /// Evaluations of the map of contacts; 0 without contacts.
+    pub evaluations: u32,
     /// Relative residual reached.
     pub residual: f64,
 }
@@ -67,7 +68,7 @@ pub struct IterativeFarField {
     /// Vectors of the conjugate gradients.
     work: Work,
     /// Workspace of the motion in two parts.
-    split: split::Workspace,
+    split: SplitMotion,
 }
 
 /// Vectors of the conjugate gradients, `[6N]` but where said otherwise.
@@ -123,6 +124,7 @@ impl IterativeFarField {
                 drag[3 * (n + i) + k] = single[k].recip();
             }
         }
+        let split = SplitMotion::new(&drag);
         let vector = || vec![0.0; 6 * n];
         let half = || vec![0.0; 3 * n];
         Ok(Self {
@@ -143,7 +145,7 @@ impl IterativeFarField {
                 uniform: Uniform::default(),
                 near: NearSolver::default(),
             },
-            split: split::Workspace::default(),
+            split,
         })
     }
 
@@ -234,7 +236,7 @@ impl IterativeFarField {
             if reached <= self.residual {
                 return Ok(Convergence {
                     iterations,
-                    contact_solves: 0,
+                    evaluations: 0,
                     residual: reached,
                 });
             }
@@ -357,6 +359,3 @@ fn check_length(field: &'static str, found: usize, expected: usize) -> Result<()
         expected: expected / 3,
     })
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,4 +1,4 @@
-//! Acceleration of a fixed point with a long memory.
+//! Acceleration of a fixed point (Anderson 1965) that remembers many steps.
 //!
 //! ```text
 //! steps e_k of x and d_k of the residual that belong together, d_k orthonormal:   x ← x + r − Σ (d_k·r)(e_k + d_k)
@@ -8,13 +8,9 @@
 
 use crate::linalg::dense::{add_scaled, dot};
 
-/// Steps remembered.
-const DEPTH: usize = 40;
-
-/// Memory of the acceleration.
-#[derive(Default)]
-pub(crate) struct Mixing {
-    /// Pairs of steps (of x, of the residual), `kept` of them in use.
+/// The steps that the acceleration of one fixed point remembers.
+pub struct Anderson {
+    /// Pairs of steps (of x, of the residual), as many as are remembered at most, `kept` of them in use.
     steps: Vec<[Vec<f64>; 2]>,
     /// Pairs in use.
     kept: usize,
@@ -26,24 +22,28 @@ pub(crate) struct Mixing {
     connected: bool,
 }
 
-impl Mixing {
-    /// Makes room for so many unknowns.
-    pub(crate) fn reserve(&mut self, unknowns: usize) {
+impl Anderson {
+    /// Remembers up to `depth` steps of `unknowns` numbers; more unknowns make it allocate.
+    pub fn new(depth: usize, unknowns: usize) -> Self {
         let pair = || [Vec::with_capacity(unknowns), Vec::with_capacity(unknowns)];
-        self.steps = (0..DEPTH).map(|_| pair()).collect();
-        self.last = pair();
-        self.restart();
+        Self {
+            steps: (0..depth).map(|_| pair()).collect(),
+            kept: 0,
+            oldest: 0,
+            last: pair(),
+            connected: false,
+        }
     }
 
-    /// Forgets all.
-    pub(crate) fn restart(&mut self) {
+    /// Forgets all steps.
+    pub fn restart(&mut self) {
         self.kept = 0;
         self.oldest = 0;
         self.connected = false;
     }
 
     /// Replaces x by the next guess; `residual` is g(x) − x.
-    pub(crate) fn advance(&mut self, x: &mut [f64], residual: &[f64]) {
+    pub fn advance(&mut self, x: &mut [f64], residual: &[f64]) {
         if self.connected {
             self.learn(x, residual);
         }
@@ -62,7 +62,8 @@ impl Mixing {
 
     /// Adds the step from the last x to this one.
     fn learn(&mut self, x: &[f64], residual: &[f64]) {
-        let full = self.kept == DEPTH;
+        let depth = self.steps.len();
+        let full = self.kept == depth;
         let slot = if full { self.oldest } else { self.kept };
         let mut new = std::mem::take(&mut self.steps[slot]);
         let now = [x, residual];
@@ -91,12 +92,12 @@ impl Mixing {
         }
         self.steps[slot] = new;
         if useful && full {
-            self.oldest = (slot + 1) % DEPTH;
+            self.oldest = (slot + 1) % depth;
         } else if useful {
             self.kept += 1;
         } else if full {
             // An empty place in the middle: the last pair takes it.
-            self.steps.swap(slot, DEPTH - 1);
+            self.steps.swap(slot, depth - 1);
             self.kept -= 1;
             self.oldest = 0;
         }
@@ -118,12 +119,11 @@ mod tests {
             ]
         };
         let residual = |x: &[f64]| -> Vec<f64> { g(x).iter().zip(x).map(|(g, x)| g - x).collect() };
-        let mut mixing = Mixing::default();
-        mixing.reserve(3);
+        let mut anderson = Anderson::new(40, 3);
         let mut x = vec![0.0; 3];
         for _ in 0..4 {
             let r = residual(&x);
-            mixing.advance(&mut x, &r);
+            anderson.advance(&mut x, &r);
         }
         assert!(residual(&x).iter().all(|r| r.abs() < 1e-12), "{x:?}");
     }

@@ -13,7 +13,7 @@ const SMALL: usize = 160;
 const PANEL: usize = 4;
 
 /// Solver of general systems `A x = b`, with its workspace.
-pub struct GeneralSolver {
+pub struct LuSolver {
     /// A to fill, then L and U.
     matrix: Matrix,
     /// Right-hand side of a small system.
@@ -26,7 +26,7 @@ pub struct GeneralSolver {
     capacity: usize,
 }
 
-impl Default for GeneralSolver {
+impl Default for LuSolver {
     fn default() -> Self {
         Self::new(0)
     }
@@ -39,7 +39,7 @@ fn scratch(n: usize) -> MemBuffer {
     MemBuffer::new(factoring.or(solving))
 }
 
-impl GeneralSolver {
+impl LuSolver {
     /// Workspace for systems up to `[n × n]`; larger ones make it grow.
     pub fn new(n: usize) -> Self {
         let mut matrix = Matrix::default();
@@ -53,7 +53,7 @@ impl GeneralSolver {
         }
     }
 
-    /// The matrix to fill before [`GeneralSolver::solve`], which overwrites it.
+    /// The matrix to fill before [`LuSolver::solve`], which overwrites it.
     pub fn matrix_mut(&mut self) -> &mut Matrix {
         &mut self.matrix
     }
@@ -103,7 +103,7 @@ impl GeneralSolver {
         Ok(())
     }
 
-    /// [`GeneralSolver::solve`] of a small system: four columns at a time, whose steps the other columns then take at once. The
+    /// [`LuSolver::solve`] of a small system: four columns at a time, whose steps the other columns then take at once. The
     /// right-hand side comes along as one more column.
     fn solve_small(&mut self, x: &mut [f64]) -> Result<(), NotPositive> {
         let [work, _] = &mut self.permutation;
@@ -231,7 +231,7 @@ mod tests {
 
     #[test]
     fn solves_systems_of_changing_size_and_names_a_singular_column() {
-        let mut solver = GeneralSolver::new(4);
+        let mut solver = LuSolver::new(4);
         for n in [3, 40, 7, 200, 8] {
             solver.matrix_mut().reset(n, n);
             for j in 0..n {

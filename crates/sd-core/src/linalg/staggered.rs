@@ -4,7 +4,7 @@
 //! where they begin, each block of rows concerns the leading ones only, and a product of two blocks of columns only the
 //! rows below both beginnings: half to a third of the dense cost.
 
-use super::cholesky::skyline::{PANEL, ProfileCholesky};
+use super::cholesky::skyline::{PANEL, SkylineCholesky};
 use super::dense::Matrix;
 use super::simd::vectorised;
 use super::vector;
@@ -96,7 +96,7 @@ impl StaggeredColumns {
     }
 
     /// Replaces the columns B by `L⁻¹ B`.
-    pub fn solve_lower(&mut self, cholesky: &ProfileCholesky) {
+    pub fn solve_lower(&mut self, cholesky: &SkylineCholesky) {
         let n = self.matrix.rows();
         let lower = cholesky.lower();
         let mut columns = 0;
@@ -231,7 +231,7 @@ mod tests {
 
     #[test]
     fn solves_are_those_of_whole_columns() {
-        let mut cholesky = ProfileCholesky::new(120);
+        let mut cholesky = SkylineCholesky::new(120);
         let matrix = cholesky.full_matrix();
         matrix.reset(120, 120);
         for j in 0..120 {

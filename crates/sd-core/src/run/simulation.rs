@@ -15,12 +15,13 @@ use crate::contact::{Surface, most_contacts};
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
+use crate::geometry::pair::PairKey;
 use crate::hydrodynamics::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::motion::{ContactLaw, Motion};
 use crate::params::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
 use crate::run::start;
-use crate::run::steppers::rosenbrock::TwoStage;
+use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::runge_kutta::{RungeKutta, Stage, State};
 use crate::stress::{ContactCounts, StressWork};
 use serde::{Deserialize, Serialize};
@@ -36,11 +37,11 @@ const HELD_SHARE: f64 = 0.5;
 /// ```text
 /// Ball-Melrose: R_FU (3N)², columns of the contacts 2 × 3N × K, their products 3 K², with K ≈ 1.5 N candidates
 /// Stokesian Dynamics: besides, M (6N)² and two more matrices (3N)²
-/// as a network: pairs, two sparse factors and their pattern, 16 kB per sphere; an iterated far field 32 kB more
+/// pair by pair: two sparse factors and their pattern, 16 kB per sphere; an iterated far field 32 kB more
 /// ```
 pub fn memory_bytes(params: &Params) -> f64 {
     let n = params.spheres as f64;
-    if is_network(params) {
+    if is_pairwise(params) {
         return match params.hydrodynamics {
             Hydrodynamics::BallMelrose => 16384.0 * n,
             Hydrodynamics::StokesianDynamics => 49152.0 * n,
@@ -54,15 +55,17 @@ pub fn memory_bytes(params: &Params) -> f64 {
     8.0 * (near + far) * n * n + 8192.0 * n
 }
 
-/// Spheres from which on a layer of rigid contacts is held as a network, under Ball-Melrose hydrodynamics: where it costs less.
-pub const LEAST_NETWORK: usize = 250;
+/// Spheres from which on the resistance of a layer of rigid contacts is held pair by pair under Ball-Melrose hydrodynamics, where
+/// that costs less.
+pub const LEAST_PAIRWISE: usize = 250;
 /// The same under Stokesian Dynamics, where the far field is then iterated.
 pub const LEAST_ITERATED: usize = 800;
 
-/// Whether runs with these parameters hold the layer as a [network](crate::hydrodynamics::resistance::Network).
-pub fn is_network(params: &Params) -> bool {
+/// Whether runs with these parameters hold the resistance pair by pair, as a
+/// [`PairwiseResistance`](crate::hydrodynamics::resistance::PairwiseResistance).
+pub fn is_pairwise(params: &Params) -> bool {
     let least = match params.hydrodynamics {
-        Hydrodynamics::BallMelrose => LEAST_NETWORK,
+        Hydrodynamics::BallMelrose => LEAST_PAIRWISE,
         Hydrodynamics::StokesianDynamics => LEAST_ITERATED,
     };
     params.contact == ContactScheme::Rigid && params.spheres >= least
@@ -114,7 +117,7 @@ pub struct Simulation {
     /// Integrator.
     integrator: RungeKutta,
     /// Integrator of soft laws.
-    two_stage: TwoStage,
+    rosenbrock: Rosenbrock,
     /// Stresslets.
     stress: StressWork,
     /// A look at the first stage, while one is asked for.
@@ -158,8 +161,8 @@ impl Simulation {
         params.validate()?;
         snapshot.check(params)?;
         let cell = Cell::periodic(snapshot.side, snapshot.side, 0.0)?;
-        let mut resistance = if is_network(params) {
-            Resistance::as_network(&cell, &snapshot.radii, tables, &snapshot.near_pairs)?
+        let mut resistance = if is_pairwise(params) {
+            Resistance::new_pairwise(&cell, &snapshot.radii, tables, &snapshot.near_pairs)?
         } else {
             Resistance::new(params.hydrodynamics, &cell, &snapshot.radii, tables)?
         };
@@ -177,7 +180,7 @@ impl Simulation {
             }
         };
         let motion =
-            if is_network(params) && params.hydrodynamics == Hydrodynamics::StokesianDynamics {
+            if is_pairwise(params) && params.hydrodynamics == Hydrodynamics::StokesianDynamics {
                 let far = IterativeFarField::new(&cell, &snapshot.radii, DEFAULT_RESIDUAL)?;
                 Motion::with_far_field(resistance, far)
             } else {
@@ -206,7 +209,7 @@ impl Simulation {
             counters: snapshot.counters,
             motion,
             integrator: RungeKutta::default(),
-            two_stage: TwoStage::default(),
+            rosenbrock: Rosenbrock::default(),
             stress: StressWork::default(),
             frame: None,
         })
@@ -307,11 +310,11 @@ impl Simulation {
         dt: f64,
         sample: &mut Option<Sample>,
     ) -> Result<(), Error> {
-        let mut two_stage = std::mem::take(&mut self.two_stage);
-        let result = two_stage.step(state, time, dt, |stage, centres, velocities| {
+        let mut rosenbrock = std::mem::take(&mut self.rosenbrock);
+        let result = rosenbrock.step(state, time, dt, |stage, centres, velocities| {
             self.stage(stage, centres, velocities, sample)
         });
-        self.two_stage = two_stage;
+        self.rosenbrock = rosenbrock;
         result
     }
 
@@ -463,17 +466,10 @@ impl Simulation {
         &self.counters
     }
 
-    /// The pattern of a layer held as a network.
-    fn near_pairs(&self) -> Vec<(u32, u32)> {
-        let Some(network) = self.motion.resistance.network() else {
-            return Vec::new();
-        };
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "sphere numbers fit 32 bits"
-        )]
-        let short = |&(i, j): &(usize, usize)| (i as u32, j as u32);
-        network.listed().iter().map(short).collect()
+    /// The pairs of the near part's pattern, where the resistance is held pair by pair.
+    fn near_pairs(&self) -> Vec<PairKey> {
+        let pairwise = self.motion.resistance.pairwise();
+        pairwise.map_or_else(Vec::new, |pairwise| pairwise.pattern_pairs().to_vec())
     }
 
     /// All that the next step needs.

@@ -1,4 +1,4 @@
-//! Ball-Melrose solves: by the factor, or in a network by conjugate gradients.
+//! Ball-Melrose solves: by the factor, or pair by pair with conjugate gradients.
 
 use crate::error::Error;
 use crate::hydrodynamics::resistance::Resistance;
@@ -17,7 +17,7 @@ pub(super) struct NearSolver {
     rows: Vec<f64>,
     /// Right-hand side, `[3N]`.
     forces: Vec<f64>,
-    /// Factor of the near part of a network.
+    /// Factor of the near part of what is held pair by pair.
     factor: BlockCholesky,
     /// Iteration with the whole of it.
     gradients: ConjugateGradients,
@@ -27,15 +27,13 @@ impl NearSolver {
     /// Takes the resistance at its positions.
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`]; [`Error::OutOfMemory`] for a network that was not assembled.
+    /// [`Error::NotPositiveDefinite`].
     pub(super) fn start(&mut self, near: &Resistance) -> Result<(), Error> {
-        let Some(network) = near.network() else {
+        let Some(pairwise) = near.pairwise() else {
             return Ok(());
         };
-        let pattern = network.pattern().ok_or(Error::OutOfMemory {
-            purpose: "a network that was not assembled",
-        })?;
-        network.fill(pattern, &mut self.factor);
+        let pattern = pairwise.pattern();
+        pairwise.fill(pattern, &mut self.factor);
         self.factor
             .factor(pattern)
             .map_err(|bad| Error::NotPositiveDefinite {
@@ -47,15 +45,13 @@ impl NearSolver {
 
     /// `x ← R_BM⁻¹ x`, `[3N]`.
     pub(super) fn solve(&mut self, near: &Resistance, x: &mut [f64]) {
-        let Some(network) = near.network() else {
+        let Some(pairwise) = near.pairwise() else {
             near.to_rows(x, &mut self.rows);
             near.solver().solve(&mut self.rows);
             near.from_rows(&self.rows, x);
             return;
         };
-        let Some(pattern) = network.pattern() else {
-            return;
-        };
+        let pattern = pairwise.pattern();
         self.forces.clear();
         self.forces.extend_from_slice(x);
         let factor = &mut self.factor;
@@ -63,7 +59,7 @@ impl NearSolver {
             &self.forces,
             x,
             (LEFT * largest(&self.forces), MOST_ITERATIONS),
-            |v, y| network.apply(v, y),
+            |v, y| pairwise.apply(v, y),
             |r, z| factor.solve(pattern, r, z),
         );
     }

@@ -8,17 +8,20 @@
 //! Contacts are solved under Ball-Melrose hydrodynamics, on which the far field acts as the forces −δ. Given q and c, take
 //! `δ = q − M₀⁻¹ (M q + V c)` and let the spheres move; `M₀⁻¹ x + δ` is the next q, and c moves by what the pair terms would need to
 //! take up the force on the layer, `(Vᵀ R_n V)⁻¹ Vᵀ q`. This map is what the preconditioned conjugate gradients of [`super`]
-//! iterate; contacts make it piecewise linear, and friction takes its symmetry: [`super::fixed_point`] accelerate it with a long memory.
+//! iterate; contacts make it piecewise linear, and friction takes its symmetry: [`super::fixed_point`] accelerates it, remembering many
+//! steps.
 
-use super::IterativeFarField;
-use super::uniform::translation;
-use crate::linalg::anderson::Mixing;
+use super::uniform::{Uniform, translation};
+use crate::hydrodynamics::far_field::operator::FarOperator;
+use crate::linalg::anderson::Anderson;
 use crate::linalg::dense::dot;
 use nalgebra::Vector3;
 
+/// Steps that the acceleration remembers.
+const DEPTH: usize = 40;
+
 /// Vectors of the iteration, `[12N]`: part N `[6N]`, strains first, then part T; where said also c of both parts, four numbers.
-#[derive(Default)]
-pub(super) struct Workspace {
+pub(super) struct SplitMotion {
     /// `√M₀ q` and c times the root of the layer's drag, `[12N + 4]`.
     pub(super) scaled: Vec<f64>,
     /// `√M₀⁻¹`, then one over the root of the layer's drag, `[12N + 4]`.
@@ -38,39 +41,33 @@ pub(super) struct Workspace {
     /// What the law makes of them.
     pub(super) wanted: Vec<f64>,
     /// Acceleration.
-    pub(super) mixing: Mixing,
+    pub(super) anderson: Anderson,
 }
 
-impl Workspace {
+impl SplitMotion {
+    /// From nothing, for spheres whose isolated drags `[6N]`, strains first, are the diagonal of M₀⁻¹.
+    pub(super) fn new(drag: &[f64]) -> Self {
+        let n = drag.len();
+        let whole: f64 = drag[n / 2..].iter().step_by(3).sum();
+        let mut roots: Vec<f64> = drag.iter().chain(drag).map(|drag| drag.sqrt()).collect();
+        roots.extend([whole.sqrt().recip(); 4]);
+        Self {
+            scaled: vec![0.0; 2 * n + 4],
+            roots,
+            densities: vec![0.0; 2 * n],
+            flow: vec![0.0; 2 * n],
+            change: vec![0.0; 2 * n + 4],
+            forces: vec![0.0; n],
+            velocities: vec![0.0; n],
+            applied: Vec::new(),
+            wanted: Vec::new(),
+            anderson: Anderson::new(DEPTH, 2 * n + 4),
+        }
+    }
+
     /// Starts the next solve from nothing.
     pub(super) fn forget(&mut self) {
         self.scaled.fill(0.0);
-    }
-
-    /// Gives the vectors their lengths; all but the first time nothing happens.
-    pub(super) fn prepare(&mut self, drag: &[f64]) {
-        let n = drag.len();
-        if self.roots.len() == 2 * n + 4 {
-            return;
-        }
-        let whole: f64 = drag[n / 2..].iter().step_by(3).sum();
-        self.roots.clear();
-        self.roots
-            .extend(drag.iter().chain(drag).map(|drag| drag.sqrt()));
-        self.roots.extend([whole.sqrt().recip(); 4]);
-        for vector in [&mut self.densities, &mut self.flow] {
-            vector.clear();
-            vector.resize(2 * n, 0.0);
-        }
-        for vector in [&mut self.scaled, &mut self.change] {
-            vector.clear();
-            vector.resize(2 * n + 4, 0.0);
-        }
-        for vector in [&mut self.forces, &mut self.velocities] {
-            vector.clear();
-            vector.resize(n, 0.0);
-        }
-        self.mixing.reserve(2 * n + 4);
     }
 
     /// Norm of `change` over that of the next `√M₀ q` of both parts together: near jamming the two are large and all but cancel.
@@ -89,78 +86,74 @@ impl Workspace {
             0.0
         }
     }
-}
 
-impl IterativeFarField {
     /// `M q`, and with it the forces on the Ball-Melrose spheres.
-    pub(super) fn take_flow(&mut self, forces: &[f64]) {
-        let whole = self.drag.len();
+    ///
+    /// `drag`: the diagonal of M₀⁻¹, `[6N]`; `forces`: on the spheres, `[3N]`.
+    pub(super) fn take_flow(&mut self, operator: &mut FarOperator, drag: &[f64], forces: &[f64]) {
+        let whole = drag.len();
         let half = whole / 2;
-        let work = &mut self.split;
-        for ((q, scaled), root) in work.densities.iter_mut().zip(&work.scaled).zip(&work.roots) {
+        for ((q, scaled), root) in self.densities.iter_mut().zip(&self.scaled).zip(&self.roots) {
             *q = scaled * root;
         }
-        work.flow.fill(0.0);
-        let moving = work.densities.iter().rposition(|&q| q != 0.0);
+        self.flow.fill(0.0);
+        let moving = self.densities.iter().rposition(|&q| q != 0.0);
         let parts = moving.map_or(0, |last| last / whole + 1) * whole;
-        self.operator
-            .apply(&work.densities[..parts], &mut work.flow[..parts]);
+        operator.apply(&self.densities[..parts], &mut self.flow[..parts]);
         for part in 0..2 {
-            let q = &work.densities[part * whole..(part + 1) * whole];
-            let flow = &mut work.flow[part * whole..(part + 1) * whole];
+            let q = &self.densities[part * whole..(part + 1) * whole];
+            let flow = &mut self.flow[part * whole..(part + 1) * whole];
             let c = [0, 1].map(|row| {
                 let at = 2 * (whole + part) + row;
-                work.scaled[at] * work.roots[at]
+                self.scaled[at] * self.roots[at]
             });
             for k in 0..half {
                 flow[half + k] += translation(c, k);
                 let external = if part == 0 { forces[k] } else { 0.0 };
-                let excess = q[half + k] - self.drag[half + k] * flow[half + k];
-                work.forces[part * half + k] = external - excess;
+                let excess = q[half + k] - drag[half + k] * flow[half + k];
+                self.forces[part * half + k] = external - excess;
             }
         }
     }
 
     /// The change for the velocities at hand: `√M₀⁻¹ (x − M q − V c)`, and that of c.
-    pub(super) fn take_change(&mut self, strain: &Vector3<f64>) {
-        let whole = self.drag.len();
+    pub(super) fn take_change(&mut self, uniform: &Uniform, strain: &Vector3<f64>) {
+        let whole = self.velocities.len();
         let half = whole / 2;
-        let work = &mut self.split;
         for part in 0..2 {
             for k in 0..whole {
                 let x = match (part, k < half) {
-                    (_, false) => work.velocities[part * half + k - half],
+                    (_, false) => self.velocities[part * half + k - half],
                     (0, true) => -strain[k % 3],
                     _ => 0.0,
                 };
                 let at = part * whole + k;
-                work.change[at] = work.roots[at] * (x - work.flow[at]);
+                self.change[at] = self.roots[at] * (x - self.flow[at]);
             }
             // The next q, whose sum the pair terms are to take up.
             let mut net = [0.0; 2];
             for k in (0..half).filter(|k| k % 3 < 2) {
                 let at = part * whole + half + k;
-                net[k % 3] += work.densities[at] + work.roots[at] * work.change[at];
+                net[k % 3] += self.densities[at] + self.roots[at] * self.change[at];
             }
-            let c = self.work.uniform.against(net);
+            let c = uniform.against(net);
             for (row, c) in c.into_iter().enumerate() {
                 let at = 2 * (whole + part) + row;
-                work.change[at] = c / work.roots[at];
+                self.change[at] = c / self.roots[at];
             }
         }
     }
 
-    /// The excess of both parts together, and their velocities.
-    pub(super) fn finish(&mut self, velocities: &mut [f64]) {
-        let whole = self.drag.len();
+    /// The excess δ `[6N]` of both parts together, and their velocities `[3N]`.
+    pub(super) fn finish(&self, drag: &[f64], excess: &mut [f64], velocities: &mut [f64]) {
+        let whole = drag.len();
         let half = whole / 2;
-        let work = &mut self.split;
-        let (normal, friction) = work.velocities.split_at(half);
+        let (normal, friction) = self.velocities.split_at(half);
         for ((v, normal), friction) in velocities.iter_mut().zip(normal).zip(friction) {
             *v = normal + friction;
         }
-        for (k, excess) in self.excess.iter_mut().enumerate() {
-            let parts = [k, k + whole].map(|at| work.densities[at] - self.drag[k] * work.flow[at]);
+        for (k, excess) in excess.iter_mut().enumerate() {
+            let parts = [k, k + whole].map(|at| self.densities[at] - drag[k] * self.flow[at]);
             *excess = parts[0] + parts[1];
         }
     }

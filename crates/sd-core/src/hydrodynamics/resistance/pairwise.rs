@@ -1,7 +1,8 @@
 //! `R_FU` of Ball-Melrose hydrodynamics pair by pair: products with it in O(N), and its near part for a sparse factor.
 
+use super::isolated;
 use crate::error::Error;
-use crate::geometry::pair::Neighbours;
+use crate::geometry::pair::{Neighbours, PairKey};
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::sparse::{Block, BlockCholesky, BlockPattern};
 use crate::linalg::simd::vectorised;
@@ -12,41 +13,39 @@ const NEAR: f64 = 2.4;
 /// A new pattern takes in pairs up to this, in s', so that it serves for a while.
 const PATTERN: f64 = 2.7;
 
-/// What a pair outside the pattern has for a number in it.
-const NONE: usize = usize::MAX;
-
-/// The resistance of all spheres, pair by pair.
-#[derive(Default)]
-pub struct Network {
+/// `R_FU` of all spheres: the block of each sphere with itself, and of each pair in range.
+pub struct PairwiseResistance {
     /// Block of each sphere with itself.
     own: Vec<Block>,
     /// Pairs (i, j) and their blocks: rows of j, columns of i.
     couplings: Vec<([usize; 2], Block)>,
-    /// Number of each pair in the pattern, or [`NONE`].
-    numbers: Vec<usize>,
+    /// Number in the pattern of each pair that is in it.
+    numbers: Vec<Option<usize>>,
     /// Pairs of the pattern, ordered.
-    listed: Vec<(usize, usize)>,
+    pattern_pairs: Vec<PairKey>,
     /// The pattern of the near part.
-    pattern: Option<BlockPattern>,
+    pattern: BlockPattern,
+    /// Whether the pattern was made for positions of these spheres; before the first ones it has no pair.
+    has_positions: bool,
 }
 
-impl Network {
-    /// An empty one, with the pattern of the given pairs; empty: with a new one at the first positions.
+impl PairwiseResistance {
+    /// Without blocks yet, with the pattern of the given pairs; if there are none, the first positions make the pattern.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(super) fn new(spheres: usize, listed: &[(u32, u32)]) -> Result<Self, Error> {
-        let mut network = Self::default();
-        if !listed.is_empty() {
-            let pairs = listed.iter().map(|&(i, j)| (i as usize, j as usize));
-            network.list(spheres, pairs)?;
-        }
-        Ok(network)
+    pub(super) fn new(spheres: usize, pattern_pairs: &[PairKey]) -> Result<Self, Error> {
+        Ok(Self {
+            own: Vec::with_capacity(spheres),
+            couplings: Vec::new(),
+            numbers: Vec::new(),
+            pattern_pairs: pattern_pairs.to_vec(),
+            pattern: pattern(spheres, pattern_pairs)?,
+            has_positions: !pattern_pairs.is_empty(),
+        })
     }
 
     /// Takes over the pair terms, and makes a new pattern where a near pair is not in the old one.
-    ///
-    /// `drags`: by sphere, what resists its motion alone.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -55,11 +54,12 @@ impl Network {
         pairs: &[Neighbours],
         terms: &[PairTerm],
         radii: &[f64],
-        drags: impl Iterator<Item = [f64; 3]>,
     ) -> Result<(), Error> {
         self.own.clear();
-        self.own
-            .extend(drags.map(|[x, y, spin]| [x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, spin]));
+        self.own.extend(radii.iter().map(|&a| {
+            let [x, y, spin] = isolated::drag(a);
+            [x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, spin]
+        }));
         self.couplings.clear();
         let (own, couplings) = (&mut self.own, &mut self.couplings);
         vectorised(
@@ -82,58 +82,64 @@ impl Network {
         let closer = |pair: &Neighbours, limit: f64| {
             pair.distance < 0.5 * limit * (radii[pair.i] + radii[pair.j])
         };
-        if !self.number(pairs, |pair| closer(pair, NEAR)) {
+        if !self.number(pairs, |pair| closer(pair, NEAR)) || !self.has_positions {
             let near = pairs.iter().filter(|pair| closer(pair, PATTERN));
-            self.list(radii.len(), near.map(|pair| (pair.i, pair.j)))?;
+            self.pattern_pairs.clear();
+            self.pattern_pairs.extend(near.map(Neighbours::key));
+            self.pattern = pattern(radii.len(), &self.pattern_pairs)?;
+            self.has_positions = true;
             self.number(pairs, |_| false);
         }
         Ok(())
     }
 
-    /// Makes the pattern of these pairs.
-    fn list(
-        &mut self,
-        spheres: usize,
-        pairs: impl Iterator<Item = (usize, usize)>,
-    ) -> Result<(), Error> {
-        self.listed.clear();
-        self.listed.extend(pairs);
-        let pattern = BlockPattern::new(spheres, &self.listed).ok_or(Error::OutOfMemory {
-            purpose: "the sparse factor of the resistance",
-        })?;
-        self.pattern = Some(pattern);
-        Ok(())
-    }
-
-    /// Finds each pair in the pattern; whether there is one with all that it needs.
+    /// Finds each pair in the pattern; `false` if one that the pattern needs is not there.
     fn number(&mut self, pairs: &[Neighbours], needs: impl Fn(&Neighbours) -> bool) -> bool {
         self.numbers.clear();
-        let mut listed = self.listed.iter().enumerate().peekable();
+        let mut listed = self.pattern_pairs.iter().enumerate().peekable();
         for pair in pairs {
-            let key = (pair.i, pair.j);
+            let key = pair.key();
             while listed.next_if(|(_, other)| **other < key).is_some() {}
             match listed.peek() {
-                Some(&(number, other)) if *other == key => self.numbers.push(number),
+                Some(&(number, other)) if *other == key => self.numbers.push(Some(number)),
                 _ if needs(pair) => return false,
-                _ => self.numbers.push(NONE),
+                _ => self.numbers.push(None),
             }
         }
-        self.pattern.is_some()
+        true
     }
 
-    /// The pattern of the near part; `None` before the first positions.
-    pub fn pattern(&self) -> Option<&BlockPattern> {
-        self.pattern.as_ref()
+    /// Adds `slope` n nᵀ of a pair's relative velocity, for a pair that was assembled.
+    pub(super) fn add_spring(&mut self, pair: &Neighbours, slope: f64) {
+        let (n, spheres) = (pair.normal, [pair.i, pair.j]);
+        let at = self
+            .couplings
+            .binary_search_by_key(&spheres, |(key, _)| *key)
+            .expect("springs join pairs in range, which were all assembled");
+        for column in 0..2 {
+            for row in 0..2 {
+                let value = slope * n[row] * n[column];
+                for sphere in spheres {
+                    self.own[sphere][3 * column + row] += value;
+                }
+                self.couplings[at].1[3 * column + row] -= value;
+            }
+        }
+    }
+
+    /// The pattern of the near part.
+    pub fn pattern(&self) -> &BlockPattern {
+        &self.pattern
     }
 
     /// Pairs of the pattern, ordered.
-    pub fn listed(&self) -> &[(usize, usize)] {
-        &self.listed
+    pub fn pattern_pairs(&self) -> &[PairKey] {
+        &self.pattern_pairs
     }
 
     /// Number of a pair in the pattern, which has all pairs near contact.
     pub fn number_of(&self, pair: &Neighbours) -> Option<usize> {
-        self.listed.binary_search(&(pair.i, pair.j)).ok()
+        self.pattern_pairs.binary_search(&pair.key()).ok()
     }
 
     /// `y = R_FU v`, vectors `[3N]`.
@@ -167,9 +173,23 @@ impl Network {
             matrix.add_own(pattern, sphere, block);
         }
         for ((_, block), &number) in self.couplings.iter().zip(&self.numbers) {
-            if number != NONE {
+            if let Some(number) = number {
                 matrix.add_coupling(pattern, number, block);
             }
         }
     }
+}
+
+/// The pattern of these pairs.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+fn pattern(spheres: usize, pairs: &[PairKey]) -> Result<BlockPattern, Error> {
+    let couplings: Vec<_> = pairs
+        .iter()
+        .map(|&(i, j)| (i as usize, j as usize))
+        .collect();
+    BlockPattern::new(spheres, &couplings).ok_or(Error::OutOfMemory {
+        purpose: "the sparse factor of the resistance",
+    })
 }

@@ -25,7 +25,7 @@ pub(in crate::linalg) const PANEL: usize = 24;
 
 /// Cholesky factorization `A = L Lᵀ` within a band and last rows, with its workspace.
 #[derive(Default)]
-pub struct ProfileCholesky {
+pub struct SkylineCholesky {
     /// Storage and the full factorization.
     full: Cholesky,
     /// End of the band of each panel of columns, ascending; empty for a full matrix.
@@ -34,7 +34,7 @@ pub struct ProfileCholesky {
     tail: usize,
 }
 
-impl ProfileCholesky {
+impl SkylineCholesky {
     /// Workspace for matrices up to `[n × n]`; larger ones make it grow.
     pub fn new(n: usize) -> Self {
         Self {
@@ -44,7 +44,7 @@ impl ProfileCholesky {
         }
     }
 
-    /// The matrix to fill (lower triangle) before [`ProfileCholesky::factor`], as a full one of whatever shape it is given.
+    /// The matrix to fill (lower triangle) before [`SkylineCholesky::factor`], as a full one of whatever shape it is given.
     pub fn full_matrix(&mut self) -> &mut Matrix {
         self.ends.clear();
         self.full.matrix_mut()
@@ -53,7 +53,7 @@ impl ProfileCholesky {
     /// The matrix `[n × n]` to fill (lower triangle), zero in its profile.
     ///
     /// `ends`: by column, the end of the rows before `tail` that are not zero; rows from `tail` on may all be.
-    pub fn matrix_of_profile(
+    pub fn matrix_of_skyline(
         &mut self,
         n: usize,
         ends: impl Iterator<Item = usize>,
@@ -259,12 +259,12 @@ mod tests {
             full.matrix_mut().reset(n, n);
             fill(full.matrix_mut(), n, tail);
             full.factor().unwrap();
-            let mut profile = ProfileCholesky::new(n);
+            let mut profile = SkylineCholesky::new(n);
             // Whatever lies outside must not be read.
             profile.full_matrix().reshape(n, n);
             profile.full_matrix().values_mut().fill(f64::NAN);
             let ends = (0..n).map(|j| (j + 30).min(n));
-            fill(profile.matrix_of_profile(n, ends, tail), n, tail);
+            fill(profile.matrix_of_skyline(n, ends, tail), n, tail);
             // `fill` writes within the profile only.
             profile.factor().unwrap();
             let mut x: Vec<f64> = (0..n).map(|k| (k as f64).cos()).collect();
@@ -277,8 +277,8 @@ mod tests {
 
     #[test]
     fn indefinite_matrix_names_its_row() {
-        let mut profile = ProfileCholesky::new(100);
-        let matrix = profile.matrix_of_profile(100, 1..=100, 90);
+        let mut profile = SkylineCholesky::new(100);
+        let matrix = profile.matrix_of_skyline(100, 1..=100, 90);
         for k in 0..100 {
             matrix[(k, k)] = if k == 70 { -1.0 } else { 1.0 };
         }

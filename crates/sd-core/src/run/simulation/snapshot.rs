@@ -4,6 +4,7 @@ use super::Counters;
 use crate::contact::procedure::ContactList;
 use crate::contact::rigid::Memory;
 use crate::error::Error;
+use crate::geometry::pair::PairKey;
 use crate::params::Params;
 use crate::run::start;
 use serde::{Deserialize, Serialize};
@@ -33,9 +34,10 @@ pub struct Snapshot {
     pub memory: Memory,
     /// Contact list of the procedure.
     pub listed: ContactList,
-    /// Pairs of the near part's pattern, ordered, in layers held as a network: the order of elimination follows from them.
+    /// Pairs of the near part's pattern, ordered, where the resistance is held pair by pair: the order of elimination follows from
+    /// them.
     #[serde(default)]
-    pub near_pairs: Vec<(u32, u32)>,
+    pub near_pairs: Vec<PairKey>,
     /// Counters.
     pub counters: Counters,
 }

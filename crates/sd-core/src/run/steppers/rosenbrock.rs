@@ -20,14 +20,14 @@ pub const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
 
 /// Workspace of the integrator.
 #[derive(Debug, Default)]
-pub struct TwoStage {
+pub struct Rosenbrock {
     /// Centres at the stage.
     centres: Vec<Vec2>,
     /// Velocities of both stages, `[3N]` each: `(U_x, U_y, Ω)` per sphere, background included.
     velocities: [Vec<f64>; 2],
 }
 
-impl TwoStage {
+impl Rosenbrock {
     /// One step. `rhs(stage, centres, velocities)` fills in the velocities `[3N]` at the given centres; `stage.span` is γτ.
     ///
     /// # Errors
@@ -78,7 +78,7 @@ mod tests {
             centres: vec![Vec2::new(1.0, 0.0)],
             orientations: vec![0.0],
         };
-        let mut integrator = TwoStage::default();
+        let mut integrator = Rosenbrock::default();
         let dt = 1.0 / f64::from(steps);
         let mut first = 0.0;
         for k in 0..steps {

@@ -2,16 +2,19 @@
 
 mod dense_contacts;
 
-use super::*;
 use crate::contact::network::passing::NetworkPasses;
 use crate::contact::rigid::Memory;
-use crate::contact::{ContactState, Contacts, Surface};
-use crate::geometry::modes::{Background, strain_tensor};
-use crate::hydrodynamics::far_field::{FarField, FarResistance};
+use crate::contact::{Contact, ContactState, Contacts, Surface};
+use crate::geometry::cell::Cell;
+use crate::geometry::modes::{Background, Vec2, strain_tensor};
+use crate::hydrodynamics::iterative::{Convergence, IterativeFarField, MOST_ITERATIONS};
+use crate::hydrodynamics::resistance::Resistance;
+use crate::linalg::dense::{add_scaled, dot};
 use crate::motion::{ContactLaw, Motion};
 use crate::stress::StressWork;
-use crate::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
+use crate::{ContactScheme, Error, Hydrodynamics, NearFields, Params, Simulation};
 use dense_contacts::DenseContacts;
+use nalgebra::Vector3;
 
 /// Parameters of a layer with many contacts, all with friction.
 fn params(spheres: usize, size_ratio: f64) -> Params {
@@ -46,12 +49,20 @@ fn external(spheres: usize) -> Vec<f64> {
     let mut forces: Vec<f64> = (0..3 * spheres)
         .map(|k| 3.0 * (1.7 * k as f64 + 0.01 * (k * k) as f64).sin())
         .collect();
-    centre(&mut forces);
+    for c in 0..2 {
+        let mean = forces[c..].iter().step_by(3).sum::<f64>() / spheres as f64;
+        forces[c..].iter_mut().step_by(3).for_each(|f| *f -= mean);
+    }
     forces
 }
 
 /// Ball-Melrose at given positions, and the forces that drive it.
-fn near(cell: &Cell, centres: &[Vec2], radii: &[f64], external: &[f64]) -> (Resistance, Vec<f64>) {
+fn near_factored(
+    cell: &Cell,
+    centres: &[Vec2],
+    radii: &[f64],
+    external: &[f64],
+) -> (Resistance, Vec<f64>) {
     let tables = NearFields::default();
     let mut near = Resistance::new(Hydrodynamics::BallMelrose, cell, radii, &tables).unwrap();
     near.update(cell, centres).unwrap();
@@ -63,11 +74,7 @@ fn near(cell: &Cell, centres: &[Vec2], radii: &[f64], external: &[f64]) -> (Resi
 
 /// Full Stokesian Dynamics with periodic sums closer than usual.
 fn dense_resistance(cell: &Cell, radii: &[f64]) -> Resistance {
-    let hydrodynamics = Hydrodynamics::StokesianDynamics;
-    let mut dense = Resistance::new(hydrodynamics, cell, radii, &NearFields::default()).unwrap();
-    let far_field = FarField::new(cell, radii, 1e-13).unwrap();
-    dense.far = Some(FarResistance::new(far_field));
-    dense
+    Resistance::new_dense(cell, radii, &NearFields::default(), 1e-13).unwrap()
 }
 
 /// Root mean square of a vector, and of its difference from another over it.
@@ -93,7 +100,7 @@ fn linear_motion_is_that_of_the_dense_far_field() {
             .unwrap();
         let mut expected = StressWork::default();
         let power = expected.update(&dense, &shear);
-        let (near, forces) = near(&cell, &centres, &radii, &external);
+        let (near, forces) = near_factored(&cell, &centres, &radii, &external);
         for residual in [1e-4, 1e-6, 1e-7] {
             let mut far = IterativeFarField::new(&cell, &radii, residual).unwrap();
             far.update(&cell, &centres).unwrap();
@@ -125,7 +132,7 @@ fn linear_motion_is_that_of_the_dense_far_field() {
 #[test]
 fn solves_allocate_nothing_and_stop_at_the_limit() {
     let (cell, centres, radii) = sheared(&params(40, 1.0));
-    let (near, forces) = near(&cell, &centres, &radii, &external(40));
+    let (near, forces) = near_factored(&cell, &centres, &radii, &external(40));
     let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
     far.update(&cell, &centres).unwrap();
     let strain = Background::SHEAR.strain();
@@ -187,14 +194,14 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
             friction == 0.0 || counts.iter().all(|&count| count >= 5),
             "{counts:?}"
         );
-        let (near, forces) = near(&cell, &centres, &radii, &external);
+        let (near, forces) = near_factored(&cell, &centres, &radii, &external);
         let strain = shear.strain();
         for residual in [1e-4, 1e-6, 1e-7] {
             let mut far = IterativeFarField::new(&cell, &radii, residual).unwrap();
             far.update(&cell, &centres).unwrap();
             let mut contacts = DenseContacts::new(&near, &surface, time_span);
             let mut v = vec![0.0; 3 * spheres];
-            let found = far.solve_passes(&near, &mut contacts, &strain, &forces, &mut v);
+            let found = far.solve_fixed_point(&near, &mut contacts, &strain, &forces, &mut v);
             assert!(found.unwrap().residual <= residual);
             let error = relative_difference(dense.velocities(), &v);
             let (mut work, mut counter, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
@@ -221,7 +228,7 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
 }
 
 #[test]
-fn rigid_contacts_of_a_network_are_those_of_the_dense_far_field() {
+fn rigid_contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
     let (cell, centres, radii) = sheared(&params(150, 1.0));
     let shear = Background::SHEAR;
     let surface = Surface {
@@ -238,23 +245,23 @@ fn rigid_contacts_of_a_network_are_those_of_the_dense_far_field() {
     dense
         .solve(&cell, &centres, &shear, &[0.0; 450], law)
         .unwrap();
-    let mut near = Resistance::as_network(&cell, &radii, &NearFields::default(), &[]).unwrap();
+    let mut near = Resistance::new_pairwise(&cell, &radii, &NearFields::default(), &[]).unwrap();
     near.update(&cell, &centres).unwrap();
     let (strain, mut forces) = (shear.strain(), vec![0.0; 450]);
     near.background_forces(&strain, &mut forces);
     let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
     far.update(&cell, &centres).unwrap();
-    // Without contacts, by the network and by the factor.
-    let (mut by_network, mut by_factor) = (vec![0.0; 450], vec![0.0; 450]);
-    let first = far.solve(&near, &strain, &forces, &mut by_network).unwrap();
-    let (factored, _) = super::tests::near(&cell, &centres, &radii, &[0.0; 450]);
+    // Without contacts, pair by pair and by the factor.
+    let (mut by_pairs, mut by_factor) = (vec![0.0; 450], vec![0.0; 450]);
+    let first = far.solve(&near, &strain, &forces, &mut by_pairs).unwrap();
+    let (factored, _) = near_factored(&cell, &centres, &radii, &[0.0; 450]);
     far.forget();
     let second = far
         .solve(&factored, &strain, &forces, &mut by_factor)
         .unwrap();
     assert_eq!(first.iterations, second.iterations);
-    assert!(relative_difference(&by_factor, &by_network) < 1e-8);
-    let both = |list: &[crate::contact::Contact]| -> Vec<f64> {
+    assert!(relative_difference(&by_factor, &by_pairs) < 1e-8);
+    let both = |list: &[Contact]| -> Vec<f64> {
         let loaded = list.iter().filter(|c| c.normal_force > 0.0);
         loaded
             .flat_map(|c| [c.normal_force, c.tangential_force])

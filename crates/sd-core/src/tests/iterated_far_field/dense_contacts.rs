@@ -1,11 +1,10 @@
 //! A small dense solver of the rigid contact problem in two parts, by Newton's method on the states of the contacts.
 
-use super::super::fixed_point::Passing;
-use super::super::near::NearSolver;
 use crate::contact::rigid::RESTITUTION;
 use crate::contact::{COMPLIANCE, Contact, Surface, tangent};
 use crate::error::Error;
 use crate::geometry::modes::Background;
+use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
 use nalgebra::{DMatrix, DVector};
@@ -45,6 +44,14 @@ pub(super) struct DenseContacts<'a> {
     found: DVector<f64>,
 }
 
+/// `x ← R_BM⁻¹ x`, `[3N]`, by the factor.
+fn solve(near: &Resistance, x: &mut [f64]) {
+    let mut rows = Vec::new();
+    near.to_rows(x, &mut rows);
+    near.solver().solve(&mut rows);
+    near.from_rows(&rows, x);
+}
+
 impl<'a> DenseContacts<'a> {
     /// All pairs that may touch.
     pub(super) fn new(near: &'a Resistance, surface: &Surface, time_span: f64) -> Self {
@@ -55,7 +62,6 @@ impl<'a> DenseContacts<'a> {
             .map(|pair| Contact::new(*pair, near.radii(), &shear))
             .collect();
         let width = 3 * near.radii().len();
-        let mut work = NearSolver::default();
         let rows = [0, 1].map(|kind| -> Vec<Vec<f64>> {
             let row = |c: &Contact| {
                 let mut row = vec![0.0; width];
@@ -74,7 +80,7 @@ impl<'a> DenseContacts<'a> {
         });
         let columns = rows.clone().map(|mut columns| {
             for column in &mut columns {
-                work.solve(near, column);
+                solve(near, column);
             }
             columns
         });
@@ -171,7 +177,7 @@ impl<'a> DenseContacts<'a> {
     fn free(&self, forces: &[f64]) -> Vec<f64> {
         let mut free = forces.to_vec();
         for part in free.chunks_exact_mut(forces.len() / 2) {
-            NearSolver::default().solve(self.near, part);
+            solve(self.near, part);
         }
         free
     }
@@ -189,7 +195,7 @@ impl<'a> DenseContacts<'a> {
 }
 
 impl DenseContacts<'_> {
-    /// Solves the contact problem, forces and velocities `[6N]` as in [`Passing::pass`].
+    /// Solves the contact problem, forces and velocities `[6N]` as in [`FixedPointMap::evaluate`].
     fn solve(&mut self, forces: &[f64], velocities: &mut [f64]) {
         let count = self.list.len();
         let free = self.free(forces);
@@ -227,17 +233,17 @@ impl DenseContacts<'_> {
     }
 }
 
-impl Passing for DenseContacts<'_> {
+impl FixedPointMap for DenseContacts<'_> {
     fn start(&mut self, applied: &mut Vec<f64>) {
         applied.clear();
         applied.resize(self.list.len(), 0.0);
     }
 
-    fn pass(
+    fn evaluate(
         &mut self,
         forces: &[f64],
         applied: &[f64],
-        _: (u32, f64),
+        _: Progress,
         velocities: &mut [f64],
         wanted: &mut Vec<f64>,
     ) -> Result<bool, Error> {
