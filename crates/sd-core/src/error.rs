@@ -99,11 +99,9 @@ pub enum Error {
         /// What it was for.
         purpose: &'static str,
     },
-    /// A contact law that needs all of `R_FU` factored, in a layer whose resistance is held pair by pair.
-    #[error(
-        "a layer whose resistance is held pair by pair, without a factor, knows rigid contacts or none"
-    )]
-    OnlyRigidContacts,
+    /// The paper's steps, which halt all pairs at once, under an iterated far field.
+    #[error("the paper's steps need a dense far field")]
+    ProcedureNeedsDense,
     /// A number that is not finite came out of a computation.
     #[error("{quantity} of sphere {sphere} is not finite")]
     NotFinite {

@@ -78,9 +78,9 @@ pub mod error;
 pub mod geometry;
 pub mod hydrodynamics;
 pub mod linalg;
-pub mod motion;
 pub mod params;
 pub mod run;
+pub mod stage;
 pub mod stress;
 
 pub use error::Error;

@@ -7,6 +7,7 @@ pub mod anderson;
 pub mod cholesky;
 pub mod conjugate_gradients;
 pub mod dense;
+pub mod gmres;
 pub mod lu;
 pub mod simd;
 pub mod staggered;

@@ -8,9 +8,7 @@ pub use laws::{
 };
 
 use crate::contact::Surface;
-use crate::contact::rigid::Memory;
 use crate::error::Error;
-use crate::run::instant::ContactRequest;
 use serde::{Deserialize, Serialize};
 
 /// How the grand resistance matrix is made.
@@ -41,21 +39,6 @@ impl ContactScheme {
         match self {
             Self::Rigid | Self::Procedure => &ContactLaws::PAPER,
             Self::Laws(laws) => laws,
-        }
-    }
-
-    /// The contact problem of a single instant of a run with these parameters: forces look ahead by `time_span`, in strain.
-    pub fn request(&self, params: &Params, time_span: f64) -> ContactRequest {
-        let surface = params.surface();
-        match self {
-            Self::Rigid => ContactRequest::Rigid { surface, time_span },
-            Self::Procedure => ContactRequest::Procedure { surface },
-            Self::Laws(laws) => ContactRequest::Laws {
-                laws: laws.in_solver_units(surface),
-                lubrication_gap: laws.lubrication_gap,
-                time_span,
-                springs: Memory::default(),
-            },
         }
     }
 }

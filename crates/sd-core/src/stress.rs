@@ -11,7 +11,7 @@
 
 use crate::contact::{Contact, ContactState};
 use crate::geometry::modes::{Background, strain_tensor};
-use crate::motion::Motion;
+use crate::stage::StageSolver;
 use nalgebra::Vector3;
 
 /// Bulk stress of the layer at one instant.
@@ -40,23 +40,23 @@ pub struct StressWork {
 
 impl StressWork {
     /// Stresslets of all spheres in the motion last solved; returns v'Rv, in mu·a³·rate².
-    pub fn update(&mut self, motion: &Motion, background: &Background) -> f64 {
+    pub fn update(&mut self, stage: &StageSolver, background: &Background) -> f64 {
         let strain = background.strain();
-        motion.counterforces(
+        stage.counterforces(
             &strain,
             &mut self.far,
             &mut self.forces,
             &mut self.stresslets,
         );
-        let work: f64 = crate::linalg::dense::dot(motion.velocities(), &self.forces);
+        let work: f64 = crate::linalg::dense::dot(stage.velocities(), &self.forces);
         let strained: f64 = self.stresslets.iter().map(|s| s.dot(&strain)).sum();
         work + strained
     }
 
     /// Stress of a layer of area `area`, for the motion last solved, with its contacts and pairs that repel besides.
-    pub fn stress(&mut self, motion: &Motion, background: &Background, area: f64) -> Stress {
-        let power = self.update(motion, background);
-        let radii = motion.resistance.radii();
+    pub fn stress(&mut self, stage: &StageSolver, background: &Background, area: f64) -> Stress {
+        let power = self.update(stage, background);
+        let radii = stage.resistance.radii();
         let volume = 2.0 * area * radii.iter().sum::<f64>() / radii.len() as f64;
         let (mut shear, mut difference) = (0.0, 0.0);
         for s in &self.stresslets {
@@ -65,7 +65,7 @@ impl StressWork {
             difference += xx - yy;
         }
         let (mut contact_shear, mut contact_difference) = (0.0, 0.0);
-        for c in motion.contacts.list.iter().chain(&motion.repelled.pairs) {
+        for c in stage.contacts.list.iter().chain(&stage.repelled.pairs) {
             let (shear, difference) = contact_stress(c);
             contact_shear += shear;
             contact_difference += difference;

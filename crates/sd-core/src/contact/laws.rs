@@ -13,7 +13,7 @@
 
 use super::pair::{Contact, Surface};
 use super::{hertz, linear_spring, repulsion::Repulsion};
-use crate::params::FrictionOnset;
+use crate::params::{ContactLaws, FrictionOnset, NormalLaw, TangentialLaw};
 
 /// β: share of an overlap of rigid contacts taken back within one time span.
 pub const RESTITUTION: f64 = 0.2;
@@ -79,6 +79,35 @@ pub struct Laws {
 }
 
 impl Laws {
+    /// A choice of laws, for spheres with this surface.
+    pub fn new(choice: &ContactLaws, surface: Surface) -> Self {
+        let load = surface.critical_load;
+        let stiffness = choice.stiffness * load;
+        let dashpot = choice.dashpot;
+        Self {
+            surface,
+            normal: match choice.normal {
+                NormalLaw::Rigid => Normal::Rigid,
+                NormalLaw::LinearSpring => Normal::LinearSpring { stiffness, dashpot },
+                NormalLaw::Hertz => Normal::Hertz { stiffness, dashpot },
+                NormalLaw::ExponentialRepulsion => Normal::None,
+            },
+            tangential: match choice.tangential {
+                TangentialLaw::RollSlip => Tangential::RollSlip,
+                TangentialLaw::StickSlide => Tangential::StickSlide {
+                    stiffness: choice.tangential_stiffness * stiffness,
+                },
+                TangentialLaw::Coulomb => Tangential::Coulomb,
+                TangentialLaw::StickRotate => Tangential::StickRotate,
+            },
+            onset: choice.onset,
+            repulsion: (choice.repulsion > 0.0).then_some(Repulsion {
+                force: choice.repulsion * load,
+                length: choice.repulsion_length,
+            }),
+        }
+    }
+
     /// The paper's laws: rigid asperities that roll or slip above the critical load.
     pub fn rigid(surface: Surface) -> Self {
         Self {
@@ -176,6 +205,16 @@ impl Normal {
         };
         let slope = slope * time + if overlap.touching { dashpot } else { 0.0 };
         [overlap.background - intercept / slope, slope.recip()]
+    }
+
+    /// The normal velocity above which a candidate bears no force.
+    ///
+    /// `held`: as in [`Normal::entry`].
+    pub(super) fn parting_velocity(&self, overlap: &Overlap, time: f64, held: bool) -> f64 {
+        match self {
+            Self::Rigid if overlap.now > 0.0 && !held => RESTITUTION * overlap.now / time,
+            _ => overlap.now / time,
+        }
     }
 
     /// Takes the overlap ahead as the one about which a curved law is linearised; the distance of the force from the law there.

@@ -56,6 +56,8 @@ pub struct Contact {
     pub slip_velocity: f64,
     /// What it does.
     pub state: ContactState,
+    /// Whether friction acts on it: its load was above the critical one when that was decided.
+    pub(crate) friction_acts: bool,
 }
 
 impl Contact {
@@ -80,6 +82,7 @@ impl Contact {
             normal_velocity: 0.0,
             slip_velocity: 0.0,
             state: ContactState::Frictionless,
+            friction_acts: false,
         }
     }
 

@@ -134,7 +134,7 @@ impl ContactSolver {
                 }
             }
         }
-        self.measure_slip(resistance)?;
+        self.measure_slip(resistance, forces)?;
         for (m, row) in self.problem.tangential.iter().enumerate() {
             let contact = &mut self.list[row.contact];
             (contact.tangential_force, contact.state) = roll_or_slip(
@@ -145,7 +145,7 @@ impl ContactSolver {
             );
             self.solver.forces.tangential[m] = contact.tangential_force;
         }
-        self.move_under_forces(resistance, velocities)?;
+        self.move_under_forces(resistance, forces, velocities)?;
         Ok(Quality {
             residual,
             friction_error: 0.0,

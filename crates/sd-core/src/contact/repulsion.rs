@@ -12,7 +12,7 @@
 //! F = F0 exp(−g/l) (1 − s v_n / l),   R_FU ← R_FU + Σ s F0 exp(−g/l)/l n nᵀ
 //! ```
 
-use super::Contact;
+use super::pair::Contact;
 use super::laws::Span;
 use crate::geometry::modes::Background;
 use crate::hydrodynamics::resistance::Resistance;
@@ -74,7 +74,7 @@ impl Repelled {
             // f = force − ahead (v_n − taken back), v_n with the background's part.
             let taken_back = span.taken_back(&contact);
             let still = force + ahead * (taken_back - contact.background[0]);
-            contact.add_normal(still, [3 * pair.i, 3 * pair.j], forces);
+            contact.normal_row().add(still, forces);
             self.pairs.push(contact);
             self.lines.push([ahead, force + ahead * taken_back]);
         }
@@ -86,7 +86,7 @@ impl Repelled {
     /// Forces and velocities that belong to the solved motion `[3N]`.
     pub fn finish(&mut self, velocities: &[f64]) {
         for (contact, [ahead, still]) in self.pairs.iter_mut().zip(&self.lines) {
-            contact.normal_velocity = contact.background[0] + contact.normal_row(velocities);
+            contact.normal_velocity = contact.background[0] + contact.normal_row().read(velocities);
             contact.normal_force = still - ahead * contact.normal_velocity;
         }
     }

@@ -5,7 +5,7 @@ use super::pair::{Contact, ContactState};
 use super::row::Row;
 use super::solve::dense::DenseSystem;
 use super::solve::newton::{BoxSolver, Onset, Outcome};
-use super::solve::problem::{self, Forces, Grip, Problem};
+use super::solve::problem::{self, Forces, Grip, Problem, System};
 use super::solve::sparse::{OnNetwork, SparseSystem};
 use super::springs::Stretches;
 use super::warm_start::{SpringForces, WarmStart};
@@ -25,7 +25,7 @@ const LINEARISED: f64 = 1e-10;
 
 /// What a contact problem is posed in.
 #[derive(Clone, Copy)]
-pub struct Stage<'a> {
+pub struct Posed<'a> {
     /// Hydrodynamics, factored where they are.
     pub resistance: &'a Resistance,
     /// Imposed flow.
@@ -68,6 +68,14 @@ pub struct ContactMemory {
     pub springs: SpringForces,
 }
 
+impl ContactMemory {
+    /// Room for that many contacts.
+    pub(crate) fn reserve(&mut self, contacts: usize) {
+        self.warm_start.forces.reserve(contacts);
+        self.springs.0.reserve(contacts);
+    }
+}
+
 /// The linear algebra behind the problem.
 pub(super) enum Backend {
     /// Small dense matrices of contacts.
@@ -97,7 +105,7 @@ impl ContactSolver {
     pub fn new(resistance: &Resistance) -> Self {
         let spheres = resistance.radii().len();
         let most = most_contacts(spheres);
-        let backend = if resistance.network().is_some() {
+        let backend = if resistance.pairwise().is_some() {
             Backend::Sparse(Box::default())
         } else {
             Backend::Dense(Box::new(DenseSystem::new(spheres, most)))
@@ -117,71 +125,144 @@ impl ContactSolver {
         solver
     }
 
-    /// Begins a step: what is known of the motion from stages before is forgotten, so that a run that is resumed here has the same bits.
+    /// Begins a step: what is known of the motion from stages before is forgotten.
     pub fn begin_step(&mut self) {
         if let Backend::Sparse(system) = &mut self.backend {
-            system.start(true);
+            system.forget();
         }
     }
 
     /// Solves one stage. `velocities`: disturbances `[3N]` that come out.
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`]; [`Error::OutOfMemory`].
+    /// [`Error::NotPositiveDefinite`].
     pub fn solve(
         &mut self,
-        stage: &Stage<'_>,
+        posed: &Posed<'_>,
         driving: Driving<'_>,
         memory: &mut ContactMemory,
         velocities: &mut [f64],
     ) -> Result<Quality, Error> {
-        self.choose(stage, &memory.warm_start);
-        let mut quality = Quality::default();
+        self.begin(posed, memory);
+        let (quality, _) = self.evaluate(posed, driving, memory, true, velocities)?;
+        self.keep_springs(posed, &mut memory.springs);
+        Ok(quality)
+    }
+
+    /// Takes the positions of a stage, and its first candidates.
+    pub(crate) fn begin(&mut self, posed: &Posed<'_>, memory: &ContactMemory) {
         if let Backend::Sparse(system) = &mut self.backend {
-            system.start(false);
+            system.start();
         }
+        self.choose(posed, &memory.warm_start);
+    }
+
+    /// Solves the problem of the stage once, from the forces of the last time: under other driving forces than before, if need be.
+    ///
+    /// `deciding`: whether it may still change on which contacts friction acts. Returns with the quality whether it did.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`].
+    pub(crate) fn evaluate(
+        &mut self,
+        posed: &Posed<'_>,
+        driving: Driving<'_>,
+        memory: &mut ContactMemory,
+        deciding: bool,
+        velocities: &mut [f64],
+    ) -> Result<(Quality, bool), Error> {
+        let mut quality = Quality::default();
+        let mut changed = false;
         for _ in 0..MOST_ROUNDS {
-            let found = self.solve_candidates(stage, driving, memory, velocities)?;
+            let (found, decided) =
+                self.solve_candidates(posed, driving, memory, deciding, velocities)?;
+            changed |= decided;
             quality = Quality {
                 systems: quality.systems + found.systems,
                 ..found
             };
-            if !self.add_closing(stage, velocities, &mut memory.warm_start) {
-                self.keep_springs(stage, &mut memory.springs);
-                return Ok(quality);
+            if !self.add_closing(posed, velocities, &mut memory.warm_start) {
+                return Ok((quality, changed));
             }
+            changed = true;
         }
         // By how much pairs still close counts as a violation.
         let closing = self.list.iter().filter(|c| c.normal_force == 0.0);
-        let closing = closing.map(|c| -c.normal_velocity - bias_of(stage, c));
+        let closing = closing.map(|c| parting_velocity(posed, c) - c.normal_velocity);
         quality.residual = closing.fold(quality.residual, f64::max);
-        self.keep_springs(stage, &mut memory.springs);
-        Ok(quality)
+        Ok((quality, changed))
     }
 
-    /// The springs of a solved stage.
-    fn keep_springs(&mut self, stage: &Stage<'_>, springs: &mut SpringForces) {
-        if matches!(stage.laws.tangential, Tangential::StickSlide { .. }) {
-            self.stretches.take(&self.list, springs, stage.span.phase);
+    /// Velocities `[3N]` of the spheres without contacts.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`].
+    pub(crate) fn solve_free(
+        &mut self,
+        resistance: &Resistance,
+        forces: &[f64],
+        velocities: &mut [f64],
+    ) -> Result<(), Error> {
+        self.list.clear();
+        self.problem.normal.clear();
+        self.problem.tangential.clear();
+        self.problem.isolated = false;
+        let (problem, solver) = (&mut self.problem, &mut self.solver);
+        match &mut self.backend {
+            Backend::Dense(system) => {
+                system.begin(resistance, problem, forces);
+                solver.forces.clear();
+                system.finish(resistance, &solver.forces, velocities);
+            }
+            Backend::Sparse(system) => {
+                system.start();
+                let mut on_network = OnNetwork::begin(resistance, system, problem, Driving::by(forces))?;
+                solver.forces.clear();
+                on_network.measure(problem, &mut solver.forces);
+                velocities.copy_from_slice(system.velocities()[0]);
+            }
+        }
+        Ok(())
+    }
+
+    /// The motion `[3N]` that normal forces alone leave, where the law reads it.
+    pub(crate) fn isolated_motion(&self, posed: &Posed<'_>) -> Option<&[f64]> {
+        match (&self.backend, posed.laws.tangential) {
+            (Backend::Sparse(system), Tangential::RollSlip) => Some(system.velocities()[1]),
+            _ => None,
+        }
+    }
+
+    /// Takes the velocities of the contacts in a motion with disturbances `[3N]`.
+    pub(crate) fn take_motion(&mut self, velocities: &[f64]) {
+        for contact in &mut self.list {
+            contact.take_velocities(velocities);
+        }
+    }
+
+    /// Keeps the springs of a solved stage.
+    pub(crate) fn keep_springs(&mut self, posed: &Posed<'_>, springs: &mut SpringForces) {
+        if matches!(posed.laws.tangential, Tangential::StickSlide { .. }) {
+            self.stretches.take(&self.list, springs, posed.span.phase);
         }
     }
 
     /// The first candidates: pairs that touched or were about to in the stage before, or all near ones where there was none.
-    fn choose(&mut self, stage: &Stage<'_>, warm_start: &WarmStart) {
-        let (radii, pairs) = (stage.resistance.radii(), stage.resistance.neighbours());
+    fn choose(&mut self, posed: &Posed<'_>, warm_start: &WarmStart) {
+        let (radii, pairs) = (posed.resistance.radii(), posed.resistance.neighbours());
         self.list.clear();
-        if matches!(stage.laws.normal, super::laws::Normal::None) {
+        if matches!(posed.laws.normal, super::laws::Normal::None) {
             return;
         }
         if warm_start.is_empty() {
-            let reach = stage.laws.surface.roughness + EXPECTED_APPROACH * stage.span.time;
+            let reach = posed.laws.surface.roughness + EXPECTED_APPROACH * posed.span.time;
             let near = pairs.iter().filter(|pair| pair.gap < reach);
             self.list
-                .extend(near.map(|pair| Contact::new(*pair, radii, stage.background)));
+                .extend(near.map(|pair| Contact::new(*pair, radii, posed.background)));
             return;
         }
         for (pair, [f, t]) in warm_start.known(pairs) {
-            let mut contact = Contact::new(*pair, radii, stage.background);
+            let mut contact = Contact::new(*pair, radii, posed.background);
             (contact.normal_force, contact.tangential_force) = (f, t);
             self.list.push(contact);
         }
@@ -192,39 +273,38 @@ impl ContactSolver {
     /// Remembers the forces of all others, and who may touch in the next stage.
     fn add_closing(
         &mut self,
-        stage: &Stage<'_>,
+        posed: &Posed<'_>,
         velocities: &[f64],
         warm_start: &mut WarmStart,
     ) -> bool {
         warm_start.forces.clear();
-        if matches!(stage.laws.normal, super::laws::Normal::None) {
+        if matches!(posed.laws.normal, super::laws::Normal::None) {
             return false;
         }
-        let radii = stage.resistance.radii();
+        let radii = posed.resistance.radii();
         let before = self.list.len();
         let mut known = 0;
         // Pairs and list are both ordered by (i, j).
-        for pair in stage.resistance.neighbours() {
-            let (forces, slack, bias);
+        for pair in posed.resistance.neighbours() {
+            let (forces, parting, velocity);
             if let Some(contact) = self.list[..before].get(known)
                 && contact.pair.key() == pair.key()
             {
-                let entry = &self.problem.normal[known];
                 known += 1;
                 forces = [contact.normal_force, contact.tangential_force];
-                bias = entry.bias - contact.background[0];
-                slack = contact.normal_velocity + bias;
+                parting = parting_velocity(posed, contact);
+                velocity = contact.normal_velocity;
             } else {
-                let contact = Contact::new(*pair, radii, stage.background);
+                let contact = Contact::new(*pair, radii, posed.background);
                 forces = [0.0, 0.0];
-                bias = bias_of(stage, &contact);
-                slack = contact.background[0] + contact.normal_row().read(velocities) + bias;
-                if slack < 0.0 {
+                parting = parting_velocity(posed, &contact);
+                velocity = contact.background[0] + contact.normal_row().read(velocities);
+                if velocity < parting {
                     self.list.push(contact);
                 }
             }
             // The next time span may be twice as long.
-            if forces[0] > 0.0 || slack - 0.5 * bias.max(0.0) < EXPECTED_CHANGE {
+            if forces[0] > 0.0 || velocity - parting.max(0.5 * parting) < EXPECTED_CHANGE {
                 warm_start.keep(pair, forces);
             }
         }
@@ -238,13 +318,14 @@ impl ContactSolver {
     /// Forces of the candidates at hand, put into `list`, and the motion.
     fn solve_candidates(
         &mut self,
-        stage: &Stage<'_>,
+        posed: &Posed<'_>,
         driving: Driving<'_>,
         memory: &ContactMemory,
+        deciding: bool,
         velocities: &mut [f64],
-    ) -> Result<Quality, Error> {
-        self.pose(stage);
-        let (laws, resistance) = (stage.laws, stage.resistance);
+    ) -> Result<(Quality, bool), Error> {
+        self.pose(posed);
+        let (laws, resistance) = (posed.laws, posed.resistance);
         let friction = laws.surface.has_friction();
         let load = laws.surface.critical_load;
         let sparse = matches!(self.backend, Backend::Sparse(_));
@@ -252,12 +333,13 @@ impl ContactSolver {
             critical_load: load,
             smooth: laws.is_smooth(),
             admits: friction && !sparse,
+            deciding,
         };
         if friction {
             let loaded = self.list.iter().filter(|c| c.normal_force > load).count();
             // Rows cost a dense system much: the solution says who needs one. The few others cost less now than later.
             let all = sparse || 10 * loaded >= 9 * self.list.len();
-            self.add_rows(stage, memory, |_, contact| all || contact.normal_force > load);
+            self.add_rows(posed, memory, deciding, |_, contact| all || contact.normal_force > load);
         }
         let solver = &mut self.solver;
         solver.forces.normal.clear();
@@ -272,7 +354,7 @@ impl ContactSolver {
             let (problem, solver) = (&mut self.problem, &mut self.solver);
             let overlaps = &mut self.overlaps;
             let refine = |problem: &mut Problem, forces: &Forces| {
-                refine(stage, problem, overlaps, forces)
+                refine(posed, problem, overlaps, forces)
             };
             let outcome = match &mut self.backend {
                 Backend::Dense(system) => {
@@ -284,14 +366,7 @@ impl ContactSolver {
                     solver.solve(problem, &mut **system, onset, refine)
                 }
                 Backend::Sparse(system) => {
-                    let (network, pattern) = resistance.pairwise()?;
-                    system.begin(network, problem, driving.all, driving.isolated);
-                    let mut on_network = OnNetwork {
-                        network,
-                        pattern,
-                        system,
-                        enough: driving.enough,
-                    };
+                    let mut on_network = OnNetwork::begin(resistance, system, problem, driving)?;
                     solver.solve(problem, &mut on_network, onset, refine)
                 }
             };
@@ -301,7 +376,7 @@ impl ContactSolver {
                     systems += more;
                     self.keep_forces();
                     let normal = std::mem::take(&mut self.solver.forces.normal);
-                    self.add_rows(stage, memory, |k, contact| {
+                    self.add_rows(posed, memory, deciding, |k, contact| {
                         normal[k] > load || contact.slip_resistance > 0.0
                     });
                     self.solver.forces.normal = normal;
@@ -320,23 +395,22 @@ impl ContactSolver {
                             velocities.copy_from_slice(system.velocities()[0]);
                         }
                     }
-                    for contact in &mut self.list {
-                        contact.take_velocities(velocities);
-                    }
-                    return Ok(Quality {
+                    self.take_motion(velocities);
+                    let quality = Quality {
                         residual: merit.residual,
                         friction_error: merit.friction_error,
                         systems: systems + more,
-                    });
+                    };
+                    return Ok((quality, self.keep_activity() && !onset.smooth));
                 }
             }
         }
     }
 
     /// The normal entries of the candidates at hand.
-    fn pose(&mut self, stage: &Stage<'_>) {
-        let laws = stage.laws;
-        let held = stage.span.phase != Phase::Alone;
+    fn pose(&mut self, posed: &Posed<'_>) {
+        let laws = posed.laws;
+        let held = posed.span.phase != Phase::Alone;
         self.problem.friction = laws.friction();
         self.problem.offset = laws.offset();
         self.problem.isolated = matches!(laws.tangential, Tangential::RollSlip);
@@ -344,11 +418,11 @@ impl ContactSolver {
         self.problem.normal.clear();
         self.overlaps.clear();
         for contact in &self.list {
-            let mut overlap = overlap_of(stage, contact);
+            let mut overlap = overlap_of(posed, contact);
             overlap.reference = laws
                 .normal
                 .first_reference(overlap.now, contact.normal_force);
-            let [bias, compliance] = laws.normal.entry(&overlap, stage.span.time, held);
+            let [bias, compliance] = laws.normal.entry(&overlap, posed.span.time, held);
             self.overlaps.push(overlap);
             self.problem.normal.push(problem::Normal {
                 row: contact.normal_row(),
@@ -361,8 +435,9 @@ impl ContactSolver {
     /// The tangential rows of the candidates that `wanted` names.
     fn add_rows(
         &mut self,
-        stage: &Stage<'_>,
+        posed: &Posed<'_>,
         memory: &ContactMemory,
+        deciding: bool,
         wanted: impl Fn(usize, &Contact) -> bool,
     ) {
         let rows = &mut self.problem.tangential;
@@ -372,7 +447,7 @@ impl ContactSolver {
                 continue;
             }
             if contact.slip_resistance == 0.0 {
-                contact.slip_resistance = stage.resistance.slip_resistance(&contact.pair);
+                contact.slip_resistance = posed.resistance.slip_resistance(&contact.pair);
             }
             let mut row = problem::Tangential {
                 contact: k,
@@ -381,13 +456,13 @@ impl ContactSolver {
                 compliance: super::laws::COMPLIANCE,
                 acts: false,
             };
-            match stage.laws.tangential {
+            match posed.laws.tangential {
                 Tangential::RollSlip => row.compliance = contact.slip_resistance.recip(),
                 Tangential::StickSlide { stiffness } => {
                     let base = self
                         .stretches
-                        .base(contact, &memory.springs, stage.span.phase);
-                    let ahead = stiffness * stage.span.time;
+                        .base(contact, &memory.springs, posed.span.phase);
+                    let ahead = stiffness * posed.span.time;
                     row.compliance += ahead.recip();
                     row.shift += base / ahead;
                 }
@@ -401,10 +476,30 @@ impl ContactSolver {
             }
             rows.push(row);
         }
-        let load = stage.laws.surface.critical_load;
+        let load = posed.laws.surface.critical_load;
         for row in rows {
-            row.acts = self.list[row.contact].normal_force > load;
+            let contact = &self.list[row.contact];
+            row.acts = if deciding {
+                contact.normal_force > load
+            } else {
+                contact.friction_acts
+            };
         }
+    }
+
+    /// Remembers on which contacts friction acts; whether that has changed.
+    fn keep_activity(&mut self) -> bool {
+        let mut changed = false;
+        let mut rows = self.problem.tangential.iter().peekable();
+        for (k, contact) in self.list.iter_mut().enumerate() {
+            let mut acts = false;
+            while let Some(row) = rows.next_if(|row| row.contact == k) {
+                acts = row.acts;
+            }
+            changed |= acts != contact.friction_acts;
+            contact.friction_acts = acts;
+        }
+        changed
     }
 
     /// Tangential forces to begin with, and the states that all forces show.
@@ -451,9 +546,9 @@ impl ContactSolver {
 }
 
 /// How much nearer than h a pair is, with what the first stage's motion takes back.
-fn overlap_of(stage: &Stage<'_>, contact: &Contact) -> Overlap {
-    let roughness = stage.laws.surface.roughness;
-    let taken_back = stage.span.time * stage.span.taken_back(contact);
+fn overlap_of(posed: &Posed<'_>, contact: &Contact) -> Overlap {
+    let roughness = posed.laws.surface.roughness;
+    let taken_back = posed.span.time * posed.span.taken_back(contact);
     let now = roughness - (contact.pair.gap - taken_back);
     Overlap {
         now,
@@ -463,29 +558,26 @@ fn overlap_of(stage: &Stage<'_>, contact: &Contact) -> Overlap {
     }
 }
 
-/// What w of a pair without force has besides v_n.
-fn bias_of(stage: &Stage<'_>, contact: &Contact) -> f64 {
-    let overlap = Overlap {
-        background: 0.0,
-        ..overlap_of(stage, contact)
-    };
-    let held = stage.span.phase != Phase::Alone;
-    stage.laws.normal.entry(&overlap, stage.span.time, held)[0]
+/// The normal velocity above which a pair bears no force.
+fn parting_velocity(posed: &Posed<'_>, contact: &Contact) -> f64 {
+    let (overlap, held) = (overlap_of(posed, contact), posed.span.phase != Phase::Alone);
+    let normal = &posed.laws.normal;
+    normal.parting_velocity(&overlap, posed.span.time, held)
 }
 
 /// Linearises curved laws about where the contacts are now, where they are not near enough; how many were not.
 fn refine(
-    stage: &Stage<'_>,
+    posed: &Posed<'_>,
     problem: &mut Problem,
     overlaps: &mut [Overlap],
     forces: &Forces,
 ) -> usize {
-    let law = &stage.laws.normal;
+    let law = &posed.laws.normal;
     if !law.is_curved() {
         return 0;
     }
-    let time = stage.span.time;
-    let held = stage.span.phase != Phase::Alone;
+    let time = posed.span.time;
+    let held = posed.span.phase != Phase::Alone;
     let largest = forces.normal.iter().fold(1.0_f64, |most, f| most.max(*f));
     let mut found = 0;
     for (k, (entry, overlap)) in problem.normal.iter_mut().zip(overlaps).enumerate() {
@@ -498,4 +590,89 @@ fn refine(
         }
     }
     found
+}
+
+/// The paper's protocol asks for parts of the problem.
+impl ContactSolver {
+    /// Forces of either sign that halt all candidates at once, without friction; the largest velocity left.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`].
+    pub(super) fn halt_all(
+        &mut self,
+        resistance: &Resistance,
+        forces: &[f64],
+    ) -> Result<f64, Error> {
+        let (problem, solver) = (&mut self.problem, &mut self.solver);
+        solver.states.closed.clear();
+        solver.states.closed.resize(problem.normal.len(), true);
+        solver.states.grip.clear();
+        solver.forces.clear();
+        let solved = match &mut self.backend {
+            Backend::Dense(system) => {
+                system.begin(resistance, problem, forces);
+                solver.solve_states(problem, &mut **system)
+            }
+            Backend::Sparse(system) => {
+                system.start();
+                let driving = Driving::by(forces);
+                let mut on_network = OnNetwork::begin(resistance, system, problem, driving)?;
+                solver.solve_states(problem, &mut on_network)
+            }
+        };
+        if !solved {
+            solver.forces.normal.fill(0.0);
+            return Ok(f64::INFINITY);
+        }
+        Ok(problem::largest(&solver.forces.slack))
+    }
+
+    /// The slip that the normal forces at hand leave, in the tangential rows of the problem.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`].
+    pub(super) fn measure_slip(
+        &mut self,
+        resistance: &Resistance,
+        forces: &[f64],
+    ) -> Result<(), Error> {
+        let (problem, solver) = (&self.problem, &mut self.solver);
+        solver.forces.tangential.clear();
+        solver.forces.tangential.resize(problem.tangential.len(), 0.0);
+        match &mut self.backend {
+            Backend::Dense(system) => {
+                system.begin_rows(resistance, problem);
+                system.measure(problem, &mut solver.forces);
+            }
+            Backend::Sparse(system) => {
+                let driving = Driving::by(forces);
+                OnNetwork::begin(resistance, system, problem, driving)?
+                    .measure(problem, &mut solver.forces);
+            }
+        }
+        Ok(())
+    }
+
+    /// Velocities `[3N]` under the forces at hand.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`].
+    pub(super) fn move_under_forces(
+        &mut self,
+        resistance: &Resistance,
+        forces: &[f64],
+        velocities: &mut [f64],
+    ) -> Result<(), Error> {
+        match &mut self.backend {
+            Backend::Dense(system) => system.finish(resistance, &self.solver.forces, velocities),
+            Backend::Sparse(system) => {
+                let driving = Driving::by(forces);
+                OnNetwork::begin(resistance, system, &self.problem, driving)?
+                    .measure(&self.problem, &mut self.solver.forces);
+                velocities.copy_from_slice(system.velocities()[0]);
+            }
+        }
+        self.take_motion(velocities);
+        Ok(())
+    }
 }

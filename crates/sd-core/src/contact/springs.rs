@@ -23,7 +23,10 @@ use super::laws::Phase;
 use super::pair::Contact;
 use super::warm_start::SpringForces;
 use crate::geometry::pair::PairKey;
-use crate::run::steppers::rosenbrock::GAMMA;
+use std::f64::consts::FRAC_1_SQRT_2;
+
+/// γ of two-stage steps: how far contact forces look ahead, in steps.
+pub const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
 
 /// One contact during a step: spring force s at its start, friction F1 at the first stage.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

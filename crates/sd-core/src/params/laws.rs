@@ -2,8 +2,6 @@
 
 use super::infinite;
 use crate::contact::Surface;
-use crate::contact::laws::{Laws, Normal, Tangential};
-use crate::contact::repulsion::Repulsion;
 use crate::error::Error;
 use serde::{Deserialize, Serialize};
 
@@ -39,13 +37,13 @@ impl NormalLaw {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TangentialLaw {
-    /// The paper's: the force that lets the isolated pair roll, at most ν f. See [`crate::contact::friction`].
+    /// The paper's: the force that lets the isolated pair roll, at most ν f. See [`crate::contact::procedure`].
     RollSlip,
-    /// A tangential spring, at most ν f. See [`crate::contact::stick_slide`].
+    /// A tangential spring, at most ν f. See [`crate::contact::springs`].
     StickSlide,
-    /// No slip at all within |F_t| ≤ ν f. See [`crate::contact::coulomb`].
+    /// No slip at all within |F_t| ≤ ν f. See [`crate::contact::laws`].
     Coulomb,
-    /// Neither slip nor rolling while pressed. See [`crate::contact::stick_rotate`].
+    /// Neither slip nor rolling while pressed. See [`crate::contact::laws`].
     StickRotate,
 }
 
@@ -198,39 +196,5 @@ impl ContactLaws {
             self.repulsion_length,
             "above 0 and at most 0.5 with repulsion, 0 without",
         )
-    }
-
-    /// The laws in the units of the solver, for spheres with this surface.
-    pub fn in_solver_units(&self, surface: Surface) -> Laws {
-        let load = surface.critical_load;
-        let stiffness = self.stiffness * load;
-        Laws {
-            surface,
-            normal: match self.normal {
-                NormalLaw::Rigid => Normal::Rigid,
-                NormalLaw::LinearSpring => Normal::LinearSpring {
-                    stiffness,
-                    dashpot: self.dashpot,
-                },
-                NormalLaw::Hertz => Normal::Hertz {
-                    stiffness,
-                    dashpot: self.dashpot,
-                },
-                NormalLaw::ExponentialRepulsion => Normal::None,
-            },
-            tangential: match self.tangential {
-                TangentialLaw::RollSlip => Tangential::RollSlip,
-                TangentialLaw::StickSlide => Tangential::StickSlide {
-                    stiffness: self.tangential_stiffness * stiffness,
-                },
-                TangentialLaw::Coulomb => Tangential::Coulomb,
-                TangentialLaw::StickRotate => Tangential::StickRotate,
-            },
-            onset: self.onset,
-            repulsion: (self.repulsion > 0.0).then_some(Repulsion {
-                force: self.repulsion * load,
-                length: self.repulsion_length,
-            }),
-        }
     }
 }

@@ -1,15 +1,15 @@
 //! One instant of one configuration: velocities, stresslets, contact forces.
 
-use crate::contact::laws::{History, Laws, Phase};
+use crate::contact::laws::{Laws, Span};
 use crate::contact::procedure::ContactList;
-use crate::contact::rigid::Memory;
-use crate::contact::{Contact, Surface};
+use crate::contact::warm_start::SpringForces;
+use crate::contact::{Contact, ContactMemory, Surface};
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2, strain_tensor};
-use crate::hydrodynamics::resistance::{NearFields, Resistance};
-use crate::motion::{ContactLaw, Motion};
-use crate::params::{DEEPEST_OVERLAP, Hydrodynamics};
+use crate::hydrodynamics::resistance::NearFields;
+use crate::params::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
+use crate::stage::{Contact as StageContact, Method, StageSolver};
 use crate::stress::{Stress, StressWork};
 use nalgebra::Vector3;
 
@@ -42,19 +42,12 @@ pub enum ContactRequest {
         /// Pairs of sphere numbers.
         pairs: Vec<[usize; 2]>,
     },
-    /// The rigid scheme.
-    Rigid {
-        /// Roughness and friction.
-        surface: Surface,
-        /// Time span τ, in strain.
-        time_span: f64,
-    },
     /// The paper's procedure; every approaching pair with gap ≤ roughness counts as listed.
     Procedure {
         /// Roughness and friction.
         surface: Surface,
     },
-    /// Laws chosen one by one; springs are as long as the gaps say.
+    /// Laws; springs are as long as the gaps say.
     Laws {
         /// The laws, in the units of the solver.
         laws: Laws,
@@ -63,8 +56,35 @@ pub enum ContactRequest {
         /// How far contact forces look ahead, in strain.
         time_span: f64,
         /// Forces of the tangential springs; others are unstretched.
-        springs: Memory,
+        springs: SpringForces,
     },
+}
+
+impl ContactRequest {
+    /// The paper's rigid contacts, looking ahead by `time_span`, in strain.
+    pub fn rigid(surface: Surface, time_span: f64) -> Self {
+        Self::Laws {
+            laws: Laws::rigid(surface),
+            lubrication_gap: 0.0,
+            time_span,
+            springs: SpringForces::default(),
+        }
+    }
+
+    /// The contact problem of a single instant of a run with these parameters: forces look ahead by `time_span`, in strain.
+    pub fn of_run(params: &Params, time_span: f64) -> Self {
+        let surface = params.surface();
+        match &params.contact {
+            ContactScheme::Procedure => Self::Procedure { surface },
+            ContactScheme::Rigid => Self::rigid(surface, time_span),
+            ContactScheme::Laws(laws) => Self::Laws {
+                laws: Laws::new(laws, surface),
+                lubrication_gap: laws.lubrication_gap,
+                time_span,
+                springs: SpringForces::default(),
+            },
+        }
+    }
 }
 
 /// Motion, stresslets and contacts of a configuration.
@@ -89,48 +109,28 @@ impl Instant {
     }
 }
 
-/// Solves the motion under a contact problem; the resistance must be up to date.
+/// Solves the motion under a contact problem, at the positions taken.
 fn move_under(
-    motion: &mut Motion,
-    configuration: &Configuration,
+    stage: &mut StageSolver,
+    background: &Background,
     external: &[f64],
     request: &ContactRequest,
 ) -> Result<(), Error> {
-    let background = &configuration.background;
-    let span_is_good = |time_span: f64| {
-        in_range(
-            time_span.is_finite() && time_span > 0.0,
-            "contact.time_span",
-            time_span,
-            "positive and finite",
-        )
-    };
     match request {
         ContactRequest::None => {
-            motion.solve_again(background, external, ContactLaw::None)?;
+            stage.solve(background, external, StageContact::None)?;
         }
         ContactRequest::Listed { pairs } => {
-            let mut listed = listed_pairs(pairs, motion)?;
-            let surface = Surface {
-                roughness: 0.0,
-                friction: 0.0,
-                critical_load: f64::INFINITY,
-            };
-            let law = ContactLaw::Procedure {
-                surface,
+            let mut listed = listed_pairs(pairs, stage)?;
+            let contact = StageContact::Procedure {
+                surface: Surface {
+                    roughness: 0.0,
+                    friction: 0.0,
+                    critical_load: f64::INFINITY,
+                },
                 listed: &mut listed,
             };
-            motion.solve_again(background, external, law)?;
-        }
-        ContactRequest::Rigid { surface, time_span } => {
-            check_surface(surface)?;
-            span_is_good(*time_span)?;
-            let law = ContactLaw::Rigid {
-                surface: *surface,
-                time_span: *time_span,
-                memory: &mut Memory::default(),
-            };
-            motion.solve_again(background, external, law)?;
+            stage.solve(background, external, contact)?;
         }
         ContactRequest::Laws {
             laws,
@@ -139,36 +139,38 @@ fn move_under(
             ..
         } => {
             check_surface(&laws.surface)?;
-            span_is_good(*time_span)?;
-            let law = ContactLaw::Laws {
-                laws,
-                span: (*time_span, Phase::Alone),
-                memory: &mut springs.clone(),
-                history: &mut History::default(),
-            };
-            motion.solve(
-                &configuration.cell,
-                &configuration.centres,
-                background,
-                external,
-                law,
+            in_range(
+                time_span.is_finite() && *time_span > 0.0,
+                "contact.time_span",
+                *time_span,
+                "positive and finite",
             )?;
+            let mut memory = ContactMemory {
+                springs: springs.clone(),
+                ..ContactMemory::default()
+            };
+            let contact = StageContact::Laws {
+                laws,
+                span: Span::alone(*time_span),
+                memory: &mut memory,
+            };
+            stage.solve(background, external, contact)?;
         }
         ContactRequest::Procedure { surface } => {
             check_surface(surface)?;
-            motion.solve_again(background, external, ContactLaw::None)?;
+            stage.solve(background, external, StageContact::None)?;
             let mut listed = ContactList::default();
             listed.add_approaching(
-                &motion.resistance,
+                &stage.resistance,
                 background,
                 surface.roughness,
-                motion.velocities(),
+                stage.velocities(),
             );
-            let law = ContactLaw::Procedure {
+            let contact = StageContact::Procedure {
                 surface: *surface,
                 listed: &mut listed,
             };
-            motion.solve_again(background, external, law)?;
+            stage.solve_again(background, contact)?;
         }
     }
     Ok(())
@@ -198,29 +200,33 @@ pub fn solve(
         .zip(&configuration.torques)
         .flat_map(|(f, &t)| [f.x, f.y, t])
         .collect();
-    let resistance = Resistance::new(*hydrodynamics, cell, radii, tables)?;
-    let mut motion = Motion::new(resistance);
+    let procedure = matches!(
+        request,
+        ContactRequest::Listed { .. } | ContactRequest::Procedure { .. }
+    );
+    let method = Method::of_instant(*hydrodynamics, cell, radii.len(), procedure);
+    let mut stage = method.solver(*hydrodynamics, cell, radii, tables, &[])?;
     if let ContactRequest::Laws {
         lubrication_gap, ..
     } = request
         && *lubrication_gap > 0.0
     {
-        motion
+        stage
             .resistance
             .regularise(*lubrication_gap, DEEPEST_OVERLAP);
     }
-    motion.resistance.update(cell, centres)?;
-    move_under(&mut motion, configuration, &external, request)?;
+    stage.assemble(cell, centres)?;
+    move_under(&mut stage, background, &external, request)?;
     let mut work = StressWork::default();
-    let contacts = motion.contacts.list.clone();
+    let contacts = stage.contacts.list.clone();
     let stress = if let Some(area) = cell.area() {
-        Some(work.stress(&motion, background, area))
+        Some(work.stress(&stage, background, area))
     } else {
-        work.update(&motion, background);
+        work.update(&stage, background);
         None
     };
     Ok(Instant {
-        disturbances: motion
+        disturbances: stage
             .velocities()
             .chunks_exact(3)
             .map(|v| [v[0], v[1], v[2]])
@@ -228,7 +234,7 @@ pub fn solve(
         stresslets: work.stresslets,
         stress,
         contacts,
-        repelled: motion.repelled.pairs.clone(),
+        repelled: stage.repelled.pairs.clone(),
     })
 }
 
@@ -324,8 +330,8 @@ fn check_surface(surface: &Surface) -> Result<(), Error> {
 }
 
 /// Pairs given by number; each must be within lubrication range.
-fn listed_pairs(pairs: &[[usize; 2]], motion: &Motion) -> Result<ContactList, Error> {
-    let n = motion.resistance.radii().len();
+fn listed_pairs(pairs: &[[usize; 2]], stage: &StageSolver) -> Result<ContactList, Error> {
+    let n = stage.resistance.radii().len();
     let mut listed = ContactList::default();
     for &[i, j] in pairs {
         let refuse = |reason| Err(Error::BadPair { i, j, reason });
@@ -336,11 +342,15 @@ fn listed_pairs(pairs: &[[usize; 2]], motion: &Motion) -> Result<ContactList, Er
             return refuse("is one sphere");
         }
         let (i, j) = (i.min(j), i.max(j));
-        let neighbours = motion.resistance.neighbours();
+        let neighbours = stage.resistance.neighbours();
         if !neighbours.iter().any(|p| (p.i, p.j) == (i, j)) {
             return refuse("is out of lubrication range");
         }
-        listed.add(i, j);
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "sphere numbers fit 32 bits"
+        )]
+        listed.add((i as u32, j as u32));
     }
     Ok(listed)
 }

@@ -1,14 +1,14 @@
 //! Two spheres driven past each other in unbounded fluid: the paper's Fig. 8.
 
-use crate::contact::Surface;
-use crate::contact::rigid::Memory;
+use crate::contact::laws::{Laws, Span};
+use crate::contact::{ContactMemory, Surface};
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
-use crate::motion::{ContactLaw, Motion};
 use crate::params::Hydrodynamics;
 use crate::run::steppers::runge_kutta::{RungeKutta, State};
+use crate::stage::{Contact, StageSolver};
 use serde::Serialize;
 
 /// Steps after which spheres that have not passed are given up.
@@ -56,8 +56,15 @@ pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
     let radii = [1.0, passing.size_ratio];
     let cell = Cell::Unbounded;
     let resistance = Resistance::new(Hydrodynamics::StokesianDynamics, &cell, &radii, tables)?;
-    let mut motion = Motion::new(resistance);
-    let mut memory = Memory::default();
+    let mut motion = StageSolver::new(resistance);
+    let laws = passing.contact.map(|(roughness, friction)| {
+        Laws::rigid(Surface {
+            roughness,
+            friction,
+            critical_load: 0.0,
+        })
+    });
+    let mut memory = ContactMemory::default();
     let mut integrator = RungeKutta::default();
     let contact = radii[0] + radii[1];
     let mut state = at_start(passing, contact)?;
@@ -75,20 +82,17 @@ pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
             let mut to = from.clone();
             let mut memory_after = memory.clone();
             let done = integrator.step(&mut to, time, dt, |stage, coordinates, rates| {
-                let law = match passing.contact {
-                    None => ContactLaw::None,
-                    Some((roughness, friction)) => ContactLaw::Rigid {
-                        surface: Surface {
-                            roughness,
-                            friction,
-                            critical_load: 0.0,
-                        },
-                        time_span: stage.span,
+                let contact_law = match &laws {
+                    None => Contact::None,
+                    Some(laws) => Contact::Laws {
+                        laws,
+                        span: Span::alone(stage.span),
                         memory: &mut memory_after,
                     },
                 };
                 let positions = centres(coordinates, contact);
-                motion.solve(&cell, &positions, &Background::QUIESCENT, &external, law)?;
+                motion.assemble(&cell, &positions)?;
+                motion.solve(&Background::QUIESCENT, &external, contact_law)?;
                 let v = motion.velocities();
                 let relative = Vec2::new(v[3] - v[0], v[4] - v[1]);
                 let gap = coordinates[1].x.exp();

@@ -6,23 +6,20 @@ mod snapshot;
 
 pub use frame::{Frame, FrameContact};
 pub use sample::{Counters, JAM_VISCOSITY, Sample};
-pub use snapshot::{SNAPSHOT_VERSION, Snapshot};
+pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 
-use crate::contact::laws::{History, Laws, Phase};
-use crate::contact::procedure::ContactList;
-use crate::contact::rigid::Memory;
-use crate::contact::{Surface, most_contacts};
+use crate::contact::laws::{Laws, Phase, Span};
+use crate::contact::most_contacts;
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
 use crate::geometry::pair::PairKey;
-use crate::hydrodynamics::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
-use crate::hydrodynamics::resistance::{NearFields, Resistance};
-use crate::motion::{ContactLaw, Motion};
-use crate::params::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
+use crate::hydrodynamics::resistance::NearFields;
+use crate::params::{ContactScheme, DEEPEST_OVERLAP, Params};
 use crate::run::start;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::runge_kutta::{RungeKutta, Stage, State};
+use crate::stage::{Contact, Method, StageSolver};
 use crate::stress::{ContactCounts, StressWork};
 use serde::{Deserialize, Serialize};
 
@@ -32,45 +29,6 @@ pub const JAM_STRAIN: f64 = 0.1;
 const MOST_HALVINGS: u32 = 6;
 /// What counts as too low: this share of the roughness height.
 const HELD_SHARE: f64 = 0.5;
-/// Memory of a [`Simulation`], in bytes, from above (near jamming): its matrices, and a few kilobytes per sphere.
-///
-/// ```text
-/// Ball-Melrose: R_FU (3N)², columns of the contacts 2 × 3N × K, their products 3 K², with K ≈ 1.5 N candidates
-/// Stokesian Dynamics: besides, M (6N)² and two more matrices (3N)²
-/// pair by pair: two sparse factors and their pattern, 16 kB per sphere; an iterated far field 32 kB more
-/// ```
-pub fn memory_bytes(params: &Params) -> f64 {
-    let n = params.spheres as f64;
-    if is_pairwise(params) {
-        return match params.hydrodynamics {
-            Hydrodynamics::BallMelrose => 16384.0 * n,
-            Hydrodynamics::StokesianDynamics => 49152.0 * n,
-        };
-    }
-    let near = 9.0 + 9.0 + 6.75;
-    let far = match params.hydrodynamics {
-        Hydrodynamics::BallMelrose => 0.0,
-        Hydrodynamics::StokesianDynamics => 36.0 + 2.0 * 9.0,
-    };
-    8.0 * (near + far) * n * n + 8192.0 * n
-}
-
-/// Spheres from which on the resistance of a layer of rigid contacts is held pair by pair under Ball-Melrose hydrodynamics, where
-/// that costs less.
-pub const LEAST_PAIRWISE: usize = 250;
-/// The same under Stokesian Dynamics, where the far field is then iterated.
-pub const LEAST_ITERATED: usize = 800;
-
-/// Whether runs with these parameters hold the resistance pair by pair, as a
-/// [`PairwiseResistance`](crate::hydrodynamics::resistance::PairwiseResistance).
-pub fn is_pairwise(params: &Params) -> bool {
-    let least = match params.hydrodynamics {
-        Hydrodynamics::BallMelrose => LEAST_PAIRWISE,
-        Hydrodynamics::StokesianDynamics => LEAST_ITERATED,
-    };
-    params.contact == ContactScheme::Rigid && params.spheres >= least
-}
-
 /// Whether a run can go on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Flow {
@@ -80,20 +38,23 @@ pub enum Flow {
     Jammed,
 }
 
-/// Laws chosen one by one, with what they need within a step.
-struct Chosen {
-    /// The laws.
-    laws: Laws,
-    /// What the stages tell each other.
-    history: History,
+/// What keeps the spheres apart.
+enum Scheme {
+    /// Laws.
+    Laws {
+        /// The laws.
+        laws: Box<Laws>,
+        /// Disturbance velocities `[3N]` of the first stage of a two-stage step.
+        first: Vec<f64>,
+    },
+    /// The paper's steps.
+    Procedure,
 }
 
 /// A layer under shear.
 pub struct Simulation {
     /// What decides the run.
     params: Params,
-    /// Roughness, friction, critical load.
-    surface: Surface,
     /// Steps done.
     steps: u64,
     /// Side of the square cell.
@@ -102,18 +63,14 @@ pub struct Simulation {
     state: State,
     /// Where they were at the start of the step.
     before: State,
-    /// Mean disturbance velocities of the last step, where the procedure needs them.
-    velocities: Vec<f64>,
-    /// Memory of the rigid scheme and of other laws.
-    memory: Memory,
-    /// Laws chosen one by one, where they are.
-    chosen: Option<Box<Chosen>>,
-    /// Memory of the procedure.
-    listed: ContactList,
+    /// What keeps the spheres apart.
+    scheme: Scheme,
+    /// What contacts remember.
+    memory: SchemeMemory,
     /// Counters.
     counters: Counters,
     /// Solver.
-    motion: Motion,
+    stage: StageSolver,
     /// Integrator.
     integrator: RungeKutta,
     /// Integrator of soft laws.
@@ -140,9 +97,7 @@ impl Simulation {
             side: start.side,
             centres: start.centres.iter().map(|x| [x.x, x.y]).collect(),
             orientations: vec![0.0; n],
-            velocities: Vec::new(),
-            memory: Memory::default(),
-            listed: ContactList::default(),
+            memory: SchemeMemory::new(&params.contact),
             near_pairs: Vec::new(),
             counters: Counters::default(),
         };
@@ -161,36 +116,32 @@ impl Simulation {
         params.validate()?;
         snapshot.check(params)?;
         let cell = Cell::periodic(snapshot.side, snapshot.side, 0.0)?;
-        let mut resistance = if is_pairwise(params) {
-            Resistance::new_pairwise(&cell, &snapshot.radii, tables, &snapshot.near_pairs)?
-        } else {
-            Resistance::new(params.hydrodynamics, &cell, &snapshot.radii, tables)?
-        };
         let most = most_contacts(params.spheres);
-        let chosen = match &params.contact {
-            ContactScheme::Rigid | ContactScheme::Procedure => None,
-            ContactScheme::Laws(laws) => {
-                if laws.is_soft() {
-                    resistance.regularise(laws.lubrication_gap, DEEPEST_OVERLAP);
+        let method = Method::of(params);
+        let mut stage = method.solver(
+            params.hydrodynamics,
+            &cell,
+            &snapshot.radii,
+            tables,
+            &snapshot.near_pairs,
+        )?;
+        let scheme = match &params.contact {
+            ContactScheme::Procedure => Scheme::Procedure,
+            ContactScheme::Rigid | ContactScheme::Laws(_) => {
+                let choice = params.contact.laws();
+                if choice.is_soft() {
+                    let (gap, deepest) = (choice.lubrication_gap, DEEPEST_OVERLAP);
+                    stage.resistance.regularise(gap, deepest);
                 }
-                Some(Box::new(Chosen {
-                    laws: laws.in_solver_units(params.surface()),
-                    history: History::new(most, params.spheres),
-                }))
+                Scheme::Laws {
+                    laws: Box::new(Laws::new(choice, params.surface())),
+                    first: Vec::with_capacity(3 * params.spheres),
+                }
             }
         };
-        let motion =
-            if is_pairwise(params) && params.hydrodynamics == Hydrodynamics::StokesianDynamics {
-                let far = IterativeFarField::new(&cell, &snapshot.radii, DEFAULT_RESIDUAL)?;
-                Motion::with_far_field(resistance, far)
-            } else {
-                Motion::new(resistance)
-            };
-        snapshot.memory.forces.reserve(most);
-        snapshot.listed.pairs.reserve(most);
+        snapshot.memory.reserve(most);
         Ok(Self {
             params: params.clone(),
-            surface: params.surface(),
             steps: snapshot.steps,
             side: snapshot.side,
             state: State {
@@ -202,12 +153,10 @@ impl Simulation {
                 orientations: snapshot.orientations,
             },
             before: State::default(),
-            velocities: snapshot.velocities,
+            scheme,
             memory: snapshot.memory,
-            chosen,
-            listed: snapshot.listed,
             counters: snapshot.counters,
-            motion,
+            stage,
             integrator: RungeKutta::default(),
             rosenbrock: Rosenbrock::default(),
             stress: StressWork::default(),
@@ -231,9 +180,9 @@ impl Simulation {
         let result = if self.is_soft() {
             self.advance_soft(&mut state, time, dt, &mut sample)
         } else {
-            let most = match self.params.contact {
-                ContactScheme::Rigid | ContactScheme::Laws(_) => MOST_HALVINGS,
-                ContactScheme::Procedure => 0,
+            let most = match self.scheme {
+                Scheme::Laws { .. } => MOST_HALVINGS,
+                Scheme::Procedure => 0,
             };
             self.advance(&mut integrator, &mut state, time, dt, most, &mut sample)
         };
@@ -249,9 +198,7 @@ impl Simulation {
         };
         result.map_err(failed)?;
         let sample = sample.ok_or(Error::NoSpheres).map_err(failed)?;
-        if self.params.contact == ContactScheme::Procedure {
-            self.keep_mean_velocities(dt);
-        }
+        self.keep_mean_velocities(dt);
         self.steps += 1;
         let cell = self.cell_at(self.strain())?;
         for x in &mut self.state.centres {
@@ -273,13 +220,13 @@ impl Simulation {
         let mut start_gap = 0.0;
         let whole = integrator.step(state, time, dt, |stage, centres, velocities| {
             self.stage(stage, centres, velocities, sample)?;
-            let Some(pair) = self.motion.closest() else {
+            let Some(pair) = self.stage.closest() else {
                 return Ok(());
             };
             if stage.number == 0 {
                 start_gap = pair.gap;
             }
-            let held = start_gap.min(HELD_SHARE * self.surface.roughness);
+            let held = start_gap.min(HELD_SHARE * self.params.roughness);
             if halvings > 0 && pair.gap < held {
                 return Err(pair.overlap());
             }
@@ -297,9 +244,7 @@ impl Simulation {
 
     /// Whether forces depend on gaps.
     fn is_soft(&self) -> bool {
-        self.chosen
-            .as_ref()
-            .is_some_and(|chosen| chosen.laws.is_soft())
+        matches!(&self.scheme, Scheme::Laws { laws, .. } if laws.is_soft())
     }
 
     /// Moves the state over `dt` under soft laws, in two stages.
@@ -328,58 +273,50 @@ impl Simulation {
     ) -> Result<(), Error> {
         let background = Background::SHEAR;
         let cell = self.cell_at(stage.time)?;
-        let motion = &mut self.motion;
-        let surface = self.surface;
+        let solver = &mut self.stage;
         if stage.number == 0 {
             // So that a run resumed here has the same bits.
-            motion.forget();
+            solver.begin_step();
         }
-        let repels = |chosen: &Chosen| chosen.laws.repulsion.is_some();
-        if self.chosen.as_deref().is_some_and(repels) {
-            // The repulsion adds to the matrix before it is factored.
-            motion.assemble(&cell, centres)?;
-        } else {
-            motion.update(&cell, centres)?;
-        }
-        let law = match self.params.contact {
-            ContactScheme::Rigid => ContactLaw::Rigid {
-                surface,
-                time_span: stage.span,
-                memory: &mut self.memory,
-            },
-            ContactScheme::Procedure => {
-                if stage.number == 0 && !self.velocities.is_empty() {
-                    self.listed.add_approaching(
-                        &motion.resistance,
+        solver.assemble(&cell, centres)?;
+        let quality = match (&mut self.scheme, &mut self.memory) {
+            (Scheme::Laws { laws, first }, SchemeMemory::Laws(memory)) => {
+                let phase = match (laws.is_soft(), stage.number) {
+                    (false, _) => Phase::Alone,
+                    (true, 0) => Phase::First,
+                    (true, _) => Phase::Second,
+                };
+                let span = Span {
+                    time: stage.span,
+                    phase,
+                    first,
+                };
+                let contact = Contact::Laws { laws, span, memory };
+                let quality = solver.solve(&background, &[], contact)?;
+                if phase == Phase::First {
+                    first.clear();
+                    first.extend_from_slice(solver.velocities());
+                }
+                quality
+            }
+            (_, SchemeMemory::Procedure { listed, velocities }) => {
+                if stage.number == 0 && !velocities.is_empty() {
+                    listed.add_approaching(
+                        &solver.resistance,
                         &background,
-                        surface.roughness,
-                        &self.velocities,
+                        self.params.roughness,
+                        velocities,
                     );
                 }
-                ContactLaw::Procedure {
-                    surface,
-                    listed: &mut self.listed,
-                }
+                let surface = self.params.surface();
+                let contact = Contact::Procedure { surface, listed };
+                solver.solve(&background, &[], contact)?
             }
-            ContactScheme::Laws(_) => match &mut self.chosen {
-                None => ContactLaw::None,
-                Some(chosen) => ContactLaw::Laws {
-                    span: (
-                        stage.span,
-                        match (chosen.laws.is_soft(), stage.number) {
-                            (false, _) => Phase::Alone,
-                            (true, 0) => Phase::First,
-                            (true, _) => Phase::Second,
-                        },
-                    ),
-                    laws: &chosen.laws,
-                    memory: &mut self.memory,
-                    history: &mut chosen.history,
-                },
-            },
+            (Scheme::Procedure, SchemeMemory::Laws(_)) => {
+                unreachable!("snapshots are checked against the parameters")
+            }
         };
-        let quality = motion.solve_again(&background, &[], law)?;
-        let minimum_gap = motion.closest().map_or(f64::INFINITY, |pair| pair.gap);
+        let minimum_gap = solver.closest().map_or(f64::INFINITY, |pair| pair.gap);
         let counters = &mut self.counters;
         counters.stages += 1;
         counters.unconverged_stages += u64::from(!quality.converged());
@@ -389,12 +326,12 @@ impl Simulation {
             counters.minimum_gap = counters.minimum_gap.min(minimum_gap);
             let stress = self
                 .stress
-                .stress(motion, &background, self.side * self.side);
+                .stress(solver, &background, self.side * self.side);
             counters.count_jam(stress.viscosity);
             if let Some(frame) = &mut self.frame {
-                frame.solved(&self.stress.stresslets, &motion.contacts.list);
+                frame.solved(&self.stress.stresslets, &solver.contacts.list);
             }
-            let counts = ContactCounts::of(&motion.contacts.list);
+            let counts = ContactCounts::of(&solver.contacts.list);
             *sample = Some(Sample {
                 strain: stage.time,
                 viscosity: stress.viscosity,
@@ -412,7 +349,7 @@ impl Simulation {
         }
         for ((u, v), &x) in velocities
             .chunks_exact_mut(3)
-            .zip(motion.velocities().chunks_exact(3))
+            .zip(solver.velocities().chunks_exact(3))
             .zip(centres)
         {
             let flow = background.velocity(x);
@@ -423,12 +360,15 @@ impl Simulation {
         Ok(())
     }
 
-    /// Disturbance velocities of the step as a whole, at its mean positions.
+    /// Disturbance velocities of the step as a whole, at its mean positions, which the procedure needs.
     fn keep_mean_velocities(&mut self, dt: f64) {
+        let SchemeMemory::Procedure { velocities, .. } = &mut self.memory else {
+            return;
+        };
         let background = Background::SHEAR;
-        self.velocities.clear();
-        self.velocities.extend_from_slice(self.integrator.mean());
-        for (u, x) in self.velocities.chunks_exact_mut(3).zip(&self.state.centres) {
+        velocities.clear();
+        velocities.extend_from_slice(self.integrator.mean());
+        for (u, x) in velocities.chunks_exact_mut(3).zip(&self.state.centres) {
             // The centre has moved by u dt already; its mean position lies half a step back.
             let flow = background.velocity(x - Vec2::new(u[0], u[1]) * (0.5 * dt));
             u[0] -= flow.x;
@@ -468,7 +408,7 @@ impl Simulation {
 
     /// The pairs of the near part's pattern, where the resistance is held pair by pair.
     fn near_pairs(&self) -> Vec<PairKey> {
-        let pairwise = self.motion.resistance.pairwise();
+        let pairwise = self.stage.resistance.pairwise();
         pairwise.map_or_else(Vec::new, |pairwise| pairwise.pattern_pairs().to_vec())
     }
 
@@ -477,13 +417,11 @@ impl Simulation {
         Snapshot {
             version: SNAPSHOT_VERSION,
             steps: self.steps,
-            radii: self.motion.resistance.radii().to_vec(),
+            radii: self.stage.resistance.radii().to_vec(),
             side: self.side,
             centres: self.state.centres.iter().map(|x| [x.x, x.y]).collect(),
             orientations: self.state.orientations.clone(),
-            velocities: self.velocities.clone(),
             memory: self.memory.clone(),
-            listed: self.listed.clone(),
             near_pairs: self.near_pairs(),
             counters: self.counters,
         }

@@ -12,7 +12,7 @@ use super::problem::{Forces, Grip, Noise, Problem, Proximal, States, System, lar
 use crate::contact::row::Row;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::Matrix;
-use crate::linalg::lu::GeneralSolver;
+use crate::linalg::lu::LuSolver;
 use crate::linalg::staggered::StaggeredColumns;
 
 /// Matrices, columns and workspace.
@@ -46,7 +46,7 @@ pub(crate) struct DenseSystem {
     /// Forces by column, and the velocities that they make.
     by_column: [Vec<f64>; 2],
     velocities: [Vec<f64>; 2],
-    solver: GeneralSolver,
+    solver: LuSolver,
     /// Whether there is no `g_tt`.
     isolated: bool,
 }
@@ -64,7 +64,7 @@ impl DenseSystem {
             g_nn: matrix(square),
             g_tn: matrix(square),
             g_tt: matrix(square),
-            solver: GeneralSolver::new(2 * candidates),
+            solver: LuSolver::new(2 * candidates),
             ..Self::default()
         };
         system.normal_columns.reserve(3 * spheres, candidates);
@@ -203,6 +203,7 @@ impl System for DenseSystem {
         problem: &Problem,
         states: &States,
         proximal: &Proximal,
+        _: bool,
         forces: &mut Forces,
     ) -> Option<Noise> {
         let [active, sticking] = &mut self.unknowns;

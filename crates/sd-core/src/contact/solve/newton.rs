@@ -123,6 +123,8 @@ pub(crate) struct Onset {
     pub(crate) smooth: bool,
     /// Whether contacts without a tangential row get one once they are loaded.
     pub(crate) admits: bool,
+    /// Whether the set may still change at all, where the law jumps.
+    pub(crate) deciding: bool,
 }
 
 /// States, forces and workspace.
@@ -165,7 +167,7 @@ impl BoxSolver {
         onset: Onset,
         mut refine: impl FnMut(&mut Problem, &Forces) -> usize,
     ) -> Outcome {
-        self.deciding = DECIDING_SYSTEMS;
+        self.deciding = if onset.deciding { DECIDING_SYSTEMS } else { 0 };
         self.proximal.compliance = 0.0;
         let (ended, mut systems) =
             self.newton(problem, system, onset, &mut refine, FIRST_SYSTEMS);
@@ -196,9 +198,10 @@ impl BoxSolver {
         most: u32,
     ) -> (Ended, u32) {
         let mut pace = Pace::new();
+        let mut last = false;
         for count in 1..=most {
-            let Some(noise) =
-                system.solve(problem, &self.states, &self.proximal, &mut self.forces)
+            let (states, proximal) = (&self.states, &self.proximal);
+            let Some(noise) = system.solve(problem, states, proximal, last, &mut self.forces)
             else {
                 return (Ended::Failed, count);
             };
@@ -216,6 +219,7 @@ impl BoxSolver {
             if found == 0 && noise.exact {
                 return (Ended::Solved, count);
             }
+            last = found == 0;
             if found > 0 {
                 pace.after(count, found);
             }
@@ -298,6 +302,19 @@ impl BoxSolver {
         self.read_states(problem);
         system.measure(problem, &mut self.forces);
         (best, systems)
+    }
+
+    /// Forces of either sign that the states at hand give; whether there are any.
+    pub(crate) fn solve_states(&mut self, problem: &Problem, system: &mut impl System) -> bool {
+        self.proximal.compliance = 0.0;
+        for _ in 0..FIRST_SYSTEMS {
+            match system.solve(problem, &self.states, &self.proximal, true, &mut self.forces) {
+                Some(noise) if noise.exact => return true,
+                Some(_) => {}
+                None => return false,
+            }
+        }
+        false
     }
 
     /// Takes the forces at hand as those about which the next proximal problem is.

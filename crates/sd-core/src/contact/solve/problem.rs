@@ -110,6 +110,20 @@ pub(crate) struct Forces {
     pub(crate) slip: Vec<f64>,
 }
 
+impl Forces {
+    /// No forces of no contacts.
+    pub(crate) fn clear(&mut self) {
+        for values in [
+            &mut self.normal,
+            &mut self.tangential,
+            &mut self.slack,
+            &mut self.slip,
+        ] {
+            values.clear();
+        }
+    }
+}
+
 /// Compliance about given forces, which makes a problem easier: `w + κ (f − f₀)`, `z − κ (t − t₀)`.
 #[derive(Debug, Default)]
 pub(crate) struct Proximal {
@@ -156,12 +170,14 @@ pub(crate) struct Noise {
 pub(crate) trait System {
     /// Forces (of either sign) that the states give, their slack and slip of the problem without proximal terms.
     ///
-    /// `None` where the states have no solution.
+    /// `last`: whether these states are expected to be the last, so that the forces had better be as exact as they can. `None` where the
+    /// states have no solution.
     fn solve(
         &mut self,
         problem: &Problem,
         states: &States,
         proximal: &Proximal,
+        last: bool,
         forces: &mut Forces,
     ) -> Option<Noise>;
 

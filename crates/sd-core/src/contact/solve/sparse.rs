@@ -16,7 +16,8 @@
 use super::problem::{Forces, Grip, Noise, Problem, Proximal, States, System, largest};
 use crate::contact::row::Row;
 use crate::error::Error;
-use crate::hydrodynamics::resistance::{Network, Resistance};
+use crate::contact::solver::Driving;
+use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
 use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
 use crate::linalg::dense::{NotPositive, dot};
 use crate::linalg::gmres::Gmres;
@@ -27,15 +28,15 @@ const LEAST_COMPLIANCE: f64 = 1e-6;
 /// What a velocity counts in the norm of the residual: the force that it takes, in mu·a.
 const WEIGHT: f64 = 30.0;
 /// By how much one call lowers the residual.
-const GAIN: f64 = 1e-3;
+const GAIN: f64 = 1e-2;
 /// Residual that is rounding, over the norm of all forces.
-const ROUNDING: f64 = 1e-11;
+const ROUNDING: f64 = 1e-10;
 /// Most iterations of one call.
 const MOST_ITERATIONS: usize = 40;
 /// Changes of the states that a factor outlives.
 const MOST_CHANGES: usize = 20;
 /// Iterations of a call beyond which a factor with other states is made anew.
-const PATIENT: usize = 8;
+const PATIENT: usize = 4;
 /// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
 const LEAST_FORCE: f64 = 6.0 * PI;
 /// Mobility of a contact, about, in 1/(mu·a).
@@ -73,56 +74,23 @@ pub(crate) struct SparseSystem {
 
 /// The spheres, contacts and what they do: all that the linear system is made of.
 struct Linear<'a> {
-    network: &'a Network,
+    network: &'a PairwiseResistance,
     problem: &'a Problem,
     states: &'a States,
     kappa: f64,
 }
 
 impl SparseSystem {
-    /// Takes the candidates of a stage, spheres at the velocities of the stage before where they are known.
-    ///
-    /// `forces`: all but those of contact, `[3N]`; `isolated`: those of them that drive v_N.
-    pub(crate) fn begin(
-        &mut self,
-        network: &Network,
-        problem: &Problem,
-        forces: &[f64],
-        isolated: &[f64],
-    ) {
-        for (driving, given) in self.driving.iter_mut().zip([forces, isolated]) {
-            driving.clear();
-            driving.extend_from_slice(given);
-        }
-        for velocities in [&mut self.velocities, &mut self.isolated] {
-            if velocities.len() != forces.len() {
-                velocities.clear();
-                velocities.resize(forces.len(), 0.0);
-            }
-        }
-        self.work.resize(forces.len(), 0.0);
-        self.begin_candidates(network, problem);
-    }
-
-    /// Takes other candidates in the same stage.
-    pub(crate) fn begin_candidates(&mut self, network: &Network, problem: &Problem) {
-        self.numbers.clear();
-        let numbers = problem
-            .normal
-            .iter()
-            .map(|entry| network.number_of(entry.row.spheres));
-        self.numbers.extend(numbers);
-        self.factored.clear();
-    }
-
-    /// Begins a stage at new positions; spheres at rest in the background where `at_rest`.
-    pub(crate) fn start(&mut self, at_rest: bool) {
+    /// Begins a stage at new positions.
+    pub(crate) fn start(&mut self) {
         self.free.1 = false;
         self.factored.clear();
-        if at_rest {
-            self.velocities.clear();
-            self.isolated.clear();
-        }
+    }
+
+    /// Forgets the motion of the stage before: the next one begins with spheres at rest in the background.
+    pub(crate) fn forget(&mut self) {
+        self.velocities.clear();
+        self.isolated.clear();
     }
 
     /// Disturbance velocities `[3N]` of the last solution, and those that normal forces alone leave.
@@ -412,7 +380,7 @@ fn add_stiffness(
 /// A [`SparseSystem`] with the network it belongs to.
 pub(crate) struct OnNetwork<'a> {
     /// R pair by pair.
-    pub(crate) network: &'a Network,
+    pub(crate) network: &'a PairwiseResistance,
     /// Its pattern.
     pub(crate) pattern: &'a BlockPattern,
     /// Velocities, factors and workspace.
@@ -427,6 +395,7 @@ impl System for OnNetwork<'_> {
         problem: &Problem,
         states: &States,
         proximal: &Proximal,
+        last: bool,
         forces: &mut Forces,
     ) -> Option<Noise> {
         let linear = Linear {
@@ -445,7 +414,7 @@ impl System for OnNetwork<'_> {
             + LEAST_FORCE * LEAST_FORCE;
         let floor = ROUNDING.max(self.enough) * size.sqrt();
         let before = square(&system.residual).sqrt();
-        let goal = floor.max(GAIN * before);
+        let goal = if last { floor } else { floor.max(GAIN * before) };
         let mut left = before;
         if before > floor {
             system.prepare(&linear, self.pattern).ok()?;
@@ -497,7 +466,7 @@ impl System for OnNetwork<'_> {
         std::mem::swap(&mut self.system.driving, &mut driving);
         let mut none = Forces::default();
         for _ in 0..8 {
-            let noise = self.solve(problem, &states, &Proximal::default(), &mut none);
+            let noise = self.solve(problem, &states, &Proximal::default(), true, &mut none);
             if noise.is_none_or(|noise| noise.exact) {
                 break;
             }
@@ -511,7 +480,48 @@ impl System for OnNetwork<'_> {
     }
 }
 
-impl OnNetwork<'_> {
+impl<'a> OnNetwork<'a> {
+    /// Takes the candidates of a stage and what drives the spheres.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`], if the resistance cannot be factored.
+    pub(crate) fn begin(
+        resistance: &'a Resistance,
+        system: &'a mut SparseSystem,
+        problem: &Problem,
+        driving: Driving<'_>,
+    ) -> Result<Self, Error> {
+        let Some(network) = resistance.pairwise() else {
+            unreachable!("a sparse system is made for what is held pair by pair")
+        };
+        let given = [driving.all, driving.isolated];
+        for (target, given) in system.driving.iter_mut().zip(given) {
+            target.clear();
+            target.extend_from_slice(given);
+        }
+        let size = driving.all.len();
+        for velocities in [&mut system.velocities, &mut system.isolated] {
+            velocities.resize(size, 0.0);
+        }
+        system.work.resize(size, 0.0);
+        system.numbers.clear();
+        let numbers = problem.normal.iter().map(|entry| {
+            let [i, j] = entry.row.spheres;
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "sphere numbers fit 32 bits"
+            )]
+            network.number_of((i as u32, j as u32))
+        });
+        system.numbers.extend(numbers);
+        Ok(Self {
+            pattern: network.pattern(),
+            network,
+            system,
+            enough: driving.enough,
+        })
+    }
+
     /// Slack and slip of the velocities at hand.
     fn read(&self, problem: &Problem, forces: &mut Forces) {
         let Forces {
@@ -543,3 +553,4 @@ pub(crate) fn not_positive(bad: NotPositive) -> Error {
         sphere: bad.pivot / 3,
     }
 }
+

@@ -36,10 +36,6 @@ pub(super) struct SplitMotion {
     pub(super) forces: Vec<f64>,
     /// Velocities, `[6N]`.
     pub(super) velocities: Vec<f64>,
-    /// Friction forces applied, by candidate.
-    pub(super) applied: Vec<f64>,
-    /// What the law makes of them.
-    pub(super) wanted: Vec<f64>,
     /// Acceleration.
     pub(super) anderson: Anderson,
 }
@@ -59,8 +55,6 @@ impl SplitMotion {
             change: vec![0.0; 2 * n + 4],
             forces: vec![0.0; n],
             velocities: vec![0.0; n],
-            applied: Vec::new(),
-            wanted: Vec::new(),
             anderson: Anderson::new(DEPTH, 2 * n + 4),
         }
     }

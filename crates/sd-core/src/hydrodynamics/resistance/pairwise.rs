@@ -138,8 +138,13 @@ impl PairwiseResistance {
     }
 
     /// Number of a pair in the pattern, which has all pairs near contact.
-    pub fn number_of(&self, pair: &Neighbours) -> Option<usize> {
-        self.pattern_pairs.binary_search(&pair.key()).ok()
+    pub fn number_of(&self, pair: PairKey) -> Option<usize> {
+        self.pattern_pairs.binary_search(&pair).ok()
+    }
+
+    /// Number of spheres.
+    pub fn spheres(&self) -> usize {
+        self.own.len()
     }
 
     /// `y = R_FU v`, vectors `[3N]`.

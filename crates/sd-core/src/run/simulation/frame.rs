@@ -58,7 +58,7 @@ impl Simulation {
             strain,
             side: self.side,
             offset: travelled - self.side * (travelled / self.side + 0.5).floor(),
-            radii: self.motion.resistance.radii().to_vec(),
+            radii: self.stage.resistance.radii().to_vec(),
             centres: self.state.centres.iter().copied().map(plain).collect(),
             orientations: self.state.orientations.clone(),
             ..Frame::default()

@@ -1,16 +1,16 @@
 //! All that a run needs to go on.
 
 use super::Counters;
+use crate::contact::ContactMemory;
 use crate::contact::procedure::ContactList;
-use crate::contact::rigid::Memory;
 use crate::error::Error;
 use crate::geometry::pair::PairKey;
-use crate::params::Params;
+use crate::params::{ContactScheme, Params};
 use crate::run::start;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`Snapshot`].
-pub const SNAPSHOT_VERSION: u32 = 1;
+pub const SNAPSHOT_VERSION: u32 = 2;
 
 /// All that the next step needs. Restored with the same parameters, a run goes on with the same bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -28,18 +28,80 @@ pub struct Snapshot {
     pub centres: Vec<[f64; 2]>,
     /// Orientations, in radians.
     pub orientations: Vec<f64>,
-    /// Mean disturbance velocities `[3N]` of the last step, for step 1 of the procedure; empty before it and under other schemes.
-    pub velocities: Vec<f64>,
-    /// Contact forces of the last stage, where the next one starts; under stick-slide the forces of its springs.
-    pub memory: Memory,
-    /// Contact list of the procedure.
-    pub listed: ContactList,
+    /// What contacts remember.
+    pub memory: SchemeMemory,
     /// Pairs of the near part's pattern, ordered, where the resistance is held pair by pair: the order of elimination follows from
     /// them.
     #[serde(default)]
     pub near_pairs: Vec<PairKey>,
     /// Counters.
     pub counters: Counters,
+}
+
+/// What contacts remember between steps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum SchemeMemory {
+    /// Under laws.
+    Laws(ContactMemory),
+    /// Under the paper's steps.
+    Procedure {
+        /// Pairs in contact.
+        listed: ContactList,
+        /// Mean disturbance velocities `[3N]` of the last step; empty before it.
+        velocities: Vec<f64>,
+    },
+}
+
+impl SchemeMemory {
+    /// Nothing to remember yet.
+    pub(super) fn new(scheme: &ContactScheme) -> Self {
+        match scheme {
+            ContactScheme::Rigid | ContactScheme::Laws(_) => Self::Laws(ContactMemory::default()),
+            ContactScheme::Procedure => Self::Procedure {
+                listed: ContactList::default(),
+                velocities: Vec::new(),
+            },
+        }
+    }
+
+    /// Room for that many contacts.
+    pub(super) fn reserve(&mut self, contacts: usize) {
+        match self {
+            Self::Laws(memory) => memory.reserve(contacts),
+            Self::Procedure { listed, .. } => listed.pairs.reserve(contacts),
+        }
+    }
+
+    /// Why this is not the memory of a run of that scheme with so many spheres, if it is not.
+    fn fault(&self, scheme: &ContactScheme, spheres: usize) -> Option<&'static str> {
+        let there = |&(i, j): &(u32, u32)| i < j && (j as usize) < spheres;
+        match (self, scheme) {
+            (Self::Laws(memory), ContactScheme::Rigid | ContactScheme::Laws(_)) => {
+                let forces = &memory.warm_start.forces;
+                let springs = &memory.springs.0;
+                if !(forces.iter().all(|f| there(&(f.0, f.1)))
+                    && springs.iter().all(|f| there(&(f.0, f.1))))
+                {
+                    return Some("contacts of spheres that are not there");
+                }
+                let finite = forces.iter().all(|f| f.2.is_finite() && f.3.is_finite())
+                    && springs.iter().all(|f| f.2.is_finite());
+                (!finite).then_some("not all numbers are finite")
+            }
+            (Self::Procedure { listed, velocities }, ContactScheme::Procedure) => {
+                if !(velocities.is_empty() || velocities.len() == 3 * spheres) {
+                    return Some("velocities of another number of spheres");
+                }
+                if !listed.pairs.iter().all(there) {
+                    return Some("contacts of spheres that are not there");
+                }
+                let finite = velocities.iter().all(|v| v.is_finite());
+                (!finite).then_some("not all numbers are finite")
+            }
+            _ => Some("contacts of another scheme"),
+        }
+    }
 }
 
 impl Snapshot {
@@ -53,16 +115,8 @@ impl Snapshot {
         if self.radii.len() != n || self.centres.len() != n || self.orientations.len() != n {
             return refuse("other number of spheres");
         }
-        if !(self.velocities.is_empty() || self.velocities.len() == 3 * n) {
-            return refuse("velocities of another number of spheres");
-        }
-        if !self
-            .listed
-            .pairs
-            .iter()
-            .all(|&(i, j)| i < j && (j as usize) < n)
-        {
-            return refuse("contacts of spheres that are not there");
+        if let Some(reason) = self.memory.fault(&params.contact, n) {
+            return refuse(reason);
         }
         let pairs = &self.near_pairs;
         if !pairs.iter().all(|&(i, j)| i < j && (j as usize) < n)
@@ -71,13 +125,7 @@ impl Snapshot {
             return refuse("near pairs of spheres that are not there, or not in order");
         }
         let finite = self.centres.iter().flatten().all(|x| x.is_finite())
-            && self.orientations.iter().all(|x| x.is_finite())
-            && self.velocities.iter().all(|x| x.is_finite())
-            && self
-                .memory
-                .forces
-                .iter()
-                .all(|f| f.2.is_finite() && f.3.is_finite());
+            && self.orientations.iter().all(|x| x.is_finite());
         if !finite {
             return refuse("not all numbers are finite");
         }

@@ -8,7 +8,7 @@ use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::far_field::{FarField, FarResistance};
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::linalg::dense::Matrix;
-use crate::motion::{ContactLaw, Motion};
+use crate::stage::{Contact as StageContact, StageSolver};
 use crate::params::{ContactScheme, Hydrodynamics, Params};
 use crate::run::instant::{Configuration, ContactRequest, solve};
 use crate::run::simulation::{Simulation, Snapshot};
@@ -152,10 +152,7 @@ fn energy(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Result<(f64, f64
         friction: 0.3,
         critical_load: 0.0,
     };
-    let request = ContactRequest::Rigid {
-        surface,
-        time_span: 0.005,
-    };
+    let request = ContactRequest::rigid(surface, 0.005);
     let instant = solve(&configuration, &request, &NearFields::default())?;
     let Some(stress) = instant.stress else {
         return Ok((f64::NAN, f64::NAN));
@@ -217,14 +214,15 @@ fn shear(
         &start.radii,
         &tables,
     )?;
-    let mut motion = Motion::new(resistance);
+    let mut motion = StageSolver::new(resistance);
     let mut integrator = RungeKutta::default();
     let background = Background::SHEAR;
     for k in 0..steps {
         let time = from + f64::from(k) * dt;
         integrator.step(state, time, dt, |stage, centres, velocities| {
             let cell = cell(stage.time)?;
-            motion.solve(&cell, centres, &background, &[], ContactLaw::None)?;
+            motion.assemble(&cell, centres)?;
+            motion.solve(&background, &[], StageContact::None)?;
             velocities.copy_from_slice(motion.velocities());
             for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
                 u[0] += background.velocity(x).x;

@@ -1,0 +1,293 @@
+//! One stage: from positions to velocities, contact forces included. The only place where contact and far field meet.
+
+mod method;
+
+pub use method::{Method, memory_bytes};
+
+use crate::contact::laws::{Laws, Span};
+use crate::contact::procedure::ContactList;
+use crate::contact::repulsion::Repelled;
+use crate::contact::solver::{Driving, Posed};
+use crate::contact::{ContactMemory, ContactSolver, Quality, Surface};
+use crate::error::Error;
+use crate::geometry::cell::Cell;
+use crate::geometry::modes::{Background, Vec2};
+use crate::geometry::pair::Neighbours;
+use crate::hydrodynamics::iterative::IterativeFarField;
+use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
+use crate::hydrodynamics::resistance::Resistance;
+use nalgebra::Vector3;
+
+/// What a far-field iteration asks of the contact problem, over its own relative residual.
+const STRICT: f64 = 1e-2;
+/// Relative residual that the first evaluation is made for.
+const FIRST: f64 = 1e-2;
+/// Evaluations in which it is decided on which contacts friction acts.
+const DECIDING: u32 = 4;
+
+/// What keeps the spheres apart, with what it remembers from stage to stage.
+pub enum Contact<'a> {
+    /// Nothing but the fluid.
+    None,
+    /// Laws: entries of the one contact problem, see [`crate::contact::laws`].
+    Laws {
+        /// The laws.
+        laws: &'a Laws,
+        /// How far contact forces look ahead.
+        span: Span<'a>,
+        /// What contacts remember.
+        memory: &'a mut ContactMemory,
+    },
+    /// The paper's steps, see [`crate::contact::procedure`].
+    Procedure {
+        /// Roughness and friction.
+        surface: Surface,
+        /// Pairs in contact.
+        listed: &'a mut ContactList,
+    },
+}
+
+/// Solver of the motion of one set of spheres, with its workspace.
+pub struct StageSolver {
+    /// Hydrodynamics.
+    pub resistance: Resistance,
+    /// Contact problem of the last solve; its list is empty without contact.
+    pub contacts: ContactSolver,
+    /// Pairs that a repulsion keeps apart, besides.
+    pub repelled: Repelled,
+    /// External and background forces `[3N]`.
+    forces: Vec<f64>,
+    /// Disturbance velocities `[3N]` of the last solve.
+    velocities: Vec<f64>,
+    /// Far field iterated on top of a pairwise Ball-Melrose resistance.
+    far: Option<Box<IterativeFarField>>,
+}
+
+impl StageSolver {
+    /// Workspace for the spheres the resistance was made for.
+    pub fn new(resistance: Resistance) -> Self {
+        let n = 3 * resistance.radii().len();
+        Self {
+            contacts: ContactSolver::new(&resistance),
+            resistance,
+            repelled: Repelled::default(),
+            forces: vec![0.0; n],
+            velocities: vec![0.0; n],
+            far: None,
+        }
+    }
+
+    /// Full Stokesian Dynamics of many spheres: the far field iterated on top of a pairwise Ball-Melrose resistance.
+    pub fn with_far_field(pairwise: Resistance, far: IterativeFarField) -> Self {
+        Self {
+            far: Some(Box::new(far)),
+            ..Self::new(pairwise)
+        }
+    }
+
+    /// Begins a step: what is known from stages before is forgotten, but for what [`ContactMemory`] holds. Results then depend on positions
+    /// and memory alone, so that a run that is resumed has the same bits.
+    pub fn begin_step(&mut self) {
+        self.contacts.begin_step();
+        if let Some(far) = &mut self.far {
+            far.forget();
+        }
+    }
+
+    /// Counterforces `[3N]` and stresslets of the last solve, as [`Resistance::apply`]; `work` is scratch.
+    pub fn counterforces(
+        &self,
+        strain: &Vector3<f64>,
+        work: &mut Vec<f64>,
+        forces: &mut Vec<f64>,
+        stresslets: &mut Vec<Vector3<f64>>,
+    ) {
+        self.resistance
+            .apply(&self.velocities, strain, work, forces, stresslets);
+        if let Some(far) = &self.far {
+            far.correct(forces, stresslets);
+        }
+    }
+
+    /// Disturbance velocities `(U − u∞, Ω − Ω∞)` of the last solve, `[3N]`.
+    pub fn velocities(&self) -> &[f64] {
+        &self.velocities
+    }
+
+    /// The pair with the smallest gap, if any is in lubrication range.
+    pub fn closest(&self) -> Option<&Neighbours> {
+        let pairs = self.resistance.neighbours().iter();
+        pairs.min_by(|a, b| a.gap.total_cmp(&b.gap))
+    }
+
+    /// Takes positions: pairs and hydrodynamics, without the factor, to which a repulsion still adds.
+    ///
+    /// # Errors
+    /// Overlaps, an indefinite mobility, memory.
+    pub fn assemble(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+        self.resistance.assemble(cell, centres)?;
+        match &mut self.far {
+            Some(far) => far.update(cell, centres),
+            None => Ok(()),
+        }
+    }
+
+    /// Solves for the velocities at the positions taken, once for every [`StageSolver::assemble`], under external forces and torques `[3N]`
+    /// (empty: none).
+    ///
+    /// # Errors
+    /// An indefinite matrix, a far field that does not converge, velocities that are not finite.
+    pub fn solve(
+        &mut self,
+        background: &Background,
+        external: &[f64],
+        contact: Contact<'_>,
+    ) -> Result<Quality, Error> {
+        let strain = background.strain();
+        self.resistance
+            .background_forces(&strain, &mut self.forces);
+        for (force, x) in self.forces.iter_mut().zip(external) {
+            *force += x;
+        }
+        self.repelled.pairs.clear();
+        if let Contact::Laws { laws, span, .. } = &contact
+            && let Some(repulsion) = &laws.repulsion
+        {
+            let (resistance, forces) = (&mut self.resistance, &mut self.forces);
+            self.repelled
+                .add(repulsion, resistance, background, span, forces);
+        }
+        self.resistance.factor()?;
+        let quality = self.solve_factored(background, contact)?;
+        self.repelled.finish(&self.velocities);
+        match self.velocities.iter().position(|v| !v.is_finite()) {
+            Some(at) => Err(Error::NotFinite {
+                quantity: "the velocity",
+                sphere: at / 3,
+            }),
+            None => Ok(quality),
+        }
+    }
+
+    /// [`StageSolver::solve`] with another contact law, at the same positions and under the same forces.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn solve_again(
+        &mut self,
+        background: &Background,
+        contact: Contact<'_>,
+    ) -> Result<Quality, Error> {
+        self.solve_factored(background, contact)
+    }
+
+    /// The motion under the forces at hand, once the resistance is factored.
+    fn solve_factored(
+        &mut self,
+        background: &Background,
+        contact: Contact<'_>,
+    ) -> Result<Quality, Error> {
+        let (resistance, contacts) = (&self.resistance, &mut self.contacts);
+        let (forces, velocities) = (&self.forces, &mut self.velocities);
+        match contact {
+            Contact::None => {
+                contacts.list.clear();
+                match &mut self.far {
+                    Some(far) => {
+                        far.solve(resistance, &background.strain(), forces, velocities)?;
+                    }
+                    None => contacts.solve_free(resistance, forces, velocities)?,
+                }
+                Ok(Quality::default())
+            }
+            Contact::Laws { laws, span, memory } => {
+                let posed = Posed {
+                    resistance,
+                    background,
+                    laws,
+                    span,
+                };
+                match &mut self.far {
+                    Some(far) => {
+                        contacts.begin(&posed, memory);
+                        let mut map = ContactMap {
+                            posed,
+                            contacts,
+                            memory,
+                            quality: Quality::default(),
+                        };
+                        let strain = background.strain();
+                        far.solve_fixed_point(
+                            resistance, &mut map, &strain, forces, velocities,
+                        )?;
+                        let quality = map.quality;
+                        contacts.take_motion(velocities);
+                        contacts.keep_springs(&posed, &mut memory.springs);
+                        Ok(quality)
+                    }
+                    None => contacts.solve(&posed, Driving::by(forces), memory, velocities),
+                }
+            }
+            Contact::Procedure { surface, listed } => match &self.far {
+                Some(_) => Err(Error::ProcedureNeedsDense),
+                None => contacts.solve_procedure(
+                    (resistance, background),
+                    &surface,
+                    forces,
+                    listed,
+                    velocities,
+                ),
+            },
+        }
+    }
+}
+
+/// The contact problem under an iterated far field.
+struct ContactMap<'a> {
+    /// What it is posed in.
+    posed: Posed<'a>,
+    /// Its solver.
+    contacts: &'a mut ContactSolver,
+    /// What contacts remember.
+    memory: &'a mut ContactMemory,
+    /// How well it was solved last.
+    quality: Quality,
+}
+
+impl FixedPointMap for ContactMap<'_> {
+    fn evaluate(
+        &mut self,
+        forces: &[f64],
+        progress: Progress,
+        velocities: &mut [f64],
+    ) -> Result<bool, Error> {
+        let half = velocities.len() / 2;
+        let (normal, by_friction) = forces.split_at(half);
+        let all: Vec<f64> = normal.iter().zip(by_friction).map(|(n, t)| n + t).collect();
+        let driving = Driving {
+            all: &all,
+            isolated: normal,
+            enough: STRICT * progress.residual.min(FIRST),
+        };
+        let (v, v_t) = velocities.split_at_mut(half);
+        let deciding = progress.evaluations < DECIDING;
+        let (quality, changed) =
+            self.contacts
+                .evaluate(&self.posed, driving, self.memory, deciding, v)?;
+        self.quality = Quality {
+            systems: self.quality.systems + quality.systems,
+            ..quality
+        };
+        // Friction belongs to part T where the law reads the motion without it.
+        match self.contacts.isolated_motion(&self.posed) {
+            Some(isolated) => {
+                for ((v, v_t), v_n) in v.iter_mut().zip(v_t).zip(isolated) {
+                    *v_t = *v - v_n;
+                    *v = *v_n;
+                }
+            }
+            None => v_t.fill(0.0),
+        }
+        Ok(changed)
+    }
+}

@@ -1,0 +1,106 @@
+//! How a stage is computed: dense, pair by pair, or with the far field iterated. The one place that decides.
+
+use super::StageSolver;
+use crate::error::Error;
+use crate::geometry::cell::Cell;
+use crate::geometry::pair::PairKey;
+use crate::hydrodynamics::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
+use crate::hydrodynamics::resistance::{NearFields, Resistance};
+use crate::params::{ContactScheme, Hydrodynamics, Params};
+
+/// Spheres from which on Ball-Melrose costs less pair by pair.
+const LEAST_PAIRWISE: usize = 100;
+/// Spheres from which on Stokesian Dynamics costs less with the far field iterated.
+const LEAST_ITERATED: usize = 800;
+
+/// How a stage is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// `R_FU` factored, contacts brought down to dense matrices.
+    Dense,
+    /// `R_FU` pair by pair, contacts by one sparse factor.
+    Pairwise,
+    /// The far field iterated on top of that.
+    Iterated,
+}
+
+impl Method {
+    /// What costs least for runs with these parameters.
+    pub fn of(params: &Params) -> Self {
+        let procedure = params.contact == ContactScheme::Procedure;
+        Self::choose(params.hydrodynamics, params.spheres, procedure)
+    }
+
+    /// What costs least for a single instant.
+    pub fn of_instant(
+        hydrodynamics: Hydrodynamics,
+        cell: &Cell,
+        spheres: usize,
+        procedure: bool,
+    ) -> Self {
+        match cell {
+            Cell::Unbounded => Self::Dense,
+            Cell::Periodic { .. } => Self::choose(hydrodynamics, spheres, procedure),
+        }
+    }
+
+    /// What costs least. The paper's steps halt all pairs at once, which is dense at any number of spheres.
+    fn choose(hydrodynamics: Hydrodynamics, spheres: usize, procedure: bool) -> Self {
+        match hydrodynamics {
+            _ if procedure => Self::Dense,
+            Hydrodynamics::BallMelrose if spheres >= LEAST_PAIRWISE => Self::Pairwise,
+            Hydrodynamics::StokesianDynamics if spheres >= LEAST_ITERATED => Self::Iterated,
+            Hydrodynamics::BallMelrose | Hydrodynamics::StokesianDynamics => Self::Dense,
+        }
+    }
+
+    /// A solver for spheres of the given radii.
+    ///
+    /// `pattern_pairs`: pairs of the near part's pattern where a run goes on, ordered; else empty.
+    ///
+    /// # Errors
+    /// Those of [`Resistance::new`], [`Resistance::new_pairwise`] and [`IterativeFarField::new`].
+    pub fn solver(
+        self,
+        hydrodynamics: Hydrodynamics,
+        cell: &Cell,
+        radii: &[f64],
+        tables: &NearFields,
+        pattern_pairs: &[PairKey],
+    ) -> Result<StageSolver, Error> {
+        let pairwise = || Resistance::new_pairwise(cell, radii, tables, pattern_pairs);
+        Ok(match self {
+            Self::Dense => {
+                StageSolver::new(Resistance::new(hydrodynamics, cell, radii, tables)?)
+            }
+            Self::Pairwise => StageSolver::new(pairwise()?),
+            Self::Iterated => {
+                let far = IterativeFarField::new(cell, radii, DEFAULT_RESIDUAL)?;
+                StageSolver::with_far_field(pairwise()?, far)
+            }
+        })
+    }
+}
+
+/// Memory of a run, in bytes, from above (near jamming).
+///
+/// ```text
+/// dense:    R_FU (3N)², columns of the contacts 2 × 3N × K, their products 3 K², with K ≈ 1.5 N candidates;
+///           under Stokesian Dynamics besides M (6N)² and two more matrices (3N)²
+/// pairwise: pairs, two sparse factors, their pattern, vectors of the iteration: 32 kB per sphere; an iterated far field 32 kB more
+/// ```
+pub fn memory_bytes(params: &Params) -> f64 {
+    let n = params.spheres as f64;
+    match Method::of(params) {
+        Method::Pairwise => 32768.0 * n,
+        Method::Iterated => 65536.0 * n,
+        Method::Dense => {
+            let near = 9.0 + 9.0 + 6.75;
+            let far = match params.hydrodynamics {
+                Hydrodynamics::BallMelrose => 0.0,
+                Hydrodynamics::StokesianDynamics => 36.0 + 2.0 * 9.0,
+            };
+            8.0 * (near + far) * n * n + 8192.0 * n
+        }
+    }
+}
