@@ -17,17 +17,17 @@ mod layers;
 
 use clock::Moment;
 use layers::{Layer, TIME_STEP, layer, params};
+use sd_core::FarField;
 use sd_core::Hydrodynamics;
+use sd_core::NeighbourList;
+use sd_core::StressWork;
 use sd_core::cell::{Cell, LUBRICATION_RANGE};
 use sd_core::contact::ContactState;
-use sd_core::far_field::{DEFAULT_TOLERANCE, FarField};
-use sd_core::geometry::neighbours::NeighbourList;
-use sd_core::integrate::{RungeKutta, State};
-use sd_core::linalg::cholesky::tiled::TiledCholesky;
-use sd_core::linalg::dense::Matrix;
-use sd_core::linalg::staggered::StaggeredColumns;
+use sd_core::linalg::Matrix;
+use sd_core::linalg::StaggeredColumns;
+use sd_core::linalg::TiledCholesky;
 use sd_core::modes::{Background, Vec2};
-use sd_core::stress::StressWork;
+use sd_core::{RungeKutta, State};
 
 /// Steps timed.
 const STEPS: u32 = 60;
@@ -142,7 +142,8 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
     let snapshot = layer(spheres, params.area_fraction);
     let mut layer = Layer::new(&snapshot, &params);
     let far_field = (hydrodynamics == Hydrodynamics::StokesianDynamics).then(|| {
-        FarField::new(&layer.cell, &snapshot.radii, DEFAULT_TOLERANCE).expect("valid radii")
+        FarField::new(&layer.cell, &snapshot.radii, FarField::DEFAULT_TOLERANCE)
+            .expect("valid radii")
     });
     let mut pieces = Pieces {
         neighbours: NeighbourList::new(spheres),

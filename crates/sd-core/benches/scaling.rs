@@ -23,7 +23,7 @@ mod layers;
 use cholesky::BareCholesky;
 use clock::Moment;
 use layers::{Layer, TIME_STEP, layer, params};
-use sd_core::linalg::simd::vectorised;
+use sd_core::linalg::vectorised;
 use sd_core::two_sphere::NearField;
 use sd_core::{Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 use std::hint::black_box;

@@ -10,13 +10,13 @@
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
+use sd_core::Resistance;
+use sd_core::StressWork;
 use sd_core::cell::Cell;
 use sd_core::contact::Surface;
 use sd_core::contact::rigid::Memory;
 use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
-use sd_core::resistance::Resistance;
-use sd_core::stress::StressWork;
+use sd_core::{ContactLaw, Motion};
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 
 /// Viscosity as the program measures it, and with contacts that look ahead by [`LOOK`] only.

@@ -74,25 +74,32 @@
 //! ```
 
 pub mod contact;
-pub mod error;
-pub mod geometry;
-pub mod hydrodynamics;
+mod error;
+mod geometry;
+mod hydrodynamics;
 pub mod linalg;
-pub mod motion;
+mod motion;
 pub mod params;
-pub mod run;
-pub mod stress;
+mod run;
+mod stress;
 
 pub use error::Error;
+pub use geometry::neighbours::NeighbourList;
+pub use geometry::pair::{Neighbours, PairKey};
 pub use geometry::{cell, modes};
-pub use hydrodynamics::resistance::NearFields;
-pub use hydrodynamics::{far_field, iterative, resistance, two_sphere};
+pub use hydrodynamics::far_field::{FarField, FarResistance};
+pub use hydrodynamics::iterative::IterativeFarField;
+pub use hydrodynamics::resistance::{NearFields, PairwiseResistance, Resistance};
+pub use hydrodynamics::two_sphere;
+pub use motion::{ContactLaw, Motion};
 pub use params::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, Params, TangentialLaw,
 };
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
-pub use run::steppers::{rosenbrock, runge_kutta as integrate};
+pub use run::steppers::rosenbrock::{self, Rosenbrock};
+pub use run::steppers::{RungeKutta, Stage, State};
 pub use run::{instant, pair, simulation, start, verify};
+pub use stress::{Stress, StressWork};
 
 #[cfg(test)]
 mod tests;

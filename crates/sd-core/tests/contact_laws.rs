@@ -2,18 +2,18 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use sd_core::Resistance;
+use sd_core::Rosenbrock;
+use sd_core::State;
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{History, Laws, Normal, Phase, Tangential};
 use sd_core::contact::repulsion::Repulsion;
 use sd_core::contact::rigid::Memory;
 use sd_core::contact::{Contact, ContactState, Surface, hertz};
 use sd_core::instant::{Configuration, ContactRequest, Instant, solve};
-use sd_core::integrate::State;
 use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
 use sd_core::params::DEEPEST_OVERLAP;
-use sd_core::resistance::Resistance;
-use sd_core::rosenbrock::Rosenbrock;
+use sd_core::{ContactLaw, Motion};
 use sd_core::{
     ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
     Simulation, Snapshot, TangentialLaw,

@@ -1,13 +1,13 @@
 //! Layers with a developed contact network: h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
 
+use sd_core::IterativeFarField;
+use sd_core::Resistance;
 use sd_core::cell::Cell;
 use sd_core::contact::Surface;
 use sd_core::contact::rigid::Memory;
-use sd_core::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
 use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
-use sd_core::resistance::Resistance;
 use sd_core::simulation::is_pairwise;
+use sd_core::{ContactLaw, Motion};
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 
 /// Time step of the runs and of the stages timed.
@@ -110,7 +110,7 @@ impl Layer {
         } else if params.hydrodynamics == Hydrodynamics::BallMelrose {
             Resistance::new_pairwise(&cell, radii, &tables, &[]).map(Motion::new)
         } else {
-            let far = IterativeFarField::new(&cell, radii, DEFAULT_RESIDUAL);
+            let far = IterativeFarField::new(&cell, radii, IterativeFarField::DEFAULT_RESIDUAL);
             let network = Resistance::new_pairwise(&cell, radii, &tables, &[]);
             network.and_then(|network| Ok(Motion::with_far_field(network, far?)))
         };

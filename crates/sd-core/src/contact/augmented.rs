@@ -324,7 +324,7 @@ impl Augmented {
 }
 
 /// The error for a factor that broke down.
-pub(super) fn not_positive(bad: crate::linalg::dense::NotPositive) -> Error {
+pub(super) fn not_positive(bad: crate::linalg::error::BadPivot) -> Error {
     Error::NotPositiveDefinite {
         matrix: "near part of the resistance",
         pivot: bad.pivot,

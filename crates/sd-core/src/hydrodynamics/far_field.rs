@@ -13,10 +13,10 @@
 mod ewald;
 mod grid;
 pub(crate) mod kernels;
-pub mod operator;
+pub(crate) mod operator;
 mod real_space;
-pub mod resistance;
-pub mod unbounded;
+pub(crate) mod resistance;
+pub(crate) mod unbounded;
 mod wave_space;
 
 use crate::error::Error;
@@ -29,9 +29,6 @@ use real_space::RealSpace;
 pub use resistance::FarResistance;
 use std::f64::consts::PI;
 use wave_space::WaveSpace;
-
-/// Default accuracy of the periodic sums, relative to the largest entry of M.
-pub const DEFAULT_TOLERANCE: f64 = 1e-8;
 
 /// The grand mobility of a set of spheres, planned for a cell's sides, radii and tolerance.
 #[derive(Debug, Clone)]
@@ -47,6 +44,9 @@ pub struct FarField {
 }
 
 impl FarField {
+    /// Default accuracy of the periodic sums, relative to the largest entry of M.
+    pub const DEFAULT_TOLERANCE: f64 = 1e-8;
+
     /// Plans the sums for least cost.
     ///
     /// # Arguments

@@ -18,7 +18,7 @@
 //! The relative residual is `√(rᵀ W r)/√(qᵀ M₀ q)`, r = x − M q − V c. A remaining r is a flow that the spheres are subjected to
 //! besides the background.
 
-pub mod fixed_point;
+pub(crate) mod fixed_point;
 mod near;
 mod split;
 mod uniform;
@@ -35,10 +35,8 @@ use near::NearSolver;
 use split::SplitMotion;
 use uniform::{Uniform, translation, translations};
 
-/// Default relative residual.
-pub const DEFAULT_RESIDUAL: f64 = 1e-6;
 /// Default limit of the iterations of one solve.
-pub const MOST_ITERATIONS: u32 = 300;
+pub(crate) const MOST_ITERATIONS: u32 = 300;
 /// Tolerance of M over the relative residual asked for; test `linear_motion_is_that_of_the_dense_far_field`.
 const OPERATOR_TOLERANCE: f64 = 0.1;
 
@@ -97,6 +95,9 @@ struct Work {
 }
 
 impl IterativeFarField {
+    /// Default of the relative residual to be reached.
+    pub const DEFAULT_RESIDUAL: f64 = 1e-6;
+
     /// Plans for cells of the given sides.
     ///
     /// # Arguments

@@ -24,7 +24,7 @@ use crate::geometry::cell::{Cell, LUBRICATION_RANGE};
 use crate::geometry::modes::Vec2;
 use crate::geometry::neighbours::{MOST_NEIGHBOURS, NeighbourList};
 use crate::geometry::pair::{Neighbours, PairKey};
-use crate::hydrodynamics::far_field::{DEFAULT_TOLERANCE, FarField};
+use crate::hydrodynamics::far_field::FarField;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::params::Hydrodynamics;
@@ -79,7 +79,7 @@ impl Resistance {
     ) -> Result<Self, Error> {
         match hydrodynamics {
             Hydrodynamics::StokesianDynamics => {
-                Self::new_dense(cell, radii, tables, DEFAULT_TOLERANCE)
+                Self::new_dense(cell, radii, tables, FarField::DEFAULT_TOLERANCE)
             }
             Hydrodynamics::BallMelrose => Self::with_form(cell, radii, tables, || {
                 let skyline = SkylineResistance::new(radii.len());
@@ -88,7 +88,7 @@ impl Resistance {
         }
     }
 
-    /// As [`Resistance::new`] for Stokesian Dynamics, with another tolerance of the periodic sums than [`DEFAULT_TOLERANCE`].
+    /// As [`Resistance::new`] for Stokesian Dynamics, with another tolerance of the periodic sums than [`FarField::DEFAULT_TOLERANCE`].
     ///
     /// # Errors
     /// Those of [`Resistance::new`] and of [`FarField::new`].

@@ -9,7 +9,7 @@
 use crate::linalg::dense::{add_scaled, dot};
 
 /// The steps that the acceleration of one fixed point remembers.
-pub struct Anderson {
+pub(crate) struct Anderson {
     /// Pairs of steps (of x, of the residual), as many as are remembered at most, `kept` of them in use.
     steps: Vec<[Vec<f64>; 2]>,
     /// Pairs in use.
@@ -24,7 +24,7 @@ pub struct Anderson {
 
 impl Anderson {
     /// Remembers up to `depth` steps of `unknowns` numbers; more unknowns make it allocate.
-    pub fn new(depth: usize, unknowns: usize) -> Self {
+    pub(crate) fn new(depth: usize, unknowns: usize) -> Self {
         let pair = || [Vec::with_capacity(unknowns), Vec::with_capacity(unknowns)];
         Self {
             steps: (0..depth).map(|_| pair()).collect(),
@@ -36,14 +36,14 @@ impl Anderson {
     }
 
     /// Forgets all steps.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.kept = 0;
         self.oldest = 0;
         self.connected = false;
     }
 
     /// Replaces x by the next guess; `residual` is g(x) − x.
-    pub fn advance(&mut self, x: &mut [f64], residual: &[f64]) {
+    pub(crate) fn advance(&mut self, x: &mut [f64], residual: &[f64]) {
         if self.connected {
             self.learn(x, residual);
         }

@@ -8,7 +8,7 @@ use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::motion::{ContactLaw, Motion};
 use crate::params::Hydrodynamics;
-use crate::run::steppers::runge_kutta::{RungeKutta, State};
+use crate::run::steppers::{RungeKutta, State};
 use serde::Serialize;
 
 /// Steps after which spheres that have not passed are given up.

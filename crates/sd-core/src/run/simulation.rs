@@ -16,13 +16,13 @@ use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
 use crate::geometry::pair::PairKey;
-use crate::hydrodynamics::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
+use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::motion::{ContactLaw, Motion};
 use crate::params::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
 use crate::run::start;
 use crate::run::steppers::rosenbrock::Rosenbrock;
-use crate::run::steppers::runge_kutta::{RungeKutta, Stage, State};
+use crate::run::steppers::{Stage, State, Stepper};
 use crate::stress::{ContactCounts, StressWork};
 use serde::{Deserialize, Serialize};
 
@@ -114,10 +114,8 @@ pub struct Simulation {
     counters: Counters,
     /// Solver.
     motion: Motion,
-    /// Integrator.
-    integrator: RungeKutta,
-    /// Integrator of soft laws.
-    rosenbrock: Rosenbrock,
+    /// Method in time.
+    stepper: Stepper,
     /// Stresslets.
     stress: StressWork,
     /// A look at the first stage, while one is asked for.
@@ -167,11 +165,13 @@ impl Simulation {
             Resistance::new(params.hydrodynamics, &cell, &snapshot.radii, tables)?
         };
         let most = most_contacts(params.spheres);
+        let mut stepper = Stepper::default();
         let chosen = match &params.contact {
             ContactScheme::Rigid | ContactScheme::Procedure => None,
             ContactScheme::Laws(laws) => {
                 if laws.is_soft() {
                     resistance.regularise(laws.lubrication_gap, DEEPEST_OVERLAP);
+                    stepper = Stepper::Rosenbrock(Rosenbrock::default());
                 }
                 Some(Box::new(Chosen {
                     laws: laws.in_solver_units(params.surface()),
@@ -181,7 +181,11 @@ impl Simulation {
         };
         let motion =
             if is_pairwise(params) && params.hydrodynamics == Hydrodynamics::StokesianDynamics {
-                let far = IterativeFarField::new(&cell, &snapshot.radii, DEFAULT_RESIDUAL)?;
+                let far = IterativeFarField::new(
+                    &cell,
+                    &snapshot.radii,
+                    IterativeFarField::DEFAULT_RESIDUAL,
+                )?;
                 Motion::with_far_field(resistance, far)
             } else {
                 Motion::new(resistance)
@@ -208,8 +212,7 @@ impl Simulation {
             listed: snapshot.listed,
             counters: snapshot.counters,
             motion,
-            integrator: RungeKutta::default(),
-            rosenbrock: Rosenbrock::default(),
+            stepper,
             stress: StressWork::default(),
             frame: None,
         })
@@ -225,22 +228,18 @@ impl Simulation {
     pub fn step(&mut self) -> Result<Sample, Error> {
         let (time, dt) = (self.strain(), self.params.time_step);
         let mut sample = None;
-        let mut integrator = std::mem::take(&mut self.integrator);
+        let mut stepper = std::mem::take(&mut self.stepper);
         let mut state = std::mem::take(&mut self.state);
         self.before.copy_from(&state);
-        let result = if self.is_soft() {
-            self.advance_soft(&mut state, time, dt, &mut sample)
-        } else {
-            let most = match self.params.contact {
-                ContactScheme::Rigid | ContactScheme::Laws(_) => MOST_HALVINGS,
-                ContactScheme::Procedure => 0,
-            };
-            self.advance(&mut integrator, &mut state, time, dt, most, &mut sample)
+        let most = match (&stepper, self.params.contact) {
+            (Stepper::Rosenbrock(_), _) | (_, ContactScheme::Procedure) => 0,
+            (Stepper::RungeKutta(_), _) => MOST_HALVINGS,
         };
+        let result = self.advance(&mut stepper, &mut state, time, dt, most, &mut sample);
         if result.is_err() {
             state.copy_from(&self.before);
         }
-        self.integrator = integrator;
+        self.stepper = stepper;
         self.state = state;
         let failed = |source| Error::Step {
             step: self.steps,
@@ -248,7 +247,7 @@ impl Simulation {
             source: Box::new(source),
         };
         result.map_err(failed)?;
-        let sample = sample.ok_or(Error::NoSpheres).map_err(failed)?;
+        let sample = sample.expect("the first stage of a step is sampled");
         if self.params.contact == ContactScheme::Procedure {
             self.keep_mean_velocities(dt);
         }
@@ -263,7 +262,7 @@ impl Simulation {
     /// Moves the state over `dt`; where a gap falls too low on the way, in two halves, each halved at most `halvings - 1` times.
     fn advance(
         &mut self,
-        integrator: &mut RungeKutta,
+        stepper: &mut Stepper,
         state: &mut State,
         time: f64,
         dt: f64,
@@ -271,7 +270,7 @@ impl Simulation {
         sample: &mut Option<Sample>,
     ) -> Result<(), Error> {
         let mut start_gap = 0.0;
-        let whole = integrator.step(state, time, dt, |stage, centres, velocities| {
+        let whole = stepper.step(state, time, dt, |stage, centres, velocities| {
             self.stage(stage, centres, velocities, sample)?;
             let Some(pair) = self.motion.closest() else {
                 return Ok(());
@@ -288,34 +287,11 @@ impl Simulation {
         match whole {
             Err(Error::Overlap { .. }) if halvings > 0 => {
                 let half = 0.5 * dt;
-                self.advance(integrator, state, time, half, halvings - 1, sample)?;
-                self.advance(integrator, state, time + half, half, halvings - 1, sample)
+                self.advance(stepper, state, time, half, halvings - 1, sample)?;
+                self.advance(stepper, state, time + half, half, halvings - 1, sample)
             }
             whole => whole,
         }
-    }
-
-    /// Whether forces depend on gaps.
-    fn is_soft(&self) -> bool {
-        self.chosen
-            .as_ref()
-            .is_some_and(|chosen| chosen.laws.is_soft())
-    }
-
-    /// Moves the state over `dt` under soft laws, in two stages.
-    fn advance_soft(
-        &mut self,
-        state: &mut State,
-        time: f64,
-        dt: f64,
-        sample: &mut Option<Sample>,
-    ) -> Result<(), Error> {
-        let mut rosenbrock = std::mem::take(&mut self.rosenbrock);
-        let result = rosenbrock.step(state, time, dt, |stage, centres, velocities| {
-            self.stage(stage, centres, velocities, sample)
-        });
-        self.rosenbrock = rosenbrock;
-        result
     }
 
     /// One right-hand side; the first of a step is the one that is sampled.
@@ -425,9 +401,12 @@ impl Simulation {
 
     /// Disturbance velocities of the step as a whole, at its mean positions.
     fn keep_mean_velocities(&mut self, dt: f64) {
+        let Stepper::RungeKutta(method) = &self.stepper else {
+            return;
+        };
         let background = Background::SHEAR;
         self.velocities.clear();
-        self.velocities.extend_from_slice(self.integrator.mean());
+        self.velocities.extend_from_slice(method.mean());
         for (u, x) in self.velocities.chunks_exact_mut(3).zip(&self.state.centres) {
             // The centre has moved by u dt already; its mean position lies half a step back.
             let flow = background.velocity(x - Vec2::new(u[0], u[1]) * (0.5 * dt));

@@ -3,15 +3,12 @@
 use super::kernels::{self, Blocks, FiniteSize, LANES, Lanes};
 use super::real_space::RealSpace;
 use super::unbounded::{self, RadialChain, self_mobility};
-use super::wave_space::{self, EVEN, ODD, WaveSpace};
+use super::wave_space::{self, CHUNK, EVEN, ODD, WaveSpace};
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
 use crate::linalg::cholesky::tiled::{TILE, TiledMatrix};
 use crate::linalg::simd::vectorised;
 use std::f64::consts::PI;
-
-/// Pairs handled at once, unless one column of the matrix has more.
-pub(super) const CHUNK: usize = 256;
 
 /// The two halves of the periodic sum.
 #[derive(Debug, Clone)]

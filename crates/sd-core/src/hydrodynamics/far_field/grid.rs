@@ -95,7 +95,8 @@ impl Grid {
         }
     }
 
-    /// Grid points in all.
+    /// Number of points of the grid.
+    #[cfg(test)]
     pub(super) fn points(&self) -> usize {
         self.axes[0].points * self.axes[1].points
     }

@@ -30,15 +30,13 @@ struct NearPair {
 }
 
 /// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions last given.
-pub struct FarOperator {
+pub(crate) struct FarOperator {
     /// Radii, in a.
     radii: Vec<f64>,
     /// Finite-size coefficients of each sphere.
     sizes: Vec<FiniteSize>,
     /// Sides of the cell it was planned for, in a.
     sides: [f64; 2],
-    /// Splitting parameter α, in 1/a.
-    alpha: f64,
     /// Whether all radii are equal.
     equal: bool,
     /// Kernels of the short-ranged part.
@@ -71,7 +69,7 @@ impl FarOperator {
     ///
     /// # Errors
     /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without bounds.
-    pub fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
+    pub(crate) fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         check_plan(radii, tolerance)?;
         let [length_x, length_y] = periodic_sides(cell)?;
         let (n, area) = (radii.len() as f64, length_x * length_y);
@@ -98,7 +96,7 @@ impl FarOperator {
     ///
     /// # Errors
     /// As [`FarOperator::new`]; also where the near part would reach beyond half a side.
-    pub fn with_splitting(
+    pub(crate) fn with_splitting(
         cell: &Cell,
         radii: &[f64],
         tolerance: f64,
@@ -139,7 +137,6 @@ impl FarOperator {
         Ok(Self {
             radii: radii.to_vec(),
             sides,
-            alpha,
             equal,
             real: RealSpace::new(alpha, distance, 1.99 * smallest, 0.1 * tolerance, factors),
             grid: Grid::new(sides, &sizes, alpha, wave, tolerance),
@@ -154,31 +151,11 @@ impl FarOperator {
         })
     }
 
-    /// Number of spheres.
-    pub fn spheres(&self) -> usize {
-        self.radii.len()
-    }
-
-    /// Radii, in a.
-    pub fn radii(&self) -> &[f64] {
-        &self.radii
-    }
-
-    /// Splitting parameter α in use, in 1/a.
-    pub fn splitting(&self) -> f64 {
-        self.alpha
-    }
-
-    /// Near pairs of the positions last given, and points of the grid.
-    pub fn sizes(&self) -> (usize, usize) {
-        (self.pairs.len(), self.grid.points())
-    }
-
     /// Takes positions. Allocates only when there are more near pairs than ever before.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
-    pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+    pub(crate) fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
         let n = self.radii.len();
         if centres.len() != n {
             return Err(Error::Length {
@@ -235,7 +212,7 @@ impl FarOperator {
     ///
     /// # Accuracy
     /// The tolerance of the plan, relative to the largest entry of M; test `operator_is_the_dense_mobility`.
-    pub fn apply(&mut self, x: &[f64], y: &mut [f64]) {
+    pub(crate) fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         let n = self.radii.len();
         self.sources.clear();
         self.results.clear();

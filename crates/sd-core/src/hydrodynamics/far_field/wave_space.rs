@@ -15,6 +15,8 @@ use crate::geometry::modes::Vec2;
 use crate::linalg::dense::{Matrix, product};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
+/// Pairs that are summed at once, unless one column of the matrix has more.
+pub(super) const CHUNK: usize = 256;
 /// Lanes that go with the cosine.
 pub(crate) const EVEN: [usize; 12] = [0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19];
 /// Lanes that go with the sine.
@@ -204,7 +206,7 @@ impl WaveSpace {
                 count(2.0 * (self.cut_off * self.cut_off - kx * kx).max(0.0).sqrt())
             })
             .sum();
-        let pairs = spheres.max(super::ewald::CHUNK);
+        let pairs = spheres.max(CHUNK);
         let layers = self.layers();
         self.vectors.reserve(vectors);
         self.even.reshape(vectors, EVEN.len() * layers);

@@ -8,7 +8,8 @@ use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::far_field::{FarField, FarResistance};
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
-use crate::linalg::dense::{Matrix, NotPositive};
+use crate::linalg::dense::Matrix;
+use crate::linalg::error::BadPivot;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
@@ -69,7 +70,7 @@ impl DenseResistance {
     }
 
     /// Factors in place.
-    pub(super) fn factor(&mut self) -> Result<(), NotPositive> {
+    pub(super) fn factor(&mut self) -> Result<(), BadPivot> {
         self.factor.factor()
     }
 

@@ -6,7 +6,7 @@ use crate::geometry::modes::Vec2;
 use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
-use crate::linalg::dense::NotPositive;
+use crate::linalg::error::BadPivot;
 
 /// `R_FU` in the order of the spheres' heights, then its factor.
 pub(super) struct SkylineResistance {
@@ -64,7 +64,7 @@ impl SkylineResistance {
     }
 
     /// Factors in place.
-    pub(super) fn factor(&mut self) -> Result<(), NotPositive> {
+    pub(super) fn factor(&mut self) -> Result<(), BadPivot> {
         self.factor.factor()
     }
 

@@ -8,7 +8,8 @@
 //! fitted range the result is better than solving there, whose rounding grows as 1/ξ².
 
 use super::{Scalars, ordered, series};
-use crate::linalg::dense::{Matrix, solve_general};
+use crate::linalg::dense::Matrix;
+use crate::linalg::lu;
 
 /// Fitted terms, and gaps solved for them.
 pub(super) const TERMS: usize = 12;
@@ -130,7 +131,7 @@ impl NearContact {
                 matrix[(row, k)] = term;
             }
         }
-        solve_general(&mut matrix, &mut values).expect("the fitted terms are independent");
+        lu::solve_once(&mut matrix, &mut values).expect("the fitted terms are independent");
         let fitted = (0..2 * TERMS)
             .map(|row| std::array::from_fn(|k| values[(row % TERMS, 20 * (row / TERMS) + k)]))
             .collect();

@@ -18,7 +18,8 @@
 //! a sum of positive terms that neither overflows nor cancels at any order.
 
 use super::{Scalars, ordered};
-use crate::linalg::dense::{Matrix, add_outer, solve_general};
+use crate::linalg::dense::{Matrix, add_outer};
+use crate::linalg::lu;
 
 /// Multipoles kept per unit of 1/α, α the bispherical coordinate of the sphere's surface.
 const ORDERS_PER_ALPHA: f64 = 16.0;
@@ -324,7 +325,7 @@ fn respond_equal(family: Family, geometry: &Geometry, effort: f64) -> Response {
         for (k, &start) in starts.iter().enumerate() {
             add_start(x.column_mut(k), family, orders, start);
         }
-        solve_general(&mut matrix, &mut x).expect("separated spheres have a regular system");
+        lu::solve_once(&mut matrix, &mut x).expect("separated spheres have a regular system");
         for k in 0..starts.len() {
             for (m, &(kind, order)) in starts.iter().enumerate() {
                 let value = 0.5 * x[(kind * orders + order - first, k)];
@@ -389,7 +390,7 @@ fn respond_unequal(family: Family, geometry: &Geometry, effort: f64) -> Response
         }
         begin += width;
     }
-    solve_general(&mut matrix, &mut x).expect("separated spheres have a regular system");
+    lu::solve_once(&mut matrix, &mut x).expect("separated spheres have a regular system");
     let mut response = Response::default();
     for k in 0..2 * starts.len() {
         let (start, sphere) = if k < starts.len() {

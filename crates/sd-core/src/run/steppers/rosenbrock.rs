@@ -11,8 +11,8 @@
 //! that slope is, as long as it is the same in both stages up to O(τ), and L-stable in it. A pair whose gap relaxes under a stiff
 //! spring is at its rest after one step. Where a contact opens or closes within a step the error of that step is O(τ²).
 
+use super::state::{Stage, State};
 use crate::geometry::modes::Vec2;
-use crate::run::steppers::runge_kutta::{Stage, State};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// γ, in steps: how far contact forces look ahead.

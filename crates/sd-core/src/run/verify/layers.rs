@@ -13,7 +13,7 @@ use crate::params::{ContactScheme, Hydrodynamics, Params};
 use crate::run::instant::{Configuration, ContactRequest, solve};
 use crate::run::simulation::{Simulation, Snapshot};
 use crate::run::start;
-use crate::run::steppers::runge_kutta::{RungeKutta, State};
+use crate::run::steppers::{RungeKutta, State};
 
 /// A layer for the checks.
 fn params(hydrodynamics: Hydrodynamics) -> Params {
