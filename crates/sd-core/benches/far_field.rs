@@ -27,7 +27,6 @@ fn layer(columns: usize, rows: usize) -> (Cell, Vec<Vec2>) {
     (cell, centres)
 }
 
-/// The bench.
 fn far_field(criterion: &mut Criterion) {
     for (columns, rows) in [(5, 10), (9, 10), (10, 20), (20, 20), (20, 40)] {
         let n = columns * rows;

@@ -29,10 +29,9 @@ use sd_core::linalg::TiledCholesky;
 use sd_core::modes::{Background, Vec2};
 use sd_core::{RungeKutta, State};
 
-/// Steps timed.
 const STEPS: u32 = 60;
 
-/// Parts of a run with their seconds.
+/// Parts of a run and the seconds that each takes.
 #[derive(Default)]
 struct Parts(Vec<(&'static str, f64)>);
 
@@ -53,7 +52,6 @@ impl Parts {
         }
     }
 
-    /// Seconds of a part.
     fn seconds(&self, name: &str) -> f64 {
         self.0
             .iter()
@@ -62,21 +60,17 @@ impl Parts {
     }
 }
 
-/// Pieces of a right-hand side, done again.
+/// Pieces of a right-hand side, computed once more to be timed alone.
 struct Pieces {
-    /// Pairs.
     neighbours: NeighbourList,
-    /// Sums of the far field.
     far_field: Option<FarField>,
-    /// Its mobility.
     mobility: TiledCholesky,
-    /// Trailing block of its inverse.
+    /// Trailing block of the inverse mobility.
     inverse: Matrix,
     /// Columns of normal and of friction forces.
     columns: [StaggeredColumns; 2],
-    /// Their products.
+    /// Products of these columns.
     products: [Matrix; 2],
-    /// Background forces.
     forces: Vec<f64>,
 }
 

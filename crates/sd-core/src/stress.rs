@@ -34,7 +34,6 @@ pub struct StressWork {
     pub stresslets: Vec<Vector3<f64>>,
     /// Hydrodynamic counterforces `R_FU v − R_FE e`, `[3N]`.
     forces: Vec<f64>,
-    /// Scratch of the far field, `[6N]`.
     far: Vec<f64>,
 }
 

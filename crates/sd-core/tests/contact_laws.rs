@@ -485,7 +485,6 @@ fn rigid(tangential: TangentialLaw) -> ContactScheme {
     })
 }
 
-/// All kinds of laws.
 fn schemes() -> Vec<ContactScheme> {
     let hertz = |tangential| {
         ContactScheme::Laws(ContactLaws {

@@ -15,7 +15,6 @@ use sd_core::{
 use sd_core::{RungeKutta, State};
 use std::f64::consts::PI;
 
-/// A small dense layer.
 fn params() -> Params {
     Params {
         spheres: 40,

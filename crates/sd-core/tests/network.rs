@@ -13,7 +13,6 @@ use sd_core::{
     TangentialLaw,
 };
 
-/// Parameters of a layer.
 fn params(spheres: usize, area_fraction: f64, friction: f64) -> Params {
     Params {
         spheres,

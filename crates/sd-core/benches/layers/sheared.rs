@@ -17,7 +17,6 @@ const STRAIN: f64 = 0.8;
 /// Layers of as many spheres and more are copies of smaller ones.
 const COPIED_FROM: usize = 400;
 
-/// Parameters of the layers.
 pub(crate) fn params(spheres: usize, area_fraction: f64, hydrodynamics: Hydrodynamics) -> Params {
     Params {
         spheres,
@@ -86,20 +85,16 @@ fn copied(small: &Snapshot, area_fraction: f64, copies: usize) -> Snapshot {
 
 /// The right-hand side of a layer at one instant, in its parts.
 pub(crate) struct Layer {
-    /// Cell, sheared.
     pub(crate) cell: Cell,
-    /// Centres.
     pub(crate) centres: Vec<Vec2>,
-    /// Solver.
     pub(crate) motion: Motion,
-    /// Roughness, friction, critical load.
     surface: Surface,
     /// Contact forces of the stage before. After the first solve those of the same instant, as good a start as in a run.
     memory: Memory,
 }
 
 impl Layer {
-    /// Of a snapshot.
+    /// The layer of a snapshot.
     pub(crate) fn new(snapshot: &Snapshot, params: &Params) -> Self {
         let offset = snapshot.steps as f64 * TIME_STEP * snapshot.side;
         let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
@@ -123,13 +118,12 @@ impl Layer {
         }
     }
 
-    /// Pairs, far field, `R_FU`.
+    /// Finds the pairs and assembles far field and `R_FU`.
     pub(crate) fn assemble(&mut self) {
         let done = self.motion.assemble(&self.cell, &self.centres);
         done.expect("a regular layer");
     }
 
-    /// Factors `R_FU`.
     pub(crate) fn factor(&mut self) {
         self.motion.resistance.factor().expect("a regular layer");
     }

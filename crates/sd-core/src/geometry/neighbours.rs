@@ -13,7 +13,6 @@ pub(crate) const MOST_NEIGHBOURS: usize = 20;
 /// All pairs within range, ordered by (i, j): found by a cell list, O(N).
 #[derive(Debug, Default)]
 pub struct NeighbourList {
-    /// The pairs.
     pairs: Vec<Neighbours>,
     /// Spheres sorted by bin.
     sorted: Vec<usize>,
@@ -21,7 +20,7 @@ pub struct NeighbourList {
     starts: Vec<usize>,
     /// Bin of each sphere, as (column, row).
     bins: Vec<(usize, usize)>,
-    /// Neighbours of the sphere at hand.
+    /// Neighbours of the sphere that is being searched for.
     found: Vec<Neighbours>,
     /// Pairs that may come within range for a while.
     kept: VerletList,

@@ -22,11 +22,9 @@ pub(super) struct VerletList {
     pairs: Vec<[usize; 2]>,
     /// Centres at the search; none if there was none.
     centres: Vec<Vec2>,
-    /// Radii at the search.
     radii: Vec<f64>,
     /// Range asked for at the search, without skin.
     range: f64,
-    /// Cell at the search.
     cell: Option<Cell>,
 }
 

@@ -35,7 +35,6 @@ use wave_space::WaveSpace;
 pub struct FarField {
     /// Finite-size coefficients of each sphere.
     sizes: Vec<FiniteSize>,
-    /// Radii, in a.
     radii: Vec<f64>,
     /// The periodic sums; `None` in unbounded fluid.
     ewald: Option<Ewald>,
@@ -201,7 +200,6 @@ impl FarField {
         }
     }
 
-    /// Refuses a cell other than the planned one.
     fn check_cell(&self, cell: &Cell) -> Result<(), Error> {
         let planned = self
             .ewald
@@ -231,7 +229,6 @@ fn check_sides(cell: &Cell, planned: [f64; 2]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Refuses radii and tolerances out of range.
 fn check(radii: &[f64], tolerance: f64) -> Result<(), Error> {
     if radii.is_empty() {
         return Err(Error::NoSpheres);

@@ -59,13 +59,11 @@ pub struct IterativeFarField {
     drag: Vec<f64>,
     /// Relative residual to be reached.
     residual: f64,
-    /// Limit of the iterations.
+    /// Limit of the iterations of one solve.
     most: u32,
     /// δ of the last solve, `[6N]`.
     excess: Vec<f64>,
-    /// Vectors of the conjugate gradients.
     work: Work,
-    /// Workspace of the motion in two parts.
     split: SplitMotion,
 }
 
@@ -90,7 +88,6 @@ struct Work {
     image: Vec<f64>,
     /// Translations of the layer.
     uniform: Uniform,
-    /// Ball-Melrose solves.
     near: NearSolver,
 }
 
@@ -334,7 +331,6 @@ fn weighted_square(q: &[f64], drag: &[f64]) -> f64 {
     q.iter().zip(drag).map(|(q, drag)| q * q / drag).sum()
 }
 
-/// Mean translation of velocities `[3N]`.
 fn mean(velocities: &[f64]) -> [f64; 2] {
     let spheres = (velocities.len() / 3) as f64;
     [0, 1].map(|c| velocities[c..].iter().step_by(3).sum::<f64>() / spheres)

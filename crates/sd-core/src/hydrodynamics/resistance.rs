@@ -48,19 +48,15 @@ enum Form {
 
 /// Grand resistance at one set of positions, with its workspace.
 pub struct Resistance {
-    /// Radii, in a.
     radii: Vec<f64>,
-    /// Table of each pair of spheres.
     tables: PairTables,
     /// Range of the pair sum in s'.
     range: f64,
     /// Gap below which near-field terms are those of this gap, in a.
     lubrication_gap: f64,
-    /// Pairs in range.
     neighbours: NeighbourList,
     /// Their near-field terms.
     terms: Vec<PairTerm>,
-    /// `R_FU`.
     form: Form,
 }
 
@@ -123,7 +119,7 @@ impl Resistance {
         })
     }
 
-    /// What all forms share, then the form.
+    /// Makes what all forms share, and then the form.
     fn with_form(
         cell: &Cell,
         radii: &[f64],

@@ -12,11 +12,10 @@ use crate::linalg::dense::{add_scaled, dot};
 pub(crate) struct Anderson {
     /// Pairs of steps (of x, of the residual), as many as are remembered at most, `kept` of them in use.
     steps: Vec<[Vec<f64>; 2]>,
-    /// Pairs in use.
     kept: usize,
-    /// Which is overwritten next once all are in use.
+    /// Which of them is overwritten next once all are in use.
     oldest: usize,
-    /// Last x and its residual.
+    /// The last x and its residual.
     last: [Vec<f64>; 2],
     /// Whether `last` holds anything that a step can be taken from.
     connected: bool,

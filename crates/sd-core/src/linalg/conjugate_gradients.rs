@@ -7,11 +7,8 @@ use super::vector::add_scaled_inline;
 /// Workspace of the iteration. Reused, it allocates nothing.
 #[derive(Debug, Default)]
 pub(crate) struct ConjugateGradients {
-    /// Residual.
     residual: Vec<f64>,
-    /// Preconditioned residual.
     preconditioned: Vec<f64>,
-    /// Direction.
     direction: Vec<f64>,
     /// The matrix times the direction.
     image: Vec<f64>,

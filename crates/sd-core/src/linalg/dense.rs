@@ -9,9 +9,7 @@ use faer::{Accum, MatMut, MatRef, Par};
 /// A dense matrix `[rows × columns]`, stored by columns.
 #[derive(Debug, Clone, Default)]
 pub struct Matrix {
-    /// Number of rows.
     rows: usize,
-    /// Number of columns.
     columns: usize,
     /// Entries, column after column.
     values: Vec<f64>,

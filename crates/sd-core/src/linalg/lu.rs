@@ -10,7 +10,7 @@ use faer::{MatMut, Par, Spec};
 
 /// Dimension below which systems are eliminated here: calls of a library for small blocks cost more than the work.
 const SMALL: usize = 160;
-/// Columns eliminated at once there.
+/// Columns eliminated at once in small systems.
 const PANEL: usize = 4;
 
 /// Solver of general systems `A x = b`, with its workspace.
@@ -33,7 +33,6 @@ impl Default for LuSolver {
     }
 }
 
-/// Scratch for dimension n.
 fn scratch(n: usize) -> MemBuffer {
     let factoring = factor::lu_in_place_scratch::<usize, f64>(n, n, Par::Seq, Spec::default());
     let solving = solve::solve_in_place_scratch::<usize, f64>(n, 1, Par::Seq);

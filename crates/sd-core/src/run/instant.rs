@@ -35,14 +35,14 @@ pub struct Configuration {
 /// Which contact problem to solve.
 #[derive(Debug, Clone)]
 pub enum ContactRequest {
-    /// None.
+    /// No contact.
     None,
     /// These pairs are halted all at once by eqs. (12)-(13), negative forces set to zero afterwards, no friction.
     Listed {
         /// Pairs of sphere numbers.
         pairs: Vec<[usize; 2]>,
     },
-    /// The rigid scheme.
+    /// Rigid contacts.
     Rigid {
         /// Roughness and friction.
         surface: Surface,
@@ -232,7 +232,6 @@ pub fn solve(
     })
 }
 
-/// An [`Error::OutOfRange`] unless `ok`.
 fn in_range(ok: bool, field: &'static str, value: f64, allowed: &'static str) -> Result<(), Error> {
     if ok {
         Ok(())
@@ -245,7 +244,7 @@ fn in_range(ok: bool, field: &'static str, value: f64, allowed: &'static str) ->
     }
 }
 
-/// Lengths and ranges of a configuration.
+/// Refuses a configuration with a list of another length or a value out of range.
 fn check(configuration: &Configuration) -> Result<(), Error> {
     let n = configuration.centres.len();
     if n == 0 {
@@ -296,7 +295,7 @@ fn check(configuration: &Configuration) -> Result<(), Error> {
     Ok(())
 }
 
-/// Ranges of a surface.
+/// Refuses a surface with a value out of range.
 fn check_surface(surface: &Surface) -> Result<(), Error> {
     let Surface {
         roughness,

@@ -82,41 +82,32 @@ pub enum Flow {
 
 /// Laws chosen one by one, with what they need within a step.
 struct Chosen {
-    /// The laws.
     laws: Laws,
-    /// What the stages tell each other.
+    /// What the stages of a step tell each other.
     history: History,
 }
 
 /// A layer under shear.
 pub struct Simulation {
-    /// What decides the run.
     params: Params,
-    /// Roughness, friction, critical load.
     surface: Surface,
-    /// Steps done.
     steps: u64,
-    /// Side of the square cell.
+    /// Side of the square cell, in a.
     side: f64,
-    /// Where the spheres are.
     state: State,
-    /// Where they were at the start of the step.
+    /// Where the spheres were at the start of the step.
     before: State,
     /// Mean disturbance velocities of the last step, where the procedure needs them.
     velocities: Vec<f64>,
-    /// Memory of the rigid scheme and of other laws.
+    /// Forces of the last stage, under all schemes but the procedure.
     memory: Memory,
-    /// Laws chosen one by one, where they are.
+    /// Laws, where they are chosen one by one.
     chosen: Option<Box<Chosen>>,
-    /// Memory of the procedure.
+    /// Contact list of the procedure.
     listed: ContactList,
-    /// Counters.
     counters: Counters,
-    /// Solver.
     motion: Motion,
-    /// Method in time.
     stepper: Stepper,
-    /// Stresslets.
     stress: StressWork,
     /// A look at the first stage, while one is asked for.
     frame: Option<Box<Frame>>,
@@ -225,6 +216,10 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
+    #[expect(
+        clippy::missing_panics_doc,
+        reason = "the first stage of every step that succeeds is sampled"
+    )]
     pub fn step(&mut self) -> Result<Sample, Error> {
         let (time, dt) = (self.strain(), self.params.time_step);
         let mut sample = None;

@@ -22,7 +22,7 @@ pub struct Check {
 }
 
 impl Check {
-    /// Ours against a number, to a tolerance in the same unit.
+    /// Our value against a number, to a tolerance in the same unit.
     fn near(
         quantity: impl Into<String>,
         value: f64,
@@ -39,7 +39,7 @@ impl Check {
         )
     }
 
-    /// Ours against a range.
+    /// Our value against a range.
     fn within(
         quantity: impl Into<String>,
         value: f64,

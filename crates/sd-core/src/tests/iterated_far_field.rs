@@ -83,7 +83,6 @@ fn relative_difference(expected: &[f64], found: &[f64]) -> f64 {
     (dot(&difference, &difference) / dot(expected, expected)).sqrt()
 }
 
-/// Stresslets one after another.
 fn flat(stresslets: &[Vector3<f64>]) -> Vec<f64> {
     stresslets.iter().flat_map(|s| [s[0], s[1], s[2]]).collect()
 }

@@ -37,7 +37,6 @@ pub(super) struct Grid {
     axes: [Axis; 2],
     /// Cell as `(length_x, length_y, offset)`.
     cell: [f64; 3],
-    /// Windows of each sphere.
     windows: Vec<[Window; 2]>,
     /// `(b0, b1, b2)/area` over the windows' transforms, by (m ≥ 0, n), n wrapped as on the grid; zero beyond the cut-off.
     kernel: Vec<[f64; 3]>,
@@ -184,7 +183,7 @@ impl Grid {
         ]
     }
 
-    /// P and Q on the grid.
+    /// Spreads the sources over the grid: P and Q there.
     #[inline(always)]
     fn spread(&mut self, x: &[[f64; 6]]) {
         self.values.fill([0.0; 4]);
@@ -269,7 +268,7 @@ impl Grid {
         }
     }
 
-    /// The reverse.
+    /// The reverse of [`Grid::transform`].
     fn transform_back(&mut self) {
         let Self {
             axes,
@@ -311,7 +310,7 @@ impl Grid {
         }
     }
 
-    /// u and v of every wave vector from P and Q.
+    /// Computes u and v of every wave vector from P and Q.
     fn multiply(&mut self) {
         let rows = self.axes[1].points;
         let highest = self.axes[0].highest;

@@ -25,7 +25,6 @@ struct NearPair {
     i: usize,
     /// Sphere that is pushed.
     j: usize,
-    /// The block.
     block: [[f64; 6]; 6],
 }
 
@@ -37,19 +36,16 @@ pub(crate) struct FarOperator {
     sizes: Vec<FiniteSize>,
     /// Sides of the cell it was planned for, in a.
     sides: [f64; 2],
-    /// Whether all radii are equal.
     equal: bool,
     /// Kernels of the short-ranged part.
     real: RealSpace,
     /// The long-ranged part.
     grid: Grid,
-    /// Finds the near pairs.
     list: NeighbourList,
     /// Cut-off of the short-ranged part, in a.
     reach: f64,
     /// One for each sphere: the list's radii, so that its range is a distance.
     units: Vec<f64>,
-    /// Near pairs.
     pairs: Vec<NearPair>,
     /// Self mobility less what the grid holds of a sphere's own image: a diagonal, modes as in [`NearPair`].
     own: Vec<[f64; 6]>,

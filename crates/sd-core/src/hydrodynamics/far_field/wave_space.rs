@@ -97,11 +97,11 @@ pub(crate) struct WaveSpace {
     sines: Matrix,
     /// Powers of e^(i 2π X), real then imaginary, `[N × 2]` per power; X is the first lattice coordinate.
     powers_x: Matrix,
-    /// The same of the second coordinate.
+    /// The same powers of the second coordinate.
     powers_y: Matrix,
-    /// `cos k·x_ij` of the pairs at hand.
+    /// `cos k·x_ij` of the pairs that are being summed.
     pair_cosines: Matrix,
-    /// `sin k·x_ij`.
+    /// `sin k·x_ij` of the same pairs.
     pair_sines: Matrix,
     /// Even lanes `[pairs × 12]` (or 24) of the pairs at hand.
     pub(crate) even_sums: Matrix,
@@ -332,9 +332,7 @@ impl WaveSpace {
 
 /// Shape of the set of wave vectors.
 struct Waves {
-    /// Sides of the cell.
     length: [f64; 2],
-    /// Its offset.
     offset: f64,
     /// Largest multiple of the first reciprocal vector.
     columns: usize,

@@ -38,9 +38,8 @@ pub(super) struct SplitMotion {
     pub(super) velocities: Vec<f64>,
     /// Friction forces applied, by candidate.
     pub(super) applied: Vec<f64>,
-    /// What the law makes of them.
+    /// Friction forces that the law makes of the motion under them.
     pub(super) wanted: Vec<f64>,
-    /// Acceleration.
     pub(super) anderson: Anderson,
 }
 
@@ -65,7 +64,7 @@ impl SplitMotion {
         }
     }
 
-    /// Starts the next solve from nothing.
+    /// Forgets the last solve: the next one starts from nothing.
     pub(super) fn forget(&mut self) {
         self.scaled.fill(0.0);
     }

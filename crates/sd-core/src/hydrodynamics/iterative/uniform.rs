@@ -16,11 +16,10 @@ pub(super) struct Uniform {
     answers: [Vec<f64>; 2],
     /// Inverse of `Vᵀ R_n V` or of `Vᵀ W V`, zero where these are.
     inverse: [[f64; 2]; 2],
-    /// A translation, `[3N]`, then scratch.
+    /// A translation of all spheres, `[3N]`.
     velocities: Vec<f64>,
-    /// Scratch of the resistance.
     work: Vec<f64>,
-    /// Stresslets, not used.
+    /// Stresslets that come with the forces and are not used.
     stresslets: Vec<Vector3<f64>>,
 }
 
@@ -51,7 +50,7 @@ impl Uniform {
         self.invert(drag, |own, _| own.map(translations));
     }
 
-    /// How the spheres answer to it, `Vᵀ W V`.
+    /// Solves for the motion that the translations' resistance drives: `Vᵀ W V`.
     pub(super) fn solve(&mut self, near: &Resistance, solver: &mut NearSolver, drag: &[f64]) {
         for (answer, force) in self.answers.iter_mut().zip(&self.resisted) {
             answer.clear();

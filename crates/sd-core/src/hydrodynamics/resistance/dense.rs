@@ -19,11 +19,10 @@ const UNIFORM_DRAG: f64 = 1e-9;
 
 /// The far field and the full `R_FU`, rows in the order of the spheres.
 pub(super) struct DenseResistance {
-    /// Far field of all spheres.
     far: FarResistance,
     /// `R_FU`, then its factor.
     factor: SkylineCholesky,
-    /// Work vector of the far field, `[6N]`.
+    /// Scratch of the far field, `[6N]`.
     vector: Vec<f64>,
 }
 
@@ -69,12 +68,10 @@ impl DenseResistance {
         pair_terms::add_spring(pair, slope, rows, self.factor.filled_matrix());
     }
 
-    /// Factors in place.
     pub(super) fn factor(&mut self) -> Result<(), BadPivot> {
         self.factor.factor()
     }
 
-    /// The factor.
     pub(super) fn solver(&self) -> &SkylineCholesky {
         &self.factor
     }

@@ -23,7 +23,6 @@ pub struct PairwiseResistance {
     numbers: Vec<Option<usize>>,
     /// Pairs of the pattern, ordered.
     pattern_pairs: Vec<PairKey>,
-    /// The pattern of the near part.
     pattern: BlockPattern,
     /// Whether the pattern was made for positions of these spheres; before the first ones it has no pair.
     has_positions: bool,

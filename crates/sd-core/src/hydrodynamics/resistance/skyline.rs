@@ -10,14 +10,12 @@ use crate::linalg::error::BadPivot;
 
 /// `R_FU` in the order of the spheres' heights, then its factor.
 pub(super) struct SkylineResistance {
-    /// Order of the spheres.
     order: Order,
     /// `R_FU`, then its factor.
     factor: SkylineCholesky,
 }
 
 impl SkylineResistance {
-    /// Workspace for so many spheres.
     pub(super) fn new(spheres: usize) -> Self {
         Self {
             order: Order::new(spheres),
@@ -63,12 +61,10 @@ impl SkylineResistance {
         pair_terms::add_spring(pair, slope, rows, self.factor.filled_matrix());
     }
 
-    /// Factors in place.
     pub(super) fn factor(&mut self) -> Result<(), BadPivot> {
         self.factor.factor()
     }
 
-    /// The factor.
     pub(super) fn solver(&self) -> &SkylineCholesky {
         &self.factor
     }
@@ -77,7 +73,7 @@ impl SkylineResistance {
 /// An order of the spheres, and what couples in it.
 #[derive(Debug, Default)]
 struct Order {
-    /// Sphere at each place.
+    /// The spheres from the lowest to the highest.
     spheres: Vec<usize>,
     /// First row of each sphere: three times its place.
     rows: Vec<usize>,
@@ -90,7 +86,7 @@ struct Order {
 }
 
 impl Order {
-    /// The spheres as they are numbered.
+    /// The order in which the spheres are numbered.
     fn new(spheres: usize) -> Self {
         Self {
             spheres: (0..spheres).collect(),
@@ -101,7 +97,7 @@ impl Order {
         }
     }
 
-    /// Orders by height in the cell.
+    /// Orders the spheres by their heights in the cell.
     fn update(&mut self, cell: &Cell, centres: &[Vec2], pairs: &[Neighbours]) {
         let heights = &mut self.heights;
         heights.clear();

@@ -31,11 +31,8 @@ const CHUNK: usize = 512;
 /// Two spheres, the first of radius 1.
 #[derive(Debug, Clone, Copy)]
 struct Geometry {
-    /// Radii.
     radii: [f64; 2],
-    /// Distance of the centres.
     distance: f64,
-    /// Surface-to-surface gap.
     gap: f64,
 }
 
@@ -183,7 +180,7 @@ struct Binomials {
 }
 
 impl Binomials {
-    /// At s = 0.
+    /// The column of s = 0.
     fn new(orders: usize, t: f64, t_other: f64) -> Self {
         let mut column = vec![1.0; orders + 1];
         for n in 1..=orders {
@@ -192,7 +189,7 @@ impl Binomials {
         Self { column, t, t_other }
     }
 
-    /// To the next s.
+    /// Goes on to the column of the next s.
     fn advance(&mut self) {
         self.column[0] = flush(self.t_other * self.column[0]);
         for n in 1..self.column.len() {
@@ -218,7 +215,6 @@ fn add_start(column: &mut [f64], family: Family, orders: usize, (kind, order): (
 /// multipoles numbered as [`Family::starts`].
 type Response = [[[[f64; 3]; 3]; 2]; 2];
 
-/// Solves one family.
 fn respond(family: Family, geometry: &Geometry, effort: f64) -> Response {
     if geometry.radii[0].to_bits() == geometry.radii[1].to_bits() {
         respond_equal(family, geometry, effort)

@@ -60,7 +60,7 @@ pub struct NearField {
     regular: Vec<[[[f64; BLOCK]; NODES]; BLOCKS]>,
 }
 
-/// All that had to be solved for.
+/// The numbers that had to be solved for.
 #[derive(Debug, Clone, PartialEq)]
 struct Solved {
     /// Everything at small gaps.

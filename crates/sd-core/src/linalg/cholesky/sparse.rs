@@ -25,7 +25,6 @@ pub(crate) type Block = [f64; 9];
 /// Where a block is in the values of a matrix.
 #[derive(Debug, Clone, Copy)]
 struct Place {
-    /// First entry.
     start: usize,
     /// From one column of the block to the next.
     stride: usize,
@@ -176,9 +175,8 @@ pub struct BlockCholesky {
     factor: Vec<f32>,
     /// Right-hand side in the order of elimination.
     ordered: Vec<f32>,
-    /// Its rows below one supernode.
+    /// Its rows below the supernode at work.
     gathered: Vec<f32>,
-    /// Scratch of faer.
     scratch: Option<MemBuffer>,
 }
 
@@ -263,7 +261,6 @@ impl BlockCholesky {
     }
 }
 
-/// Adds a block at its place.
 fn add(values: &mut [f32], place: Place, block: &Block) {
     for column in 0..3 {
         let target = &mut values[place.start + column * place.stride..][..3];
@@ -286,7 +283,6 @@ struct Node<'a> {
     start: usize,
     /// Number of columns: three for each sphere, whose columns have the same rows.
     width: usize,
-    /// Number of rows.
     height: usize,
     /// Entries, column after column.
     values: &'a [f32],

@@ -72,7 +72,6 @@ impl TiledMatrix {
         self.starts.last().copied().unwrap_or(0)
     }
 
-    /// Number of rows of tiles.
     fn tiles(&self) -> usize {
         self.starts.len().saturating_sub(1)
     }
@@ -101,7 +100,7 @@ fn strip(values: &[f64], height: usize, range: Range<usize>) -> MatRef<'_, f64> 
     MatRef::from_column_major_slice_with_stride(part, height, range.len(), TILE)
 }
 
-/// The same, to write.
+/// Rows and columns as in [`strip`], to write.
 fn strip_mut(values: &mut [f64], height: usize, range: Range<usize>) -> MatMut<'_, f64> {
     let part = &mut values[TILE * range.start..TILE * range.end];
     MatMut::from_column_major_slice_with_stride_mut(part, height, range.len(), TILE)
@@ -171,7 +170,6 @@ struct Shape<'a> {
 }
 
 impl Shape<'_> {
-    /// Height of a row of tiles.
     fn height(&self, tile: usize) -> usize {
         self.starts[tile + 1] - self.starts[tile]
     }

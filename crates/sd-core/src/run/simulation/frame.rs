@@ -70,7 +70,7 @@ impl Simulation {
 }
 
 impl Frame {
-    /// Fills in what the solved first stage knows.
+    /// Fills in the stresslets and contacts of the solved first stage.
     pub(super) fn solved(&mut self, stresslets: &[Vector3<f64>], contacts: &[Contact]) {
         self.stresslets = stresslets
             .iter()
@@ -95,7 +95,6 @@ impl Frame {
     }
 }
 
-/// A vector as numbers.
 pub(super) fn plain(x: Vec2) -> [f64; 2] {
     [x.x, x.y]
 }

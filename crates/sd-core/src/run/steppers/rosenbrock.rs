@@ -21,7 +21,6 @@ pub const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
 /// Workspace of the integrator.
 #[derive(Debug, Default)]
 pub struct Rosenbrock {
-    /// Centres at the stage.
     centres: Vec<Vec2>,
     /// Velocities of both stages, `[3N]` each: `(U_x, U_y, Ω)` per sphere, background included.
     velocities: [Vec<f64>; 2],

@@ -13,7 +13,6 @@ const WEIGHTS: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
 /// Workspace of the integrator.
 #[derive(Debug, Default)]
 pub struct RungeKutta {
-    /// Centres at the stage.
     centres: Vec<Vec2>,
     /// Velocities at the stage, `[3N]`: `(U_x, U_y, Ω)` per sphere, background included.
     velocities: Vec<f64>,

@@ -11,7 +11,6 @@ use crate::run::instant::{Configuration, ContactRequest, Instant, solve};
 use crate::run::pair::{Passed, Passing, pass};
 use std::f64::consts::PI;
 
-/// Two-sphere scalars.
 pub(super) fn resistance_functions(all: &mut Vec<Check>) -> Result<(), Error> {
     let source = "independent multipole solution, tests/data/two_sphere_scalars.json";
     let touching = scalars(1.0, 2.01)?;
@@ -56,7 +55,7 @@ pub(super) fn resistance_functions(all: &mut Vec<Check>) -> Result<(), Error> {
     Ok(())
 }
 
-/// One sphere, or two, in unbounded fluid.
+/// Solves for one sphere, or two, in unbounded fluid.
 fn unbounded(
     centres: Vec<Vec2>,
     radii: Vec<f64>,
@@ -104,7 +103,6 @@ pub(super) fn isolated_sphere(all: &mut Vec<Check>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Published mobilities of pairs.
 pub(super) fn two_sphere_mobilities(all: &mut Vec<Check>) -> Result<(), Error> {
     let source = "published multipole solutions, tests/data/two_sphere_exact.json";
     for (radius, separation, force, sphere, component, known) in [

@@ -46,7 +46,6 @@ fn worst(expected: &Matrix, found: &Matrix) -> (f64, f64) {
     (worst, largest)
 }
 
-/// Radii of 30 spheres.
 fn radii(unequal: bool) -> Vec<f64> {
     let radius = |i| {
         if unequal {

@@ -21,7 +21,7 @@ fn factored(half: usize) -> TiledCholesky {
     cholesky
 }
 
-/// The same by columns.
+/// The same matrix by columns, factored.
 fn reference(n: usize) -> DenseCholesky {
     let mut cholesky = DenseCholesky::new(n);
     let matrix = cholesky.matrix_mut();
