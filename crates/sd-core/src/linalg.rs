@@ -16,5 +16,6 @@ mod vector;
 pub use cholesky::skyline::SkylineCholesky;
 pub use cholesky::tiled::{TiledCholesky, TiledMatrix};
 pub use dense::Matrix;
+pub use error::BadPivot;
 pub use simd::vectorised;
 pub use staggered::StaggeredColumns;

@@ -106,8 +106,8 @@ impl Layer {
             Resistance::new_pairwise(&cell, radii, &tables, &[]).map(Motion::new)
         } else {
             let far = IterativeFarField::new(&cell, radii, IterativeFarField::DEFAULT_RESIDUAL);
-            let network = Resistance::new_pairwise(&cell, radii, &tables, &[]);
-            network.and_then(|network| Ok(Motion::with_far_field(network, far?)))
+            let pairwise = Resistance::new_pairwise(&cell, radii, &tables, &[]);
+            pairwise.and_then(|pairwise| Ok(Motion::with_far_field(pairwise, far?)))
         };
         Self {
             cell,

@@ -54,7 +54,7 @@ impl NeighbourList {
 
     /// Finds all pairs with `2r/(a_i + a_j) < range`, and checks that none overlaps (soft ones: too deeply).
     ///
-    /// In a periodic cell the range must not exceed [`LUBRICATION_RANGE`] and the cell must pass [`Cell::check_range`].
+    /// In a periodic cell the range must not exceed [`crate::cell::LUBRICATION_RANGE`] and the cell must pass [`Cell::check_range`].
     ///
     /// # Errors
     /// [`Error::Overlap`] names the first pair whose surfaces touch.

@@ -35,8 +35,6 @@ use near::NearSolver;
 use split::SplitMotion;
 use uniform::{Uniform, translation, translations};
 
-/// Default limit of the iterations of one solve.
-pub(crate) const MOST_ITERATIONS: u32 = 300;
 /// Tolerance of M over the relative residual asked for; test `linear_motion_is_that_of_the_dense_far_field`.
 const OPERATOR_TOLERANCE: f64 = 0.1;
 
@@ -94,6 +92,8 @@ struct Work {
 impl IterativeFarField {
     /// Default of the relative residual to be reached.
     pub const DEFAULT_RESIDUAL: f64 = 1e-6;
+    /// Default limit of the iterations of one solve.
+    pub const MOST_ITERATIONS: u32 = 300;
 
     /// Plans for cells of the given sides.
     ///
@@ -103,7 +103,7 @@ impl IterativeFarField {
     /// - `residual`: relative residual to be reached, 1e-7 to 1e-2; see the module.
     ///
     /// # Errors
-    /// Those of [`FarOperator::new`]; [`Error::OutOfRange`] for the residual.
+    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for unbounded fluid, a radius or the residual.
     pub fn new(cell: &Cell, radii: &[f64], residual: f64) -> Result<Self, Error> {
         if !(1e-7..=1e-2).contains(&residual) {
             return Err(Error::OutOfRange {
@@ -129,7 +129,7 @@ impl IterativeFarField {
             operator,
             drag,
             residual,
-            most: MOST_ITERATIONS,
+            most: Self::MOST_ITERATIONS,
             excess: vector(),
             work: Work {
                 densities: vector(),
@@ -147,7 +147,7 @@ impl IterativeFarField {
         })
     }
 
-    /// Sets another limit of the iterations of one solve than [`MOST_ITERATIONS`].
+    /// Sets another limit of the iterations of one solve than [`IterativeFarField::MOST_ITERATIONS`].
     pub fn limit_iterations(&mut self, most: u32) {
         self.most = most;
     }
@@ -161,7 +161,7 @@ impl IterativeFarField {
     /// Takes positions. What was found at the last ones is where the next solve starts.
     ///
     /// # Errors
-    /// Those of [`FarOperator::update`].
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
     pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
         self.operator.update(cell, centres)
     }
@@ -169,7 +169,7 @@ impl IterativeFarField {
     /// Disturbance velocities `[3N]` under forces, without contacts. Allocates nothing after the first call.
     ///
     /// # Arguments
-    /// - `near`: Ball-Melrose, a factor or a network, updated at the positions of [`IterativeFarField::update`].
+    /// - `near`: Ball-Melrose, factored or held pair by pair, updated at the positions of [`IterativeFarField::update`].
     /// - `strain`: background `(e1, e2, e3)`.
     /// - `forces`: external ones and those of [`Resistance::background_forces`] of `near`, `[3N]`. External ones should add up to
     ///   zero: hardly anything would resist their sum.
