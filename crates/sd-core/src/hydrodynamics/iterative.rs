@@ -1,4 +1,4 @@
-//! Stokesian Dynamics of large layers: Ball-Melrose factored, the far field iterated on top of it.
+//! Stokesian Dynamics of large layers: the far field is iterated on top of Ball-Melrose hydrodynamics.
 //!
 //! ```text
 //! x = (−E; v),   q the force modes of the far field, M its mobility, M₀ that of isolated spheres
@@ -95,7 +95,7 @@ impl IterativeFarField {
     /// Default limit of the iterations of one solve.
     pub const MOST_ITERATIONS: u32 = 300;
 
-    /// Plans for cells of the given sides.
+    /// Makes a plan for cells of the given sides.
     ///
     /// # Arguments
     /// - `cell`: periodic.
@@ -158,7 +158,7 @@ impl IterativeFarField {
         self.split.forget();
     }
 
-    /// Takes positions. What was found at the last ones is where the next solve starts.
+    /// Takes new positions. The next solve starts from what was found at the last ones.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.

@@ -32,12 +32,12 @@ pub struct Configuration {
     pub torques: Vec<f64>,
 }
 
-/// Which contact problem to solve.
+/// The contact problem that is to be solved.
 #[derive(Debug, Clone)]
 pub enum ContactRequest {
     /// No contact.
     None,
-    /// These pairs are halted all at once by eqs. (12)-(13), negative forces set to zero afterwards, no friction.
+    /// These pairs are halted all at once by eqs. (12)-(13), without friction; negative forces are set to zero afterwards.
     Listed {
         /// Pairs of sphere numbers.
         pairs: Vec<[usize; 2]>,
@@ -54,7 +54,7 @@ pub enum ContactRequest {
         /// Roughness and friction.
         surface: Surface,
     },
-    /// Laws chosen one by one; springs are as long as the gaps say.
+    /// Laws chosen one by one. The gaps say how far normal springs are compressed.
     Laws {
         /// The laws, in the units of the solver.
         laws: Laws,
@@ -78,7 +78,7 @@ pub struct Instant {
     pub stress: Option<Stress>,
     /// All candidate pairs.
     pub contacts: Vec<Contact>,
-    /// Pairs that a repulsion keeps apart, besides.
+    /// Pairs that a repulsion keeps apart besides the contacts.
     pub repelled: Vec<Contact>,
 }
 

@@ -5,7 +5,7 @@ use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::cholesky::sparse::BlockCholesky;
 use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 
-/// Largest force left over by conjugate gradients, over the largest force.
+/// Largest residual force at which conjugate gradients stop, over the largest force.
 const LEFT: f64 = 1e-10;
 const MOST_ITERATIONS: u32 = 100;
 
@@ -22,7 +22,7 @@ pub(super) struct NearSolver {
 }
 
 impl NearSolver {
-    /// Takes the resistance at its positions.
+    /// Prepares solves with a resistance at its present positions.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`].
