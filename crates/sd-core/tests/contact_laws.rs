@@ -10,7 +10,7 @@ use sd_core::contact::laws::{History, Laws, Normal, Phase, Tangential};
 use sd_core::contact::repulsion::Repulsion;
 use sd_core::contact::rigid::Memory;
 use sd_core::contact::{Contact, ContactState, Surface, hertz};
-use sd_core::instant::{Configuration, ContactRequest, Instant, solve};
+use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::params::DEEPEST_OVERLAP;
 use sd_core::{ContactLaw, Motion};
@@ -57,7 +57,7 @@ fn pair(gap: f64, push: f64, shear: f64) -> Configuration {
     }
 }
 
-fn solved(configuration: &Configuration, laws: &Laws, time_span: f64) -> Instant {
+fn solved(configuration: &Configuration, laws: &Laws, time_span: f64) -> SolvedConfiguration {
     let request = ContactRequest::Laws {
         laws: *laws,
         lubrication_gap: 0.001,

@@ -69,7 +69,7 @@ pub enum ContactRequest {
 
 /// Motion, stresslets and contacts of a configuration.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Instant {
+pub struct SolvedConfiguration {
     /// `(U − u∞, Ω − Ω∞)` of each sphere, background at its own centre.
     pub disturbances: Vec<[f64; 3]>,
     /// Stresslets S of (20), `(s1, s2, s3)` of each sphere, in mu·a³·rate.
@@ -82,7 +82,7 @@ pub struct Instant {
     pub repelled: Vec<Contact>,
 }
 
-impl Instant {
+impl SolvedConfiguration {
     /// Stresslet of sphere i as `(xx, yy, xy)`.
     pub fn stresslet(&self, i: usize) -> (f64, f64, f64) {
         strain_tensor(&self.stresslets[i])
@@ -182,7 +182,7 @@ pub fn solve(
     configuration: &Configuration,
     request: &ContactRequest,
     tables: &NearFields,
-) -> Result<Instant, Error> {
+) -> Result<SolvedConfiguration, Error> {
     check(configuration)?;
     let Configuration {
         centres,
@@ -219,7 +219,7 @@ pub fn solve(
         work.update(&motion, background);
         None
     };
-    Ok(Instant {
+    Ok(SolvedConfiguration {
         disturbances: motion
             .velocities()
             .chunks_exact(3)

@@ -1,6 +1,6 @@
 //! Translations of the layer as a whole: what resists them, and what keeps the far field's forces adding up to zero.
 
-use super::near::NearSolver;
+use super::ball_melrose::BallMelroseSolver;
 use crate::hydrodynamics::resistance::Resistance;
 use nalgebra::Vector3;
 
@@ -51,7 +51,12 @@ impl Uniform {
     }
 
     /// Solves for the motion that the translations' resistance drives: `Vᵀ W V`.
-    pub(super) fn solve(&mut self, near: &Resistance, solver: &mut NearSolver, drag: &[f64]) {
+    pub(super) fn solve(
+        &mut self,
+        near: &Resistance,
+        solver: &mut BallMelroseSolver,
+        drag: &[f64],
+    ) {
         for (answer, force) in self.answers.iter_mut().zip(&self.resisted) {
             answer.clear();
             answer.extend_from_slice(force);

@@ -11,7 +11,7 @@ const MOST_ITERATIONS: u32 = 100;
 
 /// Workspace of solves with the Ball-Melrose `R_FU`.
 #[derive(Default)]
-pub(super) struct NearSolver {
+pub(super) struct BallMelroseSolver {
     /// Vector in the order of the factor's rows, `[3N]`.
     rows: Vec<f64>,
     forces: Vec<f64>,
@@ -21,7 +21,7 @@ pub(super) struct NearSolver {
     gradients: ConjugateGradients,
 }
 
-impl NearSolver {
+impl BallMelroseSolver {
     /// Prepares solves with a resistance at its present positions.
     ///
     /// # Errors
