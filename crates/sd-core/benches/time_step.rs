@@ -10,91 +10,21 @@
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
+#[path = "time_step/methods.rs"]
+mod methods;
+
+use methods::{BOGACKI_SHAMPINE, EULER, HEUN, MIDPOINT, Method, RK4};
 use sd_core::cell::Cell;
 use sd_core::contact::Surface;
 use sd_core::contact::rigid::Memory;
 use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
-use sd_core::resistance::Resistance;
-use sd_core::stress::StressWork;
-use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
+use sd_core::{
+    ContactLaw, ContactScheme, Hydrodynamics, Motion, NearFields, Params, Resistance, Simulation,
+    Snapshot, StressWork,
+};
 
 /// Viscosity as the program measures it, and with contacts that look ahead by [`LOOK`] only.
 type Viscosities = Vec2;
-
-/// An explicit Runge-Kutta method.
-struct Method {
-    /// Its name.
-    name: &'static str,
-    /// Nodes c.
-    nodes: &'static [f64],
-    /// Rows of the tableau.
-    rows: &'static [&'static [f64]],
-    /// Time spans τ of the stages, in steps.
-    spans: &'static [f64],
-    /// Weights.
-    weights: &'static [f64],
-    /// Weights of the embedded method less these, if there is one; then the order of the error over a step.
-    embedded: Option<(&'static [f64], f64)>,
-    /// Whether the last stage is the first of the next step.
-    last_is_first: bool,
-}
-
-/// One right-hand side per step.
-const EULER: Method = Method {
-    name: "Euler",
-    nodes: &[0.0],
-    rows: &[&[]],
-    spans: &[1.0],
-    weights: &[1.0],
-    embedded: None,
-    last_is_first: false,
-};
-/// Two.
-const MIDPOINT: Method = Method {
-    name: "midpoint",
-    nodes: &[0.0, 0.5],
-    rows: &[&[], &[0.5]],
-    spans: &[1.0, 0.5],
-    weights: &[0.0, 1.0],
-    embedded: None,
-    last_is_first: false,
-};
-/// What the program does.
-const RK4: Method = Method {
-    name: "RK4",
-    nodes: &[0.0, 0.5, 0.5, 1.0],
-    rows: &[&[], &[0.5], &[0.0, 0.5], &[0.0, 0.0, 1.0]],
-    spans: &[1.0, 0.5, 0.5, 1.0],
-    weights: &[1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
-    embedded: None,
-    last_is_first: false,
-};
-/// Heun with Euler embedded.
-const HEUN: Method = Method {
-    name: "Heun 2(1)",
-    nodes: &[0.0, 1.0],
-    rows: &[&[], &[1.0]],
-    spans: &[1.0, 1.0],
-    weights: &[0.5, 0.5],
-    embedded: Some((&[0.5, -0.5], 2.0)),
-    last_is_first: false,
-};
-/// Bogacki and Shampine (1989).
-const BOGACKI_SHAMPINE: Method = Method {
-    name: "Bogacki-Shampine 3(2)",
-    nodes: &[0.0, 0.5, 0.75, 1.0],
-    rows: &[
-        &[],
-        &[0.5],
-        &[0.0, 0.75],
-        &[2.0 / 9.0, 1.0 / 3.0, 4.0 / 9.0],
-    ],
-    spans: &[1.0, 0.5, 0.5, 1.0],
-    weights: &[2.0 / 9.0, 1.0 / 3.0, 4.0 / 9.0, 0.0],
-    embedded: Some((&[-5.0 / 72.0, 1.0 / 12.0, 1.0 / 9.0, -1.0 / 8.0], 3.0)),
-    last_is_first: true,
-};
 
 /// Gaps below this share of the roughness height have a step done again, as in the program.
 const HELD_SHARE: f64 = 0.5;
@@ -105,45 +35,34 @@ const SMALLEST: f64 = 1.0 / 64.0;
 
 /// A layer that any method can move.
 struct Layer {
-    /// Side of the cell.
     side: f64,
-    /// Roughness, friction, critical load.
     surface: Surface,
-    /// Strain.
+    /// Strain reached.
     time: f64,
-    /// Centres; orientations decide nothing.
+    /// Centres; the orientations of spheres do not matter here.
     centres: Vec<Vec2>,
-    /// Solver.
     motion: Motion,
-    /// Contact forces of the last stage.
     memory: Memory,
-    /// Stresslets.
     stress: StressWork,
-    /// Right-hand sides so far.
     evaluations: u64,
     /// Velocities of the stages.
     velocities: Vec<Vec<Vec2>>,
     /// The first stage of the step, where it is known already: from the end of the step before, or a step refused.
     first: Option<Stage>,
-    /// The last stage of the step.
     last: Option<Stage>,
-    /// Steps refused.
     refused: u64,
 }
 
-/// What a stage tells.
+/// What is measured at a stage.
 #[derive(Clone, Copy)]
 struct Stage {
-    /// Smallest gap.
     gap: f64,
-    /// Viscosity.
     viscosity: f64,
     /// Viscosity of contacts that look ahead by [`LOOK`] only, whatever the step.
     instant: f64,
 }
 
 impl Layer {
-    /// From a snapshot.
     fn new(params: &Params, snapshot: &Snapshot) -> Self {
         let cell = Cell::periodic(snapshot.side, snapshot.side, 0.0).expect("positive sides");
         let resistance = Resistance::new(
@@ -362,7 +281,6 @@ impl Layer {
     }
 }
 
-/// Parameters of the layers.
 fn params(time_step: f64) -> Params {
     Params {
         spheres: 90,
@@ -378,11 +296,11 @@ fn params(time_step: f64) -> Params {
     }
 }
 
-/// What is compared.
+/// How the steps of a trial are chosen.
 enum Steps {
-    /// This step.
+    /// All steps of this length.
     Fixed(f64),
-    /// This tolerance.
+    /// Steps that keep this tolerance.
     Adaptive(f64),
 }
 
@@ -433,7 +351,6 @@ fn run(layer: &mut Layer, method: &Method, steps: &Steps, strain: f64) -> Option
     Some(integral / strain)
 }
 
-/// What a trial is called.
 fn label(method: &Method, steps: &Steps) -> String {
     match (steps, method.embedded) {
         (Steps::Fixed(dt), _) => format!("{} | {dt}", method.name),
@@ -446,7 +363,6 @@ fn label(method: &Method, steps: &Steps) -> String {
     }
 }
 
-/// Middle of some numbers.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)

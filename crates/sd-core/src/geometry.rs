@@ -2,6 +2,6 @@
 
 pub mod cell;
 pub mod modes;
-pub mod neighbours;
-pub mod pair;
+pub(crate) mod neighbours;
+pub(crate) mod pair;
 mod verlet;

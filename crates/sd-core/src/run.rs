@@ -4,5 +4,5 @@ pub mod instant;
 pub mod pair;
 pub mod simulation;
 pub mod start;
-pub mod steppers;
+pub(crate) mod steppers;
 pub mod verify;

@@ -7,16 +7,12 @@ use sd_core::contact::laws::{History, Laws, Normal, Phase, Tangential};
 use sd_core::contact::repulsion::Repulsion;
 use sd_core::contact::rigid::Memory;
 use sd_core::contact::{Contact, ContactState, Surface, hertz};
-use sd_core::instant::{Configuration, ContactRequest, Instant, solve};
-use sd_core::integrate::State;
+use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
 use sd_core::params::DEEPEST_OVERLAP;
-use sd_core::resistance::Resistance;
-use sd_core::rosenbrock::Rosenbrock;
 use sd_core::{
-    ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
-    Simulation, Snapshot, TangentialLaw,
+    ContactLaw, ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, Motion, NearFields,
+    NormalLaw, Params, Resistance, Rosenbrock, Simulation, Snapshot, State, TangentialLaw,
 };
 
 const SPRING: Normal = Normal::LinearSpring {
@@ -57,7 +53,7 @@ fn pair(gap: f64, push: f64, shear: f64) -> Configuration {
     }
 }
 
-fn solved(configuration: &Configuration, laws: &Laws, time_span: f64) -> Instant {
+fn solved(configuration: &Configuration, laws: &Laws, time_span: f64) -> SolvedConfiguration {
     let request = ContactRequest::Laws {
         laws: *laws,
         lubrication_gap: 0.001,
@@ -485,7 +481,6 @@ fn rigid(tangential: TangentialLaw) -> ContactScheme {
     })
 }
 
-/// All kinds of laws.
 fn schemes() -> Vec<ContactScheme> {
     let hertz = |tangential| {
         ContactScheme::Laws(ContactLaws {

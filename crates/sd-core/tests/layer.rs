@@ -5,17 +5,13 @@
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, solve};
-use sd_core::integrate::{RungeKutta, State};
 use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
-use sd_core::resistance::Resistance;
 use sd_core::{
-    ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Sample, Simulation, Snapshot,
-    start,
+    ContactLaw, ContactScheme, Error, Flow, Hydrodynamics, Motion, NearFields, Params, Resistance,
+    RungeKutta, Sample, Simulation, Snapshot, State, start,
 };
 use std::f64::consts::PI;
 
-/// A small dense layer.
 fn params() -> Params {
     Params {
         spheres: 40,

@@ -15,18 +15,16 @@ use crate::geometry::pair::Neighbours;
 /// Skin s, over the range.
 const SKIN: f64 = 0.1;
 
-/// Pairs within the longer range, and when they were.
+/// Pairs within the longer range, and the positions at which they were found.
 #[derive(Debug, Default)]
 pub(super) struct VerletList {
     /// The pairs, ordered by (i, j).
     pairs: Vec<[usize; 2]>,
     /// Centres at the search; none if there was none.
     centres: Vec<Vec2>,
-    /// Radii at the search.
     radii: Vec<f64>,
     /// Range asked for at the search, without skin.
     range: f64,
-    /// Cell at the search.
     cell: Option<Cell>,
 }
 

@@ -13,10 +13,10 @@
 mod ewald;
 mod grid;
 pub(crate) mod kernels;
-pub mod operator;
+pub(crate) mod operator;
 mod real_space;
-pub mod resistance;
-pub mod unbounded;
+pub(crate) mod resistance;
+pub(crate) mod unbounded;
 mod wave_space;
 
 use crate::error::Error;
@@ -30,15 +30,11 @@ pub use resistance::FarResistance;
 use std::f64::consts::PI;
 use wave_space::WaveSpace;
 
-/// Default accuracy of the periodic sums, relative to the largest entry of M.
-pub const DEFAULT_TOLERANCE: f64 = 1e-8;
-
 /// The grand mobility of a set of spheres, planned for a cell's sides, radii and tolerance.
 #[derive(Debug, Clone)]
 pub struct FarField {
     /// Finite-size coefficients of each sphere.
     sizes: Vec<FiniteSize>,
-    /// Radii, in a.
     radii: Vec<f64>,
     /// The periodic sums; `None` in unbounded fluid.
     ewald: Option<Ewald>,
@@ -47,7 +43,10 @@ pub struct FarField {
 }
 
 impl FarField {
-    /// Plans the sums for least cost.
+    /// Default accuracy of the periodic sums, relative to the largest entry of M.
+    pub const DEFAULT_TOLERANCE: f64 = 1e-8;
+
+    /// Chooses the splitting of the sums that costs least.
     ///
     /// # Arguments
     /// - `cell`: sides in a; the offset may differ in every call of [`FarField::fill`].
@@ -60,7 +59,7 @@ impl FarField {
         let mut best = (f64::INFINITY, 0.0);
         if let Some(area) = cell.area() {
             check(radii, tolerance)?;
-            // Nanoseconds per pair: each image, each wave vector.
+            // Measured nanoseconds per pair for each image and for each wave vector.
             for step in 0..60 {
                 let alpha = 0.6 / area.sqrt() * 1.06_f64.powi(step);
                 let cut_offs = cut_offs(alpha, area, radii, tolerance);
@@ -201,7 +200,6 @@ impl FarField {
         }
     }
 
-    /// Refuses a cell other than the planned one.
     fn check_cell(&self, cell: &Cell) -> Result<(), Error> {
         let planned = self
             .ewald
@@ -231,7 +229,6 @@ fn check_sides(cell: &Cell, planned: [f64; 2]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Refuses radii and tolerances out of range.
 fn check(radii: &[f64], tolerance: f64) -> Result<(), Error> {
     if radii.is_empty() {
         return Err(Error::NoSpheres);

@@ -1,4 +1,4 @@
-//! Stokesian Dynamics of large layers: Ball-Melrose factored, the far field iterated on top of it.
+//! Stokesian Dynamics of large layers: the far field is iterated on top of Ball-Melrose hydrodynamics.
 //!
 //! ```text
 //! x = (−E; v),   q the force modes of the far field, M its mobility, M₀ that of isolated spheres
@@ -18,8 +18,8 @@
 //! The relative residual is `√(rᵀ W r)/√(qᵀ M₀ q)`, r = x − M q − V c. A remaining r is a flow that the spheres are subjected to
 //! besides the background.
 
-pub mod fixed_point;
-mod near;
+mod ball_melrose;
+pub(crate) mod fixed_point;
 mod split;
 mod uniform;
 
@@ -30,15 +30,11 @@ use crate::hydrodynamics::far_field::operator::FarOperator;
 use crate::hydrodynamics::far_field::unbounded::self_mobility;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
+use ball_melrose::BallMelroseSolver;
 use nalgebra::Vector3;
-use near::NearSolver;
 use split::SplitMotion;
 use uniform::{Uniform, translation, translations};
 
-/// Default relative residual.
-pub const DEFAULT_RESIDUAL: f64 = 1e-6;
-/// Default limit of the iterations of one solve.
-pub const MOST_ITERATIONS: u32 = 300;
 /// Tolerance of M over the relative residual asked for; test `linear_motion_is_that_of_the_dense_far_field`.
 const OPERATOR_TOLERANCE: f64 = 0.1;
 
@@ -61,13 +57,11 @@ pub struct IterativeFarField {
     drag: Vec<f64>,
     /// Relative residual to be reached.
     residual: f64,
-    /// Limit of the iterations.
+    /// Limit of the iterations of one solve.
     most: u32,
     /// δ of the last solve, `[6N]`.
     excess: Vec<f64>,
-    /// Vectors of the conjugate gradients.
     work: Work,
-    /// Workspace of the motion in two parts.
     split: SplitMotion,
 }
 
@@ -92,12 +86,16 @@ struct Work {
     image: Vec<f64>,
     /// Translations of the layer.
     uniform: Uniform,
-    /// Ball-Melrose solves.
-    near: NearSolver,
+    ball_melrose: BallMelroseSolver,
 }
 
 impl IterativeFarField {
-    /// Plans for cells of the given sides.
+    /// Default of the relative residual to be reached.
+    pub const DEFAULT_RESIDUAL: f64 = 1e-6;
+    /// Default limit of the iterations of one solve.
+    pub const MOST_ITERATIONS: u32 = 300;
+
+    /// Makes a plan for cells of the given sides.
     ///
     /// # Arguments
     /// - `cell`: periodic.
@@ -105,7 +103,7 @@ impl IterativeFarField {
     /// - `residual`: relative residual to be reached, 1e-7 to 1e-2; see the module.
     ///
     /// # Errors
-    /// Those of [`FarOperator::new`]; [`Error::OutOfRange`] for the residual.
+    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for unbounded fluid, a radius or the residual.
     pub fn new(cell: &Cell, radii: &[f64], residual: f64) -> Result<Self, Error> {
         if !(1e-7..=1e-2).contains(&residual) {
             return Err(Error::OutOfRange {
@@ -131,7 +129,7 @@ impl IterativeFarField {
             operator,
             drag,
             residual,
-            most: MOST_ITERATIONS,
+            most: Self::MOST_ITERATIONS,
             excess: vector(),
             work: Work {
                 densities: vector(),
@@ -143,13 +141,13 @@ impl IterativeFarField {
                 step_lag: half(),
                 image: vector(),
                 uniform: Uniform::default(),
-                near: NearSolver::default(),
+                ball_melrose: BallMelroseSolver::default(),
             },
             split,
         })
     }
 
-    /// Sets another limit of the iterations of one solve than [`MOST_ITERATIONS`].
+    /// Sets another limit of the iterations of one solve than [`IterativeFarField::MOST_ITERATIONS`].
     pub fn limit_iterations(&mut self, most: u32) {
         self.most = most;
     }
@@ -160,10 +158,10 @@ impl IterativeFarField {
         self.split.forget();
     }
 
-    /// Takes positions. What was found at the last ones is where the next solve starts.
+    /// Takes new positions. The next solve starts from what was found at the last ones.
     ///
     /// # Errors
-    /// Those of [`FarOperator::update`].
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
     pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
         self.operator.update(cell, centres)
     }
@@ -171,7 +169,7 @@ impl IterativeFarField {
     /// Disturbance velocities `[3N]` under forces, without contacts. Allocates nothing after the first call.
     ///
     /// # Arguments
-    /// - `near`: Ball-Melrose, a factor or a network, updated at the positions of [`IterativeFarField::update`].
+    /// - `near`: Ball-Melrose, factored or held pair by pair, updated at the positions of [`IterativeFarField::update`].
     /// - `strain`: background `(e1, e2, e3)`.
     /// - `forces`: external ones and those of [`Resistance::background_forces`] of `near`, `[3N]`. External ones should add up to
     ///   zero: hardly anything would resist their sum.
@@ -199,10 +197,11 @@ impl IterativeFarField {
         for ((v, f), excess) in velocities.iter_mut().zip(forces).zip(&excess[half..]) {
             *v = f - excess;
         }
-        work.near.start(near)?;
-        work.near.solve(near, velocities);
+        work.ball_melrose.start(near)?;
+        work.ball_melrose.solve(near, velocities);
         work.uniform.update(near, &drag[half..]);
-        work.uniform.solve(near, &mut work.near, &drag[half..]);
+        work.uniform
+            .solve(near, &mut work.ball_melrose, &drag[half..]);
         let rows = velocities.iter().zip(&drag[half..]).zip(&excess[half..]);
         work.lag.clear();
         work.lag
@@ -293,7 +292,7 @@ impl Work {
         for ((lag, r), drag) in self.lag.iter_mut().zip(r).zip(drag_v) {
             *lag = drag * r;
         }
-        self.near.solve(near, &mut self.lag);
+        self.ball_melrose.solve(near, &mut self.lag);
         let (strains, velocities) = self.preconditioned.split_at_mut(half);
         for ((s, r), drag) in strains.iter_mut().zip(&self.residual).zip(drag) {
             *s = drag * r;
@@ -333,7 +332,6 @@ fn weighted_square(q: &[f64], drag: &[f64]) -> f64 {
     q.iter().zip(drag).map(|(q, drag)| q * q / drag).sum()
 }
 
-/// Mean translation of velocities `[3N]`.
 fn mean(velocities: &[f64]) -> [f64; 2] {
     let spheres = (velocities.len() / 3) as f64;
     [0, 1].map(|c| velocities[c..].iter().step_by(3).sum::<f64>() / spheres)

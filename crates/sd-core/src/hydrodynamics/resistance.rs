@@ -24,7 +24,7 @@ use crate::geometry::cell::{Cell, LUBRICATION_RANGE};
 use crate::geometry::modes::Vec2;
 use crate::geometry::neighbours::{MOST_NEIGHBOURS, NeighbourList};
 use crate::geometry::pair::{Neighbours, PairKey};
-use crate::hydrodynamics::far_field::{DEFAULT_TOLERANCE, FarField};
+use crate::hydrodynamics::far_field::FarField;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::params::Hydrodynamics;
@@ -48,19 +48,15 @@ enum Form {
 
 /// Grand resistance at one set of positions, with its workspace.
 pub struct Resistance {
-    /// Radii, in a.
     radii: Vec<f64>,
-    /// Table of each pair of spheres.
     tables: PairTables,
     /// Range of the pair sum in s'.
     range: f64,
     /// Gap below which near-field terms are those of this gap, in a.
     lubrication_gap: f64,
-    /// Pairs in range.
     neighbours: NeighbourList,
     /// Their near-field terms.
     terms: Vec<PairTerm>,
-    /// `R_FU`.
     form: Form,
 }
 
@@ -79,7 +75,7 @@ impl Resistance {
     ) -> Result<Self, Error> {
         match hydrodynamics {
             Hydrodynamics::StokesianDynamics => {
-                Self::new_dense(cell, radii, tables, DEFAULT_TOLERANCE)
+                Self::new_dense(cell, radii, tables, FarField::DEFAULT_TOLERANCE)
             }
             Hydrodynamics::BallMelrose => Self::with_form(cell, radii, tables, || {
                 let skyline = SkylineResistance::new(radii.len());
@@ -88,7 +84,7 @@ impl Resistance {
         }
     }
 
-    /// As [`Resistance::new`] for Stokesian Dynamics, with another tolerance of the periodic sums than [`DEFAULT_TOLERANCE`].
+    /// As [`Resistance::new`] for Stokesian Dynamics, with another tolerance of the periodic sums than [`FarField::DEFAULT_TOLERANCE`].
     ///
     /// # Errors
     /// Those of [`Resistance::new`] and of [`FarField::new`].
@@ -123,7 +119,7 @@ impl Resistance {
         })
     }
 
-    /// What all forms share, then the form.
+    /// Makes what all forms share, and then the form.
     fn with_form(
         cell: &Cell,
         radii: &[f64],

@@ -65,7 +65,7 @@ pub struct Scalars {
 }
 
 impl Scalars {
-    /// In the order of the fields.
+    /// All numbers in the order of the fields.
     pub(crate) fn to_array(self) -> [f64; 20] {
         let mut all = [0.0; 20];
         for (to, from) in all.chunks_exact_mut(2).zip([
@@ -77,7 +77,7 @@ impl Scalars {
         all
     }
 
-    /// From the order of the fields.
+    /// The functions from numbers in the order of the fields.
     pub(crate) fn from_array(all: &[f64; 20]) -> Self {
         let at = |k: usize| [all[2 * k], all[2 * k + 1]];
         Self {

@@ -9,22 +9,21 @@
 use crate::linalg::dense::{add_scaled, dot};
 
 /// The steps that the acceleration of one fixed point remembers.
-pub struct Anderson {
+pub(crate) struct Anderson {
     /// Pairs of steps (of x, of the residual), as many as are remembered at most, `kept` of them in use.
     steps: Vec<[Vec<f64>; 2]>,
-    /// Pairs in use.
     kept: usize,
-    /// Which is overwritten next once all are in use.
+    /// Which of them is overwritten next once all are in use.
     oldest: usize,
-    /// Last x and its residual.
+    /// The last x and its residual.
     last: [Vec<f64>; 2],
-    /// Whether `last` holds anything that a step can be taken from.
+    /// Whether `last` is the iterate before this one, so that a step can be learned from it.
     connected: bool,
 }
 
 impl Anderson {
     /// Remembers up to `depth` steps of `unknowns` numbers; more unknowns make it allocate.
-    pub fn new(depth: usize, unknowns: usize) -> Self {
+    pub(crate) fn new(depth: usize, unknowns: usize) -> Self {
         let pair = || [Vec::with_capacity(unknowns), Vec::with_capacity(unknowns)];
         Self {
             steps: (0..depth).map(|_| pair()).collect(),
@@ -36,14 +35,14 @@ impl Anderson {
     }
 
     /// Forgets all steps.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.kept = 0;
         self.oldest = 0;
         self.connected = false;
     }
 
     /// Replaces x by the next guess; `residual` is g(x) − x.
-    pub fn advance(&mut self, x: &mut [f64], residual: &[f64]) {
+    pub(crate) fn advance(&mut self, x: &mut [f64], residual: &[f64]) {
         if self.connected {
             self.learn(x, residual);
         }
@@ -96,7 +95,7 @@ impl Anderson {
         } else if useful {
             self.kept += 1;
         } else if full {
-            // An empty place in the middle: the last pair takes it.
+            // The place in the middle has become empty: the last pair takes it.
             self.steps.swap(slot, depth - 1);
             self.kept -= 1;
             self.oldest = 0;

@@ -1,6 +1,8 @@
 //! Cholesky factorizations, by how the matrix is held.
 
-pub(in crate::linalg) mod recursive;
-pub mod skyline;
-pub mod sparse;
-pub mod tiled;
+pub(crate) mod dense;
+mod join;
+mod recursive;
+pub(crate) mod skyline;
+pub(crate) mod sparse;
+pub(crate) mod tiled;

@@ -6,12 +6,9 @@ use super::vector::add_scaled_inline;
 
 /// Workspace of the iteration. Reused, it allocates nothing.
 #[derive(Debug, Default)]
-pub struct ConjugateGradients {
-    /// Residual.
+pub(crate) struct ConjugateGradients {
     residual: Vec<f64>,
-    /// Preconditioned residual.
     preconditioned: Vec<f64>,
-    /// Direction.
     direction: Vec<f64>,
     /// The matrix times the direction.
     image: Vec<f64>,
@@ -23,7 +20,7 @@ impl ConjugateGradients {
     /// # Arguments
     /// - `apply`: writes A times its first argument to the second; A symmetric and positive definite, as is
     /// - `precondition`: the same for an approximation of its inverse.
-    pub fn solve(
+    pub(crate) fn solve(
         &mut self,
         b: &[f64],
         x: &mut [f64],
@@ -71,7 +68,7 @@ impl ConjugateGradients {
 }
 
 /// Largest absolute entry.
-pub fn largest(x: &[f64]) -> f64 {
+pub(crate) fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |m: f64, v| m.max(v.abs()))
 }
 

@@ -1,6 +1,7 @@
 //! Gaussian elimination with partial pivoting, for systems that are solved again and again.
 
-use super::dense::{Matrix, NotPositive};
+use super::dense::Matrix;
+use super::error::BadPivot;
 use super::simd::vectorised;
 use super::vector;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -9,11 +10,11 @@ use faer::{MatMut, Par, Spec};
 
 /// Dimension below which systems are eliminated here: calls of a library for small blocks cost more than the work.
 const SMALL: usize = 160;
-/// Columns eliminated at once there.
+/// Columns eliminated at once in small systems.
 const PANEL: usize = 4;
 
 /// Solver of general systems `A x = b`, with its workspace.
-pub struct LuSolver {
+pub(crate) struct LuSolver {
     /// A to fill, then L and U.
     matrix: Matrix,
     /// Right-hand side of a small system.
@@ -32,7 +33,6 @@ impl Default for LuSolver {
     }
 }
 
-/// Scratch for dimension n.
 fn scratch(n: usize) -> MemBuffer {
     let factoring = factor::lu_in_place_scratch::<usize, f64>(n, n, Par::Seq, Spec::default());
     let solving = solve::solve_in_place_scratch::<usize, f64>(n, 1, Par::Seq);
@@ -41,7 +41,7 @@ fn scratch(n: usize) -> MemBuffer {
 
 impl LuSolver {
     /// Workspace for systems up to `[n × n]`; larger ones make it grow.
-    pub fn new(n: usize) -> Self {
+    pub(crate) fn new(n: usize) -> Self {
         let mut matrix = Matrix::default();
         matrix.reserve(n * n);
         Self {
@@ -54,15 +54,15 @@ impl LuSolver {
     }
 
     /// The matrix to fill before [`LuSolver::solve`], which overwrites it.
-    pub fn matrix_mut(&mut self) -> &mut Matrix {
+    pub(crate) fn matrix_mut(&mut self) -> &mut Matrix {
         &mut self.matrix
     }
 
     /// `x ← A⁻¹ x`. Cost 2n³/3.
     ///
     /// # Errors
-    /// [`NotPositive`] with the column in which no usable pivot was found; x is then unchanged.
-    pub fn solve(&mut self, x: &mut [f64]) -> Result<(), NotPositive> {
+    /// [`BadPivot`] with the column in which no usable pivot was found; x is then unchanged.
+    pub(crate) fn solve(&mut self, x: &mut [f64]) -> Result<(), BadPivot> {
         let n = self.matrix.rows();
         if n == 0 {
             return Ok(());
@@ -88,7 +88,7 @@ impl LuSolver {
         for k in 0..n {
             let pivot = self.matrix[(k, k)];
             if pivot == 0.0 || !pivot.is_finite() {
-                return Err(NotPositive { pivot: k });
+                return Err(BadPivot { pivot: k });
             }
         }
         let factors = self.matrix.view(0, 0, n, n);
@@ -105,7 +105,7 @@ impl LuSolver {
 
     /// [`LuSolver::solve`] of a small system: four columns at a time, whose steps the other columns then take at once. The
     /// right-hand side comes along as one more column.
-    fn solve_small(&mut self, x: &mut [f64]) -> Result<(), NotPositive> {
+    fn solve_small(&mut self, x: &mut [f64]) -> Result<(), BadPivot> {
         let [work, _] = &mut self.permutation;
         let (matrix, rhs) = (&mut self.matrix, &mut self.rhs);
         rhs.clear();
@@ -125,7 +125,7 @@ fn eliminate(
     matrix: &mut Matrix,
     b: &mut [f64],
     exchanges: &mut Vec<usize>,
-) -> Result<(), NotPositive> {
+) -> Result<(), BadPivot> {
     let n = b.len();
     for first in (0..n).step_by(PANEL) {
         let end = (first + PANEL).min(n);
@@ -138,7 +138,7 @@ fn eliminate(
             let largest = vector::largest(&column[k..]);
             let place = column[k..].iter().position(|x| x.abs() == largest);
             let (Some(below), true) = (place, largest > 0.0 && largest.is_finite()) else {
-                return Err(NotPositive { pivot: k });
+                return Err(BadPivot { pivot: k });
             };
             let pivot = k + below;
             column.swap(k, pivot);
@@ -152,7 +152,7 @@ fn eliminate(
             }
         }
         if exchanges.iter().copied().eq(first..end) {
-            // Mostly the diagonal is the largest.
+            // The diagonal entry is the largest in most columns.
             exchanges.clear();
         }
         if end - first == PANEL {
@@ -161,7 +161,7 @@ fn eliminate(
                 let (left, right) = two.split_at_mut(n);
                 take_four_steps(panel, first, exchanges, [left, right]);
             }
-            // With an odd number of columns the last is the right-hand side's companion.
+            // With an odd number of columns the last one goes together with the right-hand side.
             let last = pairs.into_remainder();
             if last.is_empty() {
                 take_steps(panel, n, first, exchanges, b);
@@ -225,6 +225,26 @@ fn take_four_steps(panel: &[f64], first: usize, exchanges: &[usize], columns: [&
     );
 }
 
+/// Solves `A x = b` in place for a system that is solved only once; A is overwritten.
+///
+/// # Errors
+/// [`BadPivot`] with the column in which no usable pivot was found.
+pub(crate) fn solve_once(a: &mut Matrix, b: &mut Matrix) -> Result<(), BadPivot> {
+    let n = a.rows();
+    if n == 0 {
+        return Ok(());
+    }
+    let lu = a.view(0, 0, n, n).partial_piv_lu();
+    for k in 0..n {
+        let pivot = lu.U()[(k, k)];
+        if pivot == 0.0 || !pivot.is_finite() {
+            return Err(BadPivot { pivot: k });
+        }
+    }
+    faer::linalg::solvers::Solve::solve_in_place(&lu, b.view_mut());
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -251,5 +271,16 @@ mod tests {
         let mut x = vec![1.0, 2.0];
         assert!(solver.solve(&mut x).is_err());
         assert_eq!(x, [1.0, 2.0]);
+    }
+
+    #[test]
+    fn general_solve() {
+        let mut a = Matrix::zeros(2, 2);
+        a[(0, 1)] = 2.0;
+        a[(1, 0)] = 4.0;
+        let mut b = Matrix::zeros(2, 1);
+        b.column_mut(0).copy_from_slice(&[6.0, 8.0]);
+        solve_once(&mut a, &mut b).unwrap();
+        assert_eq!(b.column(0), [2.0, 3.0]);
     }
 }

@@ -18,7 +18,6 @@ const COLUMNS: usize = 24;
 /// Columns `[n × K]`, each zero above its start.
 #[derive(Debug, Clone, Default)]
 pub struct StaggeredColumns {
-    /// The entries.
     matrix: Matrix,
     /// First row of each column that may hold anything, ascending.
     starts: Vec<usize>,

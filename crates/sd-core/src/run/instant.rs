@@ -32,12 +32,12 @@ pub struct Configuration {
     pub torques: Vec<f64>,
 }
 
-/// Which contact problem to solve.
+/// The contact problem that is to be solved.
 #[derive(Debug, Clone)]
 pub enum ContactRequest {
-    /// None.
+    /// No contact.
     None,
-    /// These pairs are halted all at once by eqs. (12)-(13), negative forces set to zero afterwards, no friction.
+    /// These pairs are halted all at once by eqs. (12)-(13), without friction; negative forces are set to zero afterwards.
     Listed {
         /// Pairs of sphere numbers.
         pairs: Vec<[usize; 2]>,
@@ -89,7 +89,7 @@ impl ContactRequest {
 
 /// Motion, stresslets and contacts of a configuration.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Instant {
+pub struct SolvedConfiguration {
     /// `(U − u∞, Ω − Ω∞)` of each sphere, background at its own centre.
     pub disturbances: Vec<[f64; 3]>,
     /// Stresslets S of (20), `(s1, s2, s3)` of each sphere, in mu·a³·rate.
@@ -98,11 +98,11 @@ pub struct Instant {
     pub stress: Option<Stress>,
     /// All candidate pairs.
     pub contacts: Vec<Contact>,
-    /// Pairs that a repulsion keeps apart, besides.
+    /// Pairs that a repulsion keeps apart besides the contacts.
     pub repelled: Vec<Contact>,
 }
 
-impl Instant {
+impl SolvedConfiguration {
     /// Stresslet of sphere i as `(xx, yy, xy)`.
     pub fn stresslet(&self, i: usize) -> (f64, f64, f64) {
         strain_tensor(&self.stresslets[i])
@@ -184,7 +184,7 @@ pub fn solve(
     configuration: &Configuration,
     request: &ContactRequest,
     tables: &NearFields,
-) -> Result<Instant, Error> {
+) -> Result<SolvedConfiguration, Error> {
     check(configuration)?;
     let Configuration {
         centres,
@@ -225,7 +225,7 @@ pub fn solve(
         work.update(&stage, background);
         None
     };
-    Ok(Instant {
+    Ok(SolvedConfiguration {
         disturbances: stage
             .velocities()
             .chunks_exact(3)
@@ -238,7 +238,6 @@ pub fn solve(
     })
 }
 
-/// An [`Error::OutOfRange`] unless `ok`.
 fn in_range(ok: bool, field: &'static str, value: f64, allowed: &'static str) -> Result<(), Error> {
     if ok {
         Ok(())
@@ -251,7 +250,7 @@ fn in_range(ok: bool, field: &'static str, value: f64, allowed: &'static str) ->
     }
 }
 
-/// Lengths and ranges of a configuration.
+/// Refuses a configuration with a list of another length or a value out of range.
 fn check(configuration: &Configuration) -> Result<(), Error> {
     let n = configuration.centres.len();
     if n == 0 {
@@ -302,7 +301,7 @@ fn check(configuration: &Configuration) -> Result<(), Error> {
     Ok(())
 }
 
-/// Ranges of a surface.
+/// Refuses a surface with a value out of range.
 fn check_surface(surface: &Surface) -> Result<(), Error> {
     let Surface {
         roughness,

@@ -7,7 +7,7 @@ use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::params::Hydrodynamics;
-use crate::run::steppers::runge_kutta::{RungeKutta, State};
+use crate::run::steppers::{RungeKutta, State};
 use crate::stage::{Contact, StageSolver};
 use serde::Serialize;
 
@@ -141,7 +141,6 @@ pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
     })
 }
 
-/// The coordinates at the start.
 fn at_start(passing: &Passing, contact: f64) -> Result<State, Error> {
     let first = Vec2::new(-passing.start, passing.offset);
     let line = -2.0 * first;
@@ -168,14 +167,13 @@ fn centres(coordinates: &[Vec2], contact: f64) -> [Vec2; 2] {
     [first, first + Vec2::new(cosine, sine) * distance]
 }
 
-/// One row of the path.
 fn row(time: f64, state: &State, contact: f64) -> [f64; 7] {
     let [a, b] = centres(&state.centres, contact);
     let turned = &state.orientations;
     [time, a.x, a.y, turned[0], b.x, b.y, turned[1]]
 }
 
-/// Ranges of the scenario.
+/// Refuses a scenario with a value out of range.
 fn check(passing: &Passing) -> Result<(), Error> {
     let refuse = |field, value, allowed| {
         Err(Error::OutOfRange {

@@ -18,16 +18,16 @@ use crate::hydrodynamics::resistance::NearFields;
 use crate::params::{ContactScheme, DEEPEST_OVERLAP, Params};
 use crate::run::start;
 use crate::run::steppers::rosenbrock::Rosenbrock;
-use crate::run::steppers::runge_kutta::{RungeKutta, Stage, State};
+use crate::run::steppers::{Stage, State, Stepper};
 use crate::stage::{Contact, Method, StageSolver};
 use crate::stress::{ContactCounts, StressWork};
 use serde::{Deserialize, Serialize};
 
 /// A layer that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
-/// Times a step is halved, and its halves again, where a gap of rigid contacts falls too low within it.
+/// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
 const MOST_HALVINGS: u32 = 6;
-/// What counts as too low: this share of the roughness height.
+/// A gap counts as too low below this share of the roughness height.
 const HELD_SHARE: f64 = 0.5;
 /// Whether a run can go on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -53,36 +53,27 @@ enum Scheme {
 
 /// A layer under shear.
 pub struct Simulation {
-    /// What decides the run.
     params: Params,
     /// Steps done.
     steps: u64,
-    /// Side of the square cell.
+    /// Side of the square cell, in a.
     side: f64,
-    /// Where the spheres are.
     state: State,
-    /// Where they were at the start of the step.
+    /// Where the spheres were at the start of the step.
     before: State,
-    /// What keeps the spheres apart.
     scheme: Scheme,
     /// What contacts remember.
     memory: SchemeMemory,
-    /// Counters.
     counters: Counters,
-    /// Solver.
     stage: StageSolver,
-    /// Integrator.
-    integrator: RungeKutta,
-    /// Integrator of soft laws.
-    rosenbrock: Rosenbrock,
-    /// Stresslets.
+    stepper: Stepper,
     stress: StressWork,
-    /// A look at the first stage, while one is asked for.
+    /// The frame of the first stage, while one is asked for.
     frame: Option<Box<Frame>>,
 }
 
 impl Simulation {
-    /// Makes the start layer from the seed.
+    /// Starts a run from the layer that the seed makes.
     ///
     /// # Errors
     /// Parameters out of range, a cell too small, an area fraction that cannot be packed.
@@ -104,7 +95,7 @@ impl Simulation {
         Self::from_snapshot(params, snapshot, tables)
     }
 
-    /// Goes on from a snapshot of a run with the same parameters.
+    /// Continues a run from a snapshot made with the same parameters.
     ///
     /// # Errors
     /// [`Error::Snapshot`] if it does not fit the parameters.
@@ -125,6 +116,7 @@ impl Simulation {
             tables,
             &snapshot.near_pairs,
         )?;
+        let mut stepper = Stepper::default();
         let scheme = match &params.contact {
             ContactScheme::Procedure => Scheme::Procedure,
             ContactScheme::Rigid | ContactScheme::Laws(_) => {
@@ -132,6 +124,7 @@ impl Simulation {
                 if choice.is_soft() {
                     let (gap, deepest) = (choice.lubrication_gap, DEEPEST_OVERLAP);
                     stage.resistance.regularise(gap, deepest);
+                    stepper = Stepper::Rosenbrock(Rosenbrock::default());
                 }
                 Scheme::Laws {
                     laws: Box::new(Laws::new(choice, params.surface())),
@@ -157,8 +150,7 @@ impl Simulation {
             memory: snapshot.memory,
             counters: snapshot.counters,
             stage,
-            integrator: RungeKutta::default(),
-            rosenbrock: Rosenbrock::default(),
+            stepper,
             stress: StressWork::default(),
             frame: None,
         })
@@ -171,25 +163,25 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
+    #[expect(
+        clippy::missing_panics_doc,
+        reason = "the first stage of every step that succeeds is sampled"
+    )]
     pub fn step(&mut self) -> Result<Sample, Error> {
         let (time, dt) = (self.strain(), self.params.time_step);
         let mut sample = None;
-        let mut integrator = std::mem::take(&mut self.integrator);
+        let mut stepper = std::mem::take(&mut self.stepper);
         let mut state = std::mem::take(&mut self.state);
         self.before.copy_from(&state);
-        let result = if self.is_soft() {
-            self.advance_soft(&mut state, time, dt, &mut sample)
-        } else {
-            let most = match self.scheme {
-                Scheme::Laws { .. } => MOST_HALVINGS,
-                Scheme::Procedure => 0,
-            };
-            self.advance(&mut integrator, &mut state, time, dt, most, &mut sample)
+        let most = match (&stepper, &self.scheme) {
+            (Stepper::Rosenbrock(_), _) | (_, Scheme::Procedure) => 0,
+            (Stepper::RungeKutta(_), Scheme::Laws { .. }) => MOST_HALVINGS,
         };
+        let result = self.advance(&mut stepper, &mut state, time, dt, most, &mut sample);
         if result.is_err() {
             state.copy_from(&self.before);
         }
-        self.integrator = integrator;
+        self.stepper = stepper;
         self.state = state;
         let failed = |source| Error::Step {
             step: self.steps,
@@ -197,7 +189,7 @@ impl Simulation {
             source: Box::new(source),
         };
         result.map_err(failed)?;
-        let sample = sample.ok_or(Error::NoSpheres).map_err(failed)?;
+        let sample = sample.expect("the first stage of a step is sampled");
         self.keep_mean_velocities(dt);
         self.steps += 1;
         let cell = self.cell_at(self.strain())?;
@@ -210,7 +202,7 @@ impl Simulation {
     /// Moves the state over `dt`; where a gap falls too low on the way, in two halves, each halved at most `halvings - 1` times.
     fn advance(
         &mut self,
-        integrator: &mut RungeKutta,
+        stepper: &mut Stepper,
         state: &mut State,
         time: f64,
         dt: f64,
@@ -218,7 +210,7 @@ impl Simulation {
         sample: &mut Option<Sample>,
     ) -> Result<(), Error> {
         let mut start_gap = 0.0;
-        let whole = integrator.step(state, time, dt, |stage, centres, velocities| {
+        let whole = stepper.step(state, time, dt, |stage, centres, velocities| {
             self.stage(stage, centres, velocities, sample)?;
             let Some(pair) = self.stage.closest() else {
                 return Ok(());
@@ -235,32 +227,11 @@ impl Simulation {
         match whole {
             Err(Error::Overlap { .. }) if halvings > 0 => {
                 let half = 0.5 * dt;
-                self.advance(integrator, state, time, half, halvings - 1, sample)?;
-                self.advance(integrator, state, time + half, half, halvings - 1, sample)
+                self.advance(stepper, state, time, half, halvings - 1, sample)?;
+                self.advance(stepper, state, time + half, half, halvings - 1, sample)
             }
             whole => whole,
         }
-    }
-
-    /// Whether forces depend on gaps.
-    fn is_soft(&self) -> bool {
-        matches!(&self.scheme, Scheme::Laws { laws, .. } if laws.is_soft())
-    }
-
-    /// Moves the state over `dt` under soft laws, in two stages.
-    fn advance_soft(
-        &mut self,
-        state: &mut State,
-        time: f64,
-        dt: f64,
-        sample: &mut Option<Sample>,
-    ) -> Result<(), Error> {
-        let mut rosenbrock = std::mem::take(&mut self.rosenbrock);
-        let result = rosenbrock.step(state, time, dt, |stage, centres, velocities| {
-            self.stage(stage, centres, velocities, sample)
-        });
-        self.rosenbrock = rosenbrock;
-        result
     }
 
     /// One right-hand side; the first of a step is the one that is sampled.
@@ -275,7 +246,7 @@ impl Simulation {
         let cell = self.cell_at(stage.time)?;
         let solver = &mut self.stage;
         if stage.number == 0 {
-            // So that a run resumed here has the same bits.
+            // A run that is resumed here then has the same bits.
             solver.begin_step();
         }
         solver.assemble(&cell, centres)?;
@@ -365,9 +336,12 @@ impl Simulation {
         let SchemeMemory::Procedure { velocities, .. } = &mut self.memory else {
             return;
         };
+        let Stepper::RungeKutta(method) = &self.stepper else {
+            return;
+        };
         let background = Background::SHEAR;
         velocities.clear();
-        velocities.extend_from_slice(self.integrator.mean());
+        velocities.extend_from_slice(method.mean());
         for (u, x) in velocities.chunks_exact_mut(3).zip(&self.state.centres) {
             // The centre has moved by u dt already; its mean position lies half a step back.
             let flow = background.velocity(x - Vec2::new(u[0], u[1]) * (0.5 * dt));

@@ -19,7 +19,7 @@ const MARGINS: [f64; 6] = [0.2, 0.1, 0.05, 0.02, 0.005, 0.001];
 const EASY: f64 = 0.80;
 /// Fresh random layers tried at the smallest margin before an area fraction is given up.
 const SCATTERS: u32 = 3;
-/// Shakes of each.
+/// Shakes tried with each of these gaps.
 const SHAKES: u32 = 100;
 
 /// Radii, centres and cell of a layer at strain 0.
@@ -66,7 +66,7 @@ pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
     Ok((radii, side))
 }
 
-/// Makes the layer: a function of the parameters and the seed alone (`ChaCha8`).
+/// Makes the layer, which depends on the parameters and the seed alone (`ChaCha8`).
 ///
 /// # Errors
 /// [`Error::CellTooSmall`], or [`Error::CannotPack`] with the area fraction reached.
@@ -90,7 +90,7 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
                 if gap >= params.roughness {
                     break;
                 }
-                // From most of a radius, which melts the layer, down to a tenth, several times over.
+                // Shakes go from most of a radius, which melts the layer, down to a tenth of it, several times over.
                 let size = 0.8 * 0.125f64.powf(f64::from(shake % 10) / 9.0);
                 packing.shake(size, &mut random);
                 gap = packing.relax();
@@ -117,28 +117,22 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
     })
 }
 
-/// Discs on their way to a layer.
+/// Discs that are being packed into a layer.
 struct Packing {
-    /// Where they are.
     cell: Cell,
-    /// Radii of the spheres.
     radii: Vec<f64>,
-    /// Smallest gap wanted.
+    /// Smallest gap that the layer must have, in a.
     gap: f64,
-    /// Gap aimed at beyond that.
+    /// Gap aimed at beyond that, in a.
     margin: f64,
-    /// Centres.
     centres: Vec<Vec2>,
-    /// Velocities of the relaxation.
     velocities: Vec<Vec2>,
-    /// Forces.
     forces: Vec<Vec2>,
-    /// Pairs in range.
     neighbours: NeighbourList,
 }
 
 impl Packing {
-    /// Discs not yet placed.
+    /// Discs that are not yet placed.
     fn new(cell: Cell, radii: Vec<f64>, gap: f64) -> Self {
         let n = radii.len();
         Self {
@@ -176,7 +170,7 @@ impl Packing {
         let mut last_energy = f64::INFINITY;
         for step in 0..4000 {
             let energy: f64 = self.forces.iter().map(Vec2::norm_squared).sum();
-            // Jammed: no force decreases any more, yet overlaps are left.
+            // The discs are jammed: no force decreases any more, yet overlaps are left.
             if step % 100 == 99 {
                 if energy > 0.8 * last_energy {
                     break;

@@ -1,4 +1,4 @@
-//! Known results, recomputed: what a user checks before trusting a machine and a build. Seconds in all.
+//! Known results, computed again: what a user checks before trusting a machine and a build. It takes seconds.
 
 mod layers;
 mod spheres;
@@ -6,7 +6,7 @@ mod spheres;
 use crate::error::Error;
 use serde::Serialize;
 
-/// One known result beside ours.
+/// One known result beside our value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Check {
     /// What is compared.
@@ -22,7 +22,7 @@ pub struct Check {
 }
 
 impl Check {
-    /// Ours against a number, to a tolerance in the same unit.
+    /// Our value against a number, to a tolerance in the same unit.
     fn near(
         quantity: impl Into<String>,
         value: f64,
@@ -39,7 +39,7 @@ impl Check {
         )
     }
 
-    /// Ours against a range.
+    /// Our value against a range.
     fn within(
         quantity: impl Into<String>,
         value: f64,
@@ -56,7 +56,7 @@ impl Check {
         }
     }
 
-    /// Whether ours lies where it must; what is not a number does not.
+    /// Whether our value lies within its range; what is not a number does not.
     pub fn passes(&self) -> bool {
         self.value >= self.least && self.value <= self.most
     }

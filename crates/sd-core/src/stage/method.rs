@@ -4,7 +4,7 @@ use super::StageSolver;
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::pair::PairKey;
-use crate::hydrodynamics::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
+use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::params::{ContactScheme, Hydrodynamics, Params};
 
@@ -75,7 +75,7 @@ impl Method {
             }
             Self::Pairwise => StageSolver::new(pairwise()?),
             Self::Iterated => {
-                let far = IterativeFarField::new(cell, radii, DEFAULT_RESIDUAL)?;
+                let far = IterativeFarField::new(cell, radii, IterativeFarField::DEFAULT_RESIDUAL)?;
                 StageSolver::with_far_field(pairwise()?, far)
             }
         })

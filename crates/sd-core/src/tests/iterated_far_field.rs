@@ -7,7 +7,7 @@ use crate::contact::rigid::Memory;
 use crate::contact::{Contact, ContactState, Contacts, Surface};
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2, strain_tensor};
-use crate::hydrodynamics::iterative::{Convergence, IterativeFarField, MOST_ITERATIONS};
+use crate::hydrodynamics::iterative::{Convergence, IterativeFarField};
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
 use crate::motion::{ContactLaw, Motion};
@@ -83,7 +83,6 @@ fn relative_difference(expected: &[f64], found: &[f64]) -> f64 {
     (dot(&difference, &difference) / dot(expected, expected)).sqrt()
 }
 
-/// Stresslets one after another.
 fn flat(stresslets: &[Vector3<f64>]) -> Vec<f64> {
     stresslets.iter().flat_map(|s| [s[0], s[1], s[2]]).collect()
 }
@@ -143,7 +142,7 @@ fn solves_allocate_nothing_and_stop_at_the_limit() {
         stopped,
         Err(Error::NotConverged { iterations: 3, .. })
     ));
-    far.limit_iterations(MOST_ITERATIONS);
+    far.limit_iterations(IterativeFarField::MOST_ITERATIONS);
     let mut found = Ok(Convergence::default());
     let counted = allocation_counter::measure(|| {
         far.update(&cell, &centres).unwrap();

@@ -19,7 +19,8 @@ use crate::error::Error;
 use crate::contact::solver::Driving;
 use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
 use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
-use crate::linalg::dense::{NotPositive, dot};
+use crate::linalg::dense::dot;
+use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
 use std::f64::consts::PI;
 
@@ -318,7 +319,7 @@ impl SparseSystem {
     }
 
     /// Makes the factors that the states need, unless those at hand serve.
-    fn prepare(&mut self, linear: &Linear<'_>, pattern: &BlockPattern) -> Result<(), NotPositive> {
+    fn prepare(&mut self, linear: &Linear<'_>, pattern: &BlockPattern) -> Result<(), BadPivot> {
         linear.stiffnesses(&mut self.stiffness);
         let problem = linear.problem;
         let rows = if problem.isolated {
@@ -546,7 +547,7 @@ impl<'a> OnNetwork<'a> {
 }
 
 /// The error for a factor that broke down.
-pub(crate) fn not_positive(bad: NotPositive) -> Error {
+pub(crate) fn not_positive(bad: BadPivot) -> Error {
     Error::NotPositiveDefinite {
         matrix: "near part of the resistance",
         pivot: bad.pivot,

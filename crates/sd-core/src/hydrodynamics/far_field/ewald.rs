@@ -3,15 +3,12 @@
 use super::kernels::{self, Blocks, FiniteSize, LANES, Lanes};
 use super::real_space::RealSpace;
 use super::unbounded::{self, RadialChain, self_mobility};
-use super::wave_space::{self, EVEN, ODD, WaveSpace};
+use super::wave_space::{self, CHUNK, EVEN, ODD, WaveSpace};
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
 use crate::linalg::cholesky::tiled::{TILE, TiledMatrix};
 use crate::linalg::simd::vectorised;
 use std::f64::consts::PI;
-
-/// Pairs handled at once, unless one column of the matrix has more.
-pub(super) const CHUNK: usize = 256;
 
 /// The two halves of the periodic sum.
 #[derive(Debug, Clone)]
@@ -20,7 +17,6 @@ pub(super) struct Ewald {
     pub(super) sides: [f64; 2],
     /// Splitting parameter α, in 1/a.
     pub(super) alpha: f64,
-    /// Whether all radii are equal.
     pub(super) equal: bool,
     /// Added to the uniform force mode, whose true mobility is infinite, in 1/(mu a).
     pub(super) uniform: f64,
@@ -28,16 +24,16 @@ pub(super) struct Ewald {
     pub(super) real: RealSpace,
     /// Long-ranged part.
     pub(super) wave: WaveSpace,
-    /// Real-space sums of the pairs at hand.
+    /// Real-space sums of the pairs that are being summed.
     pub(super) sums: Vec<Lanes>,
 }
 
 /// Cut-offs that reach the tolerance at one splitting parameter.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CutOffs {
-    /// Of the separation, in a.
+    /// Largest separation, in a.
     pub(super) distance: f64,
-    /// Of the wave vector, in 1/a.
+    /// Largest wave number, in 1/a.
     pub(super) wave: f64,
 }
 
@@ -94,7 +90,7 @@ fn chunks(n: usize) -> impl Iterator<Item = (std::ops::Range<usize>, usize)> {
 }
 
 impl Ewald {
-    /// The periodic mobility.
+    /// Fills in the periodic mobility.
     pub(super) fn fill(
         &mut self,
         sizes: &[FiniteSize],
@@ -141,7 +137,7 @@ impl Ewald {
         }
     }
 
-    /// The blocks of each sphere with itself.
+    /// Fills in the blocks of each sphere with itself.
     fn fill_diagonal(
         &self,
         sizes: &[FiniteSize],

@@ -37,7 +37,6 @@ pub(super) struct Grid {
     axes: [Axis; 2],
     /// Cell as `(length_x, length_y, offset)`.
     cell: [f64; 3],
-    /// Windows of each sphere.
     windows: Vec<[Window; 2]>,
     /// `(b0, b1, b2)/area` over the windows' transforms, by (m ≥ 0, n), n wrapped as on the grid; zero beyond the cut-off.
     kernel: Vec<[f64; 3]>,
@@ -52,7 +51,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Plans for a cell's sides; any offset.
+    /// Makes a plan for a cell of these sides and any offset.
     ///
     /// `tolerance`: of M, relative to its largest entry.
     pub(super) fn new(
@@ -95,12 +94,13 @@ impl Grid {
         }
     }
 
-    /// Grid points in all.
+    /// Number of points of the grid.
+    #[cfg(test)]
     pub(super) fn points(&self) -> usize {
         self.axes[0].points * self.axes[1].points
     }
 
-    /// Takes cell and centres of the next applications.
+    /// Takes the cell and the centres of the next applications.
     pub(super) fn update(&mut self, cell: &Cell, centres: &[Vec2]) {
         let Cell::Periodic {
             length_x,
@@ -183,7 +183,7 @@ impl Grid {
         ]
     }
 
-    /// P and Q on the grid.
+    /// Spreads the sources over the grid: P and Q there.
     #[inline(always)]
     fn spread(&mut self, x: &[[f64; 6]]) {
         self.values.fill([0.0; 4]);
@@ -230,7 +230,7 @@ impl Grid {
         }
     }
 
-    /// Both fields to wave numbers; of the first, only those kept.
+    /// Transforms both fields to wave numbers; of the first coordinate only the wave numbers that are kept.
     fn transform_forward(&mut self) {
         let Self {
             axes,
@@ -268,7 +268,7 @@ impl Grid {
         }
     }
 
-    /// The reverse.
+    /// The reverse of [`Grid::transform`].
     fn transform_back(&mut self) {
         let Self {
             axes,
@@ -310,7 +310,7 @@ impl Grid {
         }
     }
 
-    /// u and v of every wave vector from P and Q.
+    /// Computes u and v of every wave vector from P and Q.
     fn multiply(&mut self) {
         let rows = self.axes[1].points;
         let highest = self.axes[0].highest;
@@ -322,7 +322,7 @@ impl Grid {
             let kx = 2.0 * PI * m as f64 / length_x;
             for at in 0..rows {
                 let (here, there) = (m * rows + at, opposite * rows + (rows - at) % rows);
-                // Of m = 0 each pair k, −k is met twice.
+                // Among m = 0 each pair of wave vectors k, −k is met twice.
                 if m == 0 && here > there {
                     continue;
                 }

@@ -13,9 +13,7 @@
 
 use crate::geometry::modes::{ModeBlock, Vec2};
 
-/// Number of lanes.
 pub(crate) const LANES: usize = 20;
-/// Number of radial functions.
 pub(crate) const RADIAL: usize = 12;
 /// The numbers of one pair.
 pub(crate) type Lanes = [f64; LANES];
@@ -30,7 +28,6 @@ pub(crate) struct FiniteSize {
 }
 
 impl FiniteSize {
-    /// Of a sphere of this radius.
     pub(crate) fn new(radius: f64) -> Self {
         let square = radius * radius;
         Self {

@@ -25,33 +25,27 @@ struct NearPair {
     i: usize,
     /// Sphere that is pushed.
     j: usize,
-    /// The block.
     block: [[f64; 6]; 6],
 }
 
 /// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions last given.
-pub struct FarOperator {
+pub(crate) struct FarOperator {
     /// Radii, in a.
     radii: Vec<f64>,
     /// Finite-size coefficients of each sphere.
     sizes: Vec<FiniteSize>,
     /// Sides of the cell it was planned for, in a.
     sides: [f64; 2],
-    /// Splitting parameter α, in 1/a.
-    alpha: f64,
-    /// Whether all radii are equal.
     equal: bool,
     /// Kernels of the short-ranged part.
     real: RealSpace,
     /// The long-ranged part.
     grid: Grid,
-    /// Finds the near pairs.
     list: NeighbourList,
     /// Cut-off of the short-ranged part, in a.
     reach: f64,
-    /// One for each sphere: the list's radii, so that its range is a distance.
+    /// Radii of one for all spheres, which the list is given so that its range is a distance.
     units: Vec<f64>,
-    /// Near pairs.
     pairs: Vec<NearPair>,
     /// Self mobility less what the grid holds of a sphere's own image: a diagonal, modes as in [`NearPair`].
     own: Vec<[f64; 6]>,
@@ -62,7 +56,7 @@ pub struct FarOperator {
 }
 
 impl FarOperator {
-    /// Plans for least cost of an application.
+    /// Makes the plan whose applications cost least.
     ///
     /// # Arguments
     /// - `cell`: periodic; its offset may differ in every call of [`FarOperator::update`].
@@ -71,7 +65,7 @@ impl FarOperator {
     ///
     /// # Errors
     /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without bounds.
-    pub fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
+    pub(crate) fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         check_plan(radii, tolerance)?;
         let [length_x, length_y] = periodic_sides(cell)?;
         let (n, area) = (radii.len() as f64, length_x * length_y);
@@ -83,7 +77,7 @@ impl FarOperator {
             if cut_offs.distance > longest {
                 continue;
             }
-            // Nanoseconds: each near pair, each wave vector on its share of the grid.
+            // Measured nanoseconds for each near pair, and for each wave vector on its share of the grid.
             let pairs = 0.5 * n * n * PI * cut_offs.distance.powi(2) / area;
             let points = 1.12 * 2.5 * area * (cut_offs.wave / PI).powi(2);
             let cost = 40.0 * pairs + 50.0 * points;
@@ -98,7 +92,7 @@ impl FarOperator {
     ///
     /// # Errors
     /// As [`FarOperator::new`]; also where the near part would reach beyond half a side.
-    pub fn with_splitting(
+    pub(crate) fn with_splitting(
         cell: &Cell,
         radii: &[f64],
         tolerance: f64,
@@ -139,7 +133,6 @@ impl FarOperator {
         Ok(Self {
             radii: radii.to_vec(),
             sides,
-            alpha,
             equal,
             real: RealSpace::new(alpha, distance, 1.99 * smallest, 0.1 * tolerance, factors),
             grid: Grid::new(sides, &sizes, alpha, wave, tolerance),
@@ -154,31 +147,11 @@ impl FarOperator {
         })
     }
 
-    /// Number of spheres.
-    pub fn spheres(&self) -> usize {
-        self.radii.len()
-    }
-
-    /// Radii, in a.
-    pub fn radii(&self) -> &[f64] {
-        &self.radii
-    }
-
-    /// Splitting parameter α in use, in 1/a.
-    pub fn splitting(&self) -> f64 {
-        self.alpha
-    }
-
-    /// Near pairs of the positions last given, and points of the grid.
-    pub fn sizes(&self) -> (usize, usize) {
-        (self.pairs.len(), self.grid.points())
-    }
-
-    /// Takes positions. Allocates only when there are more near pairs than ever before.
+    /// Takes new positions. Allocates only when there are more near pairs than ever before.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
-    pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+    pub(crate) fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
         let n = self.radii.len();
         if centres.len() != n {
             return Err(Error::Length {
@@ -235,7 +208,7 @@ impl FarOperator {
     ///
     /// # Accuracy
     /// The tolerance of the plan, relative to the largest entry of M; test `operator_is_the_dense_mobility`.
-    pub fn apply(&mut self, x: &[f64], y: &mut [f64]) {
+    pub(crate) fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         let n = self.radii.len();
         self.sources.clear();
         self.results.clear();

@@ -58,7 +58,6 @@ impl RadialChain {
 /// Twelve radial functions of r², tabulated.
 #[derive(Debug, Clone, Default)]
 struct RadialTable {
-    /// Coefficients.
     intervals: Vec<Interval>,
     /// Index bits of the first interval.
     first: usize,
@@ -332,7 +331,6 @@ struct Sum {
 }
 
 impl Sum {
-    /// From lanes.
     #[expect(
         clippy::inline_always,
         reason = "must be compiled for the caller's instruction set"
@@ -346,7 +344,6 @@ impl Sum {
         }
     }
 
-    /// Adds one image.
     #[expect(
         clippy::inline_always,
         reason = "must be compiled for the caller's instruction set"
@@ -365,7 +362,6 @@ impl Sum {
         }
     }
 
-    /// To lanes.
     #[expect(
         clippy::inline_always,
         reason = "must be compiled for the caller's instruction set"

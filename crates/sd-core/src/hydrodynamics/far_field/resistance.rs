@@ -15,7 +15,7 @@ use crate::linalg::simd::vectorised;
 /// ```
 /// with `M = L Lᵀ` and W the orthonormalised `L⁻¹ V`. Its limit is that of an infinite mobility of the uniform force.
 pub struct FarResistance {
-    /// Fills M.
+    /// Fills in M.
     far_field: FarField,
     /// M, then L.
     cholesky: TiledCholesky,
@@ -159,7 +159,6 @@ impl FarResistance {
     }
 }
 
-/// Scales to unit length.
 fn normalise(x: &mut [f64]) {
     let scale = dot(x, x).sqrt().recip();
     for value in x {

@@ -2,7 +2,8 @@
 
 use super::unbounded::self_mobility;
 use super::*;
-use crate::linalg::dense::{Cholesky, Matrix};
+use crate::linalg::cholesky::dense::DenseCholesky;
+use crate::linalg::dense::Matrix;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -89,7 +90,7 @@ fn resistance_does_not_depend_on_the_splitting() {
             difference(&all[0], &all[2])
         );
         let planned = resistance(
-            FarField::new(&cell, &radii, DEFAULT_TOLERANCE).unwrap(),
+            FarField::new(&cell, &radii, FarField::DEFAULT_TOLERANCE).unwrap(),
             &cell,
             &centres,
         );
@@ -209,7 +210,7 @@ fn force_free_sources_agree_with_a_plain_lattice_sum() {
                 a[(line, 2)] = h.powi(3);
                 b[(line, 0)] = sum[row];
             }
-            crate::linalg::dense::solve_general(&mut a, &mut b).unwrap();
+            crate::linalg::lu::solve_once(&mut a, &mut b).unwrap();
             b[(0, 0)]
         })
         .collect();
@@ -272,8 +273,9 @@ fn dense_layers_have_a_positive_definite_mobility() {
         for radius in [1.0, 0.5] {
             // Spheres of half the size have a far field as well.
             let radii = vec![radius; centres.len()];
-            let mut far =
-                FarResistance::new(FarField::new(&cell, &radii, DEFAULT_TOLERANCE).unwrap());
+            let mut far = FarResistance::new(
+                FarField::new(&cell, &radii, FarField::DEFAULT_TOLERANCE).unwrap(),
+            );
             let mut r = Matrix::default();
             far.update(&cell, &centres, &mut r).unwrap();
             let n = centres.len();
@@ -291,7 +293,7 @@ fn dense_layers_have_a_positive_definite_mobility() {
                     }
                 }
             }
-            let mut cholesky = Cholesky::new(3 * n);
+            let mut cholesky = DenseCholesky::new(3 * n);
             cholesky.matrix_mut().clone_from(&r);
             cholesky.factor().unwrap();
         }
@@ -404,11 +406,11 @@ fn sums_meet_their_tolerance() {
             vec![1.0; 30],
             (0..30).map(|i| 1.0 - 0.02 * f64::from(i)).collect(),
         ] {
-            let alpha = FarField::new(&cell, &radii, DEFAULT_TOLERANCE)
+            let alpha = FarField::new(&cell, &radii, FarField::DEFAULT_TOLERANCE)
                 .unwrap()
                 .splitting()
                 .unwrap();
-            let [coarse, fine] = [DEFAULT_TOLERANCE, 1e-13].map(|tolerance| {
+            let [coarse, fine] = [FarField::DEFAULT_TOLERANCE, 1e-13].map(|tolerance| {
                 mobility(
                     &mut FarField::with_splitting(&cell, &radii, tolerance, alpha).unwrap(),
                     &cell,
@@ -417,7 +419,10 @@ fn sums_meet_their_tolerance() {
             });
             let largest = fine.values().iter().fold(0.0, |a: f64, b| a.max(b.abs()));
             let error = difference(&coarse, &fine) / largest;
-            assert!(error < DEFAULT_TOLERANCE, "{area_fraction}: {error:e}");
+            assert!(
+                error < FarField::DEFAULT_TOLERANCE,
+                "{area_fraction}: {error:e}"
+            );
         }
     }
 }

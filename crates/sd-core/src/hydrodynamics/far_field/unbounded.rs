@@ -104,7 +104,7 @@ pub(crate) fn lanes(radial: &[f64; RADIAL], separation: Vec2) -> Lanes {
 ///
 /// # Source
 /// Durlofsky, Brady & Bossis 1987, reduced to the planar modes.
-pub fn pair_mobility(separation: Vec2, radius_i: f64, radius_j: f64) -> ModeBlock {
+pub(crate) fn pair_mobility(separation: Vec2, radius_i: f64, radius_j: f64) -> ModeBlock {
     let (i, j) = (FiniteSize::new(radius_i), FiniteSize::new(radius_j));
     let [ij, ji] = pair_lanes(separation, &i, &j);
     kernels::blocks(&ij, &ji).to_modes()
@@ -122,7 +122,7 @@ pub(crate) fn pair_lanes(separation: Vec2, i: &FiniteSize, j: &FiniteSize) -> [L
 /// Diagonal of the mobility of an isolated sphere: 1/(6πa) twice, 1/(8πa³), and 3/(20πa³) three times.
 ///
 /// Signs as in [`pair_mobility`]; `radius` in a.
-pub fn self_mobility(radius: f64) -> Modes {
+pub(crate) fn self_mobility(radius: f64) -> Modes {
     let cube = radius.powi(3);
     let (translation, rotation, strain) = (
         1.0 / (6.0 * PI * radius),

@@ -15,6 +15,8 @@ use crate::geometry::modes::Vec2;
 use crate::linalg::dense::{Matrix, product};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
+/// Pairs that are summed at once, unless one column of the matrix has more.
+pub(super) const CHUNK: usize = 256;
 /// Lanes that go with the cosine.
 pub(crate) const EVEN: [usize; 12] = [0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19];
 /// Lanes that go with the sine.
@@ -95,11 +97,11 @@ pub(crate) struct WaveSpace {
     sines: Matrix,
     /// Powers of e^(i 2π X), real then imaginary, `[N × 2]` per power; X is the first lattice coordinate.
     powers_x: Matrix,
-    /// The same of the second coordinate.
+    /// The same powers of the second coordinate.
     powers_y: Matrix,
-    /// `cos k·x_ij` of the pairs at hand.
+    /// `cos k·x_ij` of the pairs that are being summed.
     pair_cosines: Matrix,
-    /// `sin k·x_ij`.
+    /// `sin k·x_ij` of the same pairs.
     pair_sines: Matrix,
     /// Even lanes `[pairs × 12]` (or 24) of the pairs at hand.
     pub(crate) even_sums: Matrix,
@@ -128,12 +130,12 @@ impl WaveSpace {
         }
     }
 
-    /// 1 for equal radii, 2 otherwise.
+    /// Number of layers of streams: 1 for equal radii, 2 otherwise.
     fn layers(&self) -> usize {
         if self.equal.is_some() { 1 } else { 2 }
     }
 
-    /// Takes cell and centres of this call; returns the sum at separation 0.
+    /// Takes the cell and the centres of this call; returns the sum at separation 0.
     pub(crate) fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> [Lanes; 2] {
         let Cell::Periodic {
             length_x,
@@ -204,7 +206,7 @@ impl WaveSpace {
                 count(2.0 * (self.cut_off * self.cut_off - kx * kx).max(0.0).sqrt())
             })
             .sum();
-        let pairs = spheres.max(super::ewald::CHUNK);
+        let pairs = spheres.max(CHUNK);
         let layers = self.layers();
         self.vectors.reserve(vectors);
         self.even.reshape(vectors, EVEN.len() * layers);
@@ -330,9 +332,7 @@ impl WaveSpace {
 
 /// Shape of the set of wave vectors.
 struct Waves {
-    /// Sides of the cell.
     length: [f64; 2],
-    /// Its offset.
     offset: f64,
     /// Largest multiple of the first reciprocal vector.
     columns: usize,

@@ -8,7 +8,8 @@ use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::far_field::{FarField, FarResistance};
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
-use crate::linalg::dense::{Matrix, NotPositive};
+use crate::linalg::dense::Matrix;
+use crate::linalg::error::BadPivot;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
@@ -18,11 +19,10 @@ const UNIFORM_DRAG: f64 = 1e-9;
 
 /// The far field and the full `R_FU`, rows in the order of the spheres.
 pub(super) struct DenseResistance {
-    /// Far field of all spheres.
     far: FarResistance,
     /// `R_FU`, then its factor.
     factor: SkylineCholesky,
-    /// Work vector of the far field, `[6N]`.
+    /// Scratch of the far field, `[6N]`.
     vector: Vec<f64>,
 }
 
@@ -68,12 +68,10 @@ impl DenseResistance {
         pair_terms::add_spring(pair, slope, rows, self.factor.filled_matrix());
     }
 
-    /// Factors in place.
-    pub(super) fn factor(&mut self) -> Result<(), NotPositive> {
+    pub(super) fn factor(&mut self) -> Result<(), BadPivot> {
         self.factor.factor()
     }
 
-    /// The factor.
     pub(super) fn solver(&self) -> &SkylineCholesky {
         &self.factor
     }

@@ -23,14 +23,13 @@ pub struct PairwiseResistance {
     numbers: Vec<Option<usize>>,
     /// Pairs of the pattern, ordered.
     pattern_pairs: Vec<PairKey>,
-    /// The pattern of the near part.
     pattern: BlockPattern,
     /// Whether the pattern was made for positions of these spheres; before the first ones it has no pair.
     has_positions: bool,
 }
 
 impl PairwiseResistance {
-    /// Without blocks yet, with the pattern of the given pairs; if there are none, the first positions make the pattern.
+    /// A resistance without blocks yet, with the pattern of the given pairs; if there are none, the first positions make the pattern.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].

@@ -6,18 +6,16 @@ use crate::geometry::modes::Vec2;
 use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
-use crate::linalg::dense::NotPositive;
+use crate::linalg::error::BadPivot;
 
 /// `R_FU` in the order of the spheres' heights, then its factor.
 pub(super) struct SkylineResistance {
-    /// Order of the spheres.
     order: Order,
     /// `R_FU`, then its factor.
     factor: SkylineCholesky,
 }
 
 impl SkylineResistance {
-    /// Workspace for so many spheres.
     pub(super) fn new(spheres: usize) -> Self {
         Self {
             order: Order::new(spheres),
@@ -63,21 +61,19 @@ impl SkylineResistance {
         pair_terms::add_spring(pair, slope, rows, self.factor.filled_matrix());
     }
 
-    /// Factors in place.
-    pub(super) fn factor(&mut self) -> Result<(), NotPositive> {
+    pub(super) fn factor(&mut self) -> Result<(), BadPivot> {
         self.factor.factor()
     }
 
-    /// The factor.
     pub(super) fn solver(&self) -> &SkylineCholesky {
         &self.factor
     }
 }
 
-/// An order of the spheres, and what couples in it.
+/// An order of the spheres, and which of them couple in it.
 #[derive(Debug, Default)]
 struct Order {
-    /// Sphere at each place.
+    /// The spheres from the lowest to the highest.
     spheres: Vec<usize>,
     /// First row of each sphere: three times its place.
     rows: Vec<usize>,
@@ -90,7 +86,7 @@ struct Order {
 }
 
 impl Order {
-    /// The spheres as they are numbered.
+    /// The order in which the spheres are numbered.
     fn new(spheres: usize) -> Self {
         Self {
             spheres: (0..spheres).collect(),
@@ -101,7 +97,7 @@ impl Order {
         }
     }
 
-    /// Orders by height in the cell.
+    /// Orders the spheres by their heights in the cell.
     fn update(&mut self, cell: &Cell, centres: &[Vec2], pairs: &[Neighbours]) {
         let heights = &mut self.heights;
         heights.clear();

@@ -56,7 +56,6 @@ pub(super) struct PairTables {
     tables: Vec<Arc<NearField>>,
     /// Number of the size of each sphere, from the smallest.
     sizes: Vec<usize>,
-    /// Number of different sizes.
     size_count: usize,
 }
 

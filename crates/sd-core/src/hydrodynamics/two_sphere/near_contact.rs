@@ -8,7 +8,8 @@
 //! fitted range the result is better than solving there, whose rounding grows as 1/ξ².
 
 use super::{Scalars, ordered, series};
-use crate::linalg::dense::{Matrix, solve_general};
+use crate::linalg::dense::Matrix;
+use crate::linalg::lu;
 
 /// Fitted terms, and gaps solved for them.
 pub(super) const TERMS: usize = 12;
@@ -103,7 +104,7 @@ pub(super) struct NearContact {
 }
 
 impl NearContact {
-    /// Solves at [`TERMS`] gaps and fits.
+    /// Solves for the functions at [`TERMS`] gaps and fits the form to them.
     pub(super) fn solve(size_ratio: f64) -> Self {
         // Orders grow with the larger radius: very unequal spheres are solved a little further out.
         let range: [f64; 2] = if ordered(size_ratio).0 > 20.0 {
@@ -130,7 +131,7 @@ impl NearContact {
                 matrix[(row, k)] = term;
             }
         }
-        solve_general(&mut matrix, &mut values).expect("the fitted terms are independent");
+        lu::solve_once(&mut matrix, &mut values).expect("the fitted terms are independent");
         let fitted = (0..2 * TERMS)
             .map(|row| std::array::from_fn(|k| values[(row % TERMS, 20 * (row / TERMS) + k)]))
             .collect();
@@ -141,7 +142,7 @@ impl NearContact {
         }
     }
 
-    /// From stored coefficients; `None` if there are too few.
+    /// The form from stored coefficients; `None` if there are too few.
     pub(super) fn from_fitted(size_ratio: f64, scale: f64, fitted: Vec<[f64; 20]>) -> Option<Self> {
         (fitted.len() == 2 * TERMS).then(|| Self {
             scale,

@@ -53,7 +53,7 @@ pub(super) const fn odd(row: usize, column: usize) -> usize {
 
 /// Power of length that each reduced mode carries: velocities 1/2, the others 3/2, doubled.
 const AXIAL_POWER: [usize; 4] = [0, 1, 0, 1];
-/// The same for odd modes.
+/// The powers of the odd modes.
 const ODD_POWER: [usize; 6] = [0, 1, 1, 0, 1, 1];
 
 /// The power of length of every entry, less one: 0, 1 or 2.

@@ -38,7 +38,7 @@ fn double_angle(n: Vec2) -> (f64, f64) {
 const ROOT: f64 = 0.866_025_403_784_438_6;
 
 impl Strains {
-    /// From the layer's frame.
+    /// Turns components from the layer's frame to that of the pair.
     fn along(n: Vec2, e_i: &Vector3<f64>, e_j: &Vector3<f64>) -> Self {
         let (c, s) = double_angle(n);
         let both = [e_i, e_j];
@@ -50,7 +50,7 @@ impl Strains {
         }
     }
 
-    /// To the layer's frame.
+    /// Turns components from the frame of the pair to the layer's.
     fn to_layer(&self, n: Vec2) -> PairVector {
         let (c, s) = double_angle(n);
         let mut out = PairVector::zeros();
@@ -65,19 +65,16 @@ impl Strains {
 }
 
 impl PairTerm {
-    /// From entries.
     #[inline(always)]
     pub(super) fn new(entries: &[f64; ENTRIES]) -> Self {
         Self { entries: *entries }
     }
 
-    /// Axial entry.
     #[inline]
     fn axial(&self, row: usize, column: usize) -> f64 {
         self.entries[axial(row, column)]
     }
 
-    /// Odd entry.
     #[inline]
     fn odd(&self, row: usize, column: usize) -> f64 {
         self.entries[odd(row, column)]

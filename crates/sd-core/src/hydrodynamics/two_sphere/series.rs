@@ -18,7 +18,8 @@
 //! a sum of positive terms that neither overflows nor cancels at any order.
 
 use super::{Scalars, ordered};
-use crate::linalg::dense::{Matrix, add_outer, solve_general};
+use crate::linalg::dense::{Matrix, add_outer};
+use crate::linalg::lu;
 
 /// Multipoles kept per unit of 1/α, α the bispherical coordinate of the sphere's surface.
 const ORDERS_PER_ALPHA: f64 = 16.0;
@@ -30,16 +31,13 @@ const CHUNK: usize = 512;
 /// Two spheres, the first of radius 1.
 #[derive(Debug, Clone, Copy)]
 struct Geometry {
-    /// Radii.
     radii: [f64; 2],
-    /// Distance of the centres.
     distance: f64,
-    /// Surface-to-surface gap.
     gap: f64,
 }
 
 impl Geometry {
-    /// From the size ratio a2/a1 and ξ.
+    /// The geometry from the size ratio a2/a1 and ξ.
     fn new(size_ratio: f64, xi: f64) -> Self {
         let mean = 0.5 * (1.0 + size_ratio);
         Self {
@@ -182,7 +180,7 @@ struct Binomials {
 }
 
 impl Binomials {
-    /// At s = 0.
+    /// The column of s = 0.
     fn new(orders: usize, t: f64, t_other: f64) -> Self {
         let mut column = vec![1.0; orders + 1];
         for n in 1..=orders {
@@ -191,7 +189,7 @@ impl Binomials {
         Self { column, t, t_other }
     }
 
-    /// To the next s.
+    /// Goes on to the column of the next s.
     fn advance(&mut self) {
         self.column[0] = flush(self.t_other * self.column[0]);
         for n in 1..self.column.len() {
@@ -200,12 +198,12 @@ impl Binomials {
     }
 }
 
-/// Tiny numbers to zero: they carry nothing, and subnormal arithmetic is slow.
+/// Sets tiny numbers to zero: they carry nothing, and subnormal arithmetic is slow.
 fn flush(x: f64) -> f64 {
     if x < 1e-290 { 0.0 } else { x }
 }
 
-/// A unit start of `kind` and `order` added to a column of multipoles.
+/// Adds a unit start of `kind` and `order` to a column of multipoles.
 fn add_start(column: &mut [f64], family: Family, orders: usize, (kind, order): (usize, usize)) {
     column[kind * orders + order - family.first()] += 1.0;
     if kind == 0 {
@@ -217,7 +215,6 @@ fn add_start(column: &mut [f64], family: Family, orders: usize, (kind, order): (
 /// multipoles numbered as [`Family::starts`].
 type Response = [[[[f64; 3]; 3]; 2]; 2];
 
-/// Solves one family.
 fn respond(family: Family, geometry: &Geometry, effort: f64) -> Response {
     if geometry.radii[0].to_bits() == geometry.radii[1].to_bits() {
         respond_equal(family, geometry, effort)
@@ -324,7 +321,7 @@ fn respond_equal(family: Family, geometry: &Geometry, effort: f64) -> Response {
         for (k, &start) in starts.iter().enumerate() {
             add_start(x.column_mut(k), family, orders, start);
         }
-        solve_general(&mut matrix, &mut x).expect("separated spheres have a regular system");
+        lu::solve_once(&mut matrix, &mut x).expect("separated spheres have a regular system");
         for k in 0..starts.len() {
             for (m, &(kind, order)) in starts.iter().enumerate() {
                 let value = 0.5 * x[(kind * orders + order - first, k)];
@@ -389,7 +386,7 @@ fn respond_unequal(family: Family, geometry: &Geometry, effort: f64) -> Response
         }
         begin += width;
     }
-    solve_general(&mut matrix, &mut x).expect("separated spheres have a regular system");
+    lu::solve_once(&mut matrix, &mut x).expect("separated spheres have a regular system");
     let mut response = Response::default();
     for k in 0..2 * starts.len() {
         let (start, sphere) = if k < starts.len() {

@@ -60,7 +60,7 @@ pub struct NearField {
     regular: Vec<[[[f64; BLOCK]; NODES]; BLOCKS]>,
 }
 
-/// All that had to be solved for.
+/// The numbers that had to be solved for.
 #[derive(Debug, Clone, PartialEq)]
 struct Solved {
     /// Everything at small gaps.
@@ -153,7 +153,7 @@ impl NearField {
         .expect("the constants are complete")
     }
 
-    /// From what was stored; `None` if the numbers are too few or too many.
+    /// The table from what was stored; `None` if the numbers are too few or too many.
     fn from_values(
         size_ratio: f64,
         scale: f64,

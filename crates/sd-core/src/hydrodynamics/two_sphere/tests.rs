@@ -10,7 +10,6 @@ use std::f64::consts::PI;
 /// Names in the reference file, in the order of [`Scalars::to_array`].
 const NAMES: [&str; 10] = ["XA", "YA", "YB", "YC", "XG", "YG", "YH", "XM", "YM", "ZM"];
 
-/// A number of a reference file.
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap()
 }

@@ -9,7 +9,8 @@
 //! threads that runs several simulations at once, all are busy and nothing is shared; when one simulation is left, the others help.
 //! Outside a pool no thread is started.
 
-use crate::linalg::dense::NotPositive;
+use super::join::join;
+use crate::linalg::error::BadPivot;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::matmul::{self, triangular::BlockStructure};
@@ -19,21 +20,11 @@ use faer::{Accum, MatMut, MatRef, Par, Spec};
 /// Dimension from which a matrix is cut in halves.
 const LARGE: usize = 1000;
 
-/// Both, at once if a thread of this pool is idle.
-fn join(a: impl FnOnce() + Send, b: impl FnOnce() + Send) {
-    if rayon::current_thread_index().is_some() {
-        rayon::join(a, b);
-    } else {
-        a();
-        b();
-    }
-}
-
 /// Factors the lower triangle of `matrix` in place. Cost n³/3.
 pub(in crate::linalg) fn factor(
     matrix: MatMut<'_, f64>,
     scratch: &mut MemBuffer,
-) -> Result<(), NotPositive> {
+) -> Result<(), BadPivot> {
     let n = matrix.nrows();
     if n < LARGE {
         return llt::factor::cholesky_in_place(
@@ -44,7 +35,7 @@ pub(in crate::linalg) fn factor(
             Spec::default(),
         )
         .map(|_| ())
-        .map_err(|llt::factor::LltError::NonPositivePivot { index }| NotPositive { pivot: index });
+        .map_err(|llt::factor::LltError::NonPositivePivot { index }| BadPivot { pivot: index });
     }
     // A multiple of the vector length keeps columns aligned.
     let half = (n / 2).next_multiple_of(16);
@@ -52,7 +43,7 @@ pub(in crate::linalg) fn factor(
     factor(first.as_mut(), scratch)?;
     solve_below(first.as_ref(), below.as_mut());
     subtract_square(below.as_ref(), second.as_mut());
-    factor(second, scratch).map_err(|bad| NotPositive {
+    factor(second, scratch).map_err(|bad| BadPivot {
         pivot: half + bad.pivot,
     })
 }
@@ -64,7 +55,7 @@ fn solve_below(l: MatRef<'_, f64>, x: MatMut<'_, f64>) {
     let solve = |part: MatMut<'_, f64>| {
         solve_lower_triangular_in_place(l, part.transpose_mut(), Par::Seq);
     };
-    join(|| solve(upper), || solve(lower));
+    join(true, || solve(upper), || solve(lower));
 }
 
 /// Lower triangle of `A ← A − X Xᵀ`: the square below the diagonal beside two triangles.
@@ -86,6 +77,7 @@ fn subtract_square(x: MatRef<'_, f64>, a: MatMut<'_, f64>) {
         );
     };
     join(
+        true,
         || {
             matmul::matmul(
                 square,
@@ -105,11 +97,11 @@ fn subtract_square(x: MatRef<'_, f64>, a: MatMut<'_, f64>) {
 
 #[cfg(test)]
 mod tests {
-    use crate::linalg::dense::Cholesky;
+    use crate::linalg::cholesky::dense::DenseCholesky;
 
     /// The factor of a dense positive definite matrix without structure.
     fn factor(n: usize) -> Vec<f64> {
-        let mut cholesky = Cholesky::new(n);
+        let mut cholesky = DenseCholesky::new(n);
         let matrix = cholesky.matrix_mut();
         matrix.reset(n, n);
         for j in 0..n {

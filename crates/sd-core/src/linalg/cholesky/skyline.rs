@@ -10,7 +10,9 @@
 //! A full matrix is the special case of a band that reaches the last row. Storage is that of the full matrix; what lies outside is
 //! neither read nor written.
 
-use crate::linalg::dense::{Cholesky, Matrix, NotPositive};
+use crate::linalg::cholesky::dense::DenseCholesky;
+use crate::linalg::dense::Matrix;
+use crate::linalg::error::BadPivot;
 use crate::linalg::simd::vectorised;
 use crate::linalg::vector;
 use faer::dyn_stack::MemStack;
@@ -27,7 +29,7 @@ pub(in crate::linalg) const PANEL: usize = 24;
 #[derive(Default)]
 pub struct SkylineCholesky {
     /// Storage and the full factorization.
-    full: Cholesky,
+    full: DenseCholesky,
     /// End of the band of each panel of columns, ascending; empty for a full matrix.
     ends: Vec<usize>,
     /// First of the last rows.
@@ -38,7 +40,7 @@ impl SkylineCholesky {
     /// Workspace for matrices up to `[n × n]`; larger ones make it grow.
     pub fn new(n: usize) -> Self {
         Self {
-            full: Cholesky::new(n),
+            full: DenseCholesky::new(n),
             ends: Vec::with_capacity(n.div_ceil(PANEL)),
             tail: n,
         }
@@ -105,8 +107,8 @@ impl SkylineCholesky {
     /// Factors the matrix in place.
     ///
     /// # Errors
-    /// [`NotPositive`] with the row at which it broke down.
-    pub fn factor(&mut self) -> Result<(), NotPositive> {
+    /// [`BadPivot`] with the row at which it broke down.
+    pub fn factor(&mut self) -> Result<(), BadPivot> {
         if self.ends.is_empty() {
             return self.full.factor();
         }
@@ -128,11 +130,11 @@ impl SkylineCholesky {
                 MemStack::new(scratch),
                 Spec::default(),
             )
-            .map_err(|llt::factor::LltError::NonPositivePivot { index }| {
-                NotPositive {
+            .map_err(
+                |llt::factor::LltError::NonPositivePivot { index }| BadPivot {
                     pivot: first + index,
-                }
-            })?;
+                },
+            )?;
             let (near, far) = below.split_at_row_mut(last.start - band.start);
             let mut near = near.submatrix_mut(0, 0, band.len(), width);
             let mut far = far;
@@ -255,7 +257,7 @@ mod tests {
     #[test]
     fn solves_are_those_of_the_full_matrix() {
         for (n, tail) in [(30, 20), (230, 190), (230, 230), (192, 144)] {
-            let mut full = Cholesky::new(n);
+            let mut full = DenseCholesky::new(n);
             full.matrix_mut().reset(n, n);
             fill(full.matrix_mut(), n, tail);
             full.factor().unwrap();
@@ -282,6 +284,6 @@ mod tests {
         for k in 0..100 {
             matrix[(k, k)] = if k == 70 { -1.0 } else { 1.0 };
         }
-        assert_eq!(profile.factor(), Err(NotPositive { pivot: 70 }));
+        assert_eq!(profile.factor(), Err(BadPivot { pivot: 70 }));
     }
 }

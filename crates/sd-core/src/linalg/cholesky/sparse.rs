@@ -4,7 +4,7 @@
 //! minimum degree on the graph of the spheres; the factorization is faer's supernodal one. Matrix and factor are in **single
 //! precision**: they precondition [`crate::linalg::conjugate_gradients`], which iterates in double precision, at half the traffic.
 
-use crate::linalg::dense::NotPositive;
+use crate::linalg::error::BadPivot;
 use crate::linalg::simd::vectorised;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
@@ -20,12 +20,11 @@ use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMat, SymbolicSpa
 use faer::{Par, Spec};
 
 /// A 3 × 3 block, by columns.
-pub type Block = [f64; 9];
+pub(crate) type Block = [f64; 9];
 
 /// Where a block is in the values of a matrix.
 #[derive(Debug, Clone, Copy)]
 struct Place {
-    /// First entry.
     start: usize,
     /// From one column of the block to the next.
     stride: usize,
@@ -49,7 +48,7 @@ pub struct BlockPattern {
 }
 
 impl BlockPattern {
-    /// Orders and analyses. `couplings`: pairs of different spheres, each once.
+    /// Finds the order of elimination and what fills in. `couplings`: pairs of different spheres, each once.
     ///
     /// `None` if memory is short.
     pub fn new(spheres: usize, couplings: &[(usize, usize)]) -> Option<Self> {
@@ -176,9 +175,8 @@ pub struct BlockCholesky {
     factor: Vec<f32>,
     /// Right-hand side in the order of elimination.
     ordered: Vec<f32>,
-    /// Its rows below one supernode.
+    /// Its rows below the supernode at work.
     gathered: Vec<f32>,
-    /// Scratch of faer.
     scratch: Option<MemBuffer>,
 }
 
@@ -213,10 +211,10 @@ impl BlockCholesky {
     /// Factors the matrix, which stays as it is.
     ///
     /// # Errors
-    /// [`NotPositive`] with `3 × sphere + component`.
-    pub fn factor(&mut self, pattern: &BlockPattern) -> Result<(), NotPositive> {
+    /// [`BadPivot`] with `3 × sphere + component`.
+    pub fn factor(&mut self, pattern: &BlockPattern) -> Result<(), BadPivot> {
         let Some(memory) = &mut self.scratch else {
-            return Err(NotPositive { pivot: 0 });
+            return Err(BadPivot { pivot: 0 });
         };
         factorize_supernodal_numeric_llt(
             &mut self.factor,
@@ -229,7 +227,7 @@ impl BlockCholesky {
         )
         .map_err(|LltError::NonPositivePivot { index }| {
             let sphere = pattern.rows.iter().position(|&row| row == index / 3);
-            NotPositive {
+            BadPivot {
                 pivot: 3 * sphere.unwrap_or(0) + index % 3,
             }
         })?;
@@ -263,7 +261,6 @@ impl BlockCholesky {
     }
 }
 
-/// Adds a block at its place.
 fn add(values: &mut [f32], place: Place, block: &Block) {
     for column in 0..3 {
         let target = &mut values[place.start + column * place.stride..][..3];
@@ -286,7 +283,6 @@ struct Node<'a> {
     start: usize,
     /// Number of columns: three for each sphere, whose columns have the same rows.
     width: usize,
-    /// Number of rows.
     height: usize,
     /// Entries, column after column.
     values: &'a [f32],
@@ -419,7 +415,7 @@ mod tests {
         let pattern = BlockPattern::new(n, &pairs).unwrap();
         let mut sparse = BlockCholesky::default();
         sparse.reset(&pattern);
-        let mut whole = crate::linalg::dense::Cholesky::new(3 * n);
+        let mut whole = crate::linalg::cholesky::dense::DenseCholesky::new(3 * n);
         whole.matrix_mut().reset(3 * n, 3 * n);
         for i in 0..n {
             let own = [9.0, 0.5, 0.1, 0.5, 8.0, -0.3, 0.1, -0.3, 10.0 + i as f64];
@@ -459,6 +455,6 @@ mod tests {
             let sign = if i == 7 { -1.0 } else { 1.0 };
             sparse.add_own(&pattern, i, &[1.0, 0.0, 0.0, 0.0, sign, 0.0, 0.0, 0.0, 1.0]);
         }
-        assert_eq!(sparse.factor(&pattern), Err(NotPositive { pivot: 22 }));
+        assert_eq!(sparse.factor(&pattern), Err(BadPivot { pivot: 22 }));
     }
 }

@@ -11,7 +11,9 @@
 //! threads that runs several simulations at once, all are busy and nothing is shared; when one simulation is left, the others help.
 //! Outside a pool no thread is started.
 
-use crate::linalg::dense::{Matrix, NotPositive};
+use super::join::join;
+use crate::linalg::dense::Matrix;
+use crate::linalg::error::BadPivot;
 use crate::linalg::simd::vectorised;
 use crate::linalg::vector;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -21,7 +23,7 @@ use faer::{Accum, MatMut, MatRef, Par, Spec};
 use std::ops::Range;
 
 /// Rows of a tile, and distance of its columns: a multiple of the vector length, and of the modes of a sphere.
-pub const TILE: usize = 48;
+pub(crate) const TILE: usize = 48;
 /// Rows of a tile that are divided at once: two columns of them fit in the registers.
 const ROWS: usize = 24;
 /// Rows of tiles that are finished before the rows below take their columns.
@@ -70,7 +72,6 @@ impl TiledMatrix {
         self.starts.last().copied().unwrap_or(0)
     }
 
-    /// Number of rows of tiles.
     fn tiles(&self) -> usize {
         self.starts.len().saturating_sub(1)
     }
@@ -99,7 +100,7 @@ fn strip(values: &[f64], height: usize, range: Range<usize>) -> MatRef<'_, f64> 
     MatRef::from_column_major_slice_with_stride(part, height, range.len(), TILE)
 }
 
-/// The same, to write.
+/// Rows and columns as in [`strip`], to write.
 fn strip_mut(values: &mut [f64], height: usize, range: Range<usize>) -> MatMut<'_, f64> {
     let part = &mut values[TILE * range.start..TILE * range.end];
     MatMut::from_column_major_slice_with_stride_mut(part, height, range.len(), TILE)
@@ -148,16 +149,6 @@ fn divide_rows(l: &[f64], x: &mut [f64], first: usize) {
     }
 }
 
-/// Both, at once if a thread of this pool is idle.
-fn join(share: bool, a: impl FnOnce() + Send, b: impl FnOnce() + Send) {
-    if share && rayon::current_thread_index().is_some() {
-        rayon::join(a, b);
-    } else {
-        a();
-        b();
-    }
-}
-
 /// Cholesky factorization `A = L Lᵀ` in rows of tiles, with its workspace.
 #[derive(Default)]
 pub struct TiledCholesky {
@@ -169,7 +160,7 @@ pub struct TiledCholesky {
     inverse: Vec<f64>,
 }
 
-/// What a factorization under way is made of: the shape.
+/// The shape of a matrix that is being factored.
 #[derive(Clone, Copy)]
 struct Shape<'a> {
     /// First row of each row of tiles, then n.
@@ -179,7 +170,6 @@ struct Shape<'a> {
 }
 
 impl Shape<'_> {
-    /// Height of a row of tiles.
     fn height(&self, tile: usize) -> usize {
         self.starts[tile + 1] - self.starts[tile]
     }
@@ -281,8 +271,8 @@ impl TiledCholesky {
     /// Factors the matrix in place. Cost n³/3.
     ///
     /// # Errors
-    /// [`NotPositive`] with the row at which it broke down.
-    pub fn factor(&mut self) -> Result<(), NotPositive> {
+    /// [`BadPivot`] with the row at which it broke down.
+    pub fn factor(&mut self) -> Result<(), BadPivot> {
         let scratch = self.scratch.get_or_insert_with(|| {
             MemBuffer::new(llt::factor::cholesky_in_place_scratch::<f64>(
                 TILE,
@@ -312,7 +302,7 @@ impl TiledCholesky {
                     Spec::default(),
                 )
                 .map_err(|llt::factor::LltError::NonPositivePivot { index }| {
-                    NotPositive {
+                    BadPivot {
                         pivot: shape.starts[t] + index,
                     }
                 })?;

@@ -1,4 +1,4 @@
-//! A look at the layer at the first stage of a step: where the spheres are, what they bear, what touches.
+//! The layer at the first stage of a step: where the spheres are, which forces they bear, which of them touch.
 
 use super::{Sample, Simulation};
 use crate::contact::{Contact, ContactState};
@@ -47,7 +47,7 @@ pub struct FrameContact {
 }
 
 impl Simulation {
-    /// [`Simulation::step`] with a look at its first stage. The numbers of the run are the same with it as without.
+    /// As [`Simulation::step`], and returns the frame of its first stage too. The numbers of the run are the same with it as without.
     ///
     /// # Errors
     /// Those of [`Simulation::step`].
@@ -70,7 +70,7 @@ impl Simulation {
 }
 
 impl Frame {
-    /// Fills in what the solved first stage knows.
+    /// Fills in the stresslets and contacts of the solved first stage.
     pub(super) fn solved(&mut self, stresslets: &[Vector3<f64>], contacts: &[Contact]) {
         self.stresslets = stresslets
             .iter()
@@ -95,7 +95,6 @@ impl Frame {
     }
 }
 
-/// A vector as numbers.
 pub(super) fn plain(x: Vec2) -> [f64; 2] {
     [x.x, x.y]
 }

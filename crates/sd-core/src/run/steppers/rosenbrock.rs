@@ -11,15 +11,14 @@
 //! that slope is, as long as it is the same in both stages up to O(τ), and L-stable in it. A pair whose gap relaxes under a stiff
 //! spring is at its rest after one step. Where a contact opens or closes within a step the error of that step is O(τ²).
 
+use super::state::{Stage, State};
 use crate::contact::springs::GAMMA;
 use crate::geometry::modes::Vec2;
-use crate::run::steppers::runge_kutta::{Stage, State};
 
 
 /// Workspace of the integrator.
 #[derive(Debug, Default)]
 pub struct Rosenbrock {
-    /// Centres at the stage.
     centres: Vec<Vec2>,
     /// Velocities of both stages, `[3N]` each: `(U_x, U_y, Ω)` per sphere, background included.
     velocities: [Vec<f64>; 2],

@@ -1,34 +1,7 @@
 //! Classical Runge-Kutta of order four.
 
+use super::state::{Stage, State};
 use crate::geometry::modes::Vec2;
-
-/// Centres and orientations of the spheres.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct State {
-    /// Centres, in a.
-    pub centres: Vec<Vec2>,
-    /// Orientations, in radians.
-    pub orientations: Vec<f64>,
-}
-
-impl State {
-    /// Takes the other's place, without allocating once there is room.
-    pub fn copy_from(&mut self, other: &Self) {
-        self.centres.clone_from(&other.centres);
-        self.orientations.clone_from(&other.orientations);
-    }
-}
-
-/// One evaluation of the right-hand side.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stage {
-    /// 0 to 3.
-    pub number: usize,
-    /// Time (strain) of the stage.
-    pub time: f64,
-    /// The span its velocities are used over next: dt, dt/2, dt/2, dt for the contact laws' τ.
-    pub span: f64,
-}
 
 /// Nodes of the stages, in steps.
 const NODES: [f64; 4] = [0.0, 0.5, 0.5, 1.0];
@@ -40,7 +13,6 @@ const WEIGHTS: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
 /// Workspace of the integrator.
 #[derive(Debug, Default)]
 pub struct RungeKutta {
-    /// Centres at the stage.
     centres: Vec<Vec2>,
     /// Velocities at the stage, `[3N]`: `(U_x, U_y, Ω)` per sphere, background included.
     velocities: Vec<f64>,

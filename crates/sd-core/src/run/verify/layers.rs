@@ -13,9 +13,8 @@ use crate::params::{ContactScheme, Hydrodynamics, Params};
 use crate::run::instant::{Configuration, ContactRequest, solve};
 use crate::run::simulation::{Simulation, Snapshot};
 use crate::run::start;
-use crate::run::steppers::runge_kutta::{RungeKutta, State};
+use crate::run::steppers::{RungeKutta, State};
 
-/// A layer for the checks.
 fn params(hydrodynamics: Hydrodynamics) -> Params {
     Params {
         spheres: 40,
@@ -31,7 +30,7 @@ fn params(hydrodynamics: Hydrodynamics) -> Params {
     }
 }
 
-/// η → 1 + 5c/3.
+/// A dilute layer: η → 1 + 5c/3.
 pub(super) fn dilute_layer(all: &mut Vec<Check>) -> Result<(), Error> {
     for (name, hydrodynamics) in [
         ("Ball-Melrose", Hydrodynamics::BallMelrose),
@@ -54,7 +53,7 @@ pub(super) fn dilute_layer(all: &mut Vec<Check>) -> Result<(), Error> {
     Ok(())
 }
 
-/// R_far must not know how the lattice sum was split.
+/// Checks that R_far does not depend on how the lattice sum was split.
 pub(super) fn ewald(all: &mut Vec<Check>) -> Result<(), Error> {
     let start = start::layer(&params(Hydrodynamics::StokesianDynamics), 1)?;
     let cell = Cell::periodic(start.side, start.side, 0.0)?;
@@ -85,7 +84,7 @@ pub(super) fn ewald(all: &mut Vec<Check>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Gaps, energy and friction of a sheared layer.
+/// Checks gaps, energy and friction of a sheared layer.
 pub(super) fn frictional_layer(all: &mut Vec<Check>) -> Result<(), Error> {
     let params = params(Hydrodynamics::BallMelrose);
     let mut simulation = Simulation::new(&params, 2, &NearFields::default())?;
@@ -166,7 +165,7 @@ fn energy(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Result<(f64, f64
     Ok(((power - balance).abs() / power, friction))
 }
 
-/// Five strains forward and back without contacts.
+/// Shears a layer by five strains and back, without contacts.
 pub(super) fn reversibility(all: &mut Vec<Check>) -> Result<(), Error> {
     let dilute = Params {
         spheres: 12,

@@ -7,11 +7,10 @@ use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::resistance::NearFields;
 use crate::hydrodynamics::two_sphere::scalars;
 use crate::params::Hydrodynamics;
-use crate::run::instant::{Configuration, ContactRequest, Instant, solve};
+use crate::run::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use crate::run::pair::{Passed, Passing, pass};
 use std::f64::consts::PI;
 
-/// Two-sphere scalars.
 pub(super) fn resistance_functions(all: &mut Vec<Check>) -> Result<(), Error> {
     let source = "independent multipole solution, tests/data/two_sphere_scalars.json";
     let touching = scalars(1.0, 2.01)?;
@@ -56,13 +55,13 @@ pub(super) fn resistance_functions(all: &mut Vec<Check>) -> Result<(), Error> {
     Ok(())
 }
 
-/// One sphere, or two, in unbounded fluid.
+/// Solves for one sphere, or two, in unbounded fluid.
 fn unbounded(
     centres: Vec<Vec2>,
     radii: Vec<f64>,
     background: Background,
     force: Vec2,
-) -> Result<Instant, Error> {
+) -> Result<SolvedConfiguration, Error> {
     let n = radii.len();
     let mut forces = vec![Vec2::zeros(); n];
     forces[0] = force;
@@ -104,7 +103,6 @@ pub(super) fn isolated_sphere(all: &mut Vec<Check>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Published mobilities of pairs.
 pub(super) fn two_sphere_mobilities(all: &mut Vec<Check>) -> Result<(), Error> {
     let source = "published multipole solutions, tests/data/two_sphere_exact.json";
     for (radius, separation, force, sphere, component, known) in [

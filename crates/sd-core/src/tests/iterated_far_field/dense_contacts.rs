@@ -12,21 +12,18 @@ use nalgebra::{DMatrix, DVector};
 /// What a contact does.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum State {
-    /// No force.
+    /// It bears no force.
     Open,
-    /// Friction as the slip wants it.
+    /// Friction is what the slip asks for.
     Rolls,
-    /// Friction at its limit, with this sign.
+    /// Friction is at its limit, with this sign.
     Slips(f64),
 }
 
 /// The contact problem at one set of positions.
 pub(super) struct DenseContacts<'a> {
-    /// Ball-Melrose.
     near: &'a Resistance,
-    /// Friction coefficient.
     friction: f64,
-    /// Candidates.
     list: Vec<Contact>,
     /// Inverse slip mobility of each.
     slip_resistance: Vec<f64>,
@@ -38,7 +35,6 @@ pub(super) struct DenseContacts<'a> {
     columns: [Vec<Vec<f64>>; 2],
     /// Products of rows `a` with columns `b`.
     products: [[DMatrix<f64>; 2]; 2],
-    /// State of each.
     states: Vec<State>,
     /// f of each, then F_t.
     found: DVector<f64>,
@@ -53,7 +49,7 @@ fn solve(near: &Resistance, x: &mut [f64]) {
 }
 
 impl<'a> DenseContacts<'a> {
-    /// All pairs that may touch.
+    /// The problem of all pairs that may touch.
     pub(super) fn new(near: &'a Resistance, surface: &Surface, time_span: f64) -> Self {
         let shear = Background::SHEAR;
         let pairs = near.neighbours().iter();
@@ -109,7 +105,6 @@ impl<'a> DenseContacts<'a> {
         }
     }
 
-    /// f and F_t of a pair.
     pub(super) fn forces(&self, i: usize, j: usize) -> (f64, f64) {
         let at = self
             .list

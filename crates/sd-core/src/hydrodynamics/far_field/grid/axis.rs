@@ -19,7 +19,6 @@ const DEGREE: usize = 15;
 pub(super) struct Window {
     /// First grid point; the next ones follow, wrapped.
     pub(super) first: usize,
-    /// Values of the window.
     pub(super) values: [f64; WIDTH],
     /// Derivatives with respect to the grid point's lattice coordinate.
     pub(super) slopes: [f64; WIDTH],

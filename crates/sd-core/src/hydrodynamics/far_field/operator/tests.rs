@@ -7,7 +7,7 @@ use crate::linalg::dense::Matrix;
 
 /// The whole of an operator, column by column.
 fn whole(operator: &mut FarOperator) -> Matrix {
-    let n = 6 * operator.spheres();
+    let n = 6 * operator.radii.len();
     let mut all = Matrix::zeros(n, n);
     let mut x = vec![0.0; n];
     for j in 0..n {
@@ -46,7 +46,6 @@ fn worst(expected: &Matrix, found: &Matrix) -> (f64, f64) {
     (worst, largest)
 }
 
-/// Radii of 30 spheres.
 fn radii(unequal: bool) -> Vec<f64> {
     let radius = |i| {
         if unequal {
@@ -126,7 +125,7 @@ fn cost_grows_with_the_number_of_spheres_alone() {
         let radii = vec![1.0; side * side];
         let mut operator = FarOperator::new(&cell, &radii, 1e-7).unwrap();
         operator.update(&cell, &centres).unwrap();
-        let (pairs, points) = operator.sizes();
+        let (pairs, points) = (operator.pairs.len(), operator.grid.points());
         (pairs + points) as f64 / radii.len() as f64
     });
     assert!(

@@ -1,5 +1,5 @@
 use super::*;
-use crate::linalg::dense::Cholesky;
+use crate::linalg::cholesky::dense::DenseCholesky;
 
 /// Entries of a dense positive definite matrix without structure.
 fn entry(i: usize, j: usize) -> f64 {
@@ -21,9 +21,9 @@ fn factored(half: usize) -> TiledCholesky {
     cholesky
 }
 
-/// The same by columns.
-fn reference(n: usize) -> Cholesky {
-    let mut cholesky = Cholesky::new(n);
+/// The same matrix by columns, factored.
+fn reference(n: usize) -> DenseCholesky {
+    let mut cholesky = DenseCholesky::new(n);
     let matrix = cholesky.matrix_mut();
     matrix.reset(n, n);
     for j in 0..n {
@@ -124,5 +124,5 @@ fn indefinite_matrix_names_its_row() {
         let at = matrix.position(k) + TILE * k;
         matrix.values_mut()[at] = if k == 170 { -1.0 } else { 1.0 };
     }
-    assert_eq!(cholesky.factor(), Err(NotPositive { pivot: 170 }));
+    assert_eq!(cholesky.factor(), Err(BadPivot { pivot: 170 }));
 }

@@ -1,19 +1,16 @@
-//! Layers held as a network of pairs against the same layers with all of `R_FU` factored.
+//! Layers whose resistance is held pair by pair against the same layers with all of `R_FU` factored.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Surface};
 use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
-use sd_core::resistance::Resistance;
 use sd_core::simulation::{LEAST_ITERATED, LEAST_PAIRWISE};
 use sd_core::{
-    ContactLaws, ContactScheme, Error, Hydrodynamics, NearFields, Params, Simulation, Snapshot,
-    TangentialLaw,
+    ContactLaw, ContactLaws, ContactScheme, Error, Hydrodynamics, Motion, NearFields, Params,
+    Resistance, Simulation, Snapshot, TangentialLaw,
 };
 
-/// Parameters of a layer.
 fn params(spheres: usize, area_fraction: f64, friction: f64) -> Params {
     Params {
         spheres,
@@ -119,7 +116,7 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         friction: 0.0,
         critical_load: f64::INFINITY,
     };
-    let [dense, network] = [false, true].map(|pairwise| {
+    let [dense, pairwise] = [false, true].map(|pairwise| {
         let mut motion = stage(&layer, surface, pairwise).2;
         let shear = &Background::SHEAR;
         let torques: Vec<f64> = (0..300).map(|k| f64::from(k).sin()).collect();
@@ -127,7 +124,7 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         solved.unwrap();
         motion
     });
-    for (a, b) in network.velocities().iter().zip(dense.velocities()) {
+    for (a, b) in pairwise.velocities().iter().zip(dense.velocities()) {
         assert!((a - b).abs() < 1e-9, "{a} {b}");
     }
     let (mut forces, mut stresslets, mut work) = (Vec::new(), Vec::new(), Vec::new());
@@ -136,15 +133,15 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         .resistance
         .apply(v, &strain, &mut work, &mut forces, &mut stresslets);
     let mut product = vec![0.0; 300];
-    let network = network.resistance.pairwise().unwrap();
-    network.apply(v, &mut product);
+    let pairwise = pairwise.resistance.pairwise().unwrap();
+    pairwise.apply(v, &mut product);
     for (a, b) in product.iter().zip(&forces) {
         assert!((a - b).abs() < 1e-9, "{a} {b}");
     }
 }
 
 #[test]
-fn a_network_knows_rigid_contacts_only() {
+fn a_resistance_held_pair_by_pair_knows_rigid_contacts_only() {
     let layer = sheared(&params(40, 0.6, 0.3), 1);
     let (snapshot, cell, centres) = &layer;
     let tables = NearFields::default();

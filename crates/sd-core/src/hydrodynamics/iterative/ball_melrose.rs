@@ -5,26 +5,24 @@ use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::cholesky::sparse::BlockCholesky;
 use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 
-/// Largest force left over by conjugate gradients, over the largest force.
+/// Largest residual force at which conjugate gradients stop, over the largest force.
 const LEFT: f64 = 1e-10;
-/// Most iterations of conjugate gradients.
 const MOST_ITERATIONS: u32 = 100;
 
 /// Workspace of solves with the Ball-Melrose `R_FU`.
 #[derive(Default)]
-pub(super) struct NearSolver {
+pub(super) struct BallMelroseSolver {
     /// Vector in the order of the factor's rows, `[3N]`.
     rows: Vec<f64>,
-    /// Right-hand side, `[3N]`.
     forces: Vec<f64>,
     /// Factor of the near part of what is held pair by pair.
     factor: BlockCholesky,
-    /// Iteration with the whole of it.
+    /// Conjugate gradients with all of `R_FU`, which that factor preconditions.
     gradients: ConjugateGradients,
 }
 
-impl NearSolver {
-    /// Takes the resistance at its positions.
+impl BallMelroseSolver {
+    /// Prepares solves with a resistance at its present positions.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`].
