@@ -80,10 +80,10 @@ pub mod far_field;
 pub mod instant;
 pub mod integrate;
 pub mod linalg;
+pub mod model;
 pub mod modes;
 pub mod motion;
 pub mod pair;
-pub mod params;
 pub mod resistance;
 pub mod simulation;
 pub mod start;
@@ -93,7 +93,8 @@ pub mod two_stage;
 pub mod verify;
 
 pub use error::Error;
-pub use params::{
+pub use model as params;
+pub use model::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, Params, TangentialLaw,
 };
 pub use resistance::NearFields;

@@ -1,8 +1,8 @@
 //! What decides a run: typed, ranged, validated.
 
-mod laws;
+mod contact_laws;
 
-pub use laws::{
+pub use contact_laws::{
     ContactLaws, DEEPEST_OVERLAP, FrictionOnset, LUBRICATION_SHARE, NormalLaw,
     TANGENTIAL_STIFFNESS, TangentialLaw,
 };
