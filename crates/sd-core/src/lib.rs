@@ -79,6 +79,7 @@ pub mod error;
 pub mod far_field;
 pub mod instant;
 pub mod integrate;
+pub mod law;
 pub mod linalg;
 pub mod model;
 pub mod modes;
