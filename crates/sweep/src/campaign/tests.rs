@@ -1,4 +1,5 @@
 use super::*;
+use crate::axes::Axis;
 use proptest::prelude::*;
 use std::fmt::Write as _;
 
@@ -16,7 +17,7 @@ spheres = 90
 hydrodynamics = "ball-melrose"
 "#;
 
-fn parse_text(text: &str) -> Result<Campaign, Box<CampaignError>> {
+fn parse_text(text: &str) -> Result<Campaign, CampaignError> {
     Campaign::parse("friction.toml", text.into())
 }
 
@@ -53,8 +54,8 @@ fn values_without_meaning_under_a_law_make_no_cases_of_their_own() {
             .map(|p| {
                 let laws = p.contact.laws();
                 assert!(p.validate().is_ok());
-                let words = crate::report::contact(&p.contact);
-                let rubs = crate::report::tangential(laws.tangential);
+                let word = |key| Axis::of_key(key).unwrap().value(p);
+                let (words, rubs) = (word("contact"), word("tangential"));
                 format!("{words} {rubs} {} {}", laws.stiffness, p.friction)
             })
             .collect::<Vec<_>>()
@@ -120,7 +121,7 @@ fn complaint(from: &str, to: &str) -> String {
     let mut text = String::new();
     miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
         .with_width(100)
-        .render_report(&mut text, error.as_ref())
+        .render_report(&mut text, &error)
         .unwrap();
     text
 }
@@ -216,7 +217,7 @@ fn hostile_files_cost_nothing() {
         let error = parse_text(&text).unwrap_err();
         let mut shown = String::new();
         miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
-            .render_report(&mut shown, error.as_ref())
+            .render_report(&mut shown, &error)
             .unwrap();
         assert!(shown.len() < 4000, "{} bytes", shown.len());
     }
@@ -238,7 +239,7 @@ proptest! {
         if let Err(error) = parse_text(&text) {
             let mut shown = String::new();
             miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
-                .render_report(&mut shown, error.as_ref())
+                .render_report(&mut shown, &error)
                 .unwrap();
         }
     }

@@ -3,7 +3,7 @@
 use super::{Output, read_limited};
 use crate::error::Error;
 use crate::exit;
-use crate::report::significant;
+use crate::format::significant;
 use crate::tables;
 use sd_core::cell::Cell;
 use sd_core::contact::rigid::Memory;
