@@ -20,6 +20,7 @@ pub(super) static ONE_MORE: [Parameter; 1] = [Parameter {
         get: |p| 1.0 - p.large_fraction,
         put: |p, value| p.large_fraction = 1.0 - value,
         without: None,
+        is_of_laws: false,
     }),
 }];
 
