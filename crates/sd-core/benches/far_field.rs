@@ -2,10 +2,10 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use sd_core::cell::Cell;
-use sd_core::far_field::{DEFAULT_TOLERANCE, FarField, FarResistance};
-use sd_core::linalg::dense::Matrix;
-use sd_core::linalg::tiles::{TiledCholesky, TiledMatrix};
+use sd_core::linalg::Matrix;
+use sd_core::linalg::{TiledCholesky, TiledMatrix};
 use sd_core::modes::Vec2;
+use sd_core::{FarField, FarResistance};
 use std::hint::black_box;
 
 /// A sheared triangular layer of area fraction 0.693.
@@ -27,7 +27,6 @@ fn layer(columns: usize, rows: usize) -> (Cell, Vec<Vec2>) {
     (cell, centres)
 }
 
-/// The bench.
 fn far_field(criterion: &mut Criterion) {
     for (columns, rows) in [(5, 10), (9, 10), (10, 20), (20, 20), (20, 40)] {
         let n = columns * rows;
@@ -35,7 +34,8 @@ fn far_field(criterion: &mut Criterion) {
         let radii = vec![1.0; n];
         let mut group = criterion.benchmark_group(format!("far_field_{n}"));
         group.sample_size(if n > 100 { 10 } else { 50 });
-        let mut far_field = FarField::new(&cell, &radii, DEFAULT_TOLERANCE).expect("valid radii");
+        let mut far_field =
+            FarField::new(&cell, &radii, FarField::DEFAULT_TOLERANCE).expect("valid radii");
         let mut mobility = TiledMatrix::default();
         group.bench_function("fill", |bench| {
             bench.iter(|| far_field.fill(&cell, black_box(&centres), &mut mobility));
@@ -54,11 +54,13 @@ fn far_field(criterion: &mut Criterion) {
             });
         });
         let mixed: Vec<_> = (0..n).map(|i| if i % 2 == 0 { 0.8 } else { 1.0 }).collect();
-        let mut far_field = FarField::new(&cell, &mixed, DEFAULT_TOLERANCE).expect("valid radii");
+        let mut far_field =
+            FarField::new(&cell, &mixed, FarField::DEFAULT_TOLERANCE).expect("valid radii");
         group.bench_function("fill_two_radii", |bench| {
             bench.iter(|| far_field.fill(&cell, black_box(&centres), &mut mobility));
         });
-        let far_field = FarField::new(&cell, &radii, DEFAULT_TOLERANCE).expect("valid radii");
+        let far_field =
+            FarField::new(&cell, &radii, FarField::DEFAULT_TOLERANCE).expect("valid radii");
         let mut resistance = FarResistance::new(far_field);
         let mut r_fu = Matrix::default();
         group.bench_function("resistance", |bench| {

@@ -17,21 +17,21 @@ mod layers;
 
 use clock::Moment;
 use layers::{Layer, TIME_STEP, layer, params};
+use sd_core::FarField;
 use sd_core::Hydrodynamics;
-use sd_core::cell::{Cell, LUBRICATION_RANGE, NeighbourList};
+use sd_core::NeighbourList;
+use sd_core::StressWork;
+use sd_core::cell::{Cell, LUBRICATION_RANGE};
 use sd_core::contact::ContactState;
-use sd_core::far_field::{DEFAULT_TOLERANCE, FarField};
-use sd_core::integrate::{RungeKutta, State};
-use sd_core::linalg::dense::Matrix;
-use sd_core::linalg::staggered::StaggeredColumns;
-use sd_core::linalg::tiles::TiledCholesky;
+use sd_core::linalg::Matrix;
+use sd_core::linalg::StaggeredColumns;
+use sd_core::linalg::TiledCholesky;
 use sd_core::modes::{Background, Vec2};
-use sd_core::stress::StressWork;
+use sd_core::{RungeKutta, State};
 
-/// Steps timed.
 const STEPS: u32 = 60;
 
-/// Parts of a run with their seconds.
+/// Parts of a run and the seconds that each takes.
 #[derive(Default)]
 struct Parts(Vec<(&'static str, f64)>);
 
@@ -52,7 +52,6 @@ impl Parts {
         }
     }
 
-    /// Seconds of a part.
     fn seconds(&self, name: &str) -> f64 {
         self.0
             .iter()
@@ -61,21 +60,17 @@ impl Parts {
     }
 }
 
-/// Pieces of a right-hand side, done again.
+/// Pieces of a right-hand side, computed once more to be timed alone.
 struct Pieces {
-    /// Pairs.
     neighbours: NeighbourList,
-    /// Sums of the far field.
     far_field: Option<FarField>,
-    /// Its mobility.
     mobility: TiledCholesky,
-    /// Trailing block of its inverse.
+    /// Trailing block of the inverse mobility.
     inverse: Matrix,
     /// Columns of normal and of friction forces.
     columns: [StaggeredColumns; 2],
-    /// Their products.
+    /// Products of these columns.
     products: [Matrix; 2],
-    /// Background forces.
     forces: Vec<f64>,
 }
 
@@ -141,7 +136,8 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
     let snapshot = layer(spheres, params.area_fraction);
     let mut layer = Layer::new(&snapshot, &params);
     let far_field = (hydrodynamics == Hydrodynamics::StokesianDynamics).then(|| {
-        FarField::new(&layer.cell, &snapshot.radii, DEFAULT_TOLERANCE).expect("valid radii")
+        FarField::new(&layer.cell, &snapshot.radii, FarField::DEFAULT_TOLERANCE)
+            .expect("valid radii")
     });
     let mut pieces = Pieces {
         neighbours: NeighbourList::new(spheres),

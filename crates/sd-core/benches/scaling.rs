@@ -23,7 +23,7 @@ mod layers;
 use cholesky::BareCholesky;
 use clock::Moment;
 use layers::{Layer, TIME_STEP, layer, params};
-use sd_core::linalg::simd::vectorised;
+use sd_core::linalg::vectorised;
 use sd_core::two_sphere::NearField;
 use sd_core::{Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 use std::hint::black_box;
@@ -31,12 +31,10 @@ use std::time::{Duration, Instant};
 
 /// Time for one N and one kind of measurement: as many rounds as fit, and some at least.
 const LONG_ENOUGH: Duration = Duration::from_secs(4);
-/// Rounds at least.
 const ROUNDS: usize = 3;
 /// Time step and strain of the runs whose time is told.
 const RUN: (f64, f64) = (0.01, 5.0);
 
-/// Milliseconds of a call.
 fn milliseconds(call: impl FnOnce()) -> f64 {
     let start = Moment::now();
     call();
@@ -78,7 +76,7 @@ fn parts(
         .expect("rounds")
 }
 
-/// Middle time of steps in sequence, in ms.
+/// Median time of steps in sequence, in ms.
 fn step(snapshot: &Snapshot, area_fraction: f64, hydrodynamics: Hydrodynamics) -> f64 {
     let params = params(snapshot.radii.len(), area_fraction, hydrodynamics);
     let simulation = Simulation::from_snapshot(&params, snapshot.clone(), &NearFields::default());
@@ -93,7 +91,7 @@ fn step(snapshot: &Snapshot, area_fraction: f64, hydrodynamics: Hydrodynamics) -
     all[all.len() / 2][0]
 }
 
-/// One row for each N.
+/// Prints one row for each N.
 fn table(hydrodynamics: Hydrodynamics, area_fraction: f64, all: &[usize]) {
     let full = hydrodynamics == Hydrodynamics::StokesianDynamics;
     let (head, rule) = if full {
@@ -125,7 +123,7 @@ fn table(hydrodynamics: Hydrodynamics, area_fraction: f64, all: &[usize]) {
     }
 }
 
-/// Whole runs by Ball-Melrose, of random layers.
+/// Times whole runs of random layers under Ball-Melrose hydrodynamics.
 fn runs(area_fraction: f64, all: &[usize]) {
     println!(
         "| N | time step | right-hand sides | run of {} strains | mean viscosity |",

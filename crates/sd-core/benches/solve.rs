@@ -18,7 +18,6 @@ use sd_core::{Hydrodynamics, NearFields, Simulation, Snapshot};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-/// Area fraction of the layers.
 const AREA_FRACTION: f64 = 0.693;
 
 /// Times the parts of one right-hand side, the whole and a step.
@@ -66,7 +65,7 @@ fn parts(
     }
 }
 
-/// The near field of two spheres.
+/// Times the near field of two spheres.
 fn two_spheres(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("two_spheres");
     group.sample_size(10);
@@ -80,7 +79,7 @@ fn two_spheres(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Right-hand sides over the number of spheres.
+/// Times right-hand sides at growing numbers of spheres.
 fn solve(criterion: &mut Criterion) {
     let all: [(&str, Hydrodynamics, &[usize]); 2] = [
         (

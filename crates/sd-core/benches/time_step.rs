@@ -10,13 +10,13 @@
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
+use sd_core::Resistance;
+use sd_core::StressWork;
 use sd_core::cell::Cell;
 use sd_core::contact::Surface;
 use sd_core::contact::rigid::Memory;
 use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
-use sd_core::resistance::Resistance;
-use sd_core::stress::StressWork;
+use sd_core::{ContactLaw, Motion};
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 
 /// Viscosity as the program measures it, and with contacts that look ahead by [`LOOK`] only.
@@ -24,7 +24,6 @@ type Viscosities = Vec2;
 
 /// An explicit Runge-Kutta method.
 struct Method {
-    /// Its name.
     name: &'static str,
     /// Nodes c.
     nodes: &'static [f64],
@@ -32,7 +31,6 @@ struct Method {
     rows: &'static [&'static [f64]],
     /// Time spans τ of the stages, in steps.
     spans: &'static [f64],
-    /// Weights.
     weights: &'static [f64],
     /// Weights of the embedded method less these, if there is one; then the order of the error over a step.
     embedded: Option<(&'static [f64], f64)>,
@@ -50,7 +48,7 @@ const EULER: Method = Method {
     embedded: None,
     last_is_first: false,
 };
-/// Two.
+/// Two right-hand sides per step.
 const MIDPOINT: Method = Method {
     name: "midpoint",
     nodes: &[0.0, 0.5],
@@ -60,7 +58,7 @@ const MIDPOINT: Method = Method {
     embedded: None,
     last_is_first: false,
 };
-/// What the program does.
+/// The method of the program.
 const RK4: Method = Method {
     name: "RK4",
     nodes: &[0.0, 0.5, 0.5, 1.0],
@@ -105,45 +103,34 @@ const SMALLEST: f64 = 1.0 / 64.0;
 
 /// A layer that any method can move.
 struct Layer {
-    /// Side of the cell.
     side: f64,
-    /// Roughness, friction, critical load.
     surface: Surface,
-    /// Strain.
+    /// Strain reached.
     time: f64,
-    /// Centres; orientations decide nothing.
+    /// Centres; the orientations of spheres do not matter here.
     centres: Vec<Vec2>,
-    /// Solver.
     motion: Motion,
-    /// Contact forces of the last stage.
     memory: Memory,
-    /// Stresslets.
     stress: StressWork,
-    /// Right-hand sides so far.
     evaluations: u64,
     /// Velocities of the stages.
     velocities: Vec<Vec<Vec2>>,
     /// The first stage of the step, where it is known already: from the end of the step before, or a step refused.
     first: Option<Stage>,
-    /// The last stage of the step.
     last: Option<Stage>,
-    /// Steps refused.
     refused: u64,
 }
 
-/// What a stage tells.
+/// What is measured at a stage.
 #[derive(Clone, Copy)]
 struct Stage {
-    /// Smallest gap.
     gap: f64,
-    /// Viscosity.
     viscosity: f64,
     /// Viscosity of contacts that look ahead by [`LOOK`] only, whatever the step.
     instant: f64,
 }
 
 impl Layer {
-    /// From a snapshot.
     fn new(params: &Params, snapshot: &Snapshot) -> Self {
         let cell = Cell::periodic(snapshot.side, snapshot.side, 0.0).expect("positive sides");
         let resistance = Resistance::new(
@@ -362,7 +349,6 @@ impl Layer {
     }
 }
 
-/// Parameters of the layers.
 fn params(time_step: f64) -> Params {
     Params {
         spheres: 90,
@@ -378,11 +364,11 @@ fn params(time_step: f64) -> Params {
     }
 }
 
-/// What is compared.
+/// How the steps of a trial are chosen.
 enum Steps {
-    /// This step.
+    /// All steps of this length.
     Fixed(f64),
-    /// This tolerance.
+    /// Steps that keep this tolerance.
     Adaptive(f64),
 }
 
@@ -433,7 +419,6 @@ fn run(layer: &mut Layer, method: &Method, steps: &Steps, strain: f64) -> Option
     Some(integral / strain)
 }
 
-/// What a trial is called.
 fn label(method: &Method, steps: &Steps) -> String {
     match (steps, method.embedded) {
         (Steps::Fixed(dt), _) => format!("{} | {dt}", method.name),
@@ -446,7 +431,6 @@ fn label(method: &Method, steps: &Steps) -> String {
     }
 }
 
-/// Middle of some numbers.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)

@@ -31,11 +31,11 @@ pub mod rigid;
 pub mod stick_rotate;
 pub mod stick_slide;
 
-use crate::cell::Neighbours;
+use crate::geometry::modes::{Background, Vec2};
+use crate::geometry::pair::Neighbours;
+use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::Matrix;
 use crate::linalg::staggered::StaggeredColumns;
-use crate::modes::{Background, Vec2};
-use crate::resistance::Resistance;
 use serde::{Deserialize, Serialize};
 
 /// Compliance added to the diagonal of the Delassus matrix, in a/(mu·a²·rate): what limits the forces in a truly rigid network.

@@ -102,8 +102,10 @@ pub enum Error {
         /// What it was for.
         purpose: &'static str,
     },
-    /// A contact law that needs all of `R_FU` factored, in a layer held as a network.
-    #[error("a layer held as a network of pairs knows rigid contacts or none")]
+    /// A contact law that needs all of `R_FU` factored, in a layer whose resistance is held pair by pair.
+    #[error(
+        "a layer whose resistance is held pair by pair, without a factor, knows rigid contacts or none"
+    )]
     OnlyRigidContacts,
     /// A number that is not finite came out of a computation.
     #[error("{quantity} of sphere {sphere} is not finite")]

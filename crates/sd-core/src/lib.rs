@@ -19,15 +19,15 @@
 //! # Equations
 //! Each stands with its derivation's source, signs and limits at the top of the module named at the right.
 //! ```text
-//! (F, T, S~) = R (v, −E)                           R grand resistance, symmetric positive definite      resistance
+//! (F, T, S~) = R (v, −E)                           R grand resistance, symmetric positive definite      hydrodynamics::resistance
 //! R = R_far + Σ_pairs [R2B − R2B∞]                 Stokesian Dynamics; Ball-Melrose: isolated drag for R_far
-//! R_far = M⁻¹, its uniform mode at no cost         M mobility of the periodic layer                     far_field
-//! R2B                                              two spheres, any gap and size ratio                  two_sphere
-//! R_FU v = R_FE E + F_external + F_contact         the motion                                           motion
+//! R_far = M⁻¹, its uniform mode at no cost         M mobility of the periodic layer                     hydrodynamics::far_field
+//! R2B                                              two spheres, any gap and size ratio                  hydrodynamics::two_sphere
 //! f ≥ 0, w ≥ 0, f w = 0                            rigid contacts, w what the gap gains beyond h        contact::rigid
 //! |F_t| ≤ ν f where f > F_crit                     friction, rolling or slipping                        contact::friction
+//! R_FU v = R_FE E + F_external + F_contact         the motion                                           motion
 //! η = 1 + (Σ S_xy + Σ contact stress)/V            the viscosity, V = 2 ⟨a⟩ A                           stress
-//! dx/dt = u∞ + v, dθ/dt = Ω                        fourth order in time                                 integrate
+//! dx/dt = u∞ + v, dθ/dt = Ω                        fourth order in time                                 run::steppers
 //! ```
 //!
 //! # Units of what goes in and comes out
@@ -37,14 +37,27 @@
 //! | time, strain | 1/rate | [`Params::time_step`], [`Sample::strain`] |
 //! | velocities, residuals | a·rate | [`contact::Contact`], [`contact::Quality`] |
 //! | forces, critical load | μ·a²·rate | [`contact::Contact`], [`Params::critical_load`] |
-//! | viscosity; stresses | μ; μ·rate | [`Sample`], [`stress::Stress`] |
+//! | viscosity; stresses | μ; μ·rate | [`Sample`], [`Stress`] |
 //!
-//! # Where things are, in the order of a right-hand side
-//! [`cell`] images and neighbours → [`two_sphere`] near field of a pair, [`far_field`] mobility of all → [`resistance`] their sum,
-//! factored → [`contact`] forces between rough surfaces → [`motion`] velocities → [`stress`] viscosity → [`integrate`] Runge-Kutta.
-//! Past dense, [`resistance::iterative`] puts the far field on top of Ball-Melrose by iteration, its mobility applied on a grid.
-//! [`simulation`] is a run of it, [`start`] its first layer, [`instant`] a single evaluation, [`mod@pair`] two spheres alone.
-//! [`linalg`] holds all that names the linear-algebra library.
+//! # The rooms, from the ground up
+//! A room may call only those above it in this list.
+//! ```text
+//! error           why a computation was refused or could not be finished
+//! law             constitutive laws of contact: pure functions of numbers, one file each
+//! model           what decides a run: every parameter and choice declared once, ranged, validated
+//! linalg          dense matrices, lu, cholesky (dense, recursive, tiled, skyline, sparse), conjugate_gradients, anderson:
+//!                 the only room that names the linear-algebra library
+//! geometry        the sheared cell, pairs and lists of them, the six planar modes of a sphere
+//! hydrodynamics   two_sphere: near field of a pair; far_field: mobility of all spheres; resistance: their sum, held dense, within a
+//!                 skyline or pair by pair; iterative: the far field put on top of Ball-Melrose by iteration, for many spheres
+//! contact         forces between rough surfaces
+//! motion          positions → velocities: the only place where contact and far field meet
+//! stress          viscosity, normal stress difference, energy balance
+//! run             start: the first layer; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
+//!                 pair: two spheres alone; verify: known results, computed anew
+//! ```
+//! A right-hand side goes through them in this order: pairs in range (`geometry`), their near field and the far field of all
+//! (`hydrodynamics`), contact forces (`contact`), velocities (`motion`), viscosity (`stress`), the next stage (`run::steppers`).
 //!
 //! The crate reads no file, prints nothing and starts no thread; a run is a function of [`Params`] and a seed alone.
 //!
@@ -73,30 +86,35 @@
 //! # Ok::<(), sd_core::Error>(())
 //! ```
 
-pub mod cell;
 pub mod contact;
-pub mod error;
-pub mod far_field;
-pub mod instant;
-pub mod integrate;
+mod error;
+mod geometry;
+mod hydrodynamics;
 pub mod law;
 pub mod linalg;
 pub mod model;
-pub mod modes;
-pub mod motion;
-pub mod pair;
-pub mod resistance;
-pub mod simulation;
-pub mod start;
-pub mod stress;
-pub mod two_sphere;
-pub mod two_stage;
-pub mod verify;
+mod motion;
+mod run;
+mod stress;
 
 pub use error::Error;
+pub use geometry::neighbours::NeighbourList;
+pub use geometry::pair::{Neighbours, PairKey};
+pub use geometry::{cell, modes};
+pub use hydrodynamics::far_field::{FarField, FarResistance};
+pub use hydrodynamics::iterative::IterativeFarField;
+pub use hydrodynamics::resistance::{NearFields, PairwiseResistance, Resistance};
+pub use hydrodynamics::two_sphere;
 pub use model as params;
 pub use model::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, Params, TangentialLaw,
 };
-pub use resistance::NearFields;
-pub use simulation::{Flow, Sample, Simulation, Snapshot};
+pub use motion::{ContactLaw, Motion};
+pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
+pub use run::steppers::rosenbrock::{self, Rosenbrock};
+pub use run::steppers::{RungeKutta, Stage, State};
+pub use run::{instant, pair, simulation, start, verify};
+pub use stress::{Stress, StressWork};
+
+#[cfg(test)]
+mod tests;

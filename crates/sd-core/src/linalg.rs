@@ -3,13 +3,19 @@
 //! Everything allocates only in constructors and sums in a fixed order, so the same input gives the same bits. Only the
 //! factorization of a large full matrix may be shared by an idle thread, in the same pieces and so with the same bits.
 
-pub mod dense;
-pub mod general;
-pub mod gradients;
-mod halves;
-pub mod profile;
-pub mod simd;
-pub mod sparse;
-pub mod staggered;
-pub mod tiles;
+pub(crate) mod anderson;
+pub(crate) mod cholesky;
+pub(crate) mod conjugate_gradients;
+pub(crate) mod dense;
+pub(crate) mod error;
+pub(crate) mod lu;
+pub(crate) mod simd;
+pub(crate) mod staggered;
 mod vector;
+
+pub use cholesky::skyline::SkylineCholesky;
+pub use cholesky::tiled::{TiledCholesky, TiledMatrix};
+pub use dense::Matrix;
+pub use error::BadPivot;
+pub use simd::vectorised;
+pub use staggered::StaggeredColumns;

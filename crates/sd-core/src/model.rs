@@ -12,7 +12,7 @@ pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter, Refusal};
 use crate::contact::Surface;
 use crate::contact::rigid::Memory;
 use crate::error::Error;
-use crate::instant::ContactRequest;
+use crate::run::instant::ContactRequest;
 use serde::{Deserialize, Serialize};
 
 crate::law::words! {

@@ -1,6 +1,5 @@
 //! One right-hand side: from positions to velocities, contact forces included.
 
-use crate::cell::{Cell, Neighbours};
 use crate::contact::laws::{History, Laws, Phase, Span};
 use crate::contact::network::Driving;
 use crate::contact::network::passing::NetworkPasses;
@@ -9,9 +8,11 @@ use crate::contact::repulsion::Repelled;
 use crate::contact::rigid::Memory;
 use crate::contact::{Contacts, Quality, Surface};
 use crate::error::Error;
-use crate::modes::{Background, Vec2};
-use crate::resistance::Resistance;
-use crate::resistance::iterative::IterativeFarField;
+use crate::geometry::cell::Cell;
+use crate::geometry::modes::{Background, Vec2};
+use crate::geometry::pair::Neighbours;
+use crate::hydrodynamics::iterative::IterativeFarField;
+use crate::hydrodynamics::resistance::Resistance;
 use nalgebra::Vector3;
 
 /// What keeps the spheres apart, with what it remembers from stage to stage.
@@ -76,7 +77,7 @@ impl Motion {
     /// Workspace for the spheres the resistance was made for.
     pub fn new(resistance: Resistance) -> Self {
         let n = 3 * resistance.radii().len();
-        let contacts = match resistance.network() {
+        let contacts = match resistance.pairwise() {
             None => Contacts::new(resistance.radii().len()),
             Some(_) => Contacts::default(),
         };
@@ -253,7 +254,7 @@ impl Motion {
         }
         let quality = match law {
             ContactLaw::None => {
-                if let Some(network) = resistance.network() {
+                if let Some(network) = resistance.pairwise() {
                     self.contacts
                         .solve_free_network(network, forces, velocities)?;
                     return finite(velocities, Quality::default());
@@ -268,7 +269,7 @@ impl Motion {
                 surface,
                 time_span,
                 memory,
-            } => match resistance.network() {
+            } => match resistance.pairwise() {
                 None => self.contacts.solve_rigid(
                     resistance, background, &surface, time_span, forces, memory, velocities,
                 ),
@@ -283,7 +284,7 @@ impl Motion {
                     )?
                 }
             },
-            _ if resistance.network().is_some() => return Err(Error::OnlyRigidContacts),
+            _ if resistance.pairwise().is_some() => return Err(Error::OnlyRigidContacts),
             ContactLaw::Procedure { surface, listed } => self
                 .contacts
                 .solve_procedure(resistance, background, &surface, forces, listed, velocities),

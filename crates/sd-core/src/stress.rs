@@ -10,7 +10,7 @@
 //! `−r f n n + (r/2) F_t (n t + t n)`: each sphere feels the force at its end of the line of centres.
 
 use crate::contact::{Contact, ContactState};
-use crate::modes::{Background, strain_tensor};
+use crate::geometry::modes::{Background, strain_tensor};
 use crate::motion::Motion;
 use nalgebra::Vector3;
 
@@ -34,7 +34,6 @@ pub struct StressWork {
     pub stresslets: Vec<Vector3<f64>>,
     /// Hydrodynamic counterforces `R_FU v − R_FE e`, `[3N]`.
     forces: Vec<f64>,
-    /// Scratch of the far field, `[6N]`.
     far: Vec<f64>,
 }
 
@@ -92,7 +91,7 @@ fn contact_stress(c: &Contact) -> (f64, f64) {
 
 /// Numbers of contacts by state, and their mean normal velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct ContactCounts {
+pub(crate) struct ContactCounts {
     /// Pairs with f > 0.
     pub contacts: u32,
     /// Of these, pairs with friction.
@@ -107,7 +106,7 @@ pub struct ContactCounts {
 
 impl ContactCounts {
     /// Counts the contacts of a solved stage.
-    pub fn of(contacts: &[Contact]) -> Self {
+    pub(crate) fn of(contacts: &[Contact]) -> Self {
         let mut counts = Self::default();
         for c in contacts.iter().filter(|c| c.normal_force > 0.0) {
             counts.contacts += 1;

@@ -2,18 +2,18 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use sd_core::Resistance;
+use sd_core::Rosenbrock;
+use sd_core::State;
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{History, Laws, Normal, Phase, Tangential};
 use sd_core::contact::repulsion::Repulsion;
 use sd_core::contact::rigid::Memory;
 use sd_core::contact::{Contact, ContactState, Surface, hertz};
 use sd_core::instant::{Configuration, ContactRequest, Instant, solve};
-use sd_core::integrate::State;
 use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
 use sd_core::params::DEEPEST_OVERLAP;
-use sd_core::resistance::Resistance;
-use sd_core::two_stage::TwoStage;
+use sd_core::{ContactLaw, Motion};
 use sd_core::{
     ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
     Simulation, Snapshot, TangentialLaw,
@@ -250,7 +250,7 @@ fn pushed(
     let force = n * push + Vec2::new(-n.y, n.x) * shear;
     let external = [force.x, force.y, 0.0, -force.x, -force.y, 0.0];
     let mut history = History::default();
-    let mut integrator = TwoStage::default();
+    let mut integrator = Rosenbrock::default();
     let dt = time / f64::from(steps);
     for _ in 0..steps {
         let (memory, last) = (&mut out.memory, &mut out.last);
@@ -485,7 +485,6 @@ fn rigid(tangential: TangentialLaw) -> ContactScheme {
     })
 }
 
-/// All kinds of laws.
 fn schemes() -> Vec<ContactScheme> {
     let hertz = |tangential| {
         ContactScheme::Laws(ContactLaws {

@@ -2,20 +2,19 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use sd_core::Resistance;
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, solve};
-use sd_core::integrate::{RungeKutta, State};
 use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
-use sd_core::resistance::Resistance;
+use sd_core::{ContactLaw, Motion};
 use sd_core::{
     ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Sample, Simulation, Snapshot,
     start,
 };
+use sd_core::{RungeKutta, State};
 use std::f64::consts::PI;
 
-/// A small dense layer.
 fn params() -> Params {
     Params {
         spheres: 40,

@@ -5,7 +5,6 @@
 use sd_core::pair::{Passed, Passing, pass};
 use sd_core::{Error, NearFields};
 
-/// One case of the figure.
 fn case(size_ratio: f64, contact: Option<(f64, f64)>) -> Passed {
     let passing = Passing {
         size_ratio,

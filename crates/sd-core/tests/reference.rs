@@ -8,7 +8,6 @@ use sd_core::modes::{Background, Vec2};
 use sd_core::{Hydrodynamics, NearFields};
 use serde_json::Value;
 
-/// A file of reference data.
 fn data(name: &str) -> Value {
     let path = format!("{}/../../tests/data/{name}", env!("CARGO_MANIFEST_DIR"));
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()

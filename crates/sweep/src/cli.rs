@@ -61,13 +61,6 @@ enum Colour {
 
 /// The subcommands. What is said of each stands with its arguments: text here would take the place of all of that.
 #[derive(Debug, Subcommand)]
-#[cfg_attr(
-    not(test),
-    expect(
-        clippy::missing_docs_in_private_items,
-        reason = "documentation of a variant would hide the long help of its arguments"
-    )
-)]
 enum Command {
     Plan(plan::Arguments),
     Run(run::Arguments),

@@ -1,6 +1,6 @@
 //! The state of a run as `sweep solve` reads it: what is kept of a failure, so that it can be looked into by itself.
 
-use sd_core::two_stage::GAMMA;
+use sd_core::rosenbrock::GAMMA;
 use sd_core::{ContactScheme, Params, Snapshot};
 use serde_json::json;
 

@@ -6,14 +6,12 @@ use faer::{Mat, Par, Spec};
 
 /// A matrix to factor again and again.
 pub(crate) struct BareCholesky {
-    /// The matrix, then its factor.
     matrix: Mat<f64>,
-    /// faer's workspace.
     scratch: MemBuffer,
 }
 
 impl BareCholesky {
-    /// For N spheres.
+    /// For a matrix of N spheres.
     pub(crate) fn new(spheres: usize) -> Self {
         let n = 6 * spheres;
         let scratch = llt::factor::cholesky_in_place_scratch::<f64>(n, Par::Seq, Spec::default());

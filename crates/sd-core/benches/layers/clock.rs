@@ -3,12 +3,11 @@
 use rustix::time::{ClockId, clock_gettime};
 use std::time::Duration;
 
-/// A moment in the life of this thread.
+/// Computing time of this thread, from its start.
 #[derive(Clone, Copy)]
 pub(crate) struct Moment(Duration);
 
 impl Moment {
-    /// Now.
     pub(crate) fn now() -> Self {
         let time = clock_gettime(ClockId::ThreadCPUTime);
         let seconds = u64::try_from(time.tv_sec).unwrap_or(0);

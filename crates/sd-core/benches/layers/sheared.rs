@@ -1,13 +1,13 @@
 //! Layers with a developed contact network: h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
 
+use sd_core::IterativeFarField;
+use sd_core::Resistance;
 use sd_core::cell::Cell;
 use sd_core::contact::Surface;
 use sd_core::contact::rigid::Memory;
 use sd_core::modes::{Background, Vec2};
-use sd_core::motion::{ContactLaw, Motion};
-use sd_core::resistance::Resistance;
-use sd_core::resistance::iterative::{DEFAULT_RESIDUAL, IterativeFarField};
-use sd_core::simulation::is_network;
+use sd_core::simulation::is_pairwise;
+use sd_core::{ContactLaw, Motion};
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 
 /// Time step of the runs and of the stages timed.
@@ -17,7 +17,6 @@ const STRAIN: f64 = 0.8;
 /// Layers of as many spheres and more are copies of smaller ones.
 const COPIED_FROM: usize = 400;
 
-/// Parameters of the layers.
 pub(crate) fn params(spheres: usize, area_fraction: f64, hydrodynamics: Hydrodynamics) -> Params {
     Params {
         spheres,
@@ -86,33 +85,29 @@ fn copied(small: &Snapshot, area_fraction: f64, copies: usize) -> Snapshot {
 
 /// The right-hand side of a layer at one instant, in its parts.
 pub(crate) struct Layer {
-    /// Cell, sheared.
     pub(crate) cell: Cell,
-    /// Centres.
     pub(crate) centres: Vec<Vec2>,
-    /// Solver.
     pub(crate) motion: Motion,
-    /// Roughness, friction, critical load.
     surface: Surface,
     /// Contact forces of the stage before. After the first solve those of the same instant, as good a start as in a run.
     memory: Memory,
 }
 
 impl Layer {
-    /// Of a snapshot.
+    /// The layer of a snapshot.
     pub(crate) fn new(snapshot: &Snapshot, params: &Params) -> Self {
         let offset = snapshot.steps as f64 * TIME_STEP * snapshot.side;
         let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
         let centres = snapshot.centres.iter();
         let (radii, tables) = (&snapshot.radii, NearFields::default());
-        let motion = if !is_network(params) {
+        let motion = if !is_pairwise(params) {
             Resistance::new(params.hydrodynamics, &cell, radii, &tables).map(Motion::new)
         } else if params.hydrodynamics == Hydrodynamics::BallMelrose {
-            Resistance::as_network(&cell, radii, &tables, &[]).map(Motion::new)
+            Resistance::new_pairwise(&cell, radii, &tables, &[]).map(Motion::new)
         } else {
-            let far = IterativeFarField::new(&cell, radii, DEFAULT_RESIDUAL);
-            let network = Resistance::as_network(&cell, radii, &tables, &[]);
-            network.and_then(|network| Ok(Motion::with_far_field(network, far?)))
+            let far = IterativeFarField::new(&cell, radii, IterativeFarField::DEFAULT_RESIDUAL);
+            let pairwise = Resistance::new_pairwise(&cell, radii, &tables, &[]);
+            pairwise.and_then(|pairwise| Ok(Motion::with_far_field(pairwise, far?)))
         };
         Self {
             cell,
@@ -123,13 +118,12 @@ impl Layer {
         }
     }
 
-    /// Pairs, far field, `R_FU`.
+    /// Finds the pairs and assembles far field and `R_FU`.
     pub(crate) fn assemble(&mut self) {
         let done = self.motion.assemble(&self.cell, &self.centres);
         done.expect("a regular layer");
     }
 
-    /// Factors `R_FU`.
     pub(crate) fn factor(&mut self) {
         self.motion.resistance.factor().expect("a regular layer");
     }

@@ -18,10 +18,10 @@
 
 use super::{COMPLIANCE, Contact};
 use crate::error::Error;
+use crate::hydrodynamics::resistance::PairwiseResistance;
+use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
+use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 use crate::linalg::dense::dot;
-use crate::linalg::gradients::{ConjugateGradients, largest};
-use crate::linalg::sparse::{BlockCholesky, BlockPattern};
-use crate::resistance::Network;
 
 /// ρ, in mu·a. Larger ones need fewer updates of f near jamming; single precision holds it well.
 const STIFFNESS: f64 = 1e6;
@@ -44,7 +44,7 @@ const MOST_GAIN: f64 = 1e-9;
 #[derive(Clone, Copy)]
 pub(super) struct System<'a> {
     /// `R_FU`.
-    pub(super) network: &'a Network,
+    pub(super) network: &'a PairwiseResistance,
     /// Pattern of its near part.
     pub(super) pattern: &'a BlockPattern,
     /// The candidates.
@@ -324,7 +324,7 @@ impl Augmented {
 }
 
 /// The error for a factor that broke down.
-pub(super) fn not_positive(bad: crate::linalg::dense::NotPositive) -> Error {
+pub(super) fn not_positive(bad: crate::linalg::error::BadPivot) -> Error {
     Error::NotPositiveDefinite {
         matrix: "near part of the resistance",
         pivot: bad.pivot,

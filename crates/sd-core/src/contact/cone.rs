@@ -15,7 +15,7 @@
 //! Compliance of springs and offsets of their history are part of G and q: see [`super::laws`].
 
 use crate::linalg::dense::{Matrix, add_scaled};
-use crate::linalg::general::GeneralSolver;
+use crate::linalg::lu::LuSolver;
 
 /// Newton steps before other ways are tried.
 const FIRST_STEPS: u32 = 8;
@@ -159,7 +159,7 @@ pub(super) struct Cone {
     /// Best normal and tangential forces so far.
     best: [Vec<f64>; 2],
     /// Solver of the linear systems.
-    solver: GeneralSolver,
+    solver: LuSolver,
 }
 
 impl Cone {
@@ -182,7 +182,7 @@ impl Cone {
             centre: [vector(), vector()],
             shifted: [vector(), vector()],
             best: [vector(), vector()],
-            solver: GeneralSolver::new(contacts),
+            solver: LuSolver::new(contacts),
         }
     }
 

@@ -21,9 +21,9 @@ use super::cone::{Cone, Grip, Problem};
 use super::laws::{History, Phase, Setting, Tangential};
 use super::rigid::Memory;
 use super::{COMPLIANCE, Contact, ContactState, Contacts, Quality, stick_rotate};
+use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{Matrix, add_scaled, dot};
 use crate::params::FrictionOnset;
-use crate::resistance::Resistance;
 
 /// Solutions after which the set of activated contacts is held.
 const DECIDING_PASSES: u32 = 4;

@@ -13,9 +13,9 @@
 use super::rigid::{EXPECTED_APPROACH, MOST_ROUNDS, Memory, RESTITUTION};
 use super::stick_slide::Stretch;
 use super::{COMPLIANCE, Contact, Contacts, Quality, Surface, hertz, linear_spring};
-use crate::modes::Background;
+use crate::geometry::modes::Background;
+use crate::hydrodynamics::resistance::Resistance;
 use crate::params::FrictionOnset;
-use crate::resistance::Resistance;
 
 /// Overlap at which an unloaded Hertzian contact is first linearised, in a.
 const FIRST_OVERLAP: f64 = 1e-6;
@@ -81,7 +81,7 @@ pub struct Laws {
 }
 
 impl Laws {
-    /// Whether forces depend on gaps: steps are then those of [`crate::two_stage`].
+    /// Whether forces depend on gaps: steps are then those of [`crate::run::steppers::rosenbrock`].
     pub fn is_soft(&self) -> bool {
         !matches!(self.normal, Normal::Rigid) || self.repulsion.is_some()
     }

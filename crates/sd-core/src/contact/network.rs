@@ -15,10 +15,10 @@ use super::friction::{Anderson, law};
 use super::rigid::{MOST_ROUNDS, Memory, bias};
 use super::{Contact, ContactState, Contacts, Quality, Surface};
 use crate::error::Error;
-use crate::linalg::gradients::{ConjugateGradients, largest};
-use crate::linalg::sparse::{BlockCholesky, BlockPattern};
-use crate::modes::Background;
-use crate::resistance::{Network, Resistance};
+use crate::geometry::modes::Background;
+use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
+use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
+use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 use std::f64::consts::PI;
 
 /// Largest number of passes between friction and normal forces.
@@ -80,7 +80,7 @@ impl Workspace {
     /// `x ← x + R⁻¹ (forces − R x)`, to a force left over.
     fn solve_free(
         &mut self,
-        network: &Network,
+        network: &PairwiseResistance,
         pattern: &BlockPattern,
         tolerance: f64,
     ) -> Result<(), Error> {
@@ -197,14 +197,14 @@ impl Contacts {
     /// Velocities `[3N]` of a network without contacts, under forces `[3N]`.
     ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`]; [`Error::OutOfMemory`] for a network that was never assembled.
+    /// [`Error::NotPositiveDefinite`].
     pub fn solve_free_network(
         &mut self,
-        network: &Network,
+        network: &PairwiseResistance,
         forces: &[f64],
         velocities: &mut [f64],
     ) -> Result<(), Error> {
-        let pattern = network.pattern().ok_or(NOT_ASSEMBLED)?;
+        let pattern = network.pattern();
         self.list.clear();
         let work = &mut self.network;
         work.start(forces.len());
@@ -226,7 +226,7 @@ impl Contacts {
     pub fn solve_rigid_network(
         &mut self,
         resistance: &Resistance,
-        network: &Network,
+        network: &PairwiseResistance,
         background: &Background,
         surface: &Surface,
         time_span: f64,
@@ -234,7 +234,7 @@ impl Contacts {
         memory: &mut Memory,
         velocities: &mut [f64],
     ) -> Result<Quality, Error> {
-        let pattern = network.pattern().ok_or(NOT_ASSEMBLED)?;
+        let pattern = network.pattern();
         self.choose_candidates(resistance, background, surface, time_span, memory);
         self.network.start(driving.forces.len());
         let mut worst = Quality::default();
@@ -260,7 +260,7 @@ impl Contacts {
     fn solve_network(
         &mut self,
         resistance: &Resistance,
-        network: &Network,
+        network: &PairwiseResistance,
         pattern: &BlockPattern,
         surface: &Surface,
         driving: Driving<'_>,
@@ -321,7 +321,7 @@ impl Contacts {
     /// Begins with the forces of the stage before.
     fn begin_network(
         &mut self,
-        (network, pattern): (&Network, &BlockPattern),
+        (network, pattern): (&PairwiseResistance, &BlockPattern),
         surface: &Surface,
         time_span: f64,
         memory: &Memory,
@@ -352,8 +352,3 @@ impl Contacts {
         }
     }
 }
-
-/// What a network without positions gets.
-const NOT_ASSEMBLED: Error = Error::OutOfMemory {
-    purpose: "a network that was not assembled",
-};

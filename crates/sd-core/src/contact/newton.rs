@@ -15,7 +15,7 @@ use super::cone::Chance;
 use super::friction::{DECIDING_PASSES, STANDSTILL, law};
 use super::{COMPLIANCE, Contact, ContactState, Contacts, Surface};
 use crate::linalg::dense::{Matrix, add_scaled, symmetric_product};
-use crate::linalg::general::GeneralSolver;
+use crate::linalg::lu::LuSolver;
 
 /// Systems after which the fixed point takes over.
 const MOST_SYSTEMS: u32 = 40;
@@ -68,7 +68,7 @@ pub(super) struct Workspace {
     /// Right-hand side and solution of the system.
     solution: Vec<f64>,
     /// Solver of the systems.
-    solver: GeneralSolver,
+    solver: LuSolver,
 }
 
 impl Workspace {
@@ -90,7 +90,7 @@ impl Workspace {
             counted: Vec::with_capacity(candidates),
             constant: Vec::with_capacity(candidates),
             solution: Vec::with_capacity(candidates),
-            solver: GeneralSolver::new(candidates),
+            solver: LuSolver::new(candidates),
         }
     }
 

@@ -4,14 +4,15 @@
 //! f ≥ 0,   w = q + G f ≥ 0,   f·w = 0
 //! ```
 //!
-//! Block principal pivoting (Júdice & Pires 1994): guess the support, solve for its forces by Cholesky, exchange
+//! Block principal pivoting (Júdice & Pires 1994): guess the support, solve for its forces by DenseCholesky, exchange
 //! every violating index. Started from the last support it mostly needs one factorization, and none if the support has not
 //! changed. Near jamming G is all but singular and the exchanges may cycle; then an active set that only ever descends takes
 //! over, which is slower and ends.
 
 use super::COMPLIANCE;
 use super::cone::Chance;
-use crate::linalg::dense::{Cholesky, Matrix};
+use crate::linalg::cholesky::dense::DenseCholesky;
+use crate::linalg::dense::Matrix;
 
 /// Compliance where all pairs are halted at once: just enough for a Cholesky factor of a hyperstatic network.
 const HALT_COMPLIANCE: f64 = 1e-13;
@@ -58,7 +59,7 @@ pub(super) struct NormalProblem {
     /// Added to the diagonal of G.
     compliance: f64,
     /// Factor of `G_AA + compliance`.
-    factor: Cholesky,
+    factor: DenseCholesky,
     /// Whether `factor` belongs to `active`.
     factored: bool,
     /// Right-hand side and solution on the support.
@@ -75,7 +76,7 @@ impl NormalProblem {
         Self {
             support: Vec::with_capacity(candidates),
             active: Vec::with_capacity(candidates),
-            factor: Cholesky::new(candidates),
+            factor: DenseCholesky::new(candidates),
             solution: Vec::with_capacity(candidates),
             slack: Vec::with_capacity(candidates),
             feasible: Vec::with_capacity(candidates),

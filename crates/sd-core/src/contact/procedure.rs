@@ -9,8 +9,8 @@
 //! the scheme's own error, kept here for comparison; [`super::rigid`] has none of it.
 
 use super::{Contact, Contacts, Quality, Surface, friction};
-use crate::modes::Background;
-use crate::resistance::Resistance;
+use crate::geometry::modes::Background;
+use crate::hydrodynamics::resistance::Resistance;
 
 /// Listed pairs, ordered by (i, j).
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]

@@ -14,8 +14,8 @@
 
 use super::Contact;
 use super::laws::Span;
-use crate::modes::Background;
-use crate::resistance::Resistance;
+use crate::geometry::modes::Background;
+use crate::hydrodynamics::resistance::Resistance;
 
 /// Exponents beyond which the force is left out: 1e-13 of F0.
 const FARTHEST: f64 = 30.0;

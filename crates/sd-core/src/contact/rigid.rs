@@ -8,8 +8,8 @@
 //! approach just far enough to touch; one below h is pushed out at the rate β/τ.
 
 use super::{Contact, ContactState, Contacts, Quality, Surface};
-use crate::modes::Background;
-use crate::resistance::Resistance;
+use crate::geometry::modes::Background;
+use crate::hydrodynamics::resistance::Resistance;
 
 /// β: share of an overlap taken back within one time span.
 pub const RESTITUTION: f64 = 0.2;

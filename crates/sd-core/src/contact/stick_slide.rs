@@ -8,7 +8,7 @@
 //! turned as a whole. It begins at 0 when two spheres touch and friction acts, and is forgotten when they part or friction ceases.
 //! Source: Cundall & Strack, Géotechnique 29, 47 (1979); in suspensions Mari et al., J. Rheol. 58, 1693 (2014), eq. (9)-(11).
 //!
-//! In a two-stage step (see [`crate::two_stage`]) of size τ the spring looks ahead as all contact forces do. In terms of the force
+//! In a two-stage step (see [`crate::run::steppers::rosenbrock`]) of size τ the spring looks ahead as all contact forces do. In terms of the force
 //! s = k_t ξ at the start of the step, with r = s + 2 (F1 − s) terms that the second stage takes back:
 //!
 //! ```text
@@ -19,7 +19,7 @@
 //!
 //! so that s follows u_t to second order while the spring sticks, and lands on a limit at which both stages slide.
 
-use crate::two_stage::GAMMA;
+use crate::run::steppers::rosenbrock::GAMMA;
 use serde::{Deserialize, Serialize};
 
 /// One contact during a step: spring force s at its start, friction F1 at the first stage.

@@ -1,21 +1,15 @@
-//! Dense column-major matrices and their factorizations.
+//! Dense column-major matrices and their products.
 
-use super::halves;
 use super::simd::vectorised;
 use super::vector;
-pub use super::vector::{add_scaled, dot};
-use faer::dyn_stack::MemBuffer;
-use faer::linalg::cholesky::llt;
+pub(crate) use super::vector::{add_scaled, dot};
 use faer::linalg::matmul::{self, triangular::BlockStructure};
-use faer::linalg::triangular_inverse;
-use faer::{Accum, MatMut, MatRef, Par, Spec};
+use faer::{Accum, MatMut, MatRef, Par};
 
 /// A dense matrix `[rows × columns]`, stored by columns.
 #[derive(Debug, Clone, Default)]
 pub struct Matrix {
-    /// Number of rows.
     rows: usize,
-    /// Number of columns.
     columns: usize,
     /// Entries, column after column.
     values: Vec<f64>,
@@ -167,166 +161,8 @@ impl std::ops::IndexMut<(usize, usize)> for Matrix {
     }
 }
 
-/// The matrix had a pivot ≤ 0 at this row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NotPositive {
-    /// Row of the first bad pivot.
-    pub pivot: usize,
-}
-
-/// Cholesky factorization `A = L Lᵀ` of a symmetric positive definite matrix, with its workspace.
-pub struct Cholesky {
-    /// L in the lower triangle; the upper triangle has no meaning.
-    factor: Matrix,
-    /// Scratch, sized for the largest matrix so far.
-    scratch: MemBuffer,
-    /// Largest dimension the scratch serves.
-    capacity: usize,
-}
-
-impl Default for Cholesky {
-    fn default() -> Self {
-        Self::new(0)
-    }
-}
-
-impl Cholesky {
-    /// Workspace for matrices up to `[n × n]`; larger ones make it grow.
-    pub fn new(n: usize) -> Self {
-        let mut factor = Matrix::zeros(n, n);
-        factor.reset(0, 0);
-        Self {
-            factor,
-            scratch: scratch(n),
-            capacity: n,
-        }
-    }
-
-    /// The matrix to fill (lower triangle) before [`Cholesky::factor`]; holds L afterwards.
-    pub fn matrix_mut(&mut self) -> &mut Matrix {
-        &mut self.factor
-    }
-
-    /// L, in the lower triangle.
-    pub fn lower(&self) -> &Matrix {
-        &self.factor
-    }
-
-    /// Factors the matrix written into [`Cholesky::matrix_mut`], in place. Cost n³/3.
-    ///
-    /// # Errors
-    /// [`NotPositive`] with the row at which it broke down.
-    pub fn factor(&mut self) -> Result<(), NotPositive> {
-        let (matrix, scratch) = self.parts();
-        halves::factor(matrix.view_mut(), scratch)
-    }
-
-    /// The matrix and the scratch of its factorization.
-    pub(super) fn parts(&mut self) -> (&mut Matrix, &mut MemBuffer) {
-        let n = self.factor.rows;
-        if n > self.capacity {
-            self.scratch = scratch(n);
-            self.capacity = n;
-        }
-        (&mut self.factor, &mut self.scratch)
-    }
-
-    /// `x ← A⁻¹ x` for one vector.
-    pub fn solve(&self, x: &mut [f64]) {
-        self.solve_lower_vector(x);
-        self.solve_upper_vector(x);
-    }
-
-    /// `x ← L⁻¹ x` for one vector.
-    pub fn solve_lower_vector(&self, x: &mut [f64]) {
-        let n = self.factor.rows;
-        vectorised(
-            #[inline(always)]
-            || {
-                for j in (0..n).step_by(4) {
-                    let end = (j + 4).min(n);
-                    for k in j..end {
-                        let column = self.factor.column(k);
-                        let xk = x[k] / column[k];
-                        x[k] = xk;
-                        for row in k + 1..end {
-                            x[row] -= column[row] * xk;
-                        }
-                    }
-                    if end - j == 4 && end < n {
-                        let (done, rest) = x.split_at_mut(end);
-                        let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
-                        vector::add_four(rest, columns, [0, 1, 2, 3].map(|k| -done[j + k]));
-                    }
-                }
-            },
-        );
-    }
-
-    /// `x ← L⁻ᵀ x` for one vector.
-    pub fn solve_upper_vector(&self, x: &mut [f64]) {
-        let n = self.factor.rows;
-        vectorised(
-            #[inline(always)]
-            || {
-                for j in (0..n).step_by(4).rev() {
-                    let end = (j + 4).min(n);
-                    if end - j == 4 && end < n {
-                        let (open, rest) = x.split_at_mut(end);
-                        let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
-                        for (xk, sum) in open[j..].iter_mut().zip(vector::dot_four(columns, rest)) {
-                            *xk -= sum;
-                        }
-                    }
-                    for k in (j..end).rev() {
-                        let column = self.factor.column(k);
-                        for row in k + 1..end {
-                            x[k] -= column[row] * x[row];
-                        }
-                        x[k] /= column[k];
-                    }
-                }
-            },
-        );
-    }
-
-    /// Lower triangle of the trailing `[m × m]` block of A⁻¹, written into `out`; `work` is scratch.
-    ///
-    /// The trailing block of the inverse is `(L₂₂ L₂₂ᵀ)⁻¹`, L₂₂ the trailing block of L, whatever stands before it.
-    pub fn trailing_inverse(&self, m: usize, work: &mut Matrix, out: &mut Matrix) {
-        let start = self.factor.rows - m;
-        work.reset(m, m);
-        out.reshape(m, m);
-        triangular_inverse::invert_lower_triangular(
-            work.view_mut(),
-            self.factor.view(start, start, m, m),
-            Par::Seq,
-        );
-        matmul::triangular::matmul(
-            out.view_mut(),
-            BlockStructure::TriangularLower,
-            Accum::Replace,
-            work.view(0, 0, m, m).transpose(),
-            BlockStructure::TriangularUpper,
-            work.view(0, 0, m, m),
-            BlockStructure::TriangularLower,
-            1.0,
-            Par::Seq,
-        );
-    }
-}
-
-/// Scratch for a Cholesky factorization of dimension n.
-fn scratch(n: usize) -> MemBuffer {
-    MemBuffer::new(llt::factor::cholesky_in_place_scratch::<f64>(
-        n,
-        Par::Seq,
-        Spec::default(),
-    ))
-}
-
 /// Lower triangle of `C = Aᵀ B` for a product known to be symmetric.
-pub fn symmetric_product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
+pub(crate) fn symmetric_product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
     c.reshape(a.columns, b.columns);
     matmul::triangular::matmul(
         c.view_mut(),
@@ -341,23 +177,8 @@ pub fn symmetric_product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
     );
 }
 
-/// Lower triangle of `C ← C + α A Bᵀ` for a product known to be symmetric.
-pub fn add_symmetric_outer(c: &mut Matrix, a: &Matrix, b: &Matrix, alpha: f64) {
-    matmul::triangular::matmul(
-        c.view_mut(),
-        BlockStructure::TriangularLower,
-        Accum::Add,
-        a.view(0, 0, a.rows, a.columns),
-        BlockStructure::Rectangular,
-        b.view(0, 0, b.rows, b.columns).transpose(),
-        BlockStructure::Rectangular,
-        alpha,
-        Par::Seq,
-    );
-}
-
 /// `C ← A B`.
-pub fn product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
+pub(crate) fn product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
     c.reshape(a.rows, b.columns);
     matmul::matmul(
         c.view_mut(),
@@ -370,7 +191,7 @@ pub fn product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
 }
 
 /// `C ← C + α A Bᵀ`.
-pub fn add_outer(c: &mut Matrix, a: &Matrix, b: &Matrix, alpha: f64) {
+pub(crate) fn add_outer(c: &mut Matrix, a: &Matrix, b: &Matrix, alpha: f64) {
     matmul::matmul(
         c.view_mut(),
         Accum::Add,
@@ -381,85 +202,9 @@ pub fn add_outer(c: &mut Matrix, a: &Matrix, b: &Matrix, alpha: f64) {
     );
 }
 
-/// Solves `A x = b` in place by Gaussian elimination with partial pivoting; A is overwritten. For small or one-off systems.
-///
-/// # Errors
-/// [`NotPositive`] with the column in which no usable pivot was found.
-pub fn solve_general(a: &mut Matrix, b: &mut Matrix) -> Result<(), NotPositive> {
-    let n = a.rows;
-    if n == 0 {
-        return Ok(());
-    }
-    let lu = a.view(0, 0, n, n).partial_piv_lu();
-    for k in 0..n {
-        let pivot = lu.U()[(k, k)];
-        if pivot == 0.0 || !pivot.is_finite() {
-            return Err(NotPositive { pivot: k });
-        }
-    }
-    faer::linalg::solvers::Solve::solve_in_place(&lu, b.view_mut());
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// A well-conditioned symmetric positive definite matrix without structure.
-    fn spd(n: usize) -> Matrix {
-        let mut a = Matrix::zeros(n, n);
-        for j in 0..n {
-            for i in 0..n {
-                a[(i, j)] = 1.0 / (1.0 + (i as f64 - j as f64).abs()) + f64::from(u8::from(i == j));
-            }
-        }
-        a
-    }
-
-    #[test]
-    fn solve_has_small_residual() {
-        let n = 57;
-        let a = spd(n);
-        let b: Vec<f64> = (0..n).map(|i| (i as f64).sin()).collect();
-        let mut cholesky = Cholesky::new(n);
-        cholesky.matrix_mut().clone_from(&a);
-        cholesky.factor().unwrap();
-        let mut x = b.clone();
-        cholesky.solve(&mut x);
-        let mut ax = vec![0.0; n];
-        a.add_product(&x, &mut ax);
-        assert!(ax.iter().zip(&b).all(|(p, q)| (p - q).abs() < 1e-13));
-    }
-
-    #[test]
-    fn trailing_block_of_the_inverse() {
-        let (n, m) = (20, 7);
-        let a = spd(n);
-        let mut cholesky = Cholesky::new(n);
-        cholesky.matrix_mut().clone_from(&a);
-        cholesky.factor().unwrap();
-        let (mut work, mut block) = (Matrix::default(), Matrix::default());
-        cholesky.trailing_inverse(m, &mut work, &mut block);
-        for j in 0..m {
-            let mut column = vec![0.0; n];
-            column[n - m + j] = 1.0;
-            cholesky.solve(&mut column);
-            for i in j..m {
-                assert!((block[(i, j)] - column[n - m + i]).abs() < 1e-13);
-            }
-        }
-    }
-
-    #[test]
-    fn indefinite_matrix_names_its_row() {
-        let mut cholesky = Cholesky::new(3);
-        let matrix = cholesky.matrix_mut();
-        matrix.reset(3, 3);
-        matrix[(0, 0)] = 1.0;
-        matrix[(1, 1)] = 1.0;
-        matrix[(2, 2)] = -1.0;
-        assert_eq!(cholesky.factor(), Err(NotPositive { pivot: 2 }));
-    }
 
     #[test]
     fn outer_product_is_added() {
@@ -471,16 +216,5 @@ mod tests {
         c[(0, 0)] = 1.0;
         add_outer(&mut c, &a, &b, 2.0);
         assert_eq!(c.values(), [7.0, 12.0, 8.0, 16.0, 10.0, 20.0]);
-    }
-
-    #[test]
-    fn general_solve() {
-        let mut a = Matrix::zeros(2, 2);
-        a[(0, 1)] = 2.0;
-        a[(1, 0)] = 4.0;
-        let mut b = Matrix::zeros(2, 1);
-        b.column_mut(0).copy_from_slice(&[6.0, 8.0]);
-        solve_general(&mut a, &mut b).unwrap();
-        assert_eq!(b.column(0), [2.0, 3.0]);
     }
 }

@@ -4,8 +4,8 @@
 //! where they begin, each block of rows concerns the leading ones only, and a product of two blocks of columns only the
 //! rows below both beginnings: half to a third of the dense cost.
 
+use super::cholesky::skyline::{PANEL, SkylineCholesky};
 use super::dense::Matrix;
-use super::profile::{PANEL, ProfileCholesky};
 use super::simd::vectorised;
 use super::vector;
 use faer::linalg::matmul::matmul;
@@ -18,7 +18,6 @@ const COLUMNS: usize = 24;
 /// Columns `[n × K]`, each zero above its start.
 #[derive(Debug, Clone, Default)]
 pub struct StaggeredColumns {
-    /// The entries.
     matrix: Matrix,
     /// First row of each column that may hold anything, ascending.
     starts: Vec<usize>,
@@ -96,7 +95,7 @@ impl StaggeredColumns {
     }
 
     /// Replaces the columns B by `L⁻¹ B`.
-    pub fn solve_lower(&mut self, cholesky: &ProfileCholesky) {
+    pub fn solve_lower(&mut self, cholesky: &SkylineCholesky) {
         let n = self.matrix.rows();
         let lower = cholesky.lower();
         let mut columns = 0;
@@ -231,7 +230,7 @@ mod tests {
 
     #[test]
     fn solves_are_those_of_whole_columns() {
-        let mut cholesky = ProfileCholesky::new(120);
+        let mut cholesky = SkylineCholesky::new(120);
         let matrix = cholesky.full_matrix();
         matrix.reset(120, 120);
         for j in 0..120 {

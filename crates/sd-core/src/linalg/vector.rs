@@ -3,7 +3,7 @@
 use super::simd::vectorised;
 
 /// Dot product, in a fixed order of summation.
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     vectorised(|| dot_inline(a, b))
 }
 
@@ -54,7 +54,7 @@ pub(super) fn dot_four(a: [&[f64]; 4], b: &[f64]) -> [f64; 4] {
 }
 
 /// `y ← y + s x`.
-pub fn add_scaled(y: &mut [f64], x: &[f64], s: f64) {
+pub(crate) fn add_scaled(y: &mut [f64], x: &[f64], s: f64) {
     vectorised(|| add_scaled_inline(y, x, s));
 }
 

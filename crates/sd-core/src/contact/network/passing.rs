@@ -3,12 +3,12 @@
 use super::super::augmented::{Goal, System};
 use super::super::rigid::{MOST_ROUNDS, Memory};
 use super::super::{Contacts, Quality, Surface};
-use super::{DECIDING_PASSES, Driving, LEAST_FORCE, NOT_ASSEMBLED, ROUNDING, VIOLATION};
+use super::{DECIDING_PASSES, Driving, LEAST_FORCE, ROUNDING, VIOLATION};
 use crate::error::Error;
-use crate::modes::Background;
-use crate::resistance::Resistance;
-use crate::resistance::iterative::IterativeFarField;
-use crate::resistance::iterative::passes::Passing;
+use crate::geometry::modes::Background;
+use crate::hydrodynamics::iterative::IterativeFarField;
+use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
+use crate::hydrodynamics::resistance::Resistance;
 use nalgebra::Vector3;
 
 /// How small a violation of the normal problem must be, over the relative residual of the far field, in a·rate.
@@ -21,7 +21,7 @@ const FIRST: f64 = 1e-2;
 
 /// The contact problem of one stage.
 pub struct NetworkPasses<'a> {
-    /// Ball-Melrose, [`Resistance::as_network`], at the stage's positions.
+    /// Ball-Melrose, [`Resistance::new_pairwise`], at the stage's positions.
     near: &'a Resistance,
     /// Candidates, forces and workspace.
     contacts: &'a mut Contacts,
@@ -69,7 +69,7 @@ impl<'a> NetworkPasses<'a> {
     /// Solves the stage: rounds, as long as pairs join that would close after all.
     ///
     /// # Errors
-    /// Those of [`IterativeFarField::solve_passes`].
+    /// Those of [`IterativeFarField::solve_fixed_point`].
     pub fn solve(
         &mut self,
         far: &mut IterativeFarField,
@@ -80,7 +80,7 @@ impl<'a> NetworkPasses<'a> {
         let mut passes = 0;
         for _ in 0..MOST_ROUNDS {
             let near = self.near;
-            far.solve_passes(near, self, strain, forces, velocities)?;
+            far.solve_fixed_point(near, self, strain, forces, velocities)?;
             let (mut quality, joined) = self.finish(velocities);
             passes += quality.passes;
             quality.passes = passes;
@@ -124,13 +124,13 @@ impl<'a> NetworkPasses<'a> {
     }
 }
 
-impl Passing for NetworkPasses<'_> {
+impl FixedPointMap for NetworkPasses<'_> {
     fn start(&mut self, applied: &mut Vec<f64>) {
         applied.clear();
-        let Some((network, pattern)) = self.near.network().and_then(|n| Some((n, n.pattern()?)))
-        else {
+        let Some(network) = self.near.pairwise() else {
             return;
         };
+        let pattern = network.pattern();
         let contacts = &mut *self.contacts;
         contacts.network.start(3 * self.near.radii().len());
         contacts.begin_network(
@@ -143,16 +143,16 @@ impl Passing for NetworkPasses<'_> {
         self.quality = Quality::default();
     }
 
-    fn pass(
+    fn evaluate(
         &mut self,
         forces: &[f64],
         applied: &[f64],
-        (before, residual): (u32, f64),
+        progress: Progress,
         velocities: &mut [f64],
         wanted: &mut Vec<f64>,
     ) -> Result<bool, Error> {
-        let network = self.near.network().ok_or(Error::OnlyRigidContacts)?;
-        let pattern = network.pattern().ok_or(NOT_ASSEMBLED)?;
+        let network = self.near.pairwise().ok_or(Error::OnlyRigidContacts)?;
+        let pattern = network.pattern();
         let (normal, by_friction) = forces.split_at(forces.len() / 2);
         let (v, v_t) = velocities.split_at_mut(by_friction.len());
         let Contacts {
@@ -174,7 +174,7 @@ impl Passing for NetworkPasses<'_> {
             .forces
             .iter()
             .fold(LEAST_FORCE, |m: f64, f| m.max(*f));
-        let residual = residual.min(FIRST);
+        let residual = progress.residual.min(FIRST);
         let friction = self.surface.has_friction();
         let goal = Goal {
             force: (CLOSE * residual * LEAST_FORCE).max(ROUNDING * largest),
@@ -191,7 +191,7 @@ impl Passing for NetworkPasses<'_> {
         self.quality.passes += 1;
         // A load of zero makes no jump: it is never decided.
         let jumps = self.surface.critical_load > 0.0;
-        let deciding = !jumps || before < DECIDING_PASSES;
+        let deciding = !jumps || progress.evaluations < DECIDING_PASSES;
         let activated = |work: &super::Workspace| work.activated.iter().filter(|a| **a).count();
         let active = activated(work);
         if friction {

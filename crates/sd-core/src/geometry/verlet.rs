@@ -1,0 +1,103 @@
+//! Pairs that may come within range before the spheres have moved far, kept from one search to the next (Verlet 1967).
+//!
+//! A search with a range longer by a skin is good until a pair can have crossed the skin. Displacements count beyond those of the
+//! shear that the cell's offset tells:
+//!
+//! ```text
+//! w = x − x₀ − Δγ y₀ x̂,  Δγ = Δoffset/length_y:      d − d₀ = w_j − w_i + Δγ d₀_y x̂
+//! good while   2 max |w| + |Δγ| (1 + s) r ≤ s r       for the shortest range r and the skin s r of any pair
+//! ```
+
+use crate::geometry::cell::Cell;
+use crate::geometry::modes::Vec2;
+use crate::geometry::pair::Neighbours;
+
+/// Skin s, over the range.
+const SKIN: f64 = 0.1;
+
+/// Pairs within the longer range, and when they were.
+#[derive(Debug, Default)]
+pub(super) struct VerletList {
+    /// The pairs, ordered by (i, j).
+    pairs: Vec<[usize; 2]>,
+    /// Centres at the search; none if there was none.
+    centres: Vec<Vec2>,
+    radii: Vec<f64>,
+    /// Range asked for at the search, without skin.
+    range: f64,
+    cell: Option<Cell>,
+}
+
+impl VerletList {
+    /// Room for that many spheres and pairs.
+    pub(super) fn new(spheres: usize, pairs: usize) -> Self {
+        Self {
+            pairs: Vec::with_capacity(pairs),
+            centres: Vec::with_capacity(spheres),
+            radii: Vec::with_capacity(spheres),
+            ..Self::default()
+        }
+    }
+
+    /// The range with its skin that a search for this list must have.
+    pub(super) fn longer(range: f64) -> f64 {
+        (1.0 + SKIN) * range
+    }
+
+    /// The pairs kept, ordered by (i, j).
+    pub(super) fn pairs(&self) -> &[[usize; 2]] {
+        &self.pairs
+    }
+
+    /// Keeps the pairs that a search with the longer range has found.
+    pub(super) fn keep(
+        &mut self,
+        found: &[Neighbours],
+        cell: &Cell,
+        centres: &[Vec2],
+        radii: &[f64],
+        range: f64,
+    ) {
+        self.pairs.clear();
+        self.pairs.extend(found.iter().map(|pair| [pair.i, pair.j]));
+        self.centres.clear();
+        self.centres.extend_from_slice(centres);
+        self.radii.clear();
+        self.radii.extend_from_slice(radii);
+        self.range = range;
+        self.cell = Some(*cell);
+    }
+
+    /// Whether no pair can have crossed the skin since the search.
+    #[inline(always)]
+    pub(super) fn is_good(&self, cell: &Cell, centres: &[Vec2], radii: &[f64], range: f64) -> bool {
+        let (
+            Some(Cell::Periodic {
+                length_x: old_x,
+                length_y: old_y,
+                offset: old,
+            }),
+            &Cell::Periodic {
+                length_x,
+                length_y,
+                offset,
+            },
+        ) = (self.cell, cell)
+        else {
+            return false;
+        };
+        if [old_x, old_y, self.range] != [length_x, length_y, range] || self.radii != radii {
+            return false;
+        }
+        // Offsets are known up to whole cells.
+        let moved = offset - old;
+        let strain = (moved - (moved / length_x).round() * length_x) / length_y;
+        let mut square: f64 = 0.0;
+        for (x, x0) in centres.iter().zip(&self.centres) {
+            let affine = Vec2::new(x0.x + strain * x0.y, x0.y);
+            square = square.max(cell.nearest(x - affine).0.norm_squared());
+        }
+        let shortest = range * radii.iter().copied().fold(f64::INFINITY, f64::min);
+        2.0 * square.sqrt() + strain.abs() * (1.0 + SKIN) * shortest <= SKIN * shortest
+    }
+}

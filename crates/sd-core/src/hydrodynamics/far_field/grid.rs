@@ -1,0 +1,455 @@
+//! The long-ranged part of the periodic mobility applied to a vector, by fast Fourier transforms on a grid in the plane.
+//!
+//! ```text
+//! u(x_i) = Σ_k e^(ik·x_i) [G^ P + L^ Q],   v(x_i) = Σ_k e^(ik·x_i) L^ P,   L = ∇²G,   k ≠ 0
+//! P(k) = Σ_j e^(−ik·x_j) f_j,   Q(k) the same with every mode times its κ a²;   f_j: force, and dipoles as −Q_bc ∂_c
+//! velocity mode of i: read off u, plus κ a² times the same of v
+//! ```
+//! Sources go to the grid, and velocities come from it, through a Kaiser-Bessel window in lattice coordinates, whose transform is
+//! divided out twice; dipoles and gradients go through the window's derivative. Reading is the transpose of writing, so the
+//! operator is symmetric to rounding. The cost is that of four transforms and of N times the points under a window.
+
+mod axis;
+
+use super::kernels::FiniteSize;
+use super::wave_space::transforms;
+use crate::geometry::cell::Cell;
+use crate::geometry::modes::Vec2;
+use crate::linalg::simd::vectorised;
+use axis::{Axis, WIDTH, Window};
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex64;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
+
+/// Rows of the grid transformed at once.
+const ROWS: usize = 4;
+
+/// The wave part, planned for a cell's sides, radii, splitting parameter and cut-off.
+#[derive(Clone)]
+pub(super) struct Grid {
+    /// Splitting parameter α, in 1/a.
+    alpha: f64,
+    /// Largest |k|, in 1/a.
+    cut_off: f64,
+    /// Finite-size coefficients of each sphere.
+    sizes: Vec<FiniteSize>,
+    /// First and second lattice coordinate.
+    axes: [Axis; 2],
+    /// Cell as `(length_x, length_y, offset)`.
+    cell: [f64; 3],
+    windows: Vec<[Window; 2]>,
+    /// `(b0, b1, b2)/area` over the windows' transforms, by (m ≥ 0, n), n wrapped as on the grid; zero beyond the cut-off.
+    kernel: Vec<[f64; 3]>,
+    /// `(P_x, P_y, Q_x, Q_y)`, then the same of u and v: rows of the second coordinate, each followed by its first points again.
+    values: Vec<[f64; 4]>,
+    /// P and Q as `f_x + i f_y`, then u and v, by wave numbers: rows of the first, 0 to `highest`, −`highest` to −1.
+    columns: [Vec<Complex64>; 2],
+    /// [`ROWS`] rows of P, then of Q.
+    lines: Vec<Complex64>,
+    /// Scratch of the transforms.
+    scratch: Vec<Complex64>,
+}
+
+impl Grid {
+    /// Plans for a cell's sides; any offset.
+    ///
+    /// `tolerance`: of M, relative to its largest entry.
+    pub(super) fn new(
+        sides: [f64; 2],
+        sizes: &[FiniteSize],
+        alpha: f64,
+        cut_off: f64,
+        tolerance: f64,
+    ) -> Self {
+        let mut planner = FftPlanner::new();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "as many as the plan allows"
+        )]
+        let highest = |side: f64| (cut_off * side / (2.0 * PI)).floor() as usize;
+        // The second wave number is (k_y L_y + k_x offset)/2π, the offset at most half a side.
+        let axes = [sides[0], sides[1].hypot(0.5 * sides[0])]
+            .map(|side| Axis::new(highest(side), oversampling(tolerance), &mut planner));
+        let (points, rows) = (axes[0].points, axes[1].points);
+        let zero = Complex64::new(0.0, 0.0);
+        let scratch = axes
+            .iter()
+            .flat_map(|axis| axis.plans.iter().map(|plan| plan.get_inplace_scratch_len()))
+            .max()
+            .unwrap_or(0);
+        let kept = 2 * axes[0].highest + 1;
+        Self {
+            alpha,
+            cut_off,
+            sizes: sizes.to_vec(),
+            cell: [0.0; 3],
+            windows: Vec::with_capacity(sizes.len()),
+            kernel: vec![[0.0; 3]; (axes[0].highest + 1) * rows],
+            values: vec![[0.0; 4]; (points + WIDTH) * rows],
+            columns: [vec![zero; kept * rows], vec![zero; kept * rows]],
+            lines: vec![zero; 2 * ROWS * points],
+            scratch: vec![zero; scratch],
+            axes,
+        }
+    }
+
+    /// Number of points of the grid.
+    #[cfg(test)]
+    pub(super) fn points(&self) -> usize {
+        self.axes[0].points * self.axes[1].points
+    }
+
+    /// Takes cell and centres of the next applications.
+    pub(super) fn update(&mut self, cell: &Cell, centres: &[Vec2]) {
+        let Cell::Periodic {
+            length_x,
+            length_y,
+            offset,
+        } = *cell
+        else {
+            return;
+        };
+        if self.cell != [length_x, length_y, offset] {
+            self.cell = [length_x, length_y, offset];
+            self.fill_kernel();
+        }
+        let Self { windows, axes, .. } = self;
+        windows.clear();
+        vectorised(
+            #[inline(always)]
+            || {
+                for x in centres {
+                    let second = x.y / length_y;
+                    let first = (x.x - second * offset) / length_x;
+                    windows.push([axes[0].window(first), axes[1].window(second)]);
+                }
+            },
+        );
+    }
+
+    /// Wave vector of wave numbers (m, n).
+    fn wave(&self, m: isize, n: isize) -> Vec2 {
+        let [length_x, length_y, offset] = self.cell;
+        let (m, n) = (m as f64, n as f64);
+        Vec2::new(
+            2.0 * PI * m / length_x,
+            2.0 * PI / length_y * (n - m * offset / length_x),
+        )
+    }
+
+    /// The transforms of the kernels at this cell.
+    fn fill_kernel(&mut self) {
+        let area = self.cell[0] * self.cell[1];
+        self.kernel.fill([0.0; 3]);
+        let points = self.axes[1].points;
+        let highest = self.axes[1].highest.cast_signed();
+        for m in 0..=self.axes[0].highest {
+            for n in -highest..=highest {
+                let k = self.wave(m.cast_signed(), n);
+                let square = k.norm_squared();
+                if square == 0.0 || square > self.cut_off * self.cut_off {
+                    continue;
+                }
+                let window = self.axes[0].correction[m] * self.axes[1].correction[n.unsigned_abs()];
+                self.kernel[m * points + self.axes[1].index(n)] =
+                    transforms(k, self.alpha).map(|b| b * window * window / area);
+            }
+        }
+    }
+
+    /// Adds the wave part of `M x` to y; modes of each sphere as `(s1, s2, s3, F_x, F_y, T)` or `(e1, e2, e3, U_x, U_y, Ω)`.
+    pub(super) fn add(&mut self, x: &[[f64; 6]], y: &mut [[f64; 6]]) {
+        vectorised(
+            #[inline(always)]
+            || self.spread(x),
+        );
+        self.transform_forward();
+        self.multiply();
+        self.transform_back();
+        vectorised(
+            #[inline(always)]
+            || self.read(y),
+        );
+    }
+
+    /// Derivatives of the lattice coordinates d: `∂_x = d₀ ∂_X, ∂_y = d₁ ∂_X + d₂ ∂_Y`.
+    fn slopes(&self) -> [f64; 3] {
+        let [length_x, length_y, offset] = self.cell;
+        [
+            length_x.recip(),
+            -offset / (length_x * length_y),
+            length_y.recip(),
+        ]
+    }
+
+    /// Spreads the sources over the grid: P and Q there.
+    #[inline(always)]
+    fn spread(&mut self, x: &[[f64; 6]]) {
+        self.values.fill([0.0; 4]);
+        let d = self.slopes();
+        let (columns, rows) = (self.axes[0].points, self.axes[1].points);
+        let stride = columns + WIDTH;
+        let spheres = self.windows.iter().zip(&self.sizes).zip(x);
+        for (([along, across], size), &[s1, s2, s3, fx, fy, torque]) in spheres {
+            let stress = dipole([s1, s2, s3]);
+            let turn = [[0.0, -0.5 * torque], [0.5 * torque, 0.0]];
+            // Weights of the window, and of its derivatives by X and by Y.
+            let (mut value, mut by_x, mut by_y) = ([0.0_f64; 4], [0.0_f64; 4], [0.0_f64; 4]);
+            for b in 0..2 {
+                let force = [fx, fy][b];
+                let total = [0, 1].map(|c| stress[b][c] + turn[b][c]);
+                value[b] = force;
+                by_x[b] = -(total[0] * d[0] + total[1] * d[1]);
+                by_y[b] = -total[1] * d[2];
+                value[2 + b] = size.force * force;
+                by_x[2 + b] = -size.stresslet * (stress[b][0] * d[0] + stress[b][1] * d[1]);
+                by_y[2 + b] = -size.stresslet * stress[b][1] * d[2];
+            }
+            for r in 0..WIDTH {
+                let start = (across.first + r) % rows * stride + along.first;
+                let (v, s) = (across.values[r], across.slopes[r]);
+                let by_value: [f64; 4] = std::array::from_fn(|k| v.mul_add(value[k], s * by_y[k]));
+                let by_slope = by_x.map(|weight| weight * v);
+                let points = &mut self.values[start..start + WIDTH];
+                for (c, point) in points.iter_mut().enumerate() {
+                    let (v, s) = (along.values[c], along.slopes[c]);
+                    for k in 0..4 {
+                        point[k] = by_value[k].mul_add(v, by_slope[k].mul_add(s, point[k]));
+                    }
+                }
+            }
+        }
+        for row in self.values.chunks_exact_mut(stride) {
+            let (row, beyond) = row.split_at_mut(columns);
+            for (point, beyond) in row.iter_mut().zip(beyond) {
+                for k in 0..4 {
+                    point[k] += beyond[k];
+                }
+            }
+        }
+    }
+
+    /// Both fields to wave numbers; of the first, only those kept.
+    fn transform_forward(&mut self) {
+        let Self {
+            axes,
+            values,
+            columns,
+            lines,
+            scratch,
+            ..
+        } = self;
+        let (points, rows) = (axes[0].points, axes[1].points);
+        let stride = points + WIDTH;
+        for (block, values) in values.chunks(ROWS * stride).enumerate() {
+            for (b, row) in values.chunks_exact(stride).enumerate() {
+                for (field, half) in lines.chunks_exact_mut(ROWS * points).enumerate() {
+                    let line = &mut half[b * points..(b + 1) * points];
+                    for (value, point) in line.iter_mut().zip(row) {
+                        *value = Complex64::new(point[2 * field], point[2 * field + 1]);
+                    }
+                }
+            }
+            axes[0].plans[0].process_with_scratch(lines, scratch);
+            let count = values.len() / stride;
+            for (half, column) in lines.chunks_exact(ROWS * points).zip(&mut *columns) {
+                for (kept, column) in column.chunks_exact_mut(rows).enumerate() {
+                    let at = grid_row(kept, axes[0].highest, points);
+                    let place = &mut column[block * ROWS..block * ROWS + count];
+                    for (value, line) in place.iter_mut().zip(half.chunks_exact(points)) {
+                        *value = line[at];
+                    }
+                }
+            }
+        }
+        for column in columns {
+            axes[1].plans[0].process_with_scratch(column, scratch);
+        }
+    }
+
+    /// The reverse of [`Grid::transform`].
+    fn transform_back(&mut self) {
+        let Self {
+            axes,
+            values,
+            columns,
+            lines,
+            scratch,
+            ..
+        } = self;
+        let (points, rows) = (axes[0].points, axes[1].points);
+        let stride = points + WIDTH;
+        for column in &mut *columns {
+            axes[1].plans[1].process_with_scratch(column, scratch);
+        }
+        for (block, values) in values.chunks_mut(ROWS * stride).enumerate() {
+            lines.fill(Complex64::new(0.0, 0.0));
+            let count = values.len() / stride;
+            for (half, column) in lines.chunks_exact_mut(ROWS * points).zip(&*columns) {
+                for (kept, column) in column.chunks_exact(rows).enumerate() {
+                    let at = grid_row(kept, axes[0].highest, points);
+                    let place = &column[block * ROWS..block * ROWS + count];
+                    for (value, line) in place.iter().zip(half.chunks_exact_mut(points)) {
+                        line[at] = *value;
+                    }
+                }
+            }
+            axes[0].plans[1].process_with_scratch(lines, scratch);
+            let (u, v) = lines.split_at(ROWS * points);
+            for (b, row) in values.chunks_exact_mut(stride).enumerate() {
+                let (u, v) = (
+                    &u[b * points..(b + 1) * points],
+                    &v[b * points..(b + 1) * points],
+                );
+                for ((point, u), v) in row.iter_mut().zip(u).zip(v) {
+                    *point = [u.re, u.im, v.re, v.im];
+                }
+                row.copy_within(..WIDTH, points);
+            }
+        }
+    }
+
+    /// Computes u and v of every wave vector from P and Q.
+    fn multiply(&mut self) {
+        let rows = self.axes[1].points;
+        let highest = self.axes[0].highest;
+        let [p, q] = &mut self.columns;
+        let zero = Complex64::new(0.0, 0.0);
+        let [length_x, length_y, offset] = self.cell;
+        for m in 0..=highest {
+            let opposite = if m == 0 { 0 } else { 2 * highest + 1 - m };
+            let kx = 2.0 * PI * m as f64 / length_x;
+            for at in 0..rows {
+                let (here, there) = (m * rows + at, opposite * rows + (rows - at) % rows);
+                // Of m = 0 each pair k, −k is met twice.
+                if m == 0 && here > there {
+                    continue;
+                }
+                let [b0, b1, b2] = self.kernel[here];
+                if b2 == 0.0 {
+                    for field in [&mut *p, &mut *q] {
+                        field[here] = zero;
+                        field[there] = zero;
+                    }
+                    continue;
+                }
+                let n = if at > rows / 2 {
+                    at as f64 - rows as f64
+                } else {
+                    at as f64
+                };
+                let ky = 2.0 * PI / length_y * (n - m as f64 * offset / length_x);
+                let [source, sized] = [&*p, &*q].map(|field| split(field[here], field[there]));
+                let along = |v: [Complex64; 2]| v[0] * kx + v[1] * ky;
+                let (kp, kq) = (along(source), along(sized));
+                let shear = kp * b0 - kq * b1;
+                let u = [
+                    sized[0] * b2 - source[0] * b1 + shear * kx,
+                    sized[1] * b2 - source[1] * b1 + shear * ky,
+                ];
+                let v = [
+                    source[0] * b2 - kp * (b1 * kx),
+                    source[1] * b2 - kp * (b1 * ky),
+                ];
+                for (field, values) in [(&mut *p, u), (&mut *q, v)] {
+                    [field[here], field[there]] = pack(values);
+                }
+            }
+        }
+    }
+
+    /// Adds the modes of each sphere read off u and v: the transpose of [`Grid::spread`].
+    #[inline(always)]
+    fn read(&self, y: &mut [[f64; 6]]) {
+        let d = self.slopes();
+        let (columns, rows) = (self.axes[0].points, self.axes[1].points);
+        let stride = columns + WIDTH;
+        let spheres = self.windows.iter().zip(&self.sizes).zip(y);
+        for (([along, across], size), y) in spheres {
+            // Of u and v: value, and derivatives of the window by X and by Y.
+            let (mut value, mut by_x, mut by_y) = ([0.0_f64; 4], [0.0_f64; 4], [0.0_f64; 4]);
+            for r in 0..WIDTH {
+                let start = (across.first + r) % rows * stride + along.first;
+                let (mut by_value, mut by_slope) = ([0.0_f64; 4], [0.0_f64; 4]);
+                let points = &self.values[start..start + WIDTH];
+                for (c, point) in points.iter().enumerate() {
+                    let (v, s) = (along.values[c], along.slopes[c]);
+                    for k in 0..4 {
+                        by_value[k] = point[k].mul_add(v, by_value[k]);
+                        by_slope[k] = point[k].mul_add(s, by_slope[k]);
+                    }
+                }
+                let (v, s) = (across.values[r], across.slopes[r]);
+                for k in 0..4 {
+                    value[k] = by_value[k].mul_add(v, value[k]);
+                    by_x[k] = by_slope[k].mul_add(v, by_x[k]);
+                    by_y[k] = by_value[k].mul_add(s, by_y[k]);
+                }
+            }
+            // ∂ of the centre is minus that of the grid point.
+            let dx = by_x.map(|slope| -(slope * d[0]));
+            let dy: [f64; 4] = std::array::from_fn(|k| -(by_x[k] * d[1] + by_y[k] * d[2]));
+            let strain = |k: usize| {
+                [
+                    FRAC_1_SQRT_2 * (dx[k] - dy[k + 1]),
+                    FRAC_1_SQRT_2 * (dx[k + 1] + dy[k]),
+                    1.5_f64.sqrt() * (dx[k] + dy[k + 1]),
+                ]
+            };
+            let (own, sized) = (strain(0), strain(2));
+            for k in 0..3 {
+                y[k] += own[k] + size.stresslet * sized[k];
+            }
+            y[3] += value[0] + size.force * value[2];
+            y[4] += value[1] + size.force * value[3];
+            y[5] += 0.5 * (dx[1] - dy[0]);
+        }
+    }
+}
+
+/// Grid points over wave numbers that keep the window's errors below a tolerance of M.
+///
+/// The window leaves exp(−π WIDTH √(1 − 1/oversampling)) of each wave; derivatives of what is folded onto the smallest wave
+/// vectors weigh some hundred times more. Test `operator_is_the_dense_mobility`.
+fn oversampling(tolerance: f64) -> f64 {
+    let root = (FOLDED / tolerance).ln() / (PI * WIDTH as f64);
+    (1.0 - root * root).max(0.25).recip().max(1.25)
+}
+
+/// How much more than other entries of M those of dipoles suffer from the window's errors.
+const FOLDED: f64 = 200.0;
+
+/// Grid index of a line of kept wave numbers: 0 to `highest`, then −`highest` to −1.
+fn grid_row(line: usize, highest: usize, points: usize) -> usize {
+    if line <= highest {
+        line
+    } else {
+        points + line - (2 * highest + 1)
+    }
+}
+
+/// Dipole of a stresslet.
+fn dipole(s: [f64; 3]) -> [[f64; 2]; 2] {
+    let sum = 1.5_f64.sqrt() * s[2];
+    let difference = FRAC_1_SQRT_2 * s[0];
+    let off = FRAC_1_SQRT_2 * s[1];
+    [[sum + difference, off], [off, sum - difference]]
+}
+
+/// Transforms of two real fields a, b at k from those of a + ib at k and −k.
+fn split(here: Complex64, there: Complex64) -> [Complex64; 2] {
+    let (sum, difference) = (here + there.conj(), here - there.conj());
+    [
+        sum * 0.5,
+        Complex64::new(difference.im, -difference.re) * 0.5,
+    ]
+}
+
+/// The reverse: transforms of a + ib at k and −k.
+fn pack([a, b]: [Complex64; 2]) -> [Complex64; 2] {
+    [
+        Complex64::new(a.re - b.im, a.im + b.re),
+        Complex64::new(a.re + b.im, b.re - a.im),
+    ]
+}

@@ -1,0 +1,213 @@
+//! One lattice direction of the grid: its points, its window, its transforms.
+//!
+//! ```text
+//! window w(z) = I₀(β √(1 − z²))/I₀(β), |z| < 1, over WIDTH points;   its transform at m: WIDTH sinh(s)/(s I₀(β)), s = √(β² − (π WIDTH m/points)²)
+//! ```
+//! Between two grid points every value under the window is a polynomial of the place, fitted once.
+
+use rustfft::{Fft, FftPlanner};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Points under the window along each coordinate.
+pub(super) const WIDTH: usize = 12;
+/// Degree of the polynomials that stand for the window.
+const DEGREE: usize = 15;
+
+/// The window of one sphere along one coordinate.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Window {
+    /// First grid point; the next ones follow, wrapped.
+    pub(super) first: usize,
+    pub(super) values: [f64; WIDTH],
+    /// Derivatives with respect to the grid point's lattice coordinate.
+    pub(super) slopes: [f64; WIDTH],
+}
+
+/// One lattice direction of the grid.
+#[derive(Clone)]
+pub(super) struct Axis {
+    /// Grid points.
+    pub(super) points: usize,
+    /// Largest wave number kept.
+    pub(super) highest: usize,
+    /// One over the window's transform, by wave number ≥ 0.
+    pub(super) correction: Vec<f64>,
+    /// Coefficients of the window's values in u = 2t − 1, t the place between two grid points.
+    polynomials: [[f64; WIDTH]; DEGREE + 1],
+    /// Transforms along the axis, forward and back.
+    pub(super) plans: [Arc<dyn Fft<f64>>; 2],
+}
+
+impl Axis {
+    /// Wave numbers up to `highest` on a grid `oversampling` times as fine as they need, or somewhat finer.
+    pub(super) fn new(highest: usize, oversampling: f64, planner: &mut FftPlanner<f64>) -> Self {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a grid fits the memory"
+        )]
+        let least = (oversampling * (2 * highest + 1) as f64).ceil() as usize;
+        let points = regular(least.max(2 * WIDTH));
+        let ratio = points as f64 / (2 * highest + 1) as f64;
+        // Beatty, Nishimura & Pauly 2005, eq. (5).
+        let scaled = WIDTH as f64 / ratio * (ratio - 0.5);
+        let shape = PI * (scaled * scaled - 0.8).sqrt();
+        let correction = (0..=highest)
+            .map(|m| {
+                let argument = PI * m as f64 / points as f64 * WIDTH as f64;
+                let root = (shape * shape - argument * argument).sqrt();
+                bessel(shape) * root / (WIDTH as f64 * root.sinh())
+            })
+            .collect();
+        Self {
+            points,
+            highest,
+            correction,
+            polynomials: fit_window(shape),
+            plans: [
+                planner.plan_fft_forward(points),
+                planner.plan_fft_inverse(points),
+            ],
+        }
+    }
+
+    /// The window around a lattice coordinate.
+    #[inline(always)]
+    pub(super) fn window(&self, coordinate: f64) -> Window {
+        let points = self.points as f64;
+        let position = (coordinate - coordinate.floor()) * points;
+        let begin = position - 0.5 * WIDTH as f64;
+        let start = begin.ceil();
+        let u = 2.0 * (start - begin) - 1.0;
+        let mut values = self.polynomials[DEGREE];
+        let mut slopes = [0.0_f64; WIDTH];
+        for coefficients in self.polynomials[..DEGREE].iter().rev() {
+            for k in 0..WIDTH {
+                slopes[k] = slopes[k].mul_add(u, values[k]);
+                values[k] = values[k].mul_add(u, coefficients[k]);
+            }
+        }
+        // u advances by 2 from one grid point to the next.
+        let slopes = slopes.map(|slope| 2.0 * points * slope);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "wrapped to a grid point"
+        )]
+        let first = start.rem_euclid(points) as usize % self.points;
+        Window {
+            first,
+            values,
+            slopes,
+        }
+    }
+
+    /// Grid index of a wave number of either sign.
+    pub(super) fn index(&self, wave: isize) -> usize {
+        wave.rem_euclid(self.points.cast_signed()).cast_unsigned()
+    }
+}
+
+/// Polynomials through the window's values at Chebyshev points, by Newton's divided differences.
+fn fit_window(shape: f64) -> [[f64; WIDTH]; DEGREE + 1] {
+    let nodes: [f64; DEGREE + 1] =
+        std::array::from_fn(|k| (PI * (k as f64 + 0.5) / (DEGREE + 1) as f64).cos());
+    let scale = bessel(shape).recip();
+    let mut differences = nodes.map(|u| {
+        std::array::from_fn(|k| {
+            let z = (0.5 * (u + 1.0) + k as f64) / (0.5 * WIDTH as f64) - 1.0;
+            scale * bessel(shape * (1.0 - z * z).max(0.0).sqrt())
+        })
+    });
+    for order in 1..=DEGREE {
+        for k in (order..=DEGREE).rev() {
+            let before: [f64; WIDTH] = differences[k - 1];
+            for (value, before) in differences[k].iter_mut().zip(before) {
+                *value = (*value - before) / (nodes[k] - nodes[k - order]);
+            }
+        }
+    }
+    let mut coefficients = [[0.0_f64; WIDTH]; DEGREE + 1];
+    for k in (0..=DEGREE).rev() {
+        // coefficients ← coefficients (u − node) + difference
+        for power in (0..=DEGREE).rev() {
+            for q in 0..WIDTH {
+                let lower = match power {
+                    0 => differences[k][q],
+                    _ => coefficients[power - 1][q],
+                };
+                coefficients[power][q] = lower - nodes[k] * coefficients[power][q];
+            }
+        }
+    }
+    coefficients
+}
+
+/// `I₀(x)` by its power series.
+fn bessel(x: f64) -> f64 {
+    let quarter = 0.25 * x * x;
+    let (mut term, mut sum) = (1.0, 0.0);
+    let mut k = 0.0;
+    while term > 1e-17 * sum {
+        sum += term;
+        k += 1.0;
+        term *= quarter / (k * k);
+    }
+    sum
+}
+
+/// The least even number, at least `least`, without prime factors above 5.
+fn regular(least: usize) -> usize {
+    let smooth = |mut n: usize| {
+        for factor in [2, 3, 5] {
+            while n.is_multiple_of(factor) {
+                n /= factor;
+            }
+        }
+        n == 1
+    };
+    let mut n = least.next_multiple_of(2);
+    while !smooth(n) {
+        n += 2;
+    }
+    n
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn window_is_the_bessel_function_and_its_slope() {
+        let axis = Axis::new(40, 1.7, &mut FftPlanner::new());
+        let ratio = axis.points as f64 / 81.0;
+        let scaled = WIDTH as f64 / ratio * (ratio - 0.5);
+        let shape = PI * (scaled * scaled - 0.8).sqrt();
+        let exact = |z: f64| bessel(shape * (1.0 - z * z).max(0.0).sqrt()) / bessel(shape);
+        for coordinate in [0.0, 0.1234, -3.77, 0.9999] {
+            let window = axis.window(coordinate);
+            let position = (coordinate - coordinate.floor()) * axis.points as f64;
+            for k in 0..WIDTH {
+                let mut distance = (window.first + k) as f64 - position;
+                distance -= (distance / axis.points as f64).round() * axis.points as f64;
+                let z = distance / (0.5 * WIDTH as f64);
+                assert!(
+                    (window.values[k] - exact(z)).abs() < 1e-12,
+                    "{coordinate} {k}"
+                );
+                if z.abs() < 0.95 {
+                    let h = 1e-4;
+                    let slope = (exact(z + h) - exact(z - h)) / (2.0 * h) / (0.5 * WIDTH as f64);
+                    let found = window.slopes[k] / axis.points as f64;
+                    assert!((found - slope).abs() < 1e-6, "{coordinate} {k}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn regular_numbers_are_even_and_smooth() {
+        assert_eq!([1, 2, 7, 11, 131].map(regular), [2, 2, 8, 12, 144]);
+    }
+}

@@ -1,0 +1,159 @@
+//! The motion in two parts under an iterated far field, as the friction law asks for.
+//!
+//! ```text
+//! v_N: the motion under all forces but friction,   v_T: what friction adds,   v = v_N + v_T
+//! R_BM v_N = F + R_n,FE E + Cᵀ f − δ_N,   R_BM v_T = −Dᵀ F_t − δ_T        contact law on v and the slip of v_N
+//! M q_N = (−E; v_N) − V c_N,   M q_T = (0; v_T) − V c_T                   q = M₀⁻¹ x + δ, Vᵀ q = 0 for each part
+//! ```
+//! Contacts are solved under Ball-Melrose hydrodynamics, on which the far field acts as the forces −δ. Given q and c, take
+//! `δ = q − M₀⁻¹ (M q + V c)` and let the spheres move; `M₀⁻¹ x + δ` is the next q, and c moves by what the pair terms would need to
+//! take up the force on the layer, `(Vᵀ R_n V)⁻¹ Vᵀ q`. This map is what the preconditioned conjugate gradients of [`super`]
+//! iterate; contacts make it piecewise linear, and friction takes its symmetry: [`super::fixed_point`] accelerates it, remembering many
+//! steps.
+
+use super::uniform::{Uniform, translation};
+use crate::hydrodynamics::far_field::operator::FarOperator;
+use crate::linalg::anderson::Anderson;
+use crate::linalg::dense::dot;
+use nalgebra::Vector3;
+
+/// Steps that the acceleration remembers.
+const DEPTH: usize = 40;
+
+/// Vectors of the iteration, `[12N]`: part N `[6N]`, strains first, then part T; where said also c of both parts, four numbers.
+pub(super) struct SplitMotion {
+    /// `√M₀ q` and c times the root of the layer's drag, `[12N + 4]`.
+    pub(super) scaled: Vec<f64>,
+    /// `√M₀⁻¹`, then one over the root of the layer's drag, `[12N + 4]`.
+    pub(super) roots: Vec<f64>,
+    /// q.
+    densities: Vec<f64>,
+    /// `M q + V c`.
+    flow: Vec<f64>,
+    /// Change of `scaled` in one iteration, `[12N + 4]`.
+    pub(super) change: Vec<f64>,
+    /// Forces on the Ball-Melrose spheres, `[6N]`.
+    pub(super) forces: Vec<f64>,
+    /// Velocities, `[6N]`.
+    pub(super) velocities: Vec<f64>,
+    /// Friction forces applied, by candidate.
+    pub(super) applied: Vec<f64>,
+    /// Friction forces that the law makes of the motion under them.
+    pub(super) wanted: Vec<f64>,
+    pub(super) anderson: Anderson,
+}
+
+impl SplitMotion {
+    /// From nothing, for spheres whose isolated drags `[6N]`, strains first, are the diagonal of M₀⁻¹.
+    pub(super) fn new(drag: &[f64]) -> Self {
+        let n = drag.len();
+        let whole: f64 = drag[n / 2..].iter().step_by(3).sum();
+        let mut roots: Vec<f64> = drag.iter().chain(drag).map(|drag| drag.sqrt()).collect();
+        roots.extend([whole.sqrt().recip(); 4]);
+        Self {
+            scaled: vec![0.0; 2 * n + 4],
+            roots,
+            densities: vec![0.0; 2 * n],
+            flow: vec![0.0; 2 * n],
+            change: vec![0.0; 2 * n + 4],
+            forces: vec![0.0; n],
+            velocities: vec![0.0; n],
+            applied: Vec::new(),
+            wanted: Vec::new(),
+            anderson: Anderson::new(DEPTH, 2 * n + 4),
+        }
+    }
+
+    /// Forgets the last solve: the next one starts from nothing.
+    pub(super) fn forget(&mut self) {
+        self.scaled.fill(0.0);
+    }
+
+    /// Norm of `change` over that of the next `√M₀ q` of both parts together: near jamming the two are large and all but cancel.
+    pub(super) fn relative_change(&self) -> f64 {
+        let part = (self.roots.len() - 4) / 2;
+        let next: f64 = (0..part)
+            .map(|k| {
+                let [n, t] = [k, k + part].map(|at| self.scaled[at] + self.change[at]);
+                (n + t) * (n + t)
+            })
+            .sum();
+        let square = dot(&self.change, &self.change);
+        if square > 0.0 {
+            (square / next).sqrt()
+        } else {
+            0.0
+        }
+    }
+
+    /// `M q`, and with it the forces on the Ball-Melrose spheres.
+    ///
+    /// `drag`: the diagonal of M₀⁻¹, `[6N]`; `forces`: on the spheres, `[3N]`.
+    pub(super) fn take_flow(&mut self, operator: &mut FarOperator, drag: &[f64], forces: &[f64]) {
+        let whole = drag.len();
+        let half = whole / 2;
+        for ((q, scaled), root) in self.densities.iter_mut().zip(&self.scaled).zip(&self.roots) {
+            *q = scaled * root;
+        }
+        self.flow.fill(0.0);
+        let moving = self.densities.iter().rposition(|&q| q != 0.0);
+        let parts = moving.map_or(0, |last| last / whole + 1) * whole;
+        operator.apply(&self.densities[..parts], &mut self.flow[..parts]);
+        for part in 0..2 {
+            let q = &self.densities[part * whole..(part + 1) * whole];
+            let flow = &mut self.flow[part * whole..(part + 1) * whole];
+            let c = [0, 1].map(|row| {
+                let at = 2 * (whole + part) + row;
+                self.scaled[at] * self.roots[at]
+            });
+            for k in 0..half {
+                flow[half + k] += translation(c, k);
+                let external = if part == 0 { forces[k] } else { 0.0 };
+                let excess = q[half + k] - drag[half + k] * flow[half + k];
+                self.forces[part * half + k] = external - excess;
+            }
+        }
+    }
+
+    /// The change for the velocities at hand: `√M₀⁻¹ (x − M q − V c)`, and that of c.
+    pub(super) fn take_change(&mut self, uniform: &Uniform, strain: &Vector3<f64>) {
+        let whole = self.velocities.len();
+        let half = whole / 2;
+        for part in 0..2 {
+            for k in 0..whole {
+                let x = match (part, k < half) {
+                    (_, false) => self.velocities[part * half + k - half],
+                    (0, true) => -strain[k % 3],
+                    _ => 0.0,
+                };
+                let at = part * whole + k;
+                self.change[at] = self.roots[at] * (x - self.flow[at]);
+            }
+            // The next q, whose sum the pair terms are to take up.
+            let mut net = [0.0; 2];
+            for k in (0..half).filter(|k| k % 3 < 2) {
+                let at = part * whole + half + k;
+                net[k % 3] += self.densities[at] + self.roots[at] * self.change[at];
+            }
+            let c = uniform.against(net);
+            for (row, c) in c.into_iter().enumerate() {
+                let at = 2 * (whole + part) + row;
+                self.change[at] = c / self.roots[at];
+            }
+        }
+    }
+
+    /// The excess δ `[6N]` of both parts together, and their velocities `[3N]`.
+    pub(super) fn finish(&self, drag: &[f64], excess: &mut [f64], velocities: &mut [f64]) {
+        let whole = drag.len();
+        let half = whole / 2;
+        let (normal, friction) = self.velocities.split_at(half);
+        for ((v, normal), friction) in velocities.iter_mut().zip(normal).zip(friction) {
+            *v = normal + friction;
+        }
+        for (k, excess) in excess.iter_mut().enumerate() {
+            let parts = [k, k + whole].map(|at| self.densities[at] - drag[k] * self.flow[at]);
+            *excess = parts[0] + parts[1];
+        }
+    }
+}

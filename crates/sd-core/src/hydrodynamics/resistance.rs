@@ -1,0 +1,326 @@
+//! Grand resistance of all spheres, and the factored solve for their velocities.
+//!
+//! ```text
+//! (F, T, S~) = R (v, −E),   v = (U − u∞, Ω − Ω∞)
+//! Stokesian Dynamics:  R = R_far + Σ_pairs [R2B − R2B_inf]
+//! Ball-Melrose:        R = diag(6π a, 8π a³, (20/3)π a³) + Σ_pairs [R2B − R2B_inf]
+//! ```
+//!
+//! Every pair term is positive semidefinite, so R is positive definite in both. Pairs count up to
+//! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count at any distance and are
+//! then exact under Stokesian Dynamics. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
+//!
+//! `R_FU` is held in one of three forms: full with the far field in it, within a skyline, or pair by pair without a factor.
+
+mod dense;
+mod isolated;
+mod pair_terms;
+mod pairwise;
+mod skyline;
+mod tables;
+
+use crate::error::Error;
+use crate::geometry::cell::{Cell, LUBRICATION_RANGE};
+use crate::geometry::modes::Vec2;
+use crate::geometry::neighbours::{MOST_NEIGHBOURS, NeighbourList};
+use crate::geometry::pair::{Neighbours, PairKey};
+use crate::hydrodynamics::far_field::FarField;
+use crate::hydrodynamics::two_sphere::PairTerm;
+use crate::linalg::cholesky::skyline::SkylineCholesky;
+use crate::params::Hydrodynamics;
+use dense::DenseResistance;
+use nalgebra::Vector3;
+pub use pairwise::PairwiseResistance;
+use skyline::SkylineResistance;
+use tables::PairTables;
+
+pub use tables::NearFields;
+
+/// How `R_FU` is held.
+enum Form {
+    /// Stokesian Dynamics, full and factored.
+    Dense(Box<DenseResistance>),
+    /// Ball-Melrose, factored within a skyline.
+    Skyline(Box<SkylineResistance>),
+    /// Ball-Melrose, pair by pair.
+    Pairwise(Box<PairwiseResistance>),
+}
+
+/// Grand resistance at one set of positions, with its workspace.
+pub struct Resistance {
+    radii: Vec<f64>,
+    tables: PairTables,
+    /// Range of the pair sum in s'.
+    range: f64,
+    /// Gap below which near-field terms are those of this gap, in a.
+    lubrication_gap: f64,
+    neighbours: NeighbourList,
+    /// Their near-field terms.
+    terms: Vec<PairTerm>,
+    form: Form,
+}
+
+impl Resistance {
+    /// Workspace for spheres of the given radii, in cells of the given sides, with `R_FU` factored.
+    ///
+    /// Tables that `tables` lacks are made here, which costs seconds per size ratio.
+    ///
+    /// # Errors
+    /// No sphere, a cell thinner than twice the lubrication range, a size ratio outside 0.01 to 100.
+    pub fn new(
+        hydrodynamics: Hydrodynamics,
+        cell: &Cell,
+        radii: &[f64],
+        tables: &NearFields,
+    ) -> Result<Self, Error> {
+        match hydrodynamics {
+            Hydrodynamics::StokesianDynamics => {
+                Self::new_dense(cell, radii, tables, FarField::DEFAULT_TOLERANCE)
+            }
+            Hydrodynamics::BallMelrose => Self::with_form(cell, radii, tables, || {
+                let skyline = SkylineResistance::new(radii.len());
+                Ok(Form::Skyline(Box::new(skyline)))
+            }),
+        }
+    }
+
+    /// As [`Resistance::new`] for Stokesian Dynamics, with another tolerance of the periodic sums than [`FarField::DEFAULT_TOLERANCE`].
+    ///
+    /// # Errors
+    /// Those of [`Resistance::new`] and of [`FarField::new`].
+    pub(crate) fn new_dense(
+        cell: &Cell,
+        radii: &[f64],
+        tables: &NearFields,
+        tolerance: f64,
+    ) -> Result<Self, Error> {
+        Self::with_form(cell, radii, tables, || {
+            let far_field = FarField::new(cell, radii, tolerance)?;
+            Ok(Form::Dense(Box::new(DenseResistance::new(far_field))))
+        })
+    }
+
+    /// As [`Resistance::new`] for Ball-Melrose hydrodynamics, with `R_FU` held as a [`PairwiseResistance`] in place of a factor: O(N),
+    /// for many spheres.
+    ///
+    /// `pattern_pairs`: pairs of the near part's pattern where a run goes on, ordered; else empty.
+    ///
+    /// # Errors
+    /// Those of [`Resistance::new`]; [`Error::OutOfMemory`].
+    pub fn new_pairwise(
+        cell: &Cell,
+        radii: &[f64],
+        tables: &NearFields,
+        pattern_pairs: &[PairKey],
+    ) -> Result<Self, Error> {
+        Self::with_form(cell, radii, tables, || {
+            let pairwise = PairwiseResistance::new(radii.len(), pattern_pairs)?;
+            Ok(Form::Pairwise(Box::new(pairwise)))
+        })
+    }
+
+    /// Makes what all forms share, and then the form.
+    fn with_form(
+        cell: &Cell,
+        radii: &[f64],
+        tables: &NearFields,
+        form: impl FnOnce() -> Result<Form, Error>,
+    ) -> Result<Self, Error> {
+        if radii.is_empty() {
+            return Err(Error::NoSpheres);
+        }
+        cell.check_range(radii)?;
+        let tables = PairTables::new(radii, tables)?;
+        let range = if *cell == Cell::Unbounded && radii.len() == 2 {
+            f64::INFINITY
+        } else {
+            LUBRICATION_RANGE
+        };
+        Ok(Self {
+            radii: radii.to_vec(),
+            tables,
+            range,
+            lubrication_gap: 0.0,
+            neighbours: NeighbourList::new(radii.len()),
+            terms: Vec::with_capacity(MOST_NEIGHBOURS * radii.len() / 2),
+            form: form()?,
+        })
+    }
+
+    /// For soft spheres: near-field terms below a gap are those at that gap, and surfaces may overlap by less than `deepest`, in a.
+    pub fn regularise(&mut self, lubrication_gap: f64, deepest: f64) {
+        self.lubrication_gap = lubrication_gap;
+        self.neighbours.allow_overlap(deepest);
+    }
+
+    /// Assembles and factors at new positions. The cell's sides must be those of [`Resistance::new`]; its offset is free.
+    ///
+    /// # Errors
+    /// [`Error::Overlap`], [`Error::NotPositiveDefinite`].
+    pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+        self.assemble(cell, centres)?;
+        self.factor()
+    }
+
+    /// The first half of [`Resistance::update`]: far field, pair terms, `R_FU`. [`Resistance::factor`] must follow.
+    ///
+    /// # Errors
+    /// [`Error::Overlap`]; [`Error::NotPositiveDefinite`] for the far-field mobility.
+    pub fn assemble(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+        self.neighbours
+            .update(cell, centres, &self.radii, self.range)?;
+        let (radii, pairs) = (&self.radii, self.neighbours.pairs());
+        let (least, terms) = (self.lubrication_gap, &mut self.terms);
+        pair_terms::evaluate(&self.tables, radii, pairs, least, terms);
+        match &mut self.form {
+            Form::Dense(dense) => dense.assemble(cell, centres, pairs, terms),
+            Form::Skyline(skyline) => {
+                skyline.assemble(cell, centres, radii, pairs, terms);
+                Ok(())
+            }
+            Form::Pairwise(pairwise) => pairwise.assemble(pairs, terms, radii),
+        }
+    }
+
+    /// Adds `slope` n nᵀ of a pair's relative velocity to the assembled `R_FU`: a resistance along the line of centres, which the
+    /// fluid has no part in. Neither [`Resistance::apply`] nor [`Resistance::background_forces`] knows of it.
+    pub fn add_spring(&mut self, pair: &Neighbours, slope: f64) {
+        match &mut self.form {
+            Form::Dense(dense) => dense.add_spring(pair, slope),
+            Form::Skyline(skyline) => skyline.add_spring(pair, slope),
+            Form::Pairwise(pairwise) => pairwise.add_spring(pair, slope),
+        }
+    }
+
+    /// The second half of [`Resistance::update`]: factors `R_FU` in place, once for every [`Resistance::assemble`]. What is held pair by
+    /// pair has no factor and stays as it is.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`].
+    pub fn factor(&mut self) -> Result<(), Error> {
+        let factored = match &mut self.form {
+            Form::Dense(dense) => dense.factor(),
+            Form::Skyline(skyline) => skyline.factor(),
+            Form::Pairwise(_) => Ok(()),
+        };
+        factored.map_err(|bad| Error::NotPositiveDefinite {
+            matrix: "force-velocity resistance",
+            pivot: bad.pivot,
+            sphere: match &self.form {
+                Form::Skyline(skyline) => skyline.spheres()[bad.pivot / 3],
+                Form::Dense(_) | Form::Pairwise(_) => bad.pivot / 3,
+            },
+        })
+    }
+
+    /// `R_FU` pair by pair, where there is no factor.
+    pub fn pairwise(&self) -> Option<&PairwiseResistance> {
+        match &self.form {
+            Form::Pairwise(pairwise) => Some(pairwise),
+            Form::Dense(_) | Form::Skyline(_) => None,
+        }
+    }
+
+    /// Radii, in a.
+    pub fn radii(&self) -> &[f64] {
+        &self.radii
+    }
+
+    /// Pairs in range, ordered by (i, j).
+    pub fn neighbours(&self) -> &[Neighbours] {
+        self.neighbours.pairs()
+    }
+
+    /// Factor of R_FU, `[3N × 3N]`, its rows in the order of [`Resistance::row`].
+    ///
+    /// # Panics
+    /// Where `R_FU` is held pair by pair and has no factor: ask [`Resistance::pairwise`] first.
+    pub fn solver(&self) -> &SkylineCholesky {
+        match &self.form {
+            Form::Dense(dense) => dense.solver(),
+            Form::Skyline(skyline) => skyline.solver(),
+            Form::Pairwise(_) => unreachable!("what is held pair by pair has no factor"),
+        }
+    }
+
+    /// First row of a sphere in the factor.
+    pub fn row(&self, sphere: usize) -> usize {
+        match &self.form {
+            Form::Skyline(skyline) => skyline.row(sphere),
+            Form::Dense(_) | Form::Pairwise(_) => 3 * sphere,
+        }
+    }
+
+    /// Puts a vector `[3N]` into the order of the factor's rows.
+    pub fn to_rows(&self, vector: &[f64], rows: &mut Vec<f64>) {
+        rows.clear();
+        match &self.form {
+            Form::Skyline(skyline) => {
+                for &sphere in skyline.spheres() {
+                    rows.extend_from_slice(&vector[3 * sphere..3 * sphere + 3]);
+                }
+            }
+            Form::Dense(_) | Form::Pairwise(_) => rows.extend_from_slice(vector),
+        }
+    }
+
+    /// Puts a vector in the order of the factor's rows back into that of the spheres, `[3N]`.
+    pub fn from_rows(&self, rows: &[f64], vector: &mut [f64]) {
+        match &self.form {
+            Form::Skyline(skyline) => {
+                for (place, &sphere) in skyline.spheres().iter().enumerate() {
+                    vector[3 * sphere..3 * sphere + 3]
+                        .copy_from_slice(&rows[3 * place..3 * place + 3]);
+                }
+            }
+            Form::Dense(_) | Form::Pairwise(_) => vector.copy_from_slice(rows),
+        }
+    }
+
+    /// Inverse slip mobility K of the pair, alone in unbounded fluid, in mu·a.
+    pub fn slip_resistance(&self, pair: &Neighbours) -> f64 {
+        let gap = pair.gap.max(self.lubrication_gap);
+        self.tables
+            .of(pair.i, pair.j)
+            .slip_resistance(self.radii[pair.i], self.radii[pair.j], gap)
+    }
+
+    /// Forces `R_FE e` with which the background strain `(e1, e2, e3)` drives the spheres, `[3N]`.
+    pub fn background_forces(&mut self, strain: &Vector3<f64>, forces: &mut [f64]) {
+        match &mut self.form {
+            Form::Dense(dense) => dense.background_forces(strain, forces),
+            Form::Skyline(_) | Form::Pairwise(_) => forces.fill(0.0),
+        }
+        pair_terms::add_background_forces(self.neighbours.pairs(), &self.terms, strain, forces);
+    }
+
+    /// `R (v, −e)`: counterforces `R_FU v − R_FE e` `[3N]` and stresslets `S = R_SE e − R_SU v` of (20), for disturbances v `[3N]`.
+    ///
+    /// `work` is scratch.
+    pub fn apply(
+        &self,
+        velocities: &[f64],
+        strain: &Vector3<f64>,
+        work: &mut Vec<f64>,
+        forces: &mut Vec<f64>,
+        stresslets: &mut Vec<Vector3<f64>>,
+    ) {
+        forces.clear();
+        stresslets.clear();
+        match &self.form {
+            Form::Dense(dense) => dense.apply(velocities, strain, work, forces, stresslets),
+            Form::Skyline(_) | Form::Pairwise(_) => {
+                for (v, &a) in velocities.chunks_exact(3).zip(&self.radii) {
+                    let drag = isolated::drag(a);
+                    forces.extend((0..3).map(|m| drag[m] * v[m]));
+                    stresslets.push(strain * isolated::stresslet(a));
+                }
+            }
+        }
+        let (pairs, terms) = (self.neighbours.pairs(), &self.terms);
+        pair_terms::add_counterforces(pairs, terms, velocities, strain, forces, stresslets);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,13 @@
+//! A sphere alone in unbounded fluid.
+
+use std::f64::consts::PI;
+
+/// What resists its translation and its rotation: `(6π a, 6π a, 8π a³)`.
+pub(super) fn drag(a: f64) -> [f64; 3] {
+    [6.0 * PI * a, 6.0 * PI * a, 8.0 * PI * a.powi(3)]
+}
+
+/// Its stresslet over the rate of strain: `(20/3)π a³`.
+pub(super) fn stresslet(a: f64) -> f64 {
+    20.0 / 3.0 * PI * a.powi(3)
+}

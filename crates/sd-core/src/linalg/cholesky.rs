@@ -1,0 +1,8 @@
+//! Cholesky factorizations, by how the matrix is held.
+
+pub(crate) mod dense;
+mod join;
+mod recursive;
+pub(crate) mod skyline;
+pub(crate) mod sparse;
+pub(crate) mod tiled;

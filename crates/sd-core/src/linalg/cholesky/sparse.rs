@@ -1,0 +1,460 @@
+//! Sparse symmetric positive definite matrices of 3 × 3 blocks, one block row per sphere, and their Cholesky factors.
+//!
+//! Pattern, order and symbolic factorization are made once and serve all matrices of that pattern. The order is that of approximate
+//! minimum degree on the graph of the spheres; the factorization is faer's supernodal one. Matrix and factor are in **single
+//! precision**: they precondition [`crate::linalg::conjugate_gradients`], which iterates in double precision, at half the traffic.
+
+use crate::linalg::error::BadPivot;
+use crate::linalg::simd::vectorised;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
+use faer::sparse::linalg::cholesky::simplicial::prefactorize_symbolic_cholesky;
+use faer::sparse::linalg::cholesky::simplicial::prefactorize_symbolic_cholesky_scratch;
+use faer::sparse::linalg::cholesky::supernodal::{
+    SupernodalLltRef, SymbolicSupernodalCholesky, factorize_supernodal_numeric_llt,
+    factorize_supernodal_numeric_llt_scratch, factorize_supernodal_symbolic_cholesky,
+    factorize_supernodal_symbolic_cholesky_scratch,
+};
+use faer::sparse::linalg::{SymbolicSupernodalParams, amd};
+use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef};
+use faer::{Par, Spec};
+
+/// A 3 × 3 block, by columns.
+pub(crate) type Block = [f64; 9];
+
+/// Where a block is in the values of a matrix.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    start: usize,
+    /// From one column of the block to the next.
+    stride: usize,
+    /// Whether the block's columns are the second sphere's.
+    transposed: bool,
+}
+
+/// Which blocks are not zero, in what order the spheres are eliminated, and what fills in.
+#[derive(Debug)]
+pub struct BlockPattern {
+    /// Block row of each sphere.
+    rows: Vec<usize>,
+    /// Scalar pattern of the lower triangle, diagonal blocks whole.
+    scalar: SymbolicSparseColMat<usize>,
+    /// Place of each sphere's diagonal block.
+    diagonal: Vec<Place>,
+    /// Place of each coupling, in the order given.
+    couplings: Vec<Place>,
+    /// Symbolic factorization.
+    symbolic: SymbolicSupernodalCholesky<usize>,
+}
+
+impl BlockPattern {
+    /// Orders and analyses. `couplings`: pairs of different spheres, each once.
+    ///
+    /// `None` if memory is short.
+    pub fn new(spheres: usize, couplings: &[(usize, usize)]) -> Option<Self> {
+        let rows = elimination_order(spheres, couplings).ok()?;
+        // Block rows below, and above, the diagonal of each block column, ascending.
+        let (mut below, mut above) = (vec![Vec::new(); spheres], vec![Vec::new(); spheres]);
+        for &(i, j) in couplings {
+            let (first, second) = (rows[i].min(rows[j]), rows[i].max(rows[j]));
+            below[first].push(second);
+            above[second].push(first);
+        }
+        for others in below.iter_mut().chain(&mut above) {
+            others.sort_unstable();
+        }
+        let mut starts = Vec::with_capacity(spheres);
+        let mut start = 0;
+        for others in &below {
+            starts.push(start);
+            start += 9 * (1 + others.len());
+        }
+        let place = |row: usize, column: usize, transposed: bool| {
+            let others = &below[column];
+            let before = if row == column {
+                0
+            } else {
+                1 + others.partition_point(|&other| other < row)
+            };
+            Place {
+                start: starts[column] + 3 * before,
+                stride: 3 * (1 + others.len()),
+                transposed,
+            }
+        };
+        let diagonal = rows.iter().map(|&row| place(row, row, false)).collect();
+        let couplings = couplings.iter().map(|&(i, j)| {
+            let (row_i, row_j) = (rows[i], rows[j]);
+            place(row_i.max(row_j), row_i.min(row_j), row_j < row_i)
+        });
+        Some(Self {
+            diagonal,
+            couplings: couplings.collect(),
+            // The analysis reads the upper triangle, the factorization the lower one.
+            symbolic: analyse(scalars(&above).as_ref()).ok()?,
+            scalar: scalars(&below),
+            rows,
+        })
+    }
+
+    /// Number of spheres.
+    pub fn spheres(&self) -> usize {
+        self.rows.len()
+    }
+}
+
+/// The scalar pattern of a block pattern: diagonal blocks, and others by block column.
+fn scalars(others: &[Vec<usize>]) -> SymbolicSparseColMat<usize> {
+    let (mut starts, mut indices) = (vec![0], Vec::new());
+    for (column, others) in others.iter().enumerate() {
+        let mut rows = others.clone();
+        rows.push(column);
+        rows.sort_unstable();
+        for _ in 0..3 {
+            indices.extend(rows.iter().flat_map(|row| 3 * row..3 * row + 3));
+            starts.push(indices.len());
+        }
+    }
+    let size = 3 * others.len();
+    SymbolicSparseColMat::new_checked(size, size, starts, None, indices)
+}
+
+/// Block row of each sphere, by approximate minimum degree.
+fn elimination_order(
+    spheres: usize,
+    couplings: &[(usize, usize)],
+) -> Result<Vec<usize>, FaerError> {
+    let mut columns: Vec<Vec<usize>> = (0..spheres).map(|i| vec![i]).collect();
+    for &(i, j) in couplings {
+        columns[i].push(j);
+        columns[j].push(i);
+    }
+    let (mut starts, mut indices) = (vec![0], Vec::new());
+    for column in &mut columns {
+        column.sort_unstable();
+        indices.extend_from_slice(column);
+        starts.push(indices.len());
+    }
+    let graph = SymbolicSparseColMatRef::new_checked(spheres, spheres, &starts, None, &indices);
+    let (mut order, mut rows) = (vec![0; spheres], vec![0; spheres]);
+    let scratch = amd::order_scratch::<usize>(spheres, indices.len());
+    let mut memory = MemBuffer::try_new(scratch).map_err(|_| FaerError::OutOfMemory)?;
+    let control = amd::Control::default();
+    let stack = MemStack::new(&mut memory);
+    amd::order(&mut order, &mut rows, graph, control, stack)?;
+    Ok(rows)
+}
+
+/// Symbolic factorization of the matrix with that upper triangle.
+fn analyse(
+    upper: SymbolicSparseColMatRef<'_, usize>,
+) -> Result<SymbolicSupernodalCholesky<usize>, FaerError> {
+    let size = upper.nrows();
+    let scratch = prefactorize_symbolic_cholesky_scratch::<usize>(size, upper.compute_nnz()).or(
+        factorize_supernodal_symbolic_cholesky_scratch::<usize>(size),
+    );
+    let mut memory = MemBuffer::try_new(scratch).map_err(|_| FaerError::OutOfMemory)?;
+    let (mut tree, mut counts) = (vec![0_isize; size], vec![0; size]);
+    let stack = MemStack::new(&mut memory);
+    let tree = prefactorize_symbolic_cholesky(&mut tree, &mut counts, upper, stack);
+    factorize_supernodal_symbolic_cholesky(
+        upper,
+        tree,
+        &counts,
+        MemStack::new(&mut memory),
+        SymbolicSupernodalParams::default(),
+    )
+}
+
+/// A matrix of a [`BlockPattern`] and its factor, in single precision, with workspace.
+#[derive(Default)]
+pub struct BlockCholesky {
+    /// Values of the matrix.
+    values: Vec<f32>,
+    /// Values of the factor.
+    factor: Vec<f32>,
+    /// Right-hand side in the order of elimination.
+    ordered: Vec<f32>,
+    /// Its rows below the supernode at work.
+    gathered: Vec<f32>,
+    scratch: Option<MemBuffer>,
+}
+
+impl BlockCholesky {
+    /// Sets the matrix to zero, with room for that pattern. Allocates only for a pattern larger than all before.
+    pub fn reset(&mut self, pattern: &BlockPattern) {
+        self.values.clear();
+        self.values.resize(pattern.scalar.row_idx().len(), 0.0);
+        self.ordered.resize(3 * pattern.spheres(), 0.0);
+        self.factor.resize(pattern.symbolic.len_val(), 0.0);
+        let needed = factorize_supernodal_numeric_llt_scratch::<usize, f32>(
+            &pattern.symbolic,
+            Par::Seq,
+            Spec::default(),
+        );
+        let held = self.scratch.as_ref().map_or(0, |memory| memory.len());
+        if held < needed.unaligned_bytes_required() {
+            self.scratch = Some(MemBuffer::new(needed));
+        }
+    }
+
+    /// Adds to a diagonal block.
+    pub fn add_own(&mut self, pattern: &BlockPattern, sphere: usize, block: &Block) {
+        add(&mut self.values, pattern.diagonal[sphere], block);
+    }
+
+    /// Adds to the block of a coupling (i, j): rows of j, columns of i.
+    pub fn add_coupling(&mut self, pattern: &BlockPattern, coupling: usize, block: &Block) {
+        add(&mut self.values, pattern.couplings[coupling], block);
+    }
+
+    /// Factors the matrix, which stays as it is.
+    ///
+    /// # Errors
+    /// [`BadPivot`] with `3 × sphere + component`.
+    pub fn factor(&mut self, pattern: &BlockPattern) -> Result<(), BadPivot> {
+        let Some(memory) = &mut self.scratch else {
+            return Err(BadPivot { pivot: 0 });
+        };
+        factorize_supernodal_numeric_llt(
+            &mut self.factor,
+            SparseColMatRef::new(pattern.scalar.as_ref(), &self.values),
+            LltRegularization::default(),
+            &pattern.symbolic,
+            Par::Seq,
+            MemStack::new(memory),
+            Spec::default(),
+        )
+        .map_err(|LltError::NonPositivePivot { index }| {
+            let sphere = pattern.rows.iter().position(|&row| row == index / 3);
+            BadPivot {
+                pivot: 3 * sphere.unwrap_or(0) + index % 3,
+            }
+        })?;
+        Ok(())
+    }
+
+    /// `z ≈ A⁻¹ r` by the factor; vectors `[3N]` in the order of the spheres.
+    pub fn solve(&mut self, pattern: &BlockPattern, r: &[f64], z: &mut [f64]) {
+        for (r, &row) in r.chunks_exact(3).zip(&pattern.rows) {
+            let target = &mut self.ordered[3 * row..3 * row + 3];
+            for k in 0..3 {
+                #[expect(clippy::cast_possible_truncation, reason = "the factor's precision")]
+                let value = r[k] as f32;
+                target[k] = value;
+            }
+        }
+        let factor = SupernodalLltRef::new(&pattern.symbolic, &self.factor);
+        let (x, gathered) = (&mut self.ordered, &mut self.gathered);
+        vectorised(
+            #[inline(always)]
+            || {
+                solve_lower(&factor, x, gathered);
+                solve_upper(&factor, x, gathered);
+            },
+        );
+        for (z, &row) in z.chunks_exact_mut(3).zip(&pattern.rows) {
+            for (z, &value) in z.iter_mut().zip(&self.ordered[3 * row..3 * row + 3]) {
+                *z = f64::from(value);
+            }
+        }
+    }
+}
+
+fn add(values: &mut [f32], place: Place, block: &Block) {
+    for column in 0..3 {
+        let target = &mut values[place.start + column * place.stride..][..3];
+        for row in 0..3 {
+            let value = if place.transposed {
+                block[3 * row + column]
+            } else {
+                block[3 * column + row]
+            };
+            #[expect(clippy::cast_possible_truncation, reason = "the factor's precision")]
+            let value = value as f32;
+            target[row] += value;
+        }
+    }
+}
+
+/// One supernode of a factor: its first row, its number of columns, the columns three by three, the rows below its triangle.
+struct Node<'a> {
+    /// First row and column.
+    start: usize,
+    /// Number of columns: three for each sphere, whose columns have the same rows.
+    width: usize,
+    height: usize,
+    /// Entries, column after column.
+    values: &'a [f32],
+    /// Rows below the triangle.
+    below: &'a [usize],
+}
+
+impl<'a> Node<'a> {
+    /// The supernode of that number.
+    #[inline(always)]
+    fn new(factor: &SupernodalLltRef<'a, usize, f32>, number: usize) -> Self {
+        let symbolic = factor.symbolic();
+        let node = factor.supernode(number);
+        let starts = symbolic.col_ptr_for_val();
+        Self {
+            start: node.start(),
+            width: node.val().ncols(),
+            height: node.val().nrows(),
+            values: &factor.values()[starts[number]..starts[number + 1]],
+            below: node.pattern(),
+        }
+    }
+
+    /// The three columns of a sphere from row `first` of the node on.
+    #[inline(always)]
+    fn columns(&self, j: usize, first: usize) -> [&'a [f32]; 3] {
+        [0, 1, 2].map(|k| &self.values[(j + k) * self.height..][first..self.height])
+    }
+}
+
+/// `x ← L⁻¹ x`, for callers that are vectorised themselves.
+#[inline(always)]
+fn solve_lower(factor: &SupernodalLltRef<'_, usize, f32>, x: &mut [f32], gathered: &mut Vec<f32>) {
+    for number in 0..factor.symbolic().n_supernodes() {
+        let node = Node::new(factor, number);
+        let own = &mut x[node.start..node.start + node.width];
+        gathered.clear();
+        gathered.resize(node.below.len(), 0.0);
+        for j in (0..node.width).step_by(3) {
+            let [a, b, c] = node.columns(j, j);
+            let own = &mut own[j..];
+            let xa = own[0] / a[0];
+            let xb = (own[1] - a[1] * xa) / b[1];
+            let xc = (own[2] - a[2] * xa - b[2] * xb) / c[2];
+            own[..3].copy_from_slice(&[xa, xb, xc]);
+            let (inside, outside) = (3..node.width - j, node.width - j..node.height - j);
+            for (target, rows) in [(&mut own[3..], inside), (&mut gathered[..], outside)] {
+                let [a, b, c] = [a, b, c].map(|column| &column[rows.clone()]);
+                for (k, x) in target.iter_mut().enumerate() {
+                    *x -= a[k] * xa + b[k] * xb + c[k] * xc;
+                }
+            }
+        }
+        for (&row, sum) in node.below.iter().zip(&*gathered) {
+            x[row] += sum;
+        }
+    }
+}
+
+/// `x ← L⁻ᵀ x`, for callers that are vectorised themselves.
+#[inline(always)]
+fn solve_upper(factor: &SupernodalLltRef<'_, usize, f32>, x: &mut [f32], gathered: &mut Vec<f32>) {
+    for number in (0..factor.symbolic().n_supernodes()).rev() {
+        let node = Node::new(factor, number);
+        gathered.clear();
+        gathered.extend(node.below.iter().map(|&row| x[row]));
+        let own = &mut x[node.start..node.start + node.width];
+        for j in (0..node.width).step_by(3).rev() {
+            let [a, b, c] = node.columns(j, j);
+            let (inside, outside) = (3..node.width - j, node.width - j..node.height - j);
+            let mut sums = [0.0; 3];
+            for (known, rows) in [(&own[j + 3..], inside), (&gathered[..], outside)] {
+                let parts = dot_three([a, b, c].map(|column| &column[rows.clone()]), known);
+                for k in 0..3 {
+                    sums[k] += parts[k];
+                }
+            }
+            let own = &mut own[j..j + 3];
+            own[2] = (own[2] - sums[2]) / c[2];
+            own[1] = (own[1] - sums[1] - b[2] * own[2]) / b[1];
+            own[0] = (own[0] - sums[0] - a[1] * own[1] - a[2] * own[2]) / a[0];
+        }
+    }
+}
+
+/// Dot products of three vectors with one, in eight partial sums each, for callers that are vectorised themselves.
+#[inline(always)]
+fn dot_three(a: [&[f32]; 3], b: &[f32]) -> [f32; 3] {
+    let length = b.len();
+    let a = a.map(|x| &x[..length]);
+    let mut sums = [[0.0; 8]; 3];
+    let whole = length - length % 8;
+    for at in (0..whole).step_by(8) {
+        let y = &b[at..at + 8];
+        for (sum, x) in sums.iter_mut().zip(a) {
+            let x = &x[at..at + 8];
+            for k in 0..8 {
+                sum[k] += x[k] * y[k];
+            }
+        }
+    }
+    let mut totals =
+        sums.map(|s| ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7])));
+    for at in whole..length {
+        for (total, x) in totals.iter_mut().zip(a) {
+            *total += x[at] * b[at];
+        }
+    }
+    totals
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A ring of spheres, each coupled to the next and to one far away.
+    fn ring(n: usize) -> Vec<(usize, usize)> {
+        let near = (0..n).map(|i| (i.min((i + 1) % n), i.max((i + 1) % n)));
+        let far = (0..n / 2).map(|i| (i, i + n / 2));
+        let mut pairs: Vec<_> = near.chain(far).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        pairs
+    }
+
+    #[test]
+    fn solves_are_those_of_the_whole_matrix_to_single_precision() {
+        let n = 40;
+        let pairs = ring(n);
+        let pattern = BlockPattern::new(n, &pairs).unwrap();
+        let mut sparse = BlockCholesky::default();
+        sparse.reset(&pattern);
+        let mut whole = crate::linalg::cholesky::dense::DenseCholesky::new(3 * n);
+        whole.matrix_mut().reset(3 * n, 3 * n);
+        for i in 0..n {
+            let own = [9.0, 0.5, 0.1, 0.5, 8.0, -0.3, 0.1, -0.3, 10.0 + i as f64];
+            sparse.add_own(&pattern, i, &own);
+            for column in 0..3 {
+                for row in column..3 {
+                    whole.matrix_mut()[(3 * i + row, 3 * i + column)] = own[3 * column + row];
+                }
+            }
+        }
+        for (k, &(i, j)) in pairs.iter().enumerate() {
+            let block: Block = std::array::from_fn(|m| (0.7 * k as f64 + m as f64).sin());
+            sparse.add_coupling(&pattern, k, &block);
+            for column in 0..3 {
+                for row in 0..3 {
+                    whole.matrix_mut()[(3 * j + row, 3 * i + column)] = block[3 * column + row];
+                }
+            }
+        }
+        sparse.factor(&pattern).unwrap();
+        whole.factor().unwrap();
+        let r: Vec<f64> = (0..3 * n).map(|k| (k as f64).cos()).collect();
+        let (mut z, mut expected) = (vec![0.0; 3 * n], r.clone());
+        sparse.solve(&pattern, &r, &mut z);
+        whole.solve(&mut expected);
+        for (a, b) in z.iter().zip(&expected) {
+            assert!((a - b).abs() < 1e-5, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn indefinite_matrix_names_its_sphere() {
+        let pattern = BlockPattern::new(12, &ring(12)).unwrap();
+        let mut sparse = BlockCholesky::default();
+        sparse.reset(&pattern);
+        for i in 0..12 {
+            let sign = if i == 7 { -1.0 } else { 1.0 };
+            sparse.add_own(&pattern, i, &[1.0, 0.0, 0.0, 0.0, sign, 0.0, 0.0, 0.0, 1.0]);
+        }
+        assert_eq!(sparse.factor(&pattern), Err(BadPivot { pivot: 22 }));
+    }
+}

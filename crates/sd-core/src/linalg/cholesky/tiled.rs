@@ -1,0 +1,503 @@
+//! Cholesky factorization of a full matrix stored in rows of tiles, and what follows from its factor.
+//!
+//! ```text
+//! row of tiles t: rows r_t .. r_(t+1) (at most TILE), columns 0 .. r_(t+1), by columns:  (i, j) at offset_t + TILE j + (i − r_t)
+//! L_ts = (A_ts − Σ_(u<s) L_tu L_suᵀ) L_ss⁻ᵀ        L_tt L_ttᵀ = A_tt − Σ_(u<t) L_tu L_tuᵀ
+//! ```
+//! The sum over u is one product of two contiguous strips `[TILE × K]`: the shape and the storage that a matrix product likes
+//! best, twice as fast as the same work on a large matrix stored by columns, and half the storage.
+//!
+//! The work is cut in the same pieces whoever does them, so the bits do not depend on the number of threads. Within a pool of
+//! threads that runs several simulations at once, all are busy and nothing is shared; when one simulation is left, the others help.
+//! Outside a pool no thread is started.
+
+use super::join::join;
+use crate::linalg::dense::Matrix;
+use crate::linalg::error::BadPivot;
+use crate::linalg::simd::vectorised;
+use crate::linalg::vector;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt;
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par, Spec};
+use std::ops::Range;
+
+/// Rows of a tile, and distance of its columns: a multiple of the vector length, and of the modes of a sphere.
+pub(crate) const TILE: usize = 48;
+/// Rows of a tile that are divided at once: two columns of them fit in the registers.
+const ROWS: usize = 24;
+/// Rows of tiles that are finished before the rows below take their columns.
+const GROUP: usize = 4;
+/// Columns of a strip that is used several times while it is in the cache.
+const DEPTH: usize = 384;
+/// Rows of tiles from which the work is shared with an idle thread.
+const LARGE: usize = 20;
+
+/// The lower triangle of a square matrix `[n × n]`, in rows of tiles.
+#[derive(Debug, Clone, Default)]
+pub struct TiledMatrix {
+    /// Entries; between the rows of a short tile and the next column lies padding.
+    values: Vec<f64>,
+    /// First row of each row of tiles, then n.
+    starts: Vec<usize>,
+    /// Where each row of tiles begins in `values`, then its length.
+    offsets: Vec<usize>,
+}
+
+impl TiledMatrix {
+    /// Takes the shape of two square blocks of dimension `half` on the diagonal, each cut into tiles of its own; entries are left
+    /// as they fall.
+    pub fn reshape_halves(&mut self, half: usize) {
+        if self.rows() == 2 * half {
+            return;
+        }
+        self.starts.clear();
+        for block in [0, half] {
+            self.starts
+                .extend((0..half).step_by(TILE).map(|row| block + row));
+        }
+        self.starts.push(2 * half);
+        self.offsets.clear();
+        self.offsets.push(0);
+        let mut length = 0;
+        for &end in &self.starts[1..] {
+            length += TILE * end;
+            self.offsets.push(length);
+        }
+        self.values.resize(length, 0.0);
+    }
+
+    /// Dimension n.
+    pub fn rows(&self) -> usize {
+        self.starts.last().copied().unwrap_or(0)
+    }
+
+    fn tiles(&self) -> usize {
+        self.starts.len().saturating_sub(1)
+    }
+
+    /// All entries; see [`TiledMatrix::position`].
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
+    /// Where the entry (row, 0) is among the values; (row, j) is `TILE` j further, for j up to the end of the row's tile. Rows below
+    /// follow up to the end of the tile: three rows beginning at a multiple of three of either half are always together.
+    pub fn position(&self, row: usize) -> usize {
+        let tile = self.starts.partition_point(|&start| start <= row) - 1;
+        self.offsets[tile] + row - self.starts[tile]
+    }
+
+    /// Entry of the lower triangle.
+    pub fn get(&self, row: usize, column: usize) -> f64 {
+        self.values[self.position(row) + TILE * column]
+    }
+}
+
+/// Rows `height`, columns `range` of a row of tiles, or of any strip stored like one.
+fn strip(values: &[f64], height: usize, range: Range<usize>) -> MatRef<'_, f64> {
+    let part = &values[TILE * range.start..TILE * range.end];
+    MatRef::from_column_major_slice_with_stride(part, height, range.len(), TILE)
+}
+
+/// Rows and columns as in [`strip`], to write.
+fn strip_mut(values: &mut [f64], height: usize, range: Range<usize>) -> MatMut<'_, f64> {
+    let part = &mut values[TILE * range.start..TILE * range.end];
+    MatMut::from_column_major_slice_with_stride_mut(part, height, range.len(), TILE)
+}
+
+/// `X ← X L⁻ᵀ` for one tile, L the lower triangle of a diagonal tile; both by columns, `TILE` apart.
+fn divide(l: &[f64], x: &mut [f64], height: usize) {
+    vectorised(
+        #[inline(always)]
+        || {
+            for first in (0..height).step_by(ROWS) {
+                divide_rows(l, x, first);
+            }
+        },
+    );
+}
+
+/// [`divide`] for the rows from `first` on that fit in registers, two columns at a time.
+#[inline(always)]
+fn divide_rows(l: &[f64], x: &mut [f64], first: usize) {
+    let width = x.len() / TILE;
+    for k in (0..width).step_by(2) {
+        let (known, open) = x.split_at_mut(TILE * k);
+        let (mut a, mut b) = ([0.0; ROWS], [0.0; ROWS]);
+        for (column, factors) in known.chunks_exact(TILE).zip(l.chunks_exact(TILE)) {
+            let column = &column[first..first + ROWS];
+            let (of_a, of_b) = (factors[k], factors[k + 1]);
+            for r in 0..ROWS {
+                a[r] = column[r].mul_add(of_a, a[r]);
+                b[r] = column[r].mul_add(of_b, b[r]);
+            }
+        }
+        let (column, rest) = open.split_at_mut(TILE);
+        let own = l[TILE * k + k].recip();
+        for (x, sum) in column[first..first + ROWS].iter_mut().zip(&mut a) {
+            *sum = (*x - *sum) * own;
+            *x = *sum;
+        }
+        if k + 1 == width {
+            return;
+        }
+        let (between, own) = (l[TILE * k + k + 1], l[TILE * (k + 1) + k + 1].recip());
+        for ((x, sum), a) in rest[first..first + ROWS].iter_mut().zip(b).zip(a) {
+            *x = (*x - a.mul_add(between, sum)) * own;
+        }
+    }
+}
+
+/// Cholesky factorization `A = L Lᵀ` in rows of tiles, with its workspace.
+#[derive(Default)]
+pub struct TiledCholesky {
+    /// A, then L. Above the diagonal of a diagonal tile entries have no meaning.
+    matrix: TiledMatrix,
+    /// Scratch of a diagonal tile; made in the first factorization.
+    scratch: Option<MemBuffer>,
+    /// Transposed inverse of the trailing factor: rows of tiles `[TILE × m]`.
+    inverse: Vec<f64>,
+}
+
+/// What a factorization under way is made of: the shape.
+#[derive(Clone, Copy)]
+struct Shape<'a> {
+    /// First row of each row of tiles, then n.
+    starts: &'a [usize],
+    /// Where each row of tiles begins.
+    offsets: &'a [usize],
+}
+
+impl Shape<'_> {
+    fn height(&self, tile: usize) -> usize {
+        self.starts[tile + 1] - self.starts[tile]
+    }
+
+    /// A row of tiles among all values.
+    fn row<'v>(&self, values: &'v [f64], tile: usize) -> &'v [f64] {
+        &values[self.offsets[tile]..self.offsets[tile + 1]]
+    }
+
+    /// Subtracts from tile (t, s) of row t the product of columns `range` of rows t and s.
+    fn subtract(&self, upper: &[f64], row: &mut [f64], t: usize, s: usize, range: Range<usize>) {
+        if range.is_empty() {
+            return;
+        }
+        let (known, open) = row.split_at_mut(TILE * self.starts[s]);
+        let (height, width) = (self.height(t), self.height(s));
+        let other = if t == s {
+            strip(known, width, range.clone())
+        } else {
+            strip(self.row(upper, s), width, range.clone())
+        };
+        matmul(
+            strip_mut(open, height, 0..width),
+            Accum::Add,
+            strip(known, height, range),
+            other.transpose(),
+            -1.0,
+            Par::Seq,
+        );
+    }
+
+    /// Replaces tile (t, s) of row t by that of L once all columns before are subtracted.
+    fn divide(&self, upper: &[f64], row: &mut [f64], t: usize, s: usize) {
+        let columns = TILE * self.starts[s]..TILE * self.starts[s + 1];
+        divide(
+            &self.row(upper, s)[columns.clone()],
+            &mut row[columns],
+            self.height(t),
+        );
+    }
+
+    /// Finishes the columns of a group in the rows of tiles `tiles`, all below the group; `rows` holds these alone.
+    fn finish_group(
+        &self,
+        upper: &[f64],
+        rows: &mut [f64],
+        tiles: Range<usize>,
+        group: Range<usize>,
+        share: bool,
+    ) {
+        if tiles.is_empty() {
+            return;
+        }
+        if share && tiles.len() > 1 {
+            let middle = tiles.start + tiles.len().div_ceil(2);
+            let (first, second) =
+                rows.split_at_mut(self.offsets[middle] - self.offsets[tiles.start]);
+            join(
+                true,
+                || self.finish_group(upper, first, tiles.start..middle, group.clone(), false),
+                || self.finish_group(upper, second, middle..tiles.end, group.clone(), false),
+            );
+            return;
+        }
+        let base = self.offsets[tiles.start];
+        let known = self.starts[group.start];
+        // Whole pieces of the known columns first, each for all rows while the group's strips are in the cache.
+        let mut first = 0;
+        while first + DEPTH < known {
+            for t in tiles.clone() {
+                let row = &mut rows[self.offsets[t] - base..self.offsets[t + 1] - base];
+                for s in group.clone() {
+                    self.subtract(upper, row, t, s, first..first + DEPTH);
+                }
+            }
+            first += DEPTH;
+        }
+        for t in tiles {
+            let row = &mut rows[self.offsets[t] - base..self.offsets[t + 1] - base];
+            for s in group.clone() {
+                self.subtract(upper, row, t, s, first..self.starts[s]);
+                self.divide(upper, row, t, s);
+            }
+        }
+    }
+}
+
+impl TiledCholesky {
+    /// The matrix to fill before [`TiledCholesky::factor`]; holds L afterwards.
+    pub fn matrix_mut(&mut self) -> &mut TiledMatrix {
+        &mut self.matrix
+    }
+
+    /// L.
+    pub fn lower(&self) -> &TiledMatrix {
+        &self.matrix
+    }
+
+    /// Factors the matrix in place. Cost n³/3.
+    ///
+    /// # Errors
+    /// [`BadPivot`] with the row at which it broke down.
+    pub fn factor(&mut self) -> Result<(), BadPivot> {
+        let scratch = self.scratch.get_or_insert_with(|| {
+            MemBuffer::new(llt::factor::cholesky_in_place_scratch::<f64>(
+                TILE,
+                Par::Seq,
+                Spec::default(),
+            ))
+        });
+        let tiles = self.matrix.tiles();
+        let shape = Shape {
+            starts: &self.matrix.starts,
+            offsets: &self.matrix.offsets,
+        };
+        let values = &mut self.matrix.values;
+        for start in (0..tiles).step_by(GROUP) {
+            let group = start..(start + GROUP).min(tiles);
+            for t in group.clone() {
+                let (upper, rest) = values.split_at_mut(shape.offsets[t]);
+                let row = &mut rest[..shape.offsets[t + 1] - shape.offsets[t]];
+                shape.finish_group(upper, row, t..t + 1, group.start..t, false);
+                shape.subtract(upper, row, t, t, 0..shape.starts[t]);
+                let columns = shape.starts[t]..shape.starts[t + 1];
+                llt::factor::cholesky_in_place(
+                    strip_mut(row, columns.len(), columns),
+                    llt::factor::LltRegularization::default(),
+                    Par::Seq,
+                    MemStack::new(scratch),
+                    Spec::default(),
+                )
+                .map_err(|llt::factor::LltError::NonPositivePivot { index }| {
+                    BadPivot {
+                        pivot: shape.starts[t] + index,
+                    }
+                })?;
+            }
+            let (upper, rest) = values.split_at_mut(shape.offsets[group.end]);
+            let below = group.end..tiles;
+            shape.finish_group(upper, rest, below, group, tiles >= LARGE);
+        }
+        Ok(())
+    }
+
+    /// `x ← L⁻¹ x` for one vector.
+    pub fn solve_lower_vector(&self, x: &mut [f64]) {
+        let matrix = &self.matrix;
+        vectorised(
+            #[inline(always)]
+            || {
+                for t in 0..matrix.tiles() {
+                    let (start, end) = (matrix.starts[t], matrix.starts[t + 1]);
+                    let row = &matrix.values[matrix.offsets[t]..matrix.offsets[t + 1]];
+                    let (known, open) = x.split_at_mut(start);
+                    let mut sums = [0.0; TILE];
+                    for (column, &xk) in row.chunks_exact(TILE).zip(known.iter()) {
+                        for (sum, value) in sums.iter_mut().zip(column) {
+                            *sum = value.mul_add(xk, *sum);
+                        }
+                    }
+                    let open = &mut open[..end - start];
+                    for (value, sum) in open.iter_mut().zip(sums) {
+                        *value -= sum;
+                    }
+                    for (k, column) in row.chunks_exact(TILE).skip(start).enumerate() {
+                        let xk = open[k] / column[k];
+                        open[k] = xk;
+                        for (value, l) in open[k + 1..].iter_mut().zip(&column[k + 1..]) {
+                            *value -= l * xk;
+                        }
+                    }
+                }
+            },
+        );
+    }
+
+    /// `x ← L⁻ᵀ x` for one vector, rows from `first` (0 or half) on: the others are left as they are.
+    pub fn solve_upper_vector(&self, x: &mut [f64], first: usize) {
+        let matrix = &self.matrix;
+        vectorised(
+            #[inline(always)]
+            || {
+                for t in (0..matrix.tiles()).rev() {
+                    let (start, end) = (matrix.starts[t], matrix.starts[t + 1]);
+                    if start < first {
+                        break;
+                    }
+                    let row = &matrix.values[matrix.offsets[t]..matrix.offsets[t + 1]];
+                    let (known, open) = x.split_at_mut(start);
+                    let open = &mut open[..end - start];
+                    for (k, column) in row.chunks_exact(TILE).skip(start).enumerate().rev() {
+                        let mut xk = open[k];
+                        for (value, l) in open[k + 1..].iter().zip(&column[k + 1..]) {
+                            xk -= l * value;
+                        }
+                        open[k] = xk / column[k];
+                    }
+                    let height = open.len();
+                    let columns = &row[TILE * first..TILE * start];
+                    for (four, xs) in columns.chunks(4 * TILE).zip(known[first..].chunks_mut(4)) {
+                        if xs.len() == 4 {
+                            let at = [0, TILE, 2 * TILE, 3 * TILE].map(|c| &four[c..c + height]);
+                            let sums = vector::dot_four(at, open);
+                            for (xk, sum) in xs.iter_mut().zip(sums) {
+                                *xk -= sum;
+                            }
+                        } else {
+                            for (column, xk) in four.chunks(TILE).zip(xs) {
+                                *xk -= vector::dot_inline(&column[..height], open);
+                            }
+                        }
+                    }
+                }
+            },
+        );
+    }
+
+    /// The trailing half of A⁻¹, as `V Vᵀ` with `V = L₂₂⁻ᵀ`, L₂₂ the trailing half of L: makes V and writes the lower triangle
+    /// `[n/2 × n/2]` of `V Vᵀ` into `out`. Cost 2 (n/2)³/3.
+    pub fn trailing_inverse(&mut self, out: &mut Matrix) {
+        let tiles = self.matrix.tiles();
+        let (first, half) = (tiles / 2, self.matrix.rows() / 2);
+        self.inverse.resize(TILE * half * (tiles - first), 0.0);
+        out.reshape(half, half);
+        let shape = Shape {
+            starts: &self.matrix.starts,
+            offsets: &self.matrix.offsets,
+        };
+        let lower = &self.matrix.values;
+        let strips = TILE * half;
+        let share = tiles >= LARGE;
+        // Later rows of V are shorter: the first third holds over half of the work.
+        let cut = first + (tiles - first) / 3;
+        let (upper, rest) = self.inverse.split_at_mut(strips * (cut - first));
+        join(
+            share,
+            || shape.invert(lower, upper, first..cut, first),
+            || shape.invert(lower, rest, cut..tiles, first),
+        );
+        let inverse = &self.inverse;
+        // Columns of the product are longest and deepest on the left.
+        let columns = shape.starts[cut] - half;
+        let (left, right) = out.values_mut().split_at_mut(half * columns);
+        join(
+            share,
+            || shape.outer(inverse, left, first..cut, first),
+            || shape.outer(inverse, right, cut..tiles, first),
+        );
+    }
+
+    /// V of [`TiledCholesky::trailing_inverse`], by tiles: rows of the tile (counted from the half), and its columns from the diagonal
+    /// on, `TILE` apart.
+    pub(crate) fn inverse_rows(&self) -> impl Iterator<Item = (Range<usize>, &[f64])> {
+        let tiles = self.matrix.tiles();
+        let half = self.matrix.rows() / 2;
+        (tiles / 2..tiles)
+            .zip(self.inverse.chunks_exact((TILE * half).max(1)))
+            .map(move |(t, strip)| {
+                let rows = self.matrix.starts[t] - half..self.matrix.starts[t + 1] - half;
+                let from = TILE * rows.start;
+                (rows, &strip[from..])
+            })
+    }
+}
+
+impl Shape<'_> {
+    /// Rows `tiles` of `V = L₂₂⁻ᵀ`, each a strip of all columns of the half: `V_t L₂₂ᵀ = e_t`, column after column.
+    fn invert(&self, lower: &[f64], inverse: &mut [f64], tiles: Range<usize>, first: usize) {
+        let half = self.starts[first];
+        let strips = inverse.chunks_exact_mut((TILE * half).max(1));
+        for (t, row) in tiles.zip(strips) {
+            let (start, height) = (self.starts[t] - half, self.height(t));
+            for s in t..self.starts.len() - 1 {
+                let columns = self.starts[s] - half..self.starts[s + 1] - half;
+                let (known, open) = row.split_at_mut(TILE * columns.start);
+                let mut tile = strip_mut(open, height, 0..columns.len());
+                let of_l = self.row(lower, s);
+                if s == t {
+                    tile.fill(0.0);
+                    for k in 0..height {
+                        tile[(k, k)] = 1.0;
+                    }
+                } else {
+                    let solved = half + start..half + columns.start;
+                    matmul(
+                        tile.as_mut(),
+                        Accum::Replace,
+                        strip(known, height, start..columns.start),
+                        strip(of_l, columns.len(), solved).transpose(),
+                        -1.0,
+                        Par::Seq,
+                    );
+                }
+                let own = TILE * self.starts[s]..TILE * self.starts[s + 1];
+                let open = &mut open[..TILE * columns.len()];
+                divide(&of_l[own], open, height);
+            }
+        }
+    }
+
+    /// Columns of the tiles `tiles` of the lower triangle of `V Vᵀ`, stored by whole columns.
+    fn outer(&self, inverse: &[f64], out: &mut [f64], tiles: Range<usize>, first: usize) {
+        let half = self.starts[first];
+        let last = self.starts.len() - 1;
+        let row = |t: usize| &inverse[TILE * half * (t - first)..TILE * half * (t - first + 1)];
+        let base = self.starts[tiles.start];
+        let columns = self.starts[tiles.end] - base;
+        let mut out = MatMut::from_column_major_slice_mut(out, half, columns);
+        for s in tiles {
+            for t in s..last {
+                let range = self.starts[t] - half..half;
+                matmul(
+                    out.as_mut().submatrix_mut(
+                        self.starts[t] - half,
+                        self.starts[s] - base,
+                        self.height(t),
+                        self.height(s),
+                    ),
+                    Accum::Replace,
+                    strip(row(t), self.height(t), range.clone()),
+                    strip(row(s), self.height(s), range).transpose(),
+                    1.0,
+                    Par::Seq,
+                );
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

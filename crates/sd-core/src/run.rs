@@ -1,0 +1,8 @@
+//! A run: its first layer, its steps in time, the simulation of them, and the instants and pairs that check it.
+
+pub mod instant;
+pub mod pair;
+pub mod simulation;
+pub mod start;
+pub(crate) mod steppers;
+pub mod verify;

@@ -1,0 +1,345 @@
+//! One instant of one configuration: velocities, stresslets, contact forces.
+
+use crate::contact::laws::{History, Laws, Phase};
+use crate::contact::procedure::ContactList;
+use crate::contact::rigid::Memory;
+use crate::contact::{Contact, Surface};
+use crate::error::Error;
+use crate::geometry::cell::Cell;
+use crate::geometry::modes::{Background, Vec2, strain_tensor};
+use crate::hydrodynamics::resistance::{NearFields, Resistance};
+use crate::motion::{ContactLaw, Motion};
+use crate::params::{DEEPEST_OVERLAP, Hydrodynamics};
+use crate::stress::{Stress, StressWork};
+use nalgebra::Vector3;
+
+/// Spheres, where they are and what drives them.
+#[derive(Debug, Clone)]
+pub struct Configuration {
+    /// Centres, in a.
+    pub centres: Vec<Vec2>,
+    /// Radii, in a; one per centre.
+    pub radii: Vec<f64>,
+    /// Periodic cell or unbounded fluid.
+    pub cell: Cell,
+    /// Hydrodynamics.
+    pub hydrodynamics: Hydrodynamics,
+    /// Imposed flow.
+    pub background: Background,
+    /// External forces, in mu·a²·rate; one per centre.
+    pub forces: Vec<Vec2>,
+    /// External torques, in mu·a³·rate; one per centre.
+    pub torques: Vec<f64>,
+}
+
+/// Which contact problem to solve.
+#[derive(Debug, Clone)]
+pub enum ContactRequest {
+    /// No contact.
+    None,
+    /// These pairs are halted all at once by eqs. (12)-(13), negative forces set to zero afterwards, no friction.
+    Listed {
+        /// Pairs of sphere numbers.
+        pairs: Vec<[usize; 2]>,
+    },
+    /// Rigid contacts.
+    Rigid {
+        /// Roughness and friction.
+        surface: Surface,
+        /// Time span τ, in strain.
+        time_span: f64,
+    },
+    /// The paper's procedure; every approaching pair with gap ≤ roughness counts as listed.
+    Procedure {
+        /// Roughness and friction.
+        surface: Surface,
+    },
+    /// Laws chosen one by one; springs are as long as the gaps say.
+    Laws {
+        /// The laws, in the units of the solver.
+        laws: Laws,
+        /// Gap below which lubrication is held constant, in a; 0: nowhere, and surfaces may not overlap.
+        lubrication_gap: f64,
+        /// How far contact forces look ahead, in strain.
+        time_span: f64,
+        /// Forces of the tangential springs; others are unstretched.
+        springs: Memory,
+    },
+}
+
+/// Motion, stresslets and contacts of a configuration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Instant {
+    /// `(U − u∞, Ω − Ω∞)` of each sphere, background at its own centre.
+    pub disturbances: Vec<[f64; 3]>,
+    /// Stresslets S of (20), `(s1, s2, s3)` of each sphere, in mu·a³·rate.
+    pub stresslets: Vec<Vector3<f64>>,
+    /// Bulk stress; `None` in unbounded fluid.
+    pub stress: Option<Stress>,
+    /// All candidate pairs.
+    pub contacts: Vec<Contact>,
+    /// Pairs that a repulsion keeps apart, besides.
+    pub repelled: Vec<Contact>,
+}
+
+impl Instant {
+    /// Stresslet of sphere i as `(xx, yy, xy)`.
+    pub fn stresslet(&self, i: usize) -> (f64, f64, f64) {
+        strain_tensor(&self.stresslets[i])
+    }
+}
+
+/// Solves the motion under a contact problem; the resistance must be up to date.
+fn move_under(
+    motion: &mut Motion,
+    configuration: &Configuration,
+    external: &[f64],
+    request: &ContactRequest,
+) -> Result<(), Error> {
+    let background = &configuration.background;
+    let span_is_good = |time_span: f64| {
+        in_range(
+            time_span.is_finite() && time_span > 0.0,
+            "contact.time_span",
+            time_span,
+            "positive and finite",
+        )
+    };
+    match request {
+        ContactRequest::None => {
+            motion.solve_again(background, external, ContactLaw::None)?;
+        }
+        ContactRequest::Listed { pairs } => {
+            let mut listed = listed_pairs(pairs, motion)?;
+            let surface = Surface {
+                roughness: 0.0,
+                friction: 0.0,
+                critical_load: f64::INFINITY,
+            };
+            let law = ContactLaw::Procedure {
+                surface,
+                listed: &mut listed,
+            };
+            motion.solve_again(background, external, law)?;
+        }
+        ContactRequest::Rigid { surface, time_span } => {
+            check_surface(surface)?;
+            span_is_good(*time_span)?;
+            let law = ContactLaw::Rigid {
+                surface: *surface,
+                time_span: *time_span,
+                memory: &mut Memory::default(),
+            };
+            motion.solve_again(background, external, law)?;
+        }
+        ContactRequest::Laws {
+            laws,
+            time_span,
+            springs,
+            ..
+        } => {
+            check_surface(&laws.surface)?;
+            span_is_good(*time_span)?;
+            let law = ContactLaw::Laws {
+                laws,
+                span: (*time_span, Phase::Alone),
+                memory: &mut springs.clone(),
+                history: &mut History::default(),
+            };
+            motion.solve(
+                &configuration.cell,
+                &configuration.centres,
+                background,
+                external,
+                law,
+            )?;
+        }
+        ContactRequest::Procedure { surface } => {
+            check_surface(surface)?;
+            motion.solve_again(background, external, ContactLaw::None)?;
+            let mut listed = ContactList::default();
+            listed.add_approaching(
+                &motion.resistance,
+                background,
+                surface.roughness,
+                motion.velocities(),
+            );
+            let law = ContactLaw::Procedure {
+                surface: *surface,
+                listed: &mut listed,
+            };
+            motion.solve_again(background, external, law)?;
+        }
+    }
+    Ok(())
+}
+
+/// Solves one instant.
+///
+/// # Errors
+/// Bad lengths, radii, overlaps, a cell too small, pairs out of range, an indefinite matrix.
+pub fn solve(
+    configuration: &Configuration,
+    request: &ContactRequest,
+    tables: &NearFields,
+) -> Result<Instant, Error> {
+    check(configuration)?;
+    let Configuration {
+        centres,
+        radii,
+        cell,
+        hydrodynamics,
+        background,
+        ..
+    } = configuration;
+    let external: Vec<f64> = configuration
+        .forces
+        .iter()
+        .zip(&configuration.torques)
+        .flat_map(|(f, &t)| [f.x, f.y, t])
+        .collect();
+    let resistance = Resistance::new(*hydrodynamics, cell, radii, tables)?;
+    let mut motion = Motion::new(resistance);
+    if let ContactRequest::Laws {
+        lubrication_gap, ..
+    } = request
+        && *lubrication_gap > 0.0
+    {
+        motion
+            .resistance
+            .regularise(*lubrication_gap, DEEPEST_OVERLAP);
+    }
+    motion.resistance.update(cell, centres)?;
+    move_under(&mut motion, configuration, &external, request)?;
+    let mut work = StressWork::default();
+    let contacts = motion.contacts.list.clone();
+    let stress = if let Some(area) = cell.area() {
+        Some(work.stress(&motion, background, area))
+    } else {
+        work.update(&motion, background);
+        None
+    };
+    Ok(Instant {
+        disturbances: motion
+            .velocities()
+            .chunks_exact(3)
+            .map(|v| [v[0], v[1], v[2]])
+            .collect(),
+        stresslets: work.stresslets,
+        stress,
+        contacts,
+        repelled: motion.repelled.pairs.clone(),
+    })
+}
+
+fn in_range(ok: bool, field: &'static str, value: f64, allowed: &'static str) -> Result<(), Error> {
+    if ok {
+        Ok(())
+    } else {
+        Err(Error::OutOfRange {
+            field,
+            value,
+            allowed,
+        })
+    }
+}
+
+/// Refuses a configuration with a list of another length or a value out of range.
+fn check(configuration: &Configuration) -> Result<(), Error> {
+    let n = configuration.centres.len();
+    if n == 0 {
+        return Err(Error::NoSpheres);
+    }
+    for (field, found) in [
+        ("radii", configuration.radii.len()),
+        ("forces", configuration.forces.len()),
+        ("torques", configuration.torques.len()),
+    ] {
+        if found != n {
+            return Err(Error::Length {
+                field,
+                found,
+                expected: n,
+            });
+        }
+    }
+    let b = &configuration.background;
+    let groups = [
+        (
+            "centres",
+            configuration
+                .centres
+                .iter()
+                .flat_map(|x| [x.x, x.y])
+                .collect::<Vec<_>>(),
+        ),
+        (
+            "forces",
+            configuration
+                .forces
+                .iter()
+                .flat_map(|x| [x.x, x.y])
+                .collect(),
+        ),
+        ("torques", configuration.torques.clone()),
+        ("background", vec![b.xx, b.yy, b.xy, b.angular_velocity]),
+    ];
+    for (field, values) in groups {
+        for value in values {
+            in_range(value.is_finite(), field, value, "finite")?;
+        }
+    }
+    for &a in &configuration.radii {
+        in_range(a > 0.0 && a.is_finite(), "radii", a, "positive and finite")?;
+    }
+    Ok(())
+}
+
+/// Refuses a surface with a value out of range.
+fn check_surface(surface: &Surface) -> Result<(), Error> {
+    let Surface {
+        roughness,
+        friction,
+        critical_load,
+    } = *surface;
+    in_range(
+        roughness > 0.0 && roughness < 0.5,
+        "contact.roughness",
+        roughness,
+        "above 0 and below 0.5",
+    )?;
+    in_range(
+        (0.0..=10.0).contains(&friction),
+        "contact.friction",
+        friction,
+        "0 to 10",
+    )?;
+    in_range(
+        critical_load >= 0.0,
+        "contact.critical_load",
+        critical_load,
+        "0 or positive",
+    )
+}
+
+/// Pairs given by number; each must be within lubrication range.
+fn listed_pairs(pairs: &[[usize; 2]], motion: &Motion) -> Result<ContactList, Error> {
+    let n = motion.resistance.radii().len();
+    let mut listed = ContactList::default();
+    for &[i, j] in pairs {
+        let refuse = |reason| Err(Error::BadPair { i, j, reason });
+        if i >= n || j >= n {
+            return refuse("names a sphere that is not there");
+        }
+        if i == j {
+            return refuse("is one sphere");
+        }
+        let (i, j) = (i.min(j), i.max(j));
+        let neighbours = motion.resistance.neighbours();
+        if !neighbours.iter().any(|p| (p.i, p.j) == (i, j)) {
+            return refuse("is out of lubrication range");
+        }
+        listed.add(i, j);
+    }
+    Ok(listed)
+}

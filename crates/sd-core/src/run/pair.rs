@@ -1,0 +1,213 @@
+//! Two spheres driven past each other in unbounded fluid: the paper's Fig. 8.
+
+use crate::contact::Surface;
+use crate::contact::rigid::Memory;
+use crate::error::Error;
+use crate::geometry::cell::Cell;
+use crate::geometry::modes::{Background, Vec2};
+use crate::hydrodynamics::resistance::{NearFields, Resistance};
+use crate::motion::{ContactLaw, Motion};
+use crate::params::Hydrodynamics;
+use crate::run::steppers::{RungeKutta, State};
+use serde::Serialize;
+
+/// Steps after which spheres that have not passed are given up.
+const MOST_STEPS: u64 = 10_000_000;
+
+/// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical load 0.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Passing {
+    /// Radius L of the second sphere, in a, in [0.01, 100].
+    pub size_ratio: f64,
+    /// Roughness height h, in a, and friction coefficient ν; `None` without contact.
+    pub contact: Option<(f64, f64)>,
+    /// Y, in a.
+    pub offset: f64,
+    /// X, in a, positive.
+    pub start: f64,
+    /// Time step, in mu·a²/force, positive.
+    pub time_step: f64,
+}
+
+/// How they passed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Passed {
+    /// y of the first sphere at the end, in a.
+    pub final_offset: f64,
+    /// Rotation of each sphere, in degrees, anticlockwise.
+    pub rotation_degrees: [f64; 2],
+    /// Smallest gap met, in a.
+    pub minimum_gap: f64,
+    /// Time taken, in mu·a²/force.
+    pub time: f64,
+    /// `[t, x1, y1, θ1, x2, y2, θ2]` at each step, θ in radians.
+    pub path: Vec<[f64; 7]>,
+}
+
+/// Moves the spheres by Stokesian Dynamics, exact for two, until x1 − x2 = 2X; the last step is cut to end there.
+///
+/// The coordinates integrated are the centre of the first sphere and, for the second, ln g and the angle of the line of
+/// centres: smooth spheres approach to gaps far smaller than the sagitta of a step around each other.
+///
+/// # Errors
+/// Parameters out of range; spheres that overlap at the start or do not pass.
+pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
+    check(passing)?;
+    let radii = [1.0, passing.size_ratio];
+    let cell = Cell::Unbounded;
+    let resistance = Resistance::new(Hydrodynamics::StokesianDynamics, &cell, &radii, tables)?;
+    let mut motion = Motion::new(resistance);
+    let mut memory = Memory::default();
+    let mut integrator = RungeKutta::default();
+    let contact = radii[0] + radii[1];
+    let mut state = at_start(passing, contact)?;
+    let external = [1.0, 0.0, 0.0, -1.0, 0.0, 0.0];
+    let goal = 2.0 * passing.start;
+    let along = |state: &State| {
+        let [first, second] = centres(&state.centres, contact);
+        first.x - second.x
+    };
+    let mut time = 0.0;
+    let mut path = vec![row(time, &state, contact)];
+    let mut minimum_gap = state.centres[1].x.exp();
+    for step in 0..MOST_STEPS {
+        let mut advance = |from: &State, dt: f64| {
+            let mut to = from.clone();
+            let mut memory_after = memory.clone();
+            let done = integrator.step(&mut to, time, dt, |stage, coordinates, rates| {
+                let law = match passing.contact {
+                    None => ContactLaw::None,
+                    Some((roughness, friction)) => ContactLaw::Rigid {
+                        surface: Surface {
+                            roughness,
+                            friction,
+                            critical_load: 0.0,
+                        },
+                        time_span: stage.span,
+                        memory: &mut memory_after,
+                    },
+                };
+                let positions = centres(coordinates, contact);
+                motion.solve(&cell, &positions, &Background::QUIESCENT, &external, law)?;
+                let v = motion.velocities();
+                let relative = Vec2::new(v[3] - v[0], v[4] - v[1]);
+                let gap = coordinates[1].x.exp();
+                let (sine, cosine) = coordinates[1].y.sin_cos();
+                rates.copy_from_slice(v);
+                rates[3] = relative.dot(&Vec2::new(cosine, sine)) / gap;
+                rates[4] = relative.dot(&Vec2::new(-sine, cosine)) / (contact + gap);
+                Ok::<(), Error>(())
+            });
+            done.map(|()| (to, memory_after))
+                .map_err(|source| Error::Step {
+                    step,
+                    strain: time,
+                    source: Box::new(source),
+                })
+        };
+        let mut dt = passing.time_step;
+        let (mut next, mut next_memory) = advance(&state, dt)?;
+        let last = along(&next) >= goal;
+        // The end lies within this step: shorten it by secants, each a whole RK4 step from the same start.
+        for _ in 0..8 {
+            if !last || (along(&next) - goal).abs() < 1e-12 * goal {
+                break;
+            }
+            dt *= (goal - along(&state)) / (along(&next) - along(&state));
+            (next, next_memory) = advance(&state, dt)?;
+        }
+        (state, memory) = (next, next_memory);
+        time += dt;
+        minimum_gap = minimum_gap.min(state.centres[1].x.exp());
+        path.push(row(time, &state, contact));
+        if last {
+            return Ok(Passed {
+                final_offset: state.centres[0].y,
+                rotation_degrees: [0, 1].map(|i| state.orientations[i].to_degrees()),
+                minimum_gap,
+                time,
+                path,
+            });
+        }
+    }
+    Err(Error::OutOfRange {
+        field: "offset",
+        value: passing.offset,
+        allowed: "one at which the spheres pass each other within ten million steps",
+    })
+}
+
+fn at_start(passing: &Passing, contact: f64) -> Result<State, Error> {
+    let first = Vec2::new(-passing.start, passing.offset);
+    let line = -2.0 * first;
+    let gap = line.norm() - contact;
+    if gap <= 0.0 {
+        return Err(Error::Overlap {
+            i: 0,
+            j: 1,
+            gap,
+            separation: line.norm(),
+        });
+    }
+    Ok(State {
+        centres: vec![first, Vec2::new(gap.ln(), line.y.atan2(line.x))],
+        orientations: vec![0.0; 2],
+    })
+}
+
+/// Centres of both spheres from the coordinates `x1` and `(ln g, angle)`; `contact` is a1 + a2.
+fn centres(coordinates: &[Vec2], contact: f64) -> [Vec2; 2] {
+    let (sine, cosine) = coordinates[1].y.sin_cos();
+    let distance = contact + coordinates[1].x.exp();
+    let first = coordinates[0];
+    [first, first + Vec2::new(cosine, sine) * distance]
+}
+
+fn row(time: f64, state: &State, contact: f64) -> [f64; 7] {
+    let [a, b] = centres(&state.centres, contact);
+    let turned = &state.orientations;
+    [time, a.x, a.y, turned[0], b.x, b.y, turned[1]]
+}
+
+/// Refuses a scenario with a value out of range.
+fn check(passing: &Passing) -> Result<(), Error> {
+    let refuse = |field, value, allowed| {
+        Err(Error::OutOfRange {
+            field,
+            value,
+            allowed,
+        })
+    };
+    let Passing {
+        size_ratio,
+        contact,
+        offset,
+        start,
+        time_step,
+    } = *passing;
+    if !(0.01..=100.0).contains(&size_ratio) {
+        return refuse("size_ratio", size_ratio, "0.01 to 100");
+    }
+    if let Some((roughness, friction)) = contact {
+        if !(roughness > 0.0 && roughness < 0.5) {
+            return refuse("roughness", roughness, "above 0 and below 0.5");
+        }
+        if !(0.0..=10.0).contains(&friction) {
+            return refuse("friction", friction, "0 to 10");
+        }
+    }
+    if !(offset != 0.0 && offset.is_finite()) {
+        return refuse(
+            "offset",
+            offset,
+            "finite and not 0: head-on spheres never pass",
+        );
+    }
+    if !(start > 0.0 && start <= 1000.0) {
+        return refuse("start", start, "above 0 and at most 1000");
+    }
+    if !(time_step > 0.0 && time_step.is_finite()) {
+        return refuse("time_step", time_step, "positive and finite");
+    }
+    Ok(())
+}

@@ -1,0 +1,98 @@
+//! Known results, recomputed: what a user checks before trusting a machine and a build. Seconds in all.
+
+mod layers;
+mod spheres;
+
+use crate::error::Error;
+use serde::Serialize;
+
+/// One known result beside ours.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Check {
+    /// What is compared.
+    pub quantity: String,
+    /// Our value.
+    pub value: f64,
+    /// Least value that passes.
+    pub least: f64,
+    /// Largest value that passes.
+    pub most: f64,
+    /// Where the known value comes from.
+    pub source: &'static str,
+}
+
+impl Check {
+    /// Our value against a number, to a tolerance in the same unit.
+    fn near(
+        quantity: impl Into<String>,
+        value: f64,
+        known: f64,
+        tolerance: f64,
+        source: &'static str,
+    ) -> Self {
+        Self::within(
+            quantity,
+            value,
+            known - tolerance,
+            known + tolerance,
+            source,
+        )
+    }
+
+    /// Our value against a range.
+    fn within(
+        quantity: impl Into<String>,
+        value: f64,
+        least: f64,
+        most: f64,
+        source: &'static str,
+    ) -> Self {
+        Self {
+            quantity: quantity.into(),
+            value,
+            least,
+            most,
+            source,
+        }
+    }
+
+    /// Whether ours lies where it must; what is not a number does not.
+    pub fn passes(&self) -> bool {
+        self.value >= self.least && self.value <= self.most
+    }
+}
+
+/// All checks, in the order of the chain from two spheres to a layer.
+///
+/// # Errors
+/// A computation that could not be finished at all.
+pub fn checks() -> Result<Vec<Check>, Error> {
+    let mut all = Vec::new();
+    spheres::resistance_functions(&mut all)?;
+    spheres::isolated_sphere(&mut all)?;
+    spheres::two_sphere_mobilities(&mut all)?;
+    layers::dilute_layer(&mut all)?;
+    layers::ewald(&mut all)?;
+    layers::frictional_layer(&mut all)?;
+    layers::reversibility(&mut all)?;
+    spheres::figure_8(&mut all)?;
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_known_results_are_met() {
+        for check in checks().unwrap() {
+            assert!(check.passes(), "{check:?}");
+        }
+    }
+
+    #[test]
+    fn a_number_that_is_none_does_not_pass() {
+        assert!(!Check::near("x", f64::NAN, 1.0, 1.0, "").passes());
+        assert!(!Check::near("x", 2.1, 1.0, 1.0, "").passes());
+    }
+}

@@ -1,0 +1,236 @@
+//! Known results about layers.
+
+use super::Check;
+use crate::contact::{Contact, Surface};
+use crate::error::Error;
+use crate::geometry::cell::Cell;
+use crate::geometry::modes::{Background, Vec2};
+use crate::hydrodynamics::far_field::{FarField, FarResistance};
+use crate::hydrodynamics::resistance::{NearFields, Resistance};
+use crate::linalg::dense::Matrix;
+use crate::motion::{ContactLaw, Motion};
+use crate::params::{ContactScheme, Hydrodynamics, Params};
+use crate::run::instant::{Configuration, ContactRequest, solve};
+use crate::run::simulation::{Simulation, Snapshot};
+use crate::run::start;
+use crate::run::steppers::{RungeKutta, State};
+
+fn params(hydrodynamics: Hydrodynamics) -> Params {
+    Params {
+        spheres: 40,
+        area_fraction: 0.693,
+        roughness: 0.01,
+        friction: 0.3,
+        shear_rate: f64::INFINITY,
+        size_ratio: 1.0,
+        large_fraction: 0.5,
+        hydrodynamics,
+        contact: ContactScheme::Rigid,
+        time_step: 0.005,
+    }
+}
+
+/// A dilute layer: η → 1 + 5c/3.
+pub(super) fn dilute_layer(all: &mut Vec<Check>) -> Result<(), Error> {
+    for (name, hydrodynamics) in [
+        ("Ball-Melrose", Hydrodynamics::BallMelrose),
+        ("Stokesian Dynamics", Hydrodynamics::StokesianDynamics),
+    ] {
+        let dilute = Params {
+            spheres: 1,
+            area_fraction: 1e-4,
+            ..params(hydrodynamics)
+        };
+        let sample = Simulation::new(&dilute, 1, &NearFields::default())?.step()?;
+        all.push(Check::near(
+            format!("(η − 1)/c, one sphere, c = 10⁻⁴, {name}"),
+            (sample.viscosity - 1.0) / 1e-4,
+            5.0 / 3.0,
+            1e-5,
+            "(23)",
+        ));
+    }
+    Ok(())
+}
+
+/// R_far must not know how the lattice sum was split.
+pub(super) fn ewald(all: &mut Vec<Check>) -> Result<(), Error> {
+    let start = start::layer(&params(Hydrodynamics::StokesianDynamics), 1)?;
+    let cell = Cell::periodic(start.side, start.side, 0.0)?;
+    let with = |alpha: f64| -> Result<Vec<f64>, Error> {
+        let far_field = FarField::with_splitting(&cell, &start.radii, 1e-13, alpha)?;
+        let mut far = FarResistance::new(far_field);
+        let mut block = Matrix::default();
+        far.update(&cell, &start.centres, &mut block)?;
+        let n = start.radii.len();
+        Ok((0..3 * n)
+            .flat_map(|j| block.column(j)[j..].iter().copied())
+            .collect())
+    };
+    let (a, b) = (with(0.3)?, with(0.55)?);
+    let largest = a.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let difference = a
+        .iter()
+        .zip(&b)
+        .map(|(x, y)| (x - y).abs() / largest)
+        .fold(0.0, f64::max);
+    all.push(Check::within(
+        "change of R_far between Ewald parameters 0.3 and 0.55",
+        difference,
+        0.0,
+        1e-10,
+        "identity",
+    ));
+    Ok(())
+}
+
+/// Checks gaps, energy and friction of a sheared layer.
+pub(super) fn frictional_layer(all: &mut Vec<Check>) -> Result<(), Error> {
+    let params = params(Hydrodynamics::BallMelrose);
+    let mut simulation = Simulation::new(&params, 2, &NearFields::default())?;
+    for _ in 0..300 {
+        simulation.step()?;
+    }
+    let counters = *simulation.counters();
+    all.push(Check::within(
+        "smallest gap over h, rigid contacts, c = 0.693, 1.5 strains",
+        counters.minimum_gap / params.roughness,
+        0.98,
+        f64::INFINITY,
+        "rigid asperities",
+    ));
+    all.push(Check::within(
+        "worst residual of the contact problem",
+        counters.worst_residual,
+        0.0,
+        1e-8,
+        "optimality",
+    ));
+    for (name, hydrodynamics) in [
+        ("Ball-Melrose", Hydrodynamics::BallMelrose),
+        ("Stokesian Dynamics", Hydrodynamics::StokesianDynamics),
+    ] {
+        let (imbalance, power) = energy(&simulation.snapshot(), hydrodynamics)?;
+        all.push(Check::within(
+            format!("energy imbalance over the power, with friction, {name}"),
+            imbalance,
+            0.0,
+            1e-10,
+            "identity",
+        ));
+        all.push(Check::within(
+            format!("power dissipated by friction, {name}"),
+            power,
+            f64::MIN_POSITIVE,
+            f64::INFINITY,
+            "friction dissipates",
+        ));
+    }
+    Ok(())
+}
+
+/// Relative imbalance of the energy identity at a snapshot, and Σ F_t u_t.
+fn energy(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Result<(f64, f64), Error> {
+    let n = snapshot.radii.len();
+    let strain = snapshot.steps as f64 * 0.005;
+    let configuration = Configuration {
+        centres: snapshot
+            .centres
+            .iter()
+            .map(|&[x, y]| Vec2::new(x, y))
+            .collect(),
+        radii: snapshot.radii.clone(),
+        cell: Cell::periodic(snapshot.side, snapshot.side, strain * snapshot.side)?,
+        hydrodynamics,
+        background: Background::SHEAR,
+        forces: vec![Vec2::zeros(); n],
+        torques: vec![0.0; n],
+    };
+    let surface = Surface {
+        roughness: 0.01,
+        friction: 0.3,
+        critical_load: 0.0,
+    };
+    let request = ContactRequest::Rigid {
+        surface,
+        time_span: 0.005,
+    };
+    let instant = solve(&configuration, &request, &NearFields::default())?;
+    let Some(stress) = instant.stress else {
+        return Ok((f64::NAN, f64::NAN));
+    };
+    let volume = 2.0 * snapshot.side * snapshot.side;
+    let sum = |power: fn(&Contact) -> f64| instant.contacts.iter().map(power).sum::<f64>();
+    let friction = sum(|c| c.tangential_force * c.slip_velocity);
+    let normal = sum(|c| c.normal_force * c.normal_velocity);
+    let power = stress.viscosity - 1.0;
+    let balance = stress.dissipation + (friction - normal) / volume;
+    Ok(((power - balance).abs() / power, friction))
+}
+
+/// Shears a layer by five strains and back, without contacts.
+pub(super) fn reversibility(all: &mut Vec<Check>) -> Result<(), Error> {
+    let dilute = Params {
+        spheres: 12,
+        area_fraction: 0.3,
+        ..params(Hydrodynamics::BallMelrose)
+    };
+    let start = start::layer(&dilute, 1)?;
+    let begin = State {
+        centres: start.centres.clone(),
+        orientations: vec![0.0; start.radii.len()],
+    };
+    let mut state = begin.clone();
+    for (from, dt) in [(0.0, 0.005), (5.0, -0.005)] {
+        shear(&start, &mut state, from, dt, 1000)?;
+    }
+    let distance = state
+        .centres
+        .iter()
+        .zip(&begin.centres)
+        .map(|(x, y)| (x - y).norm())
+        .fold(0.0, f64::max);
+    all.push(Check::within(
+        "distance from the start after five strains and back, no contacts",
+        distance,
+        0.0,
+        1e-6,
+        "reversibility of Stokes flow",
+    ));
+    Ok(())
+}
+
+/// Shears a layer without contacts for some steps of either sign.
+fn shear(
+    start: &start::Start,
+    state: &mut State,
+    from: f64,
+    dt: f64,
+    steps: u32,
+) -> Result<(), Error> {
+    let cell = |strain: f64| Cell::periodic(start.side, start.side, strain * start.side);
+    let tables = NearFields::default();
+    let resistance = Resistance::new(
+        Hydrodynamics::BallMelrose,
+        &cell(0.0)?,
+        &start.radii,
+        &tables,
+    )?;
+    let mut motion = Motion::new(resistance);
+    let mut integrator = RungeKutta::default();
+    let background = Background::SHEAR;
+    for k in 0..steps {
+        let time = from + f64::from(k) * dt;
+        integrator.step(state, time, dt, |stage, centres, velocities| {
+            let cell = cell(stage.time)?;
+            motion.solve(&cell, centres, &background, &[], ContactLaw::None)?;
+            velocities.copy_from_slice(motion.velocities());
+            for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
+                u[0] += background.velocity(x).x;
+                u[2] += background.angular_velocity;
+            }
+            Ok::<(), Error>(())
+        })?;
+    }
+    Ok(())
+}

@@ -1,0 +1,282 @@
+//! The iterated far field against the dense one.
+
+mod dense_contacts;
+
+use crate::contact::network::passing::NetworkPasses;
+use crate::contact::rigid::Memory;
+use crate::contact::{Contact, ContactState, Contacts, Surface};
+use crate::geometry::cell::Cell;
+use crate::geometry::modes::{Background, Vec2, strain_tensor};
+use crate::hydrodynamics::iterative::{Convergence, IterativeFarField};
+use crate::hydrodynamics::resistance::Resistance;
+use crate::linalg::dense::{add_scaled, dot};
+use crate::motion::{ContactLaw, Motion};
+use crate::stress::StressWork;
+use crate::{ContactScheme, Error, Hydrodynamics, NearFields, Params, Simulation};
+use dense_contacts::DenseContacts;
+use nalgebra::Vector3;
+
+/// Parameters of a layer with many contacts, all with friction.
+fn params(spheres: usize, size_ratio: f64) -> Params {
+    Params {
+        spheres,
+        area_fraction: 0.72,
+        roughness: 0.01,
+        friction: 0.3,
+        shear_rate: f64::INFINITY,
+        size_ratio,
+        large_fraction: 0.5,
+        hydrodynamics: Hydrodynamics::BallMelrose,
+        contact: ContactScheme::Rigid,
+        time_step: 0.005,
+    }
+}
+
+/// A layer after a strain of 0.3: cell, centres, radii.
+fn sheared(params: &Params) -> (Cell, Vec<Vec2>, Vec<f64>) {
+    let mut simulation = Simulation::new(params, 1, &NearFields::default()).unwrap();
+    for _ in 0..60 {
+        simulation.step().unwrap();
+    }
+    let snapshot = simulation.snapshot();
+    let cell = Cell::periodic(snapshot.side, snapshot.side, 0.3 * snapshot.side).unwrap();
+    let centres = snapshot.centres.iter().map(|x| Vec2::new(x[0], x[1]));
+    (cell, centres.collect(), snapshot.radii)
+}
+
+/// Forces that add up to zero, and torques.
+fn external(spheres: usize) -> Vec<f64> {
+    let mut forces: Vec<f64> = (0..3 * spheres)
+        .map(|k| 3.0 * (1.7 * k as f64 + 0.01 * (k * k) as f64).sin())
+        .collect();
+    for c in 0..2 {
+        let mean = forces[c..].iter().step_by(3).sum::<f64>() / spheres as f64;
+        forces[c..].iter_mut().step_by(3).for_each(|f| *f -= mean);
+    }
+    forces
+}
+
+/// Ball-Melrose at given positions, and the forces that drive it.
+fn near_factored(
+    cell: &Cell,
+    centres: &[Vec2],
+    radii: &[f64],
+    external: &[f64],
+) -> (Resistance, Vec<f64>) {
+    let tables = NearFields::default();
+    let mut near = Resistance::new(Hydrodynamics::BallMelrose, cell, radii, &tables).unwrap();
+    near.update(cell, centres).unwrap();
+    let mut forces = vec![0.0; external.len()];
+    near.background_forces(&Background::SHEAR.strain(), &mut forces);
+    add_scaled(&mut forces, external, 1.0);
+    (near, forces)
+}
+
+/// Full Stokesian Dynamics with periodic sums closer than usual.
+fn dense_resistance(cell: &Cell, radii: &[f64]) -> Resistance {
+    Resistance::new_dense(cell, radii, &NearFields::default(), 1e-13).unwrap()
+}
+
+/// Root mean square of a vector, and of its difference from another over it.
+fn relative_difference(expected: &[f64], found: &[f64]) -> f64 {
+    let difference: Vec<f64> = expected.iter().zip(found).map(|(a, b)| a - b).collect();
+    (dot(&difference, &difference) / dot(expected, expected)).sqrt()
+}
+
+fn flat(stresslets: &[Vector3<f64>]) -> Vec<f64> {
+    stresslets.iter().flat_map(|s| [s[0], s[1], s[2]]).collect()
+}
+
+#[test]
+fn linear_motion_is_that_of_the_dense_far_field() {
+    for size_ratio in [1.0, 1.5] {
+        let (cell, centres, radii) = sheared(&params(60, size_ratio));
+        let external = external(60);
+        let mut dense = Motion::new(dense_resistance(&cell, &radii));
+        let shear = Background::SHEAR;
+        dense
+            .solve(&cell, &centres, &shear, &external, ContactLaw::None)
+            .unwrap();
+        let mut expected = StressWork::default();
+        let power = expected.update(&dense, &shear);
+        let (near, forces) = near_factored(&cell, &centres, &radii, &external);
+        for residual in [1e-4, 1e-6, 1e-7] {
+            let mut far = IterativeFarField::new(&cell, &radii, residual).unwrap();
+            far.update(&cell, &centres).unwrap();
+            let mut v = vec![0.0; 180];
+            let strain = shear.strain();
+            let found = far.solve(&near, &strain, &forces, &mut v).unwrap();
+            assert!(found.residual <= residual && found.iterations < 60);
+            let error = relative_difference(dense.velocities(), &v);
+            assert!(error < 3.0 * residual, "{size_ratio}: {error:e}");
+            let (mut work, mut counter, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
+            near.apply(&v, &strain, &mut work, &mut counter, &mut stresslets);
+            far.correct(&mut counter, &mut stresslets);
+            let error = relative_difference(&flat(&expected.stresslets), &flat(&stresslets));
+            assert!(error < residual, "{size_ratio}: {error:e}");
+            // The balance of forces is exact, so the forces do what the fluid dissipates.
+            let total = dot(&v, &counter) + stresslets.iter().map(|s| s.dot(&strain)).sum::<f64>();
+            assert!(
+                (total / power - 1.0).abs() < 0.5 * residual,
+                "{total} {power}"
+            );
+            assert!(relative_difference(&external, &counter) < 1e-12);
+            // Started again from its own end there is nothing left to do.
+            let again = far.solve(&near, &strain, &forces, &mut v).unwrap();
+            assert!(again.iterations <= 1);
+        }
+    }
+}
+
+#[test]
+fn solves_allocate_nothing_and_stop_at_the_limit() {
+    let (cell, centres, radii) = sheared(&params(40, 1.0));
+    let (near, forces) = near_factored(&cell, &centres, &radii, &external(40));
+    let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
+    far.update(&cell, &centres).unwrap();
+    let strain = Background::SHEAR.strain();
+    let mut v = vec![0.0; 120];
+    far.limit_iterations(3);
+    let stopped = far.solve(&near, &strain, &forces, &mut v);
+    assert!(matches!(
+        stopped,
+        Err(Error::NotConverged { iterations: 3, .. })
+    ));
+    far.limit_iterations(IterativeFarField::MOST_ITERATIONS);
+    let mut found = Ok(Convergence::default());
+    let counted = allocation_counter::measure(|| {
+        far.update(&cell, &centres).unwrap();
+        found = far.solve(&near, &strain, &forces, &mut v);
+    });
+    assert_eq!(counted.count_total, 0);
+    let first = v.clone();
+    far.forget();
+    assert_eq!(far.solve(&near, &strain, &forces, &mut v), found);
+    assert_eq!(first, v);
+    assert!(far.solve(&near, &strain, &forces[1..], &mut v).is_err());
+    assert!(IterativeFarField::new(&cell, &radii, 1e-12).is_err());
+}
+
+#[test]
+fn motion_with_contacts_is_that_of_the_dense_far_field() {
+    for (spheres, friction) in [(60, 0.0), (60, 0.3), (150, 0.3)] {
+        let (cell, centres, radii) = sheared(&params(spheres, 1.0));
+        let external = vec![0.0; 3 * spheres];
+        let mut dense = Motion::new(dense_resistance(&cell, &radii));
+        let shear = Background::SHEAR;
+        let surface = Surface {
+            roughness: 0.01,
+            friction,
+            critical_load: 0.0,
+        };
+        let time_span = 0.0025;
+        let mut memory = Memory::default();
+        let law = ContactLaw::Rigid {
+            surface,
+            time_span,
+            memory: &mut memory,
+        };
+        let quality = dense
+            .solve(&cell, &centres, &shear, &external, law)
+            .unwrap();
+        assert!(quality.converged(), "{quality:?}");
+        let area = cell.area().unwrap();
+        let list = &dense.contacts.list;
+        let expected = StressWork::default().stress(&dense, &shear, area);
+        let count = |state| {
+            list.iter()
+                .filter(|c| c.normal_force > 0.0 && c.state == state)
+                .count()
+        };
+        let counts = [ContactState::Rolling, ContactState::Slipping].map(count);
+        assert!(
+            friction == 0.0 || counts.iter().all(|&count| count >= 5),
+            "{counts:?}"
+        );
+        let (near, forces) = near_factored(&cell, &centres, &radii, &external);
+        let strain = shear.strain();
+        for residual in [1e-4, 1e-6, 1e-7] {
+            let mut far = IterativeFarField::new(&cell, &radii, residual).unwrap();
+            far.update(&cell, &centres).unwrap();
+            let mut contacts = DenseContacts::new(&near, &surface, time_span);
+            let mut v = vec![0.0; 3 * spheres];
+            let found = far.solve_fixed_point(&near, &mut contacts, &strain, &forces, &mut v);
+            assert!(found.unwrap().residual <= residual);
+            let error = relative_difference(dense.velocities(), &v);
+            let (mut work, mut counter, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
+            near.apply(&v, &strain, &mut work, &mut counter, &mut stresslets);
+            far.correct(&mut counter, &mut stresslets);
+            let hydrodynamic: f64 = stresslets.iter().map(|s| strain_tensor(s).2).sum();
+            let viscosity = 1.0 + (hydrodynamic + contacts.shear_stress()) / (2.0 * area);
+            let (mut squares, mut differences) = (0.0, 0.0);
+            for c in list {
+                let (f, f_t) = contacts.forces(c.pair.i, c.pair.j);
+                squares += c.normal_force.powi(2) + c.tangential_force.powi(2);
+                differences += (c.normal_force - f).powi(2) + (c.tangential_force - f_t).powi(2);
+            }
+            let force_error = (differences / squares).sqrt();
+            assert!(error < 2.0 * residual, "{error:e}");
+            assert!(force_error < 2.0 * residual, "{force_error:e}");
+            assert!(
+                (viscosity / expected.viscosity - 1.0).abs() < 0.5 * residual,
+                "{viscosity} {}",
+                expected.viscosity
+            );
+        }
+    }
+}
+
+#[test]
+fn rigid_contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
+    let (cell, centres, radii) = sheared(&params(150, 1.0));
+    let shear = Background::SHEAR;
+    let surface = Surface {
+        roughness: 0.01,
+        friction: 0.3,
+        critical_load: 0.0,
+    };
+    let mut dense = Motion::new(dense_resistance(&cell, &radii));
+    let law = ContactLaw::Rigid {
+        surface,
+        time_span: 0.0025,
+        memory: &mut Memory::default(),
+    };
+    dense
+        .solve(&cell, &centres, &shear, &[0.0; 450], law)
+        .unwrap();
+    let mut near = Resistance::new_pairwise(&cell, &radii, &NearFields::default(), &[]).unwrap();
+    near.update(&cell, &centres).unwrap();
+    let (strain, mut forces) = (shear.strain(), vec![0.0; 450]);
+    near.background_forces(&strain, &mut forces);
+    let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
+    far.update(&cell, &centres).unwrap();
+    // Without contacts, pair by pair and by the factor.
+    let (mut by_pairs, mut by_factor) = (vec![0.0; 450], vec![0.0; 450]);
+    let first = far.solve(&near, &strain, &forces, &mut by_pairs).unwrap();
+    let (factored, _) = near_factored(&cell, &centres, &radii, &[0.0; 450]);
+    far.forget();
+    let second = far
+        .solve(&factored, &strain, &forces, &mut by_factor)
+        .unwrap();
+    assert_eq!(first.iterations, second.iterations);
+    assert!(relative_difference(&by_factor, &by_pairs) < 1e-8);
+    let both = |list: &[Contact]| -> Vec<f64> {
+        let loaded = list.iter().filter(|c| c.normal_force > 0.0);
+        loaded
+            .flat_map(|c| [c.normal_force, c.tangential_force])
+            .collect()
+    };
+    let expected = both(&dense.contacts.list);
+    far.forget();
+    let mut v = vec![0.0; 450];
+    let (mut contacts, mut memory) = (Contacts::default(), Memory::default());
+    let mut passes = NetworkPasses::new(&near, &mut contacts, &shear, surface, 0.0025, &mut memory);
+    let quality = passes.solve(&mut far, &strain, &forces, &mut v).unwrap();
+    assert!(quality.converged(), "{quality:?}");
+    let error = relative_difference(dense.velocities(), &v);
+    assert!(error < 2e-6, "{error:e}");
+    let forces = both(&contacts.list);
+    assert_eq!(expected.len(), forces.len());
+    let error = relative_difference(&expected, &forces);
+    assert!(error < 2e-6, "{error:e}");
+}
