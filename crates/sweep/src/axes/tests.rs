@@ -18,7 +18,12 @@ pub(super) static ONE_MORE: [Parameter; 1] = [Parameter {
         whole: false,
         default: Some(|p| 1.0 - p.large_fraction),
         get: |p| 1.0 - p.large_fraction,
-        put: |p, value| p.large_fraction = 1.0 - value,
+        put: |p, value| {
+            // What is there already keeps its last digits.
+            if value != 1.0 - p.large_fraction {
+                p.large_fraction = 1.0 - value;
+            }
+        },
         without: None,
         is_of_laws: false,
     }),
