@@ -225,7 +225,16 @@ impl Grid {
     fn unmade(&self, combination: &Combination<'_>, unmade: Unmade) -> Vec<Problem> {
         match unmade {
             Unmade::Refused(refusal) => vec![self.refused(combination, &refusal)],
-            Unmade::Missing(axes) => axes.into_iter().map(|axis| self.missing(axis)).collect(),
+            Unmade::Missing(axes) => axes
+                .into_iter()
+                .map(|axis| {
+                    let problem = self.missing(axis);
+                    match choice_that_needs(combination, axis) {
+                        Some((key, place)) => problem.also(place, format!("for this `{key}`")),
+                        None => problem,
+                    }
+                })
+                .collect(),
         }
     }
 
@@ -249,6 +258,31 @@ impl Grid {
             None => problem,
         }
     }
+}
+
+/// The choice without which an axis need not have a value: its key and its place.
+fn choice_that_needs<'g>(
+    combination: &Combination<'g>,
+    axis: &Axis,
+) -> Option<(&'static str, &'g ops::Range<usize>)> {
+    let values = |without: usize| -> Vec<Option<Value>> {
+        let others = combination.iter().enumerate();
+        others
+            .map(|(at, written)| Some(written.filter(|_| at != without)?.value))
+            .collect()
+    };
+    let choices = AXES.iter().zip(combination).enumerate();
+    choices
+        .filter(|(_, (choice, _))| !choice.is_numeric())
+        .find_map(|(at, (choice, written))| {
+            let written = (*written)?;
+            let needed = match params_of(&values(at)) {
+                Err(Unmade::Missing(axes)) => axes.iter().any(|missing| missing.key == axis.key),
+                Err(Unmade::Refused(_)) => true,
+                Ok(_) => false,
+            };
+            (!needed).then_some((choice.key, &written.span))
+        })
 }
 
 /// Where the value of an axis is written, if it is.
