@@ -17,17 +17,13 @@ mod layers;
 
 use clock::Moment;
 use layers::{Layer, TIME_STEP, layer, params};
-use sd_core::FarField;
-use sd_core::Hydrodynamics;
-use sd_core::NeighbourList;
-use sd_core::StressWork;
 use sd_core::cell::{Cell, LUBRICATION_RANGE};
 use sd_core::contact::ContactState;
 use sd_core::linalg::Matrix;
 use sd_core::linalg::StaggeredColumns;
 use sd_core::linalg::TiledCholesky;
 use sd_core::modes::{Background, Vec2};
-use sd_core::{RungeKutta, State};
+use sd_core::{FarField, Hydrodynamics, NeighbourList, RungeKutta, State, StressWork};
 
 const STEPS: u32 = 60;
 

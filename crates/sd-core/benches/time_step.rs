@@ -10,89 +10,21 @@
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
-use sd_core::Resistance;
-use sd_core::StressWork;
+#[path = "time_step/methods.rs"]
+mod methods;
+
+use methods::{BOGACKI_SHAMPINE, EULER, HEUN, MIDPOINT, Method, RK4};
 use sd_core::cell::Cell;
 use sd_core::contact::Surface;
 use sd_core::contact::rigid::Memory;
 use sd_core::modes::{Background, Vec2};
-use sd_core::{ContactLaw, Motion};
-use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
+use sd_core::{
+    ContactLaw, ContactScheme, Hydrodynamics, Motion, NearFields, Params, Resistance, Simulation,
+    Snapshot, StressWork,
+};
 
 /// Viscosity as the program measures it, and with contacts that look ahead by [`LOOK`] only.
 type Viscosities = Vec2;
-
-/// An explicit Runge-Kutta method.
-struct Method {
-    name: &'static str,
-    /// Nodes c.
-    nodes: &'static [f64],
-    /// Rows of the tableau.
-    rows: &'static [&'static [f64]],
-    /// Time spans τ of the stages, in steps.
-    spans: &'static [f64],
-    weights: &'static [f64],
-    /// Weights of the embedded method less these, if there is one; then the order of the error over a step.
-    embedded: Option<(&'static [f64], f64)>,
-    /// Whether the last stage is the first of the next step.
-    last_is_first: bool,
-}
-
-/// One right-hand side per step.
-const EULER: Method = Method {
-    name: "Euler",
-    nodes: &[0.0],
-    rows: &[&[]],
-    spans: &[1.0],
-    weights: &[1.0],
-    embedded: None,
-    last_is_first: false,
-};
-/// Two right-hand sides per step.
-const MIDPOINT: Method = Method {
-    name: "midpoint",
-    nodes: &[0.0, 0.5],
-    rows: &[&[], &[0.5]],
-    spans: &[1.0, 0.5],
-    weights: &[0.0, 1.0],
-    embedded: None,
-    last_is_first: false,
-};
-/// The method of the program.
-const RK4: Method = Method {
-    name: "RK4",
-    nodes: &[0.0, 0.5, 0.5, 1.0],
-    rows: &[&[], &[0.5], &[0.0, 0.5], &[0.0, 0.0, 1.0]],
-    spans: &[1.0, 0.5, 0.5, 1.0],
-    weights: &[1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
-    embedded: None,
-    last_is_first: false,
-};
-/// Heun with Euler embedded.
-const HEUN: Method = Method {
-    name: "Heun 2(1)",
-    nodes: &[0.0, 1.0],
-    rows: &[&[], &[1.0]],
-    spans: &[1.0, 1.0],
-    weights: &[0.5, 0.5],
-    embedded: Some((&[0.5, -0.5], 2.0)),
-    last_is_first: false,
-};
-/// Bogacki and Shampine (1989).
-const BOGACKI_SHAMPINE: Method = Method {
-    name: "Bogacki-Shampine 3(2)",
-    nodes: &[0.0, 0.5, 0.75, 1.0],
-    rows: &[
-        &[],
-        &[0.5],
-        &[0.0, 0.75],
-        &[2.0 / 9.0, 1.0 / 3.0, 4.0 / 9.0],
-    ],
-    spans: &[1.0, 0.5, 0.5, 1.0],
-    weights: &[2.0 / 9.0, 1.0 / 3.0, 4.0 / 9.0, 0.0],
-    embedded: Some((&[-5.0 / 72.0, 1.0 / 12.0, 1.0 / 9.0, -1.0 / 8.0], 3.0)),
-    last_is_first: true,
-};
 
 /// Gaps below this share of the roughness height have a step done again, as in the program.
 const HELD_SHARE: f64 = 0.5;

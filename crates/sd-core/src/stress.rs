@@ -52,7 +52,7 @@ impl StressWork {
         work + strained
     }
 
-    /// Stress of a layer of area `area`, for the motion last solved, with its contacts and pairs that repel besides.
+    /// Stress of a layer of area `area`, for the motion last solved, with its contacts and the pairs that repel each other.
     pub fn stress(&mut self, motion: &Motion, background: &Background, area: f64) -> Stress {
         let power = self.update(motion, background);
         let radii = motion.resistance.radii();

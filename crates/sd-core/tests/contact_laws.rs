@@ -2,21 +2,17 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use sd_core::Resistance;
-use sd_core::Rosenbrock;
-use sd_core::State;
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{History, Laws, Normal, Phase, Tangential};
 use sd_core::contact::repulsion::Repulsion;
 use sd_core::contact::rigid::Memory;
 use sd_core::contact::{Contact, ContactState, Surface, hertz};
-use sd_core::instant::{Configuration, ContactRequest, Instant, solve};
+use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::params::DEEPEST_OVERLAP;
-use sd_core::{ContactLaw, Motion};
 use sd_core::{
-    ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
-    Simulation, Snapshot, TangentialLaw,
+    ContactLaw, ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, Motion, NearFields,
+    NormalLaw, Params, Resistance, Rosenbrock, Simulation, Snapshot, State, TangentialLaw,
 };
 
 const SPRING: Normal = Normal::LinearSpring {
@@ -57,7 +53,7 @@ fn pair(gap: f64, push: f64, shear: f64) -> Configuration {
     }
 }
 
-fn solved(configuration: &Configuration, laws: &Laws, time_span: f64) -> Instant {
+fn solved(configuration: &Configuration, laws: &Laws, time_span: f64) -> SolvedConfiguration {
     let request = ContactRequest::Laws {
         laws: *laws,
         lubrication_gap: 0.001,

@@ -2,17 +2,14 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use sd_core::Resistance;
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, solve};
 use sd_core::modes::{Background, Vec2};
-use sd_core::{ContactLaw, Motion};
 use sd_core::{
-    ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Sample, Simulation, Snapshot,
-    start,
+    ContactLaw, ContactScheme, Error, Flow, Hydrodynamics, Motion, NearFields, Params, Resistance,
+    RungeKutta, Sample, Simulation, Snapshot, State, start,
 };
-use sd_core::{RungeKutta, State};
 use std::f64::consts::PI;
 
 fn params() -> Params {

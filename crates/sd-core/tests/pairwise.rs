@@ -2,15 +2,13 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use sd_core::Resistance;
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Surface};
 use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::{LEAST_ITERATED, LEAST_PAIRWISE};
-use sd_core::{ContactLaw, Motion};
 use sd_core::{
-    ContactLaws, ContactScheme, Error, Hydrodynamics, NearFields, Params, Simulation, Snapshot,
-    TangentialLaw,
+    ContactLaw, ContactLaws, ContactScheme, Error, Hydrodynamics, Motion, NearFields, Params,
+    Resistance, Simulation, Snapshot, TangentialLaw,
 };
 
 fn params(spheres: usize, area_fraction: f64, friction: f64) -> Params {

@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::cell::Cell;
-use sd_core::instant::{Configuration, ContactRequest, Instant, solve};
+use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{Hydrodynamics, NearFields};
 use serde_json::Value;
@@ -37,7 +37,7 @@ fn difference(ours: impl IntoIterator<Item = f64>, reference: &[f64]) -> f64 {
 }
 
 /// Compares one instant with one part of the file, to `tolerance` of the largest number of each kind.
-fn compare(instant: &Instant, part: &Value, what: &str, tolerance: f64) {
+fn compare(instant: &SolvedConfiguration, part: &Value, what: &str, tolerance: f64) {
     let velocities: Vec<f64> = vectors(&part["velocity_disturbance"])
         .iter()
         .flat_map(|v| [v.x, v.y])

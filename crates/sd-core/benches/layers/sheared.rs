@@ -1,14 +1,14 @@
 //! Layers with a developed contact network: h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
 
-use sd_core::IterativeFarField;
-use sd_core::Resistance;
 use sd_core::cell::Cell;
 use sd_core::contact::Surface;
 use sd_core::contact::rigid::Memory;
 use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::is_pairwise;
-use sd_core::{ContactLaw, Motion};
-use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
+use sd_core::{
+    ContactLaw, ContactScheme, Hydrodynamics, IterativeFarField, Motion, NearFields, Params,
+    Resistance, Simulation, Snapshot,
+};
 
 /// Time step of the runs and of the stages timed.
 pub(crate) const TIME_STEP: f64 = 0.005;

@@ -24,12 +24,12 @@ pub struct NeighbourList {
     found: Vec<Neighbours>,
     /// Pairs that may come within range for a while.
     kept: VerletList,
-    /// Overlap of two surfaces from which [`NeighbourList::update`] refuses them, in a.
+    /// The overlap of two surfaces, in a, from which on [`NeighbourList::update`] refuses them.
     deepest: f64,
 }
 
 impl NeighbourList {
-    /// Room for all pairs within range that so many equal spheres can have.
+    /// Makes room for all pairs within range that so many equal spheres can have.
     pub fn new(spheres: usize) -> Self {
         Self {
             pairs: Vec::with_capacity(MOST_NEIGHBOURS * spheres / 2),
@@ -116,7 +116,7 @@ impl NeighbourList {
 
     /// [`NeighbourList::update`] without the check: gaps may be negative.
     pub(crate) fn find(&mut self, cell: &Cell, centres: &[Vec2], radii: &[f64], range: f64) {
-        // Rounding is one instruction there, a call elsewhere.
+        // Vectorised code rounds by one instruction where other code calls a function.
         vectorised(
             #[inline(always)]
             || self.find_inline(cell, centres, radii, range),
@@ -150,7 +150,7 @@ impl NeighbourList {
         for i in 0..centres.len() {
             self.found.clear();
             let (column, row) = self.bins[i];
-            // Rows below, at and above; all of them once if there are fewer than three.
+            // The rows of bins below, at and above this one; where there are fewer than three rows, each of them once.
             let row_count = rows.min(3);
             for k in 0..row_count {
                 let other_row = if rows < 3 {

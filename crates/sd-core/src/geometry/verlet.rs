@@ -15,7 +15,7 @@ use crate::geometry::pair::Neighbours;
 /// Skin s, over the range.
 const SKIN: f64 = 0.1;
 
-/// Pairs within the longer range, and when they were.
+/// Pairs within the longer range, and the positions at which they were found.
 #[derive(Debug, Default)]
 pub(super) struct VerletList {
     /// The pairs, ordered by (i, j).

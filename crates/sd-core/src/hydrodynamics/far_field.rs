@@ -46,7 +46,7 @@ impl FarField {
     /// Default accuracy of the periodic sums, relative to the largest entry of M.
     pub const DEFAULT_TOLERANCE: f64 = 1e-8;
 
-    /// Plans the sums for least cost.
+    /// Chooses the splitting of the sums that costs least.
     ///
     /// # Arguments
     /// - `cell`: sides in a; the offset may differ in every call of [`FarField::fill`].
@@ -59,7 +59,7 @@ impl FarField {
         let mut best = (f64::INFINITY, 0.0);
         if let Some(area) = cell.area() {
             check(radii, tolerance)?;
-            // Nanoseconds per pair: each image, each wave vector.
+            // Measured nanoseconds per pair for each image and for each wave vector.
             for step in 0..60 {
                 let alpha = 0.6 / area.sqrt() * 1.06_f64.powi(step);
                 let cut_offs = cut_offs(alpha, area, radii, tolerance);

@@ -1,4 +1,4 @@
-//! Stokesian Dynamics of large layers: Ball-Melrose factored, the far field iterated on top of it.
+//! Stokesian Dynamics of large layers: the far field is iterated on top of Ball-Melrose hydrodynamics.
 //!
 //! ```text
 //! x = (−E; v),   q the force modes of the far field, M its mobility, M₀ that of isolated spheres
@@ -18,8 +18,8 @@
 //! The relative residual is `√(rᵀ W r)/√(qᵀ M₀ q)`, r = x − M q − V c. A remaining r is a flow that the spheres are subjected to
 //! besides the background.
 
+mod ball_melrose;
 pub(crate) mod fixed_point;
-mod near;
 mod split;
 mod uniform;
 
@@ -30,8 +30,8 @@ use crate::hydrodynamics::far_field::operator::FarOperator;
 use crate::hydrodynamics::far_field::unbounded::self_mobility;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
+use ball_melrose::BallMelroseSolver;
 use nalgebra::Vector3;
-use near::NearSolver;
 use split::SplitMotion;
 use uniform::{Uniform, translation, translations};
 
@@ -86,7 +86,7 @@ struct Work {
     image: Vec<f64>,
     /// Translations of the layer.
     uniform: Uniform,
-    near: NearSolver,
+    ball_melrose: BallMelroseSolver,
 }
 
 impl IterativeFarField {
@@ -95,7 +95,7 @@ impl IterativeFarField {
     /// Default limit of the iterations of one solve.
     pub const MOST_ITERATIONS: u32 = 300;
 
-    /// Plans for cells of the given sides.
+    /// Makes a plan for cells of the given sides.
     ///
     /// # Arguments
     /// - `cell`: periodic.
@@ -141,7 +141,7 @@ impl IterativeFarField {
                 step_lag: half(),
                 image: vector(),
                 uniform: Uniform::default(),
-                near: NearSolver::default(),
+                ball_melrose: BallMelroseSolver::default(),
             },
             split,
         })
@@ -158,7 +158,7 @@ impl IterativeFarField {
         self.split.forget();
     }
 
-    /// Takes positions. What was found at the last ones is where the next solve starts.
+    /// Takes new positions. The next solve starts from what was found at the last ones.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
@@ -197,10 +197,11 @@ impl IterativeFarField {
         for ((v, f), excess) in velocities.iter_mut().zip(forces).zip(&excess[half..]) {
             *v = f - excess;
         }
-        work.near.start(near)?;
-        work.near.solve(near, velocities);
+        work.ball_melrose.start(near)?;
+        work.ball_melrose.solve(near, velocities);
         work.uniform.update(near, &drag[half..]);
-        work.uniform.solve(near, &mut work.near, &drag[half..]);
+        work.uniform
+            .solve(near, &mut work.ball_melrose, &drag[half..]);
         let rows = velocities.iter().zip(&drag[half..]).zip(&excess[half..]);
         work.lag.clear();
         work.lag
@@ -291,7 +292,7 @@ impl Work {
         for ((lag, r), drag) in self.lag.iter_mut().zip(r).zip(drag_v) {
             *lag = drag * r;
         }
-        self.near.solve(near, &mut self.lag);
+        self.ball_melrose.solve(near, &mut self.lag);
         let (strains, velocities) = self.preconditioned.split_at_mut(half);
         for ((s, r), drag) in strains.iter_mut().zip(&self.residual).zip(drag) {
             *s = drag * r;

@@ -17,7 +17,7 @@ pub(crate) struct Anderson {
     oldest: usize,
     /// The last x and its residual.
     last: [Vec<f64>; 2],
-    /// Whether `last` holds anything that a step can be taken from.
+    /// Whether `last` is the iterate before this one, so that a step can be learned from it.
     connected: bool,
 }
 
@@ -95,7 +95,7 @@ impl Anderson {
         } else if useful {
             self.kept += 1;
         } else if full {
-            // An empty place in the middle: the last pair takes it.
+            // The place in the middle has become empty: the last pair takes it.
             self.steps.swap(slot, depth - 1);
             self.kept -= 1;
             self.oldest = 0;

@@ -152,7 +152,7 @@ fn eliminate(
             }
         }
         if exchanges.iter().copied().eq(first..end) {
-            // Mostly the diagonal is the largest.
+            // The diagonal entry is the largest in most columns.
             exchanges.clear();
         }
         if end - first == PANEL {
@@ -161,7 +161,7 @@ fn eliminate(
                 let (left, right) = two.split_at_mut(n);
                 take_four_steps(panel, first, exchanges, [left, right]);
             }
-            // With an odd number of columns the last is the right-hand side's companion.
+            // With an odd number of columns the last one goes together with the right-hand side.
             let last = pairs.into_remainder();
             if last.is_empty() {
                 take_steps(panel, n, first, exchanges, b);

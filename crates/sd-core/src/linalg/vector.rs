@@ -80,7 +80,7 @@ pub(super) fn add_four(y: &mut [f64], x: [&[f64]; 4], s: [f64; 4]) {
 /// themselves.
 #[inline(always)]
 pub(super) fn subtract_four_from_two(y: [&mut [f64]; 2], l: [&[f64]; 4], u: [[f64; 4]; 2]) {
-    /// Entries at a time: copied first, so that nobody wonders whether the vectors overlap.
+    /// Entries at a time. They are copied first, so that the compiler need not assume that the vectors overlap.
     const LANES: usize = 8;
     let [y0, y1] = y;
     let length = y0.len();

@@ -32,12 +32,12 @@ pub struct Configuration {
     pub torques: Vec<f64>,
 }
 
-/// Which contact problem to solve.
+/// The contact problem that is to be solved.
 #[derive(Debug, Clone)]
 pub enum ContactRequest {
     /// No contact.
     None,
-    /// These pairs are halted all at once by eqs. (12)-(13), negative forces set to zero afterwards, no friction.
+    /// These pairs are halted all at once by eqs. (12)-(13), without friction; negative forces are set to zero afterwards.
     Listed {
         /// Pairs of sphere numbers.
         pairs: Vec<[usize; 2]>,
@@ -54,7 +54,7 @@ pub enum ContactRequest {
         /// Roughness and friction.
         surface: Surface,
     },
-    /// Laws chosen one by one; springs are as long as the gaps say.
+    /// Laws chosen one by one. The gaps say how far normal springs are compressed.
     Laws {
         /// The laws, in the units of the solver.
         laws: Laws,
@@ -69,7 +69,7 @@ pub enum ContactRequest {
 
 /// Motion, stresslets and contacts of a configuration.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Instant {
+pub struct SolvedConfiguration {
     /// `(U − u∞, Ω − Ω∞)` of each sphere, background at its own centre.
     pub disturbances: Vec<[f64; 3]>,
     /// Stresslets S of (20), `(s1, s2, s3)` of each sphere, in mu·a³·rate.
@@ -78,11 +78,11 @@ pub struct Instant {
     pub stress: Option<Stress>,
     /// All candidate pairs.
     pub contacts: Vec<Contact>,
-    /// Pairs that a repulsion keeps apart, besides.
+    /// Pairs that a repulsion keeps apart besides the contacts.
     pub repelled: Vec<Contact>,
 }
 
-impl Instant {
+impl SolvedConfiguration {
     /// Stresslet of sphere i as `(xx, yy, xy)`.
     pub fn stresslet(&self, i: usize) -> (f64, f64, f64) {
         strain_tensor(&self.stresslets[i])
@@ -182,7 +182,7 @@ pub fn solve(
     configuration: &Configuration,
     request: &ContactRequest,
     tables: &NearFields,
-) -> Result<Instant, Error> {
+) -> Result<SolvedConfiguration, Error> {
     check(configuration)?;
     let Configuration {
         centres,
@@ -219,7 +219,7 @@ pub fn solve(
         work.update(&motion, background);
         None
     };
-    Ok(Instant {
+    Ok(SolvedConfiguration {
         disturbances: motion
             .velocities()
             .chunks_exact(3)

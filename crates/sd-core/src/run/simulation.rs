@@ -28,9 +28,9 @@ use serde::{Deserialize, Serialize};
 
 /// A layer that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
-/// Times a step is halved, and its halves again, where a gap of rigid contacts falls too low within it.
+/// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
 const MOST_HALVINGS: u32 = 6;
-/// What counts as too low: this share of the roughness height.
+/// A gap counts as too low below this share of the roughness height.
 const HELD_SHARE: f64 = 0.5;
 /// Memory of a [`Simulation`], in bytes, from above (near jamming): its matrices, and a few kilobytes per sphere.
 ///
@@ -58,7 +58,7 @@ pub fn memory_bytes(params: &Params) -> f64 {
 /// Spheres from which on the resistance of a layer of rigid contacts is held pair by pair under Ball-Melrose hydrodynamics, where
 /// that costs less.
 pub const LEAST_PAIRWISE: usize = 250;
-/// The same under Stokesian Dynamics, where the far field is then iterated.
+/// The least number of spheres under Stokesian Dynamics, where the far field is then iterated.
 pub const LEAST_ITERATED: usize = 800;
 
 /// Whether runs with these parameters hold the resistance pair by pair, as a
@@ -109,12 +109,12 @@ pub struct Simulation {
     motion: Motion,
     stepper: Stepper,
     stress: StressWork,
-    /// A look at the first stage, while one is asked for.
+    /// The frame of the first stage, while one is asked for.
     frame: Option<Box<Frame>>,
 }
 
 impl Simulation {
-    /// Makes the start layer from the seed.
+    /// Starts a run from the layer that the seed makes.
     ///
     /// # Errors
     /// Parameters out of range, a cell too small, an area fraction that cannot be packed.
@@ -138,7 +138,7 @@ impl Simulation {
         Self::from_snapshot(params, snapshot, tables)
     }
 
-    /// Goes on from a snapshot of a run with the same parameters.
+    /// Continues a run from a snapshot made with the same parameters.
     ///
     /// # Errors
     /// [`Error::Snapshot`] if it does not fit the parameters.
@@ -302,7 +302,7 @@ impl Simulation {
         let motion = &mut self.motion;
         let surface = self.surface;
         if stage.number == 0 {
-            // So that a run resumed here has the same bits.
+            // A run that is resumed here then has the same bits.
             motion.forget();
         }
         let repels = |chosen: &Chosen| chosen.laws.repulsion.is_some();

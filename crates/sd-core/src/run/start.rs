@@ -150,7 +150,7 @@ pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
     Ok((radii, side))
 }
 
-/// Makes the layer: a function of the parameters and the seed alone (`ChaCha8`).
+/// Makes the layer, which depends on the parameters and the seed alone (`ChaCha8`).
 ///
 /// # Errors
 /// [`Error::CellTooSmall`], or [`Error::CannotPack`] with the area fraction reached.
@@ -174,7 +174,7 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
                 if gap >= params.roughness {
                     break;
                 }
-                // From most of a radius, which melts the layer, down to a tenth, several times over.
+                // Shakes go from most of a radius, which melts the layer, down to a tenth of it, several times over.
                 let size = 0.8 * 0.125f64.powf(f64::from(shake % 10) / 9.0);
                 packing.shake(size, &mut random);
                 gap = packing.relax();
@@ -254,7 +254,7 @@ impl Packing {
         let mut last_energy = f64::INFINITY;
         for step in 0..4000 {
             let energy: f64 = self.forces.iter().map(Vec2::norm_squared).sum();
-            // Jammed: no force decreases any more, yet overlaps are left.
+            // The discs are jammed: no force decreases any more, yet overlaps are left.
             if step % 100 == 99 {
                 if energy > 0.8 * last_energy {
                     break;

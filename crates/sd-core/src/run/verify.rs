@@ -1,4 +1,4 @@
-//! Known results, recomputed: what a user checks before trusting a machine and a build. Seconds in all.
+//! Known results, computed again: what a user checks before trusting a machine and a build. It takes seconds.
 
 mod layers;
 mod spheres;
@@ -6,7 +6,7 @@ mod spheres;
 use crate::error::Error;
 use serde::Serialize;
 
-/// One known result beside ours.
+/// One known result beside our value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Check {
     /// What is compared.
@@ -56,7 +56,7 @@ impl Check {
         }
     }
 
-    /// Whether ours lies where it must; what is not a number does not.
+    /// Whether our value lies within its range; what is not a number does not.
     pub fn passes(&self) -> bool {
         self.value >= self.least && self.value <= self.most
     }

@@ -8,7 +8,7 @@ use crate::tables;
 use sd_core::cell::Cell;
 use sd_core::contact::rigid::Memory;
 use sd_core::contact::{ContactState, Surface};
-use sd_core::instant::{Configuration, ContactRequest, Instant, solve};
+use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::model::Words as _;
 use sd_core::modes::{Background, Vec2};
 use sd_core::{ContactLaws, Hydrodynamics, NearFields};
@@ -381,8 +381,8 @@ struct Pair {
     state: ContactState,
 }
 
-impl From<&Instant> for Answer {
-    fn from(instant: &Instant) -> Self {
+impl From<&SolvedConfiguration> for Answer {
+    fn from(instant: &SolvedConfiguration) -> Self {
         let stresslets: Vec<_> = (0..instant.stresslets.len())
             .map(|sphere| instant.stresslet(sphere))
             .collect();

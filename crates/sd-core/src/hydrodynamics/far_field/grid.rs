@@ -51,7 +51,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Plans for a cell's sides; any offset.
+    /// Makes a plan for a cell of these sides and any offset.
     ///
     /// `tolerance`: of M, relative to its largest entry.
     pub(super) fn new(
@@ -100,7 +100,7 @@ impl Grid {
         self.axes[0].points * self.axes[1].points
     }
 
-    /// Takes cell and centres of the next applications.
+    /// Takes the cell and the centres of the next applications.
     pub(super) fn update(&mut self, cell: &Cell, centres: &[Vec2]) {
         let Cell::Periodic {
             length_x,
@@ -230,7 +230,7 @@ impl Grid {
         }
     }
 
-    /// Both fields to wave numbers; of the first, only those kept.
+    /// Transforms both fields to wave numbers; of the first coordinate only the wave numbers that are kept.
     fn transform_forward(&mut self) {
         let Self {
             axes,
@@ -322,7 +322,7 @@ impl Grid {
             let kx = 2.0 * PI * m as f64 / length_x;
             for at in 0..rows {
                 let (here, there) = (m * rows + at, opposite * rows + (rows - at) % rows);
-                // Of m = 0 each pair k, −k is met twice.
+                // Among m = 0 each pair of wave vectors k, −k is met twice.
                 if m == 0 && here > there {
                     continue;
                 }

@@ -44,7 +44,7 @@ pub(crate) struct FarOperator {
     list: NeighbourList,
     /// Cut-off of the short-ranged part, in a.
     reach: f64,
-    /// One for each sphere: the list's radii, so that its range is a distance.
+    /// Radii of one for all spheres, which the list is given so that its range is a distance.
     units: Vec<f64>,
     pairs: Vec<NearPair>,
     /// Self mobility less what the grid holds of a sphere's own image: a diagonal, modes as in [`NearPair`].
@@ -56,7 +56,7 @@ pub(crate) struct FarOperator {
 }
 
 impl FarOperator {
-    /// Plans for least cost of an application.
+    /// Makes the plan whose applications cost least.
     ///
     /// # Arguments
     /// - `cell`: periodic; its offset may differ in every call of [`FarOperator::update`].
@@ -77,7 +77,7 @@ impl FarOperator {
             if cut_offs.distance > longest {
                 continue;
             }
-            // Nanoseconds: each near pair, each wave vector on its share of the grid.
+            // Measured nanoseconds for each near pair, and for each wave vector on its share of the grid.
             let pairs = 0.5 * n * n * PI * cut_offs.distance.powi(2) / area;
             let points = 1.12 * 2.5 * area * (cut_offs.wave / PI).powi(2);
             let cost = 40.0 * pairs + 50.0 * points;
@@ -147,7 +147,7 @@ impl FarOperator {
         })
     }
 
-    /// Takes positions. Allocates only when there are more near pairs than ever before.
+    /// Takes new positions. Allocates only when there are more near pairs than ever before.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.

@@ -130,12 +130,12 @@ impl WaveSpace {
         }
     }
 
-    /// 1 for equal radii, 2 otherwise.
+    /// Number of layers of streams: 1 for equal radii, 2 otherwise.
     fn layers(&self) -> usize {
         if self.equal.is_some() { 1 } else { 2 }
     }
 
-    /// Takes cell and centres of this call; returns the sum at separation 0.
+    /// Takes the cell and the centres of this call; returns the sum at separation 0.
     pub(crate) fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> [Lanes; 2] {
         let Cell::Periodic {
             length_x,

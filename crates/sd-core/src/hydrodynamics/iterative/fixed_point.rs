@@ -56,7 +56,7 @@ pub trait FixedPointMap {
 /// Rise of the residual over its least at which the acceleration starts anew.
 const WORSE: f64 = 10.0;
 
-/// What a friction force counts in the norm of the iteration, as if it drove an isolated sphere.
+/// Weight of a friction force in the norm of the iteration: that of a force which drives an isolated sphere.
 fn weight() -> f64 {
     (6.0 * PI).sqrt().recip()
 }

@@ -44,7 +44,7 @@ pub(super) struct SplitMotion {
 }
 
 impl SplitMotion {
-    /// From nothing, for spheres whose isolated drags `[6N]`, strains first, are the diagonal of M₀⁻¹.
+    /// An iteration that starts from nothing. `drag` is the diagonal of M₀⁻¹, `[6N]`, strains first.
     pub(super) fn new(drag: &[f64]) -> Self {
         let n = drag.len();
         let whole: f64 = drag[n / 2..].iter().step_by(3).sum();
@@ -86,7 +86,7 @@ impl SplitMotion {
         }
     }
 
-    /// `M q`, and with it the forces on the Ball-Melrose spheres.
+    /// Computes `M q`, and with it the forces on the Ball-Melrose spheres.
     ///
     /// `drag`: the diagonal of M₀⁻¹, `[6N]`; `forces`: on the spheres, `[3N]`.
     pub(super) fn take_flow(&mut self, operator: &mut FarOperator, drag: &[f64], forces: &[f64]) {
@@ -115,7 +115,7 @@ impl SplitMotion {
         }
     }
 
-    /// The change for the velocities at hand: `√M₀⁻¹ (x − M q − V c)`, and that of c.
+    /// Computes the change for the velocities found: `√M₀⁻¹ (x − M q − V c)`, and that of c.
     pub(super) fn take_change(&mut self, uniform: &Uniform, strain: &Vector3<f64>) {
         let whole = self.velocities.len();
         let half = whole / 2;
@@ -143,7 +143,7 @@ impl SplitMotion {
         }
     }
 
-    /// The excess δ `[6N]` of both parts together, and their velocities `[3N]`.
+    /// Writes the excess δ `[6N]` of both parts together, and the sum of their velocities `[3N]`.
     pub(super) fn finish(&self, drag: &[f64], excess: &mut [f64], velocities: &mut [f64]) {
         let whole = drag.len();
         let half = whole / 2;

@@ -1,10 +1,10 @@
 //! Translations of the layer as a whole: what resists them, and what keeps the far field's forces adding up to zero.
 
-use super::near::NearSolver;
+use super::ball_melrose::BallMelroseSolver;
 use crate::hydrodynamics::resistance::Resistance;
 use nalgebra::Vector3;
 
-/// How small the pair terms' resistance to a translation may be, over isolated drag, before there is none.
+/// Resistance of the pair terms to a translation, over isolated drag, below which it counts as none.
 const LEAST: f64 = 1e-9;
 
 /// The two translations V at one set of positions, under Ball-Melrose hydrodynamics.
@@ -24,7 +24,7 @@ pub(super) struct Uniform {
 }
 
 impl Uniform {
-    /// What the pair terms put up against translations; drag is that of the velocity rows, `[3N]`.
+    /// Computes how the pair terms resist translations; `drag` is that of the velocity rows, `[3N]`.
     pub(super) fn update(&mut self, near: &Resistance, drag: &[f64]) {
         for c in 0..2 {
             let velocity = &mut self.velocities;
@@ -51,7 +51,12 @@ impl Uniform {
     }
 
     /// Solves for the motion that the translations' resistance drives: `Vᵀ W V`.
-    pub(super) fn solve(&mut self, near: &Resistance, solver: &mut NearSolver, drag: &[f64]) {
+    pub(super) fn solve(
+        &mut self,
+        near: &Resistance,
+        solver: &mut BallMelroseSolver,
+        drag: &[f64],
+    ) {
         for (answer, force) in self.answers.iter_mut().zip(&self.resisted) {
             answer.clear();
             answer.extend_from_slice(force);

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-/// What resists its translation and its rotation: `(6π a, 6π a, 8π a³)`.
+/// Drag on its translation and its rotation: `(6π a, 6π a, 8π a³)`.
 pub(super) fn drag(a: f64) -> [f64; 3] {
     [6.0 * PI * a, 6.0 * PI * a, 8.0 * PI * a.powi(3)]
 }

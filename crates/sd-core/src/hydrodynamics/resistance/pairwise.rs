@@ -29,7 +29,7 @@ pub struct PairwiseResistance {
 }
 
 impl PairwiseResistance {
-    /// Without blocks yet, with the pattern of the given pairs; if there are none, the first positions make the pattern.
+    /// A resistance without blocks yet, with the pattern of the given pairs; if there are none, the first positions make the pattern.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -136,7 +136,7 @@ impl PairwiseResistance {
         &self.pattern_pairs
     }
 
-    /// Number of a pair in the pattern, which has all pairs near contact.
+    /// Number of a pair in the pattern, if it is there. All pairs near contact are.
     pub fn number_of(&self, pair: &Neighbours) -> Option<usize> {
         self.pattern_pairs.binary_search(&pair.key()).ok()
     }

@@ -70,7 +70,7 @@ impl SkylineResistance {
     }
 }
 
-/// An order of the spheres, and what couples in it.
+/// An order of the spheres, and which of them couple in it.
 #[derive(Debug, Default)]
 struct Order {
     /// The spheres from the lowest to the highest.

@@ -104,7 +104,7 @@ pub(super) struct NearContact {
 }
 
 impl NearContact {
-    /// Solves at [`TERMS`] gaps and fits.
+    /// Solves for the functions at [`TERMS`] gaps and fits the form to them.
     pub(super) fn solve(size_ratio: f64) -> Self {
         // Orders grow with the larger radius: very unequal spheres are solved a little further out.
         let range: [f64; 2] = if ordered(size_ratio).0 > 20.0 {
@@ -142,7 +142,7 @@ impl NearContact {
         }
     }
 
-    /// From stored coefficients; `None` if there are too few.
+    /// The form from stored coefficients; `None` if there are too few.
     pub(super) fn from_fitted(size_ratio: f64, scale: f64, fitted: Vec<[f64; 20]>) -> Option<Self> {
         (fitted.len() == 2 * TERMS).then(|| Self {
             scale,

@@ -37,7 +37,7 @@ struct Geometry {
 }
 
 impl Geometry {
-    /// From the size ratio a2/a1 and ξ.
+    /// The geometry from the size ratio a2/a1 and ξ.
     fn new(size_ratio: f64, xi: f64) -> Self {
         let mean = 0.5 * (1.0 + size_ratio);
         Self {
@@ -198,12 +198,12 @@ impl Binomials {
     }
 }
 
-/// Tiny numbers to zero: they carry nothing, and subnormal arithmetic is slow.
+/// Sets tiny numbers to zero: they carry nothing, and subnormal arithmetic is slow.
 fn flush(x: f64) -> f64 {
     if x < 1e-290 { 0.0 } else { x }
 }
 
-/// A unit start of `kind` and `order` added to a column of multipoles.
+/// Adds a unit start of `kind` and `order` to a column of multipoles.
 fn add_start(column: &mut [f64], family: Family, orders: usize, (kind, order): (usize, usize)) {
     column[kind * orders + order - family.first()] += 1.0;
     if kind == 0 {

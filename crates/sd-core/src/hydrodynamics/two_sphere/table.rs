@@ -153,7 +153,7 @@ impl NearField {
         .expect("the constants are complete")
     }
 
-    /// From what was stored; `None` if the numbers are too few or too many.
+    /// The table from what was stored; `None` if the numbers are too few or too many.
     fn from_values(
         size_ratio: f64,
         scale: f64,

@@ -48,7 +48,7 @@ pub struct BlockPattern {
 }
 
 impl BlockPattern {
-    /// Orders and analyses. `couplings`: pairs of different spheres, each once.
+    /// Finds the order of elimination and what fills in. `couplings`: pairs of different spheres, each once.
     ///
     /// `None` if memory is short.
     pub fn new(spheres: usize, couplings: &[(usize, usize)]) -> Option<Self> {

@@ -160,7 +160,7 @@ pub struct TiledCholesky {
     inverse: Vec<f64>,
 }
 
-/// What a factorization under way is made of: the shape.
+/// The shape of a matrix that is being factored.
 #[derive(Clone, Copy)]
 struct Shape<'a> {
     /// First row of each row of tiles, then n.

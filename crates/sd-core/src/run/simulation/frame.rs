@@ -1,4 +1,4 @@
-//! A look at the layer at the first stage of a step: where the spheres are, what they bear, what touches.
+//! The layer at the first stage of a step: where the spheres are, which forces they bear, which of them touch.
 
 use super::{Sample, Simulation};
 use crate::contact::{Contact, ContactState};
@@ -47,7 +47,7 @@ pub struct FrameContact {
 }
 
 impl Simulation {
-    /// [`Simulation::step`] with a look at its first stage. The numbers of the run are the same with it as without.
+    /// As [`Simulation::step`], and returns the frame of its first stage too. The numbers of the run are the same with it as without.
     ///
     /// # Errors
     /// Those of [`Simulation::step`].

@@ -1,4 +1,4 @@
-//! What a run tells of itself: a sample at every step, and counters of what it has met.
+//! What a run measures: a sample at every step, and counters of what it has met.
 
 use serde::{Deserialize, Serialize};
 

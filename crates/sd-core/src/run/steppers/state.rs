@@ -1,4 +1,4 @@
-//! What a method in time moves, and what it asks for.
+//! What a method in time moves, and the evaluations that it asks for.
 
 use crate::geometry::modes::Vec2;
 
@@ -12,7 +12,7 @@ pub struct State {
 }
 
 impl State {
-    /// Takes the other's place, without allocating once there is room.
+    /// Becomes equal to the other, without allocating once there is room.
     pub fn copy_from(&mut self, other: &Self) {
         self.centres.clone_from(&other.centres);
         self.orientations.clone_from(&other.orientations);
@@ -26,6 +26,6 @@ pub struct Stage {
     pub number: usize,
     /// Time (strain) of the stage.
     pub time: f64,
-    /// How long its velocities move the spheres before they are evaluated again: the τ of the contact laws.
+    /// The τ over which contact laws look ahead: how long Runge-Kutta moves the spheres by these velocities, γ steps of Rosenbrock.
     pub span: f64,
 }

@@ -53,7 +53,7 @@ pub(super) fn dilute_layer(all: &mut Vec<Check>) -> Result<(), Error> {
     Ok(())
 }
 
-/// R_far must not know how the lattice sum was split.
+/// Checks that R_far does not depend on how the lattice sum was split.
 pub(super) fn ewald(all: &mut Vec<Check>) -> Result<(), Error> {
     let start = start::layer(&params(Hydrodynamics::StokesianDynamics), 1)?;
     let cell = Cell::periodic(start.side, start.side, 0.0)?;

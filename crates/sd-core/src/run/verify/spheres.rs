@@ -7,7 +7,7 @@ use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::resistance::NearFields;
 use crate::hydrodynamics::two_sphere::scalars;
 use crate::params::Hydrodynamics;
-use crate::run::instant::{Configuration, ContactRequest, Instant, solve};
+use crate::run::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use crate::run::pair::{Passed, Passing, pass};
 use std::f64::consts::PI;
 
@@ -61,7 +61,7 @@ fn unbounded(
     radii: Vec<f64>,
     background: Background,
     force: Vec2,
-) -> Result<Instant, Error> {
+) -> Result<SolvedConfiguration, Error> {
     let n = radii.len();
     let mut forces = vec![Vec2::zeros(); n];
     forces[0] = force;

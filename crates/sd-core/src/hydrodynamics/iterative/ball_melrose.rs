@@ -5,13 +5,13 @@ use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::cholesky::sparse::BlockCholesky;
 use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 
-/// Largest force left over by conjugate gradients, over the largest force.
+/// Largest residual force at which conjugate gradients stop, over the largest force.
 const LEFT: f64 = 1e-10;
 const MOST_ITERATIONS: u32 = 100;
 
 /// Workspace of solves with the Ball-Melrose `R_FU`.
 #[derive(Default)]
-pub(super) struct NearSolver {
+pub(super) struct BallMelroseSolver {
     /// Vector in the order of the factor's rows, `[3N]`.
     rows: Vec<f64>,
     forces: Vec<f64>,
@@ -21,8 +21,8 @@ pub(super) struct NearSolver {
     gradients: ConjugateGradients,
 }
 
-impl NearSolver {
-    /// Takes the resistance at its positions.
+impl BallMelroseSolver {
+    /// Prepares solves with a resistance at its present positions.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`].
