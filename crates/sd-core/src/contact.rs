@@ -9,9 +9,7 @@
 //! Every law is entries of one problem, stated in [`solve`]. [`laws`] says what a law comes to at a stage, [`solver`] chooses the pairs that
 //! take part, poses the problem and takes its solution. [`procedure`] stays apart: it is a protocol, not a law.
 
-pub mod hertz;
 pub mod laws;
-pub mod linear_spring;
 pub mod pair;
 pub mod procedure;
 pub mod repulsion;
@@ -21,7 +19,8 @@ pub mod solver;
 pub mod springs;
 pub mod warm_start;
 
-pub use pair::{Contact, ContactState, Surface, tangent};
+pub use crate::model::Surface;
+pub use pair::{Contact, ContactState, tangent};
 pub use solver::{ContactMemory, ContactSolver};
 
 /// How well a stage's contact problem was solved.

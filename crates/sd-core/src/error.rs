@@ -16,6 +16,9 @@ pub enum Error {
         /// The range, in words.
         allowed: &'static str,
     },
+    /// A parameter of a run that is out of its range or does not go with the others.
+    #[error(transparent)]
+    Refused(#[from] Box<crate::model::Refusal>),
     /// Two lists that must have one entry per sphere do not.
     #[error("{field} has {found} entries for {expected} spheres")]
     Length {

@@ -43,7 +43,8 @@
 //! A room may call only those above it in this list.
 //! ```text
 //! error           why a computation was refused or could not be finished
-//! params          what decides a run: typed, ranged, validated
+//! law             constitutive laws of contact: pure functions of numbers, one file each
+//! model           what decides a run: every parameter and choice declared once, ranged, validated
 //! linalg          dense matrices, lu, cholesky (dense, recursive, tiled, skyline, sparse), conjugate_gradients, anderson:
 //!                 the only room that names the linear-algebra library
 //! geometry        the sheared cell, pairs and lists of them, the six planar modes of a sphere
@@ -89,8 +90,9 @@ pub mod contact;
 mod error;
 mod geometry;
 mod hydrodynamics;
+pub mod law;
 pub mod linalg;
-pub mod params;
+pub mod model;
 mod run;
 mod stage;
 mod stress;
@@ -103,14 +105,15 @@ pub use hydrodynamics::far_field::{FarField, FarResistance};
 pub use hydrodynamics::iterative::IterativeFarField;
 pub use hydrodynamics::resistance::{NearFields, PairwiseResistance, Resistance};
 pub use hydrodynamics::two_sphere;
-pub use stage::{Contact as StageContact, Method, StageSolver, memory_bytes};
-pub use params::{
+pub use model as params;
+pub use model::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, Params, TangentialLaw,
 };
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::steppers::rosenbrock::{self, Rosenbrock};
 pub use run::steppers::{RungeKutta, Stage, State};
 pub use run::{instant, pair, simulation, start, verify};
+pub use stage::{Contact as StageContact, Method, StageSolver, memory_bytes};
 pub use stress::{Stress, StressWork};
 
 #[cfg(test)]

@@ -144,8 +144,7 @@ impl StageSolver {
         contact: Contact<'_>,
     ) -> Result<Quality, Error> {
         let strain = background.strain();
-        self.resistance
-            .background_forces(&strain, &mut self.forces);
+        self.resistance.background_forces(&strain, &mut self.forces);
         for (force, x) in self.forces.iter_mut().zip(external) {
             *force += x;
         }
@@ -217,9 +216,7 @@ impl StageSolver {
                             quality: Quality::default(),
                         };
                         let strain = background.strain();
-                        far.solve_fixed_point(
-                            resistance, &mut map, &strain, forces, velocities,
-                        )?;
+                        far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
                         let quality = map.quality;
                         contacts.take_motion(velocities);
                         contacts.keep_springs(&posed, &mut memory.springs);

@@ -1,22 +1,23 @@
 //! The campaign file: read, validated with spans in its errors, and laid out as cases.
 
-mod contact;
 mod error;
 mod grid;
 mod protocol;
 mod reader;
 
-pub use error::CampaignError;
-pub use protocol::Protocol;
+pub use error::{CampaignError, Fault};
+pub use protocol::{Protocol, Steps};
 
 use crate::case::{Case, CaseKey};
-use crate::error::Error;
 use error::Problem;
+use grid::Grid;
+use protocol::Written;
 use reader::{Table, wrong_type};
 use std::collections::HashMap;
 use std::io::Read as _;
 use std::ops::Range;
 use std::path::Path;
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// Largest campaign file, in bytes.
@@ -41,40 +42,42 @@ impl Campaign {
     /// Reads a campaign file.
     ///
     /// # Errors
-    /// [`Error::Read`] and [`Error::TooLarge`] about the file, [`Error::Campaign`] about what it says.
-    pub fn read(path: &Path) -> Result<Self, Error> {
-        let refused = |source| Error::Read {
+    /// Trouble with the file, or all that is wrong with what it says.
+    pub fn read(path: &Path) -> Result<Self, CampaignError> {
+        let unreadable = |source| CampaignError::Unreadable {
             path: path.to_owned(),
             source,
         };
         let mut bytes = Vec::new();
         std::fs::File::open(path)
             .and_then(|file| file.take(FILE_LIMIT + 1).read_to_end(&mut bytes))
-            .map_err(refused)?;
+            .map_err(unreadable)?;
         if bytes.len() as u64 > FILE_LIMIT {
-            return Err(Error::TooLarge {
+            return Err(CampaignError::TooLarge {
                 path: path.to_owned(),
                 limit: FILE_LIMIT,
             });
         }
         let text = String::from_utf8(bytes)
-            .map_err(|error| refused(std::io::Error::other(error.utf8_error())))?;
-        Ok(Self::parse(&path.display().to_string(), text)?)
+            .map_err(|error| unreadable(std::io::Error::other(error.utf8_error())))?;
+        Self::parse(&path.display().to_string(), text)
     }
 
     /// Reads the text of a campaign file; `file` names it in errors.
     ///
     /// # Errors
-    /// A [`CampaignError`] about the first thing wrong with it.
-    pub fn parse(file: &str, text: String) -> Result<Self, Box<CampaignError>> {
-        match parse(&text) {
-            Ok((name, protocol, cases)) => Ok(Self {
+    /// All that is wrong with it, the first fault in front.
+    pub fn parse(file: &str, text: String) -> Result<Self, CampaignError> {
+        let mut problems = Vec::new();
+        let (name, protocol, cases) = parse(&text, &mut problems);
+        match error::in_file(problems, file, &text) {
+            Some(fault) => Err(fault.into()),
+            None => Ok(Self {
                 name,
                 text,
                 protocol,
                 cases,
             }),
-            Err(problem) => Err(problem.in_file(file, &text)),
         }
     }
 
@@ -84,100 +87,140 @@ impl Campaign {
     }
 }
 
-/// Reads the parts of a campaign.
-#[expect(clippy::type_complexity, reason = "three parts, taken apart at once")]
-fn parse(text: &str) -> Result<(String, Protocol, Vec<(CaseKey, Case)>), Problem> {
-    let document = DeTable::parse(text).map_err(|error| {
-        let at = error.span().unwrap_or(0..0);
-        Problem::at(&at, error.message(), "the file must be TOML 1.1").labelled("not TOML")
-    })?;
-    let top = Table::new(
-        document.get_ref(),
-        0..text.find('\n').unwrap_or(text.len()),
-        "the campaign",
-        &["name", "protocol", "grid"],
-    )?;
-    let name = read_name(&top)?;
-    let protocol = match top.get("protocol") {
-        None => Protocol::default(),
-        Some(written) => {
-            let DeValue::Table(entries) = written.get_ref() else {
-                return Err(wrong_type(written, "protocol", "write a table: [protocol]"));
-            };
-            protocol::read(entries, written.span())?
+/// Cases, each with its key.
+type Cases = Vec<(CaseKey, Case)>;
+
+/// Reads the parts of a campaign, and notes what is wrong with them.
+fn parse(text: &str, problems: &mut Vec<Problem>) -> (String, Protocol, Cases) {
+    let nothing = || (String::new(), Protocol::default(), Vec::new());
+    let document = match DeTable::parse(text) {
+        Ok(document) => document,
+        Err(error) => {
+            let at = error.span().unwrap_or(0..0);
+            problems.push(
+                Problem::at(&at, error.message(), "the file must be TOML 1.1").labelled("not TOML"),
+            );
+            return nothing();
         }
     };
-    let written = top.need("grid", "[{ … }]` or a table `[[grid]]")?;
-    let grids: Vec<(Range<usize>, &DeTable<'_>)> = match written.get_ref() {
-        DeValue::Table(entries) => vec![(written.span(), entries)],
-        DeValue::Array(list) => list
-            .iter()
-            .map(|grid| match grid.get_ref() {
-                DeValue::Table(entries) => Ok((grid.span(), entries)),
-                _ => Err(wrong_type(grid, "grid", "write tables: [[grid]]")),
-            })
-            .collect::<Result<_, _>>()?,
-        _ => return Err(wrong_type(written, "grid", "write tables: [[grid]]")),
+    let first_line = 0..text.find('\n').unwrap_or(text.len());
+    let top = Table::new(
+        document.get_ref(),
+        first_line.clone(),
+        "the campaign",
+        &["name", "protocol", "grid"],
+        problems,
+    );
+    let name = match top.get("name") {
+        Some(written) => read_name(written).unwrap_or_else(|problem| {
+            problems.push(problem);
+            String::new()
+        }),
+        None => {
+            problems.extend(top.missing("name", "\"my-campaign\""));
+            String::new()
+        }
     };
-    if grids.is_empty() {
-        return Err(Problem::at(
+    let protocol = match top
+        .get("protocol")
+        .map(|written| (written, written.get_ref()))
+    {
+        None => Written::default_at(first_line),
+        Some((written, DeValue::Table(entries))) => {
+            Written::read(entries, written.span(), problems)
+        }
+        Some((written, _)) => {
+            problems.push(wrong_type(written, "protocol", "write a table: [protocol]"));
+            Written::default_at(written.span())
+        }
+    };
+    let grids = grids(&top, problems);
+    let cases = lay_out(&grids, &protocol, problems);
+    (name, protocol.protocol, cases)
+}
+
+/// The tables of the grids, each with its place.
+fn grids<'t>(top: &Table<'t>, problems: &mut Vec<Problem>) -> Vec<(Range<usize>, &'t DeTable<'t>)> {
+    let Some(written) = top.get("grid") else {
+        problems.extend(top.missing("grid", "[{ … }]` or a table `[[grid]]"));
+        return Vec::new();
+    };
+    let list = match written.get_ref() {
+        DeValue::Array(list) => list.iter().collect(),
+        _ => vec![written],
+    };
+    if list.is_empty() {
+        problems.push(Problem::at(
             &written.span(),
             "`grid` is empty",
             "give at least one table [[grid]]",
         ));
     }
-    Ok((name, protocol, lay_out(&grids, &protocol)?))
+    let mut grids = Vec::with_capacity(list.len());
+    for grid in list {
+        match grid.get_ref() {
+            DeValue::Table(entries) => grids.push((grid.span(), entries)),
+            _ => problems.push(wrong_type(grid, "grid", "write tables: [[grid]]")),
+        }
+    }
+    grids
 }
 
 /// All cases of all grids, each once.
 fn lay_out(
     tables: &[(Range<usize>, &DeTable<'_>)],
-    protocol: &Protocol,
-) -> Result<Vec<(CaseKey, Case)>, Problem> {
+    protocol: &Written,
+    problems: &mut Vec<Problem>,
+) -> Cases {
     let mut total = 0_u64;
     let mut grids = Vec::with_capacity(tables.len());
     for (span, entries) in tables {
-        let grid = grid::Grid::read(entries, span.clone())?;
+        let grid = Grid::read(entries, span.clone(), protocol, problems);
         total = total.saturating_add(grid.len());
         // Before the next grid is read: a count of seeds is short in the file and long in memory.
         if total > CASE_LIMIT {
-            return Err(Problem::at(
-                &grid.span,
-                format!("the campaign has at least {total} cases"),
-                format!("at most {CASE_LIMIT} cases; use fewer values or several campaigns"),
-            )
-            .labelled("with this grid"));
+            problems.push(
+                Problem::at(
+                    &grid.span,
+                    format!("the campaign has at least {total} cases"),
+                    format!("at most {CASE_LIMIT} cases; use fewer values or several campaigns"),
+                )
+                .labelled("with this grid"),
+            );
+            return Vec::new();
         }
-        grids.push(grid);
+        if grid.is_whole {
+            grids.push(grid);
+        } else {
+            grid.note_missing(entries, problems);
+        }
     }
     let mut cases = Vec::new();
     let mut grid_of = HashMap::new();
     for (number, grid) in grids.iter().enumerate() {
-        grid.check(protocol)?;
-        for case in grid.cases(protocol) {
+        grid.lay_out(protocol, problems, |case, problems| {
             let key = case.key();
-            if let Some(other) = grid_of.insert(key, number) {
-                // Values that have no meaning under one of the contact laws of the grid make the same case again.
-                if other == number {
-                    continue;
+            match grid_of.insert(key, number) {
+                None => cases.push((key, case)),
+                // Values that have no meaning under one of the choices of the grid make the same case again.
+                Some(other) if other == number => {}
+                Some(other) => {
+                    let message = format!("the case {} is in two grids", case.label());
+                    let allowed =
+                        "each case once: take the values they share out of one of the grids";
+                    let again = Problem::at(&grid.span, message, allowed)
+                        .labelled("again in this grid")
+                        .also(&grids[other].span, "first in this grid");
+                    grid.note(again, problems);
                 }
-                return Err(Problem::at(
-                    &grid.span,
-                    format!("the case {} is in two grids", case.label()),
-                    "each case once: take the values they share out of one of the grids",
-                )
-                .labelled("again in this grid")
-                .also(&grids[other].span, "first in this grid"));
             }
-            cases.push((key, case));
-        }
+        });
     }
-    Ok(cases)
+    cases
 }
 
 /// The name: also the name of the store's file, so it must be harmless.
-fn read_name(top: &Table<'_>) -> Result<String, Problem> {
-    let written = top.need("name", "\"my-campaign\"")?;
+fn read_name(written: &Spanned<DeValue<'_>>) -> Result<String, Problem> {
     let allowed = "`name` is 1 to 64 of a-z, 0-9 and -, and does not begin with -";
     let DeValue::String(name) = written.get_ref() else {
         return Err(wrong_type(written, "name", allowed));

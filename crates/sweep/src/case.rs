@@ -1,7 +1,7 @@
 //! One case: all that decides the result of one run, its key, its state, its cost.
 
 use crate::campaign::Protocol;
-use sd_core::{ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, Params, TangentialLaw};
+use sd_core::{ContactScheme, Hydrodynamics, Params, TangentialLaw};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -37,27 +37,15 @@ struct Canonical<'c> {
 }
 
 impl Case {
-    /// The case of these parameters, in a form in which equal physics has equal numbers.
-    ///
-    /// Zeros lose their sign, and the fraction of large spheres its value where all spheres are alike; so do contact laws where
-    /// they never act.
+    /// The case of these parameters, [settled](Params::settle) so that equal physics has equal numbers.
     pub fn new(mut params: Params, seed: u64, protocol: &Protocol) -> Self {
-        for value in [
-            &mut params.friction,
-            &mut params.shear_rate,
-            &mut params.large_fraction,
-        ] {
-            *value += 0.0;
-        }
-        if params.size_ratio <= 1.0 {
-            params.large_fraction = 0.5;
-        }
-        params.contact = canonical(&params);
+        params.settle();
+        let in_steps = protocol.with_time_step(params.time_step);
         Self {
             params,
             seed,
-            steps: protocol.steps(),
-            sample_stride: protocol.sample_stride(),
+            steps: in_steps.steps(),
+            sample_stride: in_steps.sample_stride(),
         }
     }
 
@@ -118,26 +106,6 @@ impl Case {
             "c={} ν={} h={} Γ={} N={} seed {}",
             p.area_fraction, p.friction, p.roughness, p.shear_rate, p.spheres, self.seed
         )
-    }
-}
-
-/// The contact scheme, without what never acts: tangential laws without friction, the onset where nothing is taken off the load.
-fn canonical(params: &Params) -> ContactScheme {
-    let ContactScheme::Laws(mut laws) = params.contact else {
-        return params.contact;
-    };
-    let load = params.critical_load();
-    if params.friction == 0.0 || load.is_infinite() {
-        laws.tangential = TangentialLaw::RollSlip;
-        laws.tangential_stiffness = 0.0;
-    }
-    if params.friction == 0.0 || load.is_infinite() || load == 0.0 {
-        laws.onset = FrictionOnset::CriticalLoad;
-    }
-    if laws == ContactLaws::PAPER {
-        ContactScheme::Rigid
-    } else {
-        ContactScheme::Laws(laws)
     }
 }
 

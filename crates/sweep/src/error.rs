@@ -3,6 +3,7 @@
 use crate::campaign::CampaignError;
 use crate::engine::EngineError;
 use crate::exit;
+use crate::report::ReportError;
 use crate::shard::ShardError;
 use crate::store::StoreError;
 use std::io;
@@ -12,10 +13,14 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[non_exhaustive]
 pub enum Error {
-    /// A campaign file that does not say what it should.
+    /// A campaign file.
     #[error(transparent)]
     #[diagnostic(transparent)]
-    Campaign(#[from] Box<CampaignError>),
+    Campaign(#[from] CampaignError),
+    /// A report.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Report(#[from] ReportError),
     /// The store.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -127,6 +132,7 @@ impl Error {
         match self {
             Self::Physics(
                 Physics::OutOfRange { .. }
+                | Physics::Refused(_)
                 | Physics::Length { .. }
                 | Physics::NoSpheres
                 | Physics::Overlap { .. }

@@ -5,12 +5,14 @@
 //! a process may die at any line, and the next one goes on. On a cluster an [`engine`] starts tasks that compute slices of the
 //! campaign in stores of their own, published as [`shard`]s and merged into the one store.
 
+pub mod axes;
 pub mod campaign;
 pub mod case;
 pub mod cli;
 pub mod engine;
 pub mod error;
 pub mod exit;
+pub mod format;
 mod replay;
 pub mod report;
 pub mod runner;

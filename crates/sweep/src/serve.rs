@@ -4,7 +4,7 @@
 //! as their host, so that no page of another site can have its visitor's browser read the store (DNS rebinding).
 
 use crate::error::Error;
-use crate::report::{Home, Selection, data, movie, page};
+use crate::report::{PageHost, ReportError, Selection, data, movie, page};
 use crate::store::Store;
 use axum::Router;
 use axum::extract::{Path as Segment, Request, State};
@@ -144,7 +144,7 @@ fn answer(kind: &'static str, result: Result<String, Error>) -> Response {
         Ok(text) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
         Err(error) => {
             let status = match error {
-                Error::NoFrames { .. } => StatusCode::NOT_FOUND,
+                Error::Report(ReportError::NoFrames { .. }) => StatusCode::NOT_FOUND,
                 _ => StatusCode::SERVICE_UNAVAILABLE,
             };
             (status, format!("{error}\n")).into_response()
@@ -155,7 +155,7 @@ fn answer(kind: &'static str, result: Result<String, Error>) -> Response {
 /// The page.
 async fn send_page(State(shared): State<Arc<Shared>>) -> Response {
     let result = read(&shared, |store| {
-        page(store, &Selection::default(), Home::Server)
+        Ok(page(store, &Selection::default(), PageHost::Server)?)
     })
     .await;
     answer("text/html; charset=utf-8", result)
@@ -169,7 +169,7 @@ async fn send_data(State(shared): State<Arc<Shared>>) -> Response {
         return answer("application/json", Ok(text.clone()));
     }
     let result = read(&shared, |store| {
-        data(store, &Selection::default(), Home::Server)
+        Ok(data(store, &Selection::default(), PageHost::Server)?)
     })
     .await;
     if let Ok(text) = &result {

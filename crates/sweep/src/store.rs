@@ -3,6 +3,7 @@
 //! State changes are synced to the disk before they count; checkpoints survive a killed process at once and a power
 //! cut up to the last few. Every change to a running case is made on condition that this process still owns it.
 
+mod axis_columns;
 mod campaign;
 mod checkpoint;
 mod claims;
@@ -144,8 +145,7 @@ impl Store {
         match version {
             0 => transaction.execute_batch(include_str!("store/schema.sql"))?,
             1 => transaction.execute_batch(FROM_1_TO_2)?,
-            2 | 3 => {}
-            _ => return Ok(()),
+            _ => {}
         }
         if version < 2 {
             transaction.execute_batch(include_str!("store/schema_2.sql"))?;
@@ -153,9 +153,11 @@ impl Store {
         if version < 3 {
             transaction.execute_batch(include_str!("store/schema_3.sql"))?;
         }
-        transaction.execute_batch(include_str!("store/schema_4.sql"))?;
-        transaction.pragma_update(None, "application_id", APPLICATION_ID)?;
-        transaction.pragma_update(None, "user_version", SCHEMA_VERSION)?;
+        axis_columns::bring_up_to_date(&transaction)?;
+        if version < SCHEMA_VERSION {
+            transaction.pragma_update(None, "application_id", APPLICATION_ID)?;
+            transaction.pragma_update(None, "user_version", SCHEMA_VERSION)?;
+        }
         transaction.commit()?;
         Ok(())
     }

@@ -11,97 +11,73 @@
 //! two-stage step v_n − 2 v_n1 stands for v_n in what looks ahead. A rigid pair above h may approach just far enough to touch; one below h
 //! is pushed out at the rate β/s.
 
-use super::pair::{Contact, Surface};
-use super::{hertz, linear_spring, repulsion::Repulsion};
-use crate::params::{ContactLaws, FrictionOnset, NormalLaw, TangentialLaw};
+use super::pair::Contact;
+use crate::law::repulsion::ExponentialRepulsion;
+use crate::law::{FrictionOnset, Halt, NormalLaw, TangentialLaw};
+use crate::model::{ContactLaws, Surface};
 
 /// β: share of an overlap of rigid contacts taken back within one time span.
 pub const RESTITUTION: f64 = 0.2;
 /// Compliance of rigid contacts, in a/(mu·a²·rate): what limits the forces in a truly rigid network.
 pub const COMPLIANCE: f64 = 1e-10;
-/// Overlap at which an unloaded Hertzian contact is first linearised, in a.
+/// Overlap at which an unloaded contact is first linearised, in a.
 const FIRST_OVERLAP: f64 = 1e-6;
 /// Smallest overlap at which one is linearised: nothing to the forces, but more than nothing to the slope.
 const LEAST_OVERLAP: f64 = 1e-13;
 
-/// What presses two spheres apart.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Normal {
-    /// Gaps held at h.
-    Rigid,
-    /// See [`super::linear_spring`].
-    LinearSpring {
-        /// k, in mu·a·rate.
-        stiffness: f64,
-        /// c, in mu·a.
-        dashpot: f64,
-    },
-    /// See [`super::hertz`].
-    Hertz {
-        /// k, in mu·a^(1/2)·rate.
-        stiffness: f64,
-        /// c, in mu·a.
-        dashpot: f64,
-    },
-    /// Surfaces that never touch.
-    None,
-}
-
-/// What resists sliding.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Tangential {
-    /// The paper's: the force that halts the slip of the isolated pair, at most ν f.
-    RollSlip,
-    /// A tangential spring, see [`super::springs`].
-    StickSlide {
-        /// k_t, in mu·a·rate.
-        stiffness: f64,
-    },
-    /// No slip at all within |F_t| ≤ ν f.
-    Coulomb,
-    /// Neither slip nor rolling while pressed.
-    StickRotate,
-}
-
-/// Chosen laws.
+/// Chosen laws, in the units of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Laws {
     /// Roughness, friction, critical load.
     pub surface: Surface,
     /// What presses.
-    pub normal: Normal,
+    pub normal: NormalForce,
     /// What resists sliding.
-    pub tangential: Tangential,
+    pub tangential: TangentialLaw,
+    /// Stiffness k_t of tangential springs, in mu·a·rate; 0 under laws without.
+    pub tangential_stiffness: f64,
     /// How friction begins.
     pub onset: FrictionOnset,
     /// Repulsion besides.
-    pub repulsion: Option<Repulsion>,
+    pub repulsion: Option<ExponentialRepulsion>,
+}
+
+/// A law of the normal force with its parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NormalForce {
+    /// The law.
+    pub law: NormalLaw,
+    /// Its stiffness, in mu·a·rate times what the law asks for; infinite for rigid contacts.
+    pub stiffness: f64,
+    /// Dashpot c, in mu·a.
+    pub dashpot: f64,
 }
 
 impl Laws {
     /// A choice of laws, for spheres with this surface.
     pub fn new(choice: &ContactLaws, surface: Surface) -> Self {
         let load = surface.critical_load;
-        let stiffness = choice.stiffness * load;
-        let dashpot = choice.dashpot;
+        let springs = choice.normal.is_spring();
+        let stiffness = if springs {
+            choice.stiffness * load
+        } else {
+            f64::INFINITY
+        };
         Self {
             surface,
-            normal: match choice.normal {
-                NormalLaw::Rigid => Normal::Rigid,
-                NormalLaw::LinearSpring => Normal::LinearSpring { stiffness, dashpot },
-                NormalLaw::Hertz => Normal::Hertz { stiffness, dashpot },
-                NormalLaw::ExponentialRepulsion => Normal::None,
+            normal: NormalForce {
+                law: choice.normal,
+                stiffness,
+                dashpot: choice.dashpot,
             },
-            tangential: match choice.tangential {
-                TangentialLaw::RollSlip => Tangential::RollSlip,
-                TangentialLaw::StickSlide => Tangential::StickSlide {
-                    stiffness: choice.tangential_stiffness * stiffness,
-                },
-                TangentialLaw::Coulomb => Tangential::Coulomb,
-                TangentialLaw::StickRotate => Tangential::StickRotate,
+            tangential: choice.tangential,
+            tangential_stiffness: if choice.tangential.has_spring() {
+                choice.tangential_stiffness * stiffness
+            } else {
+                0.0
             },
             onset: choice.onset,
-            repulsion: (choice.repulsion > 0.0).then_some(Repulsion {
+            repulsion: (choice.repulsion > 0.0).then_some(ExponentialRepulsion {
                 force: choice.repulsion * load,
                 length: choice.repulsion_length,
             }),
@@ -110,34 +86,30 @@ impl Laws {
 
     /// The paper's laws: rigid asperities that roll or slip above the critical load.
     pub fn rigid(surface: Surface) -> Self {
-        Self {
-            surface,
-            normal: Normal::Rigid,
-            tangential: Tangential::RollSlip,
-            onset: FrictionOnset::CriticalLoad,
-            repulsion: None,
-        }
+        Self::new(&ContactLaws::PAPER, surface)
     }
 
-    /// Whether forces depend on gaps: steps are then those of [`crate::run::steppers::rosenbrock`].
+    /// Whether forces depend on gaps: steps are then those of [`crate::Rosenbrock`].
     pub fn is_soft(&self) -> bool {
-        !matches!(self.normal, Normal::Rigid) || self.repulsion.is_some()
+        !self.normal.is_rigid() || self.repulsion.is_some()
+    }
+
+    /// Whether tangential rows read the motion that normal forces alone leave.
+    pub(super) fn reads_isolated_motion(&self) -> bool {
+        self.tangential.halts() == Halt::IsolatedSlip
     }
 
     /// Load that is taken off before friction.
     pub(super) fn offset(&self) -> f64 {
-        match (self.onset, self.tangential) {
-            (FrictionOnset::CriticalLoad, _) | (_, Tangential::StickRotate) => 0.0,
-            (FrictionOnset::Reduced, _) => self.surface.critical_load,
+        match self.onset {
+            FrictionOnset::Reduced if self.friction().is_finite() => self.surface.critical_load,
+            FrictionOnset::CriticalLoad | FrictionOnset::Reduced => 0.0,
         }
     }
 
-    /// ν; infinite where friction has no limit.
+    /// Bound of the friction force over the load that counts; infinite where there is no bound.
     pub(super) fn friction(&self) -> f64 {
-        match self.tangential {
-            Tangential::StickRotate => f64::INFINITY,
-            _ => self.surface.friction,
-        }
+        self.tangential.bound(self.surface.friction, 1.0)
     }
 
     /// Whether the friction force does not jump where it begins.
@@ -159,76 +131,78 @@ pub(super) struct Overlap {
     pub(super) background: f64,
 }
 
-impl Normal {
+impl NormalForce {
     /// Force at an overlap d, in mu·a²·rate, of pairs at rest; without meaning for rigid ones.
     pub fn force(&self, overlap: f64) -> f64 {
-        match *self {
-            Self::Rigid | Self::None => 0.0,
-            Self::LinearSpring { stiffness, .. } => linear_spring::force(overlap, stiffness),
-            Self::Hertz { stiffness, .. } => hertz::force(overlap, stiffness),
-        }
+        self.law.force(overlap, self.stiffness)
     }
 
-    /// Whether the slope of the force depends on the overlap.
-    pub(super) fn is_curved(&self) -> bool {
-        matches!(self, Self::Hertz { .. })
+    /// Whether contacts do not give way.
+    pub fn is_rigid(&self) -> bool {
+        self.law == NormalLaw::Rigid
     }
 
     /// Overlap about which a contact is first linearised: `overlap` its own, `force` that of the stage before.
     pub(super) fn first_reference(&self, overlap: f64, force: f64) -> f64 {
-        match *self {
-            Self::Hertz { stiffness, .. } => overlap
-                .max(hertz::overlap(force, stiffness))
-                .max(FIRST_OVERLAP),
-            _ => overlap,
-        }
+        overlap
+            .max(self.law.overlap(force, self.stiffness))
+            .max(FIRST_OVERLAP)
     }
 
     /// Bias and compliance of `w = v_n + bias + compliance f`.
     ///
     /// `held`: whether a rigid overlap is taken back at once.
     pub(super) fn entry(&self, overlap: &Overlap, time: f64, held: bool) -> [f64; 2] {
-        let (intercept, slope, dashpot) = match *self {
-            Self::Rigid | Self::None => {
-                let all = overlap.now <= 0.0 || held;
-                let share = if all { 1.0 } else { RESTITUTION };
-                return [overlap.background - share * overlap.now / time, COMPLIANCE];
-            }
-            Self::LinearSpring { stiffness, dashpot } => {
-                (stiffness * overlap.now, stiffness, dashpot)
-            }
-            Self::Hertz { stiffness, dashpot } => {
-                let slope = hertz::slope(overlap.reference, stiffness);
-                let force = hertz::force(overlap.reference, stiffness);
-                (force + slope * (overlap.now - overlap.reference), slope, dashpot)
-            }
-        };
-        let slope = slope * time + if overlap.touching { dashpot } else { 0.0 };
-        [overlap.background - intercept / slope, slope.recip()]
+        if self.is_rigid() {
+            let parting = self.parting_velocity(overlap, time, held);
+            return [overlap.background - parting, COMPLIANCE];
+        }
+        let slope = self.law.slope(overlap.reference, self.stiffness);
+        let intercept = self.force(overlap.reference) + slope * (overlap.now - overlap.reference);
+        let ahead = slope * time + self.damping(overlap);
+        [overlap.background - intercept / ahead, ahead.recip()]
     }
 
     /// The normal velocity above which a candidate bears no force.
     ///
-    /// `held`: as in [`Normal::entry`].
+    /// `held`: as in [`NormalForce::entry`].
     pub(super) fn parting_velocity(&self, overlap: &Overlap, time: f64, held: bool) -> f64 {
-        match self {
-            Self::Rigid if overlap.now > 0.0 && !held => RESTITUTION * overlap.now / time,
-            _ => overlap.now / time,
+        if self.is_rigid() && overlap.now > 0.0 && !held {
+            RESTITUTION * overlap.now / time
+        } else {
+            overlap.now / time
         }
     }
 
-    /// Takes the overlap ahead as the one about which a curved law is linearised; the distance of the force from the law there.
-    pub(super) fn refine(&self, overlap: &mut Overlap, velocity: f64, force: f64, time: f64) -> f64 {
-        let Self::Hertz { stiffness, dashpot } = *self else {
-            return 0.0;
-        };
-        let ahead = overlap.now - time * velocity;
-        let damping = if overlap.touching { dashpot } else { 0.0 };
-        let exact = hertz::force(ahead, stiffness) - damping * velocity;
+    /// The dashpot that acts.
+    fn damping(&self, overlap: &Overlap) -> f64 {
+        if overlap.touching { self.dashpot } else { 0.0 }
+    }
+
+    /// Linearises the law about the overlap ahead; the new bias and compliance if they differ, and `force` is not near enough to the law.
+    ///
+    /// `velocity`, `force`: v_n and f of the solution at hand. `near`: distance that is near enough.
+    pub(super) fn refine(
+        &self,
+        overlap: &mut Overlap,
+        [velocity, force]: [f64; 2],
+        time: f64,
+        near: f64,
+    ) -> Option<[f64; 2]> {
+        if self.is_rigid() {
+            return None;
+        }
+        let (ahead, damping) = (overlap.now - time * velocity, self.damping(overlap));
+        let exact = (self.force(ahead) - damping * velocity).max(0.0);
+        if (exact - force).abs() <= near {
+            return None;
+        }
+        let before = self.law.slope(overlap.reference, self.stiffness);
         // A dashpot has a slope of its own, beside which the least one is not nothing.
         let least = if damping > 0.0 { 0.0 } else { LEAST_OVERLAP };
         overlap.reference = ahead.max(least);
-        (exact.max(0.0) - force).abs()
+        let slope = self.law.slope(overlap.reference, self.stiffness);
+        (slope != before).then(|| self.entry(overlap, time, false))
     }
 }
 

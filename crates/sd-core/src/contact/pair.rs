@@ -17,24 +17,6 @@ pub enum ContactState {
     Slipping,
 }
 
-/// Surfaces: roughness and friction, as the contact laws need them.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Surface {
-    /// Roughness height h, in a.
-    pub roughness: f64,
-    /// Friction coefficient ν.
-    pub friction: f64,
-    /// Normal force above which friction acts, in mu·a²·rate.
-    pub critical_load: f64,
-}
-
-impl Surface {
-    /// Whether friction can act at all.
-    pub fn has_friction(&self) -> bool {
-        self.friction > 0.0 && self.critical_load.is_finite()
-    }
-}
-
 /// One candidate pair with its forces and velocities.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {

@@ -13,13 +13,14 @@
 //! with the sign of (19) mended: friction opposes slip. It pushes pairs together after f was found, and a pair enters below h by up to a
 //! step's motion: gaps drift. That is the scheme's own error, kept here for comparison.
 
-use super::pair::{Contact, ContactState, Surface};
+use super::pair::{Contact, ContactState};
 use super::solver::ContactSolver;
 use super::{Quality, solve::problem};
 use crate::error::Error;
 use crate::geometry::modes::Background;
 use crate::geometry::pair::PairKey;
 use crate::hydrodynamics::resistance::Resistance;
+use crate::model::Surface;
 
 /// Compliance where all pairs are halted at once: just enough for a factor of a hyperstatic network.
 const HALT_COMPLIANCE: f64 = 1e-13;
@@ -105,11 +106,13 @@ impl ContactSolver {
         problem.isolated = true;
         problem.tangential.clear();
         problem.normal.clear();
-        problem.normal.extend(self.list.iter().map(|contact| problem::Normal {
-            row: contact.normal_row(),
-            bias: contact.background[0],
-            compliance: HALT_COMPLIANCE,
-        }));
+        problem
+            .normal
+            .extend(self.list.iter().map(|contact| problem::Normal {
+                row: contact.normal_row(),
+                bias: contact.background[0],
+                compliance: HALT_COMPLIANCE,
+            }));
         let residual = self.halt_all(resistance, forces)?;
         listed.pairs.clear();
         for (contact, f) in self.list.iter_mut().zip(&mut self.solver.forces.normal) {

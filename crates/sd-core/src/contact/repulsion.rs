@@ -1,45 +1,19 @@
-//! A short-ranged repulsion of the surfaces, as between charged spheres in an electrolyte.
+//! Pairs that repel each other at a distance, by the law of [`crate::law::repulsion`].
 //!
-//! ```text
-//! F = F0 exp(−g/l)
-//! ```
-//!
-//! along the line of centres, at every gap within lubrication range, alone or besides a contact law, which it does not touch:
-//! friction knows the force of the contact only. Source: Mari et al., J. Rheol. 58, 1693 (2014), eq. (13). Its slope over the time
-//! a stage looks ahead is added to R_FU, whose pairs it shares:
+//! The slope of the force over the time s that a stage looks ahead is added to R_FU, whose pairs it shares:
 //!
 //! ```text
 //! F = F0 exp(−g/l) (1 − s v_n / l),   R_FU ← R_FU + Σ s F0 exp(−g/l)/l n nᵀ
 //! ```
 
-use super::pair::Contact;
 use super::laws::Span;
+use super::pair::Contact;
 use crate::geometry::modes::Background;
 use crate::hydrodynamics::resistance::Resistance;
+use crate::law::repulsion::ExponentialRepulsion;
 
 /// Exponents beyond which the force is left out: 1e-13 of F0.
 const FARTHEST: f64 = 30.0;
-
-/// The law, in the units of the solver.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Repulsion {
-    /// F0, in mu·a²·rate.
-    pub force: f64,
-    /// l, in a.
-    pub length: f64,
-}
-
-impl Repulsion {
-    /// Force at a gap.
-    pub fn at(&self, gap: f64) -> f64 {
-        self.force * (-gap / self.length).exp()
-    }
-
-    /// Energy stored at a gap, in mu·a³·rate.
-    pub fn energy(&self, gap: f64) -> f64 {
-        self.length * self.at(gap)
-    }
-}
 
 /// Repelling pairs of a stage.
 #[derive(Debug, Default)]
@@ -56,7 +30,7 @@ impl Repelled {
     /// `first`: disturbance velocities of the first stage, at the second one.
     pub fn add(
         &mut self,
-        repulsion: &Repulsion,
+        repulsion: &ExponentialRepulsion,
         resistance: &mut Resistance,
         background: &Background,
         span: &Span<'_>,

@@ -1,6 +1,6 @@
 //! The contact problem of one stage: which pairs take part, what their laws ask for, and the forces that answer.
 
-use super::laws::{Laws, Overlap, Phase, Span, Tangential};
+use super::laws::{COMPLIANCE, Laws, Overlap, Phase, Span};
 use super::pair::{Contact, ContactState};
 use super::row::Row;
 use super::solve::dense::DenseSystem;
@@ -13,6 +13,7 @@ use super::{Quality, most_contacts};
 use crate::error::Error;
 use crate::geometry::modes::Background;
 use crate::hydrodynamics::resistance::Resistance;
+use crate::law::Halt;
 
 /// Approach velocity, in a·rate, that the first choice of candidates allows for.
 const EXPECTED_APPROACH: f64 = 3.0;
@@ -216,7 +217,8 @@ impl ContactSolver {
             }
             Backend::Sparse(system) => {
                 system.start();
-                let mut on_network = OnNetwork::begin(resistance, system, problem, Driving::by(forces))?;
+                let mut on_network =
+                    OnNetwork::begin(resistance, system, problem, Driving::by(forces))?;
                 solver.forces.clear();
                 on_network.measure(problem, &mut solver.forces);
                 velocities.copy_from_slice(system.velocities()[0]);
@@ -227,8 +229,8 @@ impl ContactSolver {
 
     /// The motion `[3N]` that normal forces alone leave, where the law reads it.
     pub(crate) fn isolated_motion(&self, posed: &Posed<'_>) -> Option<&[f64]> {
-        match (&self.backend, posed.laws.tangential) {
-            (Backend::Sparse(system), Tangential::RollSlip) => Some(system.velocities()[1]),
+        match (&self.backend, posed.laws.reads_isolated_motion()) {
+            (Backend::Sparse(system), true) => Some(system.velocities()[1]),
             _ => None,
         }
     }
@@ -242,7 +244,7 @@ impl ContactSolver {
 
     /// Keeps the springs of a solved stage.
     pub(crate) fn keep_springs(&mut self, posed: &Posed<'_>, springs: &mut SpringForces) {
-        if matches!(posed.laws.tangential, Tangential::StickSlide { .. }) {
+        if posed.laws.tangential.has_spring() {
             self.stretches.take(&self.list, springs, posed.span.phase);
         }
     }
@@ -251,7 +253,7 @@ impl ContactSolver {
     fn choose(&mut self, posed: &Posed<'_>, warm_start: &WarmStart) {
         let (radii, pairs) = (posed.resistance.radii(), posed.resistance.neighbours());
         self.list.clear();
-        if matches!(posed.laws.normal, super::laws::Normal::None) {
+        if !posed.laws.normal.law.touches() {
             return;
         }
         if warm_start.is_empty() {
@@ -278,7 +280,7 @@ impl ContactSolver {
         warm_start: &mut WarmStart,
     ) -> bool {
         warm_start.forces.clear();
-        if matches!(posed.laws.normal, super::laws::Normal::None) {
+        if !posed.laws.normal.law.touches() {
             return false;
         }
         let radii = posed.resistance.radii();
@@ -339,7 +341,9 @@ impl ContactSolver {
             let loaded = self.list.iter().filter(|c| c.normal_force > load).count();
             // Rows cost a dense system much: the solution says who needs one. The few others cost less now than later.
             let all = sparse || 10 * loaded >= 9 * self.list.len();
-            self.add_rows(posed, memory, deciding, |_, contact| all || contact.normal_force > load);
+            self.add_rows(posed, memory, deciding, |_, contact| {
+                all || contact.normal_force > load
+            });
         }
         let solver = &mut self.solver;
         solver.forces.normal.clear();
@@ -353,9 +357,8 @@ impl ContactSolver {
         loop {
             let (problem, solver) = (&mut self.problem, &mut self.solver);
             let overlaps = &mut self.overlaps;
-            let refine = |problem: &mut Problem, forces: &Forces| {
-                refine(posed, problem, overlaps, forces)
-            };
+            let refine =
+                |problem: &mut Problem, forces: &Forces| refine(posed, problem, overlaps, forces);
             let outcome = match &mut self.backend {
                 Backend::Dense(system) => {
                     if begun {
@@ -413,7 +416,7 @@ impl ContactSolver {
         let held = posed.span.phase != Phase::Alone;
         self.problem.friction = laws.friction();
         self.problem.offset = laws.offset();
-        self.problem.isolated = matches!(laws.tangential, Tangential::RollSlip);
+        self.problem.isolated = laws.reads_isolated_motion() && laws.surface.has_friction();
         self.problem.tangential.clear();
         self.problem.normal.clear();
         self.overlaps.clear();
@@ -453,21 +456,20 @@ impl ContactSolver {
                 contact: k,
                 row: contact.slip_row(),
                 shift: contact.background[1],
-                compliance: super::laws::COMPLIANCE,
+                compliance: COMPLIANCE,
                 acts: false,
             };
-            match posed.laws.tangential {
-                Tangential::RollSlip => row.compliance = contact.slip_resistance.recip(),
-                Tangential::StickSlide { stiffness } => {
-                    let base = self
-                        .stretches
-                        .base(contact, &memory.springs, posed.span.phase);
-                    let ahead = stiffness * posed.span.time;
+            match posed.laws.tangential.halts() {
+                Halt::IsolatedSlip => row.compliance = contact.slip_resistance.recip(),
+                Halt::SpringSlip => {
+                    let (springs, phase) = (&memory.springs, posed.span.phase);
+                    let base = self.stretches.base(contact, springs, phase);
+                    let ahead = posed.laws.tangential_stiffness * posed.span.time;
                     row.compliance += ahead.recip();
                     row.shift += base / ahead;
                 }
-                Tangential::Coulomb => {}
-                Tangential::StickRotate => {
+                Halt::Slip => {}
+                Halt::SlipAndRotation => {
                     rows.push(row);
                     // The background turns both spheres alike.
                     row.shift = 0.0;
@@ -573,19 +575,18 @@ fn refine(
     forces: &Forces,
 ) -> usize {
     let law = &posed.laws.normal;
-    if !law.is_curved() {
+    if law.is_rigid() {
         return 0;
     }
     let time = posed.span.time;
-    let held = posed.span.phase != Phase::Alone;
     let largest = forces.normal.iter().fold(1.0_f64, |most, f| most.max(*f));
+    let near = LINEARISED * largest;
     let mut found = 0;
     for (k, (entry, overlap)) in problem.normal.iter_mut().zip(overlaps).enumerate() {
         let f = forces.normal[k];
         let velocity = forces.slack[k] - entry.bias - entry.compliance * f + overlap.background;
-        let error = law.refine(overlap, velocity, f.max(0.0), time);
-        if error > LINEARISED * largest {
-            [entry.bias, entry.compliance] = law.entry(overlap, time, held);
+        if let Some(refined) = law.refine(overlap, [velocity, f.max(0.0)], time, near) {
+            [entry.bias, entry.compliance] = refined;
             found += 1;
         }
     }
@@ -638,7 +639,10 @@ impl ContactSolver {
     ) -> Result<(), Error> {
         let (problem, solver) = (&self.problem, &mut self.solver);
         solver.forces.tangential.clear();
-        solver.forces.tangential.resize(problem.tangential.len(), 0.0);
+        solver
+            .forces
+            .tangential
+            .resize(problem.tangential.len(), 0.0);
         match &mut self.backend {
             Backend::Dense(system) => {
                 system.begin_rows(resistance, problem);

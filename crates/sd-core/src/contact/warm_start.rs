@@ -18,14 +18,6 @@ fn key(entry: &(u32, u32, f64, f64)) -> PairKey {
 }
 
 impl WarmStart {
-    /// The forces of a pair, zero if it had none.
-    pub(crate) fn forces(&self, pair: &Neighbours) -> [f64; 2] {
-        match self.forces.binary_search_by_key(&pair.key(), key) {
-            Ok(at) => [self.forces[at].2, self.forces[at].3],
-            Err(_) => [0.0, 0.0],
-        }
-    }
-
     /// The pairs among `pairs`, ordered by (i, j), that touched in the stage before or were about to.
     pub(crate) fn known<'p>(
         &self,

@@ -27,7 +27,7 @@ use crate::geometry::pair::{Neighbours, PairKey};
 use crate::hydrodynamics::far_field::FarField;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
-use crate::params::Hydrodynamics;
+use crate::model::Hydrodynamics;
 use dense::DenseResistance;
 use nalgebra::Vector3;
 pub use pairwise::PairwiseResistance;

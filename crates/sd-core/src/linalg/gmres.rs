@@ -10,16 +10,16 @@ use super::dense::{add_scaled, dot};
 
 /// How far a solve went.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reached {
+pub(crate) struct Reached {
     /// Products with A, each with one application of the preconditioner.
-    pub iterations: usize,
+    pub(crate) iterations: usize,
     /// Euclidean norm of b − A x.
-    pub residual: f64,
+    pub(crate) residual: f64,
 }
 
 /// Workspace of the iteration. Reused, it allocates only for longer vectors, or more iterations, than ever before.
 #[derive(Debug, Default)]
-pub struct Gmres {
+pub(crate) struct Gmres {
     /// Orthonormal basis V of the residuals.
     basis: Vec<Vec<f64>>,
     /// P⁻¹ V.
@@ -38,7 +38,7 @@ impl Gmres {
     /// # Arguments
     /// - `apply`: writes A times its first argument to the second.
     /// - `precondition`: the same for an approximation of the inverse of A.
-    pub fn solve(
+    pub(crate) fn solve(
         &mut self,
         b: &[f64],
         x: &mut [f64],

@@ -3,12 +3,13 @@
 use crate::contact::laws::{Laws, Span};
 use crate::contact::procedure::ContactList;
 use crate::contact::warm_start::SpringForces;
-use crate::contact::{Contact, ContactMemory, Surface};
+use crate::contact::{Contact, ContactMemory};
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2, strain_tensor};
 use crate::hydrodynamics::resistance::NearFields;
-use crate::params::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
+use crate::model::Surface;
+use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
 use crate::stage::{Contact as StageContact, Method, StageSolver};
 use crate::stress::{Stress, StressWork};
 use nalgebra::Vector3;

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
-use crate::params::Hydrodynamics;
+use crate::model::Hydrodynamics;
 use crate::run::steppers::{RungeKutta, State};
 use crate::stage::{Contact, StageSolver};
 use serde::Serialize;

@@ -15,7 +15,7 @@ use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
 use crate::geometry::pair::PairKey;
 use crate::hydrodynamics::resistance::NearFields;
-use crate::params::{ContactScheme, DEEPEST_OVERLAP, Params};
+use crate::model::{ContactScheme, DEEPEST_OVERLAP, Params};
 use crate::run::start;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Stage, State, Stepper};

@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
 use crate::geometry::neighbours::NeighbourList;
-use crate::params::Params;
+use crate::model::{Params, Refusal, Words as _};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
@@ -33,22 +33,106 @@ pub struct Start {
     pub side: f64,
 }
 
+/// Area fraction of the densest packing of equal discs, π/√12.
+const CLOSE_PACKED: f64 = 0.906_899_682_117_108_9;
+
+/// Refuses layers that cannot be started or held, by what is known without making one.
+///
+/// Layers that pass may still fail to pack: see [`layer`].
+///
+/// # Errors
+/// [`Error::Refused`] about the number of spheres or the area fraction, with what is allowed.
+pub fn check(params: &Params) -> Result<(), Error> {
+    let n = params.spheres as f64;
+    let refuse =
+        |key, value: String, problem: String, allowed: String, because| -> Result<(), Error> {
+            Err(Refusal {
+                key,
+                value,
+                problem,
+                allowed,
+                because: Some(because),
+            }
+            .into())
+        };
+    let most = params.hydrodynamics.most_spheres();
+    if params.spheres > most {
+        return refuse(
+            "spheres",
+            params.spheres.to_string(),
+            format!("is out of range under {}", params.hydrodynamics.word()),
+            format!("at most {most} there, which take a gigabyte"),
+            "hydrodynamics",
+        );
+    }
+    // Spheres that, with the roughness around them, cover more than discs can.
+    let growth = (1.0 + 0.5 * params.roughness).powi(2);
+    if params.area_fraction * growth > CLOSE_PACKED {
+        return refuse(
+            "area_fraction",
+            params.area_fraction.to_string(),
+            format!(
+                "is denser than any layer that starts without contact at `roughness` = {}",
+                params.roughness
+            ),
+            format!("at most {:.3} at this roughness", CLOSE_PACKED / growth),
+            "roughness",
+        );
+    }
+    // Two radii of mean 1, and the mean square of all.
+    let large = number_of_large(params) as f64 / n;
+    let small_radius = 1.0 / (1.0 - large + large * params.size_ratio);
+    let largest = if large > 0.0 {
+        params.size_ratio * small_radius
+    } else {
+        small_radius
+    };
+    let mean_square =
+        small_radius * small_radius * (1.0 - large + large * params.size_ratio * params.size_ratio);
+    let area = n * PI * mean_square;
+    let side = (area / params.area_fraction).sqrt();
+    let Err(Error::CellTooSmall { side, needed, .. }) =
+        Cell::periodic(side, side, 0.0)?.check_range(&[largest])
+    else {
+        return Ok(());
+    };
+    let least = (needed * needed * params.area_fraction / (PI * mean_square)).ceil();
+    refuse(
+        "spheres",
+        params.spheres.to_string(),
+        format!(
+            "at `area_fraction` = {} make a cell {side:.3} wide, less than {needed:.3}, twice the lubrication cut-off",
+            params.area_fraction
+        ),
+        format!(
+            "at least {least} spheres at this area fraction, or an area fraction of at most {:.3}",
+            area / (needed * needed)
+        ),
+        "area_fraction",
+    )
+}
+
+/// Number of large spheres.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a fraction of n, rounded"
+)]
+fn number_of_large(params: &Params) -> usize {
+    if params.size_ratio == 1.0 {
+        0
+    } else {
+        (params.large_fraction * params.spheres as f64).round() as usize
+    }
+}
+
 /// Radii and cell side: what is known without packing.
 ///
 /// # Errors
 /// [`Error::CellTooSmall`].
 pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
     let n = params.spheres;
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a fraction of n, rounded"
-    )]
-    let large = if params.size_ratio == 1.0 {
-        0
-    } else {
-        (params.large_fraction * n as f64).round() as usize
-    };
+    let large = number_of_large(params);
     let mut radii = vec![1.0; n];
     radii[..large].fill(params.size_ratio);
     let mean = radii.iter().sum::<f64>() / n as f64;
@@ -238,7 +322,7 @@ impl Packing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::params::{ContactScheme, Hydrodynamics};
+    use crate::model::{ContactScheme, Hydrodynamics};
 
     fn params(spheres: usize, area_fraction: f64, size_ratio: f64) -> Params {
         Params {

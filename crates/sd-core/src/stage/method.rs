@@ -6,7 +6,7 @@ use crate::geometry::cell::Cell;
 use crate::geometry::pair::PairKey;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
-use crate::params::{ContactScheme, Hydrodynamics, Params};
+use crate::model::{ContactScheme, Hydrodynamics, Params};
 
 /// Spheres from which on Ball-Melrose costs less pair by pair.
 const LEAST_PAIRWISE: usize = 100;
@@ -70,9 +70,7 @@ impl Method {
     ) -> Result<StageSolver, Error> {
         let pairwise = || Resistance::new_pairwise(cell, radii, tables, pattern_pairs);
         Ok(match self {
-            Self::Dense => {
-                StageSolver::new(Resistance::new(hydrodynamics, cell, radii, tables)?)
-            }
+            Self::Dense => StageSolver::new(Resistance::new(hydrodynamics, cell, radii, tables)?),
             Self::Pairwise => StageSolver::new(pairwise()?),
             Self::Iterated => {
                 let far = IterativeFarField::new(cell, radii, IterativeFarField::DEFAULT_RESIDUAL)?;

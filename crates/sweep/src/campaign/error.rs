@@ -2,17 +2,48 @@
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use std::fmt::Display;
+use std::io;
 use std::ops::Range;
+use std::path::PathBuf;
 
 /// Longest line an excerpt is made of; a longer one would fill the screen.
 const LONGEST_LINE: usize = 240;
 /// Most lines between two places shown in one excerpt.
 const FARTHEST: usize = 15;
 
-/// What is wrong with a campaign file, where, and what is allowed there.
+/// Most faults of one file that are shown.
+const MOST_SHOWN: usize = 20;
+
+/// Why there is no campaign.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[non_exhaustive]
+pub enum CampaignError {
+    /// A file that could not be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file larger than any sensible campaign.
+    #[error("{} is larger than {limit} bytes, the most a campaign file may have", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Largest size allowed.
+        limit: u64,
+    },
+    /// A file that does not say what it should.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Faulty(#[from] Box<Fault>),
+}
+
+/// What is wrong with a campaign file, where, and what is allowed there. The other faults of the file come with the first.
 #[derive(Debug, thiserror::Error)]
 #[error("{place}: {message}")]
-pub struct CampaignError {
+pub struct Fault {
     /// File, line and column.
     place: String,
     /// What is wrong, with the value.
@@ -23,9 +54,11 @@ pub struct CampaignError {
     labels: Vec<LabeledSpan>,
     /// The text, if its lines can be shown.
     source_code: Option<NamedSource<String>>,
+    /// The other faults of the file.
+    others: Vec<Fault>,
 }
 
-impl Diagnostic for CampaignError {
+impl Diagnostic for Fault {
     fn help<'a>(&'a self) -> Option<Box<dyn Display + 'a>> {
         Some(Box::new(&self.allowed))
     }
@@ -37,10 +70,33 @@ impl Diagnostic for CampaignError {
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
         Some(Box::new(self.labels.iter().cloned()))
     }
+
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
+        if self.others.is_empty() {
+            return None;
+        }
+        Some(Box::new(self.others.iter().map(|other| other as _)))
+    }
 }
 
-/// A [`CampaignError`] before it knows its file.
-#[derive(Debug)]
+/// The faults of a file as one error, in the order of their places; `None` if there are none.
+pub(super) fn in_file(mut problems: Vec<Problem>, file: &str, text: &str) -> Option<Box<Fault>> {
+    problems.sort_by_key(|problem| problem.labels.first().map_or(0, |(span, _)| span.start));
+    let more = problems.len().saturating_sub(MOST_SHOWN);
+    problems.truncate(MOST_SHOWN);
+    let mut faults = problems
+        .into_iter()
+        .map(|problem| problem.in_file(file, text));
+    let mut first = faults.next()?;
+    first.others = faults.collect();
+    if more > 0 {
+        first.allowed = format!("{}\n({more} more faults than those below)", first.allowed);
+    }
+    Some(Box::new(first))
+}
+
+/// A [`Fault`] before it knows its file.
+#[derive(Debug, PartialEq)]
 pub(super) struct Problem {
     /// What is wrong, with the value.
     pub(super) message: String,
@@ -79,7 +135,7 @@ impl Problem {
     }
 
     /// Puts it into its file.
-    pub(super) fn in_file(mut self, file: &str, text: &str) -> Box<CampaignError> {
+    fn in_file(mut self, file: &str, text: &str) -> Fault {
         let line_of = |span: &Range<usize>| {
             text.get(..span.start)
                 .map_or(0, |before| before.matches('\n').count())
@@ -110,13 +166,14 @@ impl Problem {
         let shown = labels
             .iter()
             .all(|label| neighbourhood_is_short(text, label.offset()));
-        Box::new(CampaignError {
+        Fault {
             place: format!("{file}:{}:{}", line + 1, column + 1),
             message: self.message,
             allowed,
             labels,
             source_code: shown.then(|| NamedSource::new(file, text.to_owned())),
-        })
+            others: Vec::new(),
+        }
     }
 }
 

@@ -1,88 +1,66 @@
-//! Typed values of a TOML document, each with the place it was written at.
+//! Values of a TOML document, each with the place it was written at.
+//!
+//! A fault does not end the reading: it is noted, and the next value is read, so that a person sees all faults at once.
 
 use super::error::Problem;
+use crate::axes::{Axis, Value};
+use sd_core::model::{Form, Range};
 use std::collections::HashMap;
-use std::ops::Range;
+use std::ops;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// A value and its place in the text.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Located<T> {
-    /// The value.
     pub(super) value: T,
-    /// Its place.
-    pub(super) span: Range<usize>,
+    pub(super) span: ops::Range<usize>,
 }
 
 /// The values of one key: a single value or a list.
 #[derive(Debug, Clone)]
-pub(super) struct Axis<T> {
+pub(super) struct Values {
     /// The values, at least one, all different.
-    pub(super) values: Vec<Located<T>>,
+    pub(super) all: Vec<Located<Value>>,
     /// The place of the whole.
-    pub(super) span: Range<usize>,
-}
-
-impl<T> Axis<T> {
-    /// One value that is not written in the file; errors about it point at `span`.
-    pub(super) fn default_value(value: T, span: &Range<usize>) -> Self {
-        Self {
-            values: vec![Located {
-                value,
-                span: span.clone(),
-            }],
-            span: span.clone(),
-        }
-    }
+    pub(super) span: ops::Range<usize>,
 }
 
 /// A table of the document.
 pub(super) struct Table<'t> {
-    /// Its entries.
     entries: &'t DeTable<'t>,
     /// Its place: the header.
-    pub(super) span: Range<usize>,
+    pub(super) span: ops::Range<usize>,
     /// Its name, for errors.
     name: &'static str,
+    known: Vec<&'static str>,
+    /// Whether all its keys are known.
+    pub(super) is_known: bool,
 }
 
 impl<'t> Table<'t> {
-    /// A table none of whose keys is unknown.
+    /// A table; each of its keys that is not known is noted.
     pub(super) fn new(
         entries: &'t DeTable<'t>,
-        span: Range<usize>,
+        span: ops::Range<usize>,
         name: &'static str,
-        known: &[&str],
-    ) -> Result<Self, Problem> {
-        // Tables do not keep their order; the first wrong key in the file is the one to show.
-        let unknown = entries
-            .keys()
-            .filter(|key| !known.contains(&key.get_ref().as_ref()))
-            .min_by_key(|key| key.span().start);
-        if let Some(key) = unknown {
+        known: &[&'static str],
+        problems: &mut Vec<Problem>,
+    ) -> Self {
+        let before = problems.len();
+        for key in entries.keys() {
             let written = key.get_ref().as_ref();
-            let close = known
-                .iter()
-                .map(|name| (strsim::damerau_levenshtein(name, shortened(written)), name))
-                .min()
-                .filter(|(distance, _)| *distance <= 3);
-            let mut allowed = format!("keys of {name}: {}", known.join(", "));
-            if let Some((_, name)) = close {
-                allowed = format!("did you mean `{name}`? {allowed}");
+            if !known.contains(&written) {
+                problems.push(unknown_key(written, &key.span(), name, known));
             }
-            return Err(Problem::at(
-                &key.span(),
-                format!("unknown key `{}` in {name}", shortened(written)),
-                allowed,
-            )
-            .labelled("not a key of this table"));
         }
-        Ok(Self {
+        Self {
             entries,
             span,
             name,
-        })
+            known: known.to_vec(),
+            is_known: problems.len() == before,
+        }
     }
 
     /// The value of a key, if it is there.
@@ -90,112 +68,129 @@ impl<'t> Table<'t> {
         self.entries.get(key)
     }
 
-    /// The value of a key that must be there.
-    pub(super) fn need(
-        &self,
-        key: &str,
-        example: &str,
-    ) -> Result<&'t Spanned<DeValue<'t>>, Problem> {
-        self.get(key).ok_or_else(|| {
-            Problem::at(
-                &self.span,
-                format!("{} has no `{key}`", self.name),
-                format!("add for example `{key} = {example}`"),
-            )
-            .labelled(format!("needs `{key}`"))
-        })
+    /// The fault of a key that must be there and is not; nothing where an unknown key is meant to be it.
+    pub(super) fn missing(&self, key: &str, example: &str) -> Option<Problem> {
+        let known = || self.known.iter().copied();
+        let unknown = self.entries.keys().map(|key| key.get_ref().as_ref());
+        let meant = unknown
+            .filter(|written| !known().any(|known| known == *written))
+            .any(|written| nearest(written, known()) == Some(key));
+        let problem = Problem::at(
+            &self.span,
+            format!("{} has no `{key}`", self.name),
+            format!("add for example `{key} = {example}`"),
+        )
+        .labelled(format!("needs `{key}`"));
+        (!meant).then_some(problem)
     }
+}
 
-    /// All values of a key, or nothing if it is not there.
-    pub(super) fn axis<T: Distinct>(
-        &self,
-        key: &'static str,
-        read: impl Fn(&Spanned<DeValue<'_>>, &str) -> Result<Located<T>, Problem>,
-    ) -> Result<Option<Axis<T>>, Problem> {
-        let Some(written) = self.get(key) else {
-            return Ok(None);
-        };
-        let span = written.span();
-        let values = match written.get_ref() {
-            DeValue::Array(list) => list
-                .iter()
-                .map(|value| read(value, key))
-                .collect::<Result<Vec<_>, _>>()?,
-            _ => vec![read(written, key)?],
-        };
-        if values.is_empty() {
-            return Err(Problem::at(
+/// The fault of a key that is not known, with the one that may be meant.
+fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&str]) -> Problem {
+    let written = shortened(written);
+    let mut allowed = format!("keys of {name}: {}", known.join(", "));
+    if let Some(name) = nearest(written, known.iter().copied()) {
+        allowed = format!("did you mean `{name}`? {allowed}");
+    }
+    Problem::at(span, format!("unknown key `{written}` in {name}"), allowed)
+        .labelled("not a key of this table")
+}
+
+/// The key that may be meant by another.
+pub(super) fn nearest<'k>(written: &str, known: impl Iterator<Item = &'k str>) -> Option<&'k str> {
+    let written = shortened(written);
+    known
+        .map(|name| (strsim::damerau_levenshtein(name, written), name))
+        .min()
+        .filter(|(distance, _)| *distance <= 3)
+        .map(|(_, name)| name)
+}
+
+/// All values of a key: each that cannot be one is noted. `None` if nothing is left.
+pub(super) fn values(
+    written: &Spanned<DeValue<'_>>,
+    key: &str,
+    problems: &mut Vec<Problem>,
+    read: impl Fn(&Spanned<DeValue<'_>>) -> Result<Value, Problem>,
+) -> Option<Values> {
+    let span = written.span();
+    let single = std::slice::from_ref(written);
+    let list: Vec<&Spanned<DeValue<'_>>> = match written.get_ref() {
+        DeValue::Array(list) => list.iter().collect(),
+        _ => single.iter().collect(),
+    };
+    if list.is_empty() {
+        problems.push(
+            Problem::at(
                 &span,
                 format!("`{key}` is empty"),
                 "give at least one value",
             )
-            .labelled("no value"));
-        }
-        let mut seen = HashMap::with_capacity(values.len());
-        for located in &values {
-            if let Some(first) = seen.insert(located.value.identity(), &located.span) {
-                return Err(Problem::at(
-                    &located.span,
-                    format!("`{key}` has the value {} twice", located.value.written()),
-                    "each value once: the same case is never run twice",
-                )
-                .labelled("again here")
-                .also(first, "first here"));
+            .labelled("no value"),
+        );
+    }
+    let mut seen = HashMap::with_capacity(list.len());
+    let mut all: Vec<Located<Value>> = Vec::with_capacity(list.len());
+    for written in list {
+        let span = written.span();
+        match read(written) {
+            Err(problem) => problems.push(problem),
+            Ok(value) => {
+                if let Some(first) = seen.insert(value.tag(), span.clone()) {
+                    problems.push(
+                        Problem::at(
+                            &span,
+                            format!("`{key}` has the value {value} twice"),
+                            "each value once: the same case is never run twice",
+                        )
+                        .labelled("again here")
+                        .also(&first, "first here"),
+                    );
+                } else {
+                    all.push(Located { value, span });
+                }
             }
         }
-        Ok(Some(Axis { values, span }))
     }
+    (!all.is_empty()).then_some(Values { all, span })
 }
 
-/// Values that can be told apart.
-pub(super) trait Distinct {
-    /// Equal exactly for equal values.
-    fn identity(&self) -> u64;
-    /// As a person would write it.
-    fn written(&self) -> String;
-}
-
-impl Distinct for f64 {
-    fn identity(&self) -> u64 {
-        (self + 0.0).to_bits()
-    }
-    fn written(&self) -> String {
-        self.to_string()
-    }
-}
-
-impl Distinct for u64 {
-    fn identity(&self) -> u64 {
-        *self
-    }
-    fn written(&self) -> String {
-        self.to_string()
+/// A value of an axis.
+pub(super) fn of_axis(written: &Spanned<DeValue<'_>>, axis: &Axis) -> Result<Value, Problem> {
+    match &axis.form {
+        Form::Choice(choice) => {
+            let words: Vec<&str> = (choice.words)().iter().map(|word| word.word).collect();
+            word(written, axis.key, &words).map(Value::Word)
+        }
+        Form::Number(of) => {
+            let allowed = of.quantity.allowed();
+            let range = &of.quantity.range;
+            if of.whole {
+                whole(written, axis.key, range, &allowed).map(Value::Count)
+            } else {
+                number(written, axis.key, range, &allowed).map(Value::Number)
+            }
+        }
     }
 }
 
 /// One of several words.
-pub(super) fn word<T: Copy>(
+fn word(
     written: &Spanned<DeValue<'_>>,
     key: &str,
-    choices: &[(&str, T)],
-) -> Result<Located<T>, Problem> {
+    words: &[&'static str],
+) -> Result<&'static str, Problem> {
     let allowed = || {
-        let names: Vec<_> = choices
-            .iter()
-            .map(|(name, _)| format!("{name:?}"))
-            .collect();
+        let names: Vec<_> = words.iter().map(|name| format!("{name:?}")).collect();
         format!("`{key}` is {}", names.join(" or "))
     };
     let DeValue::String(text) = written.get_ref() else {
         return Err(wrong_type(written, key, allowed()));
     };
-    choices
+    words
         .iter()
-        .find(|(name, _)| *name == text.as_ref())
-        .map(|(_, value)| Located {
-            value: *value,
-            span: written.span(),
-        })
+        .copied()
+        .find(|name| *name == text.as_ref())
         .ok_or_else(|| {
             Problem::at(
                 &written.span(),
@@ -205,14 +200,14 @@ pub(super) fn word<T: Copy>(
         })
 }
 
-/// A number in a range given in words and as a test.
+/// A number in a range; `allowed` says which in words.
 pub(super) fn number(
     written: &Spanned<DeValue<'_>>,
     key: &str,
-    range: &str,
-    inside: impl Fn(f64) -> bool,
-) -> Result<Located<f64>, Problem> {
-    let allowed = format!("`{key}` is a number {range}");
+    range: &Range,
+    allowed: &str,
+) -> Result<f64, Problem> {
+    let allowed = format!("`{key}` is a number {allowed}");
     let (value, digits) = match written.get_ref() {
         DeValue::Float(float) => (float.as_str().parse::<f64>().ok(), float.as_str()),
         DeValue::Integer(whole) => (
@@ -232,48 +227,41 @@ pub(super) fn number(
     };
     match value {
         // A number too large for a float would otherwise pass as infinity.
-        Some(value) if inside(value) && (value.is_finite() || digits.contains("inf")) => {
-            Ok(Located {
-                value,
-                span: written.span(),
-            })
+        Some(value) if range.contains(value) && (value.is_finite() || digits.contains("inf")) => {
+            Ok(value)
         }
-        _ => Err(Problem::at(
-            &written.span(),
-            format!("`{key}` = {} is out of range", shortened(digits)),
-            allowed,
-        )),
+        _ => Err(out_of_range(written, key, digits, allowed)),
     }
 }
 
-/// A whole number in a range.
+/// A whole number in a range; `allowed` says which in words.
 pub(super) fn whole(
     written: &Spanned<DeValue<'_>>,
     key: &str,
-    range: std::ops::RangeInclusive<u64>,
-) -> Result<Located<u64>, Problem> {
-    let allowed = format!(
-        "`{key}` is a whole number from {} to {}",
-        range.start(),
-        range.end()
-    );
+    range: &Range,
+    allowed: &str,
+) -> Result<u64, Problem> {
+    let allowed = format!("`{key}` is a whole number {allowed}");
     let DeValue::Integer(digits) = written.get_ref() else {
         return Err(wrong_type(written, key, allowed));
     };
     u64::from_str_radix(digits.as_str(), digits.radix())
         .ok()
-        .filter(|value| range.contains(value))
-        .map(|value| Located {
-            value,
-            span: written.span(),
-        })
-        .ok_or_else(|| {
-            Problem::at(
-                &written.span(),
-                format!("`{key}` = {} is out of range", shortened(digits.as_str())),
-                allowed,
-            )
-        })
+        .filter(|value| range.contains(*value as f64))
+        .ok_or_else(|| out_of_range(written, key, digits.as_str(), allowed))
+}
+
+fn out_of_range(
+    written: &Spanned<DeValue<'_>>,
+    key: &str,
+    digits: &str,
+    allowed: String,
+) -> Problem {
+    Problem::at(
+        &written.span(),
+        format!("`{key}` = {} is out of range", shortened(digits)),
+        allowed,
+    )
 }
 
 /// A value of the wrong type.

@@ -1,4 +1,5 @@
 use super::*;
+use crate::axes::Axis;
 use proptest::prelude::*;
 use std::fmt::Write as _;
 
@@ -16,7 +17,7 @@ spheres = 90
 hydrodynamics = "ball-melrose"
 "#;
 
-fn parse_text(text: &str) -> Result<Campaign, Box<CampaignError>> {
+fn parse_text(text: &str) -> Result<Campaign, CampaignError> {
     Campaign::parse("friction.toml", text.into())
 }
 
@@ -53,8 +54,8 @@ fn values_without_meaning_under_a_law_make_no_cases_of_their_own() {
             .map(|p| {
                 let laws = p.contact.laws();
                 assert!(p.validate().is_ok());
-                let words = crate::report::contact(&p.contact);
-                let rubs = crate::report::tangential(laws.tangential);
+                let word = |key| Axis::of_key(key).unwrap().value(p);
+                let (words, rubs) = (word("contact"), word("tangential"));
                 format!("{words} {rubs} {} {}", laws.stiffness, p.friction)
             })
             .collect::<Vec<_>>()
@@ -76,6 +77,11 @@ fn values_without_meaning_under_a_law_make_no_cases_of_their_own() {
         ),
         "rigid roll-slip inf 0, rigid coulomb inf 0.3, linear-spring roll-slip 1000 0, linear-spring stick-slide 1000 0.3"
     );
+    let sizes = GOOD.replace(
+        "seeds = 4",
+        "seeds = [1]\nsize_ratio = [1, 2]\nlarge_fraction = [0.2, 0.5]",
+    );
+    assert_eq!(parse_text(&sizes).unwrap().cases.len(), 6 * 3);
     assert_eq!(
         laws("contact = \"exponential-repulsion\"\ntangential = [\"coulomb\", \"stick-rotate\"]"),
         "exponential-repulsion roll-slip inf 0"
@@ -120,7 +126,7 @@ fn complaint(from: &str, to: &str) -> String {
     let mut text = String::new();
     miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
         .with_width(100)
-        .render_report(&mut text, error.as_ref())
+        .render_report(&mut text, &error)
         .unwrap();
     text
 }
@@ -155,10 +161,6 @@ fn every_error_shows_the_place_and_says_what_is_allowed() {
         ("strain = 1.0", "strain = 1e9"),
         ("discard = 0.5", "sample_every = 0.012"),
         ("discard = 0.5", "time_step = 0.2"),
-        (
-            "seeds = 4",
-            "size_ratio = [1, 2]\nlarge_fraction = [0.2, 0.5]\nseeds = 4",
-        ),
         ("seeds = 4", "contact = \"soft\"\nseeds = 4"),
         ("seeds = 4", "contact = \"hertz\"\nseeds = 4"),
         (
@@ -216,7 +218,7 @@ fn hostile_files_cost_nothing() {
         let error = parse_text(&text).unwrap_err();
         let mut shown = String::new();
         miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
-            .render_report(&mut shown, error.as_ref())
+            .render_report(&mut shown, &error)
             .unwrap();
         assert!(shown.len() < 4000, "{} bytes", shown.len());
     }
@@ -238,7 +240,7 @@ proptest! {
         if let Err(error) = parse_text(&text) {
             let mut shown = String::new();
             miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
-                .render_report(&mut shown, error.as_ref())
+                .render_report(&mut shown, &error)
                 .unwrap();
         }
     }
@@ -292,4 +294,38 @@ fn a_grid_may_have_its_own_time_steps() {
     // The strain between samples, 0.02, is no whole number of steps of 0.008.
     let error = Campaign::parse("steps.toml", text("0.008")).unwrap_err();
     assert!(error.to_string().contains("sample_every"), "{error}");
+}
+
+#[test]
+fn all_faults_of_a_file_are_shown_at_once() {
+    let text = GOOD
+        .replace("strain = 1.0", "strain = \"long\"")
+        .replace("friction = [0.0, 0.3]", "friction = [0.0, -1, 11]")
+        .replace("seeds = 4\n", "")
+        .replace("roughness", "rougness")
+        + "[[grid]]\narea_fraction = 0.693\nfriction = 0.3\nroughness = 0.01\nshear_rate = 0\ncontact = \"hertz\"\nstiffness = 1e4\n\
+           spheres = 12\nseeds = 1\n[[grid]]\nfriction = 0.3\nseeds = 1\nspheres = 90\n";
+    let error = parse_text(&text).unwrap_err();
+    let mut shown = String::new();
+    miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
+        .with_width(200)
+        .render_report(&mut shown, &error)
+        .unwrap();
+    let faults = [
+        "friction.toml:3:10: `strain` cannot be of type string",
+        "`friction` = -1 is out of range",
+        "`friction` = 11 is out of range",
+        "[[grid]] has no `seeds`",
+        "unknown key `rougness` in [[grid]]",
+        "`shear_rate` = 0 has no meaning under soft laws",
+        "[[grid]] has no `area_fraction`",
+        "[[grid]] has no `roughness`",
+        "[[grid]] has no `shear_rate`",
+    ];
+    for fault in faults {
+        assert!(shown.contains(fault), "{fault}\n{shown}");
+    }
+    // What a misspelt key is meant to be is not missing as well.
+    assert_eq!(shown.matches("has no `roughness`").count(), 1, "{shown}");
+    assert_eq!(shown.matches("  × ").count(), faults.len(), "{shown}");
 }

@@ -1,14 +1,16 @@
 //! `sweep plan`.
 
 use super::Output;
+use crate::axes::{AXES, Axis, Value};
 use crate::campaign::Campaign;
 use crate::case::Case;
 use crate::error::Error;
 use crate::exit;
-use crate::report::{AXES, Axis, Value, bytes, duration, significant};
+use crate::format::{bytes, duration, significant};
 use crate::tables;
+use sd_core::model::Words as _;
 use sd_core::simulation::memory_bytes;
-use sd_core::{Hydrodynamics, NearFields, Simulation};
+use sd_core::{Hydrodynamics, NearFields, Params, Simulation};
 use serde::{Serialize, Serializer};
 use std::collections::{HashMap, HashSet};
 use std::num::NonZeroUsize;
@@ -166,14 +168,22 @@ fn plan(campaign: &Campaign, workers: usize) -> Plan {
     }
 }
 
+/// The word of a choice.
+fn word(params: &Params, key: &str) -> &'static str {
+    match Axis::of_key(key).map(|axis| axis.value(params)) {
+        Some(Value::Word(word)) => word,
+        _ => "",
+    }
+}
+
 /// The kinds of runs of a campaign, the cheapest first.
 fn kinds(campaign: &Campaign) -> Vec<Kind> {
     let mut kinds: Vec<Kind> = Vec::new();
     let mut place_of = HashMap::new();
     for (_, case) in &campaign.cases {
         let p = &case.params;
-        let contact = crate::report::contact(&p.contact);
-        let tangential = crate::report::tangential(p.contact.laws().tangential);
+        let contact = word(p, "contact");
+        let tangential = word(p, "tangential");
         let place = *place_of
             .entry((p.spheres, p.hydrodynamics, contact, tangential, case.steps))
             .or_insert_with(|| {
@@ -268,25 +278,15 @@ fn measure(case: &Case, tables: &NearFields, time: Duration) -> Result<f64, sd_c
 /// Axes with all their values in the order of their first use, without those that say nothing of these cases.
 fn axes(campaign: &Campaign) -> Vec<Values> {
     let params = || campaign.cases.iter().map(|(_, case)| &case.params);
-    let json = |value| match value {
-        Value::Word(word) => word.into(),
-        Value::Count(count) => count.into(),
-        Value::Number(number) if number.is_infinite() => "inf".into(),
-        Value::Number(number) => number.into(),
-    };
     let different = |all: &mut dyn Iterator<Item = serde_json::Value>| {
         let mut seen = HashSet::new();
         all.filter(|value| seen.insert(value.to_string())).collect()
     };
-    // Mixtures were in every plan before there was anything to leave out.
-    let shown = |axis: &&Axis| {
-        matches!(axis.key, "size_ratio" | "large_fraction") || axis.matters(params())
-    };
     let seeds = different(&mut campaign.cases.iter().map(|(_, case)| case.seed.into()));
     AXES.iter()
-        .filter(shown)
+        .filter(|axis| axis.matters(params()))
         .map(|axis| {
-            let mut values = params().map(|p| json(axis.value(p)));
+            let mut values = params().map(|p| serde_json::json!(axis.value(p)));
             (axis.key, different(&mut values))
         })
         .chain([("seeds", seeds)])
@@ -337,7 +337,7 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
         let mark = if kind.measured { "" } else { "≈ " };
         kinds.add_row([
             kind.spheres.to_string(),
-            crate::report::hydrodynamics(kind.hydrodynamics).into(),
+            kind.hydrodynamics.word().into(),
             match kind.tangential {
                 "roll-slip" => kind.contact.into(),
                 other => format!("{}, {other}", kind.contact),

@@ -1,11 +1,12 @@
 //! `sweep report`.
 
 use super::{Output, store_path};
+use crate::axes::{AXES, Axis};
 use crate::error::Error;
 use crate::exit;
 use crate::report::{
-    AXES, Axis, Drawing, Format, Home, Kind, Quantity, Report, Selection, draw, page, parquet,
-    traces, write_csv, write_json, write_markdown, write_text, write_units,
+    Drawing, Format, Kind, PageHost, Quantity, Report, Selection, draw, page, parquet, traces,
+    write_csv, write_json, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -106,7 +107,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         files = true;
     }
     if let Some(path) = &arguments.page {
-        let page = page(&store, &selection, Home::File)?;
+        let page = page(&store, &selection, PageHost::File)?;
         save(path, page.as_bytes(), output)?;
         files = true;
     }
@@ -179,8 +180,9 @@ pub(super) fn write(store: &Store, output: &mut Output<'_>) -> Result<(), Error>
 /// Writes a report as a table or as JSON.
 fn print(report: &Report, output: &mut Output<'_>) -> Result<(), Error> {
     if output.json {
-        write_json(report, output.out)
+        write_json(report, output.out)?;
     } else {
-        write_text(report, output.width, output.out)
+        write_text(report, output.width, output.out)?;
     }
+    Ok(())
 }

@@ -1,9 +1,11 @@
 //! `sweep show`.
 
 use super::{Output, store_path};
+use crate::axes::AXES;
 use crate::error::Error;
 use crate::exit;
-use crate::report::{AXES, chart, duration, significant};
+use crate::format::{duration, significant};
+use crate::report::chart;
 use crate::store::{Store, Story};
 use std::path::PathBuf;
 

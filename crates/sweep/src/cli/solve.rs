@@ -3,12 +3,13 @@
 use super::{Output, read_limited};
 use crate::error::Error;
 use crate::exit;
-use crate::report::significant;
+use crate::format::significant;
 use crate::tables;
 use sd_core::cell::Cell;
 use sd_core::contact::rigid::Memory;
 use sd_core::contact::{ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::model::Words as _;
 use sd_core::modes::{Background, Vec2};
 use sd_core::{ContactLaws, Hydrodynamics, NearFields};
 use serde::{Deserialize, Serialize};
@@ -17,10 +18,6 @@ use std::path::{Path, PathBuf};
 
 /// Largest input, in bytes.
 const INPUT_LIMIT: u64 = 16 << 20;
-/// Most spheres.
-const SPHERE_LIMIT: usize = 10_000;
-/// Most spheres under Stokesian Dynamics, whose matrices are full: a gigabyte for so many.
-const FULL_LIMIT: usize = 2_000;
 /// Most different radii: every pair of them needs a table, which takes a second.
 const RADIUS_LIMIT: usize = 10;
 /// Most pairs listed.
@@ -166,13 +163,12 @@ fn read(path: &Path, bytes: &[u8]) -> Result<(Configuration, ContactRequest), Er
         })
     };
     let n = input.centres.len();
-    if n > SPHERE_LIMIT {
-        return refuse("centres", &format!("{n} spheres, at most {SPHERE_LIMIT}"));
-    }
-    if n > FULL_LIMIT && input.hydrodynamics == Hydrodynamics::StokesianDynamics {
+    let most = input.hydrodynamics.most_spheres();
+    if n > most {
+        let word = input.hydrodynamics.word();
         return refuse(
             "centres",
-            &format!("{n} spheres, at most {FULL_LIMIT} under stokesian-dynamics"),
+            &format!("{n} spheres, at most {most} under {word}"),
         );
     }
     let different: BTreeSet<u64> = input.radii.iter().flatten().map(|r| r.to_bits()).collect();

@@ -5,7 +5,7 @@ mod tasks;
 use super::{Output, store_path};
 use crate::error::Error;
 use crate::exit;
-use crate::report::duration;
+use crate::format::duration;
 use crate::store::{Counts, Disagreement, FailureLine, ProcessLine, Store};
 use serde::Serialize;
 use std::path::PathBuf;

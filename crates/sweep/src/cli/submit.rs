@@ -7,7 +7,7 @@ use crate::campaign::Campaign;
 use crate::engine::{self, Engine, EngineError, Job, local::Local, slurm::Slurm, slurm::TimeLimit};
 use crate::error::Error;
 use crate::exit;
-use crate::report::{bytes, duration};
+use crate::format::{bytes, duration};
 use crate::shard::{self, Slices};
 use crate::store::{self, Open, Store, Submission};
 use clap::ValueEnum;

@@ -75,7 +75,7 @@ impl std::fmt::Display for Number {
             write!(
                 f,
                 "{}",
-                crate::report::significant(self.0, i32::try_from(digits).unwrap_or(6))
+                crate::format::significant(self.0, i32::try_from(digits).unwrap_or(6))
             )
         } else {
             write!(f, "{:.*e}", digits.min(3) - 1, self.0)

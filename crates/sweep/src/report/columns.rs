@@ -1,7 +1,7 @@
 //! The columns of all tables: the axes of the campaign, then what was measured.
 
 use super::Point;
-use super::axes::{AXES, Axis, Read, Value};
+use crate::axes::{AXES, Axis, Kind, Value};
 use crate::statistics::Estimate;
 
 /// A column: a name for machines, a unit, a meaning, and a cell for every point.
@@ -13,6 +13,8 @@ pub(super) struct Column {
     pub(super) unit: &'static str,
     /// Meaning.
     pub(super) meaning: &'static str,
+    /// Label on the page; empty for columns that no curve shows.
+    label: &'static str,
     /// What is in it.
     content: Content,
 }
@@ -28,33 +30,23 @@ enum Content {
     Number(fn(&Point) -> Option<f64>),
 }
 
-/// What all cells of a column are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Type {
-    /// Words.
-    Word,
-    /// Counts.
-    Count,
-    /// Numbers.
-    Number,
-}
-
 impl Column {
     /// The column of an axis.
     fn of_axis(axis: &'static Axis) -> Self {
         column(axis.key, axis.unit, axis.meaning, Content::Axis(axis))
     }
 
+    /// The same with a label, so that curves of the page can show it.
+    const fn labelled(self, label: &'static str) -> Self {
+        Self { label, ..self }
+    }
+
     /// What all its cells are.
-    pub(super) fn content(&self) -> Type {
+    pub(super) fn content(&self) -> Kind {
         match self.content {
-            Content::Axis(axis) => match axis.read {
-                Read::Word(_) => Type::Word,
-                Read::Count(_) => Type::Count,
-                Read::Number(_) => Type::Number,
-            },
-            Content::Count(_) => Type::Count,
-            Content::Number(_) => Type::Number,
+            Content::Axis(axis) => axis.kind(),
+            Content::Count(_) => Kind::Count,
+            Content::Number(_) => Kind::Number,
         }
     }
 
@@ -73,6 +65,14 @@ pub(super) fn columns() -> impl Iterator<Item = Column> {
     AXES.iter().map(Column::of_axis).chain(MEASURED)
 }
 
+/// Measured quantities that curves can show: their columns and labels.
+pub(super) fn quantities() -> impl Iterator<Item = (&'static str, &'static str)> {
+    MEASURED
+        .iter()
+        .filter(|column| !column.label.is_empty())
+        .map(|column| (column.name, column.label))
+}
+
 /// Shorthand for [`MEASURED`].
 const fn column(
     name: &'static str,
@@ -84,6 +84,7 @@ const fn column(
         name,
         unit,
         meaning,
+        label: "",
         content,
     }
 }
@@ -104,18 +105,18 @@ const MEASURED: [Column; 18] = [
     column("seeds", "1", "runs averaged", Content::Count(|p| p.seeds)),
     column("jammed", "1", "runs that ended jammed: not averaged", Content::Count(|p| p.jammed)),
     column("failed", "1", "runs that failed: not averaged", Content::Count(|p| p.failed)),
-    column("viscosity", "mu", "viscosity in full, mean over runs of their means in time", Content::Number(|p| mean(p.viscosity))),
+    column("viscosity", "mu", "viscosity in full, mean over runs of their means in time", Content::Number(|p| mean(p.viscosity))).labelled("viscosity"),
     column("viscosity_ci95", "mu", "half width of its 95 % Student interval", Content::Number(|p| ci95(p.viscosity))),
-    column("viscosity_median", "mu", "median over runs of their medians in time", Content::Number(|p| p.viscosity_median)),
-    column("viscosity_stresslet", "mu", "viscosity without contact stress", Content::Number(|p| mean(p.viscosity_stresslet))),
+    column("viscosity_median", "mu", "median over runs of their medians in time", Content::Number(|p| p.viscosity_median)).labelled("median viscosity"),
+    column("viscosity_stresslet", "mu", "viscosity without contact stress", Content::Number(|p| mean(p.viscosity_stresslet))).labelled("stresslet viscosity"),
     column("viscosity_stresslet_ci95", "mu", "half width of its 95 % interval", Content::Number(|p| ci95(p.viscosity_stresslet))),
-    column("normal_stress_difference", "mu rate", "first normal stress difference, contacts included", Content::Number(|p| mean(p.normal_stress_difference))),
+    column("normal_stress_difference", "mu rate", "first normal stress difference, contacts included", Content::Number(|p| mean(p.normal_stress_difference))).labelled("normal stress difference N₁"),
     column("normal_stress_difference_ci95", "mu rate", "half width of its 95 % interval", Content::Number(|p| ci95(p.normal_stress_difference))),
-    column("contacts_per_sphere", "1", "pairs with a contact force over spheres", Content::Number(|p| p.contacts_per_sphere)),
-    column("activated_fraction", "1", "contacts above the critical load over contacts", Content::Number(|p| p.activated_fraction)),
-    column("rolling_fraction", "1", "rolling contacts over activated ones", Content::Number(|p| p.rolling_fraction)),
-    column("minimum_gap", "a", "smallest gap of any run", Content::Number(|p| p.minimum_gap)),
-    column("mean_approach_velocity", "a rate", "over all contacts, positive for approach", Content::Number(|p| p.mean_approach_velocity)),
+    column("contacts_per_sphere", "1", "pairs with a contact force over spheres", Content::Number(|p| p.contacts_per_sphere)).labelled("contacts per sphere"),
+    column("activated_fraction", "1", "contacts above the critical load over contacts", Content::Number(|p| p.activated_fraction)).labelled("activated fraction"),
+    column("rolling_fraction", "1", "rolling contacts over activated ones", Content::Number(|p| p.rolling_fraction)).labelled("rolling fraction"),
+    column("minimum_gap", "a", "smallest gap of any run", Content::Number(|p| p.minimum_gap)).labelled("smallest gap"),
+    column("mean_approach_velocity", "a rate", "over all contacts, positive for approach", Content::Number(|p| p.mean_approach_velocity)).labelled("mean approach velocity"),
     column("worst_residual", "a rate", "of the contact problem, over all runs", Content::Number(|p| p.worst_residual)),
     column("unconverged_fraction", "1", "contact problems that did not converge over all", Content::Number(|p| p.unconverged_fraction)),
     column("wall_time_s", "s", "mean computing time of a run", Content::Number(|p| p.wall_time_s)),

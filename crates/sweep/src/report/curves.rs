@@ -1,7 +1,7 @@
 //! Points as curves: one axis of the campaign along, one curve per value of all others.
 
-use super::axes::{AXES, Axis, Tag, Value, identity};
 use super::{Point, Report};
+use crate::axes::{AXES, Axis, Tag, Value, identity};
 use sd_core::Params;
 
 /// Points that differ only along one axis, in the order of its values.
@@ -19,7 +19,7 @@ pub(super) fn curves<'r>(report: &'r Report, along: &Axis) -> Vec<Curve<'r>> {
     for point in &report.points {
         let others: Vec<Tag> = identity(&point.params)
             .into_iter()
-            .zip(&AXES)
+            .zip(AXES.iter())
             .filter(|(_, axis)| axis.key != along.key)
             .map(|(tag, _)| tag)
             .collect();

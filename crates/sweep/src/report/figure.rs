@@ -1,17 +1,17 @@
 //! What a figure shows: points as curves, or runs in time.
 
-mod rates;
+mod log_axis;
 mod render;
 
 pub use render::Format;
 
-use super::axes::{AXES, Axis, identity};
+use super::ReportError;
 use super::curves::{curves, labels};
 use super::{Point, Report, Selection, selected_runs};
-use crate::error::Error;
+use crate::axes::{AXES, Axis, identity};
 use crate::statistics::Estimate;
 use crate::store::{PointRun, Store};
-use rates::Rates;
+use log_axis::LogAxis;
 use render::{CURVES, render};
 use sd_core::Params;
 
@@ -94,23 +94,27 @@ struct Sketch {
     x: String,
     /// Label of the vertical axis.
     y: &'static str,
-    /// The logarithmic axis of shear rates, if it is that.
-    rates: Option<Rates>,
+    /// Its horizontal axis, if that is logarithmic.
+    log: Option<LogAxis>,
 }
 
 /// Traces of runs of the points selected: those whose keys begin with one of `keys`, or else the first with samples of
 /// each point. One more than a figure holds at most.
 ///
 /// # Errors
-/// Trouble with the store; [`Error::Case`] on a key no selected run has.
-pub fn traces(store: &Store, selection: &Selection, keys: &[String]) -> Result<Vec<Trace>, Error> {
+/// Trouble with the store; [`ReportError::Case`] on a key no selected run has.
+pub fn traces(
+    store: &Store,
+    selection: &Selection,
+    keys: &[String],
+) -> Result<Vec<Trace>, ReportError> {
     let runs = selected_runs(store, selection)?;
     let begins = |run: &PointRun, key: &String| run.key.starts_with(key.as_str());
     if let Some(key) = keys
         .iter()
         .find(|key| !runs.iter().any(|run| begins(run, key)))
     {
-        return Err(Error::Case {
+        return Err(ReportError::Case {
             path: store.path().to_owned(),
             given: key.clone(),
             what: "no case",
@@ -142,8 +146,8 @@ pub fn traces(store: &Store, selection: &Selection, keys: &[String]) -> Result<V
 /// Draws a figure: of a report, or of traces.
 ///
 /// # Errors
-/// [`Error::Argument`] if there is nothing to draw, or too much.
-pub fn draw(report: &Report, traces: &[Trace], drawing: Drawing) -> Result<Vec<u8>, Error> {
+/// [`ReportError::Argument`] if there is nothing to draw, or too much.
+pub fn draw(report: &Report, traces: &[Trace], drawing: Drawing) -> Result<Vec<u8>, ReportError> {
     let along = drawing
         .along
         .unwrap_or_else(|| default_axis(report, drawing.kind));
@@ -158,7 +162,7 @@ pub fn draw(report: &Report, traces: &[Trace], drawing: Drawing) -> Result<Vec<u
         Kind::Contacts => contacts(report, along),
         Kind::Trace => in_time(traces),
     };
-    let refuse = |message: String| Error::Argument {
+    let refuse = |message: String| ReportError::Argument {
         argument: "--figure",
         message,
     };
@@ -188,8 +192,8 @@ pub fn draw(report: &Report, traces: &[Trace], drawing: Drawing) -> Result<Vec<u
 /// Draws the paths of spheres that pass: the centres of the first and the second, in a.
 ///
 /// # Errors
-/// [`Error::Argument`] if there is nothing to draw.
-pub fn draw_paths(paths: [Vec<(f64, f64)>; 2], format: Format) -> Result<Vec<u8>, Error> {
+/// [`ReportError::Argument`] if there is nothing to draw.
+pub fn draw_paths(paths: [Vec<(f64, f64)>; 2], format: Format) -> Result<Vec<u8>, ReportError> {
     let lines = paths.into_iter().zip(["first sphere", "second sphere"]);
     let sketch = Sketch {
         lines: lines
@@ -205,7 +209,7 @@ pub fn draw_paths(paths: [Vec<(f64, f64)>; 2], format: Format) -> Result<Vec<u8>
         y: "y / a",
         ..Sketch::default()
     };
-    render(&sketch, format).map_err(|message| Error::Argument {
+    render(&sketch, format).map_err(|message| ReportError::Argument {
         argument: "--figure",
         message,
     })
@@ -265,24 +269,24 @@ fn in_time(traces: &[Trace]) -> Sketch {
         dashed: dilute(params.into_iter()),
         x: "strain".into(),
         y: "relative viscosity η",
-        rates: None,
+        log: None,
     }
 }
 
 /// The horizontal axis of a report's points.
-fn axis(report: &Report, along: &Axis) -> Option<Rates> {
+fn axis(report: &Report, along: &Axis) -> Option<LogAxis> {
     let values: Vec<f64> = report
         .points
         .iter()
         .map(|p| along.number(&p.params))
         .collect();
-    along.is_logarithmic().then(|| Rates::of(&values))
+    along.is_logarithmic().then(|| LogAxis::of(&values))
 }
 
 /// Place of a point.
-fn place(rates: Option<Rates>, along: &Axis, point: &Point) -> f64 {
+fn place(log: Option<LogAxis>, along: &Axis, point: &Point) -> f64 {
     let value = along.number(&point.params);
-    rates.map_or(value, |rates| rates.place(value))
+    log.map_or(value, |log| log.place(value))
 }
 
 /// One of the viscosities, with the dilute limit unless c is the axis.
@@ -309,7 +313,7 @@ fn of_points(
     y: &'static str,
     quantity: fn(&Point) -> Option<Estimate>,
 ) -> Sketch {
-    let rates = axis(report, along);
+    let log = axis(report, along);
     let lines = curves(report, along)
         .into_iter()
         .enumerate()
@@ -319,7 +323,7 @@ fn of_points(
                 .iter()
                 .filter_map(|point| {
                     let estimate = quantity(point).filter(|e| e.mean.is_finite())?;
-                    Some((place(rates, along, point), estimate.mean, estimate.ci95))
+                    Some((place(log, along, point), estimate.mean, estimate.ci95))
                 })
                 .collect(),
             label: curve.label,
@@ -331,7 +335,7 @@ fn of_points(
         lines,
         x: along.label(),
         y,
-        rates,
+        log,
         dashed: Vec::new(),
     }
 }
@@ -356,7 +360,7 @@ fn contacts(report: &Report, along: &Axis) -> Sketch {
             Some(p.contacts_per_sphere? * p.activated_fraction.unwrap_or(0.0) * (1.0 - rolling))
         }),
     ];
-    let rates = axis(report, along);
+    let log = axis(report, along);
     let mut lines = Vec::new();
     for curve in curves(report, along) {
         for (name, count) in counts {
@@ -366,7 +370,7 @@ fn contacts(report: &Report, along: &Axis) -> Sketch {
                 points: curve
                     .points
                     .iter()
-                    .filter_map(|point| Some((place(rates, along, point), count(point)?, None)))
+                    .filter_map(|point| Some((place(log, along, point), count(point)?, None)))
                     .collect(),
                 style: lines.len() % CURVES,
                 plain: false,
@@ -377,7 +381,7 @@ fn contacts(report: &Report, along: &Axis) -> Sketch {
         lines,
         x: along.label(),
         y: "pairs per sphere",
-        rates,
+        log,
         dashed: Vec::new(),
     }
 }

@@ -1,9 +1,8 @@
 //! The report for machines: one JSON object, its names and meanings a promise.
 
-use super::axes::Value;
+use super::ReportError;
 use super::columns::columns;
 use super::{Point, Report};
-use crate::error::Error;
 use serde::{Serialize, Serializer};
 use std::io::Write;
 
@@ -40,22 +39,11 @@ impl Serialize for Row<'_> {
     }
 }
 
-/// Infinity as `"inf"`, since JSON has no number for it.
-impl Serialize for Value {
-    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Number(number) if number.is_finite() => s.serialize_f64(*number),
-            Self::Count(count) => s.serialize_u64(*count),
-            value => s.collect_str(value),
-        }
-    }
-}
-
 /// Writes the report.
 ///
 /// # Errors
 /// Output that cannot be written.
-pub fn write(report: &Report, out: &mut dyn Write) -> Result<(), Error> {
+pub fn write(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let document = Document {
         campaign: &report.campaign,
         cases: Cases {

@@ -3,9 +3,11 @@
 //! The page asks nothing of any network. All text of users goes through JSON in a script element, with every `<`, `>` and
 //! `&` escaped, and reaches the page as text only.
 
+use super::ReportError;
+use super::columns::quantities;
 use super::json::Row;
-use super::{Report, Selection, identity, selected_runs};
-use crate::error::Error;
+use super::{Report, Selection, selected_runs};
+use crate::axes::{AXES, Axis, identity};
 use crate::statistics::ratio;
 use crate::store::{FailureLine, Kept, Provenance, Store};
 use crate::trajectory::state_number;
@@ -31,7 +33,7 @@ const FAILURES: u32 = 200;
 
 /// Where a page lives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Home {
+pub enum PageHost {
     /// In a file: everything is in it.
     File,
     /// On a server that is asked for news, and for movies one by one.
@@ -57,6 +59,10 @@ struct Data<'r> {
     work_done: f64,
     /// Seconds left, while processes work on it.
     eta_s: Option<f64>,
+    /// Axes that tell points apart, in the order of the columns.
+    axes: Vec<AxisData>,
+    /// Quantities that curves can show.
+    quantities: Vec<QuantityData>,
     /// Points, with the names of `sweep report --json`.
     points: Vec<Row<'r>>,
     /// Runs.
@@ -69,15 +75,46 @@ struct Data<'r> {
     provenance: &'r [Provenance],
 }
 
+/// An axis, as the script is told of it.
+#[derive(Serialize)]
+struct AxisData {
+    key: &'static str,
+    symbol: &'static str,
+    /// Label of a figure's axis.
+    label: String,
+    /// Whether its values lie on a line.
+    numeric: bool,
+    logarithmic: bool,
+}
+
+/// A quantity, as the script is told of it.
+#[derive(Serialize)]
+struct QuantityData {
+    key: &'static str,
+    label: &'static str,
+}
+
+impl From<&Axis> for AxisData {
+    fn from(axis: &Axis) -> Self {
+        Self {
+            key: axis.key,
+            symbol: axis.symbol,
+            label: axis.label(),
+            numeric: axis.is_numeric(),
+            logarithmic: axis.is_logarithmic(),
+        }
+    }
+}
+
 /// The page of the points selected of a store.
 ///
 /// # Errors
-/// Trouble with the store; [`Error::Argument`] on a selection that no point meets.
-pub fn page(store: &Store, selection: &Selection, home: Home) -> Result<String, Error> {
-    let data = data(store, selection, home)?;
-    let connect = match home {
-        Home::File => "'none'",
-        Home::Server => "'self'",
+/// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets.
+pub fn page(store: &Store, selection: &Selection, host: PageHost) -> Result<String, ReportError> {
+    let data = data(store, selection, host)?;
+    let connect = match host {
+        PageHost::File => "'none'",
+        PageHost::Server => "'self'",
     };
     let page = PAGE
         .replace("@CONNECT@", connect)
@@ -99,8 +136,8 @@ fn in_script(json: &str) -> String {
 /// What the script is given, as JSON.
 ///
 /// # Errors
-/// Trouble with the store; [`Error::Argument`] on a selection that no point meets.
-pub fn data(store: &Store, selection: &Selection, home: Home) -> Result<String, Error> {
+/// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets.
+pub fn data(store: &Store, selection: &Selection, host: PageHost) -> Result<String, ReportError> {
     let report = Report::of(store, selection)?;
     let work_done = if selection.is_everything() {
         let (total, done) = store.work()?;
@@ -140,16 +177,16 @@ pub fn data(store: &Store, selection: &Selection, home: Home) -> Result<String, 
     let frames_each = (MOVIE_FRAMES / filmed.len().max(1)).clamp(20, 120);
     let mut movies = Map::new();
     for key in filmed {
-        let film = match home {
-            Home::File => movie(store, &key, frames_each)?,
-            Home::Server => Value::Bool(true),
+        let film = match host {
+            PageHost::File => movie(store, &key, frames_each)?,
+            PageHost::Server => Value::Bool(true),
         };
         movies.insert(key, film);
     }
     let mut failures = store.failures(FAILURES)?;
     failures.retain(|failure| selection.has(&failure.params));
     let document = Data {
-        live: home == Home::Server,
+        live: host == PageHost::Server,
         campaign: &report.campaign,
         selection: selection.to_string(),
         text: store.campaign_text()?,
@@ -157,24 +194,28 @@ pub fn data(store: &Store, selection: &Selection, home: Home) -> Result<String, 
         cases: report.counts,
         work_done,
         eta_s,
+        axes: AXES.iter().map(AxisData::from).collect(),
+        quantities: quantities()
+            .map(|(key, label)| QuantityData { key, label })
+            .collect(),
         points: report.points.iter().map(Row).collect(),
         runs,
         movies,
         failures,
         provenance: &report.provenance,
     };
-    serde_json::to_string(&document).map_err(|error| Error::Output(error.into()))
+    serde_json::to_string(&document).map_err(|error| ReportError::Output(error.into()))
 }
 
 /// The movie of a run, at most so many frames.
 ///
 /// # Errors
 /// Trouble with the store.
-pub fn movie(store: &Store, key: &str, frames: usize) -> Result<Value, Error> {
+pub fn movie(store: &Store, key: &str, frames: usize) -> Result<Value, ReportError> {
     let stored = usize::try_from(store.frame_count(key)?).unwrap_or(usize::MAX);
     let kept = store.frames(key, stored.div_ceil(frames.max(1)))?;
     let Some(first) = kept.first() else {
-        return Err(Error::NoFrames { key: key.into() });
+        return Err(ReportError::NoFrames { key: key.into() });
     };
     let radii = &first.frame.radii;
     let alike = radii

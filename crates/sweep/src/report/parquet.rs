@@ -1,9 +1,9 @@
 //! The tidy table as a Parquet file: typed columns, so that no reader has to guess, and their units in the file itself.
 
 use super::Report;
-use super::axes::Value;
-use super::columns::{Column, Type, columns};
-use crate::error::Error;
+use super::ReportError;
+use super::columns::{Column, columns};
+use crate::axes::{Kind, Value};
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
@@ -19,8 +19,8 @@ use std::sync::Arc;
 ///
 /// # Errors
 /// None that is known: it is written to memory.
-pub fn parquet(report: &Report) -> Result<Vec<u8>, Error> {
-    encode(report).map_err(|error| Error::Output(std::io::Error::other(error)))
+pub fn parquet(report: &Report) -> Result<Vec<u8>, ReportError> {
+    encode(report).map_err(|error| ReportError::Output(std::io::Error::other(error)))
 }
 
 /// The file.
@@ -51,15 +51,15 @@ fn encode(report: &Report) -> Result<Vec<u8>, ParquetError> {
     for column in columns() {
         let cells = report.points.iter().map(|point| column.cell(point));
         match column.content() {
-            Type::Word => write::<ByteArrayType>(&mut rows, cells, |value| match value {
+            Kind::Word => write::<ByteArrayType>(&mut rows, cells, |value| match value {
                 Value::Word(word) => ByteArray::from(word),
                 other => ByteArray::from(other.to_string().as_str()),
             }),
-            Type::Count => write::<Int64Type>(&mut rows, cells, |value| match value {
+            Kind::Count => write::<Int64Type>(&mut rows, cells, |value| match value {
                 Value::Count(count) => i64::try_from(count).unwrap_or(i64::MAX),
                 _ => 0,
             }),
-            Type::Number => write::<DoubleType>(&mut rows, cells, |value| match value {
+            Kind::Number => write::<DoubleType>(&mut rows, cells, |value| match value {
                 Value::Number(number) => number,
                 _ => f64::NAN,
             }),
@@ -73,9 +73,9 @@ fn encode(report: &Report) -> Result<Vec<u8>, ParquetError> {
 /// The type of a column.
 fn field(column: &Column) -> Result<Field, ParquetError> {
     let (physical, logical) = match column.content() {
-        Type::Word => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
-        Type::Count => (Physical::INT64, None),
-        Type::Number => (Physical::DOUBLE, None),
+        Kind::Word => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+        Kind::Count => (Physical::INT64, None),
+        Kind::Number => (Physical::DOUBLE, None),
     };
     Field::primitive_type_builder(column.name, physical)
         .with_logical_type(logical)

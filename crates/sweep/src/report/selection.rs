@@ -1,7 +1,7 @@
 //! Some of a campaign's points: `--where KEY=VALUE[,VALUE..]`.
 
-use super::axes::{AXES, Axis, Value};
-use crate::error::Error;
+use super::ReportError;
+use crate::axes::{AXES, Axis, Value};
 use sd_core::Params;
 use std::fmt;
 
@@ -25,8 +25,8 @@ impl Selection {
     /// Reads `KEY=VALUE[,VALUE..]`; values of a key given twice are put together.
     ///
     /// # Errors
-    /// [`Error::Argument`] on a key that is no axis, on no value, on a value that is no number where one is needed.
-    pub fn parse(texts: &[String]) -> Result<Self, Error> {
+    /// [`ReportError::Argument`] on a key that is no axis, on no value, on a value that is no number where one is needed.
+    pub fn parse(texts: &[String]) -> Result<Self, ReportError> {
         let mut selection = Self::default();
         for text in texts {
             let (key, values) = text.split_once('=').ok_or_else(|| {
@@ -69,8 +69,8 @@ impl Selection {
     /// Makes sure that every value asked for is one that some point of the campaign has, and that some point has them all.
     ///
     /// # Errors
-    /// [`Error::Argument`] with the values there are.
-    pub fn check(&self, params: &[&Params]) -> Result<(), Error> {
+    /// [`ReportError::Argument`] with the values there are.
+    pub fn check(&self, params: &[&Params]) -> Result<(), ReportError> {
         for (axis, values) in &self.wanted {
             for wanted in values {
                 if params.iter().any(|p| wanted.is(axis.value(p))) {
@@ -115,7 +115,7 @@ impl fmt::Display for Selection {
 
 impl Wanted {
     /// Reads a value on an axis.
-    fn read(axis: &Axis, text: &str) -> Result<Self, Error> {
+    fn read(axis: &Axis, text: &str) -> Result<Self, ReportError> {
         if text.is_empty() {
             return Err(refused(format!(
                 "{} = what? The value is missing",
@@ -153,8 +153,8 @@ impl fmt::Display for Wanted {
 }
 
 /// The error about the argument.
-fn refused(message: String) -> Error {
-    Error::Argument {
+fn refused(message: String) -> ReportError {
+    ReportError::Argument {
         argument: "--where",
         message,
     }
@@ -165,7 +165,7 @@ mod tests {
     use super::*;
     use crate::test_support::params;
 
-    fn selection(texts: &[&str]) -> Result<Selection, Error> {
+    fn selection(texts: &[&str]) -> Result<Selection, ReportError> {
         Selection::parse(&texts.iter().map(ToString::to_string).collect::<Vec<_>>())
     }
 

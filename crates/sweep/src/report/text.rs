@@ -1,12 +1,12 @@
 //! The report for people: a table, and under it what its columns mean.
 
-use super::axes::{AXES, Axis};
-use super::{Point, Report, duration, significant};
-use crate::error::Error;
+use super::ReportError;
+use super::{Point, Report};
+use crate::axes::{AXES, Axis};
+use crate::format::{duration, significant};
 use crate::statistics::Estimate;
 use crate::store::Provenance;
 use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
-use sd_core::{ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, TangentialLaw};
 use std::io::Write;
 
 /// A measured quantity: its heading and how its value is written.
@@ -28,45 +28,6 @@ const COLUMNS: [Column; 13] = [
     ("worst\nresidual", |p| number(p.worst_residual, 2)),
     ("unconverged", |p| number(p.unconverged_fraction, 2)),
 ];
-
-/// Word for hydrodynamics, as in campaign files.
-pub(crate) fn hydrodynamics(choice: Hydrodynamics) -> &'static str {
-    match choice {
-        Hydrodynamics::StokesianDynamics => "stokesian-dynamics",
-        Hydrodynamics::BallMelrose => "ball-melrose",
-    }
-}
-
-/// Word for a contact scheme, by what presses, as in campaign files.
-pub(crate) fn contact(choice: &ContactScheme) -> &'static str {
-    match choice {
-        ContactScheme::Procedure => "procedure",
-        ContactScheme::Rigid | ContactScheme::Laws(_) => match choice.laws().normal {
-            NormalLaw::Rigid => "rigid",
-            NormalLaw::LinearSpring => "linear-spring",
-            NormalLaw::Hertz => "hertz",
-            NormalLaw::ExponentialRepulsion => "exponential-repulsion",
-        },
-    }
-}
-
-/// Word for a tangential law, as in campaign files.
-pub(crate) fn tangential(choice: TangentialLaw) -> &'static str {
-    match choice {
-        TangentialLaw::RollSlip => "roll-slip",
-        TangentialLaw::StickSlide => "stick-slide",
-        TangentialLaw::Coulomb => "coulomb",
-        TangentialLaw::StickRotate => "stick-rotate",
-    }
-}
-
-/// Word for the onset of friction, as in campaign files.
-pub(crate) fn onset(choice: FrictionOnset) -> &'static str {
-    match choice {
-        FrictionOnset::CriticalLoad => "critical-load",
-        FrictionOnset::Reduced => "reduced",
-    }
-}
 
 /// A table in the style of the program; `width` is that of the terminal.
 pub(crate) fn table(width: Option<u16>) -> Table {
@@ -113,7 +74,7 @@ fn programs(processes: &[Provenance]) -> Vec<String> {
 ///
 /// # Errors
 /// Output that cannot be written.
-pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result<(), Error> {
+pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result<(), ReportError> {
     let c = &report.counts;
     writeln!(
         out,
@@ -139,7 +100,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             .map(|axis| {
                 let mut points = report.points.iter();
                 let shown = points
-                    .find(|p| axis.has_meaning(&p.params))
+                    .find(|p| axis.means_something(&p.params))
                     .unwrap_or(point);
                 format!("{} {}", axis.symbol, axis.value(&shown.params))
             })

@@ -2,17 +2,18 @@
 //!
 //! Units and meanings are in a sidecar, so that the table itself has one header row of plain names.
 
-use super::axes::{Axis, Value};
+use super::Report;
+use super::ReportError;
 use super::columns::{Column, columns};
-use super::{Report, significant};
-use crate::error::Error;
+use crate::axes::{Axis, Value};
+use crate::format::significant;
 use std::io::Write;
 
 /// Writes the points as comma-separated values: a header row of names, numbers in full, nothing where there is none.
 ///
 /// # Errors
 /// Output that cannot be written.
-pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), Error> {
+pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let names: Vec<&str> = columns().map(|column| column.name).collect();
     writeln!(out, "{}", names.join(","))?;
     for point in &report.points {
@@ -32,7 +33,7 @@ pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), Error> {
 ///
 /// # Errors
 /// Output that cannot be written.
-pub fn write_units(out: &mut dyn Write) -> Result<(), Error> {
+pub fn write_units(out: &mut dyn Write) -> Result<(), ReportError> {
     writeln!(out, "column,unit,meaning")?;
     for column in columns() {
         let meaning = column.meaning;
@@ -45,7 +46,7 @@ pub fn write_units(out: &mut dyn Write) -> Result<(), Error> {
 ///
 /// # Errors
 /// Output that cannot be written.
-pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), Error> {
+pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let matters = |name| {
         Axis::of_key(name).is_none_or(|axis| axis.matters(report.points.iter().map(|p| &p.params)))
     };

@@ -1,7 +1,7 @@
 //! One case from its claim to its end.
 
 use super::{Shared, panics};
-use crate::campaign::Protocol;
+use crate::campaign::Steps;
 use crate::case::{Case, State};
 use crate::replay::replay;
 use crate::store::{Checkpoint, Claim, Failure, Finished, StoreError};
@@ -85,8 +85,8 @@ impl Record {
 }
 
 impl Shared<'_> {
-    /// The protocol with the time step of a case.
-    fn protocol_of(&self, case: &Case) -> Protocol {
+    /// The protocol in steps of a case.
+    fn protocol_of(&self, case: &Case) -> Steps {
         self.protocol.with_time_step(case.params.time_step)
     }
 

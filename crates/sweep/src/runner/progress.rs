@@ -198,7 +198,7 @@ impl Progress {
                 worker.bar.set_message(format!(
                     "strain {:.2}  η {}",
                     steps as f64 * time_step,
-                    crate::report::significant(viscosity, 4)
+                    crate::format::significant(viscosity, 4)
                 ));
             }
         }
@@ -326,7 +326,7 @@ impl Overall {
         match self.left() {
             Some(left) => format!(
                 "{words}, {} left",
-                crate::report::duration(left.as_secs_f64())
+                crate::format::duration(left.as_secs_f64())
             ),
             None => words,
         }

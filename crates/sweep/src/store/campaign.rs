@@ -1,11 +1,11 @@
 //! Taking a campaign file into its store.
 
-use super::{Store, StoreError, integer, process, results};
+use super::{Store, StoreError, axis_columns, integer, process, results};
+use crate::axes::AXES;
 use crate::campaign::{Campaign, Protocol};
 use crate::case::{Case, CaseKey};
-use crate::report;
 use crate::statistics::Averages;
-use rusqlite::{OptionalExtension, Transaction, params};
+use rusqlite::{OptionalExtension, Transaction, params, params_from_iter, types};
 use std::cmp::Reverse;
 
 impl Store {
@@ -138,48 +138,34 @@ fn rows(campaign: &Campaign) -> impl Iterator<Item = Result<Row<'_>, serde_json:
 impl Row<'_> {
     /// Writes a new case, or gives a known one its place in the file.
     fn insert(&self, transaction: &Transaction<'_>) -> Result<(), rusqlite::Error> {
-        let p = &self.case.params;
-        let laws = p.contact.laws();
+        let text = |text: String| types::Value::Text(text);
+        let whole = |count: u64| types::Value::Integer(integer(count));
+        let own = [
+            ("key", text(self.key.to_string())),
+            ("position", whole(self.position as u64)),
+            ("rank", whole(self.rank as u64)),
+            ("params", text(self.params.clone())),
+            ("seed", whole(self.case.seed)),
+            ("steps", whole(self.case.steps)),
+            ("sample_stride", whole(self.case.sample_stride)),
+            ("cost", types::Value::Real(self.case.cost())),
+            ("changed_at", types::Value::Integer(process::now())),
+        ];
+        let names: Vec<&str> = own.iter().map(|(name, _)| *name).collect();
+        let places = vec!["?"; names.len() + AXES.len()].join(", ");
         transaction
-            .prepare_cached(
-                "INSERT INTO cases (key, position, rank, params, seed, steps, sample_stride, time_step, area_fraction,
-                     friction, roughness, shear_rate, spheres, size_ratio, large_fraction, hydrodynamics, contact, cost,
-                     changed_at, tangential, friction_onset, stiffness, tangential_stiffness, dashpot, lubrication_gap,
-                     repulsion, repulsion_length)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21,
-                     ?22, ?23, ?24, ?25, ?26, ?27)
+            .prepare_cached(&format!(
+                "INSERT INTO cases ({}, {}) VALUES ({places})
                  ON CONFLICT (key) DO UPDATE SET position = excluded.position, rank = excluded.rank,
                      cost = excluded.cost",
-            )?
-            .execute(params![
-                self.key.to_string(),
-                integer(self.position as u64),
-                integer(self.rank as u64),
-                self.params,
-                integer(self.case.seed),
-                integer(self.case.steps),
-                integer(self.case.sample_stride),
-                p.time_step,
-                p.area_fraction,
-                p.friction,
-                p.roughness,
-                p.shear_rate,
-                integer(p.spheres as u64),
-                p.size_ratio,
-                p.large_fraction,
-                report::hydrodynamics(p.hydrodynamics),
-                report::contact(&p.contact),
-                self.case.cost(),
-                process::now(),
-                report::tangential(laws.tangential),
-                report::onset(laws.onset),
-                laws.stiffness,
-                laws.tangential_stiffness,
-                laws.dashpot,
-                laws.lubrication_gap,
-                laws.repulsion,
-                laws.repulsion_length,
-            ])?;
+                names.join(", "),
+                axis_columns::names("")
+            ))?
+            .execute(params_from_iter(
+                own.into_iter()
+                    .map(|(_, value)| value)
+                    .chain(axis_columns::cells(&self.case.params)),
+            ))?;
         Ok(())
     }
 }

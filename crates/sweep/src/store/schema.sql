@@ -33,16 +33,6 @@ CREATE TABLE cases (
     seed           INTEGER NOT NULL,
     steps          INTEGER NOT NULL,
     sample_stride  INTEGER NOT NULL,
-    time_step      REAL NOT NULL,
-    area_fraction  REAL NOT NULL,
-    friction       REAL NOT NULL,
-    roughness      REAL NOT NULL,
-    shear_rate     REAL NOT NULL,       -- may be infinite
-    spheres        INTEGER NOT NULL,
-    size_ratio     REAL NOT NULL,
-    large_fraction REAL NOT NULL,
-    hydrodynamics  TEXT NOT NULL,
-    contact        TEXT NOT NULL,
     cost           REAL NOT NULL,       -- estimated, for shares of a bar
     state          TEXT NOT NULL DEFAULT 'pending'
                    CHECK (state IN ('pending', 'running', 'done', 'jammed', 'failed')),

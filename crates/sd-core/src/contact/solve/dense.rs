@@ -97,7 +97,9 @@ impl DenseSystem {
         let ([order, _], [place, _]) = (&mut self.order, &mut self.place);
         sort(resistance, rows.clone(), order, place);
         let columns = &mut self.normal_columns;
-        fill(columns, resistance, self.free.len(), order, |k| problem.normal[k].row);
+        fill(columns, resistance, self.free.len(), order, |k| {
+            problem.normal[k].row
+        });
         columns.gram(&mut self.g_nn);
         self.free_normal.clear();
         columns.add_transposed_product(&self.free, &mut self.free_normal);
@@ -245,12 +247,20 @@ impl System for DenseSystem {
         self.solution.clear();
         self.solution.extend(active.iter().map(|&a| {
             let k = order[a];
-            let centre = if kappa == 0.0 { 0.0 } else { kappa * proximal.normal[k] };
+            let centre = if kappa == 0.0 {
+                0.0
+            } else {
+                kappa * proximal.normal[k]
+            };
             centre - problem.normal[k].bias - self.free_normal[a]
         }));
         self.solution.extend(sticking.iter().map(|&s| {
             let m = row_order[s];
-            let centre = if kappa == 0.0 { 0.0 } else { kappa * proximal.tangential[m] };
+            let centre = if kappa == 0.0 {
+                0.0
+            } else {
+                kappa * proximal.tangential[m]
+            };
             -problem.tangential[m].shift - self.free_slip[s] - centre
         }));
         for (m, grip) in states.grip.iter().enumerate() {

@@ -169,8 +169,7 @@ impl BoxSolver {
     ) -> Outcome {
         self.deciding = if onset.deciding { DECIDING_SYSTEMS } else { 0 };
         self.proximal.compliance = 0.0;
-        let (ended, mut systems) =
-            self.newton(problem, system, onset, &mut refine, FIRST_SYSTEMS);
+        let (ended, mut systems) = self.newton(problem, system, onset, &mut refine, FIRST_SYSTEMS);
         match ended {
             Ended::Admit => Outcome::Admit { systems },
             Ended::Solved => {
@@ -273,8 +272,7 @@ impl BoxSolver {
         self.centre();
         for _ in 0..MOST_ROUNDS {
             self.proximal.compliance = compliance;
-            let (ended, steps) =
-                self.newton(problem, system, onset, refine, PROXIMAL_SYSTEMS);
+            let (ended, steps) = self.newton(problem, system, onset, refine, PROXIMAL_SYSTEMS);
             systems += steps;
             if ended == Ended::Solved {
                 self.admit(problem);
@@ -308,7 +306,13 @@ impl BoxSolver {
     pub(crate) fn solve_states(&mut self, problem: &Problem, system: &mut impl System) -> bool {
         self.proximal.compliance = 0.0;
         for _ in 0..FIRST_SYSTEMS {
-            match system.solve(problem, &self.states, &self.proximal, true, &mut self.forces) {
+            match system.solve(
+                problem,
+                &self.states,
+                &self.proximal,
+                true,
+                &mut self.forces,
+            ) {
                 Some(noise) if noise.exact => return true,
                 Some(_) => {}
                 None => return false,

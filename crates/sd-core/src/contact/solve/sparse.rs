@@ -15,8 +15,8 @@
 
 use super::problem::{Forces, Grip, Noise, Problem, Proximal, States, System, largest};
 use crate::contact::row::Row;
-use crate::error::Error;
 use crate::contact::solver::Driving;
+use crate::error::Error;
 use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
 use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
 use crate::linalg::dense::dot;
@@ -246,12 +246,7 @@ impl Linear<'_> {
 
 impl SparseSystem {
     /// The residual of the linear system at the velocities and forces at hand.
-    fn find_residual(
-        &mut self,
-        linear: &Linear<'_>,
-        proximal: &Proximal,
-        forces: &Forces,
-    ) {
+    fn find_residual(&mut self, linear: &Linear<'_>, proximal: &Proximal, forces: &Forces) {
         let problem = linear.problem;
         let n = self.velocities.len();
         let flow = if problem.isolated { 2 * n } else { n };
@@ -415,7 +410,11 @@ impl System for OnNetwork<'_> {
             + LEAST_FORCE * LEAST_FORCE;
         let floor = ROUNDING.max(self.enough) * size.sqrt();
         let before = square(&system.residual).sqrt();
-        let goal = if last { floor } else { floor.max(GAIN * before) };
+        let goal = if last {
+            floor
+        } else {
+            floor.max(GAIN * before)
+        };
         let mut left = before;
         if before > floor {
             system.prepare(&linear, self.pattern).ok()?;
@@ -545,13 +544,3 @@ impl<'a> OnNetwork<'a> {
         slip.extend(entries.map(|(e, t)| e.row.read(flow) + e.shift - e.compliance * t));
     }
 }
-
-/// The error for a factor that broke down.
-pub(crate) fn not_positive(bad: BadPivot) -> Error {
-    Error::NotPositiveDefinite {
-        matrix: "near part of the resistance",
-        pivot: bad.pivot,
-        sphere: bad.pivot / 3,
-    }
-}
-

@@ -5,7 +5,7 @@ use crate::contact::ContactMemory;
 use crate::contact::procedure::ContactList;
 use crate::error::Error;
 use crate::geometry::pair::PairKey;
-use crate::params::{ContactScheme, Params};
+use crate::model::{ContactScheme, Params};
 use crate::run::start;
 use serde::{Deserialize, Serialize};
 

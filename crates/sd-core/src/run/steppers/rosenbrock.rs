@@ -15,7 +15,6 @@ use super::state::{Stage, State};
 use crate::contact::springs::GAMMA;
 use crate::geometry::modes::Vec2;
 
-
 /// Workspace of the integrator.
 #[derive(Debug, Default)]
 pub struct Rosenbrock {

@@ -8,12 +8,12 @@ use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::far_field::{FarField, FarResistance};
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::linalg::dense::Matrix;
-use crate::stage::{Contact as StageContact, StageSolver};
-use crate::params::{ContactScheme, Hydrodynamics, Params};
+use crate::model::{ContactScheme, Hydrodynamics, Params};
 use crate::run::instant::{Configuration, ContactRequest, solve};
 use crate::run::simulation::{Simulation, Snapshot};
 use crate::run::start;
 use crate::run::steppers::{RungeKutta, State};
+use crate::stage::{Contact as StageContact, StageSolver};
 
 fn params(hydrodynamics: Hydrodynamics) -> Params {
     Params {

@@ -6,7 +6,7 @@ use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::resistance::NearFields;
 use crate::hydrodynamics::two_sphere::scalars;
-use crate::params::Hydrodynamics;
+use crate::model::Hydrodynamics;
 use crate::run::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use crate::run::pair::{Passed, Passing, pass};
 use std::f64::consts::PI;

@@ -126,14 +126,16 @@ fn configuration() -> impl Strategy<Value = serde_json::Value> {
 
 #[test]
 fn hostile_sizes_are_refused_before_they_cost_anything() {
-    let many = |n: usize, radius: fn(usize) -> f64| {
+    let many = |n: usize, hydrodynamics: &str, radius: fn(usize) -> f64| {
         let centres: Vec<[f64; 2]> = (0..n).map(|i| [3.0 * i as f64, 0.0]).collect();
         let radii: Vec<f64> = (0..n).map(radius).collect();
-        serde_json::json!({"centres": centres, "radii": radii, "hydrodynamics": "stokesian-dynamics"}).to_string()
+        serde_json::json!({"centres": centres, "radii": radii, "hydrodynamics": hydrodynamics})
+            .to_string()
     };
-    assert!(message(&many(2_001, |_| 1.0)).contains("at most 2000"));
-    assert!(message(&many(10_001, |_| 1.0)).contains("at most 10000"));
-    assert!(message(&many(1_000, |i| 1.0 + i as f64 * 1e-4)).contains("different"));
+    let full = "stokesian-dynamics";
+    assert!(message(&many(2_001, full, |_| 1.0)).contains("at most 2000"));
+    assert!(message(&many(10_001, "ball-melrose", |_| 1.0)).contains("at most 10000"));
+    assert!(message(&many(1_000, full, |i| 1.0 + i as f64 * 1e-4)).contains("different"));
 }
 
 proptest! {

@@ -142,19 +142,16 @@ pub(super) fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String>
     {
         layout = layout.with_y_axis_min(0.0);
     }
-    if let Some(rates) = sketch.rates {
-        let left = rates.low - if rates.zero { 1.4 } else { 0.4 };
-        let right = rates.high + if rates.infinite { 1.4 } else { 0.4 };
+    if let Some(log) = sketch.log {
+        let left = log.low - if log.zero { 1.4 } else { 0.4 };
+        let right = log.high + if log.infinite { 1.4 } else { 0.4 };
         let crowded = right - left > 8.5;
         layout = layout
             .with_x_axis_min(left)
             .with_x_axis_max(right)
             .with_x_tick_step(if crowded { 2.0 } else { 1.0 })
-            .with_x_tick_format(TickFormat::Custom(Arc::new(move |place| rates.tick(place))));
-        for (drawn, break_at) in [
-            (rates.zero, rates.low - 0.5),
-            (rates.infinite, rates.high + 0.5),
-        ] {
+            .with_x_tick_format(TickFormat::Custom(Arc::new(move |place| log.tick(place))));
+        for (drawn, break_at) in [(log.zero, log.low - 0.5), (log.infinite, log.high + 0.5)] {
             if drawn {
                 layout = layout.with_reference_line(
                     ReferenceLine::vertical(break_at)

@@ -4,10 +4,9 @@ const $ = id => document.getElementById(id);
 const NS = 'http://www.w3.org/2000/svg';
 let data = JSON.parse($('data').textContent);
 const live = data.live;
-const AXES = ['hydrodynamics', 'contact', 'tangential', 'friction_onset', 'spheres', 'area_fraction', 'size_ratio', 'large_fraction', 'roughness', 'friction', 'stiffness', 'tangential_stiffness', 'dashpot', 'lubrication_gap', 'repulsion', 'repulsion_length', 'shear_rate', 'time_step'];
-const WORDS = new Set(['hydrodynamics', 'contact', 'tangential', 'friction_onset']);
-const NAMES = { hydrodynamics: 'hydrodynamics', contact: 'contact', tangential: 'tangential', friction_onset: 'onset', spheres: 'N', area_fraction: 'c', size_ratio: 'size ratio', large_fraction: 'large', roughness: 'h', friction: 'ν', stiffness: 'stiffness k', tangential_stiffness: 'k_t/k', dashpot: 'dashpot', lubrication_gap: 'g_min', repulsion: 'F₀', repulsion_length: 'l', shear_rate: 'Γ', time_step: 'time step' };
-const QUANTITIES = { viscosity: 'viscosity', viscosity_median: 'median viscosity', viscosity_stresslet: 'stresslet viscosity', normal_stress_difference: 'normal stress difference N₁', contacts_per_sphere: 'contacts per sphere', activated_fraction: 'activated fraction', rolling_fraction: 'rolling fraction', minimum_gap: 'smallest gap', mean_approach_velocity: 'mean approach velocity' };
+const AXES = data.axes.map(a => a.key);
+const AXIS = Object.fromEntries(data.axes.map(a => [a.key, a]));
+const QUANTITIES = Object.fromEntries(data.quantities.map(q => [q.key, q.label]));
 const hidden = new Set();
 const chosenFilters = {};
 let chosen = null;
@@ -76,7 +75,7 @@ function curves() {
   data.points.forEach((point, index) => {
     if (distinguishing.some(a => chosenFilters[a] !== undefined && chosenFilters[a] !== '' && String(point[a]) !== chosenFilters[a])) return;
     const key = along + JSON.stringify(others.map(a => point[a]));
-    if (!groups.has(key)) groups.set(key, { key, label: distinguishing.map(a => `${NAMES[a]} = ${show(point[a])}`).join(', ') || 'all runs', points: [] });
+    if (!groups.has(key)) groups.set(key, { key, label: distinguishing.map(a => `${AXIS[a].symbol} = ${show(point[a])}`).join(', ') || 'all runs', points: [] });
     groups.get(key).points.push({ index, x: num(point[along]), y: num(point[quantity]), half: point[quantity + '_ci95'] ?? null, point });
   });
   const list = [...groups.values()];
@@ -88,7 +87,7 @@ function curves() {
 }
 
 function xAxis(along, points) {
-  if (along === 'shear_rate' || along === 'stiffness') {
+  if (AXIS[along].logarithmic) {
     const finite = points.map(p => p.x).filter(v => v > 0 && isFinite(v)).map(Math.log10);
     const low = finite.length ? Math.floor(Math.min(...finite)) : 0, high = finite.length ? Math.ceil(Math.max(...finite)) : 0;
     const place = v => v <= 0 ? low - 1 : v === Infinity ? high + 1 : Math.log10(v);
@@ -133,7 +132,7 @@ function plot() {
   })();
   const x = xAxis(along, points);
   const width = narrow() ? 400 : 820, height = narrow() ? 340 : 440;
-  const { X, Y, left, right, top, bottom } = frame(svg, width, height, x, y, [{ shear_rate: 'shear rate Γ', friction: 'friction ν', area_fraction: 'area fraction c', roughness: 'roughness h' }[along] ?? NAMES[along], QUANTITIES[quantity]]);
+  const { X, Y, left, right, top, bottom } = frame(svg, width, height, x, y, [AXIS[along].label, QUANTITIES[quantity]]);
   for (const d of dilutes) svg.append(draw('line', { class: 'dilute', x1: left, x2: right, y1: Y(d), y2: Y(d) }));
   for (const e of x.edges) svg.append(draw('line', { class: 'edge', x1: X(e), x2: X(e), y1: top, y2: bottom }));
   let number = 0;
@@ -143,7 +142,7 @@ function plot() {
     for (const p of drawn) {
       const cx = X(x.place(p.x)), cy = Y(p.y);
       const group = draw('g', { class: chosen === p.index ? 'point chosen' : 'point', tabindex: number++ ? '-1' : '0', role: 'button', 'data-index': p.index });
-      const text = `${curve.label}\n${NAMES[along]} = ${show(p.x)}\n${QUANTITIES[quantity]} ${show(p.y)}${p.half !== null ? ` ± ${show(p.half)}` : ''}\n${p.point.seeds} runs${p.point.jammed ? `, ${p.point.jammed} jammed` : ''}${p.point.failed ? `, ${p.point.failed} failed` : ''}`;
+      const text = `${curve.label}\n${AXIS[along].symbol} = ${show(p.x)}\n${QUANTITIES[quantity]} ${show(p.y)}${p.half !== null ? ` ± ${show(p.half)}` : ''}\n${p.point.seeds} runs${p.point.jammed ? `, ${p.point.jammed} jammed` : ''}${p.point.failed ? `, ${p.point.failed} failed` : ''}`;
       group.setAttribute('aria-label', text.replaceAll('\n', ', '));
       if (p.half) {
         const upper = Y(p.y + p.half), lower = Y(Math.max(p.y - p.half, y.low));
@@ -177,7 +176,7 @@ function choose(index, quietly) {
   chosen = index;
   const point = data.points[index];
   $('runs').hidden = false;
-  $('point').textContent = varying().concat(varying().length ? [] : ['area_fraction', 'shear_rate']).map(a => `${NAMES[a]} = ${show(point[a])}`).join(', ');
+  $('point').textContent = varying().concat(varying().length ? [] : ['area_fraction', 'shear_rate']).map(a => `${AXIS[a].symbol} = ${show(point[a])}`).join(', ');
   const runs = data.runs.filter(run => run.point === index);
   const traced = runs.filter(run => run.trace.length > 1);
   const svg = $('trace');
@@ -287,7 +286,7 @@ function words() {
   $('summary').textContent = `${c.done} of ${total} runs done, ${c.jammed} jammed, ${c.failed} failed, ${c.running} running, ${c.pending} pending${eta}. Strain discarded: ${data.discard}.${data.selection ? ` Only where ${data.selection}.` : ''}`;
   $('progress').value = data.work_done;
   const axes = varying();
-  const columns = (axes.length ? axes : ['area_fraction', 'shear_rate']).map(a => [NAMES[a], p => show(p[a])]).concat([['runs', p => p.seeds], ['jammed', p => p.jammed], ['failed', p => p.failed]], Object.entries(QUANTITIES).map(([q, name]) => [name, p => show(p[q]) + (p[q + '_ci95'] != null ? ` ± ${show(+p[q + '_ci95'].toPrecision(2))}` : '')]));
+  const columns = (axes.length ? axes : ['area_fraction', 'shear_rate']).map(a => [AXIS[a].symbol, p => show(p[a])]).concat([['runs', p => p.seeds], ['jammed', p => p.jammed], ['failed', p => p.failed]], Object.entries(QUANTITIES).map(([q, name]) => [name, p => show(p[q]) + (p[q + '_ci95'] != null ? ` ± ${show(+p[q + '_ci95'].toPrecision(2))}` : '')]));
   const head = make('tr');
   for (const [name] of columns) head.append(make('th', { scope: 'col' }, name));
   $('points').replaceChildren(head, ...data.points.map(p => { const row = make('tr'); for (const [, cell] of columns) row.append(make('td', {}, cell(p))); return row; }));
@@ -303,14 +302,14 @@ function controls() {
     select.value = options.some(o => o[0] === before) ? before : options.some(o => o[0] === preferred) ? preferred : options[0]?.[0];
   };
   keep($('quantity'), Object.entries(QUANTITIES), 'viscosity');
-  const numeric = varying().filter(a => !WORDS.has(a));
-  keep($('along'), (numeric.length ? numeric : ['shear_rate']).map(a => [a, NAMES[a]]), 'shear_rate');
+  const numeric = varying().filter(a => AXIS[a].numeric);
+  keep($('along'), (numeric.length ? numeric : ['shear_rate']).map(a => [a, AXIS[a].symbol]), 'shear_rate');
   filters();
 }
 function filters() {
   const along = $('along').value;
   $('filters').replaceChildren(...varying().filter(a => a !== along).map(axis => {
-    const label = make('label', {}, NAMES[axis] + ' '), select = make('select', { 'data-axis': axis });
+    const label = make('label', {}, AXIS[axis].symbol + ' '), select = make('select', { 'data-axis': axis });
     select.append(make('option', { value: '' }, 'all'), ...values(axis).map(v => make('option', { value: String(v) }, show(v))));
     select.value = chosenFilters[axis] ?? '';
     select.onchange = () => { chosenFilters[axis] = select.value; plot(); };

@@ -8,6 +8,18 @@
 //! `k = E (2a)^(1/2) / (3 (1 − σ²))`. Source: Hertz, J. reine angew. Math. 92, 156 (1881); Johnson, Contact Mechanics (1985),
 //! eq. (4.23).
 
+use super::{DASHPOT, STIFFNESS};
+use crate::law::Quantity;
+
+/// Its word.
+pub const WORD: &str = "hertz";
+/// What it does.
+pub const MEANING: &str = "`F = k d^(3/2)`, the force of elastic spheres.";
+/// Its stiffness and its dashpot.
+pub const PARAMETERS: &[&Quantity] = &[&STIFFNESS, &DASHPOT];
+/// The surfaces touch.
+pub const TOUCHES: bool = true;
+
 /// Force at an overlap d, in a.
 pub fn force(overlap: f64, stiffness: f64) -> f64 {
     let d = overlap.max(0.0);

@@ -7,9 +7,26 @@
 //! k in mu·a·rate, c in mu·a; v_n is negative for approach. Source: Cundall & Strack, Géotechnique 29, 47 (1979); in suspensions
 //! Seto et al., Phys. Rev. Lett. 111, 218301 (2013). The dashpot never pulls.
 
+use super::{DASHPOT, STIFFNESS};
+use crate::law::Quantity;
+
+/// Its word.
+pub const WORD: &str = "linear-spring";
+/// What it does.
+pub const MEANING: &str = "`F = k d`, a linear spring.";
+/// Its stiffness and its dashpot.
+pub const PARAMETERS: &[&Quantity] = &[&STIFFNESS, &DASHPOT];
+/// The surfaces touch.
+pub const TOUCHES: bool = true;
+
 /// Force of the spring at an overlap d, in a.
 pub fn force(overlap: f64, stiffness: f64) -> f64 {
     stiffness * overlap.max(0.0)
+}
+
+/// Slope dF/dd at an overlap d.
+pub fn slope(overlap: f64, stiffness: f64) -> f64 {
+    if overlap > 0.0 { stiffness } else { 0.0 }
 }
 
 /// Overlap at which the spring bears a force.

@@ -1,26 +1,26 @@
-//! The logarithmic axis of shear rates, with the plateaus at its edges.
+//! A logarithmic axis, with the values 0 and ∞ at its edges.
 
-/// The axis of shear rates: decades as whole numbers, the plateaus one beyond the edges.
+/// A logarithmic axis: decades as whole numbers, 0 and ∞ one decade beyond the others.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Rates {
+pub(super) struct LogAxis {
     /// Decade at the left end.
     pub(super) low: f64,
     /// Decade at the right end.
     pub(super) high: f64,
-    /// Whether Γ = 0 occurs.
+    /// Whether 0 occurs.
     pub(super) zero: bool,
-    /// Whether Γ = ∞ occurs.
+    /// Whether ∞ occurs.
     pub(super) infinite: bool,
 }
 
-impl Rates {
-    /// The axis that holds these rates.
-    pub(super) fn of(rates: &[f64]) -> Self {
+impl LogAxis {
+    /// The axis that holds these values.
+    pub(super) fn of(values: &[f64]) -> Self {
         let decades = || {
-            rates
+            values
                 .iter()
-                .filter(|rate| rate.is_finite() && **rate > 0.0)
-                .map(|rate| rate.log10())
+                .filter(|value| value.is_finite() && **value > 0.0)
+                .map(|value| value.log10())
         };
         let (low, high) = (
             decades().fold(f64::INFINITY, f64::min).floor(),
@@ -30,19 +30,19 @@ impl Rates {
         Self {
             low,
             high,
-            zero: rates.contains(&0.0),
-            infinite: rates.contains(&f64::INFINITY),
+            zero: values.contains(&0.0),
+            infinite: values.contains(&f64::INFINITY),
         }
     }
 
-    /// Place of a rate.
-    pub(super) fn place(self, rate: f64) -> f64 {
-        if rate <= 0.0 {
+    /// Place of a value.
+    pub(super) fn place(self, value: f64) -> f64 {
+        if value <= 0.0 {
             self.low - 1.0
-        } else if rate.is_infinite() {
+        } else if value.is_infinite() {
             self.high + 1.0
         } else {
-            rate.log10()
+            value.log10()
         }
     }
 
@@ -83,22 +83,22 @@ fn decade(place: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Rates, decade};
+    use super::{LogAxis, decade};
 
     #[test]
     fn plateaus_lie_one_decade_beyond_the_edges() {
-        let rates = Rates::of(&[0.0, 0.05, 1.0, 100.0, f64::INFINITY]);
-        assert_eq!((rates.low, rates.high), (-2.0, 2.0));
+        let values = LogAxis::of(&[0.0, 0.05, 1.0, 100.0, f64::INFINITY]);
+        assert_eq!((values.low, values.high), (-2.0, 2.0));
         let bits = |places: &[f64]| places.iter().map(|p| p.to_bits()).collect::<Vec<_>>();
         let places = [
-            rates.place(0.0),
-            rates.place(10.0),
-            rates.place(f64::INFINITY),
+            values.place(0.0),
+            values.place(10.0),
+            values.place(f64::INFINITY),
         ];
         assert_eq!(bits(&places), bits(&[-3.0, 1.0, 3.0]));
-        assert_eq!(rates.tick(-3.0), "0");
-        assert_eq!(rates.tick(3.0), "∞");
-        let only = Rates::of(&[0.0, f64::INFINITY]);
+        assert_eq!(values.tick(-3.0), "0");
+        assert_eq!(values.tick(3.0), "∞");
+        let only = LogAxis::of(&[0.0, f64::INFINITY]);
         assert_eq!((only.place(0.0), only.place(f64::INFINITY)), (-1.0, 1.0));
     }
 

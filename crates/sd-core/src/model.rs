@@ -1,24 +1,35 @@
-//! What decides a run: typed, ranged, validated.
+//! What decides a run: every parameter and every choice, declared once in [`PARAMETERS`].
+//!
+//! Reading, checking and printing of parameters, here and in the programs that use this crate, follow from that table.
 
-mod laws;
+mod contact_laws;
+mod parameters;
+mod surface;
 
-pub use laws::{
-    ContactLaws, DEEPEST_OVERLAP, FrictionOnset, LUBRICATION_SHARE, NormalLaw,
-    TANGENTIAL_STIFFNESS, TangentialLaw,
-};
+pub use crate::law::{FrictionOnset, NormalLaw, Quantity, Range, TangentialLaw, Word, Words};
+pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP, LUBRICATION_SHARE};
+pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter, Refusal};
+pub use surface::Surface;
 
-use crate::contact::Surface;
 use crate::error::Error;
 use serde::{Deserialize, Serialize};
 
-/// How the grand resistance matrix is made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Hydrodynamics {
-    /// Far-field mobility of the periodic layer plus near-field pair terms.
-    StokesianDynamics,
-    /// Isolated drag plus near-field pair terms.
-    BallMelrose,
+crate::law::words! {
+    /// How the grand resistance matrix is made.
+    Hydrodynamics {
+        StokesianDynamics = "stokesian-dynamics", "Far-field mobility of the periodic layer plus near-field pair terms.";
+        BallMelrose = "ball-melrose", "Isolated drag plus near-field pair terms.";
+    }
+}
+
+impl Hydrodynamics {
+    /// Most spheres of a layer or configuration: full matrices of the far field take a gigabyte for so many.
+    pub const fn most_spheres(self) -> usize {
+        match self {
+            Self::StokesianDynamics => 2_000,
+            Self::BallMelrose => 10_000,
+        }
+    }
 }
 
 /// How touching spheres are kept apart.
@@ -41,34 +52,43 @@ impl ContactScheme {
             Self::Laws(laws) => laws,
         }
     }
+
+    /// The laws, if they are chosen one by one.
+    fn chosen_laws(&mut self) -> Option<&mut ContactLaws> {
+        match self {
+            Self::Rigid | Self::Procedure => None,
+            Self::Laws(laws) => Some(laws),
+        }
+    }
 }
 
-/// Parameters of one run, but for its seed. Lengths in a, times in inverse shear rates, forces in mu·a²·rate.
+/// Parameters of one run, but for its seed; their ranges are in [`PARAMETERS`]. Lengths in a, times in inverse shear rates, forces in
+/// mu·a²·rate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Params {
-    /// Number of spheres, at least 1.
+    /// Number of spheres N.
     pub spheres: usize,
-    /// Area fraction c = Σ π a_i² / A, in (0, 0.84].
+    /// Area fraction c = Σ π a_i² / A.
     pub area_fraction: f64,
-    /// Roughness height h, in (0, 0.5).
+    /// Roughness height h.
     pub roughness: f64,
-    /// Friction coefficient ν, in [0, 10].
+    /// Friction coefficient ν.
     pub friction: f64,
-    /// Dimensionless shear rate Γ = 6π/F_crit, in [0, ∞]: 0 means friction never acts, ∞ that it always does.
+    /// Dimensionless shear rate Γ = 6π/F_crit: 0 means friction never acts, ∞ that it always does.
     #[serde(with = "infinite")]
     pub shear_rate: f64,
-    /// Radius of the large spheres over that of the small, in [1, 10]; 1 is monodisperse.
+    /// Radius of the large spheres over that of the small; 1 is monodisperse.
     #[serde(default = "one")]
     pub size_ratio: f64,
-    /// Number of large spheres over all spheres, in [0, 1]; without meaning at size ratio 1.
+    /// Number of large spheres over all spheres; without meaning at size ratio 1.
     #[serde(default = "half")]
     pub large_fraction: f64,
     /// Hydrodynamics.
     pub hydrodynamics: Hydrodynamics,
     /// Contact scheme.
     pub contact: ContactScheme,
-    /// Time step in strain, in (0, 0.1].
+    /// Time step in strain.
     pub time_step: f64,
 }
 
@@ -83,6 +103,20 @@ fn half() -> f64 {
 }
 
 impl Params {
+    /// What parameters are before any is written: the paper's laws one by one, and numbers that are none.
+    pub const UNWRITTEN: Self = Self {
+        spheres: 0,
+        area_fraction: f64::NAN,
+        roughness: f64::NAN,
+        friction: f64::NAN,
+        shear_rate: f64::NAN,
+        size_ratio: 1.0,
+        large_fraction: 0.5,
+        hydrodynamics: Hydrodynamics::StokesianDynamics,
+        contact: ContactScheme::Laws(ContactLaws::PAPER),
+        time_step: f64::NAN,
+    };
+
     /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite at Γ = 0.
     pub fn critical_load(&self) -> f64 {
         6.0 * std::f64::consts::PI / self.shear_rate.abs()
@@ -97,83 +131,20 @@ impl Params {
         }
     }
 
-    /// Checks every range.
+    /// Checks every value, and that they go together.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] names the first field out of range, its value and what is allowed.
+    /// [`Error::Refused`] names the first value refused and what is allowed.
     pub fn validate(&self) -> Result<(), Error> {
-        let check = |ok: bool, field, value, allowed| {
-            if ok {
-                Ok(())
-            } else {
-                Err(Error::OutOfRange {
-                    field,
-                    value,
-                    allowed,
-                })
-            }
-        };
-        check(
-            self.spheres >= 1,
-            "spheres",
-            self.spheres as f64,
-            "at least 1",
-        )?;
-        check(
-            self.area_fraction > 0.0 && self.area_fraction <= 0.84,
-            "area_fraction",
-            self.area_fraction,
-            "above 0 and at most 0.84",
-        )?;
-        check(
-            self.roughness > 0.0 && self.roughness < 0.5,
-            "roughness",
-            self.roughness,
-            "above 0 and below 0.5",
-        )?;
-        check(
-            (0.0..=10.0).contains(&self.friction),
-            "friction",
-            self.friction,
-            "0 to 10",
-        )?;
-        check(
-            self.shear_rate >= 0.0,
-            "shear_rate",
-            self.shear_rate,
-            "0, positive or inf",
-        )?;
-        check(
-            (1.0..=10.0).contains(&self.size_ratio),
-            "size_ratio",
-            self.size_ratio,
-            "1 to 10",
-        )?;
-        check(
-            (0.0..=1.0).contains(&self.large_fraction),
-            "large_fraction",
-            self.large_fraction,
-            "0 to 1",
-        )?;
-        check(
-            self.time_step > 0.0 && self.time_step <= 0.1,
-            "time_step",
-            self.time_step,
-            "above 0 and at most 0.1",
-        )?;
-        match &self.contact {
-            ContactScheme::Rigid | ContactScheme::Procedure => Ok(()),
-            ContactScheme::Laws(laws)
-                if laws.is_soft() && (self.shear_rate == 0.0 || self.shear_rate.is_infinite()) =>
-            {
-                Err(Error::OutOfRange {
-                    field: "shear_rate",
-                    value: self.shear_rate,
-                    allowed: "above 0 and finite under soft laws, whose stiffness is in units of F_crit = 6 pi/shear_rate",
-                })
-            }
-            ContactScheme::Laws(laws) => laws.validate(&self.surface()),
-        }
+        Ok(parameters::check(self)?)
+    }
+
+    /// Brings the parameters into the form in which equal physics has equal numbers.
+    ///
+    /// Values without meaning under the other choices get the value that stands for that, zeros lose their sign, springs of
+    /// infinite stiffness are rigid contacts and tangential springs on rigid contacts are Coulomb's law.
+    pub fn settle(&mut self) {
+        parameters::settle(self);
     }
 }
 

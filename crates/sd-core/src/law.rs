@@ -1,0 +1,21 @@
+//! The constitutive laws of contact: pure functions of numbers, one file each.
+//!
+//! A file states its equation, units and source, the word that campaign files use for it, and the parameters it has. A law is
+//! added in a file of its own and by one line in the list of its kind: [`normal`] or [`tangential`]. Everything that lists
+//! laws (reading and checking of parameters, campaign files, tables, pages) reads these declarations.
+//!
+//! This room stands on the ground of the crate: it knows no sphere, no matrix and no other room.
+
+pub mod normal;
+pub mod onset;
+pub mod quantity;
+pub mod repulsion;
+pub mod tangential;
+mod words;
+
+pub use normal::NormalLaw;
+pub use onset::FrictionOnset;
+pub use quantity::{Quantity, Range};
+pub use tangential::{Halt, TangentialLaw};
+pub(crate) use words::words;
+pub use words::{Word, Words};

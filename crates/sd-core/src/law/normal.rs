@@ -1,0 +1,135 @@
+//! Laws of the normal force: what presses two spheres apart, as a function of their overlap `d = h − g`.
+//!
+//! ```text
+//! F(d) ≥ 0,   F = 0 for d ≤ 0
+//! ```
+
+use super::Quantity;
+use super::quantity::Range;
+
+/// Lists the laws: a line has the name of the law and of its file, which declares all else.
+macro_rules! normal_laws {
+    ($($law:ident: $file:ident,)+) => {
+        $(pub mod $file;)+
+
+        super::words! {
+            /// What presses two spheres apart; d = h − g.
+            NormalLaw {
+                $(#[doc = concat!("The law of [`", stringify!($file), "`].")] $law = $file::WORD, $file::MEANING;)+
+            }
+        }
+
+        impl NormalLaw {
+            /// The parameters it has, by their declarations.
+            pub fn parameters(self) -> &'static [&'static Quantity] {
+                match self {
+                    $(Self::$law => $file::PARAMETERS,)+
+                }
+            }
+
+            /// Whether the surfaces touch under it at all: without that there is no friction.
+            pub fn touches(self) -> bool {
+                match self {
+                    $(Self::$law => $file::TOUCHES,)+
+                }
+            }
+
+            /// Force at an overlap d in a, of a contact at rest, in the unit of the stiffness times the overlap's.
+            pub fn force(self, overlap: f64, stiffness: f64) -> f64 {
+                match self {
+                    $(Self::$law => $file::force(overlap, stiffness),)+
+                }
+            }
+
+            /// Slope dF/dd at an overlap d; infinite for contacts that do not give way.
+            pub fn slope(self, overlap: f64, stiffness: f64) -> f64 {
+                match self {
+                    $(Self::$law => $file::slope(overlap, stiffness),)+
+                }
+            }
+
+            /// Overlap at which the contact bears a force; 0 for contacts that do not give way.
+            pub fn overlap(self, force: f64, stiffness: f64) -> f64 {
+                match self {
+                    $(Self::$law => $file::overlap(force, stiffness),)+
+                }
+            }
+        }
+    };
+}
+
+normal_laws! {
+    Rigid: rigid,
+    LinearSpring: linear_spring,
+    Hertz: hertz,
+    ExponentialRepulsion: exponential_repulsion,
+}
+
+impl NormalLaw {
+    /// Whether it is a spring, which has a stiffness.
+    pub fn is_spring(self) -> bool {
+        self.parameters()
+            .iter()
+            .any(|quantity| quantity.key == STIFFNESS.key)
+    }
+}
+
+/// Stiffness k of springs, in units in which it is a property of the material while Γ varies.
+pub static STIFFNESS: Quantity = Quantity {
+    key: "stiffness",
+    symbol: "k",
+    unit: "F_crit/a",
+    meaning: "stiffness k of contacts; inf is rigid",
+    range: Range::above(0.0),
+    note: "in F_crit/a; inf is rigid",
+    example: "1e4",
+    logarithmic: true,
+};
+
+/// Dashpot c of springs: the force `−c v_n` that is added while the surfaces overlap, and never pulls.
+pub static DASHPOT: Quantity = Quantity {
+    key: "dashpot",
+    symbol: "dashpot",
+    unit: "mu a",
+    meaning: "dashpot of contacts",
+    range: Range::from_to(0.0, 1e6),
+    note: "in mu a",
+    example: "10",
+    logarithmic: false,
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::Words;
+
+    #[test]
+    fn slope_and_overlap_belong_to_the_force() {
+        for law in NormalLaw::ALL.iter().filter(|law| law.is_spring()) {
+            assert_eq!(law.force(-0.01, 500.0), 0.0, "{law:?}");
+            for d in [1e-4, 0.01, 0.1] {
+                let e = 1e-6 * d;
+                let difference = (law.force(d + e, 500.0) - law.force(d - e, 500.0)) / (2.0 * e);
+                assert!(
+                    (law.slope(d, 500.0) / difference - 1.0).abs() < 1e-8,
+                    "{law:?}"
+                );
+                let back = law.overlap(law.force(d, 500.0), 500.0);
+                assert!((back / d - 1.0).abs() < 1e-14, "{law:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn words_are_those_of_serde() {
+        for law in NormalLaw::ALL {
+            let written = serde_json::to_value(law).unwrap();
+            assert_eq!(written, law.word());
+            assert_eq!(serde_json::from_value::<NormalLaw>(written).unwrap(), *law);
+        }
+        let error = serde_json::from_str::<NormalLaw>("\"soft\"")
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("hertz"), "{error}");
+    }
+}

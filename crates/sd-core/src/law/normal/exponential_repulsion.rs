@@ -1,0 +1,27 @@
+//! Surfaces that never touch: nothing holds the spheres apart but the repulsion of [`crate::law::repulsion`].
+
+use crate::law::Quantity;
+
+/// Its word.
+pub const WORD: &str = "exponential-repulsion";
+/// What it does.
+pub const MEANING: &str = "Nothing but the repulsion `F = F0 exp(−g/l)`: the surfaces never touch.";
+/// Those of the repulsion belong to every law that it is added to.
+pub const PARAMETERS: &[&Quantity] = &[];
+/// There is no contact, and so no friction.
+pub const TOUCHES: bool = false;
+
+/// There is no contact force.
+pub fn force(_overlap: f64, _stiffness: f64) -> f64 {
+    0.0
+}
+
+/// There is no contact force.
+pub fn slope(_overlap: f64, _stiffness: f64) -> f64 {
+    0.0
+}
+
+/// There is no contact force.
+pub fn overlap(_force: f64, _stiffness: f64) -> f64 {
+    0.0
+}

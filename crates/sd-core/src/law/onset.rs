@@ -1,0 +1,52 @@
+//! How friction begins with the load f of a contact.
+//!
+//! ```text
+//! critical-load   |F_t| ≤ ν f where f > F_crit, nothing before
+//! reduced         |F_t| ≤ ν (f − F_crit) where f > F_crit, nothing before
+//! ```
+//!
+//! Sources: Townsend & Wilson, Phys. Fluids 29, 121607 (2017); the critical-load model of Seto et al., Phys. Rev. Lett. 111,
+//! 218301 (2013), whose force does not jump.
+
+super::words! {
+    /// How friction begins with the load.
+    FrictionOnset {
+        CriticalLoad = "critical-load", "The paper's: `|F_t| ≤ ν f` once f > F_crit, nothing before.";
+        Reduced = "reduced", "`|F_t| ≤ ν (f − F_crit)`, which does not jump.";
+    }
+}
+
+impl FrictionOnset {
+    /// Load that friction is proportional to, at a normal force f; 0 where friction does not act.
+    pub fn load(self, normal_force: f64, critical_load: f64) -> f64 {
+        if normal_force <= critical_load {
+            return 0.0;
+        }
+        match self {
+            Self::CriticalLoad => normal_force,
+            Self::Reduced => normal_force - critical_load,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::FrictionOnset::{CriticalLoad, Reduced};
+
+    #[test]
+    fn friction_jumps_at_the_critical_load_or_grows_from_it() {
+        assert_eq!(
+            (CriticalLoad.load(2.0, 2.0), Reduced.load(2.0, 2.0)),
+            (0.0, 0.0)
+        );
+        assert_eq!(
+            (CriticalLoad.load(3.0, 2.0), Reduced.load(3.0, 2.0)),
+            (3.0, 1.0)
+        );
+        assert_eq!(
+            (CriticalLoad.load(3.0, 0.0), Reduced.load(3.0, 0.0)),
+            (3.0, 3.0)
+        );
+        assert_eq!(Reduced.load(3.0, f64::INFINITY), 0.0);
+    }
+}

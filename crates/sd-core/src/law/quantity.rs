@@ -1,0 +1,174 @@
+//! A physical quantity as people write it: its key, unit and range, declared once.
+
+use std::fmt;
+
+/// An interval of numbers, which is checked and printed from the same value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    low: f64,
+    high: f64,
+    low_belongs: bool,
+    high_belongs: bool,
+}
+
+impl Range {
+    /// From `low` to `high`, both of which belong to it.
+    pub const fn from_to(low: f64, high: f64) -> Self {
+        Self {
+            low,
+            high,
+            low_belongs: true,
+            high_belongs: true,
+        }
+    }
+
+    /// Above `low`, infinity included.
+    pub const fn above(low: f64) -> Self {
+        Self::above_to(low, f64::INFINITY)
+    }
+
+    /// Above `low` and at most `high`.
+    pub const fn above_to(low: f64, high: f64) -> Self {
+        Self {
+            low,
+            high,
+            low_belongs: false,
+            high_belongs: true,
+        }
+    }
+
+    /// Above `low` and below `high`.
+    pub const fn between(low: f64, high: f64) -> Self {
+        Self {
+            low,
+            high,
+            low_belongs: false,
+            high_belongs: false,
+        }
+    }
+
+    /// Whether a number lies in it; what is not a number never does.
+    pub fn contains(&self, value: f64) -> bool {
+        let above = value > self.low || (self.low_belongs && value == self.low);
+        let below = value < self.high || (self.high_belongs && value == self.high);
+        above && below
+    }
+
+    /// Its lower end.
+    pub const fn low(&self) -> f64 {
+        self.low
+    }
+
+    /// Its upper end.
+    pub const fn high(&self) -> f64 {
+        self.high
+    }
+}
+
+/// In words: `from 0 to 10`, `above 0 and at most 0.84`, `above 0`.
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (low, high) = (Short(self.low), Short(self.high));
+        match (self.low_belongs, self.high_belongs) {
+            (true, true) => write!(f, "from {low} to {high}"),
+            (true, false) => write!(f, "from {low} to below {high}"),
+            (false, true) if self.high.is_infinite() => write!(f, "above {low}"),
+            (false, true) => write!(f, "above {low} and at most {high}"),
+            (false, false) => write!(f, "above {low} and below {high}"),
+        }
+    }
+}
+
+/// A number, with an exponent where that is shorter.
+struct Short(f64);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (plain, exponent) = (format!("{}", self.0), format!("{:e}", self.0));
+        f.write_str(if exponent.len() + 2 < plain.len() {
+            &exponent
+        } else {
+            &plain
+        })
+    }
+}
+
+/// A physical quantity that a user may choose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quantity {
+    /// Its key in files, tables and JSON.
+    pub key: &'static str,
+    /// Its symbol, the heading of a column.
+    pub symbol: &'static str,
+    /// Its unit; `1` where there is none, nothing for words.
+    pub unit: &'static str,
+    /// What it is; up to a semicolon the label of an axis.
+    pub meaning: &'static str,
+    /// The values it may have.
+    pub range: Range,
+    /// What a person who reads the range should also know, such as the unit or what the ends mean.
+    pub note: &'static str,
+    /// A value to show as an example.
+    pub example: &'static str,
+    /// Whether its values spread over decades, so that figures draw their logarithm.
+    pub logarithmic: bool,
+}
+
+impl Quantity {
+    /// What is allowed, in words: the range and the note.
+    pub fn allowed(&self) -> String {
+        match self.note {
+            "" => self.range.to_string(),
+            note => format!("{} ({note})", self.range),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn range_says_what_it_checks() {
+        for (range, words, inside, outside) in [
+            (
+                Range::from_to(0.0, 10.0),
+                "from 0 to 10",
+                vec![0.0, 10.0],
+                vec![-1e-300, 10.1],
+            ),
+            (
+                Range::above_to(0.0, 0.84),
+                "above 0 and at most 0.84",
+                vec![1e-300, 0.84],
+                vec![0.0, 0.85],
+            ),
+            (
+                Range::between(0.0, 0.5),
+                "above 0 and below 0.5",
+                vec![0.4],
+                vec![0.0, 0.5],
+            ),
+            (
+                Range::above(0.0),
+                "above 0",
+                vec![1.0, f64::INFINITY],
+                vec![0.0],
+            ),
+            (
+                Range::from_to(1e-7, 1e6),
+                "from 1e-7 to 1e6",
+                vec![1e-7, 1e6],
+                vec![1e-8, 1.1e6],
+            ),
+        ] {
+            assert_eq!(range.to_string(), words);
+            assert!(inside.iter().all(|value| range.contains(*value)), "{range}");
+            assert!(
+                !outside.iter().any(|value| range.contains(*value)),
+                "{range}"
+            );
+            assert!(!range.contains(f64::NAN), "{range}");
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! A short-ranged repulsion of the surfaces, as between charged spheres in an electrolyte.
+//!
+//! ```text
+//! F = F0 exp(−g/l)
+//! ```
+//!
+//! along the line of centres, at every gap g within lubrication range, alone or besides a contact law, which it does not touch:
+//! friction knows the force of the contact only. Source: Mari et al., J. Rheol. 58, 1693 (2014), eq. (13).
+
+use super::Quantity;
+use super::quantity::Range;
+
+/// F0, in units in which it is a property of the material while Γ varies.
+pub static REPULSION: Quantity = Quantity {
+    key: "repulsion",
+    symbol: "F0",
+    unit: "F_crit",
+    meaning: "repulsion F0",
+    range: Range::from_to(0.0, 1e6),
+    note: "in F_crit",
+    example: "1",
+    logarithmic: false,
+};
+
+/// Decay length l.
+pub static REPULSION_LENGTH: Quantity = Quantity {
+    key: "repulsion_length",
+    symbol: "l",
+    unit: "a",
+    meaning: "decay length of the repulsion",
+    range: Range::above_to(0.0, 0.5),
+    note: "in a",
+    example: "0.02",
+    logarithmic: false,
+};
+
+/// F0 where nothing else holds the spheres apart, unless said otherwise.
+pub const REPULSION_ALONE: f64 = 1.0;
+/// l unless said otherwise: Mari et al., J. Rheol. 58, 1693 (2014).
+pub const USUAL_LENGTH: f64 = 0.02;
+
+/// The law, in the units of the solver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExponentialRepulsion {
+    /// F0, in mu·a²·rate.
+    pub force: f64,
+    /// l, in a.
+    pub length: f64,
+}
+
+impl ExponentialRepulsion {
+    /// Force at a gap, in mu·a²·rate.
+    pub fn at(&self, gap: f64) -> f64 {
+        self.force * (-gap / self.length).exp()
+    }
+
+    /// Slope −dF/dg at a gap, in mu·a·rate.
+    pub fn slope(&self, gap: f64) -> f64 {
+        self.at(gap) / self.length
+    }
+
+    /// Energy stored at a gap, in mu·a³·rate.
+    pub fn energy(&self, gap: f64) -> f64 {
+        self.length * self.at(gap)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ExponentialRepulsion;
+
+    #[test]
+    fn force_is_the_slope_of_the_energy_and_decays_over_the_length() {
+        let law = ExponentialRepulsion {
+            force: 3.0,
+            length: 0.02,
+        };
+        assert_eq!(law.at(0.0), 3.0);
+        assert!((law.at(0.02) / 3.0 - (-1.0_f64).exp()).abs() < 1e-15);
+        let e = 1e-7;
+        let slope = |f: &dyn Fn(f64) -> f64| (f(0.01 - e) - f(0.01 + e)) / (2.0 * e);
+        assert!((slope(&|g| law.energy(g)) / law.at(0.01) - 1.0).abs() < 1e-8);
+        assert!((slope(&|g| law.at(g)) / law.slope(0.01) - 1.0).abs() < 1e-8);
+    }
+}

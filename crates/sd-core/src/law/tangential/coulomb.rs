@@ -1,0 +1,25 @@
+//! Spheres that touch do not slip at all within Coulomb's limit.
+//!
+//! ```text
+//! |F_t| < ν f: u_t = 0 (sticks);   else F_t = ν f sign(u_t) (slips)
+//! ```
+//!
+//! u_t is the slip of the pair in its layer. Source: Coulomb (1785); as the rigid limit of tangential springs in Cundall &
+//! Strack, Géotechnique 29, 47 (1979).
+
+use super::Halt;
+use crate::law::Quantity;
+
+/// Its word.
+pub const WORD: &str = "coulomb";
+/// What it does.
+pub const MEANING: &str = "No slip at all within `|F_t| ≤ ν f`.";
+/// It has no parameters.
+pub const PARAMETERS: &[&Quantity] = &[];
+/// The slip of the pair in its layer.
+pub const HALTS: Halt = Halt::Slip;
+
+/// Coulomb's limit.
+pub fn bound(friction: f64, load: f64) -> f64 {
+    friction * load
+}

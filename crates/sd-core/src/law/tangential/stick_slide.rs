@@ -1,0 +1,125 @@
+//! A tangential spring that slides at Coulomb's limit, and its history.
+//!
+//! ```text
+//! F_t = k_t ξ,   |F_t| ≤ ρ(f),   ξ' = u_t while the spring sticks; at the limit the spring slides and keeps F_t = ±ρ
+//! ```
+//!
+//! The stretch ξ is a number along the tangent t of the pair, which turns with the pair: it does not change when the pair is
+//! turned as a whole. It begins at 0 when two spheres touch and friction acts, and is forgotten when they part or friction ceases.
+//! Source: Cundall & Strack, Géotechnique 29, 47 (1979); in suspensions Mari et al., J. Rheol. 58, 1693 (2014), eq. (9)-(11).
+//!
+//! In a two-stage step of size τ with the coefficient γ the spring looks ahead as all contact forces do. In terms of the force
+//! s = k_t ξ at the start of the step, with r = s + 2 (F1 − s) terms that the second stage takes back:
+//!
+//! ```text
+//! F1 = clamp(s + k_t γτ u1),             s2 = s + (F1 − s)/γ
+//! F2 = clamp(s2 − 2 (F1 − s) + k_t γτ u2)
+//! s  ← s + (3 (F1 − s) + F2 − s2)/(2γ)
+//! ```
+//!
+//! so that s follows u_t to second order while the spring sticks, and lands on a limit at which both stages slide.
+
+use super::Halt;
+use crate::law::Quantity;
+use crate::law::quantity::Range;
+
+/// Its word.
+pub const WORD: &str = "stick-slide";
+/// What it does.
+pub const MEANING: &str = "A tangential spring, at most ν f.";
+/// The stiffness of its spring.
+pub const PARAMETERS: &[&Quantity] = &[&TANGENTIAL_STIFFNESS];
+/// The slip beyond what the spring gives way.
+pub const HALTS: Halt = Halt::SpringSlip;
+
+/// Stiffness k_t of the tangential spring over the normal stiffness k.
+pub static TANGENTIAL_STIFFNESS: Quantity = Quantity {
+    key: "tangential_stiffness",
+    symbol: "k_t/k",
+    unit: "1",
+    meaning: "tangential over normal stiffness",
+    range: Range::above_to(0.0, 100.0),
+    note: "over the normal stiffness",
+    example: "0.5",
+    logarithmic: false,
+};
+
+/// k_t over k unless said otherwise: Mari et al., J. Rheol. 58, 1693 (2014).
+pub const USUAL_STIFFNESS: f64 = 0.5;
+
+/// Coulomb's limit.
+pub fn bound(friction: f64, load: f64) -> f64 {
+    friction * load
+}
+
+/// One contact during a step: spring force s at its start, friction F1 at the first stage.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct TangentialSpring {
+    /// s, in mu·a²·rate.
+    pub start: f64,
+    /// F1, in mu·a²·rate.
+    pub first: f64,
+}
+
+impl TangentialSpring {
+    /// s2, at the second stage of a step with the coefficient γ.
+    fn second(&self, gamma: f64) -> f64 {
+        self.start + (self.first - self.start) / gamma
+    }
+
+    /// What the second stage adds `k_t γτ u2` to.
+    pub fn base(&self, gamma: f64) -> f64 {
+        self.second(gamma) - 2.0 * (self.first - self.start)
+    }
+
+    /// s at the end of the step, with friction F2 at the second stage.
+    pub fn end(&self, second: f64, gamma: f64) -> f64 {
+        self.start + (3.0 * (self.first - self.start) + second - self.second(gamma)) / (2.0 * gamma)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Coefficient of the two-stage step.
+    const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
+
+    /// Spring force after a unit of time of slip cos(3t), in steps, sticking throughout.
+    fn stretched(steps: u32) -> f64 {
+        let (stiffness, dt) = (40.0, 1.0 / f64::from(steps));
+        let ahead = stiffness * GAMMA * dt;
+        let mut s = 0.0;
+        for k in 0..steps {
+            let slip = |shift: f64| (3.0 * (f64::from(k) + shift) * dt).cos();
+            let stretch = TangentialSpring {
+                start: s,
+                first: s + ahead * slip(0.0),
+            };
+            s = stretch.end(stretch.base(GAMMA) + ahead * slip(1.0), GAMMA);
+        }
+        s
+    }
+
+    #[test]
+    fn sticking_spring_follows_the_slip_to_second_order() {
+        let exact = 40.0 * 3.0_f64.sin() / 3.0;
+        let order = ((stretched(20) - exact) / (stretched(40) - exact)).log2();
+        assert!((order - 2.0).abs() < 0.05, "order {order}");
+    }
+
+    #[test]
+    fn sliding_spring_lands_on_its_limit() {
+        let stretch = TangentialSpring {
+            start: 1.0,
+            first: 3.0,
+        };
+        assert!((stretch.end(3.0, GAMMA) - 3.0).abs() < 1e-13);
+        // Parted: nothing is left.
+        let parted = TangentialSpring {
+            start: 1.0,
+            first: 0.0,
+        };
+        assert!(parted.end(0.0, GAMMA).abs() < 1e-14);
+    }
+}

@@ -1,0 +1,75 @@
+//! Choices that are known by a word.
+
+/// One choice of several, as people write and read it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Word {
+    /// The word in files, tables and JSON.
+    pub word: &'static str,
+    /// What it means, in a few words.
+    pub meaning: &'static str,
+}
+
+/// A closed list of choices, each declared once with its word.
+pub trait Words: Copy + PartialEq + 'static {
+    /// All choices, in the order in which they are listed.
+    const ALL: &'static [Self];
+    /// Their words, in the same order.
+    const WORDS: &'static [Word];
+
+    /// Its place in [`Words::ALL`].
+    fn place(self) -> usize {
+        Self::ALL
+            .iter()
+            .position(|choice| *choice == self)
+            .expect("`ALL` has every variant, as one macro writes both")
+    }
+
+    /// The word for this choice.
+    fn word(self) -> &'static str {
+        Self::WORDS[self.place()].word
+    }
+
+    /// The choice with this word.
+    fn of_word(word: &str) -> Option<Self> {
+        let place = Self::WORDS.iter().position(|known| known.word == word)?;
+        Some(Self::ALL[place])
+    }
+}
+
+/// Declares an enum whose variants are known by words: its list, its words, and serde under the same words.
+macro_rules! words {
+    ($(#[$about:meta])* $name:ident { $($variant:ident = $word:literal, $meaning:literal;)+ }) => {
+        $crate::law::words! {
+            $(#[$about])* $name { $(#[doc = $meaning] $variant = $word, $meaning;)+ }
+        }
+    };
+    ($(#[$about:meta])* $name:ident { $(#[$note:meta] $variant:ident = $word:expr, $meaning:expr;)+ }) => {
+        $(#[$about])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        pub enum $name {
+            $(#[$note] $variant,)+
+        }
+
+        impl $crate::law::Words for $name {
+            const ALL: &'static [Self] = &[$(Self::$variant),+];
+            const WORDS: &'static [$crate::law::Word] =
+                &[$($crate::law::Word { word: $word, meaning: $meaning }),+];
+        }
+
+        impl serde::Serialize for $name {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_str($crate::law::Words::word(*self))
+            }
+        }
+
+        impl<'de> serde::Deserialize<'de> for $name {
+            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                const NAMES: &[&str] = &[$($word),+];
+                let text = <String as serde::Deserialize>::deserialize(deserializer)?;
+                <Self as $crate::law::Words>::of_word(&text)
+                    .ok_or_else(|| serde::de::Error::unknown_variant(&text, NAMES))
+            }
+        }
+    };
+}
+pub(crate) use words;

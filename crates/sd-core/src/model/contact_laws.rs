@@ -1,0 +1,103 @@
+//! Contact laws other than the rigid ones of the paper: what is chosen, in the units it is chosen in.
+
+use super::parameters;
+use super::{ContactScheme, Params, Refusal, Surface, infinite};
+use crate::error::Error;
+use crate::law::tangential::stick_slide::USUAL_STIFFNESS;
+use crate::law::{FrictionOnset, NormalLaw, TangentialLaw};
+use serde::{Deserialize, Serialize};
+
+/// Lubrication is held constant below this share of the roughness height unless said otherwise.
+pub const LUBRICATION_SHARE: f64 = 0.1;
+/// Overlap of two surfaces, in a, at which a layer of soft spheres is given up: its springs do not carry the load.
+pub const DEEPEST_OVERLAP: f64 = 0.2;
+
+/// A choice of laws. In units in which it is a property of the material while Γ varies.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContactLaws {
+    /// What presses apart.
+    pub normal: NormalLaw,
+    /// What resists sliding.
+    pub tangential: TangentialLaw,
+    /// How friction begins.
+    pub onset: FrictionOnset,
+    /// k, in F_crit/a (Hertz: F_crit/a^(3/2)), above 0; infinite exactly where the normal law has none.
+    #[serde(with = "infinite")]
+    pub stiffness: f64,
+    /// Tangential stiffness over k, above 0, for [`TangentialLaw::StickSlide`]; 0 under other laws.
+    pub tangential_stiffness: f64,
+    /// Dashpot of a spring, in mu·a, from 0.
+    pub dashpot: f64,
+    /// Gap below which lubrication is held constant, in a, above 0 and at most h; 0 (nowhere) with rigid asperities alone.
+    pub lubrication_gap: f64,
+    /// F0 of the repulsion, in F_crit, from 0.
+    pub repulsion: f64,
+    /// Decay length l of the repulsion, in a, above 0; 0 without repulsion.
+    pub repulsion_length: f64,
+}
+
+impl ContactLaws {
+    /// The paper's laws: rigid asperities that roll or slip above the critical load.
+    pub const PAPER: Self = Self {
+        normal: NormalLaw::Rigid,
+        tangential: TangentialLaw::RollSlip,
+        onset: FrictionOnset::CriticalLoad,
+        stiffness: f64::INFINITY,
+        tangential_stiffness: 0.0,
+        dashpot: 0.0,
+        lubrication_gap: 0.0,
+        repulsion: 0.0,
+        repulsion_length: 0.0,
+    };
+
+    /// Linear springs of a stiffness in F_crit/a, with all else at its default for a roughness height h.
+    pub fn linear_spring(stiffness: f64, tangential: TangentialLaw, roughness: f64) -> Self {
+        Self {
+            normal: NormalLaw::LinearSpring,
+            tangential,
+            stiffness,
+            tangential_stiffness: if tangential.has_spring() {
+                USUAL_STIFFNESS
+            } else {
+                0.0
+            },
+            lubrication_gap: LUBRICATION_SHARE * roughness,
+            ..Self::PAPER
+        }
+    }
+
+    /// Whether forces depend on the gaps, so that steps must resolve or outlast them.
+    pub fn is_soft(&self) -> bool {
+        self.normal != NormalLaw::Rigid || self.repulsion > 0.0
+    }
+
+    /// Checks ranges and which laws go together, for spheres with this surface.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] names the first value refused and what is allowed.
+    pub fn validate(&self, surface: &Surface) -> Result<(), Error> {
+        let load = surface.critical_load;
+        if self.is_soft() && !(load > 0.0 && load.is_finite()) {
+            return Err(Refusal {
+                key: "critical_load",
+                value: load.to_string(),
+                problem: "has no meaning under soft laws".into(),
+                allowed: "above 0 and finite where stiffness and repulsion are in units of it: with an infinite one they \
+                          are infinite, which is `rigid`, and with 0 nothing holds the spheres apart"
+                    .into(),
+                because: Some("contact"),
+            }
+            .into());
+        }
+        // Only what concerns the contact is looked at; the rest of the layer is any.
+        parameters::check_contact(&Params {
+            roughness: surface.roughness,
+            friction: surface.friction,
+            shear_rate: 6.0 * std::f64::consts::PI / load,
+            contact: ContactScheme::Laws(*self),
+            ..Params::UNWRITTEN
+        })?;
+        Ok(())
+    }
+}

@@ -1,0 +1,250 @@
+//! Parameters of a run: each declared once, by what people read of it, what it may be, and where it is in [`Params`].
+
+mod choices;
+mod quantities;
+mod table;
+
+pub use table::PARAMETERS;
+
+use quantities::FRICTION;
+
+use super::{ContactLaws, ContactScheme, Params};
+use crate::error::Error;
+use crate::law::{NormalLaw, Quantity, TangentialLaw, Word, Words as _};
+use std::fmt;
+
+/// A parameter of a run: what people read of it, what it may be, where it is in [`Params`].
+#[derive(Debug)]
+pub struct Parameter {
+    /// Its key in files, tables and JSON.
+    pub key: &'static str,
+    /// Its symbol, the heading of a column.
+    pub symbol: &'static str,
+    /// Its unit; `1` where there is none, nothing for words.
+    pub unit: &'static str,
+    /// What it is; up to a semicolon the label of an axis.
+    pub meaning: &'static str,
+    /// A value to show as an example, as a file has it.
+    pub example: &'static str,
+    /// Whether it says anything beside the other choices; its value there is of no account.
+    pub has_meaning: fn(&Params) -> bool,
+    /// What to choose for it to have a meaning, where it is a mistake to write it without one.
+    pub needs: Option<&'static str>,
+    /// Whether tables name it even where all points have the same value of it.
+    pub is_shown: fn(&Params) -> bool,
+    /// What kind of value it has.
+    pub form: Form,
+}
+
+/// What kind of value a parameter has.
+#[derive(Debug)]
+pub enum Form {
+    /// One of several words.
+    Choice(Choice),
+    /// A number.
+    Number(Number),
+}
+
+/// A parameter that is one of several words.
+#[derive(Debug)]
+pub struct Choice {
+    /// The words there are.
+    pub words: fn() -> Vec<Word>,
+    /// The word that is meant where none is written.
+    pub default: &'static str,
+    /// Its word.
+    pub get: fn(&Params) -> &'static str,
+    /// Makes the choice with this word.
+    pub put: fn(&mut Params, &str) -> Result<(), Refusal>,
+}
+
+/// A parameter that is a number.
+#[derive(Debug)]
+pub struct Number {
+    /// Its range and what to say of it.
+    pub quantity: &'static Quantity,
+    /// Whether it is a whole number.
+    pub whole: bool,
+    /// The value that is meant where none is written; `None` where one must be.
+    pub default: Option<fn(&Params) -> f64>,
+    /// Its value.
+    pub get: fn(&Params) -> f64,
+    /// Gives it a value.
+    pub put: fn(&mut Params, f64),
+    /// The value it has where it has no meaning.
+    pub without: Option<f64>,
+    /// Whether it is one of the numbers of [`ContactLaws`].
+    pub is_of_laws: bool,
+}
+
+/// A value that is out of its range, or does not go with the others.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refusal {
+    /// Key of the parameter.
+    pub key: &'static str,
+    /// Its value, as it is written.
+    pub value: String,
+    /// What is wrong with it.
+    pub problem: String,
+    /// What is allowed.
+    pub allowed: String,
+    /// Key of the other parameter it does not go with.
+    pub because: Option<&'static str>,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            key,
+            value,
+            problem,
+            allowed,
+            ..
+        } = self;
+        write!(f, "{key} = {value} {problem}: {allowed}")
+    }
+}
+
+impl std::error::Error for Refusal {}
+
+impl From<Refusal> for Error {
+    fn from(refusal: Refusal) -> Self {
+        Self::Refused(Box::new(refusal))
+    }
+}
+
+impl Parameter {
+    /// Checks its value.
+    fn check(&self, params: &Params) -> Result<(), Refusal> {
+        let Form::Number(number) = &self.form else {
+            return Ok(());
+        };
+        let value = (number.get)(params);
+        let refuse = |problem: &str, allowed| {
+            Err(Refusal {
+                key: self.key,
+                value: value.to_string(),
+                problem: problem.into(),
+                allowed,
+                because: None,
+            })
+        };
+        let meaningless = !(self.has_meaning)(params);
+        match (number.without, self.needs) {
+            (Some(without), Some(needs)) if meaningless => {
+                if value == without {
+                    return Ok(());
+                }
+                refuse("has no meaning", format!("{without}, or choose {needs}"))
+            }
+            _ if number.quantity.range.contains(value) => Ok(()),
+            _ => refuse("is out of range", number.quantity.allowed()),
+        }
+    }
+}
+
+/// Checks every value, and that they go together.
+pub(super) fn check(params: &Params) -> Result<(), Refusal> {
+    for parameter in &PARAMETERS {
+        parameter.check(params)?;
+    }
+    check_together(params)
+}
+
+/// Checks the numbers of the contact laws, and that they go together.
+pub(super) fn check_contact(params: &Params) -> Result<(), Refusal> {
+    for parameter in &PARAMETERS {
+        // The numbers of the layer and of its flow are not written here.
+        if matches!(&parameter.form, Form::Number(number) if number.is_of_laws) {
+            parameter.check(params)?;
+        }
+    }
+    check_together(params)
+}
+
+/// Checks that values which are right by themselves go together.
+fn check_together(params: &Params) -> Result<(), Refusal> {
+    let laws = params.contact.laws();
+    let refuse = |key, value: String, problem: &str, allowed: String, because| {
+        Err(Refusal {
+            key,
+            value,
+            problem: problem.into(),
+            allowed,
+            because: Some(because),
+        })
+    };
+    if laws.is_soft() && (params.shear_rate == 0.0 || params.shear_rate.is_infinite()) {
+        return refuse(
+            "shear_rate",
+            params.shear_rate.to_string(),
+            "has no meaning under soft laws",
+            "above 0 and finite: stiffness and repulsion are in units of F_crit = 6 pi/shear_rate, which is infinite at 0 \
+             and zero at inf; give rigid contacts a grid of their own there"
+                .into(),
+            "contact",
+        );
+    }
+    if laws.tangential.has_spring() && !laws.normal.is_spring() {
+        return refuse(
+            "tangential",
+            format!("{:?}", laws.tangential.word()),
+            "does not go with a contact that is no spring",
+            "\"coulomb\" there, which is its rigid limit".into(),
+            "contact",
+        );
+    }
+    if laws.lubrication_gap > params.roughness {
+        return refuse(
+            "lubrication_gap",
+            laws.lubrication_gap.to_string(),
+            "is above the roughness",
+            format!("above 0 and at most {}", params.roughness),
+            "roughness",
+        );
+    }
+    if !laws.normal.touches() && laws.repulsion == 0.0 {
+        return refuse(
+            "repulsion",
+            "0".into(),
+            "leaves nothing that holds the spheres apart",
+            format!("above 0 with `contact` = {:?}", laws.normal.word()),
+            "contact",
+        );
+    }
+    Ok(())
+}
+
+/// Brings parameters into the form in which equal physics has equal numbers.
+pub(super) fn settle(params: &mut Params) {
+    if let ContactScheme::Laws(laws) = &mut params.contact {
+        if laws.normal.is_spring() && laws.stiffness.is_infinite() {
+            laws.normal = NormalLaw::Rigid;
+        }
+        if laws.tangential.has_spring() && !laws.normal.is_spring() {
+            laws.tangential = TangentialLaw::Coulomb;
+        }
+    }
+    // Friction first: whether tangential laws act depends on it, and they stand above it.
+    let friction = PARAMETERS
+        .iter()
+        .filter(|parameter| parameter.key == FRICTION.key);
+    for parameter in friction.chain(&PARAMETERS) {
+        let meaningless = !(parameter.has_meaning)(params);
+        match &parameter.form {
+            Form::Choice(choice) if meaningless => {
+                (choice.put)(params, choice.default).expect("a default is one of the words");
+            }
+            Form::Choice(_) => {}
+            Form::Number(number) => {
+                let value = number.without.filter(|_| meaningless);
+                // A zero loses its sign.
+                let value = value.unwrap_or_else(|| (number.get)(params)) + 0.0;
+                (number.put)(params, value);
+            }
+        }
+    }
+    if params.contact == ContactScheme::Laws(ContactLaws::PAPER) {
+        params.contact = ContactScheme::Rigid;
+    }
+}

@@ -1,0 +1,153 @@
+//! Choices whose words stand for more than one field of the parameters: the contact scheme and friction.
+
+use super::Refusal;
+use crate::law::{NormalLaw, TangentialLaw, Word, Words};
+use crate::model::{ContactLaws, ContactScheme, Params};
+
+/// Word for the paper's steps in the place of a normal law.
+const PROCEDURE: Word = Word {
+    word: "procedure",
+    meaning: "The paper's steps 1-6, to the letter.",
+};
+/// Word for a coefficient of friction of 0 in the place of a tangential law.
+const FRICTIONLESS: Word = Word {
+    word: "none",
+    meaning: "No friction, whatever its coefficient.",
+};
+
+/// Words of `contact`: those of the normal laws, the paper's steps after the first.
+pub(super) fn contact_words() -> Vec<Word> {
+    let mut words = NormalLaw::WORDS.to_vec();
+    words.insert(1, PROCEDURE);
+    words
+}
+
+/// Words of `tangential`: those of the tangential laws, and none.
+pub(super) fn tangential_words() -> Vec<Word> {
+    let mut words = TangentialLaw::WORDS.to_vec();
+    words.push(FRICTIONLESS);
+    words
+}
+
+pub(super) fn contact_word(params: &Params) -> &'static str {
+    match params.contact {
+        ContactScheme::Procedure => PROCEDURE.word,
+        ContactScheme::Rigid | ContactScheme::Laws(_) => params.contact.laws().normal.word(),
+    }
+}
+
+/// Reads a choice by its word.
+pub(super) fn read<T: Words>(choice: &mut T, key: &'static str, word: &str) -> Result<(), Refusal> {
+    *choice = T::of_word(word).ok_or_else(|| unknown(key, word, T::WORDS))?;
+    Ok(())
+}
+
+fn unknown(key: &'static str, word: &str, known: &[Word]) -> Refusal {
+    let words: Vec<String> = known
+        .iter()
+        .map(|word| format!("{:?}", word.word))
+        .collect();
+    Refusal {
+        key,
+        value: format!("{word:?}"),
+        problem: "is not known".into(),
+        allowed: words.join(" or "),
+        because: None,
+    }
+}
+
+/// The paper's steps have laws of their own: others that were chosen before are refused.
+pub(super) fn put_contact(params: &mut Params, word: &str) -> Result<(), Refusal> {
+    if word != PROCEDURE.word {
+        return match params.contact.chosen_laws() {
+            Some(laws) => read(&mut laws.normal, "contact", word),
+            None => Ok(()),
+        };
+    }
+    let laws = params.contact.laws();
+    let paper = ContactLaws::PAPER;
+    let refuse = |key, value: String| {
+        Err(Refusal {
+            key,
+            value,
+            problem: "does not go with `contact` = \"procedure\"".into(),
+            allowed: "the procedure has the paper's laws only: \"roll-slip\" or \"none\", \"critical-load\", no repulsion; \
+                      give it a grid of its own"
+                .into(),
+            because: Some("contact"),
+        })
+    };
+    if laws.tangential != paper.tangential {
+        return refuse("tangential", format!("{:?}", laws.tangential.word()));
+    }
+    if laws.onset != paper.onset {
+        return refuse("friction_onset", format!("{:?}", laws.onset.word()));
+    }
+    if laws.repulsion > 0.0 {
+        return refuse("repulsion", laws.repulsion.to_string());
+    }
+    params.contact = ContactScheme::Procedure;
+    Ok(())
+}
+
+pub(super) fn put_tangential(params: &mut Params, word: &str) -> Result<(), Refusal> {
+    if word == FRICTIONLESS.word {
+        params.friction = 0.0;
+        return Ok(());
+    }
+    match params.contact.chosen_laws() {
+        Some(laws) => read(&mut laws.tangential, "tangential", word),
+        None => Ok(()),
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a whole number within the range of the table"
+)]
+pub(super) fn put_spheres(params: &mut Params, value: f64) {
+    params.spheres = value as usize;
+}
+
+/// Changes the laws, where they are chosen one by one.
+pub(super) fn put_law(params: &mut Params, change: impl FnOnce(&mut ContactLaws)) {
+    if let Some(laws) = params.contact.chosen_laws() {
+        change(laws);
+    }
+}
+
+/// Whether friction ever acts.
+pub(super) fn rubs(params: &Params) -> bool {
+    params.contact.laws().normal.touches() && params.friction != 0.0 && params.shear_rate != 0.0
+}
+
+/// Whether the laws are other than the paper's.
+pub(super) fn has_chosen_laws(params: &Params) -> bool {
+    *params.contact.laws() != ContactLaws::PAPER
+}
+
+pub(super) fn is_mixed(params: &Params) -> bool {
+    params.size_ratio > 1.0
+}
+
+pub(super) fn is_soft(params: &Params) -> bool {
+    params.contact.laws().is_soft()
+}
+
+pub(super) fn has_spring(params: &Params) -> bool {
+    params.contact.laws().normal.is_spring()
+}
+
+pub(super) fn has_tangential_spring(params: &Params) -> bool {
+    has_spring(params) && params.contact.laws().tangential.has_spring()
+}
+
+/// Whether nothing but the repulsion holds the spheres apart.
+pub(super) fn alone(params: &Params) -> bool {
+    !params.contact.laws().normal.touches()
+}
+
+pub(super) fn repels(params: &Params) -> bool {
+    params.contact.laws().repulsion > 0.0
+}

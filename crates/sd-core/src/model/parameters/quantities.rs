@@ -1,0 +1,111 @@
+//! Quantities of a run that belong to no single contact law.
+
+use crate::law::{Quantity, Range};
+
+/// N.
+pub(super) static SPHERES: Quantity = Quantity {
+    key: "spheres",
+    symbol: "N",
+    unit: "1",
+    meaning: "number of spheres N",
+    range: Range::from_to(1.0, 10_000.0),
+    note: "",
+    example: "90",
+    logarithmic: false,
+};
+
+/// c.
+pub(super) static AREA_FRACTION: Quantity = Quantity {
+    key: "area_fraction",
+    symbol: "c",
+    unit: "1",
+    meaning: "area fraction c",
+    range: Range::above_to(0.0, 0.84),
+    note: "",
+    example: "0.693",
+    logarithmic: false,
+};
+
+/// Sizes of mixtures.
+pub(super) static SIZE_RATIO: Quantity = Quantity {
+    key: "size_ratio",
+    symbol: "size ratio",
+    unit: "1",
+    meaning: "radius of large over small spheres",
+    range: Range::from_to(1.0, 10.0),
+    note: "",
+    example: "1.4",
+    logarithmic: false,
+};
+
+/// Numbers of mixtures.
+pub(super) static LARGE_FRACTION: Quantity = Quantity {
+    key: "large_fraction",
+    symbol: "large",
+    unit: "1",
+    meaning: "large spheres over all",
+    range: Range::from_to(0.0, 1.0),
+    note: "",
+    example: "0.5",
+    logarithmic: false,
+};
+
+/// h.
+pub(super) static ROUGHNESS: Quantity = Quantity {
+    key: "roughness",
+    symbol: "h",
+    unit: "a",
+    meaning: "roughness height h",
+    range: Range::between(0.0, 0.5),
+    note: "",
+    example: "0.01",
+    logarithmic: false,
+};
+
+/// ν.
+pub(super) static FRICTION: Quantity = Quantity {
+    key: "friction",
+    symbol: "ν",
+    unit: "1",
+    meaning: "friction coefficient ν",
+    range: Range::from_to(0.0, 10.0),
+    note: "",
+    example: "0.3",
+    logarithmic: false,
+};
+
+/// g_min.
+pub(super) static LUBRICATION_GAP: Quantity = Quantity {
+    key: "lubrication_gap",
+    symbol: "g_min",
+    unit: "a",
+    meaning: "gap below which lubrication is constant",
+    range: Range::between(0.0, 0.5),
+    note: "in a, at most the roughness",
+    example: "0.001",
+    logarithmic: false,
+};
+
+/// Δt.
+pub(super) static TIME_STEP: Quantity = Quantity {
+    key: "time_step",
+    symbol: "Δt",
+    unit: "strain",
+    meaning: "time step Δt",
+    range: Range::from_to(1e-7, 0.1),
+    note: "a strain; shorter steps lose their motion to rounding",
+    example: "0.01",
+    logarithmic: false,
+};
+
+/// Γ.
+pub(super) static SHEAR_RATE: Quantity = Quantity {
+    key: "shear_rate",
+    symbol: "Γ",
+    unit: "1",
+    meaning: "shear rate Γ; inf is the upper plateau",
+    range: Range::from_to(0.0, f64::INFINITY),
+    note: "0 and inf are the plateaus",
+    example: "[0.1, 1.0, 10.0, inf]",
+    logarithmic: true,
+};

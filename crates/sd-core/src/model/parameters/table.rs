@@ -1,0 +1,284 @@
+//! The table of parameters.
+
+use super::choices::{
+    alone, contact_word, contact_words, has_chosen_laws, has_spring, has_tangential_spring,
+    is_mixed, is_soft, put_contact, put_law, put_spheres, put_tangential, read, repels, rubs,
+    tangential_words,
+};
+use super::quantities::{
+    AREA_FRACTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, ROUGHNESS, SHEAR_RATE, SIZE_RATIO,
+    SPHERES, TIME_STEP,
+};
+use super::{Choice, Form, Number, Parameter};
+use crate::law::normal::{DASHPOT, STIFFNESS};
+use crate::law::repulsion::{REPULSION, REPULSION_ALONE, REPULSION_LENGTH, USUAL_LENGTH};
+use crate::law::tangential::stick_slide::{TANGENTIAL_STIFFNESS, USUAL_STIFFNESS};
+use crate::law::{FrictionOnset, Quantity, Words as _};
+use crate::model::{ContactScheme, Hydrodynamics, LUBRICATION_SHARE};
+
+/// All parameters of a run, in the order of columns and of nested loops.
+///
+/// A choice stands above the numbers that have a meaning under it. Values are therefore put into [`Params`] from the last
+/// entry to the first.
+pub static PARAMETERS: [Parameter; 18] = [
+    Parameter {
+        key: "hydrodynamics",
+        symbol: "hydrodynamics",
+        meaning: "how the grand resistance is made",
+        form: Form::Choice(Choice {
+            words: || Hydrodynamics::WORDS.to_vec(),
+            default: "stokesian-dynamics",
+            get: |p| p.hydrodynamics.word(),
+            put: |p, word| read(&mut p.hydrodynamics, "hydrodynamics", word),
+        }),
+        ..CHOICE
+    },
+    Parameter {
+        key: "contact",
+        symbol: "contact",
+        meaning: "contact scheme",
+        form: Form::Choice(Choice {
+            words: contact_words,
+            default: "rigid",
+            get: contact_word,
+            put: put_contact,
+        }),
+        ..CHOICE
+    },
+    Parameter {
+        key: "tangential",
+        symbol: "tangential",
+        meaning: "tangential law",
+        has_meaning: rubs,
+        is_shown: has_chosen_laws,
+        form: Form::Choice(Choice {
+            words: tangential_words,
+            default: "roll-slip",
+            get: |p| p.contact.laws().tangential.word(),
+            put: put_tangential,
+        }),
+        ..CHOICE
+    },
+    Parameter {
+        key: "friction_onset",
+        symbol: "onset",
+        meaning: "how friction begins with the load",
+        has_meaning: |p| rubs(p) && p.shear_rate.is_finite(),
+        is_shown: has_chosen_laws,
+        form: Form::Choice(Choice {
+            words: || FrictionOnset::WORDS.to_vec(),
+            default: "critical-load",
+            get: |p| p.contact.laws().onset.word(),
+            put: |p, word| match p.contact.chosen_laws() {
+                Some(laws) => read(&mut laws.onset, "friction_onset", word),
+                None => Ok(()),
+            },
+        }),
+        ..CHOICE
+    },
+    Parameter {
+        form: Form::Number(Number {
+            whole: true,
+            get: |p| p.spheres as f64,
+            put: put_spheres,
+            ..NEEDED
+        }),
+        ..number(&SPHERES)
+    },
+    Parameter {
+        form: Form::Number(Number {
+            quantity: &AREA_FRACTION,
+            get: |p| p.area_fraction,
+            put: |p, value| p.area_fraction = value,
+            ..NEEDED
+        }),
+        ..number(&AREA_FRACTION)
+    },
+    Parameter {
+        is_shown: is_mixed,
+        form: Form::Number(Number {
+            quantity: &SIZE_RATIO,
+            default: Some(|_| 1.0),
+            get: |p| p.size_ratio,
+            put: |p, value| p.size_ratio = value,
+            ..NEEDED
+        }),
+        ..number(&SIZE_RATIO)
+    },
+    Parameter {
+        has_meaning: is_mixed,
+        is_shown: is_mixed,
+        form: Form::Number(Number {
+            quantity: &LARGE_FRACTION,
+            default: Some(|_| 0.5),
+            get: |p| p.large_fraction,
+            put: |p, value| p.large_fraction = value,
+            without: Some(0.5),
+            ..NEEDED
+        }),
+        ..number(&LARGE_FRACTION)
+    },
+    Parameter {
+        form: Form::Number(Number {
+            quantity: &ROUGHNESS,
+            get: |p| p.roughness,
+            put: |p, value| p.roughness = value,
+            ..NEEDED
+        }),
+        ..number(&ROUGHNESS)
+    },
+    Parameter {
+        has_meaning: |p| p.contact.laws().normal.touches(),
+        is_shown: |_| true,
+        form: Form::Number(Number {
+            quantity: &FRICTION,
+            get: |p| p.friction,
+            put: |p, value| p.friction = value,
+            without: Some(0.0),
+            ..NEEDED
+        }),
+        ..number(&FRICTION)
+    },
+    Parameter {
+        has_meaning: has_spring,
+        needs: Some("a spring: `contact` = \"linear-spring\" or \"hertz\""),
+        is_shown: has_spring,
+        form: Form::Number(Number {
+            quantity: &STIFFNESS,
+            get: |p| p.contact.laws().stiffness,
+            put: |p, value| put_law(p, |laws| laws.stiffness = value),
+            without: Some(f64::INFINITY),
+            ..OF_LAWS
+        }),
+        ..number(&STIFFNESS)
+    },
+    Parameter {
+        has_meaning: has_tangential_spring,
+        needs: Some("`tangential` = \"stick-slide\" with a spring"),
+        is_shown: has_tangential_spring,
+        form: Form::Number(Number {
+            quantity: &TANGENTIAL_STIFFNESS,
+            default: Some(|_| USUAL_STIFFNESS),
+            get: |p| p.contact.laws().tangential_stiffness,
+            put: |p, value| put_law(p, |laws| laws.tangential_stiffness = value),
+            ..OF_LAWS
+        }),
+        ..number(&TANGENTIAL_STIFFNESS)
+    },
+    Parameter {
+        has_meaning: has_spring,
+        needs: Some("a spring: `contact` = \"linear-spring\" or \"hertz\" of finite stiffness"),
+        is_shown: |p| p.contact.laws().dashpot > 0.0,
+        form: Form::Number(Number {
+            quantity: &DASHPOT,
+            default: Some(|_| 0.0),
+            get: |p| p.contact.laws().dashpot,
+            put: |p, value| put_law(p, |laws| laws.dashpot = value),
+            ..OF_LAWS
+        }),
+        ..number(&DASHPOT)
+    },
+    Parameter {
+        has_meaning: is_soft,
+        needs: Some("a soft law: a spring or a repulsion"),
+        is_shown: is_soft,
+        form: Form::Number(Number {
+            quantity: &LUBRICATION_GAP,
+            default: Some(|p| LUBRICATION_SHARE * p.roughness),
+            get: |p| p.contact.laws().lubrication_gap,
+            put: |p, value| put_law(p, |laws| laws.lubrication_gap = value),
+            ..OF_LAWS
+        }),
+        ..number(&LUBRICATION_GAP)
+    },
+    Parameter {
+        has_meaning: |p| !matches!(p.contact, ContactScheme::Procedure),
+        is_shown: repels,
+        form: Form::Number(Number {
+            quantity: &REPULSION,
+            default: Some(|p| if alone(p) { REPULSION_ALONE } else { 0.0 }),
+            get: |p| p.contact.laws().repulsion,
+            put: |p, value| put_law(p, |laws| laws.repulsion = value),
+            ..OF_LAWS
+        }),
+        ..number(&REPULSION)
+    },
+    Parameter {
+        has_meaning: repels,
+        needs: Some("a repulsion: `repulsion` above 0 or `contact` = \"exponential-repulsion\""),
+        is_shown: repels,
+        form: Form::Number(Number {
+            quantity: &REPULSION_LENGTH,
+            default: Some(|_| USUAL_LENGTH),
+            get: |p| p.contact.laws().repulsion_length,
+            put: |p, value| put_law(p, |laws| laws.repulsion_length = value),
+            ..OF_LAWS
+        }),
+        ..number(&REPULSION_LENGTH)
+    },
+    Parameter {
+        form: Form::Number(Number {
+            quantity: &TIME_STEP,
+            default: Some(|_| USUAL_TIME_STEP),
+            get: |p| p.time_step,
+            put: |p, value| p.time_step = value,
+            ..NEEDED
+        }),
+        ..number(&TIME_STEP)
+    },
+    Parameter {
+        form: Form::Number(Number {
+            quantity: &SHEAR_RATE,
+            get: |p| p.shear_rate,
+            put: |p, value| p.shear_rate = value,
+            ..NEEDED
+        }),
+        ..number(&SHEAR_RATE)
+    },
+];
+
+/// Time step unless said otherwise, in strain.
+const USUAL_TIME_STEP: f64 = 0.005;
+
+/// What most choices have in common.
+const CHOICE: Parameter = Parameter {
+    key: "",
+    symbol: "",
+    unit: "",
+    meaning: "",
+    example: "",
+    has_meaning: |_| true,
+    needs: None,
+    is_shown: |_| true,
+    form: Form::Number(NEEDED),
+};
+
+/// What most numbers have in common: one must be written.
+const NEEDED: Number = Number {
+    quantity: &SPHERES,
+    whole: false,
+    default: None,
+    get: |_| f64::NAN,
+    put: |_, _| (),
+    without: None,
+    is_of_laws: false,
+};
+
+/// What most numbers of contact laws have in common: 0 where they have no meaning.
+const OF_LAWS: Number = Number {
+    without: Some(0.0),
+    is_of_laws: true,
+    ..NEEDED
+};
+
+/// What a parameter has of its quantity.
+const fn number(quantity: &'static Quantity) -> Parameter {
+    Parameter {
+        key: quantity.key,
+        symbol: quantity.symbol,
+        unit: quantity.unit,
+        meaning: quantity.meaning,
+        example: quantity.example,
+        ..CHOICE
+    }
+}

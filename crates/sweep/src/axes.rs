@@ -1,0 +1,263 @@
+//! The axes of a campaign: what tells its points apart, and everything that a file may vary but the seeds.
+//!
+//! Each is made from the declaration of its parameter in [`sd_core::model::PARAMETERS`]. The campaign file, keys of cases, columns
+//! and views of the store, tables, figures, pages and selections all go by this one list.
+
+use sd_core::Params;
+use sd_core::model::{Form, PARAMETERS, Parameter, Refusal};
+use serde::{Serialize, Serializer};
+use std::fmt;
+use std::ops::Deref;
+use std::sync::LazyLock;
+
+/// One axis, with everything that its parameter declares.
+#[derive(Debug)]
+pub struct Axis(&'static Parameter);
+
+/// All axes, in the order of the columns and of nested loops: the first changes last.
+pub static AXES: LazyLock<Vec<Axis>> = LazyLock::new(|| {
+    let declared = PARAMETERS.iter();
+    #[cfg(test)]
+    let declared = tests::ONE_MORE.iter().chain(declared);
+    declared.map(Axis).collect()
+});
+
+/// A value on an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Value {
+    /// A choice, by its word in campaign files.
+    Word(&'static str),
+    /// A whole number.
+    Count(u64),
+    /// A number, possibly infinite.
+    Number(f64),
+}
+
+/// What all values of an axis or of a column are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Words.
+    Word,
+    /// Whole numbers.
+    Count,
+    /// Numbers, possibly infinite.
+    Number,
+}
+
+impl Deref for Axis {
+    type Target = Parameter;
+
+    fn deref(&self) -> &Parameter {
+        self.0
+    }
+}
+
+impl Axis {
+    /// The axis with this key, its words joined by `_` or `-`.
+    pub fn of_key(key: &str) -> Option<&'static Self> {
+        let key = key.replace('-', "_");
+        AXES.iter().find(|axis| axis.key == key)
+    }
+
+    /// Its value.
+    pub fn value(&self, params: &Params) -> Value {
+        match &self.form {
+            Form::Choice(choice) => Value::Word((choice.get)(params)),
+            Form::Number(number) if number.whole => Value::Count(whole((number.get)(params))),
+            Form::Number(number) => Value::Number((number.get)(params)),
+        }
+    }
+
+    /// Its place on a line; not a number for words.
+    pub fn number(&self, params: &Params) -> f64 {
+        match self.value(params) {
+            Value::Word(_) => f64::NAN,
+            Value::Count(count) => count as f64,
+            Value::Number(number) => number,
+        }
+    }
+
+    /// Its label on a figure.
+    pub fn label(&self) -> String {
+        let label = self.meaning.split(';').next().unwrap_or(self.meaning);
+        match self.unit {
+            "" | "1" => label.into(),
+            unit => format!("{label} ({unit})"),
+        }
+    }
+
+    /// What all its values are.
+    pub fn kind(&self) -> Kind {
+        match &self.form {
+            Form::Choice(_) => Kind::Word,
+            Form::Number(number) if number.whole => Kind::Count,
+            Form::Number(_) => Kind::Number,
+        }
+    }
+
+    /// Gives parameters a value on it.
+    fn put(&self, params: &mut Params, value: Value) -> Result<(), Refusal> {
+        match (&self.form, value) {
+            (Form::Choice(choice), Value::Word(word)) => (choice.put)(params, word)?,
+            (Form::Number(number), Value::Count(count)) => (number.put)(params, count as f64),
+            (Form::Number(number), Value::Number(value)) => (number.put)(params, value),
+            (Form::Choice(_), _) | (Form::Number(_), Value::Word(_)) => {
+                unreachable!("values are read by the form of their axis")
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether its values lie on a line.
+    pub fn is_numeric(&self) -> bool {
+        self.kind() != Kind::Word
+    }
+
+    /// Whether its values are drawn by their logarithm, 0 and infinity at its ends.
+    pub fn is_logarithmic(&self) -> bool {
+        matches!(&self.form, Form::Number(number) if number.quantity.logarithmic)
+    }
+
+    /// Whether it is the axis of shear rates.
+    pub fn is_shear_rate(&self) -> bool {
+        self.key == "shear_rate"
+    }
+
+    /// Whether a table of these parameters names it.
+    pub fn matters<'p>(&self, params: impl Iterator<Item = &'p Params>) -> bool {
+        let mut params = params;
+        params.any(self.is_shown)
+    }
+
+    /// Whether it says anything about a point.
+    pub fn means_something(&self, params: &Params) -> bool {
+        (self.has_meaning)(params)
+    }
+
+    /// Whether some of these parameters have another value on it than the others, where it has a meaning.
+    pub fn varies<'p>(&self, params: impl Iterator<Item = &'p Params>) -> bool {
+        let mut params = params.filter(|p| self.means_something(p));
+        let first = params.next().map(|p| self.value(p));
+        params.any(|p| Some(self.value(p)) != first)
+    }
+}
+
+impl Value {
+    /// Order of values of one axis.
+    pub fn order(&self, other: &Self) -> std::cmp::Ordering {
+        match (self, other) {
+            (Self::Word(a), Self::Word(b)) => a.cmp(b),
+            (Self::Count(a), Self::Count(b)) => a.cmp(b),
+            (Self::Number(a), Self::Number(b)) => a.total_cmp(b),
+            _ => std::cmp::Ordering::Equal,
+        }
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Word(word) => f.write_str(word),
+            Self::Count(count) => write!(f, "{count}"),
+            Self::Number(number) => write!(f, "{number}"),
+        }
+    }
+}
+
+/// Infinity as `"inf"`, since JSON has no number for it.
+impl Serialize for Value {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Number(number) if number.is_finite() => s.serialize_f64(*number),
+            Self::Count(count) => s.serialize_u64(*count),
+            value => s.collect_str(value),
+        }
+    }
+}
+
+/// The whole number that a float holds.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a whole number that is not negative; saturates"
+)]
+fn whole(value: f64) -> u64 {
+    value as u64
+}
+
+/// Why values make no parameters.
+#[derive(Debug)]
+pub enum Unmade {
+    /// Axes without a default have no value.
+    Missing(Vec<&'static Axis>),
+    /// A value does not go with the others.
+    Refused(Refusal),
+}
+
+/// The parameters with these values, one for every axis; where there is none, the default is meant.
+///
+/// # Errors
+/// A value that is missing, or does not go with the others. Ranges are not checked: see [`Params::validate`].
+pub fn params_of(values: &[Option<Value>]) -> Result<Params, Unmade> {
+    let mut params = Params::UNWRITTEN;
+    // The last axis first, since a choice stands above the numbers that have a meaning under it.
+    for (axis, value) in AXES.iter().zip(values).rev() {
+        if let Some(value) = value {
+            axis.put(&mut params, *value).map_err(Unmade::Refused)?;
+        }
+    }
+    let mut missing = Vec::new();
+    for (axis, value) in AXES.iter().zip(values) {
+        if value.is_some() || !axis.means_something(&params) {
+            continue;
+        }
+        match &axis.form {
+            Form::Choice(choice) => {
+                (choice.put)(&mut params, choice.default).map_err(Unmade::Refused)?;
+            }
+            Form::Number(number) => match number.default {
+                None => missing.push(axis),
+                Some(default) => {
+                    let value = default(&params);
+                    (number.put)(&mut params, value);
+                }
+            },
+        }
+    }
+    if !missing.is_empty() {
+        return Err(Unmade::Missing(missing));
+    }
+    params.settle();
+    Ok(params)
+}
+
+/// What is the same for all runs of a point, and for no other.
+pub(crate) type Identity = Vec<Tag>;
+
+/// A value by its bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Tag {
+    /// A word.
+    Word(&'static str),
+    /// Bits of a number.
+    Bits(u64),
+}
+
+impl Value {
+    /// The value by its bits.
+    pub(crate) fn tag(self) -> Tag {
+        match self {
+            Self::Word(word) => Tag::Word(word),
+            Self::Count(count) => Tag::Bits(count),
+            Self::Number(number) => Tag::Bits((number + 0.0).to_bits()),
+        }
+    }
+}
+
+/// The identity of the point of a run.
+pub(crate) fn identity(params: &Params) -> Identity {
+    AXES.iter().map(|axis| axis.value(params).tag()).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,205 @@
+use super::*;
+use crate::test_support::params;
+use sd_core::ContactLaws;
+use sd_core::model::{Number, Quantity, Range};
+
+/// One axis more than the program has, added to the table by this one entry: the small spheres over all.
+pub(super) static ONE_MORE: [Parameter; 1] = [Parameter {
+    key: "small_fraction",
+    symbol: "small",
+    unit: "1",
+    meaning: "small spheres over all",
+    example: "0.5",
+    has_meaning: |p| p.size_ratio > 1.0,
+    needs: Some("`size_ratio` above 1"),
+    is_shown: |p| p.size_ratio > 1.0,
+    form: Form::Number(Number {
+        quantity: &SMALL_FRACTION,
+        whole: false,
+        default: Some(|p| 1.0 - p.large_fraction),
+        get: |p| 1.0 - p.large_fraction,
+        put: |p, value| {
+            // What is there already keeps its last digits.
+            if value != 1.0 - p.large_fraction {
+                p.large_fraction = 1.0 - value;
+            }
+        },
+        without: None,
+        is_of_laws: false,
+    }),
+}];
+
+static SMALL_FRACTION: Quantity = Quantity {
+    key: "small_fraction",
+    symbol: "small",
+    unit: "1",
+    meaning: "small spheres over all",
+    range: Range::from_to(0.0, 1.0),
+    note: "",
+    example: "0.5",
+    logarithmic: false,
+};
+
+#[test]
+fn every_parameter_is_an_axis() {
+    // A parameter that is none would have its points averaged together.
+    let written = serde_json::to_value(params()).unwrap();
+    for key in written.as_object().unwrap().keys() {
+        assert!(Axis::of_key(key).is_some(), "{key}");
+    }
+    let laws = serde_json::to_value(ContactLaws::PAPER).unwrap();
+    for key in laws.as_object().unwrap().keys() {
+        let key = match key.as_str() {
+            "normal" => "contact",
+            "onset" => "friction_onset",
+            same => same,
+        };
+        assert!(Axis::of_key(key).is_some(), "{key}");
+    }
+}
+
+#[test]
+fn written_values_make_parameters_that_have_them() {
+    let mixture = Params {
+        size_ratio: 1.4,
+        large_fraction: 0.25,
+        ..params()
+    };
+    let values: Vec<Option<Value>> = AXES.iter().map(|axis| Some(axis.value(&mixture))).collect();
+    assert_eq!(params_of(&values).unwrap(), mixture);
+    let nothing = vec![None; AXES.len()];
+    let Err(Unmade::Missing(missing)) = params_of(&nothing) else {
+        panic!("something must be written");
+    };
+    let keys: Vec<&str> = missing.iter().map(|axis| axis.key).collect();
+    assert_eq!(
+        keys,
+        [
+            "spheres",
+            "area_fraction",
+            "roughness",
+            "friction",
+            "shear_rate"
+        ]
+    );
+}
+
+/// An axis reaches every place by its one entry: see [`ONE_MORE`].
+mod one_more {
+    use crate::campaign::Campaign;
+    use crate::report::{PageHost, Report, Selection, data, write_csv, write_json, write_markdown};
+    use crate::store::Store;
+
+    const FILE: &str = r#"name = "one-more"
+[protocol]
+strain = 0.1
+discard = 0.0
+[[grid]]
+area_fraction = 0.6
+friction = 0.3
+roughness = 0.01
+shear_rate = 1
+size_ratio = 1.4
+large_fraction = 0.5
+small_fraction = [0.25, 0.75]
+seeds = 1
+spheres = 30
+hydrodynamics = "ball-melrose"
+"#;
+
+    fn read(text: &str) -> Result<Campaign, String> {
+        Campaign::parse("one-more.toml", text.into()).map_err(|error| {
+            let mut shown = String::new();
+            miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
+                .render_report(&mut shown, &error)
+                .unwrap();
+            shown
+        })
+    }
+
+    #[test]
+    fn file_has_it_with_its_range_and_where_it_has_a_meaning() {
+        let campaign = read(FILE).unwrap();
+        let large: Vec<f64> = campaign
+            .cases
+            .iter()
+            .map(|(_, case)| case.params.large_fraction)
+            .collect();
+        assert_eq!(large, [0.75, 0.25]);
+        assert_ne!(campaign.cases[0].0, campaign.cases[1].0, "keys");
+        let error = read(&FILE.replace("[0.25, 0.75]", "1.5")).unwrap_err();
+        assert!(
+            error.contains("`small_fraction` is a number from 0 to 1"),
+            "{error}"
+        );
+        assert!(error.contains("12 │ small_fraction = 1.5"), "{error}");
+        let error = read(&FILE.replace("small_fraction", "smal_fraction")).unwrap_err();
+        assert!(error.contains("did you mean `small_fraction`?"), "{error}");
+        let error = read(&FILE.replace("size_ratio = 1.4", "size_ratio = 1")).unwrap_err();
+        assert!(
+            error.contains("`small_fraction` has no meaning in this grid"),
+            "{error}"
+        );
+        assert!(error.contains("`size_ratio` above 1"), "{error}");
+    }
+
+    #[test]
+    fn store_report_and_page_have_it() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("one-more.sqlite");
+        let mut store = Store::open(&path).unwrap();
+        store.adopt(&read(FILE).unwrap()).unwrap();
+        let sql = rusqlite::Connection::open(&path).unwrap();
+        let rows: Vec<f64> = sql
+            .prepare("SELECT small_fraction FROM runs")
+            .unwrap()
+            .query_map([], |row| row.get(0))
+            .unwrap()
+            .collect::<Result<_, _>>()
+            .unwrap();
+        assert_eq!(rows, [0.25, 0.75]);
+        sql.prepare("SELECT small_fraction FROM viscosity_vs_shear_rate")
+            .unwrap();
+
+        let only = Selection::parse(&["small_fraction=0.75".to_owned()]).unwrap();
+        let report = Report::of(&store, &only).unwrap();
+        assert_eq!(report.points.len(), 1);
+        assert_eq!(report.points[0].params.large_fraction, 0.25);
+        let all = Report::of(&store, &Selection::default()).unwrap();
+        let written = |write: fn(
+            &Report,
+            &mut dyn std::io::Write,
+        ) -> Result<(), crate::report::ReportError>| {
+            let mut bytes = Vec::new();
+            write(&all, &mut bytes).unwrap();
+            String::from_utf8(bytes).unwrap()
+        };
+        assert!(written(write_json).contains("\"small_fraction\":0.25"));
+        assert!(written(write_csv).starts_with("small_fraction,"));
+        assert!(written(write_markdown).contains("| small_fraction |"));
+        let page: serde_json::Value =
+            serde_json::from_str(&data(&store, &Selection::default(), PageHost::File).unwrap())
+                .unwrap();
+        assert_eq!(page["axes"][0]["key"], "small_fraction");
+        assert_eq!(page["points"][1]["small_fraction"], 0.75);
+    }
+
+    #[test]
+    fn store_made_before_gets_its_column_filled() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("one-more.sqlite");
+        let mut store = Store::open(&path).unwrap();
+        store.adopt(&read(FILE).unwrap()).unwrap();
+        drop(store);
+        let sql = rusqlite::Connection::open(&path).unwrap();
+        sql.execute_batch(
+            "DROP VIEW runs; DROP VIEW viscosity_vs_shear_rate; ALTER TABLE cases DROP COLUMN small_fraction",
+        )
+        .unwrap();
+        drop(Store::open(&path).unwrap());
+        let sum: f64 = sql
+            .query_row("SELECT sum(small_fraction) FROM runs", [], |row| row.get(0))
+            .unwrap();
+        assert_eq!(sum, 1.0);
+    }
+}
