@@ -73,8 +73,11 @@ struct Pieces {
 impl Pieces {
     /// Does them at the positions of the right-hand side just solved.
     fn repeat(&mut self, layer: &mut Layer, parts: &mut Parts) {
+        // Solving has factored the resistance in place.
+        layer.assemble();
+        parts.time("factorization", || layer.factor());
         let (cell, centres) = (&layer.cell, &layer.centres);
-        let radii = layer.motion.resistance.radii();
+        let radii = layer.stage.resistance.radii();
         parts.time("neighbours", || {
             let found = self
                 .neighbours
@@ -95,7 +98,7 @@ impl Pieces {
         }
         let strain = Background::SHEAR.strain();
         parts.time("background", || {
-            let resistance = &mut layer.motion.resistance;
+            let resistance = &mut layer.stage.resistance;
             resistance.background_forces(&strain, &mut self.forces);
         });
         parts.time("columns", || self.columns(layer));
@@ -103,10 +106,10 @@ impl Pieces {
 
     /// Columns of the contacts: as many, with the same starts.
     fn columns(&mut self, layer: &Layer) {
-        let resistance = &layer.motion.resistance;
+        let resistance = &layer.stage.resistance;
         let [normal, slip] = &mut self.columns;
         for (kind, columns) in [&mut *normal, &mut *slip].into_iter().enumerate() {
-            let list = layer.motion.contacts.list.iter();
+            let list = layer.stage.contacts.list.iter();
             let mut rows: Vec<[usize; 2]> = list
                 .filter(|c| kind == 0 || c.state != ContactState::Frictionless)
                 .map(|c| [c.pair.i, c.pair.j].map(|sphere| resistance.row(sphere)))
@@ -161,18 +164,17 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
             layer.cell = Cell::periodic(snapshot.side, snapshot.side, stage.time * snapshot.side)?;
             layer.centres.copy_from_slice(centres);
             parts.time("assembly", || layer.assemble());
-            parts.time("factorization", || layer.factor());
-            parts.time("contacts", || layer.solve(stage.span));
+            parts.time("solution", || layer.solve(stage.span));
             if stage.number == 0 {
-                let motion = &layer.motion;
+                let solved = &layer.stage;
                 parts.time("stress", || {
-                    stress.stress(motion, &Background::SHEAR, snapshot.side * snapshot.side);
+                    stress.stress(solved, &Background::SHEAR, snapshot.side * snapshot.side);
                 });
             }
             let flow = |x: Vec2| Background::SHEAR.velocity(x);
             let moved = velocities
                 .chunks_exact_mut(3)
-                .zip(layer.motion.velocities().chunks_exact(3));
+                .zip(layer.stage.velocities().chunks_exact(3));
             for ((u, v), &x) in moved.zip(centres) {
                 u.copy_from_slice(&[
                     v[0] + flow(x).x,
@@ -195,7 +197,7 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
 fn rows(parts: &Parts, whole: f64) -> Vec<(&'static str, f64)> {
     let of = |name| parts.seconds(name);
     let far = of("mobility") + of("mobility factor");
-    let known = of("assembly") + of("factorization") + of("contacts") + of("stress");
+    let known = of("assembly") + of("solution") + of("stress");
     vec![
         ("neighbours", of("neighbours")),
         ("far field: sums in real space", of("real")),
@@ -217,7 +219,7 @@ fn rows(parts: &Parts, whole: f64) -> Vec<(&'static str, f64)> {
         ("columns of the contacts and their products", of("columns")),
         (
             "contact and friction forces, velocities",
-            of("contacts") - of("background") - of("columns"),
+            of("solution") - of("factorization") - of("background") - of("columns"),
         ),
         ("stress", of("stress")),
         ("the rest", whole - known),

@@ -31,17 +31,15 @@ fn parts(
     let mut layer = Layer::new(snapshot, &params);
     let time_span = 0.5 * TIME_STEP;
     layer.assemble();
-    layer.factor();
     layer.solve(time_span);
     group.bench_function("right_hand_side", |bench| {
         bench.iter(|| {
             layer.assemble();
-            layer.factor();
             layer.solve(time_span);
         });
     });
     group.bench_function("contact_solve", |bench| {
-        bench.iter(|| layer.solve(time_span));
+        bench.iter(|| layer.solve_contacts(time_span));
     });
     group.bench_function("assembly", |bench| bench.iter(|| layer.assemble()));
     group.bench_function("assembly_and_factorization", |bench| {

@@ -15,12 +15,12 @@ mod methods;
 
 use methods::{BOGACKI_SHAMPINE, EULER, HEUN, MIDPOINT, Method, RK4};
 use sd_core::cell::Cell;
-use sd_core::contact::Surface;
-use sd_core::contact::rigid::Memory;
+use sd_core::contact::ContactMemory;
+use sd_core::contact::laws::{Laws, Span};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
-    ContactLaw, ContactScheme, Hydrodynamics, Motion, NearFields, Params, Resistance, Simulation,
-    Snapshot, StressWork,
+    ContactScheme, Hydrodynamics, NearFields, Params, Resistance, Simulation, Snapshot,
+    StageContact, StageSolver, StressWork,
 };
 
 /// Viscosity as the program measures it, and with contacts that look ahead by [`LOOK`] only.
@@ -36,13 +36,13 @@ const SMALLEST: f64 = 1.0 / 64.0;
 /// A layer that any method can move.
 struct Layer {
     side: f64,
-    surface: Surface,
+    laws: Laws,
     /// Strain reached.
     time: f64,
     /// Centres; the orientations of spheres do not matter here.
     centres: Vec<Vec2>,
-    motion: Motion,
-    memory: Memory,
+    solver: StageSolver,
+    memory: ContactMemory,
     stress: StressWork,
     evaluations: u64,
     /// Velocities of the stages.
@@ -73,15 +73,15 @@ impl Layer {
         );
         Self {
             side: snapshot.side,
-            surface: params.surface(),
+            laws: Laws::rigid(params.surface()),
             time: snapshot.steps as f64 * params.time_step,
             centres: snapshot
                 .centres
                 .iter()
                 .map(|&[x, y]| Vec2::new(x, y))
                 .collect(),
-            motion: Motion::new(resistance.expect("a valid layer")),
-            memory: snapshot.memory.clone(),
+            solver: StageSolver::new(resistance.expect("a valid layer")),
+            memory: ContactMemory::default(),
             stress: StressWork::default(),
             evaluations: 0,
             velocities: vec![Vec::new(); 8],
@@ -95,33 +95,32 @@ impl Layer {
     fn stage(&mut self, number: usize, time: f64, span: f64, centres: &[Vec2]) -> Option<Stage> {
         let background = Background::SHEAR;
         let cell = Cell::periodic(self.side, self.side, time * self.side).expect("positive sides");
-        self.motion.resistance.update(&cell, centres).ok()?;
-        let law = ContactLaw::Rigid {
-            surface: self.surface,
-            time_span: span,
+        self.solver.assemble(&cell, centres).ok()?;
+        let contact = StageContact::Laws {
+            laws: &self.laws,
+            span: Span::alone(span),
             memory: &mut self.memory,
         };
-        self.motion.solve_again(&background, &[], law).ok()?;
+        self.solver.solve(&background, &[], contact).ok()?;
         self.evaluations += 1;
         let velocities = &mut self.velocities[number];
         velocities.clear();
-        let disturbances = self.motion.velocities().chunks_exact(3);
+        let disturbances = self.solver.velocities().chunks_exact(3);
         velocities.extend(
             disturbances
                 .zip(centres)
                 .map(|(v, &x)| Vec2::new(v[0], v[1]) + background.velocity(x)),
         );
         let viscosity = self.viscosity();
-        let mut memory = self.memory.clone();
-        let law = ContactLaw::Rigid {
-            surface: self.surface,
-            time_span: LOOK,
-            memory: &mut memory,
+        let contact = StageContact::Laws {
+            laws: &self.laws,
+            span: Span::alone(LOOK),
+            memory: &mut self.memory.clone(),
         };
-        self.motion.solve_again(&background, &[], law).ok()?;
+        self.solver.solve_again(&background, contact).ok()?;
         let instant = self.viscosity();
         Some(Stage {
-            gap: self.motion.closest().map_or(f64::INFINITY, |pair| pair.gap),
+            gap: self.solver.closest().map_or(f64::INFINITY, |pair| pair.gap),
             viscosity,
             instant,
         })
@@ -131,7 +130,7 @@ impl Layer {
     fn viscosity(&mut self) -> f64 {
         let stress = self
             .stress
-            .stress(&self.motion, &Background::SHEAR, self.side * self.side);
+            .stress(&self.solver, &Background::SHEAR, self.side * self.side);
         stress.viscosity
     }
 
@@ -157,7 +156,7 @@ impl Layer {
             let time = self.time + method.nodes[number] * dt;
             let stage = self.stage(number, time, method.spans[number] * dt, &centres)?;
             let first = self.first.get_or_insert(stage);
-            if stage.gap < first.gap.min(HELD_SHARE * self.surface.roughness) && !smallest {
+            if stage.gap < first.gap.min(HELD_SHARE * self.laws.surface.roughness) && !smallest {
                 return None;
             }
             last = Some(stage);

@@ -3,28 +3,41 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{History, Laws, Normal, Phase, Tangential};
-use sd_core::contact::repulsion::Repulsion;
-use sd_core::contact::rigid::Memory;
-use sd_core::contact::{Contact, ContactState, Surface, hertz};
+use sd_core::contact::laws::{Laws, NormalForce, Phase, Span};
+use sd_core::contact::warm_start::SpringForces;
+use sd_core::contact::{Contact, ContactMemory, ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::law::repulsion::ExponentialRepulsion;
 use sd_core::modes::{Background, Vec2};
 use sd_core::params::DEEPEST_OVERLAP;
+use sd_core::simulation::SchemeMemory;
 use sd_core::{
-    ContactLaw, ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, Motion, NearFields,
-    NormalLaw, Params, Resistance, Rosenbrock, Simulation, Snapshot, State, TangentialLaw,
+    ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
+    Resistance, Rosenbrock, Simulation, Snapshot, StageContact, StageSolver, State, TangentialLaw,
 };
 
-const SPRING: Normal = Normal::LinearSpring {
+const RIGID: NormalForce = NormalForce {
+    law: NormalLaw::Rigid,
+    stiffness: f64::INFINITY,
+    dashpot: 0.0,
+};
+const SPRING: NormalForce = NormalForce {
+    law: NormalLaw::LinearSpring,
     stiffness: 2000.0,
     dashpot: 0.0,
 };
-const HERTZ: Normal = Normal::Hertz {
+const HERTZ: NormalForce = NormalForce {
+    law: NormalLaw::Hertz,
     stiffness: 40_000.0,
     dashpot: 0.0,
 };
 
-fn laws(normal: Normal, tangential: Tangential, friction: f64) -> Laws {
+/// Overlap at which a law bears a force.
+fn overlap(normal: NormalForce, force: f64) -> f64 {
+    normal.law.overlap(force, normal.stiffness)
+}
+
+fn laws(normal: NormalForce, tangential: TangentialLaw, friction: f64) -> Laws {
     Laws {
         surface: Surface {
             roughness: 0.01,
@@ -33,8 +46,17 @@ fn laws(normal: Normal, tangential: Tangential, friction: f64) -> Laws {
         },
         normal,
         tangential,
+        tangential_stiffness: 0.0,
         onset: FrictionOnset::CriticalLoad,
         repulsion: None,
+    }
+}
+
+/// Tangential springs of a stiffness that slide.
+fn stick_slide(normal: NormalForce, stiffness: f64, friction: f64) -> Laws {
+    Laws {
+        tangential_stiffness: stiffness,
+        ..laws(normal, TangentialLaw::StickSlide, friction)
     }
 }
 
@@ -58,20 +80,21 @@ fn solved(configuration: &Configuration, laws: &Laws, time_span: f64) -> SolvedC
         laws: *laws,
         lubrication_gap: 0.001,
         time_span,
-        springs: Memory::default(),
+        springs: SpringForces::default(),
     };
     solve(configuration, &request, &NearFields::default()).unwrap()
 }
 
 #[test]
 fn pressed_pair_is_in_exact_balance() {
-    for (normal, overlap) in [
-        (SPRING, 5.0 / 2000.0),
-        (HERTZ, hertz::overlap(5.0, 40_000.0)),
-    ] {
+    for (normal, overlap) in [(SPRING, 5.0 / 2000.0), (HERTZ, overlap(HERTZ, 5.0))] {
         for time_span in [1e-4, 0.01] {
             let at_rest = pair(0.01 - overlap, 5.0, 0.0);
-            let instant = solved(&at_rest, &laws(normal, Tangential::Coulomb, 0.5), time_span);
+            let instant = solved(
+                &at_rest,
+                &laws(normal, TangentialLaw::Coulomb, 0.5),
+                time_span,
+            );
             let c = instant.contacts[0];
             assert!((c.normal_force - 5.0).abs() < 1e-8, "{normal:?}: {c:?}");
             assert!(c.normal_velocity.abs() < 1e-8);
@@ -86,13 +109,20 @@ fn pressed_pair_is_in_exact_balance() {
         }
     }
     // A repulsion alone: F0 exp(-g/l) = 5 at g = l ln(F0/5).
-    let repulsion = Repulsion {
+    let repulsion = ExponentialRepulsion {
         force: 20.0,
         length: 0.02,
     };
     let alone = Laws {
         repulsion: Some(repulsion),
-        ..laws(Normal::None, Tangential::Coulomb, 0.0)
+        ..laws(
+            NormalForce {
+                law: NormalLaw::ExponentialRepulsion,
+                ..RIGID
+            },
+            TangentialLaw::Coulomb,
+            0.0,
+        )
     };
     let instant = solved(&pair(0.02 * 4.0_f64.ln(), 5.0, 0.0), &alone, 0.01);
     assert!(instant.contacts.is_empty());
@@ -108,11 +138,8 @@ fn pressed_pair_is_in_exact_balance() {
 #[test]
 fn dashpot_adds_its_share_and_never_pulls() {
     let damped = |dashpot| {
-        let normal = Normal::LinearSpring {
-            stiffness: 2000.0,
-            dashpot,
-        };
-        laws(normal, Tangential::Coulomb, 0.0)
+        let normal = NormalForce { dashpot, ..SPRING };
+        laws(normal, TangentialLaw::Coulomb, 0.0)
     };
     let approaching = solved(&pair(0.009, 10.0, 0.0), &damped(300.0), 1e-9).contacts[0];
     let expected = 2000.0 * 0.001 - 300.0 * approaching.normal_velocity;
@@ -125,12 +152,12 @@ fn dashpot_adds_its_share_and_never_pulls() {
 
 #[test]
 fn coulomb_sticks_without_slip_inside_the_cone_and_slides_on_it() {
-    for normal in [Normal::Rigid, SPRING, HERTZ] {
-        let gap = if normal == Normal::Rigid { 0.01 } else { 0.008 };
+    for normal in [RIGID, SPRING, HERTZ] {
+        let gap = if normal == RIGID { 0.01 } else { 0.008 };
         let at = |friction, shear| {
             solved(
                 &pair(gap, 5.0, shear),
-                &laws(normal, Tangential::Coulomb, friction),
+                &laws(normal, TangentialLaw::Coulomb, friction),
                 0.001,
             )
             .contacts[0]
@@ -148,15 +175,11 @@ fn coulomb_sticks_without_slip_inside_the_cone_and_slides_on_it() {
 
 #[test]
 fn stick_rotate_turns_a_pressed_pair_as_one_body() {
-    for normal in [Normal::Rigid, SPRING] {
-        let gap = if normal == Normal::Rigid {
-            0.01
-        } else {
-            0.0075
-        };
+    for normal in [RIGID, SPRING] {
+        let gap = if normal == RIGID { 0.01 } else { 0.0075 };
         let instant = solved(
             &pair(gap, 5.0, 3.0),
-            &laws(normal, Tangential::StickRotate, 1.0),
+            &laws(normal, TangentialLaw::StickRotate, 1.0),
             0.001,
         );
         let c = instant.contacts[0];
@@ -170,10 +193,10 @@ fn stick_rotate_turns_a_pressed_pair_as_one_body() {
         // Pulled apart, they part and turn freely.
         let parting = solved(
             &pair(gap, -5.0, 3.0),
-            &laws(normal, Tangential::StickRotate, 1.0),
+            &laws(normal, TangentialLaw::StickRotate, 1.0),
             1e-6,
         );
-        if normal == Normal::Rigid {
+        if normal == RIGID {
             assert_eq!(parting.contacts[0].tangential_force, 0.0);
         }
     }
@@ -182,7 +205,7 @@ fn stick_rotate_turns_a_pressed_pair_as_one_body() {
 #[test]
 fn onset_takes_the_load_off_or_jumps() {
     let at = |onset, critical_load| {
-        let mut laws = laws(Normal::Rigid, Tangential::Coulomb, 0.2);
+        let mut laws = laws(RIGID, TangentialLaw::Coulomb, 0.2);
         laws.onset = onset;
         laws.surface.critical_load = critical_load;
         solved(&pair(0.01, 5.0, 4.0), &laws, 0.001).contacts[0]
@@ -202,7 +225,7 @@ fn onset_takes_the_load_off_or_jumps() {
 /// A pair moved in time under constant forces along and across its line of centres.
 struct Pushed {
     state: State,
-    memory: Memory,
+    memory: ContactMemory,
     /// Work done by the forces, energy dissipated in the fluid and by friction: by the trapezoidal rule of the stages.
     work: f64,
     dissipated: f64,
@@ -229,13 +252,13 @@ fn pushed(
     )
     .unwrap();
     resistance.regularise(0.001, DEEPEST_OVERLAP);
-    let mut motion = Motion::new(resistance);
+    let mut motion = StageSolver::new(resistance);
     let mut out = Pushed {
         state: State {
             centres: vec![Vec2::zeros(), n * (2.4 + gap)],
             orientations: vec![0.0; 2],
         },
-        memory: Memory::default(),
+        memory: ContactMemory::default(),
         work: 0.0,
         dissipated: 0.0,
         last: motion.contacts.list.first().copied().unwrap_or_else(|| {
@@ -245,7 +268,7 @@ fn pushed(
     };
     let force = n * push + Vec2::new(-n.y, n.x) * shear;
     let external = [force.x, force.y, 0.0, -force.x, -force.y, 0.0];
-    let mut history = History::default();
+    let mut first = Vec::new();
     let mut integrator = Rosenbrock::default();
     let dt = time / f64::from(steps);
     for _ in 0..steps {
@@ -253,19 +276,17 @@ fn pushed(
         let (mut power, mut loss) = (0.0, 0.0);
         integrator
             .step(&mut out.state, 0.0, dt, |stage, centres, velocities| {
-                let law = ContactLaw::Laws {
-                    laws,
-                    span: (stage.span, [Phase::First, Phase::Second][stage.number]),
-                    memory,
-                    history: &mut history,
+                let span = Span {
+                    time: stage.span,
+                    phase: [Phase::First, Phase::Second][stage.number],
+                    first: &first,
                 };
-                motion.solve(
-                    &Cell::Unbounded,
-                    centres,
-                    &Background::QUIESCENT,
-                    &external,
-                    law,
-                )?;
+                let law = StageContact::Laws { laws, span, memory };
+                motion.assemble(&Cell::Unbounded, centres)?;
+                motion.solve(&Background::QUIESCENT, &external, law)?;
+                if stage.number == 0 {
+                    first = motion.velocities().to_vec();
+                }
                 velocities.copy_from_slice(motion.velocities());
                 let of = |f: &[f64]| {
                     f.iter()
@@ -303,23 +324,24 @@ fn gap(p: &Pushed) -> f64 {
 fn spring_stores_what_work_leaves_over() {
     // Released from an overlap and pushed back: what is stored is known from the gap alone.
     let repelled = Laws {
-        repulsion: Some(Repulsion {
+        repulsion: Some(ExponentialRepulsion {
             force: 20.0,
             length: 0.01,
         }),
-        ..laws(SPRING, Tangential::Coulomb, 0.0)
+        ..laws(SPRING, TangentialLaw::Coulomb, 0.0)
     };
     for laws in [
-        laws(SPRING, Tangential::Coulomb, 0.0),
-        laws(HERTZ, Tangential::Coulomb, 0.0),
+        laws(SPRING, TangentialLaw::Coulomb, 0.0),
+        laws(HERTZ, TangentialLaw::Coulomb, 0.0),
         repelled,
     ] {
         let stored = |gap: f64| {
             let d = (0.01 - gap).max(0.0);
-            let contact = match laws.normal {
-                Normal::LinearSpring { stiffness, .. } => 0.5 * stiffness * d * d,
-                Normal::Hertz { stiffness, .. } => 0.4 * stiffness * d.powf(2.5),
-                _ => 0.0,
+            let NormalForce { law, stiffness, .. } = laws.normal;
+            let contact = match law {
+                NormalLaw::LinearSpring => 0.5 * stiffness * d * d,
+                NormalLaw::Hertz => 0.4 * stiffness * d.powf(2.5),
+                NormalLaw::Rigid | NormalLaw::ExponentialRepulsion => 0.0,
             };
             contact + laws.repulsion.map_or(0.0, |r| r.energy(gap))
         };
@@ -338,13 +360,12 @@ fn spring_stores_what_work_leaves_over() {
 
 #[test]
 fn sticking_spring_stores_and_sliding_dissipates() {
-    let tangential = Tangential::StickSlide { stiffness: 1000.0 };
     for (friction, slides) in [(2.0, false), (0.1, true)] {
-        let laws = laws(SPRING, tangential, friction);
+        let laws = stick_slide(SPRING, 1000.0, friction);
         let start = 0.01 - 5.0 / 2000.0;
         let stored = |p: &Pushed| {
             let d = 0.01 - gap(p);
-            let stretched = p.memory.forces[0].3;
+            let stretched = p.memory.springs.0[0].2;
             0.5 * 2000.0 * d * d + 0.5 * stretched * stretched / 1000.0
         };
         // Friction's own loss is the work of F_t on the slip beyond what the spring takes up.
@@ -371,12 +392,16 @@ fn sticking_spring_stores_and_sliding_dissipates() {
 
 #[test]
 fn stick_slide_does_not_know_its_frame() {
-    let laws = laws(SPRING, Tangential::StickSlide { stiffness: 1000.0 }, 0.3);
+    let laws = stick_slide(SPRING, 1000.0, 0.3);
     let at = |turn| pushed(&laws, 0.0075, [5.0, 2.0], 0.5, 100, turn);
     let (still, turned) = (at(0.0), at(1.1));
-    let (a, b) = (still.memory.forces[0], turned.memory.forces[0]);
+    let forces = |p: &Pushed| {
+        let (_, _, f, _) = p.memory.warm_start.forces[0];
+        (f, p.memory.springs.0[0].2)
+    };
+    let (a, b) = (forces(&still), forces(&turned));
     assert!(
-        (a.2 - b.2).abs() < 1e-9 && (a.3 - b.3).abs() < 1e-9,
+        (a.0 - b.0).abs() < 1e-9 && (a.1 - b.1).abs() < 1e-9,
         "{a:?} {b:?}"
     );
     assert!((gap(&still) - gap(&turned)).abs() < 1e-12);
@@ -393,17 +418,11 @@ fn stick_slide_does_not_know_its_frame() {
 #[test]
 fn order_in_time_is_two_and_stiffness_costs_no_steps() {
     let sliding = |stiffness: f64| {
-        let normal = Normal::LinearSpring {
+        let normal = NormalForce {
             stiffness,
-            dashpot: 0.0,
+            ..SPRING
         };
-        laws(
-            normal,
-            Tangential::StickSlide {
-                stiffness: 0.5 * stiffness,
-            },
-            0.5,
-        )
+        stick_slide(normal, 0.5 * stiffness, 0.5)
     };
     // From an overlap, so that no contact opens or closes within a step.
     let end = |stiffness: f64, steps| {
@@ -415,9 +434,9 @@ fn order_in_time_is_two_and_stiffness_costs_no_steps() {
             steps,
             0.4,
         );
-        let f = p.memory.forces[0];
+        let (f, spring) = (p.memory.warm_start.forces[0].2, p.memory.springs.0[0].2);
         // Where the pair is and how far the spring is stretched; the normal force is that of a stage, and so of first order.
-        ([gap(&p), f.3 / stiffness], f.2)
+        ([gap(&p), spring / stiffness], f)
     };
     let distance = |(a, _): ([f64; 2], f64), (b, _): ([f64; 2], f64)| {
         (a[0] - b[0]).abs().max((a[1] - b[1]).abs())
@@ -442,11 +461,8 @@ fn free_approach_meets_the_spring_without_overshoot() {
     // The contact closes within a step: the error is of second order in the step all the same, and the pair comes to rest where
     // spring and push balance.
     for normal in [SPRING, HERTZ] {
-        let laws = laws(normal, Tangential::Coulomb, 0.0);
-        let rest = match normal {
-            Normal::Hertz { stiffness, .. } => hertz::overlap(20.0, stiffness),
-            _ => 20.0 / 2000.0,
-        };
+        let laws = laws(normal, TangentialLaw::Coulomb, 0.0);
+        let rest = overlap(normal, 20.0);
         let p = pushed(&laws, 0.03, [20.0, 0.0], 40.0, 400, 0.0);
         assert!((gap(&p) - (0.01 - rest)).abs() < 1e-7, "{} {rest}", gap(&p));
     }
@@ -578,11 +594,16 @@ fn resumed_run_has_the_same_bits_under_every_choice() {
             assert_eq!(whole.step().unwrap(), resumed.step().unwrap());
         }
         assert_eq!(whole.snapshot(), resumed.snapshot());
-        let remembers = whole.snapshot().memory.forces.iter().any(|f| f.3 != 0.0);
+        let SchemeMemory::Laws(memory) = whole.snapshot().memory else {
+            panic!("a run under laws");
+        };
+        let remembers = memory.warm_start.forces.iter().any(|f| f.3 != 0.0);
         assert_eq!(
             remembers,
             contact.laws().normal != NormalLaw::ExponentialRepulsion
         );
+        let stretched = memory.springs.0.iter().any(|f| f.2 != 0.0);
+        assert_eq!(stretched, contact.laws().tangential.has_spring());
     }
 }
 
@@ -605,7 +626,7 @@ fn energy_of_a_layer_balances_under_every_choice() {
             forces: vec![Vec2::zeros(); params.spheres],
             torques: vec![0.0; params.spheres],
         };
-        let request = contact.request(&params, 0.005);
+        let request = ContactRequest::of_run(&params, 0.005);
         let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
         let stress = instant.stress.unwrap();
         let power: f64 = instant

@@ -7,8 +7,8 @@ use sd_core::contact::{Contact, ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
-    ContactLaw, ContactScheme, Error, Flow, Hydrodynamics, Motion, NearFields, Params, Resistance,
-    RungeKutta, Sample, Simulation, Snapshot, State, start,
+    ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Resistance, RungeKutta, Sample,
+    Simulation, Snapshot, StageContact, StageSolver, State, start,
 };
 use std::f64::consts::PI;
 
@@ -74,10 +74,7 @@ fn energy_balances_to_1e_10_with_contacts_and_friction() {
         };
         for request in [
             ContactRequest::None,
-            ContactRequest::Rigid {
-                surface,
-                time_span: 0.005,
-            },
+            ContactRequest::rigid(surface, 0.005),
             ContactRequest::Procedure { surface },
         ] {
             let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
@@ -101,14 +98,14 @@ fn energy_balances_to_1e_10_with_contacts_and_friction() {
 fn friction_dissipates_in_a_layer() {
     let (_, snapshot) = run(&params(), 4, 100);
     let configuration = configuration(&snapshot, Hydrodynamics::BallMelrose);
-    let request = ContactRequest::Rigid {
-        surface: Surface {
+    let request = ContactRequest::rigid(
+        Surface {
             roughness: 0.01,
             friction: 0.3,
             critical_load: 0.0,
         },
-        time_span: 0.005,
-    };
+        0.005,
+    );
     let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
     let power: f64 = instant
         .contacts
@@ -283,7 +280,7 @@ fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> 
         &NearFields::default(),
     )
     .unwrap();
-    let mut motion = Motion::new(resistance);
+    let mut motion = StageSolver::new(resistance);
     let mut integrator = RungeKutta::default();
     let mut state = state;
     let shear = Background::SHEAR;
@@ -291,7 +288,8 @@ fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> 
         let time = from + f64::from(k) * dt;
         integrator
             .step(&mut state, time, dt, |stage, centres, velocities| {
-                motion.solve(&cell(stage.time), centres, &shear, &[], ContactLaw::None)?;
+                motion.assemble(&cell(stage.time), centres)?;
+                motion.solve(&shear, &[], StageContact::None)?;
                 velocities.copy_from_slice(motion.velocities());
                 for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
                     u[0] += shear.velocity(x).x;
@@ -360,14 +358,14 @@ fn viscosity_does_not_depend_on_the_order_of_spheres_the_lattice_or_the_origin()
     let (_, snapshot) = run(&params(), 6, 40);
     for hydrodynamics in [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics] {
         let base = configuration(&snapshot, hydrodynamics);
-        let request = ContactRequest::Rigid {
-            surface: Surface {
+        let request = ContactRequest::rigid(
+            Surface {
                 roughness: 0.01,
                 friction: 0.3,
                 critical_load: 0.0,
             },
-            time_span: 0.005,
-        };
+            0.005,
+        );
         let viscosity = |c: &Configuration| {
             let instant = solve(c, &request, &NearFields::default()).unwrap();
             instant.stress.unwrap().viscosity
@@ -414,14 +412,14 @@ fn rolling_friction_stops_the_slip_of_a_pair_alone() {
         torques: vec![0.0; 2],
     };
     let pressed = |friction| {
-        let request = ContactRequest::Rigid {
-            surface: Surface {
+        let request = ContactRequest::rigid(
+            Surface {
                 roughness: 0.01,
                 friction,
                 critical_load: 0.0,
             },
-            time_span: 0.005,
-        };
+            0.005,
+        );
         solve(&configuration, &request, &NearFields::default())
             .unwrap()
             .contacts[0]

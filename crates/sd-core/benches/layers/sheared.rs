@@ -1,13 +1,13 @@
 //! Layers with a developed contact network: h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
 
 use sd_core::cell::Cell;
-use sd_core::contact::Surface;
-use sd_core::contact::rigid::Memory;
+use sd_core::contact::ContactMemory;
+use sd_core::contact::laws::{Laws, Span};
 use sd_core::modes::{Background, Vec2};
-use sd_core::simulation::is_pairwise;
+use sd_core::simulation::SchemeMemory;
 use sd_core::{
-    ContactLaw, ContactScheme, Hydrodynamics, IterativeFarField, Motion, NearFields, Params,
-    Resistance, Simulation, Snapshot,
+    ContactScheme, Hydrodynamics, Method, NearFields, Params, Simulation, Snapshot, StageContact,
+    StageSolver,
 };
 
 /// Time step of the runs and of the stages timed.
@@ -62,7 +62,7 @@ pub(crate) fn layer(spheres: usize, area_fraction: f64) -> Snapshot {
 fn copied(small: &Snapshot, area_fraction: f64, copies: usize) -> Snapshot {
     let mut large = small.clone();
     large.side = copies as f64 * small.side;
-    large.memory = Memory::default();
+    large.memory = SchemeMemory::Laws(ContactMemory::default());
     large.near_pairs.clear();
     let shift = small.steps as f64 * TIME_STEP * small.side;
     for copy in 1..copies * copies {
@@ -87,10 +87,10 @@ fn copied(small: &Snapshot, area_fraction: f64, copies: usize) -> Snapshot {
 pub(crate) struct Layer {
     pub(crate) cell: Cell,
     pub(crate) centres: Vec<Vec2>,
-    pub(crate) motion: Motion,
-    surface: Surface,
+    pub(crate) stage: StageSolver,
+    laws: Laws,
     /// Contact forces of the stage before. After the first solve those of the same instant, as good a start as in a run.
-    memory: Memory,
+    memory: ContactMemory,
 }
 
 impl Layer {
@@ -100,43 +100,52 @@ impl Layer {
         let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
         let centres = snapshot.centres.iter();
         let (radii, tables) = (&snapshot.radii, NearFields::default());
-        let motion = if !is_pairwise(params) {
-            Resistance::new(params.hydrodynamics, &cell, radii, &tables).map(Motion::new)
-        } else if params.hydrodynamics == Hydrodynamics::BallMelrose {
-            Resistance::new_pairwise(&cell, radii, &tables, &[]).map(Motion::new)
-        } else {
-            let far = IterativeFarField::new(&cell, radii, IterativeFarField::DEFAULT_RESIDUAL);
-            let pairwise = Resistance::new_pairwise(&cell, radii, &tables, &[]);
-            pairwise.and_then(|pairwise| Ok(Motion::with_far_field(pairwise, far?)))
-        };
+        let method = Method::of(params);
+        let stage = method.solver(params.hydrodynamics, &cell, radii, &tables, &[]);
         Self {
             cell,
             centres: centres.map(|&[x, y]| Vec2::new(x, y)).collect(),
-            motion: motion.expect("a valid layer"),
-            surface: params.surface(),
-            memory: Memory::default(),
+            stage: stage.expect("a valid layer"),
+            laws: Laws::rigid(params.surface()),
+            memory: ContactMemory::default(),
         }
     }
 
     /// Finds the pairs and assembles far field and `R_FU`.
     pub(crate) fn assemble(&mut self) {
-        let done = self.motion.assemble(&self.cell, &self.centres);
+        let done = self.stage.assemble(&self.cell, &self.centres);
         done.expect("a regular layer");
     }
 
+    /// Factors the resistance assembled, which [`Layer::solve`] does by itself.
+    #[allow(dead_code, reason = "shared between benches, of which some time it")]
     pub(crate) fn factor(&mut self) {
-        self.motion.resistance.factor().expect("a regular layer");
+        self.stage.resistance.factor().expect("a regular layer");
     }
 
-    /// Contact forces and velocities of a stage that looks ahead by `time_span`; a far field is iterated from nothing.
+    /// Forces, factor and velocities of a stage that looks ahead by `time_span`, once for each [`Layer::assemble`]; a far field is iterated
+    /// from nothing.
     pub(crate) fn solve(&mut self, time_span: f64) {
-        self.motion.forget();
-        let law = ContactLaw::Rigid {
-            surface: self.surface,
-            time_span,
+        self.stage.begin_step();
+        let contact = StageContact::Laws {
+            laws: &self.laws,
+            span: Span::alone(time_span),
             memory: &mut self.memory,
         };
-        let solved = self.motion.solve_again(&Background::SHEAR, &[], law);
+        let solved = self.stage.solve(&Background::SHEAR, &[], contact);
+        solved.expect("finite velocities");
+    }
+
+    /// The last part of [`Layer::solve`] alone, once more: contact forces and velocities.
+    #[allow(dead_code, reason = "shared between benches, of which some time it")]
+    pub(crate) fn solve_contacts(&mut self, time_span: f64) {
+        self.stage.begin_step();
+        let contact = StageContact::Laws {
+            laws: &self.laws,
+            span: Span::alone(time_span),
+            memory: &mut self.memory,
+        };
+        let solved = self.stage.solve_again(&Background::SHEAR, contact);
         solved.expect("finite velocities");
     }
 }

@@ -227,6 +227,9 @@ impl BoxSolver {
                 self.deciding -= 1;
                 found += self.decide(problem, onset.critical_load);
             }
+            if found == 0 && noise.exact {
+                return (Ended::Solved, count);
+            }
             last = found == 0;
             if found > 0 {
                 pace.after(count, found);
@@ -289,6 +292,7 @@ impl BoxSolver {
         let mobility = (0..problem.normal.len()).map(|k| system.mobility(k));
         let mut compliance = FIRST_COMPLIANCE * mobility.fold(0.0, f64::max);
         let (mut solved, mut ratio, mut systems) = (None, FIRST_RATIO, 0);
+        self.best.clone_from(&self.forces);
         for _ in 0..MOST_PROBLEMS {
             self.compliance = compliance;
             let (ended, more) = self.newton(problem, system, onset, refine, PATH_SYSTEMS);

@@ -1,0 +1,314 @@
+//! Instants and short runs of every contact law against those of the program before all laws became one problem.
+//!
+//! The records and their origin are described in `tests/data/README.md` at the repository's top. Where friction begins with a jump, at a
+//! finite critical load, more than one set of contacts with friction can agree with itself, and the two programs may find different ones.
+//! Such instants are counted and left out.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use sd_core::cell::Cell;
+use sd_core::contact::laws::{Laws, Span};
+use sd_core::contact::procedure::ContactList;
+use sd_core::contact::warm_start::{SpringForces, WarmStart};
+use sd_core::contact::{ContactMemory, Quality};
+use sd_core::modes::{Background, Vec2};
+use sd_core::params::DEEPEST_OVERLAP;
+use sd_core::simulation::{Counters, SNAPSHOT_VERSION, SchemeMemory};
+use sd_core::{
+    ContactScheme, FrictionOnset, Hydrodynamics, IterativeFarField, Method, NearFields, Params,
+    Resistance, Simulation, Snapshot, StageContact, StageSolver, StressWork,
+};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Largest difference of velocities, forces and viscosities, over the largest of each.
+const LIMIT: f64 = 1e-6;
+/// Relative residual of the iterated far field.
+const FAR_FIELD_RESIDUAL: f64 = 1e-8;
+
+/// One record.
+#[derive(Deserialize)]
+struct Record {
+    params: Params,
+    steps: u64,
+    side: f64,
+    centres: Vec<[f64; 2]>,
+    velocities: Vec<f64>,
+    listed: Vec<(u32, u32)>,
+    memory: Vec<(u32, u32, f64, f64)>,
+    instant: Instant,
+    run: Vec<(f64, u64)>,
+}
+
+/// One solution at the state of a record.
+#[derive(Deserialize)]
+struct Instant {
+    time_span: f64,
+    converged: bool,
+    consistent: bool,
+    viscosity: f64,
+    velocities: Vec<f64>,
+    contacts: Vec<(usize, usize, f64, f64)>,
+}
+
+/// Forces by pair, and the motion.
+struct Solved {
+    quality: Quality,
+    viscosity: f64,
+    velocities: Vec<f64>,
+    contacts: BTreeMap<(usize, usize), [f64; 2]>,
+}
+
+/// What became of the records.
+#[derive(Debug, Default, PartialEq)]
+struct Tally {
+    instants: u32,
+    /// Instants at which another set of contacts has friction.
+    other_sets: u32,
+    runs: u32,
+    other_runs: u32,
+}
+
+impl Record {
+    fn memory(&self) -> ContactMemory {
+        let springs = self.params.contact.laws().tangential.has_spring();
+        let stretched = self.memory.iter().filter(|f| springs && f.3 != 0.0);
+        ContactMemory {
+            springs: SpringForces(stretched.map(|&(i, j, _, t)| (i, j, t)).collect()),
+            warm_start: WarmStart {
+                forces: self.memory.clone(),
+            },
+        }
+    }
+
+    fn listed(&self) -> ContactList {
+        ContactList {
+            pairs: self.listed.clone(),
+        }
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        let memory = match self.params.contact {
+            ContactScheme::Procedure => SchemeMemory::Procedure {
+                listed: self.listed(),
+                velocities: self.velocities.clone(),
+            },
+            ContactScheme::Rigid | ContactScheme::Laws(_) => SchemeMemory::Laws(self.memory()),
+        };
+        Snapshot {
+            version: SNAPSHOT_VERSION,
+            steps: self.steps,
+            radii: vec![1.0; self.params.spheres],
+            side: self.side,
+            centres: self.centres.clone(),
+            orientations: vec![0.0; self.params.spheres],
+            memory,
+            near_pairs: Vec::new(),
+            counters: Counters::default(),
+        }
+    }
+
+    /// Whether friction begins with a jump.
+    fn jumps(&self) -> bool {
+        let load = self.params.critical_load();
+        let onset = self.params.contact.laws().onset;
+        load > 0.0 && load.is_finite() && onset == FrictionOnset::CriticalLoad
+    }
+
+    /// The ways of computing that apply.
+    fn methods(&self) -> Vec<Method> {
+        match (self.params.contact, self.params.hydrodynamics) {
+            (ContactScheme::Procedure, _) => vec![Method::Dense],
+            (_, Hydrodynamics::BallMelrose) => vec![Method::Dense, Method::Pairwise],
+            (_, Hydrodynamics::StokesianDynamics) => vec![Method::Dense, Method::Iterated],
+        }
+    }
+
+    fn stage(&self, method: Method, cell: &Cell) -> StageSolver {
+        let (radii, tables) = (vec![1.0; self.params.spheres], NearFields::default());
+        let laws = self.params.contact.laws();
+        let regular = |mut resistance: Resistance| {
+            if laws.is_soft() {
+                resistance.regularise(laws.lubrication_gap, DEEPEST_OVERLAP);
+            }
+            resistance
+        };
+        let near = || regular(Resistance::new_pairwise(cell, &radii, &tables, &[]).unwrap());
+        match method {
+            Method::Dense => {
+                let dense = Resistance::new(self.params.hydrodynamics, cell, &radii, &tables);
+                StageSolver::new(regular(dense.unwrap()))
+            }
+            Method::Pairwise => StageSolver::new(near()),
+            Method::Iterated => {
+                let far = IterativeFarField::new(cell, &radii, FAR_FIELD_RESIDUAL).unwrap();
+                StageSolver::with_far_field(near(), far)
+            }
+        }
+    }
+
+    fn solve(&self, method: Method) -> Solved {
+        let strain = self.steps as f64 * self.params.time_step;
+        let cell = Cell::periodic(self.side, self.side, strain * self.side).unwrap();
+        let mut stage = self.stage(method, &cell);
+        let centres: Vec<Vec2> = self.centres.iter().map(|x| Vec2::new(x[0], x[1])).collect();
+        stage.assemble(&cell, &centres).unwrap();
+        let (surface, mut listed, mut memory) =
+            (self.params.surface(), self.listed(), self.memory());
+        let laws = Laws::new(self.params.contact.laws(), surface);
+        let contact = match self.params.contact {
+            ContactScheme::Procedure => StageContact::Procedure {
+                surface,
+                listed: &mut listed,
+            },
+            ContactScheme::Rigid | ContactScheme::Laws(_) => StageContact::Laws {
+                laws: &laws,
+                span: Span::alone(self.instant.time_span),
+                memory: &mut memory,
+            },
+        };
+        let quality = stage.solve(&Background::SHEAR, &[], contact).unwrap();
+        let area = self.side * self.side;
+        let stress = StressWork::default().stress(&stage, &Background::SHEAR, area);
+        let loaded = stage.contacts.list.iter().filter(|c| c.normal_force > 0.0);
+        Solved {
+            quality,
+            viscosity: stress.viscosity,
+            velocities: stage.velocities().to_vec(),
+            contacts: loaded
+                .map(|c| ((c.pair.i, c.pair.j), [c.normal_force, c.tangential_force]))
+                .collect(),
+        }
+    }
+
+    fn expected(&self) -> BTreeMap<(usize, usize), [f64; 2]> {
+        let contacts = self.instant.contacts.iter();
+        contacts.map(|&(i, j, f, t)| ((i, j), [f, t])).collect()
+    }
+
+    /// What went wrong at the instant, if anything did.
+    fn compare(&self, solved: &Solved) -> Option<String> {
+        if !solved.quality.converged() {
+            return Some(format!("{:?}", solved.quality));
+        }
+        let fastest = largest(self.instant.velocities.iter().copied());
+        let pairs = solved.velocities.iter().zip(&self.instant.velocities);
+        let velocity = largest(pairs.map(|(a, b)| a - b)) / fastest;
+        let expected = self.expected();
+        let most = largest(expected.values().flatten().copied()).max(1.0);
+        let of = |map: &BTreeMap<_, _>, pair| map.get(pair).copied().unwrap_or([0.0; 2]);
+        let all = expected.keys().chain(solved.contacts.keys());
+        let force = largest(all.flat_map(|pair| {
+            let (a, b) = (of(&expected, pair), of(&solved.contacts, pair));
+            [a[0] - b[0], a[1] - b[1]]
+        })) / most;
+        let viscosity = (solved.viscosity / self.instant.viscosity - 1.0).abs();
+        (velocity.max(force).max(viscosity) > LIMIT).then(|| {
+            format!("velocity {velocity:.1e}, force {force:.1e}, viscosity {viscosity:.1e}")
+        })
+    }
+
+    /// Whether friction acts on other contacts than it did; forces near nothing count as none.
+    fn has_other_set(&self, solved: &Solved) -> bool {
+        let expected = self.expected();
+        let none = 1e-7 * largest(expected.values().flatten().copied());
+        let set = |map: &BTreeMap<(usize, usize), [f64; 2]>| -> Vec<(usize, usize)> {
+            let acting = map.iter().filter(|(_, force)| force[1].abs() > none);
+            acting.map(|(pair, _)| *pair).collect()
+        };
+        set(&expected) != set(&solved.contacts)
+    }
+
+    /// The viscosities of the next steps.
+    fn run(&self) -> Vec<(f64, u64)> {
+        let tables = NearFields::default();
+        let mut simulation =
+            Simulation::from_snapshot(&self.params, self.snapshot(), &tables).unwrap();
+        let steps = self.run.len().min(2);
+        (0..steps)
+            .map(|_| {
+                let sample = simulation.step().unwrap();
+                (sample.viscosity, sample.counters.unconverged_stages)
+            })
+            .collect()
+    }
+}
+
+fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(0.0, |m, v| m.max(v.abs()))
+}
+
+/// Compares all records of a law; prints what fails.
+fn check(law: &str) -> (Tally, Vec<String>) {
+    let path = format!("../../tests/data/recorded_laws/{law}.json");
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap();
+    let records: Vec<Record> = serde_json::from_str(&text).unwrap();
+    let (mut tally, mut failures) = (Tally::default(), Vec::new());
+    for record in &records {
+        let p = &record.params;
+        let what = format!(
+            "{law}, {:?}, N = {}, c = {}, nu = {}",
+            p.hydrodynamics, p.spheres, p.area_fraction, p.friction
+        );
+        if !(record.instant.converged && record.instant.consistent) {
+            continue;
+        }
+        let mut other = false;
+        for method in record.methods() {
+            tally.instants += 1;
+            let solved = record.solve(method);
+            let Some(failure) = record.compare(&solved) else {
+                continue;
+            };
+            if record.jumps() && solved.quality.converged() && record.has_other_set(&solved) {
+                tally.other_sets += 1;
+                other = true;
+                println!("{what}, {method:?}: friction acts on other contacts; {failure}");
+            } else {
+                failures.push(format!("{what}, {method:?}: {failure}"));
+            }
+        }
+        let run = record.run();
+        for (step, (found, recorded)) in run.iter().zip(&record.run).enumerate() {
+            if found.1 > 0 || recorded.1 > 0 {
+                break;
+            }
+            tally.runs += 1;
+            let error = (found.0 / recorded.0 - 1.0).abs();
+            if error > LIMIT {
+                if other {
+                    tally.other_runs += 1;
+                } else {
+                    failures.push(format!("{what}, step {step}: viscosity {error:.1e}"));
+                }
+                break;
+            }
+        }
+    }
+    println!("{law}: {tally:?}");
+    (tally, failures)
+}
+
+/// Checks a law: how many instants have another set of contacts with friction.
+fn hold(law: &str, other_sets: u32) {
+    let (tally, failures) = check(law);
+    assert!(tally.instants > 5 && tally.runs > 5, "{tally:?}");
+    assert!(failures.is_empty(), "{failures:#?}");
+    assert!(tally.other_sets <= other_sets, "{tally:?}");
+}
+
+#[test]
+fn rigid_roll_slip_is_as_before() {
+    hold("rigid", 0);
+}
+
+#[test]
+fn procedure_is_as_before() {
+    hold("procedure", 0);
+}
+
+#[test]
+fn rigid_coulomb_is_as_before() {
+    hold("rigid-coulomb", 0);
+}
