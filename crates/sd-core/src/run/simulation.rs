@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 /// A layer that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
 /// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
-const MOST_HALVINGS: u32 = 6;
+const MOST_HALVINGS: u32 = 4;
 /// A gap counts as too low below this share of the roughness height.
 const HELD_SHARE: f64 = 0.5;
 /// Whether a run can go on.
@@ -170,6 +170,7 @@ impl Simulation {
     pub fn step(&mut self) -> Result<Sample, Error> {
         let (time, dt) = (self.strain(), self.params.time_step);
         let mut sample = None;
+        let jammed = self.counters.jammed_stages;
         let mut stepper = std::mem::take(&mut self.stepper);
         let mut state = std::mem::take(&mut self.state);
         self.before.copy_from(&state);
@@ -183,6 +184,14 @@ impl Simulation {
         }
         self.stepper = stepper;
         self.state = state;
+        if matches!(result, Err(Error::Overlap { .. }))
+            && self.counters.jammed_stages > jammed
+            && let Some(sample) = sample
+        {
+            // There is no motion that the contacts admit: the layer stays where it is.
+            self.counters.jammed_steps_running = self.jam_steps();
+            return Ok(sample);
+        }
         let failed = |source| Error::Step {
             step: self.steps,
             strain: time,
@@ -199,7 +208,8 @@ impl Simulation {
         Ok(sample)
     }
 
-    /// Moves the state over `dt`; where a gap falls too low on the way, in two halves, each halved at most `halvings - 1` times.
+    /// Moves the state over `dt`; where a gap falls too low on the way, in two halves, each halved at most `halvings - 1` times. What then
+    /// still fails moves with the velocities of its first stage, whose contact problem holds the gaps at the end of just this motion.
     fn advance(
         &mut self,
         stepper: &mut Stepper,
@@ -209,7 +219,11 @@ impl Simulation {
         halvings: u32,
         sample: &mut Option<Sample>,
     ) -> Result<(), Error> {
-        let mut start_gap = 0.0;
+        let (mut start_gap, jammed) = (0.0, self.counters.jammed_stages);
+        let holds_gaps = matches!(
+            (&*stepper, &self.scheme),
+            (Stepper::RungeKutta(_), Scheme::Laws { .. })
+        );
         let whole = stepper.step(state, time, dt, |stage, centres, velocities| {
             self.stage(stage, centres, velocities, sample)?;
             let Some(pair) = self.stage.closest() else {
@@ -219,16 +233,25 @@ impl Simulation {
                 start_gap = pair.gap;
             }
             let held = start_gap.min(HELD_SHARE * self.params.roughness);
-            if halvings > 0 && pair.gap < held {
+            if holds_gaps && pair.gap < held {
                 return Err(pair.overlap());
             }
             Ok(())
         });
         match whole {
-            Err(Error::Overlap { .. }) if halvings > 0 => {
+            // Smaller steps do not help where no motion is admitted.
+            Err(Error::Overlap { .. }) if halvings > 0 && self.counters.jammed_stages == jammed => {
                 let half = 0.5 * dt;
                 self.advance(stepper, state, time, half, halvings - 1, sample)?;
                 self.advance(stepper, state, time + half, half, halvings - 1, sample)
+            }
+            Err(Error::Overlap { .. }) if holds_gaps => {
+                stepper.first_stage_alone(state, time, dt, |stage, centres, velocities| {
+                    self.stage(stage, centres, velocities, sample)
+                })?;
+                // What compliance let through is found now, while the start of the step is known.
+                let cell = self.cell_at(time + dt)?;
+                self.stage.assemble(&cell, &state.centres)
             }
             whole => whole,
         }
@@ -291,14 +314,18 @@ impl Simulation {
         let counters = &mut self.counters;
         counters.stages += 1;
         counters.unconverged_stages += u64::from(!quality.converged());
-        counters.worst_residual = counters.worst_residual.max(quality.residual);
-        counters.worst_friction_error = counters.worst_friction_error.max(quality.friction_error);
+        counters.jammed_stages += u64::from(quality.jammed);
+        if !quality.jammed {
+            counters.worst_residual = counters.worst_residual.max(quality.residual);
+            counters.worst_friction_error =
+                counters.worst_friction_error.max(quality.friction_error);
+        }
         if stage.number == 0 && sample.is_none() {
             counters.minimum_gap = counters.minimum_gap.min(minimum_gap);
             let stress = self
                 .stress
                 .stress(solver, &background, self.side * self.side);
-            counters.count_jam(stress.viscosity);
+            counters.count_jam(stress.viscosity, quality.jammed);
             if let Some(frame) = &mut self.frame {
                 frame.solved(&self.stress.stresslets, &solver.contacts.list);
             }
@@ -358,11 +385,22 @@ impl Simulation {
 
     /// Whether the layer still flows after the steps done.
     pub fn flow(&self) -> Flow {
-        if self.counters.jammed_steps_running as f64 * self.params.time_step >= JAM_STRAIN {
+        if self.counters.jammed_steps_running >= self.jam_steps() {
             Flow::Jammed
         } else {
             Flow::Flowing
         }
+    }
+
+    /// Steps of [`JAM_STRAIN`].
+    fn jam_steps(&self) -> u64 {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "steps are at least 1e-7 of strain"
+        )]
+        let steps = (JAM_STRAIN / self.params.time_step).ceil() as u64;
+        steps
     }
 
     /// Steps done.

@@ -41,4 +41,21 @@ impl Stepper {
             Self::Rosenbrock(method) => method.step(state, time, dt, rhs),
         }
     }
+
+    /// A step with the velocities of the first stage alone: of order one.
+    ///
+    /// # Errors
+    /// Whatever `rhs` returns; the state is then unchanged.
+    pub(crate) fn first_stage_alone<E>(
+        &mut self,
+        state: &mut State,
+        time: f64,
+        dt: f64,
+        rhs: impl FnOnce(Stage, &[Vec2], &mut [f64]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        match self {
+            Self::RungeKutta(method) => method.first_stage_alone(state, time, dt, rhs),
+            Self::Rosenbrock(_) => unreachable!("forces that depend on gaps let them overlap"),
+        }
+    }
 }

@@ -13,28 +13,31 @@
 //! On which contacts friction acts (f > F_crit) is decided anew for every solution until the set agrees with itself, or has been decided
 //! often enough: the law jumps there, and such a set need not exist. Where the law does not jump it is decided along with the states.
 
+use crate::contact::laws::COMPLIANCE;
 use super::problem::{Forces, Grip, Noise, Problem, States, System, largest};
 
 /// Systems before other ways are tried.
 const FIRST_SYSTEMS: u32 = 40;
 /// Systems of a problem on the way to the one asked for.
-const PATH_SYSTEMS: u32 = 20;
+const PATH_SYSTEMS: u32 = 16;
 /// Times that it is decided anew on which contacts friction acts.
 const DECISIONS: u32 = 10;
 /// Systems without fewer contradictions after which only some are mended at a time, chosen by chance.
 const PATIENCE: u32 = 3;
 /// Problems on the way, after which the stiffest that was solved has to do.
-const MOST_PROBLEMS: u32 = 60;
+const MOST_PROBLEMS: u32 = 40;
 /// Compliance of the first problem on the way, over the largest mobility of a contact.
 const FIRST_COMPLIANCE: f64 = 3.0;
 /// What compliance is divided by: at first, at most, and at least before the way counts as ended.
 const FIRST_RATIO: f64 = 10.0;
 const MOST_RATIO: f64 = 100.0;
-const LEAST_RATIO: f64 = 1.1;
+const LEAST_RATIO: f64 = 1.3;
 /// Compliance after which comes none, in a/(mu·a²·rate).
 const LAST_COMPLIANCE: f64 = 1e-11;
-/// Velocity at which contacts give way under compliance, in a·rate, above which the end of the way means that there is no solution.
+/// Velocity at which contacts give way under compliance, in a·rate, above which the end of the way means that the layer is jammed, and
+/// compliance below which nothing else is waited for.
 const JAMMED_APPROACH: f64 = 1e-3;
+const JAMMED_COMPLIANCE: f64 = 1e-7;
 
 /// How well forces solve a problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -142,8 +145,9 @@ pub(crate) struct BoxSolver {
     pub(crate) states: States,
     /// Forces at hand.
     pub(crate) forces: Forces,
-    /// Best forces so far.
+    /// Forces of the last problem solved, and whether friction acted on each row.
     best: Forces,
+    acts: Vec<bool>,
     /// Compliance of all contacts and rows, besides their own.
     compliance: f64,
     /// Times that the set of contacts with friction may still be decided.
@@ -155,6 +159,7 @@ impl BoxSolver {
     pub(crate) fn reserve(&mut self, candidates: usize) {
         self.states.closed.reserve(candidates);
         self.states.grip.reserve(2 * candidates);
+        self.acts.reserve(2 * candidates);
         for forces in [&mut self.forces, &mut self.best] {
             forces.normal.reserve(candidates);
             forces.slack.reserve(candidates);
@@ -175,24 +180,31 @@ impl BoxSolver {
     ) -> Outcome {
         self.deciding = if onset.deciding { DECISIONS } else { 0 };
         self.compliance = 0.0;
-        let (ended, mut systems) = self.newton(problem, system, onset, &mut refine, FIRST_SYSTEMS);
+        let (ended, systems) = self.newton(problem, system, onset, &mut refine, FIRST_SYSTEMS);
         match ended {
             Ended::Admit => Outcome::Admit { systems },
             Ended::Solved => {
                 self.clip();
                 Outcome::Solved {
                     merit: self.merit(problem, system),
-                    jammed: false,
+                    jammed: self.approach(0.0) > JAMMED_APPROACH,
                     systems,
                 }
             }
             Ended::Failed => {
-                let (merit, jammed, more) = self.stiffen(problem, system, onset, &mut refine);
-                systems += more;
-                Outcome::Solved {
-                    merit,
-                    jammed,
-                    systems,
+                match self.stiffen(problem, system, onset, &mut refine) {
+                    Outcome::Admit { systems: more } => Outcome::Admit {
+                        systems: systems + more,
+                    },
+                    Outcome::Solved {
+                        merit,
+                        jammed,
+                        systems: more,
+                    } => Outcome::Solved {
+                        merit,
+                        jammed,
+                        systems: systems + more,
+                    },
                 }
             }
         }
@@ -280,30 +292,39 @@ impl BoxSolver {
         false
     }
 
-    /// Follows the solution from an easy problem, with compliance, as far towards the problem itself as it goes; how well the problem is then
-    /// solved, whether it is jammed, and the number of systems.
+    /// Follows the solution from an easy problem, with compliance, as far towards the problem itself as it goes.
     fn stiffen(
         &mut self,
         problem: &mut Problem,
         system: &mut impl System,
         onset: Onset,
         refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
-    ) -> (Merit, bool, u32) {
+    ) -> Outcome {
         let mobility = (0..problem.normal.len()).map(|k| system.mobility(k));
         let mut compliance = FIRST_COMPLIANCE * mobility.fold(0.0, f64::max);
         let (mut solved, mut ratio, mut systems) = (None, FIRST_RATIO, 0);
-        self.best.clone_from(&self.forces);
+        self.keep(problem);
         for _ in 0..MOST_PROBLEMS {
             self.compliance = compliance;
+            // Loads on the way say nothing about where friction acts.
+            self.deciding = if compliance == 0.0 && onset.deciding {
+                DECISIONS
+            } else {
+                0
+            };
             let (ended, more) = self.newton(problem, system, onset, refine, PATH_SYSTEMS);
             systems += more;
+            if ended == Ended::Admit {
+                self.compliance = 0.0;
+                return Outcome::Admit { systems };
+            }
             if ended == Ended::Solved {
                 self.clip();
-                self.best.clone_from(&self.forces);
-                if compliance == 0.0 {
+                self.keep(problem);
+                solved = Some(compliance);
+                if compliance == 0.0 || compliance < JAMMED_COMPLIANCE && self.approach(compliance) > JAMMED_APPROACH {
                     break;
                 }
-                solved = Some(compliance);
                 ratio = (ratio * ratio).min(MOST_RATIO);
             } else if solved.is_none() {
                 compliance *= FIRST_RATIO;
@@ -313,24 +334,44 @@ impl BoxSolver {
                 if ratio < LEAST_RATIO {
                     break;
                 }
-                self.forces.clone_from(&self.best);
-                self.read_states(problem);
+                self.restore(problem);
             }
             compliance = solved.map_or(compliance, |last| last / ratio);
             if compliance < LAST_COMPLIANCE {
                 compliance = 0.0;
             }
         }
-        let reached = self.compliance;
-        std::mem::swap(&mut self.forces, &mut self.best);
+        self.restore(problem);
         self.compliance = 0.0;
-        self.read_states(problem);
         system.measure(problem, &mut self.forces);
         let merit = self.merit(problem, system);
-        // What compliance gives way to.
-        let approach = solved.unwrap_or(0.0) * largest(&self.forces.normal);
-        let jammed = reached != 0.0 && approach > JAMMED_APPROACH;
-        (merit, jammed, systems)
+        let jammed = self.approach(solved.unwrap_or(0.0)) > JAMMED_APPROACH;
+        Outcome::Solved {
+            merit,
+            jammed,
+            systems,
+        }
+    }
+
+    /// Fastest velocity at which contacts give way under compliance.
+    fn approach(&self, compliance: f64) -> f64 {
+        (compliance + COMPLIANCE) * largest(&self.forces.normal)
+    }
+
+    /// Keeps the forces at hand, and on which contacts friction acts.
+    fn keep(&mut self, problem: &Problem) {
+        self.best.clone_from(&self.forces);
+        self.acts.clear();
+        self.acts.extend(problem.tangential.iter().map(|row| row.acts));
+    }
+
+    /// Goes back to what was kept.
+    fn restore(&mut self, problem: &mut Problem) {
+        self.forces.clone_from(&self.best);
+        for (row, &acts) in problem.tangential.iter_mut().zip(&self.acts) {
+            row.acts = acts;
+        }
+        self.read_states(problem);
     }
 
     /// Sets forces that rounding left below zero to zero.

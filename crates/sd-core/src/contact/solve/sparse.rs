@@ -56,8 +56,9 @@ pub(crate) struct SparseSystem {
     numbers: Vec<Option<usize>>,
     /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
     held: BlockCholesky,
-    /// Stiffnesses of the candidates and rows in it; empty: there is none.
+    /// Stiffnesses of the candidates and rows in it, and whether it was made in this stage.
     factored: Vec<f64>,
+    is_factored: bool,
     /// Stiffnesses that the states ask for.
     stiffness: Vec<f64>,
     /// Iterations of the last call with this factor.
@@ -85,7 +86,7 @@ impl SparseSystem {
     /// Begins a stage at new positions.
     pub(crate) fn start(&mut self) {
         self.free.1 = false;
-        self.factored.clear();
+        self.is_factored = false;
     }
 
     /// Forgets the motion of the stage before: the next one begins with spheres at rest in the background.
@@ -322,7 +323,7 @@ impl SparseSystem {
         } else {
             self.stiffness.len()
         };
-        let changes = if self.factored.len() == rows {
+        let changes = if self.is_factored && self.factored.len() == rows {
             let pairs = self.factored.iter().zip(&self.stiffness);
             pairs.filter(|(old, new)| old != new).count()
         } else {
@@ -342,6 +343,7 @@ impl SparseSystem {
                 }
             }
             self.held.factor(pattern)?;
+            self.is_factored = true;
             self.factored.clear();
             self.factored.extend_from_slice(&self.stiffness[..rows]);
         }

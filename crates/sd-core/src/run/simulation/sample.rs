@@ -40,13 +40,16 @@ pub struct Counters {
     pub stages: u64,
     /// Of these, problems that did not converge.
     pub unconverged_stages: u64,
-    /// Largest residual of the normal contact problem, in a·rate.
+    /// Of these, problems without a solution: the layer was jammed at that instant.
+    #[serde(default)]
+    pub jammed_stages: u64,
+    /// Largest residual of the contact problem where it has a solution, in a·rate.
     pub worst_residual: f64,
     /// Largest inconsistency of a friction force with its law, over the largest force of its stage.
     pub worst_friction_error: f64,
     /// Smallest gap at the start of any step, in a. (Stages within a step are no states of the layer.)
     pub minimum_gap: f64,
-    /// Times the viscosity rose above [`JAM_VISCOSITY`].
+    /// Times the viscosity rose above [`JAM_VISCOSITY`], or there was no motion that the contacts admit.
     pub jam_events: u64,
     /// Steps begun above it.
     pub jammed_steps: u64,
@@ -59,6 +62,7 @@ impl Default for Counters {
         Self {
             stages: 0,
             unconverged_stages: 0,
+            jammed_stages: 0,
             worst_residual: 0.0,
             worst_friction_error: 0.0,
             minimum_gap: f64::INFINITY,
@@ -70,9 +74,9 @@ impl Default for Counters {
 }
 
 impl Counters {
-    /// Keeps the jam counters, at the first stage of each step.
-    pub(super) fn count_jam(&mut self, viscosity: f64) {
-        if viscosity > JAM_VISCOSITY {
+    /// Keeps the jam counters, at the first stage of each step. `jammed`: its contact problem has no solution.
+    pub(super) fn count_jam(&mut self, viscosity: f64, jammed: bool) {
+        if viscosity > JAM_VISCOSITY || jammed {
             self.jam_events += u64::from(self.jammed_steps_running == 0);
             self.jammed_steps += 1;
             self.jammed_steps_running += 1;

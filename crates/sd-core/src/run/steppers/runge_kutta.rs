@@ -66,6 +66,32 @@ impl RungeKutta {
         Ok(())
     }
 
+    /// A step with the velocities of the first stage alone, whose time span is the whole step.
+    ///
+    /// # Errors
+    /// Whatever `rhs` returns; the state is then unchanged.
+    pub(crate) fn first_stage_alone<E>(
+        &mut self,
+        state: &mut State,
+        time: f64,
+        dt: f64,
+        rhs: impl FnOnce(Stage, &[Vec2], &mut [f64]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.velocities.resize(3 * state.centres.len(), 0.0);
+        let stage = Stage {
+            number: 0,
+            time,
+            span: dt,
+        };
+        rhs(stage, &state.centres, &mut self.velocities)?;
+        self.mean.clone_from(&self.velocities);
+        for (i, x) in state.centres.iter_mut().enumerate() {
+            *x += Vec2::new(self.mean[3 * i], self.mean[3 * i + 1]) * dt;
+            state.orientations[i] += self.mean[3 * i + 2] * dt;
+        }
+        Ok(())
+    }
+
     /// Mean velocities `[3N]` of the last step.
     pub fn mean(&self) -> &[f64] {
         &self.mean
