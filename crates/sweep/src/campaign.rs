@@ -111,15 +111,14 @@ fn parse(text: &str, problems: &mut Vec<Problem>) -> (String, Protocol, Cases) {
         &["name", "protocol", "grid"],
         problems,
     );
-    let name = match top.get("name") {
-        Some(written) => read_name(written).unwrap_or_else(|problem| {
+    let name = if let Some(written) = top.get("name") {
+        read_name(written).unwrap_or_else(|problem| {
             problems.push(problem);
             String::new()
-        }),
-        None => {
-            problems.extend(top.missing("name", "\"my-campaign\""));
-            String::new()
-        }
+        })
+    } else {
+        problems.extend(top.missing("name", "\"my-campaign\""));
+        String::new()
     };
     let protocol = match top
         .get("protocol")
