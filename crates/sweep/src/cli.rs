@@ -154,15 +154,15 @@ fn terminal_width() -> Option<u16> {
 
 /// Tells errors in the way the user wants them.
 #[derive(Debug, Clone, Copy)]
-pub struct Speaker {
+pub struct ErrorRenderer {
     /// In colours.
     coloured: bool,
 }
 
 impl Cli {
     /// Who tells the errors of this command.
-    pub fn speaker(&self) -> Speaker {
-        Speaker {
+    pub fn error_renderer(&self) -> ErrorRenderer {
+        ErrorRenderer {
             coloured: match self.color {
                 Colour::Always => true,
                 Colour::Never => false,
@@ -174,7 +174,7 @@ impl Cli {
     }
 }
 
-impl Speaker {
+impl ErrorRenderer {
     /// An error as a person reads it on standard error: what, where, and what is allowed.
     pub fn explain(self, error: &Error) -> String {
         let theme = if self.coloured {

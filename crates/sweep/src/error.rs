@@ -1,9 +1,9 @@
 //! The error type of the program, and the exit code each kind ends with.
 
 use crate::campaign::CampaignError;
-use crate::engine::EngineError;
+use crate::cluster::SchedulerError;
+use crate::cluster::shard::ShardError;
 use crate::exit;
-use crate::shard::ShardError;
 use crate::store::StoreError;
 use std::io;
 use std::path::PathBuf;
@@ -23,7 +23,7 @@ pub enum Error {
     /// An engine, such as Slurm.
     #[error(transparent)]
     #[diagnostic(transparent)]
-    Engine(#[from] EngineError),
+    Scheduler(#[from] SchedulerError),
     /// Slices and shards.
     #[error(transparent)]
     #[diagnostic(transparent)]

@@ -26,11 +26,11 @@ const HEARTBEAT: Duration = Duration::from_secs(10);
 const GRACE: Duration = Duration::from_secs(10);
 
 /// What goes along with a run: publishes its store, for one.
-pub trait Companion: Sync {
+pub trait RunObserver: Sync {
     /// Called every few seconds.
     fn look(&self, progress: &Progress);
     /// Called before the process is ended because a step takes too long after a signal.
-    fn last_words(&self, signal: i32, progress: &Progress);
+    fn before_abort(&self, signal: i32, progress: &Progress);
 }
 
 /// How to run.
@@ -45,7 +45,7 @@ pub struct Options<'o> {
     /// Keep a frame of the layer with every sample.
     pub trajectory: bool,
     /// What goes along with the run.
-    pub companion: Option<&'o dyn Companion>,
+    pub observer: Option<&'o dyn RunObserver>,
 }
 
 /// What the threads of a run share.
@@ -219,15 +219,15 @@ impl<'r> Shared<'r> {
                 if let Err(error) = self.look_around() {
                     self.give_up(error);
                 }
-                if let Some(companion) = self.options.companion {
-                    companion.look(self.progress);
+                if let Some(observer) = self.options.observer {
+                    observer.look(self.progress);
                 }
             }
             self.progress.draw();
             if let Some(signal) = self.stop.signal() {
                 let since = *stopped.get_or_insert_with(|| {
-                    // A task with a companion publishes first, whatever else it is told.
-                    self.progress.note(if self.options.companion.is_some() {
+                    // A task with a observer publishes first, whatever else it is told.
+                    self.progress.note(if self.options.observer.is_some() {
                         "stopping at the next step"
                     } else {
                         "stopping at the next step; once more aborts at once"
@@ -241,8 +241,8 @@ impl<'r> Shared<'r> {
                     if let Ok(mut store) = self.store.try_lock() {
                         let _ = store.leave();
                     }
-                    if let Some(companion) = self.options.companion {
-                        companion.last_words(signal, self.progress);
+                    if let Some(observer) = self.options.observer {
+                        observer.before_abort(signal, self.progress);
                     }
                     Stop::exit(signal);
                 }

@@ -23,8 +23,8 @@ mod submissions;
 pub use checkpoint::{Checkpoint, Damage};
 pub use claims::{Claim, DEATH_LIMIT};
 pub use error::StoreError;
-pub use frames::Kept;
-pub(crate) use merge::Manner;
+pub use frames::StoredFrame;
+pub(crate) use merge::MergeMode;
 pub use merge::{Damaged, Disagreement, Merged};
 pub(crate) use place::is_full;
 pub use place::network_file_system;
@@ -36,7 +36,7 @@ pub(crate) use reading::snapshot;
 pub use results::{Failure, Finished};
 pub use salvage::{Salvaged, salvage};
 pub use story::{Attempt, Origin, Story};
-pub use submissions::{Open, SliceState, Submission, TaskName};
+pub use submissions::{OpenCase, SliceState, Submission, TaskName};
 
 use place::FileIdentity;
 use rusqlite::config::DbConfig;
@@ -52,17 +52,17 @@ const SCHEMA_VERSION: i32 = 4;
 /// What a store of schema 1 lacks.
 const FROM_1_TO_2: &str = "ALTER TABLE cases ADD COLUMN deaths INTEGER NOT NULL DEFAULT 0";
 /// How long a lock held by another program is waited for.
-const PATIENCE: Duration = if cfg!(test) {
+const LOCK_WAIT: Duration = if cfg!(test) {
     Duration::from_secs(2)
 } else {
     Duration::from_mins(1)
 };
 /// The same once a stop was asked for.
-const PATIENCE_IN_A_HURRY: Duration = Duration::from_millis(500);
+const LOCK_WAIT_WHEN_STOPPING: Duration = Duration::from_millis(500);
 /// Time from one look at a lock to the next.
 const LOCK_LOOK: Duration = Duration::from_millis(5);
 /// Whether a stop was asked for.
-static HURRY: AtomicBool = AtomicBool::new(false);
+static STOP_ASKED: AtomicBool = AtomicBool::new(false);
 
 /// An open store.
 #[derive(Debug)]
@@ -178,7 +178,7 @@ impl Store {
                 }
                 Err(error)
                     if error.sqlite_error_code() == Some(ErrorCode::DatabaseBusy)
-                        && begun.elapsed() < PATIENCE =>
+                        && begun.elapsed() < LOCK_WAIT =>
                 {
                     std::thread::sleep(Duration::from_millis(20));
                 }
@@ -323,16 +323,16 @@ fn version_of(connection: &Connection) -> Result<i32, rusqlite::Error> {
 }
 
 /// No lock is waited for much longer: a stop was asked for.
-pub(crate) fn hurry() {
-    HURRY.store(true, Ordering::Relaxed);
+pub(crate) fn shorten_lock_wait() {
+    STOP_ASKED.store(true, Ordering::Relaxed);
 }
 
 /// Waits a moment for a lock, or says that it was enough.
 fn wait_for_lock(looks: i32) -> bool {
-    let patience = if HURRY.load(Ordering::Relaxed) {
-        PATIENCE_IN_A_HURRY
+    let patience = if STOP_ASKED.load(Ordering::Relaxed) {
+        LOCK_WAIT_WHEN_STOPPING
     } else {
-        PATIENCE
+        LOCK_WAIT
     };
     let waited = LOCK_LOOK.saturating_mul(looks.unsigned_abs());
     if waited >= patience {

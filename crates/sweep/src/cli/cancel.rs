@@ -1,10 +1,9 @@
 //! `sweep cancel`.
 
 use super::{Output, store_path};
-use crate::engine::{self, Engine};
+use crate::cluster::{Scheduler, shard};
 use crate::error::Error;
 use crate::exit;
-use crate::shard;
 use crate::store::{Store, Submission};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -46,7 +45,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     // Looked at first: a store that is not there must not be made.
     drop(Store::open_read_only(&path)?);
     let mut store = Store::open(&path)?;
-    let mut cancelled: Vec<(String, Box<dyn Engine>)> = Vec::new();
+    let mut cancelled: Vec<(String, Scheduler)> = Vec::new();
     let named =
         |submission: &Submission| arguments.job.is_none() || submission.job == arguments.job;
     let submissions = store.submissions()?;
@@ -57,11 +56,12 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         });
     }
     for submission in submissions.iter().filter(|submission| named(submission)) {
-        let (Some(job), Some(engine)) = (&submission.job, engine::by_name(&submission.engine))
+        let (Some(job), Some(scheduler)) =
+            (&submission.job, Scheduler::by_name(&submission.engine))
         else {
             continue;
         };
-        if engine.active(job)?.is_empty() {
+        if scheduler.active(job)?.is_empty() {
             continue;
         }
         // Before they are told: a task that finds the mark does not ask to be started again.
@@ -71,15 +71,15 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
         // Without it the tasks ask Slurm, and find out as well.
         let _ = std::fs::write(&mark, "");
-        engine.cancel(job)?;
+        scheduler.cancel(job)?;
         store.cancelled(submission.id)?;
-        cancelled.push((job.clone(), engine));
+        cancelled.push((job.clone(), scheduler));
     }
     let begun = Instant::now();
     let ending = loop {
         let mut ending = 0;
-        for (job, engine) in &cancelled {
-            ending += engine.active(job)?.len();
+        for (job, scheduler) in &cancelled {
+            ending += scheduler.active(job)?.len();
         }
         if ending == 0 || begun.elapsed() >= Duration::from_secs(arguments.wait) {
             break ending;

@@ -4,7 +4,7 @@ use super::show::story_of;
 use super::{Output, store_path};
 use crate::error::Error;
 use crate::exit;
-use crate::store::{Kept, Store};
+use crate::store::{Store, StoredFrame};
 use crate::trajectory::{
     CONTACT_HEADER, SPHERE_HEADER, write_contacts, write_extxyz, write_spheres,
 };
@@ -77,7 +77,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 }
 
 /// Writes the spheres of all frames.
-fn spheres(frames: &[Kept], form: Form, out: &mut dyn Write) -> std::io::Result<()> {
+fn spheres(frames: &[StoredFrame], form: Form, out: &mut dyn Write) -> std::io::Result<()> {
     if form == Form::Csv {
         writeln!(out, "{SPHERE_HEADER}")?;
     }

@@ -2,9 +2,9 @@
 
 use super::{Output, store_path};
 use crate::campaign::Campaign;
+use crate::cluster::shard::{self, ShardError};
 use crate::error::Error;
 use crate::exit;
-use crate::shard::{self, ShardError};
 use crate::store::{Counts, Disagreement, Merged, Store, StoreError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};

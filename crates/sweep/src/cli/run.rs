@@ -1,6 +1,6 @@
 //! `sweep run`.
 
-mod shard;
+mod task;
 
 use super::Output;
 use crate::campaign::Campaign;
@@ -54,8 +54,8 @@ pub(crate) struct Arguments {
     trajectory: bool,
     /// One task of a cluster: compute slice I, from 0, of N in a store of its own, and publish it among the shards. TERM and
     /// USR1 checkpoint, publish, and have Slurm start the task again if work is left
-    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = shard::part)]
-    shard: Option<shard::Part>,
+    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = task::part)]
+    shard: Option<task::Part>,
     /// The slices, as `sweep submit` wrote them [default: all cases of the file, cut here]
     #[arg(long, value_name = "FILE", requires = "shard")]
     slices: Option<PathBuf>,
@@ -99,7 +99,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         ),
     };
     if let Some(part) = arguments.shard {
-        return shard::execute(arguments, part, campaign, workers, wall_limit, output);
+        return task::execute(arguments, part, campaign, workers, wall_limit, output);
     }
     let stop = Stop::on_signals()?;
     let path = arguments
@@ -179,7 +179,7 @@ fn compute(
     store: &mut Store,
     limits: Limits,
     stop: &Stop,
-    companion: Option<&dyn runner::Companion>,
+    observer: Option<&dyn runner::RunObserver>,
     output: &Output<'_>,
 ) -> Result<(), Error> {
     let style = match (output.quiet, std::io::stderr().is_terminal()) {
@@ -196,7 +196,7 @@ fn compute(
         threads,
         wall_limit: limits.wall_limit,
         trajectory: arguments.trajectory,
-        companion,
+        observer,
     };
     let ratios = tables::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
     let tables = tables::make(&ratios, |text| progress.note(text))?;

@@ -60,7 +60,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         processes: store.processes()?,
         failures: store.failures(arguments.failures)?,
         jobs: tasks::jobs(&store)?,
-        unmerged_shards: store.unmerged(&crate::shard::folder_of(&path))?,
+        unmerged_shards: store.unmerged(&crate::cluster::shard::folder_of(&path))?,
         disagreements: store.disagreements()?,
         mixed_shards: store.mixed_shards()?,
     };

@@ -7,7 +7,7 @@ use super::json::Row;
 use super::{Report, Selection, identity, selected_runs};
 use crate::error::Error;
 use crate::statistics::ratio;
-use crate::store::{FailureLine, Kept, Provenance, Store};
+use crate::store::{FailureLine, Provenance, Store, StoredFrame};
 use crate::trajectory::state_number;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -197,7 +197,7 @@ pub fn movie(store: &Store, key: &str, frames: usize) -> Result<Value, Error> {
 }
 
 /// One frame of a movie.
-fn picture(kept: &Kept) -> Value {
+fn picture(kept: &StoredFrame) -> Value {
     let frame = &kept.frame;
     let places: Vec<f64> = frame
         .centres

@@ -67,7 +67,7 @@ impl Stop {
                     if abort && (!told.0.patient || signal == SIGINT) {
                         Self::exit(signal);
                     }
-                    crate::store::hurry();
+                    crate::store::shorten_lock_wait();
                 }
             })
             .map_err(refused)?;

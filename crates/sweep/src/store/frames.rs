@@ -8,7 +8,7 @@ use sd_core::simulation::Frame;
 
 /// A kept frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Kept {
+pub struct StoredFrame {
     /// Its step.
     pub step: u64,
     /// The layer.
@@ -54,7 +54,7 @@ impl Store {
     ///
     /// # Errors
     /// Trouble with the file, or an entry that cannot be read.
-    pub fn frames(&self, key: &str, stride: usize) -> Result<Vec<Kept>, StoreError> {
+    pub fn frames(&self, key: &str, stride: usize) -> Result<Vec<StoredFrame>, StoreError> {
         if !self.knows_frames()? {
             return Ok(Vec::new());
         }
@@ -81,7 +81,7 @@ impl Store {
                     table: "frames",
                     reason: format!("step {step} of case {key}: damaged, or of a newer version"),
                 })?;
-                Ok(Kept {
+                Ok(StoredFrame {
                     step: count(step),
                     frame,
                 })

@@ -70,7 +70,7 @@ pub struct Disagreement {
 
 /// How shards are merged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Manner {
+pub(crate) enum MergeMode {
     /// Into the store of the campaign: everything, with a record of the shard.
     Campaign,
     /// Into the store of one task: its own cases only, without record.
@@ -87,7 +87,7 @@ impl Store {
     /// [`StoreError::OtherCampaign`], [`StoreError::OtherBuild`] unless `mixed` versions are allowed, and trouble with the
     /// store. Shards that cannot be read are no error: they are listed, and the others merged.
     pub fn merge(&mut self, shards: &[PathBuf], mixed: bool) -> Result<Merged, StoreError> {
-        self.merge_as(Manner::Campaign, shards, mixed)
+        self.merge_as(MergeMode::Campaign, shards, mixed)
     }
 
     /// Takes over runs that other stores, of whatever campaigns, hold of cases of this one.
@@ -95,13 +95,13 @@ impl Store {
     /// # Errors
     /// Trouble with the store. Stores that cannot be read are no error: they are listed, and the others used.
     pub fn reuse(&mut self, stores: &[PathBuf]) -> Result<Merged, StoreError> {
-        self.merge_as(Manner::Reuse, stores, true)
+        self.merge_as(MergeMode::Reuse, stores, true)
     }
 
     /// [`Store::merge`] in some manner.
     pub(crate) fn merge_as(
         &mut self,
-        manner: Manner,
+        manner: MergeMode,
         shards: &[PathBuf],
         mixed: bool,
     ) -> Result<Merged, StoreError> {
@@ -109,14 +109,14 @@ impl Store {
         let mut merged = Merged::default();
         let mut readable = Vec::new();
         for path in shards {
-            if let (Manner::Campaign, Ok(stamp)) = (manner, Stamp::of(path))
+            if let (MergeMode::Campaign, Ok(stamp)) = (manner, Stamp::of(path))
                 && self.has_merged(&stamp)?
             {
                 merged.unchanged += 1;
                 continue;
             }
             match Shard::look(path) {
-                Ok(shard) if manner != Manner::Reuse && shard.campaign != name => {
+                Ok(shard) if manner != MergeMode::Reuse && shard.campaign != name => {
                     return Err(StoreError::OtherCampaign {
                         path: path.clone(),
                         found: shard.campaign,
@@ -131,8 +131,8 @@ impl Store {
             }
         }
         let known = match manner {
-            Manner::Campaign => self.known_builds()?,
-            Manner::Task | Manner::Reuse => BTreeSet::from([super::process::build()]),
+            MergeMode::Campaign => self.known_builds()?,
+            MergeMode::Task | MergeMode::Reuse => BTreeSet::from([super::process::build()]),
         };
         let foreign = foreign(&known, &readable);
         if let Some((shard, build)) = foreign.first().filter(|_| !mixed) {
@@ -194,7 +194,7 @@ impl Store {
     /// Merges one shard in one transaction.
     fn merge_one(
         &mut self,
-        manner: Manner,
+        manner: MergeMode,
         shard: &Shard,
         mixed: bool,
         protocol: Option<&Protocol>,
@@ -238,7 +238,7 @@ impl Store {
             if let Some(protocol) = protocol {
                 campaign::average_again(transaction, protocol)?;
             }
-            if manner == Manner::Campaign && damage.is_none() {
+            if manner == MergeMode::Campaign && damage.is_none() {
                 transaction.execute(
                     "INSERT OR REPLACE INTO shards (name, size, modified, builds, mixed, merged_at)
                      VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
@@ -315,7 +315,7 @@ impl Store {
     pub fn unmerged(&self, folder: &Path) -> Result<u64, StoreError> {
         let known = self.knows_submissions()?;
         let mut number = 0;
-        for shard in crate::shard::published(folder) {
+        for shard in crate::cluster::shard::published(folder) {
             let merged = match Stamp::of(&shard.path) {
                 Ok(stamp) if known => self.has_merged(&stamp)?,
                 _ => false,

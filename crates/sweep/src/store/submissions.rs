@@ -48,7 +48,7 @@ pub struct Submission {
 
 /// A case that is neither finished nor failed.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Open {
+pub struct OpenCase {
     /// Its key.
     pub key: String,
     /// Estimated cost of what is left of it, in seconds of a common core.
@@ -74,11 +74,11 @@ impl Store {
         self.task = Some(task);
     }
 
-    /// Open cases of the grid in the order of work.
+    /// OpenCase cases of the grid in the order of work.
     ///
     /// # Errors
     /// Trouble with the file.
-    pub fn open_cases(&self) -> Result<Vec<Open>, StoreError> {
+    pub fn open_cases(&self) -> Result<Vec<OpenCase>, StoreError> {
         let rows = self
             .connection
             .prepare(
@@ -88,7 +88,7 @@ impl Store {
             .and_then(|mut query| {
                 query
                     .query_map([], |row| {
-                        Ok(Open {
+                        Ok(OpenCase {
                             key: row.get(0)?,
                             cost: row.get(1)?,
                             begun: row.get(2)?,
@@ -294,7 +294,7 @@ impl Store {
         let mut new = Store::open(to)?;
         new.adopt(&some)?;
         new.merge_as(
-            super::merge::Manner::Task,
+            super::merge::MergeMode::Task,
             std::slice::from_ref(&self.path),
             true,
         )?;

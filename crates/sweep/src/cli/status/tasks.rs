@@ -1,8 +1,7 @@
 //! What `sweep status` says of tasks that were submitted.
 
-use crate::engine::{self, ActiveTask};
+use crate::cluster::{ActiveTask, Scheduler, shard};
 use crate::error::Error;
-use crate::shard;
 use crate::store::{SliceState, Store, Submission};
 use serde::Serialize;
 use std::io::Write;
@@ -16,7 +15,7 @@ pub(super) struct Jobs {
     /// The job.
     #[serde(flatten)]
     submission: Submission,
-    /// What the engine says of it, in a few words, if it can be asked.
+    /// What the scheduler says of it, in a few words, if it can be asked.
     trouble: Option<String>,
     /// Its tasks.
     tasks: Vec<Task>,
@@ -28,7 +27,7 @@ struct Task {
     /// Its number.
     #[serde(rename = "task")]
     number: usize,
-    /// What the engine says, or `ended`.
+    /// What the scheduler says, or `ended`.
     state: String,
     /// The node it is on, or was last.
     node: String,
@@ -54,9 +53,9 @@ pub(super) fn jobs(store: &Store) -> Result<Vec<Jobs>, Error> {
 fn job(store: &Store, submission: Submission) -> Result<Jobs, Error> {
     let slices = store.slice_states(submission.id, submission.tasks)?;
     let over = slices.iter().all(|slice| slice.ended == slice.cases);
-    let asked = match (&submission.job, engine::by_name(&submission.engine)) {
+    let asked = match (&submission.job, Scheduler::by_name(&submission.engine)) {
         _ if over => Ok(Vec::new()),
-        (Some(job), Some(engine)) => engine.active(job).map_err(|error| error.to_string()),
+        (Some(job), Some(scheduler)) => scheduler.active(job).map_err(|error| error.to_string()),
         _ => Err("submitting was cut short before its number was known".into()),
     };
     let (active, trouble) = match asked {

@@ -1,10 +1,10 @@
 //! What `sweep submit` reads and writes: the store, or a copy of it, and the folder of the plan.
 
 use crate::campaign::Campaign;
-use crate::engine::Job;
+use crate::cluster::Job;
+use crate::cluster::shard::{BEGUN, ShardError, no_room, write_whole};
 use crate::error::Error;
-use crate::shard::{BEGUN, ShardError, no_room, write_whole};
-use crate::store::{self, Open, Store};
+use crate::store::{self, OpenCase, Store};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -62,7 +62,7 @@ pub(super) fn write_plan(
     job: &Job,
     store: &Store,
     campaign: &Campaign,
-    open: &[Open],
+    open: &[OpenCase],
     slices: &str,
     script: &str,
 ) -> Result<(), Error> {

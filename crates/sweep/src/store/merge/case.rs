@@ -1,7 +1,7 @@
 //! Merging one case: what outranks what.
 
 use super::difference::difference;
-use super::{Manner, Merged};
+use super::{MergeMode, Merged};
 use crate::store::count;
 use crate::store::entries::{
     Entry, checkpoint, entry, failures, place, put, result, set, text, trusted_case, whole,
@@ -19,7 +19,7 @@ pub(super) struct Merging<'m> {
     /// Writes to the store.
     pub(super) transaction: &'m Transaction<'m>,
     /// How.
-    pub(super) manner: Manner,
+    pub(super) manner: MergeMode,
     /// Numbers of processes in the shard and in the store.
     pub(super) processes: HashMap<i64, i64>,
     /// What was done.
@@ -88,7 +88,7 @@ impl Merging<'_> {
                 .optional()
         };
         let known = look()?;
-        if known.is_some() || self.manner != Manner::Campaign || !worth {
+        if known.is_some() || self.manner != MergeMode::Campaign || !worth {
             return Ok(known);
         }
         let mut row = row.clone();
