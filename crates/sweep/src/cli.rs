@@ -5,7 +5,9 @@ mod completions;
 mod export;
 mod merge;
 mod pair;
+mod place;
 mod plan;
+mod prune;
 mod replay;
 mod report;
 mod run;
@@ -29,7 +31,7 @@ use std::io::{IsTerminal, Write};
     version,
     propagate_version = true,
     max_term_width = 110,
-    after_help = "Exit codes: 0 done, 1 some cases failed, 2 bad input and nothing written, 3 the store failed (disk full, lock, file gone),\n\
+    after_help = "Exit codes: 0 done, 1 some cases failed, 2 bad input and nothing written, 3 the store or the output failed (disk full, lock),\n\
                   128 + signal (INT 130, TERM 143) stopped after a checkpoint: give the same command to go on.\n\n\
                   Example: sweep plan sweeps/quickstart.toml && sweep run sweeps/quickstart.toml"
 )]
@@ -80,6 +82,7 @@ enum Command {
     Export(export::Arguments),
     Serve(serve::Arguments),
     Replay(replay::Arguments),
+    Prune(prune::Arguments),
     Salvage(salvage::Arguments),
     Solve(solve::Arguments),
     Scalars(scalars::Arguments),
@@ -131,6 +134,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Export(arguments) => export::execute(&arguments, &mut output),
         Command::Serve(arguments) => serve::execute(&arguments, &mut output),
         Command::Replay(arguments) => replay::execute(&arguments, &mut output),
+        Command::Prune(arguments) => prune::execute(&arguments, &mut output),
         Command::Salvage(arguments) => salvage::execute(&arguments, &mut output),
         Command::Solve(arguments) => solve::execute(&arguments, &mut output),
         Command::Scalars(arguments) => scalars::execute(&arguments, &mut output),
@@ -138,8 +142,11 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Pair(arguments) => pair::execute(&arguments, &mut output),
         Command::Completions(arguments) => completions::execute(&arguments, &mut output),
     }?;
-    output.out.flush()?;
-    Ok(code)
+    match output.out.flush() {
+        // Nobody reads on: what was asked for was done, or not, all the same.
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(code),
+        flushed => Ok(flushed.map(|()| code)?),
+    }
 }
 
 /// Columns of standard output, if it is a terminal.
@@ -217,17 +224,6 @@ pub(crate) fn read_limited(path: &std::path::Path, limit: u64) -> Result<Vec<u8>
         });
     }
     Ok(bytes)
-}
-
-/// The store a user means: a store itself, or the default one of a campaign file.
-pub(crate) fn store_path(given: &std::path::Path) -> Result<std::path::PathBuf, Error> {
-    if given
-        .extension()
-        .is_some_and(|extension| extension == "toml")
-    {
-        return Ok(crate::campaign::Campaign::read(given)?.default_store());
-    }
-    Ok(given.to_owned())
 }
 
 #[cfg(test)]

@@ -133,7 +133,8 @@ impl Error {
                 | Physics::CellTooSmall { .. }
                 | Physics::BadPair { .. },
             ) => exit::BAD_INPUT,
-            Self::Physics(_) | Self::Output(_) | Self::Start { .. } => exit::FAILED,
+            Self::Physics(_) | Self::Start { .. } => exit::FAILED,
+            Self::Output(_) => exit::STORE,
             Self::Store(error) if error.is_of_the_store() => exit::STORE,
             Self::Shard(error) if error.is_of_the_disk() => exit::STORE,
             _ => exit::BAD_INPUT,

@@ -11,6 +11,7 @@ pub mod cli;
 pub mod cluster;
 pub mod error;
 pub mod exit;
+mod files;
 mod replay;
 pub mod report;
 pub mod runner;

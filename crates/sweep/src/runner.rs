@@ -108,7 +108,7 @@ fn run_in(
     store.register(options.workers)?;
     store.release_dead()?;
     let (total, done) = store.work()?;
-    progress.begin(total, done, store.counts()?);
+    progress.begin(total, done + store.work_given_up()?, store.counts()?);
     let shared = Shared {
         store: Mutex::new(store),
         protocol,
@@ -230,7 +230,7 @@ impl<'r> Shared<'r> {
                     self.progress.note(if self.options.observer.is_some() {
                         "stopping at the next step"
                     } else {
-                        "stopping at the next step; once more aborts at once"
+                        "stopping at the next step; once more, after a second, aborts at once"
                     });
                     Instant::now()
                 });
@@ -250,7 +250,7 @@ impl<'r> Shared<'r> {
         }
     }
 
-    /// Frees the cases of dead processes, and sees how far all are.
+    /// Frees the cases of dead processes, and sees how far all are. The store must still hold what this process computes.
     fn look_around(&self) -> Result<(), StoreError> {
         let mut store = self.store();
         let freed = store.release_dead()?;
@@ -259,8 +259,10 @@ impl<'r> Shared<'r> {
                 "{freed} cases of a process that is gone go on from their last checkpoints"
             ));
         }
+        store.check_campaign()?;
         let (_, done) = store.work()?;
-        self.progress.see(done, store.counts()?);
+        self.progress
+            .see(done + store.work_given_up()?, store.counts()?);
         Ok(())
     }
 }

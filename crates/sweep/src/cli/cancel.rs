@@ -1,12 +1,12 @@
 //! `sweep cancel`.
 
-use super::{Output, store_path};
+use super::Output;
+use super::place::StoreArguments;
 use crate::cluster::{Scheduler, shard};
 use crate::error::Error;
 use crate::exit;
 use crate::store::{Store, Submission};
 use serde::Serialize;
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Time from one look at tasks that are ending to the next.
@@ -20,8 +20,8 @@ const LOOK: Duration = Duration::from_secs(1);
     after_help = "Examples:\n  sweep cancel sweeps/friction.toml\n  sweep cancel results/friction.sqlite --job 4711"
 )]
 pub(crate) struct Arguments {
-    /// The store, or a campaign file whose default store is meant
-    store: PathBuf,
+    #[command(flatten)]
+    place: StoreArguments,
     /// Only this job [default: all of the campaign]
     #[arg(long, value_name = "JOB")]
     job: Option<String>,
@@ -41,7 +41,7 @@ struct Answer {
 
 /// Cancels what was submitted.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let path = store_path(&arguments.store)?;
+    let path = arguments.place.find()?.path;
     // Looked at first: a store that is not there must not be made.
     drop(Store::open_read_only(&path)?);
     let mut store = Store::open(&path)?;
@@ -105,7 +105,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         writeln!(
             output.out,
             "`sweep merge {}` takes over what they computed; `sweep submit` goes on from there",
-            arguments.store.display()
+            arguments.place.file.display()
         )?;
     }
     Ok(exit::DONE)

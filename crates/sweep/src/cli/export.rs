@@ -1,10 +1,12 @@
 //! `sweep export`.
 
+use super::Output;
+use super::place::StoreArguments;
 use super::show::story_of;
-use super::{Output, store_path};
 use crate::error::Error;
 use crate::exit;
-use crate::store::{Store, StoredFrame};
+use crate::files::write_whole;
+use crate::store::StoredFrame;
 use crate::trajectory::{
     CONTACT_HEADER, SPHERE_HEADER, write_contacts, write_extxyz, write_spheres,
 };
@@ -20,8 +22,8 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\n  sweep export results/quickstart.sqlite 1 --out layer.xyz\n  sweep export results/quickstart.sqlite 3f9a --format csv --out layer.csv"
 )]
 pub(crate) struct Arguments {
-    /// The store, or a campaign file whose default store is meant
-    store: PathBuf,
+    #[command(flatten)]
+    place: StoreArguments,
     /// The run: the beginning of its key, or its number in the campaign file, from 1
     case: String,
     /// Form of the spheres
@@ -46,7 +48,7 @@ enum Form {
 
 /// Writes the frames.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let store = Store::open_read_only(&store_path(&arguments.store)?)?;
+    let store = arguments.place.open()?;
     let story = story_of(&store, &arguments.case)?;
     let frames = store.frames(&story.key, arguments.every.get())?;
     if frames.is_empty() {
@@ -92,14 +94,13 @@ fn to_file(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<(), Error> {
-    std::fs::File::create(path)
-        .and_then(|file| {
-            let mut out = std::io::BufWriter::new(file);
-            write(&mut out)?;
-            out.flush()
-        })
-        .map_err(|source| Error::Write {
-            path: path.to_owned(),
-            source,
-        })
+    write_whole(path, |file| {
+        let mut out = std::io::BufWriter::new(file);
+        write(&mut out)?;
+        out.flush()
+    })
+    .map_err(|source| Error::Write {
+        path: path.to_owned(),
+        source,
+    })
 }

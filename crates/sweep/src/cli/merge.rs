@@ -1,6 +1,7 @@
 //! `sweep merge`.
 
-use super::{Output, store_path};
+use super::Output;
+use super::place::StoreArguments;
 use crate::campaign::Campaign;
 use crate::cluster::shard::{self, ShardError};
 use crate::error::Error;
@@ -20,8 +21,8 @@ use std::path::{Path, PathBuf};
                   sweep merge results/friction.sqlite results/friction.shards/*.sqlite other-machine.sqlite"
 )]
 pub(crate) struct Arguments {
-    /// The store, or a campaign file whose default store is meant; made if it is not there
-    store: PathBuf,
+    #[command(flatten)]
+    place: StoreArguments,
     /// Shards, or folders of them [default: the folder beside the store]
     shards: Vec<PathBuf>,
     /// Merge shards that another build of sweep computed, whose bits may differ; the store keeps a record of it
@@ -45,7 +46,7 @@ struct Answer {
 
 /// Merges shards.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let path = store_path(&arguments.store)?;
+    let path = arguments.place.find()?.path;
     let shards = if arguments.shards.is_empty() {
         in_folder(&shard::folder_of(&path))?
     } else {

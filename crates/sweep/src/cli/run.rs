@@ -3,15 +3,17 @@
 mod task;
 
 use super::Output;
+use super::place::store_of;
 use crate::campaign::Campaign;
 use crate::error::Error;
 use crate::exit;
+use crate::report::bytes;
 use crate::runner::{self, Options, Progress, Stop, Style};
-use crate::store::{Store, network_file_system};
+use crate::store::{Adoption, Inventory, Store, network_file_system};
 use crate::tables;
 use std::io::{IsTerminal, Write as _};
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Most threads; more are a slip of the keyboard.
@@ -33,11 +35,17 @@ const WORKER_LIMIT: usize = 4096;
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
-    /// The store [default: results/NAME.sqlite]
+    /// The store [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
     /// Cases computed at a time [default: the cores of the machine]
-    #[arg(long, short, value_name = "N")]
+    #[arg(
+        long,
+        short,
+        value_name = "N",
+        visible_alias = "jobs",
+        visible_short_alias = 'j'
+    )]
     workers: Option<NonZeroUsize>,
     /// Compute failed cases again
     #[arg(long)]
@@ -59,7 +67,7 @@ pub(crate) struct Arguments {
     /// The slices, as `sweep submit` wrote them [default: all cases of the file, cut here]
     #[arg(long, value_name = "FILE", requires = "shard")]
     slices: Option<PathBuf>,
-    /// Folder shards are published in [default: results/NAME.shards]
+    /// Folder shards are published in [default: NAME.shards beside the store]
     #[arg(long, value_name = "DIR", requires = "shard")]
     shards: Option<PathBuf>,
     /// Disk of this machine to work on [default: SLURM_TMPDIR, or else the folder of shards]
@@ -102,10 +110,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         return task::execute(arguments, part, campaign, workers, wall_limit, output);
     }
     let stop = Stop::on_signals()?;
-    let path = arguments
-        .store
-        .clone()
-        .unwrap_or_else(|| campaign.default_store());
+    let path = store_of(&campaign, arguments.store.as_deref())?;
     if let Some(network) = network_file_system(&path).filter(|_| !output.quiet) {
         // Nobody may read standard error; the run goes on all the same.
         let _ = writeln!(
@@ -119,7 +124,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         Store::open_read_only(other)?;
     }
     let mut store = Store::open(&path)?;
-    store.adopt(&campaign)?;
+    let adoption = store.adopt(&campaign)?;
+    if !output.quiet {
+        say_what_is_there(&campaign, &path, adoption);
+    }
     if !arguments.reuse.is_empty() {
         reuse(&mut store, &arguments.reuse, output)?;
     }
@@ -136,12 +144,49 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             arguments, &campaign, &mut store, limits, &stop, None, output,
         )?;
     }
-    super::report::write(&store, output)?;
-    Ok(match stop.signal() {
+    store.check_campaign()?;
+    let code = match stop.signal() {
         Some(signal) => exit::stopped_by(signal),
         None if store.counts()?.failed > 0 => exit::FAILED,
         None => exit::DONE,
-    })
+    };
+    match super::report::write(&store, output) {
+        // Nobody reads on: what became of the runs is told all the same.
+        Err(error) if error.is_closed_pipe() => Ok(code),
+        written => written.map(|()| code),
+    }
+}
+
+/// Says what a campaign finds in its store, if there is anything to say: what is kept, what is new, what is not asked for.
+fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption) {
+    let Inventory {
+        runs,
+        ended,
+        begun,
+        new,
+        orphans,
+        orphan_bytes,
+    } = adoption.inventory;
+    // Nobody may read standard error; the run goes on all the same.
+    let mut to = std::io::stderr();
+    if adoption.changed {
+        let _ = writeln!(
+            to,
+            "{} asks for something else than what {} was last run with: of its {runs} runs {ended} are kept as they are, {begun} \
+             go on from where they are, and {new} are new",
+            campaign.file.display(),
+            path.display()
+        );
+    }
+    if orphans > 0 {
+        let _ = writeln!(
+            to,
+            "{orphans} runs in {} (about {}) are not asked for; they stay there, and `sweep prune {}` removes them",
+            path.display(),
+            bytes(orphan_bytes),
+            campaign.file.display()
+        );
+    }
 }
 
 /// Takes over what other stores hold, and says what that was.

@@ -2,6 +2,7 @@
 
 mod folder;
 
+use super::place::store_of;
 use super::{Output, plan};
 use crate::campaign::Campaign;
 use crate::cluster::{
@@ -57,7 +58,8 @@ pub(crate) struct Arguments {
     /// What runs the tasks
     #[arg(long, value_enum, default_value_t = Kind::Slurm)]
     engine: Kind,
-    /// The store; shards go to the folder beside it [default: results/NAME.sqlite]
+    /// The store; shards go to the folder beside it [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside
+    /// the file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
     /// Number of tasks [default: so many that each needs about half of --time]
@@ -155,11 +157,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
         limit => limit?,
     };
-    let path = arguments
-        .store
-        .clone()
-        .unwrap_or_else(|| campaign.default_store());
-    let path = std::path::absolute(&path).map_err(|source| Error::Read { path, source })?;
+    let path = store_of(&campaign, arguments.store.as_deref())?;
     let folder = shard::folder_of(&path);
     let draft = Draft::new(arguments.dry_run, &path)?;
     let mut store = draft.open(&campaign)?;

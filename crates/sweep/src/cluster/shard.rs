@@ -9,7 +9,7 @@ mod slices;
 
 pub use error::ShardError;
 pub use publish::Publisher;
-pub(crate) use publish::{no_room, write_whole};
+pub(crate) use publish::no_room;
 pub use slices::Slices;
 
 use crate::store::TaskName;

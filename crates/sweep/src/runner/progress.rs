@@ -3,6 +3,7 @@
 use crate::case::Case;
 use crate::store::Counts;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use sd_core::Params;
 use std::collections::VecDeque;
 use std::io::Write;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -39,8 +40,22 @@ pub struct Progress {
     workers: Vec<Worker>,
     /// How far the campaign is.
     campaign: Mutex<Overall>,
+    /// Failures told so far.
+    told: Mutex<Vec<Told>>,
     /// Where lines go.
     log: Mutex<Box<dyn Write + Send>>,
+}
+
+/// A failure that was told.
+struct Told {
+    /// Parameters of the case, without its shear rate.
+    params: Params,
+    /// Its error.
+    message: String,
+    /// The case in words.
+    label: String,
+    /// How many more failed in the same way.
+    more: u64,
 }
 
 /// Progress of one worker. Its thread writes numbers only; the supervising thread draws.
@@ -118,6 +133,7 @@ impl Progress {
                 history: VecDeque::new(),
                 logged: Instant::now(),
             }),
+            told: Mutex::new(Vec::new()),
             log: Mutex::new(log),
         }
     }
@@ -232,6 +248,38 @@ impl Progress {
         }
     }
 
+    /// A case failed. Of those that fail in the same way whatever their shear rate only the first is told.
+    pub(super) fn failed(&self, case: &Case, message: &str) {
+        let alike = Params {
+            shear_rate: 0.0,
+            ..case.params.clone()
+        };
+        let is_new = {
+            let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+            let known = told
+                .iter_mut()
+                .find(|known| known.params == alike && known.message == message);
+            match known {
+                Some(known) => {
+                    known.more += 1;
+                    false
+                }
+                None => {
+                    told.push(Told {
+                        params: alike,
+                        message: message.to_owned(),
+                        label: case.label(),
+                        more: 0,
+                    });
+                    true
+                }
+            }
+        };
+        if is_new {
+            self.note(&format!("failed: {}: {message}", case.label()));
+        }
+    }
+
     /// Something the user should know, above the bars or in the log.
     pub fn note(&self, text: &str) {
         match self.style {
@@ -244,8 +292,15 @@ impl Progress {
         }
     }
 
-    /// Takes the bars away.
+    /// Takes the bars away, and says how many failures were not told.
     pub(super) fn end(&self) {
+        let told = std::mem::take(&mut *self.told.lock().unwrap_or_else(PoisonError::into_inner));
+        for told in told.iter().filter(|told| told.more > 0) {
+            self.note(&format!(
+                "{} more runs failed as did {}",
+                told.more, told.label
+            ));
+        }
         for worker in &self.workers {
             worker.bar.finish_and_clear();
         }

@@ -1,5 +1,6 @@
 //! Signals: the first asks for a stop after a checkpoint, the second aborts at once. While no case is under way the first
-//! does so too.
+//! does so too. What comes within a second of the first says the same once more: programs such as `timeout` send their signal
+//! to the process and to its group.
 
 use crate::error::Error;
 use crate::exit;
@@ -7,6 +8,10 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use signal_hook::iterator::Signals;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::time::{Duration, Instant};
+
+/// A signal this soon after the first is the same one again.
+const ECHO: Duration = Duration::from_secs(1);
 
 /// Whether a stop was asked for, and by which signal.
 #[derive(Debug, Clone, Default)]
@@ -32,7 +37,7 @@ impl Stop {
         Self::listen(Asked::default())
     }
 
-    /// The same for a task of an engine, which may send several signals at the end and KILL after them: none but INT ends
+    /// The same for a task of a scheduler, which may send several signals at the end and KILL after them: none but INT ends
     /// the process before it has published what it has.
     ///
     /// # Errors
@@ -56,14 +61,18 @@ impl Stop {
         std::thread::Builder::new()
             .name("signals".into())
             .spawn(move || {
+                let mut first_at: Option<Instant> = None;
                 for signal in signals.forever() {
+                    let is_echo = first_at.is_some_and(|at| at.elapsed() < ECHO);
+                    first_at.get_or_insert_with(Instant::now);
                     let first = told.0.signal.compare_exchange(
                         0,
                         signal,
                         Ordering::SeqCst,
                         Ordering::SeqCst,
                     );
-                    let abort = first.is_err() || !told.0.under_way.load(Ordering::SeqCst);
+                    let abort =
+                        (first.is_err() && !is_echo) || !told.0.under_way.load(Ordering::SeqCst);
                     if abort && (!told.0.patient || signal == SIGINT) {
                         Self::exit(signal);
                     }

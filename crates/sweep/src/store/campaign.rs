@@ -1,59 +1,56 @@
 //! Taking a campaign file into its store.
 
-use super::{Store, StoreError, integer, process, results};
+use super::asked::{self, Adoption, Asks};
+use super::{Store, StoreError, ends, integer, process, results};
 use crate::campaign::{Campaign, Protocol};
 use crate::case::{Case, CaseKey};
 use crate::report;
-use crate::statistics::Averages;
-use rusqlite::{OptionalExtension, Transaction, params};
+use rusqlite::{Connection, OptionalExtension, params};
 use std::cmp::Reverse;
+use std::path::PathBuf;
 
 impl Store {
-    /// Makes the cases of the store those of the campaign. Cases already there keep all they have; cases that left the
-    /// grid stay stored, without a position.
+    /// Makes the cases of the store those of the campaign, and says what that means. Cases already there keep all they have;
+    /// cases that left the grid stay stored, without a position. Runs that were computed farther than is asked now are cut,
+    /// and those that were not computed as far go on.
     ///
     /// # Errors
-    /// [`StoreError::OtherCampaign`], and trouble with the file.
-    pub fn adopt(&mut self, campaign: &Campaign) -> Result<(), StoreError> {
-        let before = self.read(
-            self.connection
-                .query_row("SELECT name, text, protocol FROM campaign", [], |row| {
-                    Ok((
-                        row.get::<_, String>(0)?,
-                        row.get::<_, String>(1)?,
-                        row.get::<_, String>(2)?,
-                    ))
-                })
-                .optional(),
-        )?;
-        let protocol = self.json("campaign", serde_json::to_string(&campaign.protocol))?;
-        if let Some((name, text, old)) = before {
-            if name != campaign.name {
-                return Err(StoreError::OtherCampaign {
-                    path: self.path.clone(),
-                    found: name,
-                    wanted: campaign.name.clone(),
-                });
-            }
-            if text == campaign.text && old == protocol {
-                return Ok(());
+    /// [`StoreError::OtherCampaign`], [`StoreError::AtWork`] while another process computes what another version of the
+    /// campaign asks for, and trouble with the file. Nothing is changed then.
+    pub fn adopt(&mut self, campaign: &Campaign) -> Result<Adoption, StoreError> {
+        let entry = Entry::of(self, campaign)?;
+        let me = self.me();
+        if entry.differs {
+            let refused = self.write(|transaction| {
+                let opponent = entry.asks.opponent(transaction, me)?;
+                if opponent.is_none() {
+                    entry.enter(transaction)?;
+                }
+                Ok(opponent)
+            })?;
+            if let Some(opponent) = refused {
+                return Err(self.at_work(&entry.asks, opponent));
             }
         }
-        let rows = rows(campaign)
-            .map(|row| self.json("cases", row))
-            .collect::<Result<Vec<_>, _>>()?;
-        self.write(|transaction| {
-            transaction.execute(
-                "INSERT INTO campaign (id, name, text, protocol) VALUES (1, ?1, ?2, ?3)
-                 ON CONFLICT (id) DO UPDATE SET text = excluded.text, protocol = excluded.protocol",
-                params![campaign.name, campaign.text, protocol],
-            )?;
-            transaction.execute("UPDATE cases SET position = NULL", [])?;
-            for row in &rows {
-                row.insert(transaction)?;
-            }
-            average_again(transaction, &campaign.protocol)
-        })
+        let adoption = Adoption {
+            changed: entry.differs && entry.last_file.is_some(),
+            inventory: self.read(asked::inventory(&self.connection))?,
+        };
+        self.asks = Some(entry.asks);
+        Ok(adoption)
+    }
+
+    /// Lets a store that is only read be seen as this version of its campaign asks for it.
+    pub(super) fn show_as_asked(&mut self, campaign: &Campaign) -> Result<(), StoreError> {
+        let entry = Entry::of(self, campaign)?;
+        if !entry.differs {
+            return Ok(());
+        }
+        let shown = super::schema::put_before(&self.connection, &["campaign", "cases", "results"])
+            .and_then(|()| entry.enter(&self.connection));
+        self.read(shown)?;
+        self.last_run_with = entry.last_file;
+        Ok(())
     }
 
     /// The protocol last run.
@@ -84,6 +81,100 @@ impl Store {
             table,
             reason: error.to_string(),
         })
+    }
+}
+
+/// A version of a campaign that is taken into a store.
+struct Entry<'c> {
+    /// The campaign.
+    campaign: &'c Campaign,
+    /// What it asks for.
+    asks: Asks,
+    /// Its protocol as JSON.
+    protocol: String,
+    /// Its cases.
+    rows: Vec<Row<'c>>,
+    /// Whether the store holds another version, or none.
+    differs: bool,
+    /// The file last run, if there is one.
+    last_file: Option<PathBuf>,
+}
+
+impl<'c> Entry<'c> {
+    /// Of a campaign into its own store.
+    fn of(store: &Store, campaign: &'c Campaign) -> Result<Self, StoreError> {
+        let last = store.read(
+            store
+                .connection
+                .query_row(
+                    "SELECT name, text, protocol, file FROM campaign",
+                    [],
+                    |row| {
+                        Ok((
+                            row.get::<_, String>(0)?,
+                            (row.get::<_, String>(1)?, row.get::<_, String>(2)?),
+                            row.get::<_, String>(3)?,
+                        ))
+                    },
+                )
+                .optional(),
+        )?;
+        let protocol = store.json("campaign", serde_json::to_string(&campaign.protocol))?;
+        let now = (campaign.text.as_str(), protocol.as_str());
+        let (mut differs, mut last_file) = (true, None);
+        if let Some((name, (text, protocol), file)) = last {
+            if name != campaign.name {
+                return Err(StoreError::OtherCampaign {
+                    path: store.path.clone(),
+                    found: name,
+                    wanted: campaign.name.clone(),
+                });
+            }
+            differs = (text.as_str(), protocol.as_str()) != now;
+            last_file = Some(file.into());
+        }
+        let rows = if differs {
+            rows(campaign)
+                .map(|row| store.json("cases", row))
+                .collect::<Result<_, _>>()?
+        } else {
+            Vec::new()
+        };
+        Ok(Self {
+            asks: Asks::of(campaign),
+            campaign,
+            protocol,
+            rows,
+            differs,
+            last_file,
+        })
+    }
+
+    /// Makes the cases of a store those of the campaign.
+    fn enter(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+        connection.execute(
+            "INSERT INTO campaign (id, name, text, protocol, file, asks) VALUES (1, ?1, ?2, ?3, ?4, ?5)
+             ON CONFLICT (id) DO UPDATE SET text = excluded.text, protocol = excluded.protocol, file = excluded.file,
+                 asks = excluded.asks",
+            params![
+                self.campaign.name,
+                self.campaign.text,
+                self.protocol,
+                self.asks.file.to_string_lossy(),
+                self.asks.hash
+            ],
+        )?;
+        connection.execute("UPDATE cases SET position = NULL", [])?;
+        for row in &self.rows {
+            row.insert(connection)?;
+        }
+        // What failed beyond the strain that is asked for now may well get as far as that.
+        results::reopen_failed(
+            connection,
+            "position IS NOT NULL AND steps <=
+                 (SELECT step FROM failures f WHERE f.case_id = cases.id ORDER BY f.id DESC LIMIT 1)",
+        )?;
+        ends::settle_all(connection, &self.campaign.protocol)
     }
 }
 
@@ -137,10 +228,10 @@ fn rows(campaign: &Campaign) -> impl Iterator<Item = Result<Row<'_>, serde_json:
 
 impl Row<'_> {
     /// Writes a new case, or gives a known one its place in the file.
-    fn insert(&self, transaction: &Transaction<'_>) -> Result<(), rusqlite::Error> {
+    fn insert(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
         let p = &self.case.params;
         let laws = p.contact.laws();
-        transaction
+        connection
             .prepare_cached(
                 "INSERT INTO cases (key, position, rank, params, seed, steps, sample_stride, time_step, area_fraction,
                      friction, roughness, shear_rate, spheres, size_ratio, large_fraction, hydrodynamics, contact, cost,
@@ -149,7 +240,7 @@ impl Row<'_> {
                  VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21,
                      ?22, ?23, ?24, ?25, ?26, ?27)
                  ON CONFLICT (key) DO UPDATE SET position = excluded.position, rank = excluded.rank,
-                     cost = excluded.cost",
+                     cost = excluded.cost, steps = excluded.steps",
             )?
             .execute(params![
                 self.key.to_string(),
@@ -182,31 +273,4 @@ impl Row<'_> {
             ])?;
         Ok(())
     }
-}
-
-/// Averages finished runs again whose discarded strain is no longer that of the protocol.
-pub(super) fn average_again(
-    transaction: &Transaction<'_>,
-    protocol: &Protocol,
-) -> Result<(), rusqlite::Error> {
-    let finished: Vec<(i64, i64, f64, i64)> = transaction
-        .prepare(
-            "SELECT r.case_id, c.spheres, c.time_step, r.discard_step FROM results r JOIN cases c ON c.id = r.case_id
-             WHERE c.position IS NOT NULL",
-        )?
-        .query_map([], |row| {
-            Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
-        })?
-        .collect::<Result<_, _>>()?;
-    for (case, spheres, time_step, discarded) in finished {
-        let discard = protocol.with_time_step(time_step).discard_steps();
-        if integer(discard) == discarded {
-            continue;
-        }
-        let samples = results::samples(transaction, case)?;
-        let averages = Averages::of(&samples, discard);
-        let spheres = usize::try_from(spheres).unwrap_or(1);
-        results::write_averages(transaction, case, discard, &averages, spheres)?;
-    }
-    Ok(())
 }

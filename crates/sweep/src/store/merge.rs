@@ -9,7 +9,7 @@ mod shards;
 
 use super::entries::entry;
 use super::process::now;
-use super::{Store, StoreError, campaign, count};
+use super::{Store, StoreError, count, ends};
 use crate::campaign::Protocol;
 use case::Merging;
 use rusqlite::params;
@@ -17,7 +17,7 @@ use serde::Serialize;
 use shards::{Shard, Stamp, foreign};
 use std::collections::{BTreeSet, HashMap};
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What a merge did.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -230,13 +230,13 @@ impl Store {
                 Vec::new()
             }) {
                 match entry(old, "cases", "id", id) {
-                    Ok(Some(case)) => merging.case(id, &case)?,
+                    Ok(Some(case)) => merging.case(id, case)?,
                     Ok(None) => {}
                     Err(error) => damage = Some(error.to_string()),
                 }
             }
             if let Some(protocol) = protocol {
-                campaign::average_again(transaction, protocol)?;
+                ends::settle_all(transaction, protocol)?;
             }
             if manner == MergeMode::Campaign && damage.is_none() {
                 transaction.execute(
@@ -271,9 +271,6 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn disagreements(&self) -> Result<Vec<Disagreement>, StoreError> {
-        if !self.knows_submissions()? {
-            return Ok(Vec::new());
-        }
         let rows = self
             .connection
             .prepare(
@@ -308,16 +305,15 @@ impl Store {
         self.read(rows)
     }
 
-    /// How many shards in a folder were not merged, or have changed since.
+    /// How many of these shards were not merged, or have changed since.
     ///
     /// # Errors
     /// Trouble with the file.
-    pub fn unmerged(&self, folder: &Path) -> Result<u64, StoreError> {
-        let known = self.knows_submissions()?;
+    pub fn unmerged(&self, shards: &[PathBuf]) -> Result<u64, StoreError> {
         let mut number = 0;
-        for shard in crate::cluster::shard::published(folder) {
-            let merged = match Stamp::of(&shard.path) {
-                Ok(stamp) if known => self.has_merged(&stamp)?,
+        for shard in shards {
+            let merged = match Stamp::of(shard) {
+                Ok(stamp) => self.has_merged(&stamp)?,
                 _ => false,
             };
             number += u64::from(!merged);
@@ -330,9 +326,6 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn mixed_shards(&self) -> Result<u64, StoreError> {
-        if !self.knows_submissions()? {
-            return Ok(0);
-        }
         self.read(
             self.connection
                 .query_row("SELECT count(*) FROM shards WHERE mixed", [], |row| {

@@ -82,7 +82,8 @@ impl Store {
         let rows = self
             .connection
             .prepare(
-                "SELECT key, cost * (1.0 - min(1.0 * steps_done / steps, 1.0)), steps_done > 0 FROM cases
+                "SELECT key, cost * (1.0 - min(1.0 * steps_done / steps, 1.0)), steps_done > 0
+                 FROM cases
                  WHERE state IN ('pending', 'running') AND position IS NOT NULL ORDER BY rank",
             )
             .and_then(|mut query| {
@@ -180,9 +181,6 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn submissions(&self) -> Result<Vec<Submission>, StoreError> {
-        if !self.knows_submissions()? {
-            return Ok(Vec::new());
-        }
         let rows = self
             .connection
             .prepare(
@@ -261,21 +259,12 @@ impl Store {
     pub fn slice_of_shard(path: &std::path::Path) -> Result<SliceState, StoreError> {
         let shard = Self::open_shard(path)?;
         let (counts, (total, done)) = (shard.counts()?, shard.work()?);
+        let done = done + shard.work_given_up()?;
         Ok(SliceState {
             cases: counts.total(),
             ended: counts.done + counts.jammed + counts.failed,
             work_done: if total > 0.0 { done / total } else { 1.0 },
         })
-    }
-
-    /// Whether the store is of a schema with submissions.
-    pub(super) fn knows_submissions(&self) -> Result<bool, StoreError> {
-        self.read(self.connection.query_row(
-            "SELECT count(*) FROM sqlite_schema WHERE name = 'submissions'",
-            [],
-            |row| row.get::<_, i64>(0),
-        ))
-        .map(|tables| tables > 0)
     }
 
     /// Writes the begun ones of some cases, as far as they are, into a new store of their own.

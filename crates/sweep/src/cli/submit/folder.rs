@@ -2,10 +2,12 @@
 
 use crate::campaign::Campaign;
 use crate::cluster::Job;
-use crate::cluster::shard::{BEGUN, ShardError, no_room, write_whole};
+use crate::cluster::shard::{BEGUN, ShardError, no_room};
 use crate::error::Error;
+use crate::files::write_whole;
 use crate::store::{self, OpenCase, Store};
 use std::collections::HashSet;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// The store to plan with: itself, or for a dry run a copy that goes away with this.
@@ -77,16 +79,11 @@ pub(super) fn write_plan(
     written(folder.clone(), std::fs::create_dir_all(folder))?;
     // The same hash is the same program.
     if !job.program.exists() {
-        let part = job
-            .program
-            .with_extension(format!("part-{}", std::process::id()));
-        let copied = std::env::current_exe()
-            .and_then(|program| std::fs::copy(program, &part))
-            .and_then(|_| std::fs::File::open(&part)?.sync_all())
-            .and_then(|()| std::fs::rename(&part, &job.program));
-        if copied.is_err() {
-            let _ = std::fs::remove_file(&part);
-        }
+        let copied = write_whole(&job.program, |copy| {
+            let program = std::env::current_exe()?;
+            std::io::copy(&mut std::fs::File::open(&program)?, copy)?;
+            copy.set_permissions(std::fs::metadata(&program)?.permissions())
+        });
         written(job.program.clone(), copied)?;
     }
     for (name, text) in [
@@ -94,11 +91,14 @@ pub(super) fn write_plan(
         ("slices", slices),
     ] {
         let path = folder.join(name);
-        written(path.clone(), write_whole(&path, text.as_bytes()))?;
+        written(
+            path.clone(),
+            write_whole(&path, |file| file.write_all(text.as_bytes())),
+        )?;
     }
     written(
         job.script_path(),
-        write_whole(&job.script_path(), script.as_bytes()),
+        write_whole(&job.script_path(), |file| file.write_all(script.as_bytes())),
     )?;
     let begun: HashSet<&str> = open
         .iter()
