@@ -45,7 +45,6 @@ pub struct Cli {
     /// Colours in errors
     #[arg(long, global = true, help_heading = "Of every command", value_enum, default_value_t = Colour::Auto, value_name = "WHEN")]
     color: Colour,
-    /// What to do.
     #[command(subcommand)]
     command: Command,
 }
@@ -63,13 +62,6 @@ enum Colour {
 
 /// The subcommands. What is said of each stands with its arguments: text here would take the place of all of that.
 #[derive(Debug, Subcommand)]
-#[cfg_attr(
-    not(test),
-    expect(
-        clippy::missing_docs_in_private_items,
-        reason = "documentation of a variant would hide the long help of its arguments"
-    )
-)]
 enum Command {
     Plan(plan::Arguments),
     Run(run::Arguments),
@@ -93,11 +85,8 @@ enum Command {
 
 /// Where output goes, and how.
 pub(crate) struct Output<'o> {
-    /// Standard output.
     pub(crate) out: &'o mut dyn Write,
-    /// JSON instead of tables.
     pub(crate) json: bool,
-    /// Nothing on standard error.
     pub(crate) quiet: bool,
     /// Columns of the terminal; `None` if it is none.
     pub(crate) width: Option<u16>,
@@ -162,7 +151,6 @@ fn terminal_width() -> Option<u16> {
 /// Tells errors in the way the user wants them.
 #[derive(Debug, Clone, Copy)]
 pub struct ErrorRenderer {
-    /// In colours.
     coloured: bool,
 }
 

@@ -4,6 +4,7 @@ use crate::campaign::CampaignError;
 use crate::cluster::SchedulerError;
 use crate::cluster::shard::ShardError;
 use crate::exit;
+use crate::runner::RunnerError;
 use crate::store::StoreError;
 use std::io;
 use std::path::PathBuf;
@@ -20,10 +21,14 @@ pub enum Error {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Store(#[from] StoreError),
-    /// An engine, such as Slurm.
+    /// A scheduler, such as Slurm.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Scheduler(#[from] SchedulerError),
+    /// The computing of a campaign.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Runner(#[from] RunnerError),
     /// Slices and shards.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -107,7 +112,7 @@ pub enum Error {
     /// A computation of the solver that was refused or failed.
     #[error("{0}")]
     Physics(#[from] sd_core::Error),
-    /// Threads or signal handlers the system would not give.
+    /// A server the system would not give.
     #[error("cannot start {what}: {reason}")]
     Start {
         /// What was asked for.
@@ -135,7 +140,12 @@ impl Error {
             ) => exit::BAD_INPUT,
             Self::Physics(_) | Self::Start { .. } => exit::FAILED,
             Self::Output(_) => exit::STORE,
-            Self::Store(error) if error.is_of_the_store() => exit::STORE,
+            Self::Runner(RunnerError::Start { .. }) => exit::FAILED,
+            Self::Store(error) | Self::Runner(RunnerError::Store(error))
+                if error.is_of_the_store() =>
+            {
+                exit::STORE
+            }
             Self::Shard(error) if error.is_of_the_disk() => exit::STORE,
             _ => exit::BAD_INPUT,
         }

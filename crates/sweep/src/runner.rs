@@ -1,15 +1,16 @@
 //! Computes the cases of a store: a bounded pool, one case per thread, until nothing is left or a signal says stop.
 
 mod compute;
+mod error;
 mod panics;
 mod progress;
 mod stop;
 
+pub use error::RunnerError;
 pub use progress::{Progress, Style};
 pub use stop::Stop;
 
 use crate::campaign::Protocol;
-use crate::error::Error;
 use crate::store::{Store, StoreError};
 use sd_core::NearFields;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -54,17 +55,14 @@ struct Shared<'r> {
     store: Mutex<&'r mut Store>,
     /// How every run is made.
     protocol: &'r Protocol,
-    /// How to run.
     options: Options<'r>,
     /// Near fields of unequal spheres.
     tables: &'r NearFields,
     /// The signal, once there was one.
     stop: &'r Stop,
-    /// What the user sees.
     progress: &'r Progress,
     /// The first trouble with the store: all stop.
     trouble: Mutex<Option<StoreError>>,
-    /// Threads that still work.
     working: AtomicUsize,
 }
 
@@ -79,12 +77,12 @@ pub fn run(
     options: Options<'_>,
     stop: &Stop,
     progress: &Progress,
-) -> Result<(), Error> {
+) -> Result<(), RunnerError> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)
         .thread_name(|number| format!("worker {number}"))
         .build()
-        .map_err(|error| Error::Start {
+        .map_err(|error| RunnerError::Start {
             what: "threads",
             reason: error.to_string(),
         })?;
@@ -104,7 +102,7 @@ fn run_in(
     options: Options<'_>,
     stop: &Stop,
     progress: &Progress,
-) -> Result<(), Error> {
+) -> Result<(), RunnerError> {
     store.register(options.workers)?;
     store.release_dead()?;
     let (total, done) = store.work()?;

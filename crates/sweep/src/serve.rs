@@ -22,9 +22,7 @@ const FRESH: Duration = Duration::from_secs(1);
 /// Frames of a movie at most.
 const FRAMES: usize = 120;
 
-/// What requests share.
 struct Shared {
-    /// The store.
     source: StoreSource,
     /// The last data, and when it was read.
     data: Mutex<Option<(Instant, String)>>,
@@ -72,7 +70,6 @@ pub fn serve(
     })
 }
 
-/// The routes.
 fn routes(source: StoreSource) -> Router {
     let shared = Arc::new(Shared {
         source,
@@ -151,7 +148,6 @@ fn answer(kind: &'static str, result: Result<String, Error>) -> Response {
     }
 }
 
-/// The page.
 async fn send_page(State(shared): State<Arc<Shared>>) -> Response {
     let result = read(&shared, |store| {
         page(store, &Selection::default(), Home::Server)

@@ -72,9 +72,7 @@ static STOP_ASKED: AtomicBool = AtomicBool::new(false);
 /// An open store.
 #[derive(Debug)]
 pub struct Store {
-    /// The database.
     connection: Connection,
-    /// Its file.
     path: PathBuf,
     /// That file, as it was when it was opened for writing.
     file: Option<FileIdentity>,
@@ -91,9 +89,7 @@ pub struct Store {
 /// This process as the store knows it.
 #[derive(Debug, Clone)]
 struct Registered {
-    /// Its row.
     id: i64,
-    /// Who it is.
     identity: Identity,
 }
 

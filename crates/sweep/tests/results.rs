@@ -101,6 +101,29 @@ fn csv_has_the_numbers_of_the_report_and_its_units_beside_it() {
 }
 
 #[test]
+fn json_is_printed_beside_files_and_never_with_them_on_standard_output() {
+    let directory = directory();
+    let at = directory.path();
+    let alone = stdout(at, &["report", "s.sqlite", "--json"]);
+    for file in [
+        ["--csv", "t.csv"],
+        ["--figure", "f.svg"],
+        ["--page", "p.html"],
+        ["--parquet", "t.parquet"],
+        ["--markdown", "t.md"],
+    ] {
+        let both = stdout(at, &["report", "s.sqlite", "--json", file[0], file[1]]);
+        assert_eq!(both, alone, "{file:?}");
+        assert!(at.join(file[1]).exists());
+    }
+    for argument in ["--csv", "--markdown"] {
+        sweep(at, &["report", "s.sqlite", "--json", argument, "-"])
+            .code(2)
+            .stdout("");
+    }
+}
+
+#[test]
 fn markdown_has_a_row_per_point() {
     let directory = directory();
     let text = stdout(directory.path(), &["report", "s.sqlite", "--markdown", "-"]);

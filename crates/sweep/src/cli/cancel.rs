@@ -17,7 +17,7 @@ const LOOK: Duration = Duration::from_secs(1);
 /// Tasks at work checkpoint and publish before they end, and are waited for. `sweep submit` goes on from there.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep cancel sweeps/friction.toml\n  sweep cancel results/friction.sqlite --job 4711"
+    after_help = "Examples:\n  sweep cancel sweeps/figure-11.toml\n  sweep cancel results/figure-11.sqlite --job 4711"
 )]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -30,16 +30,13 @@ pub(crate) struct Arguments {
     wait: u64,
 }
 
-/// The answer.
 #[derive(Serialize)]
 struct Answer {
-    /// Jobs that were cancelled.
     cancelled: Vec<String>,
     /// Tasks that have not ended yet.
     ending: usize,
 }
 
-/// Cancels what was submitted.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let path = arguments.place.find()?.path;
     // Looked at first: a store that is not there must not be made.

@@ -37,7 +37,6 @@ pub(crate) struct Arguments {
     every: std::num::NonZeroUsize,
 }
 
-/// Form of an exported trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Form {
     /// Extended XYZ, as OVITO and `ASE` read it.
@@ -46,7 +45,6 @@ enum Form {
     Csv,
 }
 
-/// Writes the frames.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let store = arguments.place.open()?;
     let story = story_of(&store, &arguments.case)?;
@@ -89,7 +87,6 @@ fn spheres(frames: &[StoredFrame], form: Form, out: &mut dyn Write) -> std::io::
     })
 }
 
-/// Writes a file.
 fn to_file(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,

@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 /// bit; those that do not are listed, and the exit code is 1. So it is if a shard cannot be read: the others are merged.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep merge results/friction.sqlite results/friction.shards\n  \
-                  sweep merge results/friction.sqlite results/friction.shards/*.sqlite other-machine.sqlite"
+    after_help = "Examples:\n  sweep merge results/figure-11.sqlite results/figure-11.shards\n  \
+                  sweep merge results/figure-11.sqlite results/figure-11.shards/*.sqlite other-machine.sqlite"
 )]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -30,10 +30,8 @@ pub(crate) struct Arguments {
     allow_mixed_versions: bool,
 }
 
-/// The answer.
 #[derive(Serialize)]
 struct Answer {
-    /// What was merged.
     #[serde(flatten)]
     merged: Merged,
     /// Cases of the store by state.
@@ -44,7 +42,6 @@ struct Answer {
     mixed_shards: u64,
 }
 
-/// Merges shards.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let path = arguments.place.find()?.path;
     let shards = if arguments.shards.is_empty() {
@@ -119,7 +116,6 @@ fn open(path: &Path, shards: &[PathBuf]) -> Result<Store, Error> {
         .into())
 }
 
-/// Says what was merged.
 fn write_text(answer: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
     let (merged, cases, out) = (&answer.merged, &answer.cases, &mut *output.out);
     writeln!(

@@ -28,18 +28,14 @@ pub(crate) struct Arguments {
     yes: bool,
 }
 
-/// The answer.
 #[derive(Serialize)]
 struct Answer {
-    /// The store.
     store: PathBuf,
-    /// Runs removed.
     removed: u64,
     /// What they took, in bytes, about.
     bytes: f64,
 }
 
-/// Removes what is not asked for.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
     let reader = source.open()?;

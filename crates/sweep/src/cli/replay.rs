@@ -15,7 +15,7 @@ const NAMED: u32 = 8;
 /// process died again and again: that of its last checkpoint.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example:\n  sweep status results/friction.sqlite\n  sweep replay results/friction.sqlite 326e0e48 | sweep solve -"
+    after_help = "Example:\n  sweep status results/figure-11.sqlite\n  sweep replay results/figure-11.sqlite 326e0e48 | sweep solve -"
 )]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -24,7 +24,6 @@ pub(crate) struct Arguments {
     case: Option<String>,
 }
 
-/// Writes the state.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let store = arguments.place.open()?;
     let refuse = |message| {

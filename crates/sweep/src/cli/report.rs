@@ -22,8 +22,8 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json\n  \
                   sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
                   sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --markdown -\n  \
-                  sweep report results/friction.sqlite --figure contacts.png --kind contacts --where shear_rate=inf\n  \
-                  sweep report results/dense.sqlite --figure dense.svg --quantity viscosity_median --where area_fraction=0.8\n\n\
+                  sweep report results/figure-11.sqlite --figure contacts.png --kind contacts --where shear_rate=inf\n  \
+                  sweep report results/figure-15.sqlite --figure dense.svg --quantity viscosity_median --where area_fraction=0.8\n\n\
                   The store is a SQLite file with two views for other programs, `viscosity_vs_shear_rate` (a row per point) and\n\
                   `runs` (a row per run): sqlite3 -header results/quickstart.sqlite 'SELECT * FROM viscosity_vs_shear_rate'"
 )]

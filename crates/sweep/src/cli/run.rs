@@ -28,9 +28,9 @@ const WORKER_LIMIT: usize = 4096;
 /// ends as failed.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/friction.toml --workers 8 --store /scratch/friction.sqlite\n  \
-                  sweep run sweeps/friction.toml --reuse results/quickstart.sqlite\n  \
-                  sweep run sweeps/friction.toml --shard 3/24"
+    after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/figure-11.toml --workers 8 --store /scratch/friction.sqlite\n  \
+                  sweep run sweeps/figure-11.toml --reuse results/quickstart.sqlite\n  \
+                  sweep run sweeps/figure-11.toml --shard 3/24"
 )]
 pub(crate) struct Arguments {
     /// The campaign file
@@ -81,7 +81,6 @@ pub(crate) struct Arguments {
     allow_mixed_versions: bool,
 }
 
-/// Runs the campaign.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
     let workers = match arguments.workers {
@@ -211,7 +210,6 @@ fn reuse(store: &mut Store, others: &[PathBuf], output: &Output<'_>) -> Result<(
 /// How much may be computed at a time, and for how long.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
-    /// Cases at a time.
     workers: usize,
     /// Computing time of a single case.
     wall_limit: Option<Duration>,
@@ -246,5 +244,7 @@ fn compute(
     let ratios = tables::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
     let tables = tables::make(&ratios, |text| progress.note(text))?;
     let protocol = &campaign.protocol;
-    runner::run(store, protocol, &tables, options, stop, &progress)
+    Ok(runner::run(
+        store, protocol, &tables, options, stop, &progress,
+    )?)
 }

@@ -36,7 +36,6 @@ fn address(text: &str) -> Result<SocketAddr, String> {
         .ok_or_else(|| "no such address".to_owned())
 }
 
-/// Serves until a signal.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
     // A file that is no store is an error now, not one of each request.

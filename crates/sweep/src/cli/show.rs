@@ -51,7 +51,6 @@ pub(super) fn story_of(store: &Store, given: &str) -> Result<Story, Error> {
         .ok_or_else(|| no_case(store, given, "no case"))
 }
 
-/// Writes the story.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let store = arguments.place.open()?;
     let story = story_of(&store, &arguments.case)?;

@@ -27,22 +27,17 @@ pub(crate) struct Arguments {
     failures: u32,
 }
 
-/// The answer.
 #[derive(Serialize)]
 struct Status {
-    /// Name of the campaign.
     campaign: String,
     /// The file the store was last run with, if that is another version of the one asked about.
     last_run_with: Option<PathBuf>,
     /// Runs in the store that are not asked for.
     orphans: u64,
-    /// Cases by state.
     cases: Counts,
     /// Share of the estimated work that is done, 0 to 1.
     work_done: f64,
-    /// Processes that own cases.
     processes: Vec<ProcessLine>,
-    /// Failed cases.
     failures: Vec<FailureLine>,
     /// Jobs that were submitted, with their tasks.
     jobs: Vec<tasks::Jobs>,
@@ -54,7 +49,6 @@ struct Status {
     mixed_shards: u64,
 }
 
-/// Writes the status.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
     let (path, store) = (&source.path, source.open()?);

@@ -47,10 +47,10 @@ const OURS: [&str; 7] = [
     reason = "switches of the command line"
 )]
 #[command(
-    after_help = "Examples:\n  sweep submit sweeps/friction.toml --tasks 200 --time 4:00:00 --partition short --dry-run\n  \
-                  sweep submit sweeps/friction.toml --time 12:00:00 --throttle 50 --sbatch-arg=--mem=4G\n  \
-                  sweep submit sweeps/friction.toml --engine local\n  \
-                  sweep status sweeps/friction.toml && sweep merge sweeps/friction.toml && sweep report sweeps/friction.toml"
+    after_help = "Examples:\n  sweep submit sweeps/figure-11.toml --tasks 200 --time 4:00:00 --partition short --dry-run\n  \
+                  sweep submit sweeps/figure-11.toml --time 12:00:00 --throttle 50 --sbatch-arg=--mem=4G\n  \
+                  sweep submit sweeps/figure-11.toml --engine local\n  \
+                  sweep status sweeps/figure-11.toml && sweep merge sweeps/figure-11.toml && sweep report sweeps/figure-11.toml"
 )]
 pub(crate) struct Arguments {
     /// The campaign file
@@ -128,26 +128,20 @@ fn word(text: &str) -> Result<String, String> {
     }
 }
 
-/// The answer.
 #[derive(Serialize)]
 struct Answer<'a> {
     /// The job, once it is submitted.
     job: Option<&'a str>,
-    /// OpenCase cases in it.
     cases: usize,
-    /// Number of tasks.
     tasks: usize,
     /// Hash of the slices; this and what follows is null if nothing is open.
     plan: Option<&'a str>,
-    /// Where shards go.
     folder: Option<&'a Path>,
     /// The command that hands the script over.
     command: Option<&'a [String]>,
-    /// The script.
     script: Option<&'a str>,
 }
 
-/// Submits what is open.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
     let scheduler = scheduler(arguments)?;
@@ -363,7 +357,7 @@ fn gather(
     Ok(())
 }
 
-/// OpenCase cases that no task has.
+/// Open cases that no task has.
 fn open(arguments: &Arguments, store: &Store, output: &Output<'_>) -> Result<Vec<OpenCase>, Error> {
     let mut taken: HashSet<String> = HashSet::new();
     for submission in store.submissions()? {

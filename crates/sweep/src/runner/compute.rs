@@ -19,14 +19,12 @@ struct Run {
     simulation: Option<Simulation>,
     /// The layer before the step under way: a panic may leave the simulation in pieces.
     before: Option<Snapshot>,
-    /// What was measured.
     record: Record,
 }
 
 /// What was measured in a run.
 #[derive(Default)]
 struct Record {
-    /// Samples so far.
     samples: Vec<(u64, Sample)>,
     /// Seconds computed before this process went on with it.
     wall_time_before_s: f64,
@@ -36,7 +34,6 @@ struct Record {
     frames: Vec<(u64, Frame)>,
 }
 
-/// How a run ended.
 enum End {
     /// All steps done.
     Done,
@@ -48,7 +45,6 @@ enum End {
     Failed(Cause),
 }
 
-/// Why a run failed.
 enum Cause {
     /// The solver said so.
     Physics(sd_core::Error),

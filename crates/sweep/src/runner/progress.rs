@@ -30,19 +30,13 @@ pub enum Style {
 
 /// Progress of all cases and of each worker.
 pub struct Progress {
-    /// How it is shown.
     style: Style,
-    /// All bars.
     bars: MultiProgress,
-    /// Of the campaign.
     overall: ProgressBar,
-    /// Of each worker.
     workers: Vec<Worker>,
     /// How far the campaign is.
     campaign: Mutex<Overall>,
-    /// Failures told so far.
     told: Mutex<Vec<Told>>,
-    /// Where lines go.
     log: Mutex<Box<dyn Write + Send>>,
 }
 
@@ -50,9 +44,7 @@ pub struct Progress {
 struct Told {
     /// Parameters of the case, without its shear rate.
     params: Params,
-    /// Its error.
     message: String,
-    /// The case in words.
     label: String,
     /// How many more failed in the same way.
     more: u64,
@@ -60,13 +52,11 @@ struct Told {
 
 /// Progress of one worker. Its thread writes numbers only; the supervising thread draws.
 struct Worker {
-    /// Its bar.
     bar: ProgressBar,
     /// Steps of its case done.
     steps: AtomicU64,
     /// Estimated cost of a step, as bits.
     step_cost: AtomicU64,
-    /// Last viscosity, as bits.
     viscosity: AtomicU64,
     /// Time step in strain, as bits.
     time_step: AtomicU64,
@@ -74,7 +64,6 @@ struct Worker {
 
 /// Progress of the campaign in units of estimated cost.
 struct Overall {
-    /// All of it.
     total: f64,
     /// What the store knows to be done, but for the cases under way here.
     stored: f64,
@@ -82,7 +71,6 @@ struct Overall {
     since: f64,
     /// The most that was ever shown: a bar does not go back.
     shown: f64,
-    /// Cases by state.
     counts: Counts,
     /// How far it was when.
     history: VecDeque<(Instant, f64)>,
@@ -349,7 +337,6 @@ impl Overall {
         }
     }
 
-    /// Share that is done.
     fn fraction(&self) -> f64 {
         if self.total > 0.0 {
             (self.shown / self.total).clamp(0.0, 1.0)
@@ -369,7 +356,6 @@ impl Overall {
             .flatten()
     }
 
-    /// In words.
     fn message(&self) -> String {
         let c = &self.counts;
         let mut words = format!("{} of {} cases", c.done + c.jammed + c.failed, c.total());

@@ -2,7 +2,7 @@
 //! does so too. What comes within a second of the first says the same once more: programs such as `timeout` send their signal
 //! to the process and to its group.
 
-use crate::error::Error;
+use super::RunnerError;
 use crate::exit;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use signal_hook::iterator::Signals;
@@ -32,8 +32,8 @@ impl Stop {
     /// Listens to INT, TERM, HUP and USR1 from now on.
     ///
     /// # Errors
-    /// [`Error::Start`] if the system does not let us.
-    pub fn on_signals() -> Result<Self, Error> {
+    /// [`RunnerError::Start`] if the system does not let us.
+    pub fn on_signals() -> Result<Self, RunnerError> {
         Self::listen(Asked::default())
     }
 
@@ -42,7 +42,7 @@ impl Stop {
     ///
     /// # Errors
     /// As [`Stop::on_signals`].
-    pub fn for_a_task() -> Result<Self, Error> {
+    pub fn for_a_task() -> Result<Self, RunnerError> {
         Self::listen(Asked {
             patient: true,
             ..Asked::default()
@@ -50,8 +50,8 @@ impl Stop {
     }
 
     /// Listens from now on.
-    fn listen(asked: Asked) -> Result<Self, Error> {
-        let refused = |error: std::io::Error| Error::Start {
+    fn listen(asked: Asked) -> Result<Self, RunnerError> {
+        let refused = |error: std::io::Error| RunnerError::Start {
             what: "signal handlers",
             reason: error.to_string(),
         };

@@ -18,12 +18,10 @@ const SAMPLE_BYTES: u32 = 145;
 pub(super) struct Asks {
     /// Equal exactly for versions that ask for the same, in whatever order and words.
     pub(super) hash: String,
-    /// The file.
     pub(super) file: PathBuf,
 }
 
 impl Asks {
-    /// Of a campaign.
     pub(super) fn of(campaign: &Campaign) -> Self {
         let mut keys: Vec<_> = campaign.cases.iter().map(|(key, _)| *key).collect();
         keys.sort_unstable();
@@ -96,11 +94,9 @@ impl Asks {
 
 /// A process that computes another version of the campaign.
 pub(super) struct Opponent {
-    /// Its host.
     host: String,
     /// Its number there.
     pid: u32,
-    /// Its campaign file.
     file: PathBuf,
 }
 

@@ -86,13 +86,9 @@ impl Store {
 
 /// A version of a campaign that is taken into a store.
 struct Entry<'c> {
-    /// The campaign.
     campaign: &'c Campaign,
-    /// What it asks for.
     asks: Asks,
-    /// Its protocol as JSON.
     protocol: String,
-    /// Its cases.
     rows: Vec<Row<'c>>,
     /// Whether the store holds another version, or none.
     differs: bool,
@@ -180,15 +176,11 @@ impl<'c> Entry<'c> {
 
 /// A case as it is written to the store.
 struct Row<'c> {
-    /// Its key.
     key: CaseKey,
-    /// The case.
     case: &'c Case,
-    /// Place in the file.
     position: usize,
     /// Place in the order of work.
     rank: usize,
-    /// Its parameters as JSON.
     params: String,
 }
 

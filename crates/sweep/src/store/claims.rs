@@ -16,7 +16,6 @@ const SUSPECT: u32 = 3;
 /// A case this process owns.
 #[derive(Debug)]
 pub struct Claim {
-    /// Its row.
     pub(crate) id: i64,
     /// Its key.
     pub key: String,

@@ -12,9 +12,7 @@ use sd_core::{Params, Sample};
 
 /// How far a run was computed.
 pub(super) struct RunEnd<'e> {
-    /// Steps done.
     pub(super) steps: u64,
-    /// Whether the layer jammed.
     pub(super) jammed: bool,
     /// What all these steps met.
     pub(super) counters: &'e Counters,
@@ -55,21 +53,15 @@ impl RunEnd<'_> {
 
 /// A case that was computed to an end, and what is asked of it.
 struct Computed {
-    /// Its row.
     id: i64,
-    /// Its parameters.
     params: Params,
-    /// Steps asked for.
     asked: u64,
-    /// Its state now.
     state: String,
     /// Steps of its result now.
     steps_done: u64,
     /// Discarded steps of its result now; `None` if nothing was averaged yet.
     discarded: Option<u64>,
-    /// Steps computed.
     steps: u64,
-    /// Whether it jammed there.
     jammed: bool,
     /// Whether it can go on from there.
     continues: bool,
@@ -99,7 +91,6 @@ impl Computed {
             .collect()
     }
 
-    /// One row.
     fn read(row: &Row<'_>) -> Result<Self, rusqlite::Error> {
         let number = |column: usize| -> Result<f64, rusqlite::Error> {
             Ok(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN))
@@ -127,7 +118,6 @@ impl Computed {
         })
     }
 
-    /// What becomes of it.
     fn verdict(&self) -> Verdict {
         if self.jammed && self.asked >= self.steps {
             Verdict::Result(State::Jammed, self.steps)

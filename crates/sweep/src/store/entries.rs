@@ -33,7 +33,6 @@ pub(super) fn entry(
         .optional()
 }
 
-/// Writes a row.
 pub(super) fn put(
     transaction: &Transaction<'_>,
     table: &str,
@@ -132,11 +131,8 @@ pub(super) struct ComputedRun {
     pub(super) result: Entry,
     /// The row of its end.
     pub(super) end: Entry,
-    /// Steps computed.
     pub(super) steps: u64,
-    /// Whether it jammed.
     pub(super) jammed: bool,
-    /// Its samples.
     pub(super) samples: Vec<(u64, sd_core::Sample)>,
 }
 

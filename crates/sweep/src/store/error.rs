@@ -166,7 +166,7 @@ pub enum StoreError {
     /// Another process took the case over; what this one computed of it does not count.
     #[error("case {key} was taken over by another process")]
     ClaimLost {
-        /// The case.
+        /// Its key.
         key: String,
     },
     /// A row that cannot be understood.

@@ -68,7 +68,6 @@ pub struct Disagreement {
     pub what: String,
 }
 
-/// How shards are merged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum MergeMode {
     /// Into the store of the campaign: everything, with a record of the shard.

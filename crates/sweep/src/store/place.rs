@@ -9,7 +9,6 @@ const ROOM: u64 = 256 << 10;
 /// What tells one file from every other one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct FileIdentity {
-    /// Its device.
     device: u64,
     /// Its number there.
     number: u64,

@@ -11,7 +11,6 @@ const APPLICATION_ID: i32 = 0x5357_4550;
 
 /// What one version of the schema adds to the one before.
 struct Migration {
-    /// Changes to the tables.
     tables: &'static str,
     /// Changes to what is in them.
     content: fn(&Connection) -> Result<(), rusqlite::Error>,
@@ -131,11 +130,9 @@ pub(super) fn put_before(connection: &Connection, names: &[&str]) -> Result<(), 
 
 /// A table as it is made today.
 struct Table {
-    /// Its name.
     name: String,
     /// The statement that makes it.
     statement: String,
-    /// Names of its columns.
     columns: Vec<String>,
 }
 
@@ -192,15 +189,12 @@ fn columns(connection: &Connection, table: &str) -> Result<Vec<String>, rusqlite
 
 /// A case of a store in which the length of a run still was a part of its key.
 struct OldCase {
-    /// Its row.
     id: i64,
-    /// Its key of today.
     key: String,
     /// Its place in the campaign file.
     position: Option<i64>,
     /// Its place in the order of work.
     rank: i64,
-    /// Steps asked for.
     steps: i64,
     /// Whether it is finished, then how far it is: what is worth keeping most comes last.
     worth: (bool, i64),
@@ -281,9 +275,7 @@ pub(super) struct CaseRow<'d> {
     pub(super) key: &'d str,
     /// Its parameters as JSON, to the letter.
     pub(super) params: &'d str,
-    /// Its seed.
     pub(super) seed: u64,
-    /// Steps of the run.
     pub(super) steps: u64,
     /// Steps from one sample to the next.
     pub(super) sample_stride: u64,
@@ -313,7 +305,6 @@ impl CaseRow<'_> {
         )))
     }
 
-    /// The case.
     pub(super) fn case(&self) -> Option<Case> {
         Some(Case {
             params: serde_json::from_str(self.params).ok()?,

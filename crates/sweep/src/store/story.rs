@@ -225,7 +225,6 @@ fn case(row: &Row<'_>) -> Result<Found, rusqlite::Error> {
     Ok((row.get(0)?, story))
 }
 
-/// One failed attempt.
 fn attempt(row: &Row<'_>) -> Result<Attempt, rusqlite::Error> {
     let pair: (Option<i64>, Option<i64>) = (row.get(4)?, row.get(5)?);
     Ok(Attempt {

@@ -1,4 +1,4 @@
-//! Jobs handed to an engine: which there are, which cases their tasks were given.
+//! Jobs handed to a scheduler: which there are, which cases their tasks were given.
 
 use super::{Store, StoreError, count, integer, process};
 use crate::campaign::Campaign;
@@ -7,10 +7,10 @@ use serde::Serialize;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// The task of an engine a process works for.
+/// The task of a scheduler a process works for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TaskName {
-    /// The job, as the engine names it.
+    /// The job, as the scheduler names it.
     pub job: String,
     /// Number of the task, from 0.
     pub task: usize,
@@ -20,15 +20,14 @@ pub struct TaskName {
     pub node: String,
 }
 
-/// A job that was handed to an engine.
+/// A job that was handed to a scheduler.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Submission {
-    /// Its row.
     #[serde(skip)]
     pub(crate) id: i64,
-    /// The engine.
+    /// The scheduler.
     pub engine: String,
-    /// Its name for the engine; `None` if submitting was cut short.
+    /// Its name for the scheduler; `None` if submitting was cut short.
     pub job: Option<String>,
     /// Hash of its slices.
     pub plan: String,
@@ -74,7 +73,7 @@ impl Store {
         self.task = Some(task);
     }
 
-    /// OpenCase cases of the grid in the order of work.
+    /// Open cases of the grid in the order of work.
     ///
     /// # Errors
     /// Trouble with the file.
@@ -100,7 +99,7 @@ impl Store {
         self.read(rows)
     }
 
-    /// Records a job that is about to be handed to an engine; [`Store::submitted`] adds its name.
+    /// Records a job that is about to be handed to a scheduler; [`Store::submitted`] adds its name.
     ///
     /// # Errors
     /// Trouble with the file.
@@ -136,7 +135,7 @@ impl Store {
         })
     }
 
-    /// Records the name the engine gave a job.
+    /// Records the name the scheduler gave a job.
     ///
     /// # Errors
     /// Trouble with the file.
@@ -150,7 +149,7 @@ impl Store {
         })
     }
 
-    /// Forgets a job the engine refused.
+    /// Forgets a job the scheduler refused.
     ///
     /// # Errors
     /// Trouble with the file.

@@ -16,16 +16,12 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// One of so many slices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Part {
-    /// Which one, from 0.
     task: usize,
-    /// Of how many.
     tasks: usize,
 }
 
-/// Reads `I/N`.
 pub(super) fn part(text: &str) -> Result<Part, String> {
     text.split_once('/')
         .and_then(|(task, tasks)| {
@@ -41,20 +37,15 @@ pub(super) fn part(text: &str) -> Result<Part, String> {
 /// What is said at the end.
 #[derive(Serialize)]
 struct Answer<'a> {
-    /// The task.
     task: usize,
-    /// Of how many.
     tasks: usize,
-    /// Its shard.
     shard: &'a Path,
     /// Cases of the slice by state.
     #[serde(rename = "cases")]
     counts: Counts,
 }
 
-/// A task at work.
 struct Task<'t> {
-    /// Publishes its store.
     publisher: Publisher,
     /// What started it, unless somebody did by hand, and its name there.
     started_by: Option<(Scheduler, TaskName)>,
@@ -217,7 +208,7 @@ fn begin<'t>(
     Ok((store, task))
 }
 
-/// The name of a task that no engine started.
+/// The name of a task that no scheduler started.
 fn by_hand(part: Part) -> TaskName {
     TaskName {
         job: "by-hand".into(),
@@ -298,7 +289,6 @@ struct Before {
 }
 
 impl Before {
-    /// Of a task.
     fn of(folder: &Path, plan: &str, name: &TaskName) -> Self {
         let (own, published): (Vec<_>, Vec<_>) = shard::published(folder)
             .into_iter()

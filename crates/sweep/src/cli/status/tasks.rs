@@ -12,19 +12,16 @@ const ROWS: usize = 50;
 /// A job and its tasks.
 #[derive(Serialize)]
 pub(super) struct Jobs {
-    /// The job.
     #[serde(flatten)]
     submission: Submission,
     /// What the scheduler says of it, in a few words, if it can be asked.
     trouble: Option<String>,
-    /// Its tasks.
     tasks: Vec<Task>,
 }
 
 /// A task and its slice.
 #[derive(Serialize)]
 struct Task {
-    /// Its number.
     #[serde(rename = "task")]
     number: usize,
     /// What the scheduler says, or `ended`.
@@ -40,7 +37,6 @@ struct Task {
     slice: SliceState,
 }
 
-/// All jobs of a store.
 pub(super) fn jobs(store: &Store) -> Result<Vec<Jobs>, Error> {
     store
         .submissions()?
@@ -49,7 +45,6 @@ pub(super) fn jobs(store: &Store) -> Result<Vec<Jobs>, Error> {
         .collect()
 }
 
-/// One job.
 fn job(store: &Store, submission: Submission) -> Result<Jobs, Error> {
     let slices = store.slice_states(submission.id, submission.tasks)?;
     let over = slices.iter().all(|slice| slice.ended == slice.cases);
@@ -115,7 +110,6 @@ fn state(at_work: Option<&ActiveTask>, unknown: bool, slice: SliceState) -> Stri
     }
 }
 
-/// Writes the jobs as tables.
 pub(super) fn write(
     jobs: &[Jobs],
     width: Option<u16>,

@@ -12,9 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// The store to plan with: itself, or for a dry run a copy that goes away with this.
 pub(super) struct Draft {
-    /// The store.
     path: PathBuf,
-    /// Folder of the copy.
     copy: Option<PathBuf>,
 }
 

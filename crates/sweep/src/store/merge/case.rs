@@ -15,27 +15,19 @@ use std::collections::HashMap;
 
 /// A merge of one shard under way.
 pub(super) struct Merging<'m> {
-    /// The shard.
     pub(super) old: &'m Connection,
-    /// Writes to the store.
     pub(super) transaction: &'m Transaction<'m>,
-    /// How.
     pub(super) manner: MergeMode,
     /// Numbers of processes in the shard and in the store.
     pub(super) processes: HashMap<i64, i64>,
-    /// What was done.
     pub(super) merged: &'m mut Merged,
 }
 
 /// A case as the store has it.
 struct Known {
-    /// Its row.
     id: i64,
-    /// Its state.
     state: String,
-    /// Steps done.
     steps: i64,
-    /// Steps asked for.
     asked: u64,
     /// How far it was computed, if it was computed to an end.
     end: Option<KnownEnd>,
@@ -44,9 +36,7 @@ struct Known {
 /// How far a case was computed here.
 #[derive(Clone, Copy)]
 struct KnownEnd {
-    /// Steps.
     steps: u64,
-    /// Whether it jammed.
     jammed: bool,
     /// Discarded steps of its result.
     discarded: i64,
