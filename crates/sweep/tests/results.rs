@@ -315,37 +315,6 @@ fn stores_without_results_give_sensible_output() {
 }
 
 #[test]
-fn store_of_schema_1_is_read_and_then_brought_up_to_date() {
-    let directory = directory();
-    let at = directory.path();
-    spoilt(
-        at,
-        "DROP TABLE disagreements; DROP TABLE shards; DROP TABLE slices; DROP TABLE submissions;
-         ALTER TABLE processes DROP COLUMN job; ALTER TABLE processes DROP COLUMN task;
-         ALTER TABLE processes DROP COLUMN restart; ALTER TABLE processes DROP COLUMN node;
-         DROP VIEW viscosity_vs_shear_rate; DROP VIEW runs; DROP TABLE frames; ALTER TABLE cases DROP COLUMN deaths;
-         ALTER TABLE cases DROP COLUMN tangential; ALTER TABLE cases DROP COLUMN friction_onset;
-         ALTER TABLE cases DROP COLUMN stiffness; ALTER TABLE cases DROP COLUMN tangential_stiffness;
-         ALTER TABLE cases DROP COLUMN dashpot; ALTER TABLE cases DROP COLUMN lubrication_gap;
-         ALTER TABLE cases DROP COLUMN repulsion; ALTER TABLE cases DROP COLUMN repulsion_length;
-         PRAGMA user_version = 1",
-    );
-    sweep(at, &["report", "s.sqlite", "--page", "p.html"]).code(0);
-    sweep(at, &["export", "s.sqlite", "1"]).code(2);
-    std::fs::write(at.join("small.toml"), CAMPAIGN).unwrap();
-    sweep(at, &["run", "small.toml", "--store", "s.sqlite", "--quiet"]).code(0);
-    let store = rusqlite::Connection::open(at.join("s.sqlite")).unwrap();
-    let version: i64 = store
-        .pragma_query_value(None, "user_version", |row| row.get(0))
-        .unwrap();
-    assert_eq!(version, 4);
-    let frames: i64 = store
-        .query_row("SELECT count(*) FROM frames", [], |row| row.get(0))
-        .unwrap();
-    assert_eq!(frames, 0);
-}
-
-#[test]
 fn views_are_for_any_client() {
     let directory = directory();
     let store = rusqlite::Connection::open(directory.path().join("s.sqlite")).unwrap();

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// A store, or the campaign file it belongs to.
 #[derive(Debug, clap::Args)]
 pub(crate) struct StoreArguments {
-    /// The campaign file, of which is shown what it asks for now; or a store, which is shown as it was last run
+    /// The campaign file, which stands for what it asks for now; or its store, which stands for what it was last run with
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
     /// The store of the campaign file [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]

@@ -28,7 +28,7 @@ const WORKER_LIMIT: usize = 4096;
 /// ends as failed.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/figure-11.toml --workers 8 --store /scratch/friction.sqlite\n  \
+    after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/figure-11.toml --workers 8 --store /scratch/figure-11.sqlite\n  \
                   sweep run sweeps/figure-11.toml --reuse results/quickstart.sqlite\n  \
                   sweep run sweeps/figure-11.toml --shard 3/24"
 )]

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 /// is only read. What was lost is computed again by `sweep run` on the new store, with the same digits.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example:\n  sweep salvage results/figure-11.sqlite --to results/saved.sqlite\n  sweep run sweeps/figure-11.toml --store results/saved.sqlite"
+    after_help = "Example:\n  sweep salvage results/figure-11.sqlite --to saved.sqlite\n  sweep run sweeps/figure-11.toml --store saved.sqlite"
 )]
 pub(crate) struct Arguments {
     /// The damaged store

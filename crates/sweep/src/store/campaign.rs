@@ -33,7 +33,7 @@ impl Store {
             }
         }
         let adoption = Adoption {
-            changed: entry.differs && entry.last_file.is_some(),
+            changed: entry.other_version.is_some(),
             inventory: self.read(asked::inventory(&self.connection))?,
         };
         self.asks = Some(entry.asks);
@@ -49,7 +49,7 @@ impl Store {
         let shown = super::schema::put_before(&self.connection, &["campaign", "cases", "results"])
             .and_then(|()| entry.enter(&self.connection));
         self.read(shown)?;
-        self.last_run_with = entry.last_file;
+        self.last_run_with = entry.other_version;
         Ok(())
     }
 
@@ -90,10 +90,20 @@ struct Entry<'c> {
     asks: Asks,
     protocol: String,
     rows: Vec<Row<'c>>,
-    /// Whether the store holds another version, or none.
+    /// Whether there is anything to write: the store holds another text, or none.
     differs: bool,
-    /// The file last run, if there is one.
-    last_file: Option<PathBuf>,
+    /// The file last run, if that asked for something else.
+    other_version: Option<PathBuf>,
+}
+
+/// The campaign as a store was last run with it.
+struct LastRun {
+    name: String,
+    text: String,
+    protocol: String,
+    /// What it asked for, as [`Asks::hash`] has it; empty in a store of schema 4 or before.
+    asks: String,
+    file: String,
 }
 
 impl<'c> Entry<'c> {
@@ -103,31 +113,36 @@ impl<'c> Entry<'c> {
             store
                 .connection
                 .query_row(
-                    "SELECT name, text, protocol, file FROM campaign",
+                    "SELECT name, text, protocol, asks, file FROM campaign",
                     [],
                     |row| {
-                        Ok((
-                            row.get::<_, String>(0)?,
-                            (row.get::<_, String>(1)?, row.get::<_, String>(2)?),
-                            row.get::<_, String>(3)?,
-                        ))
+                        Ok(LastRun {
+                            name: row.get(0)?,
+                            text: row.get(1)?,
+                            protocol: row.get(2)?,
+                            asks: row.get(3)?,
+                            file: row.get(4)?,
+                        })
                     },
                 )
                 .optional(),
         )?;
         let protocol = store.json("campaign", serde_json::to_string(&campaign.protocol))?;
-        let now = (campaign.text.as_str(), protocol.as_str());
-        let (mut differs, mut last_file) = (true, None);
-        if let Some((name, (text, protocol), file)) = last {
-            if name != campaign.name {
+        let asks = Asks::of(campaign);
+        let (mut differs, mut other_version) = (true, None);
+        if let Some(last) = last {
+            if last.name != campaign.name {
                 return Err(StoreError::OtherCampaign {
                     path: store.path.clone(),
-                    found: name,
+                    found: last.name,
                     wanted: campaign.name.clone(),
                 });
             }
-            differs = (text.as_str(), protocol.as_str()) != now;
-            last_file = Some(file.into());
+            let same_text = last.text == campaign.text && last.protocol == protocol;
+            differs = !same_text || last.asks != asks.hash;
+            // A store of schema 4 or before does not say what was asked for.
+            let same_wishes = last.asks == asks.hash || (last.asks.is_empty() && same_text);
+            other_version = (!same_wishes).then(|| last.file.into());
         }
         let rows = if differs {
             rows(campaign)
@@ -137,12 +152,12 @@ impl<'c> Entry<'c> {
             Vec::new()
         };
         Ok(Self {
-            asks: Asks::of(campaign),
+            asks,
             campaign,
             protocol,
             rows,
             differs,
-            last_file,
+            other_version,
         })
     }
 

@@ -157,18 +157,16 @@ pub(super) fn computed_run(old: &Connection, id: i64, row: &Entry, case: &Case) 
     trusted_run(old, id, end, case).map_or(Found::Untrusted, |run| Found::Run(Box::new(run)))
 }
 
-/// The row of the end of a run. A store of schema 4 or before has none; there it follows from the result.
+/// The row of the end of a run. Where there is none, as in a store of schema 4 or before, or it is damaged, what the result
+/// tells of it, without a last state.
 fn end_of(
     old: &Connection,
     id: i64,
     row: &Entry,
     case: &Case,
 ) -> Result<Option<Entry>, rusqlite::Error> {
-    let has_ends = old
-        .prepare_cached("SELECT 1 FROM sqlite_schema WHERE name = 'ends'")?
-        .exists([])?;
-    if has_ends {
-        return entry(old, "ends", "case_id", id);
+    if let Ok(Some(end)) = entry(old, "ends", "case_id", id) {
+        return Ok(Some(end));
     }
     let state = text(row, "state").unwrap_or_default();
     if !matches!(state, "done" | "jammed") {

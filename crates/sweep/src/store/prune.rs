@@ -38,8 +38,6 @@ impl Store {
                 )?;
             }
             transaction.execute(&format!("DELETE FROM cases WHERE {orphans}"), [])?;
-            // A shard merged before may hold some of them: it is read again if they are ever asked for.
-            transaction.execute("DELETE FROM shards", [])?;
             Ok(removed)
         })?;
         self.read(

@@ -98,7 +98,11 @@ impl Store {
             if !end(transaction, claim, me, State::Failed, failure.step)? {
                 return Ok(false);
             }
-            write_samples(transaction, claim.id, &failure.samples)?;
+            // Samples of a run that was computed farther before are those of its result.
+            let computed = ends::steps_of(transaction, claim.id)?;
+            if computed.is_none_or(|steps| steps <= failure.step) {
+                write_samples(transaction, claim.id, &failure.samples)?;
+            }
             let sphere = |sphere: usize| integer(sphere as u64);
             transaction.execute(
                 "INSERT INTO failures (case_id, attempt, error, step, strain, sphere_i, sphere_j, gap, snapshot, process,

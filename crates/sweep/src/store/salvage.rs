@@ -139,7 +139,9 @@ fn save_case(
         return Ok(());
     };
     let row = &row;
-    match computed_run(old, id, row, &case) {
+    let found = computed_run(old, id, row, &case);
+    let has_end = matches!(found, Found::Run(_));
+    match found {
         Found::Run(mut run) => {
             let new_id = place(transaction, row)?;
             take_process(old, transaction, &run.result)?;
@@ -185,12 +187,11 @@ fn save_case(
                     params![new_id, steps],
                 )?;
             }
-            let counter = if steps > 0 {
-                &mut saved.checkpoints
-            } else {
-                &mut saved.unreadable
-            };
-            *counter += 1;
+            if steps > 0 {
+                saved.checkpoints += 1;
+            } else if !has_end {
+                saved.unreadable += 1;
+            }
         }
         _ => {}
     }

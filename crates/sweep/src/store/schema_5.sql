@@ -34,3 +34,13 @@ CREATE TABLE frames_by_row (
 INSERT INTO frames_by_row SELECT case_id, step, strain, data FROM frames ORDER BY case_id, step;
 DROP TABLE frames;
 ALTER TABLE frames_by_row RENAME TO frames;
+
+-- What a run is and what came out of it; nothing came out yet of one that waits to go on.
+DROP VIEW runs;
+CREATE VIEW runs AS
+SELECT c.key, c.state, c.area_fraction, c.friction, c.roughness, c.shear_rate, c.spheres, c.size_ratio,
+       c.large_fraction, c.hydrodynamics, c.contact, c.tangential, c.friction_onset, c.stiffness,
+       c.tangential_stiffness, c.dashpot, c.lubrication_gap, c.repulsion, c.repulsion_length, c.time_step, c.seed, r.*
+FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
+WHERE c.position IS NOT NULL
+ORDER BY c.position;

@@ -51,7 +51,7 @@ CREATE TABLE cases (
     CHECK ((state = 'running') = (owner IS NOT NULL))
 );
 INSERT INTO "cases" VALUES(1,'aa20d1d598efa7a213080297cf0f8a00',0,0,'{"spheres":16,"area_fraction":0.68,"roughness":0.01,"friction":0.3,"shear_rate":0.1,"size_ratio":1.0,"large_fraction":0.5,"hydrodynamics":"ball-melrose","contact":"rigid","time_step":0.005}',1,60,4,0.005,0.68,0.3,0.01,0.1,16,1.0,0.5,'ball-melrose','rigid',0.0319488,'done',NULL,60,1,0);
-INSERT INTO "cases" VALUES(2,'609561ce1a78b466a390edc7ce1f80ee',1,1,'{"spheres":16,"area_fraction":0.68,"roughness":0.01,"friction":0.3,"shear_rate":"inf","size_ratio":1.0,"large_fraction":0.5,"hydrodynamics":"ball-melrose","contact":"rigid","time_step":0.005}',1,60,4,0.005,0.68,0.3,0.01,Inf,16,1.0,0.5,'ball-melrose','rigid',0.0319488,'done',NULL,60,1,0);
+INSERT INTO "cases" VALUES(2,'609561ce1a78b466a390edc7ce1f80ee',1,1,'{"spheres":16,"area_fraction":0.68,"roughness":0.01,"friction":0.3,"shear_rate":"inf","size_ratio":1.0,"large_fraction":0.5,"hydrodynamics":"ball-melrose","contact":"rigid","time_step":0.005}',1,60,4,0.005,0.68,0.3,0.01,9e999,16,1.0,0.5,'ball-melrose','rigid',0.0319488,'done',NULL,60,1,0);
 CREATE TABLE checkpoints (
     case_id    INTEGER NOT NULL REFERENCES cases (id),
     generation INTEGER NOT NULL,        -- 0 or 1: the last two are kept

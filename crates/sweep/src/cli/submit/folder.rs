@@ -9,11 +9,13 @@ use crate::store::{self, OpenCase, Store};
 use std::collections::HashSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
 /// The store to plan with: itself, or for a dry run a copy that goes away with this.
 pub(super) struct Draft {
     path: PathBuf,
-    copy: Option<PathBuf>,
+    /// Where the copy is, for as long as it is needed.
+    _copy: Option<TempDir>,
 }
 
 impl Draft {
@@ -22,23 +24,22 @@ impl Draft {
         if !dry_run {
             return Ok(Self {
                 path: path.to_owned(),
-                copy: None,
+                _copy: None,
             });
         }
-        let folder = std::env::temp_dir().join(format!("sweep-dry-run-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).map_err(|source| Error::Write {
-            path: folder.clone(),
+        let folder = tempfile::tempdir().map_err(|source| Error::Write {
+            path: std::env::temp_dir(),
             source,
         })?;
-        let draft = Self {
-            path: folder.join("store.sqlite"),
-            copy: Some(folder),
-        };
+        let draft = folder.path().join("store.sqlite");
         if path.exists() {
             drop(Store::open_read_only(path)?);
-            store::snapshot(path, &draft.path)?;
+            store::snapshot(path, &draft)?;
         }
-        Ok(draft)
+        Ok(Self {
+            path: draft,
+            _copy: Some(folder),
+        })
     }
 
     /// Opens it, with the campaign as it is now.
@@ -46,14 +47,6 @@ impl Draft {
         let mut store = Store::open(&self.path)?;
         store.adopt(campaign)?;
         Ok(store)
-    }
-}
-
-impl Drop for Draft {
-    fn drop(&mut self) {
-        if let Some(copy) = &self.copy {
-            let _ = std::fs::remove_dir_all(copy);
-        }
     }
 }
 
@@ -107,13 +100,14 @@ pub(super) fn write_plan(
     if begun.is_empty() {
         return Ok(());
     }
-    let part = folder.join(format!("begun.part-{}", std::process::id()));
-    let whole = folder.join(format!("begun.whole-{}", std::process::id()));
-    let made = store
-        .write_begun(campaign, &begun, &part)
-        .and_then(|()| store::snapshot(&part, &whole));
-    let _ = std::fs::remove_file(&part);
-    made?;
+    let work = tempfile::tempdir_in(folder).map_err(|source| ShardError::Plan {
+        full: no_room(&source, folder),
+        path: folder.clone(),
+        source,
+    })?;
+    let (part, whole) = (work.path().join("part"), work.path().join("whole"));
+    store.write_begun(campaign, &begun, &part)?;
+    store::snapshot(&part, &whole)?;
     written(path.clone(), std::fs::rename(&whole, &path))?;
     Ok(())
 }

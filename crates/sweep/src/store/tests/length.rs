@@ -27,6 +27,15 @@ fn finished_run_goes_on_from_its_last_state_when_more_strain_is_asked_for() {
     let (mut store, key) = store_with_a_run(directory.path());
     store.adopt(&of_strain("2.0")).unwrap();
     assert_eq!(run(&store, &key).state, State::Pending);
+    let shown: (Option<f64>, f64) = store
+        .connection
+        .query_row(
+            "SELECT viscosity, time_step FROM runs WHERE key = ?1",
+            [&key],
+            |row| Ok((row.get(0)?, row.get(1)?)),
+        )
+        .unwrap();
+    assert_eq!(shown, (None, 0.005), "nothing came out of it yet");
     let claim = store.claim().unwrap().unwrap();
     assert_eq!((&claim.key, claim.case.steps), (&key, 400));
     let [Ok(from)] = claim.checkpoints.as_slice() else {
@@ -131,4 +140,51 @@ fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
     reading::snapshot(&small, &other).unwrap();
     let merged = store.merge(&[other], false).unwrap();
     assert_eq!((merged.results, merged.duplicates), (0, 1));
+}
+
+#[test]
+fn a_run_that_fails_on_its_way_on_keeps_its_beginning() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut store, key) = store_with_a_run(directory.path());
+    let whole = format!("{:?}", run(&store, &key));
+    store.adopt(&of_strain("2.0")).unwrap();
+    // Once on its way on, and once anew, as if its last state could not be used.
+    for (step, samples) in [(240, 60), (8, 2)] {
+        let claim = store.claim().unwrap().unwrap();
+        assert_eq!(claim.key, key);
+        let failure = Failure {
+            error: "spheres 1 and 2 overlap".into(),
+            step,
+            pair: None,
+            gap: None,
+            snapshot: None,
+            samples: (0..samples)
+                .map(|n| (4 * n, sample(n as f64 * 0.02)))
+                .collect(),
+        };
+        store.fail(&claim, &failure).unwrap();
+        assert_eq!(store.counts().unwrap().failed, 1);
+        assert_eq!(store.retry_failed().unwrap(), 1);
+    }
+    let claim = store.claim().unwrap().unwrap();
+    let from = claim.checkpoints[0].as_ref().unwrap();
+    assert_eq!((from.snapshot.steps, from.samples.len()), (200, 50));
+    store.release(&claim).unwrap();
+    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    assert_eq!(format!("{:?}", run(&store, &key)), whole);
+}
+
+#[test]
+fn what_waits_to_go_on_is_salvaged_with_its_last_state() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut store, key) = store_with_a_run(directory.path());
+    store.adopt(&of_strain("2.0")).unwrap();
+    let to = directory.path().join("new.sqlite");
+    let saved = salvage(store.path(), &to, None).unwrap();
+    assert_eq!((saved.results, saved.unreadable, saved.pending), (1, 0, 4));
+    let mut new = Store::open(&to).unwrap();
+    new.register(1).unwrap();
+    let claim = new.claim().unwrap().unwrap();
+    assert_eq!(claim.key, key);
+    assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps, 200);
 }
