@@ -17,7 +17,7 @@ use std::collections::HashMap;
 pub(super) struct Merging<'m> {
     pub(super) old: &'m Connection,
     pub(super) transaction: &'m Transaction<'m>,
-    pub(super) manner: MergeMode,
+    pub(super) mode: MergeMode,
     /// Numbers of processes in the shard and in the store.
     pub(super) processes: HashMap<i64, i64>,
     pub(super) merged: &'m mut Merged,
@@ -114,7 +114,7 @@ impl Merging<'_> {
                 .optional()
         };
         let known = look()?;
-        if known.is_some() || self.manner != MergeMode::Campaign || !worth {
+        if known.is_some() || self.mode != MergeMode::Campaign || !worth {
             return Ok(known);
         }
         let mut row = row.clone();
