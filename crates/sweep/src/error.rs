@@ -144,9 +144,10 @@ impl Error {
                 | Physics::CellTooSmall { .. }
                 | Physics::BadPair { .. },
             ) => exit::BAD_INPUT,
-            Self::Physics(_) | Self::Start { .. } => exit::FAILED,
+            Self::Physics(_) | Self::Start { .. } | Self::Runner(RunnerError::Start { .. }) => {
+                exit::FAILED
+            }
             Self::Output(_) => exit::STORE,
-            Self::Runner(RunnerError::Start { .. }) => exit::FAILED,
             Self::Store(error) | Self::Runner(RunnerError::Store(error))
                 if error.is_of_the_store() =>
             {

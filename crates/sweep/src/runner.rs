@@ -47,6 +47,10 @@ pub struct Options<'o> {
     pub trajectory: bool,
     /// What goes along with the run.
     pub observer: Option<&'o dyn RunObserver>,
+    /// Says when to stop.
+    pub stop: &'o Stop,
+    /// What the user sees.
+    pub progress: &'o Progress,
 }
 
 /// What the threads of a run share.
@@ -75,8 +79,6 @@ pub fn run(
     protocol: &Protocol,
     tables: &NearFields,
     options: Options<'_>,
-    stop: &Stop,
-    progress: &Progress,
 ) -> Result<(), RunnerError> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)
@@ -87,9 +89,9 @@ pub fn run(
             reason: error.to_string(),
         })?;
     panics::capture_in_workers();
-    stop.set_under_way(true);
-    let result = run_in(&pool, store, protocol, tables, options, stop, progress);
-    stop.set_under_way(false);
+    options.stop.set_under_way(true);
+    let result = run_in(&pool, store, protocol, tables, options);
+    options.stop.set_under_way(false);
     result
 }
 
@@ -100,9 +102,8 @@ fn run_in(
     protocol: &Protocol,
     tables: &NearFields,
     options: Options<'_>,
-    stop: &Stop,
-    progress: &Progress,
 ) -> Result<(), RunnerError> {
+    let Options { stop, progress, .. } = options;
     store.register(options.workers)?;
     store.release_dead()?;
     let (total, done) = store.work()?;

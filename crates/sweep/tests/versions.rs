@@ -322,6 +322,45 @@ fn a_run_continued_from_1_to_2_strains_has_the_bits_of_a_run_of_2() {
     assert_eq!(computed(&store(&continued)), computed(&store(&whole)));
 }
 
+/// A store of an older schema, with two finished runs of `old.toml` of physics 3, or of today's.
+fn old_store(path: &Path, version: u32, of_today: bool) {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let dump = std::fs::read_to_string(data.join(format!("schema_{version}.sql"))).unwrap();
+    let store = rusqlite::Connection::open(path).unwrap();
+    store
+        .execute_batch(&format!("PRAGMA foreign_keys = OFF; {dump}"))
+        .unwrap();
+    if !of_today {
+        return;
+    }
+    // Keys as a program of that schema and of the physics of today would have made them.
+    let rows: Vec<(i64, String, i64, i64, i64)> = store
+        .prepare("SELECT id, params, seed, steps, sample_stride FROM cases")
+        .unwrap()
+        .query_map([], |row| {
+            Ok((
+                row.get(0)?,
+                row.get(1)?,
+                row.get(2)?,
+                row.get(3)?,
+                row.get(4)?,
+            ))
+        })
+        .unwrap()
+        .map(Result::unwrap)
+        .collect();
+    for (id, params, seed, steps, stride) in rows {
+        let canonical = format!(
+            r#"{{"physics":{},"params":{params},"seed":{seed},"steps":{steps},"sample_stride":{stride}}}"#,
+            sweep::case::PHYSICS_VERSION
+        );
+        let key = blake3::hash(canonical.as_bytes()).to_hex()[..32].to_owned();
+        store
+            .execute("UPDATE cases SET key = ?2 WHERE id = ?1", (id, key))
+            .unwrap();
+    }
+}
+
 #[test]
 fn stores_of_schema_1_to_4_open_and_keep_their_results() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
@@ -345,13 +384,20 @@ fn stores_of_schema_1_to_4_open_and_keep_their_results() {
         let at = directory.path();
         write(at, "old.toml", &campaign);
         std::fs::create_dir(at.join("results")).unwrap();
+        // Whatever the physics, the store shows what it holds, before and after it is brought up to date.
+        let earlier = at.join("results/earlier.sqlite");
+        old_store(&earlier, version, false);
+        all.push(points(&json(
+            at,
+            &["report", "results/earlier.sqlite", "--json"],
+        )));
+        said(at, &["cancel", "results/earlier.sqlite"], 0);
+        all.push(points(&json(
+            at,
+            &["report", "results/earlier.sqlite", "--json"],
+        )));
         let path = at.join("results/old.sqlite");
-        let store = rusqlite::Connection::open(&path).unwrap();
-        let dump = std::fs::read_to_string(data.join(format!("schema_{version}.sql"))).unwrap();
-        store
-            .execute_batch(&format!("PRAGMA foreign_keys = OFF; {dump}"))
-            .unwrap();
-        drop(store);
+        old_store(&path, version, true);
         let before = std::fs::read(&path).unwrap();
         // Looking changes nothing in the file, and shows all of it.
         for file in ["old.toml", "results/old.sqlite"] {
@@ -368,10 +414,8 @@ fn stores_of_schema_1_to_4_open_and_keep_their_results() {
         assert_ne!(points(&cut), all[0]);
         let longer = campaign.replace("strain = 0.3", "strain = 0.4");
         write(at, "old.toml", &longer);
-        assert_eq!(
-            json(at, &["report", "old.toml", "--json"])["cases"]["pending"],
-            2
-        );
+        let report = json(at, &["report", "old.toml", "--json"]);
+        assert_eq!(report["cases"]["pending"], 2);
         assert_eq!(std::fs::read(&path).unwrap(), before, "schema {version}");
         // Running the same file computes nothing: all of it is there.
         write(at, "old.toml", &campaign);
@@ -389,11 +433,9 @@ fn stores_of_schema_1_to_4_open_and_keep_their_results() {
         // More strain begins anew, as no last state was kept then.
         write(at, "old.toml", &longer);
         said(at, &["run", "old.toml", "--quiet"], 0);
-        assert_eq!(
-            json(at, &["report", "old.toml", "--json"])["cases"]["done"],
-            2
-        );
+        let report = json(at, &["report", "old.toml", "--json"]);
+        assert_eq!(report["cases"]["done"], 2);
     }
-    assert!(all.iter().all(|points| *points == all[0]));
+    assert!(all.iter().all(|points| *points == all[0]), "{all:?}");
     assert!(all[0][0][2].as_f64().unwrap() > 1.0);
 }

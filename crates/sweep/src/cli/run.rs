@@ -135,13 +135,13 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     let counts = store.counts()?;
     if counts.pending + counts.running > 0 {
-        let limits = Limits {
+        let conditions = Conditions {
             workers,
             wall_limit,
+            stop: &stop,
+            observer: None,
         };
-        compute(
-            arguments, &campaign, &mut store, limits, &stop, None, output,
-        )?;
+        compute(arguments, &campaign, &mut store, conditions, output)?;
     }
     store.check_campaign()?;
     let code = match stop.signal() {
@@ -207,12 +207,15 @@ fn reuse(store: &mut Store, others: &[PathBuf], output: &Output<'_>) -> Result<(
     Ok(())
 }
 
-/// How much may be computed at a time, and for how long.
-#[derive(Debug, Clone, Copy)]
-struct Limits {
+/// Under what conditions a campaign is computed.
+#[derive(Clone, Copy)]
+struct Conditions<'c> {
+    /// Cases at a time.
     workers: usize,
     /// Computing time of a single case.
     wall_limit: Option<Duration>,
+    stop: &'c Stop,
+    observer: Option<&'c dyn runner::RunObserver>,
 }
 
 /// Computes the cases of a store.
@@ -220,9 +223,7 @@ fn compute(
     arguments: &Arguments,
     campaign: &Campaign,
     store: &mut Store,
-    limits: Limits,
-    stop: &Stop,
-    observer: Option<&dyn runner::RunObserver>,
+    conditions: Conditions<'_>,
     output: &Output<'_>,
 ) -> Result<(), Error> {
     let style = match (output.quiet, std::io::stderr().is_terminal()) {
@@ -230,21 +231,21 @@ fn compute(
         (false, true) => Style::Bars,
         (false, false) => Style::Lines,
     };
-    let threads = limits.workers;
+    let threads = conditions.workers;
     let cases = store.counts()?.total();
     let workers = threads.min(usize::try_from(cases).unwrap_or(threads));
     let progress = Progress::new(style, workers, Box::new(std::io::stderr()));
     let options = Options {
         workers,
         threads,
-        wall_limit: limits.wall_limit,
+        wall_limit: conditions.wall_limit,
         trajectory: arguments.trajectory,
-        observer,
+        observer: conditions.observer,
+        stop: conditions.stop,
+        progress: &progress,
     };
     let ratios = tables::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
     let tables = tables::make(&ratios, |text| progress.note(text))?;
     let protocol = &campaign.protocol;
-    Ok(runner::run(
-        store, protocol, &tables, options, stop, &progress,
-    )?)
+    Ok(runner::run(store, protocol, &tables, options)?)
 }

@@ -10,7 +10,7 @@ use crate::exit;
 use crate::format::duration;
 use crate::store::{Counts, Disagreement, FailureGroup, FailureLine, ProcessLine};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Say how far a campaign is
 ///
@@ -72,9 +72,22 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     };
     if output.json {
         output.json(&status)?;
-        return Ok(exit::DONE);
+    } else {
+        let failures = FailureGroup::of(store.failures(u32::MAX)?);
+        write_text(&status, path, arguments, output)?;
+        write_failures(&failures, arguments, output)?;
     }
-    let c = &status.cases;
+    Ok(exit::DONE)
+}
+
+/// Writes all but the failures.
+fn write_text(
+    status: &Status,
+    store: &Path,
+    arguments: &Arguments,
+    output: &mut Output<'_>,
+) -> Result<(), Error> {
+    let (c, file) = (&status.cases, arguments.place.file.display());
     let mut table = crate::report::table(output.width);
     table.set_header(["cases", "done", "jammed", "failed", "running", "pending"]);
     table.add_row([c.total(), c.done, c.jammed, c.failed, c.running, c.pending]);
@@ -90,21 +103,19 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             String::new()
         }
     )?;
-    if let Some(file) = &status.last_run_with {
+    if let Some(last) = &status.last_run_with {
         writeln!(
             out,
-            "the store {} was last run with another version of the campaign, of {}: shown is what {} asks for",
-            path.display(),
-            file.display(),
-            arguments.place.file.display()
+            "the store {} was last run with another version of the campaign, of {}: shown is what {file} asks for",
+            store.display(),
+            last.display(),
         )?;
     }
     if status.orphans > 0 {
         writeln!(
             out,
-            "{} runs in the store are not asked for: sweep prune {} removes them",
-            status.orphans,
-            arguments.place.file.display()
+            "{} runs in the store are not asked for: sweep prune {file} removes them",
+            status.orphans
         )?;
     }
     writeln!(out, "{table}")?;
@@ -122,17 +133,15 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     if status.unmerged_shards > 0 {
         writeln!(
             out,
-            "{} shards are newer than the store: sweep merge {}",
-            status.unmerged_shards,
-            arguments.place.file.display()
+            "{} shards are newer than the store: sweep merge {file}",
+            status.unmerged_shards
         )?;
     }
     if !status.disagreements.is_empty() {
         writeln!(
             out,
-            "{} results do not agree bit for bit with another attempt: sweep merge {} lists them",
-            status.disagreements.len(),
-            arguments.place.file.display()
+            "{} results do not agree bit for bit with another attempt: sweep merge {file} lists them",
+            status.disagreements.len()
         )?;
     }
     if status.mixed_shards > 0 {
@@ -142,7 +151,16 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             status.mixed_shards
         )?;
     }
-    let groups = FailureGroup::of(store.failures(u32::MAX)?);
+    Ok(())
+}
+
+/// Writes the failures, those that are alike together.
+fn write_failures(
+    groups: &[FailureGroup],
+    arguments: &Arguments,
+    output: &mut Output<'_>,
+) -> Result<(), Error> {
+    let out = &mut *output.out;
     let listed = usize::try_from(arguments.failures).unwrap_or(usize::MAX);
     for group in groups.iter().take(listed) {
         writeln!(out, "{}", group.text())?;
@@ -154,12 +172,12 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             groups.len() - listed
         )?;
     }
-    if !status.failures.is_empty() {
+    if !groups.is_empty() {
         writeln!(
             out,
             "the state before a failure: sweep replay {} CASE | sweep solve -",
             arguments.place.file.display()
         )?;
     }
-    Ok(exit::DONE)
+    Ok(())
 }

@@ -247,20 +247,17 @@ impl Progress {
             let known = told
                 .iter_mut()
                 .find(|known| known.params == alike && known.message == message);
-            match known {
-                Some(known) => {
-                    known.more += 1;
-                    false
-                }
-                None => {
-                    told.push(Told {
-                        params: alike,
-                        message: message.to_owned(),
-                        label: case.label(),
-                        more: 0,
-                    });
-                    true
-                }
+            if let Some(known) = known {
+                known.more += 1;
+                false
+            } else {
+                told.push(Told {
+                    params: alike,
+                    message: message.to_owned(),
+                    label: case.label(),
+                    more: 0,
+                });
+                true
             }
         };
         if is_new {

@@ -152,8 +152,8 @@ impl<'c> Entry<'c> {
             Vec::new()
         };
         Ok(Self {
-            asks,
             campaign,
+            asks,
             protocol,
             rows,
             differs,

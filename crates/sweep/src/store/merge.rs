@@ -97,10 +97,10 @@ impl Store {
         self.merge_as(MergeMode::Reuse, stores, true)
     }
 
-    /// [`Store::merge`] in some manner.
+    /// [`Store::merge`] in some mode.
     pub(crate) fn merge_as(
         &mut self,
-        manner: MergeMode,
+        mode: MergeMode,
         shards: &[PathBuf],
         mixed: bool,
     ) -> Result<Merged, StoreError> {
@@ -108,14 +108,14 @@ impl Store {
         let mut merged = Merged::default();
         let mut readable = Vec::new();
         for path in shards {
-            if let (MergeMode::Campaign, Ok(stamp)) = (manner, Stamp::of(path))
+            if let (MergeMode::Campaign, Ok(stamp)) = (mode, Stamp::of(path))
                 && self.has_merged(&stamp)?
             {
                 merged.unchanged += 1;
                 continue;
             }
             match Shard::look(path) {
-                Ok(shard) if manner != MergeMode::Reuse && shard.campaign != name => {
+                Ok(shard) if mode != MergeMode::Reuse && shard.campaign != name => {
                     return Err(StoreError::OtherCampaign {
                         path: path.clone(),
                         found: shard.campaign,
@@ -129,7 +129,7 @@ impl Store {
                 }),
             }
         }
-        let known = match manner {
+        let known = match mode {
             MergeMode::Campaign => self.known_builds()?,
             MergeMode::Task | MergeMode::Reuse => BTreeSet::from([super::process::build()]),
         };
@@ -146,7 +146,7 @@ impl Store {
             let mixed = foreign.iter().any(|(of, _)| *of == number);
             // Once is enough: other averages come from other strains discarded, which is rare.
             let protocol = (number + 1 == readable.len()).then_some(&protocol);
-            self.merge_one(manner, shard, mixed, protocol, &mut merged)?;
+            self.merge_one(mode, shard, mixed, protocol, &mut merged)?;
         }
         Ok(merged)
     }
@@ -193,7 +193,7 @@ impl Store {
     /// Merges one shard in one transaction.
     fn merge_one(
         &mut self,
-        manner: MergeMode,
+        mode: MergeMode,
         shard: &Shard,
         mixed: bool,
         protocol: Option<&Protocol>,
@@ -220,7 +220,7 @@ impl Store {
             let mut merging = Merging {
                 old,
                 transaction,
-                manner,
+                mode,
                 processes: HashMap::new(),
                 merged,
             };
@@ -237,7 +237,7 @@ impl Store {
             if let Some(protocol) = protocol {
                 ends::settle_all(transaction, protocol)?;
             }
-            if manner == MergeMode::Campaign && damage.is_none() {
+            if mode == MergeMode::Campaign && damage.is_none() {
                 transaction.execute(
                     "INSERT OR REPLACE INTO shards (name, size, modified, builds, mixed, merged_at)
                      VALUES (?1, ?2, ?3, ?4, ?5, ?6)",

@@ -355,7 +355,15 @@ mod tests {
             steps: case.steps,
             sample_stride: case.sample_stride,
         };
-        assert_eq!(row.key_of_today(), Some(case.key().to_string()));
+        // The same case under the physics of that program, which need not be that of today.
+        let without_steps = format!(
+            r#"{{"physics":3,"params":{params},"seed":{},"sample_stride":{}}}"#,
+            case.seed, case.sample_stride
+        );
+        assert_eq!(row.key_of_today(), Some(hash(&without_steps)));
+        let of_today = format!(r#"{{"physics":{PHYSICS_VERSION},"#);
+        let of_today = without_steps.replacen(r#"{"physics":3,"#, &of_today, 1);
+        assert_eq!(case.key().to_string(), hash(&of_today));
         let other = CaseRow { steps: 1, ..row };
         assert_eq!(other.key_of_today(), None);
     }

@@ -1,6 +1,6 @@
 //! `sweep run --shard`: one task of a campaign, in a store of its own.
 
-use super::{Arguments, Limits, compute};
+use super::{Arguments, Conditions, compute};
 use crate::campaign::Campaign;
 use crate::cli::Output;
 use crate::cluster::shard::{self, Publisher, ShardError, Slices};
@@ -114,21 +114,15 @@ pub(super) fn execute(
     };
     let plan = restrict(arguments, part, &mut campaign)?;
     let (mut store, task) = begin(arguments, part, &plan, &campaign, &note)?;
-    let limits = Limits {
+    let conditions = Conditions {
         workers,
         wall_limit,
+        stop: &stop,
+        observer: Some(&task),
     };
     let counts = store.counts()?;
     let computed = if counts.pending + counts.running > 0 {
-        compute(
-            arguments,
-            &campaign,
-            &mut store,
-            limits,
-            &stop,
-            Some(&task),
-            output,
-        )
+        compute(arguments, &campaign, &mut store, conditions, output)
     } else {
         Ok(())
     };

@@ -17,7 +17,7 @@ use std::collections::HashMap;
 pub(super) struct Merging<'m> {
     pub(super) old: &'m Connection,
     pub(super) transaction: &'m Transaction<'m>,
-    pub(super) manner: MergeMode,
+    pub(super) mode: MergeMode,
     /// Numbers of processes in the shard and in the store.
     pub(super) processes: HashMap<i64, i64>,
     pub(super) merged: &'m mut Merged,
@@ -60,11 +60,11 @@ impl Merging<'_> {
             Found::Nothing => {}
             Found::Untrusted => self.merged.unreadable += 1,
             Found::Run(run) => match known.end {
-                Some(end) => self.compare(&known, end, id, run)?,
+                Some(end) => self.compare(&known, end, id, *run)?,
                 // A case this store's own processes take farther is left to them.
                 None if known.state == "running" && !run.jammed && run.steps < known.asked => {}
                 None => {
-                    self.take_run(&known, id, run)?;
+                    self.take_run(&known, id, *run)?;
                     self.merged.results += 1;
                 }
             },
@@ -114,7 +114,7 @@ impl Merging<'_> {
                 .optional()
         };
         let known = look()?;
-        if known.is_some() || self.manner != MergeMode::Campaign || !worth {
+        if known.is_some() || self.mode != MergeMode::Campaign || !worth {
             return Ok(known);
         }
         let mut row = row.clone();
@@ -128,7 +128,7 @@ impl Merging<'_> {
         &mut self,
         known: &Known,
         id: i64,
-        mut run: Box<ComputedRun>,
+        mut run: ComputedRun,
     ) -> Result<(), rusqlite::Error> {
         self.take_process(&mut run.result)?;
         run.write(self.transaction, known.id)?;
@@ -160,7 +160,7 @@ impl Merging<'_> {
         known: &Known,
         ours: KnownEnd,
         id: i64,
-        run: Box<ComputedRun>,
+        run: ComputedRun,
     ) -> Result<(), rusqlite::Error> {
         let jammed_early = |one: (u64, bool), other: u64| one.1 && one.0 < other;
         let difference = if jammed_early((run.steps, run.jammed), ours.steps)
