@@ -18,7 +18,7 @@ use crate::model::{ContactScheme, Hydrodynamics, LUBRICATION_SHARE};
 
 /// All parameters of a run, in the order of columns and of nested loops.
 ///
-/// A choice stands above the numbers that have a meaning under it. Values are therefore put into [`Params`] from the last
+/// A choice stands above the numbers that have a meaning under it. Values are therefore put into [`crate::Params`] from the last
 /// entry to the first.
 pub static PARAMETERS: [Parameter; 18] = [
     Parameter {
