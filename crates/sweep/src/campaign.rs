@@ -5,8 +5,8 @@ mod grid;
 mod protocol;
 mod reader;
 
+pub use crate::protocol::{Protocol, Steps};
 pub use error::{CampaignError, Fault};
-pub use protocol::{Protocol, Steps};
 
 use crate::case::{Case, CaseKey};
 use error::Problem;

@@ -1,6 +1,6 @@
 //! One case: all that decides the result of one run, its key, its state, its cost.
 
-use crate::campaign::Protocol;
+use crate::protocol::Protocol;
 use sd_core::{ContactScheme, Hydrodynamics, Params, TangentialLaw};
 use serde::{Deserialize, Serialize};
 use std::fmt;

@@ -14,6 +14,7 @@ pub mod error;
 pub mod exit;
 mod files;
 pub mod format;
+pub mod protocol;
 mod replay;
 pub mod report;
 pub mod runner;

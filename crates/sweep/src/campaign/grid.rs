@@ -159,7 +159,7 @@ impl Grid {
                 new.push(Problem::at(
                     &values.span,
                     format!("`{}` has no meaning in this grid", axis.key),
-                    format!("take it out, or choose {needs}"),
+                    format!("take it out, or choose {}", needs()),
                 ));
             }
         }
