@@ -37,7 +37,10 @@ fn checkpoint(criterion: &mut Criterion) {
     let mut store = Store::open(&directory.path().join("bench.sqlite")).expect("a new store");
     store.adopt(&campaign).expect("a new campaign");
     store.register(1).expect("room for a process");
-    let stride = campaign.protocol.checkpoint_stride();
+    let stride = campaign
+        .protocol
+        .with_time_step(campaign.cases[0].1.params.time_step)
+        .checkpoint_stride();
     while let Some(claim) = store.claim().expect("cases") {
         let p = &claim.case.params;
         let name = match p.hydrodynamics {

@@ -5,8 +5,8 @@ mod grid;
 mod protocol;
 mod reader;
 
+pub use crate::protocol::{Protocol, Steps};
 pub use error::{CampaignError, Fault};
-pub use protocol::{Protocol, Steps};
 
 use crate::case::{Case, CaseKey};
 use error::Problem;
@@ -16,7 +16,7 @@ use reader::{Table, wrong_type};
 use std::collections::HashMap;
 use std::io::Read as _;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -30,7 +30,9 @@ pub const CASE_LIMIT: u64 = 1_000_000;
 pub struct Campaign {
     /// Its name, `[a-z0-9-]`.
     pub name: String,
-    /// The file it came from, to the letter.
+    /// The file it came from.
+    pub file: PathBuf,
+    /// What that file says, to the letter.
     pub text: String,
     /// How every run is made.
     pub protocol: Protocol,
@@ -58,9 +60,18 @@ impl Campaign {
                 limit: FILE_LIMIT,
             });
         }
+        if bytes.starts_with(b"SQLite format 3") {
+            return Err(unreadable(std::io::Error::other(
+                "this is a store, and not a campaign file, which is a text such as sweeps/quickstart.toml",
+            )));
+        }
         let text = String::from_utf8(bytes)
             .map_err(|error| unreadable(std::io::Error::other(error.utf8_error())))?;
-        Self::parse(&path.display().to_string(), text)
+        let campaign = Self::parse(&path.display().to_string(), text)?;
+        Ok(Self {
+            file: std::path::absolute(path).map_err(unreadable)?,
+            ..campaign
+        })
     }
 
     /// Reads the text of a campaign file; `file` names it in errors.
@@ -74,6 +85,7 @@ impl Campaign {
             Some(fault) => Err(fault.into()),
             None => Ok(Self {
                 name,
+                file: PathBuf::from(file),
                 text,
                 protocol,
                 cases,
@@ -81,9 +93,18 @@ impl Campaign {
         }
     }
 
-    /// Where its store is unless the user says otherwise.
-    pub fn default_store(&self) -> std::path::PathBuf {
-        Path::new("results").join(format!("{}.sqlite", self.name))
+    /// Where its store is unless the user says otherwise: `results/NAME.sqlite` in its project, which is the folder that holds
+    /// `sweeps/`, or where there is no such folder, the one of the file.
+    pub fn default_store(&self) -> PathBuf {
+        let folder = self.file.parent().unwrap_or(Path::new(""));
+        let project = folder
+            .ancestors()
+            .find(|folder| folder.file_name().is_some_and(|name| name == "sweeps"))
+            .and_then(Path::parent)
+            .unwrap_or(folder);
+        project
+            .join("results")
+            .join(format!("{}.sqlite", self.name))
     }
 }
 
@@ -111,15 +132,14 @@ fn parse(text: &str, problems: &mut Vec<Problem>) -> (String, Protocol, Cases) {
         &["name", "protocol", "grid"],
         problems,
     );
-    let name = match top.get("name") {
-        Some(written) => read_name(written).unwrap_or_else(|problem| {
+    let name = if let Some(written) = top.get("name") {
+        read_name(written).unwrap_or_else(|problem| {
             problems.push(problem);
             String::new()
-        }),
-        None => {
-            problems.extend(top.missing("name", "\"my-campaign\""));
-            String::new()
-        }
+        })
+    } else {
+        problems.extend(top.missing("name", "\"my-campaign\""));
+        String::new()
     };
     let protocol = match top
         .get("protocol")

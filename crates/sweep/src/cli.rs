@@ -5,7 +5,9 @@ mod completions;
 mod export;
 mod merge;
 mod pair;
+mod place;
 mod plan;
+mod prune;
 mod replay;
 mod report;
 mod run;
@@ -29,7 +31,7 @@ use std::io::{IsTerminal, Write};
     version,
     propagate_version = true,
     max_term_width = 110,
-    after_help = "Exit codes: 0 done, 1 some cases failed, 2 bad input and nothing written, 3 the store failed (disk full, lock, file gone),\n\
+    after_help = "Exit codes: 0 done, 1 some cases failed, 2 bad input and nothing written, 3 the store or the output failed (disk full, lock, file gone),\n\
                   128 + signal (INT 130, TERM 143) stopped after a checkpoint: give the same command to go on.\n\n\
                   Example: sweep plan sweeps/quickstart.toml && sweep run sweeps/quickstart.toml"
 )]
@@ -43,7 +45,6 @@ pub struct Cli {
     /// Colours in errors
     #[arg(long, global = true, help_heading = "Of every command", value_enum, default_value_t = Colour::Auto, value_name = "WHEN")]
     color: Colour,
-    /// What to do.
     #[command(subcommand)]
     command: Command,
 }
@@ -73,6 +74,7 @@ enum Command {
     Export(export::Arguments),
     Serve(serve::Arguments),
     Replay(replay::Arguments),
+    Prune(prune::Arguments),
     Salvage(salvage::Arguments),
     Solve(solve::Arguments),
     Scalars(scalars::Arguments),
@@ -83,11 +85,8 @@ enum Command {
 
 /// Where output goes, and how.
 pub(crate) struct Output<'o> {
-    /// Standard output.
     pub(crate) out: &'o mut dyn Write,
-    /// JSON instead of tables.
     pub(crate) json: bool,
-    /// Nothing on standard error.
     pub(crate) quiet: bool,
     /// Columns of the terminal; `None` if it is none.
     pub(crate) width: Option<u16>,
@@ -124,6 +123,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Export(arguments) => export::execute(&arguments, &mut output),
         Command::Serve(arguments) => serve::execute(&arguments, &mut output),
         Command::Replay(arguments) => replay::execute(&arguments, &mut output),
+        Command::Prune(arguments) => prune::execute(&arguments, &mut output),
         Command::Salvage(arguments) => salvage::execute(&arguments, &mut output),
         Command::Solve(arguments) => solve::execute(&arguments, &mut output),
         Command::Scalars(arguments) => scalars::execute(&arguments, &mut output),
@@ -131,8 +131,11 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Pair(arguments) => pair::execute(&arguments, &mut output),
         Command::Completions(arguments) => completions::execute(&arguments, &mut output),
     }?;
-    output.out.flush()?;
-    Ok(code)
+    match output.out.flush() {
+        // Nobody reads on: what was asked for was done, or not, all the same.
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(code),
+        flushed => Ok(flushed.map(|()| code)?),
+    }
 }
 
 /// Columns of standard output, if it is a terminal.
@@ -147,15 +150,14 @@ fn terminal_width() -> Option<u16> {
 
 /// Tells errors in the way the user wants them.
 #[derive(Debug, Clone, Copy)]
-pub struct Speaker {
-    /// In colours.
+pub struct ErrorRenderer {
     coloured: bool,
 }
 
 impl Cli {
     /// Who tells the errors of this command.
-    pub fn speaker(&self) -> Speaker {
-        Speaker {
+    pub fn error_renderer(&self) -> ErrorRenderer {
+        ErrorRenderer {
             coloured: match self.color {
                 Colour::Always => true,
                 Colour::Never => false,
@@ -167,7 +169,7 @@ impl Cli {
     }
 }
 
-impl Speaker {
+impl ErrorRenderer {
     /// An error as a person reads it on standard error: what, where, and what is allowed.
     pub fn explain(self, error: &Error) -> String {
         let theme = if self.coloured {
@@ -210,17 +212,6 @@ pub(crate) fn read_limited(path: &std::path::Path, limit: u64) -> Result<Vec<u8>
         });
     }
     Ok(bytes)
-}
-
-/// The store a user means: a store itself, or the default one of a campaign file.
-pub(crate) fn store_path(given: &std::path::Path) -> Result<std::path::PathBuf, Error> {
-    if given
-        .extension()
-        .is_some_and(|extension| extension == "toml")
-    {
-        return Ok(crate::campaign::Campaign::read(given)?.default_store());
-    }
-    Ok(given.to_owned())
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! The error type of the program, and the exit code each kind ends with.
 
 use crate::campaign::CampaignError;
-use crate::engine::EngineError;
+use crate::cluster::SchedulerError;
+use crate::cluster::shard::ShardError;
 use crate::exit;
 use crate::report::ReportError;
-use crate::shard::ShardError;
+use crate::runner::RunnerError;
 use crate::store::StoreError;
 use std::io;
 use std::path::PathBuf;
@@ -25,10 +26,14 @@ pub enum Error {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Store(#[from] StoreError),
-    /// An engine, such as Slurm.
+    /// A scheduler, such as Slurm.
     #[error(transparent)]
     #[diagnostic(transparent)]
-    Engine(#[from] EngineError),
+    Scheduler(#[from] SchedulerError),
+    /// The computing of a campaign.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Runner(#[from] RunnerError),
     /// Slices and shards.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -112,7 +117,7 @@ pub enum Error {
     /// A computation of the solver that was refused or failed.
     #[error("{0}")]
     Physics(#[from] sd_core::Error),
-    /// Threads or signal handlers the system would not give.
+    /// A server the system would not give.
     #[error("cannot start {what}: {reason}")]
     Start {
         /// What was asked for.
@@ -139,8 +144,15 @@ impl Error {
                 | Physics::CellTooSmall { .. }
                 | Physics::BadPair { .. },
             ) => exit::BAD_INPUT,
-            Self::Physics(_) | Self::Output(_) | Self::Start { .. } => exit::FAILED,
-            Self::Store(error) if error.is_of_the_store() => exit::STORE,
+            Self::Physics(_) | Self::Start { .. } | Self::Runner(RunnerError::Start { .. }) => {
+                exit::FAILED
+            }
+            Self::Output(_) => exit::STORE,
+            Self::Store(error) | Self::Runner(RunnerError::Store(error))
+                if error.is_of_the_store() =>
+            {
+                exit::STORE
+            }
             Self::Shard(error) if error.is_of_the_disk() => exit::STORE,
             _ => exit::BAD_INPUT,
         }

@@ -6,8 +6,8 @@ pub const DONE: u8 = 0;
 pub const FAILED: u8 = 1;
 /// Bad input: nothing was computed and nothing was written.
 pub const BAD_INPUT: u8 = 2;
-/// The store failed (disk full, lock held, file gone, damage met under way): finished results stay, and the same command
-/// goes on once the cause is gone.
+/// The store failed (disk full, lock held, file gone, damage met under way), or the output could not be written: finished
+/// results stay, and the same command goes on once the cause is gone.
 pub const STORE: u8 = 3;
 
 /// Stopped by a signal after a checkpoint: the same command goes on where it stopped.

@@ -2,22 +2,23 @@
 //!
 //! One way through: a [`campaign`] file is laid out as [`case`]s, the [`runner`] computes them and keeps every
 //! state of every case in the [`store`], and a [`report`] averages what the store holds. The store is the only memory:
-//! a process may die at any line, and the next one goes on. On a cluster an [`engine`] starts tasks that compute slices of the
-//! campaign in stores of their own, published as [`shard`]s and merged into the one store.
+//! a process may die at any line, and the next one goes on. On a cluster a scheduler of the [`cluster`] starts tasks that compute slices of the
+//! campaign in stores of their own, published as shards and merged into the one store.
 
 pub mod axes;
 pub mod campaign;
 pub mod case;
 pub mod cli;
-pub mod engine;
+pub mod cluster;
 pub mod error;
 pub mod exit;
+mod files;
 pub mod format;
+pub mod protocol;
 mod replay;
 pub mod report;
 pub mod runner;
 pub mod serve;
-pub mod shard;
 pub mod statistics;
 pub mod store;
 pub mod tables;

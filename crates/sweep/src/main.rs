@@ -7,14 +7,14 @@ use sweep::{cli, exit};
 
 fn main() -> ExitCode {
     let cli = cli::Cli::parse();
-    let speaker = cli.speaker();
+    let error_renderer = cli.error_renderer();
     let mut out = BufWriter::new(std::io::stdout());
     match cli::execute(cli, &mut out) {
         Ok(code) => ExitCode::from(code),
         Err(error) if error.is_closed_pipe() => ExitCode::from(exit::DONE),
         Err(error) => {
             // Nobody reads standard error any more: the exit code still tells.
-            let _ = write!(std::io::stderr(), "{}", speaker.explain(&error));
+            let _ = write!(std::io::stderr(), "{}", error_renderer.explain(&error));
             ExitCode::from(error.exit_code())
         }
     }

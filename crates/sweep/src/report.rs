@@ -26,7 +26,7 @@ pub use tidy::{write_csv, write_markdown, write_units};
 use crate::axes::identity;
 use crate::case::State;
 use crate::statistics::{Estimate, mean, median, ratio};
-use crate::store::{Counts, FailureLine, PointRun, Provenance, Store};
+use crate::store::{Counts, FailureGroup, PointRun, Provenance, Store};
 use sd_core::Params;
 use std::collections::HashMap;
 
@@ -46,8 +46,8 @@ pub struct Report {
     pub discard: f64,
     /// The points in the order of the file.
     pub points: Vec<Point>,
-    /// Their first failures.
-    pub failures: Vec<FailureLine>,
+    /// Their first failures, those that are alike together.
+    pub failures: Vec<FailureGroup>,
     /// Seconds of computing their results took, over all workers.
     pub computing: f64,
     /// Processes that finished results of the store, the latest first.
@@ -98,14 +98,9 @@ impl Report {
     /// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets.
     pub fn of(store: &Store, selection: &Selection) -> Result<Self, ReportError> {
         let runs = selected_runs(store, selection)?;
-        // Failures are few, or a selection is worth the reading of them all.
-        let limit = if selection.is_everything() {
-            FAILURES_SHOWN
-        } else {
-            usize::MAX
-        };
-        let mut failures = store.failures(u32::try_from(limit).unwrap_or(u32::MAX))?;
+        let mut failures = store.failures(u32::MAX)?;
         failures.retain(|failure| selection.has(&failure.params));
+        let mut failures = FailureGroup::of(failures);
         failures.truncate(FAILURES_SHOWN);
         let computing = runs.iter().filter_map(|run| run.wall_time_s).sum();
         let mut groups: Vec<Vec<PointRun>> = Vec::new();

@@ -1,15 +1,16 @@
 //! Computes the cases of a store: a bounded pool, one case per thread, until nothing is left or a signal says stop.
 
 mod compute;
+mod error;
 mod panics;
 mod progress;
 mod stop;
 
+pub use error::RunnerError;
 pub use progress::{Progress, Style};
 pub use stop::Stop;
 
 use crate::campaign::Protocol;
-use crate::error::Error;
 use crate::store::{Store, StoreError};
 use sd_core::NearFields;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -26,11 +27,11 @@ const HEARTBEAT: Duration = Duration::from_secs(10);
 const GRACE: Duration = Duration::from_secs(10);
 
 /// What goes along with a run: publishes its store, for one.
-pub trait Companion: Sync {
+pub trait RunObserver: Sync {
     /// Called every few seconds.
     fn look(&self, progress: &Progress);
     /// Called before the process is ended because a step takes too long after a signal.
-    fn last_words(&self, signal: i32, progress: &Progress);
+    fn before_abort(&self, signal: i32, progress: &Progress);
 }
 
 /// How to run.
@@ -45,7 +46,11 @@ pub struct Options<'o> {
     /// Keep a frame of the layer with every sample.
     pub trajectory: bool,
     /// What goes along with the run.
-    pub companion: Option<&'o dyn Companion>,
+    pub observer: Option<&'o dyn RunObserver>,
+    /// Says when to stop.
+    pub stop: &'o Stop,
+    /// What the user sees.
+    pub progress: &'o Progress,
 }
 
 /// What the threads of a run share.
@@ -54,17 +59,14 @@ struct Shared<'r> {
     store: Mutex<&'r mut Store>,
     /// How every run is made.
     protocol: &'r Protocol,
-    /// How to run.
     options: Options<'r>,
     /// Near fields of unequal spheres.
     tables: &'r NearFields,
     /// The signal, once there was one.
     stop: &'r Stop,
-    /// What the user sees.
     progress: &'r Progress,
     /// The first trouble with the store: all stop.
     trouble: Mutex<Option<StoreError>>,
-    /// Threads that still work.
     working: AtomicUsize,
 }
 
@@ -77,21 +79,19 @@ pub fn run(
     protocol: &Protocol,
     tables: &NearFields,
     options: Options<'_>,
-    stop: &Stop,
-    progress: &Progress,
-) -> Result<(), Error> {
+) -> Result<(), RunnerError> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)
         .thread_name(|number| format!("worker {number}"))
         .build()
-        .map_err(|error| Error::Start {
+        .map_err(|error| RunnerError::Start {
             what: "threads",
             reason: error.to_string(),
         })?;
     panics::capture_in_workers();
-    stop.set_under_way(true);
-    let result = run_in(&pool, store, protocol, tables, options, stop, progress);
-    stop.set_under_way(false);
+    options.stop.set_under_way(true);
+    let result = run_in(&pool, store, protocol, tables, options);
+    options.stop.set_under_way(false);
     result
 }
 
@@ -102,13 +102,12 @@ fn run_in(
     protocol: &Protocol,
     tables: &NearFields,
     options: Options<'_>,
-    stop: &Stop,
-    progress: &Progress,
-) -> Result<(), Error> {
+) -> Result<(), RunnerError> {
+    let Options { stop, progress, .. } = options;
     store.register(options.workers)?;
     store.release_dead()?;
     let (total, done) = store.work()?;
-    progress.begin(total, done, store.counts()?);
+    progress.begin(total, done + store.work_given_up()?, store.counts()?);
     let shared = Shared {
         store: Mutex::new(store),
         protocol,
@@ -219,18 +218,18 @@ impl<'r> Shared<'r> {
                 if let Err(error) = self.look_around() {
                     self.give_up(error);
                 }
-                if let Some(companion) = self.options.companion {
-                    companion.look(self.progress);
+                if let Some(observer) = self.options.observer {
+                    observer.look(self.progress);
                 }
             }
             self.progress.draw();
             if let Some(signal) = self.stop.signal() {
                 let since = *stopped.get_or_insert_with(|| {
-                    // A task with a companion publishes first, whatever else it is told.
-                    self.progress.note(if self.options.companion.is_some() {
+                    // A task with a observer publishes first, whatever else it is told.
+                    self.progress.note(if self.options.observer.is_some() {
                         "stopping at the next step"
                     } else {
-                        "stopping at the next step; once more aborts at once"
+                        "stopping at the next step; once more, after a second, aborts at once"
                     });
                     Instant::now()
                 });
@@ -241,8 +240,8 @@ impl<'r> Shared<'r> {
                     if let Ok(mut store) = self.store.try_lock() {
                         let _ = store.leave();
                     }
-                    if let Some(companion) = self.options.companion {
-                        companion.last_words(signal, self.progress);
+                    if let Some(observer) = self.options.observer {
+                        observer.before_abort(signal, self.progress);
                     }
                     Stop::exit(signal);
                 }
@@ -250,7 +249,7 @@ impl<'r> Shared<'r> {
         }
     }
 
-    /// Frees the cases of dead processes, and sees how far all are.
+    /// Frees the cases of dead processes, and sees how far all are. The store must still hold what this process computes.
     fn look_around(&self) -> Result<(), StoreError> {
         let mut store = self.store();
         let freed = store.release_dead()?;
@@ -259,8 +258,10 @@ impl<'r> Shared<'r> {
                 "{freed} cases of a process that is gone go on from their last checkpoints"
             ));
         }
+        store.check_campaign()?;
         let (_, done) = store.work()?;
-        self.progress.see(done, store.counts()?);
+        self.progress
+            .see(done + store.work_given_up()?, store.counts()?);
         Ok(())
     }
 }

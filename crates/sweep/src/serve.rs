@@ -5,7 +5,7 @@
 
 use crate::error::Error;
 use crate::report::{PageHost, ReportError, Selection, data, movie, page};
-use crate::store::Store;
+use crate::store::{Store, StoreSource};
 use axum::Router;
 use axum::extract::{Path as Segment, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
@@ -13,7 +13,6 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use std::net::{IpAddr, SocketAddr};
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::Mutex;
@@ -23,10 +22,8 @@ const FRESH: Duration = Duration::from_secs(1);
 /// Frames of a movie at most.
 const FRAMES: usize = 120;
 
-/// What requests share.
 struct Shared {
-    /// The store.
-    store: PathBuf,
+    source: StoreSource,
     /// The last data, and when it was read.
     data: Mutex<Option<(Instant, String)>>,
 }
@@ -36,7 +33,7 @@ struct Shared {
 /// # Errors
 /// An address that cannot be had, a system without sockets or signals.
 pub fn serve(
-    store: &Path,
+    source: StoreSource,
     address: SocketAddr,
     ready: impl FnOnce(SocketAddr) -> Result<(), Error>,
 ) -> Result<(), Error> {
@@ -64,7 +61,7 @@ pub fn serve(
                 _ = terminate.recv() => {}
             }
         };
-        let served = axum::serve(listener, routes(store)).into_future();
+        let served = axum::serve(listener, routes(source)).into_future();
         // Open connections are let go: a reader loses nothing.
         tokio::select! {
             result = served => result.map_err(start("a server")),
@@ -73,10 +70,9 @@ pub fn serve(
     })
 }
 
-/// The routes.
-fn routes(store: &Path) -> Router {
+fn routes(source: StoreSource) -> Router {
     let shared = Arc::new(Shared {
-        store: store.to_owned(),
+        source,
         data: Mutex::new(None),
     });
     Router::new()
@@ -129,8 +125,8 @@ async fn read<T: Send + 'static>(
     shared: &Shared,
     what: impl FnOnce(&Store) -> Result<T, Error> + Send + 'static,
 ) -> Result<T, Error> {
-    let path = shared.store.clone();
-    tokio::task::spawn_blocking(move || what(&Store::open_read_only(&path)?))
+    let source = shared.source.clone();
+    tokio::task::spawn_blocking(move || what(&source.open()?))
         .await
         .map_err(|error| Error::Start {
             what: "a reader of the store",
@@ -152,7 +148,6 @@ fn answer(kind: &'static str, result: Result<String, Error>) -> Response {
     }
 }
 
-/// The page.
 async fn send_page(State(shared): State<Arc<Shared>>) -> Response {
     let result = read(&shared, |store| {
         Ok(page(store, &Selection::default(), PageHost::Server)?)

@@ -3,29 +3,37 @@
 //! State changes are synced to the disk before they count; checkpoints survive a killed process at once and a power
 //! cut up to the last few. Every change to a running case is made on condition that this process still owns it.
 
+mod asked;
 mod axis_columns;
 mod campaign;
 mod checkpoint;
 mod claims;
+mod ends;
 mod entries;
 mod error;
+mod failures;
 mod frames;
 mod merge;
 mod place;
 mod process;
 mod provenance;
+mod prune;
 mod query;
 mod reading;
 mod results;
 mod salvage;
+mod schema;
+mod source;
 mod story;
 mod submissions;
 
+pub use asked::{Adoption, Inventory};
 pub use checkpoint::{Checkpoint, Damage};
 pub use claims::{Claim, DEATH_LIMIT};
 pub use error::StoreError;
-pub use frames::Kept;
-pub(crate) use merge::Manner;
+pub use failures::FailureGroup;
+pub use frames::StoredFrame;
+pub(crate) use merge::MergeMode;
 pub use merge::{Damaged, Disagreement, Merged};
 pub(crate) use place::is_full;
 pub use place::network_file_system;
@@ -36,56 +44,53 @@ pub use query::{Counts, FailureLine, PointRun, ProcessLine, Replay};
 pub(crate) use reading::snapshot;
 pub use results::{Failure, Finished};
 pub use salvage::{Salvaged, salvage};
+pub use source::StoreSource;
 pub use story::{Attempt, Origin, Story};
-pub use submissions::{Open, SliceState, Submission, TaskName};
+pub use submissions::{OpenCase, SliceState, Submission, TaskName};
 
-use place::FileIdentity;
+use asked::Asks;
+use place::{FileIdentity, refuse_folder};
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
+use schema::{Kind, bring_up_to_date, identify, version_of};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Marks the file as ours: `SWEP`.
-const APPLICATION_ID: i32 = 0x5357_4550;
-/// Version of the schema this program reads and writes.
-const SCHEMA_VERSION: i32 = 4;
-/// What a store of schema 1 lacks.
-const FROM_1_TO_2: &str = "ALTER TABLE cases ADD COLUMN deaths INTEGER NOT NULL DEFAULT 0";
 /// How long a lock held by another program is waited for.
-const PATIENCE: Duration = if cfg!(test) {
+const LOCK_WAIT: Duration = if cfg!(test) {
     Duration::from_secs(2)
 } else {
     Duration::from_mins(1)
 };
 /// The same once a stop was asked for.
-const PATIENCE_IN_A_HURRY: Duration = Duration::from_millis(500);
+const LOCK_WAIT_WHEN_STOPPING: Duration = Duration::from_millis(500);
 /// Time from one look at a lock to the next.
 const LOCK_LOOK: Duration = Duration::from_millis(5);
 /// Whether a stop was asked for.
-static HURRY: AtomicBool = AtomicBool::new(false);
+static STOP_ASKED: AtomicBool = AtomicBool::new(false);
 
 /// An open store.
 #[derive(Debug)]
 pub struct Store {
-    /// The database.
     connection: Connection,
-    /// Its file.
     path: PathBuf,
     /// That file, as it was when it was opened for writing.
     file: Option<FileIdentity>,
     /// This process, once it works on the store.
     process: Option<Registered>,
-    /// The task of an engine this process works for.
+    /// The task of a scheduler this process works for.
     task: Option<TaskName>,
+    /// What this process asks for, once it has taken a campaign into the store.
+    asks: Option<Asks>,
+    /// The file last run, if another version of it is shown.
+    last_run_with: Option<PathBuf>,
 }
 
 /// This process as the store knows it.
 #[derive(Debug, Clone)]
 struct Registered {
-    /// Its row.
     id: i64,
-    /// Who it is.
     identity: Identity,
 }
 
@@ -95,6 +100,7 @@ impl Store {
     /// # Errors
     /// A path that cannot be written, a file that is no store, or one of another schema. Such files are not touched.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
+        refuse_folder(path)?;
         if let Some(parent) = path.parent() {
             std::fs::create_dir_all(parent).map_err(|source| StoreError::Unwritable {
                 path: path.to_owned(),
@@ -114,6 +120,8 @@ impl Store {
             file: FileIdentity::of(path),
             process: None,
             task: None,
+            asks: None,
+            last_run_with: None,
         };
         store.set_up().map_err(|error| match error {
             Setup::Sqlite(error) => StoreError::sqlite(path, error, false),
@@ -125,8 +133,8 @@ impl Store {
     /// Makes or checks the schema, and sets the connection up.
     fn set_up(&mut self) -> Result<(), Setup> {
         self.connection.busy_handler(Some(wait_for_lock))?;
-        match self.identify()? {
-            Kind::Ours(1..=SCHEMA_VERSION) | Kind::Empty => {}
+        match identify(&self.connection)? {
+            Kind::Ours(1..=schema::VERSION) | Kind::Empty => {}
             Kind::Ours(found) => return Err(Setup::Refused(self.other_schema(found))),
             Kind::Foreign => {
                 return Err(Setup::Refused(StoreError::NotAStore {
@@ -141,22 +149,13 @@ impl Store {
             .connection
             .transaction_with_behavior(TransactionBehavior::Immediate)?;
         // Looked at again under the lock: another process may have made it meanwhile.
-        let version = version_of(&transaction)?;
-        match version {
-            0 => transaction.execute_batch(include_str!("store/schema.sql"))?,
-            1 => transaction.execute_batch(FROM_1_TO_2)?,
-            _ => {}
-        }
-        if version < 2 {
-            transaction.execute_batch(include_str!("store/schema_2.sql"))?;
-        }
-        if version < 3 {
-            transaction.execute_batch(include_str!("store/schema_3.sql"))?;
-        }
-        axis_columns::bring_up_to_date(&transaction)?;
-        if version < SCHEMA_VERSION {
-            transaction.pragma_update(None, "application_id", APPLICATION_ID)?;
-            transaction.pragma_update(None, "user_version", SCHEMA_VERSION)?;
+        match version_of(&transaction)? {
+            schema::VERSION => axis_columns::bring_up_to_date(&transaction)?,
+            0..schema::VERSION => bring_up_to_date(&transaction)?,
+            found => {
+                drop(transaction);
+                return Err(Setup::Refused(self.other_schema(found)));
+            }
         }
         transaction.commit()?;
         Ok(())
@@ -180,46 +179,12 @@ impl Store {
                 }
                 Err(error)
                     if error.sqlite_error_code() == Some(ErrorCode::DatabaseBusy)
-                        && begun.elapsed() < PATIENCE =>
+                        && begun.elapsed() < LOCK_WAIT =>
                 {
                     std::thread::sleep(Duration::from_millis(20));
                 }
                 Err(error) => return Err(error.into()),
             }
-        }
-    }
-
-    /// What the file is.
-    fn identify(&self) -> Result<Kind, rusqlite::Error> {
-        let application = || {
-            self.connection
-                .pragma_query_value(None, "application_id", |row| row.get::<_, i32>(0))
-        };
-        if application()? == APPLICATION_ID {
-            return Ok(Kind::Ours(version_of(&self.connection)?));
-        }
-        let tables: i64 =
-            self.connection
-                .query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0))?;
-        Ok(match tables {
-            0 if application()? == 0 => Kind::Empty,
-            // Another process may have made the store between the two looks: tables and mark appear at once.
-            _ if application()? == APPLICATION_ID => Kind::Ours(version_of(&self.connection)?),
-            _ => Kind::Foreign,
-        })
-    }
-
-    /// The error about a store of another schema.
-    fn other_schema(&self, found: i32) -> StoreError {
-        StoreError::Schema {
-            path: self.path.clone(),
-            found,
-            known: SCHEMA_VERSION,
-            what: if found > SCHEMA_VERSION {
-                "made by a newer version of sweep: use that version"
-            } else {
-                "made by an older version of sweep: use that version, or another --store"
-            },
         }
     }
 
@@ -295,16 +260,6 @@ impl Store {
     }
 }
 
-/// What a file is.
-enum Kind {
-    /// Nothing yet.
-    Empty,
-    /// A store of this schema version.
-    Ours(i32),
-    /// Something else.
-    Foreign,
-}
-
 /// Why a store could not be set up.
 enum Setup {
     /// `SQLite` said so.
@@ -319,22 +274,17 @@ impl From<rusqlite::Error> for Setup {
     }
 }
 
-/// Version of the schema in a database, 0 if there is none.
-fn version_of(connection: &Connection) -> Result<i32, rusqlite::Error> {
-    connection.pragma_query_value(None, "user_version", |row| row.get(0))
-}
-
 /// No lock is waited for much longer: a stop was asked for.
-pub(crate) fn hurry() {
-    HURRY.store(true, Ordering::Relaxed);
+pub(crate) fn shorten_lock_wait() {
+    STOP_ASKED.store(true, Ordering::Relaxed);
 }
 
 /// Waits a moment for a lock, or says that it was enough.
 fn wait_for_lock(looks: i32) -> bool {
-    let patience = if HURRY.load(Ordering::Relaxed) {
-        PATIENCE_IN_A_HURRY
+    let patience = if STOP_ASKED.load(Ordering::Relaxed) {
+        LOCK_WAIT_WHEN_STOPPING
     } else {
-        PATIENCE
+        LOCK_WAIT
     };
     let waited = LOCK_LOOK.saturating_mul(looks.unsigned_abs());
     if waited >= patience {

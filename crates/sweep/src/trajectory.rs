@@ -14,9 +14,7 @@ const VERSION: u8 = 1;
 /// A frame as it is stored.
 #[derive(Serialize, Deserialize)]
 struct Stored {
-    /// Strain.
     strain: f64,
-    /// Side of the cell.
     side: f32,
     /// Offset of the upper image cell.
     offset: f32,

@@ -84,6 +84,192 @@ fn unwritable_store_ends_with_2() {
     );
 }
 
+/// The words of an error, without its frame.
+fn words(output: &std::process::Output) -> String {
+    let text = String::from_utf8_lossy(&output.stderr);
+    let words: Vec<&str> = text
+        .split(|c: char| c.is_whitespace() || "│×".contains(c))
+        .filter(|word| !word.is_empty())
+        .collect();
+    words.join(" ")
+}
+
+#[test]
+fn the_true_reason_is_given_where_a_file_is_something_else() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    std::fs::write(at.join("small.toml"), CAMPAIGN).unwrap();
+    sweep(at).args(["run", "small.toml", "-q"]).assert().code(0);
+    for (arguments, reason) in [
+        (&["report", "."][..], "is a folder, and not a store"),
+        (&["status", "results"], "is a folder, and not a store"),
+        (
+            &["run", "small.toml", "--store", "results"],
+            "is a folder, and not a store",
+        ),
+        (
+            &["run", "small.toml", "--store", "/proc/x.sqlite"],
+            "cannot write a store at /proc/x.sqlite: the file system there takes no files of users",
+        ),
+        (
+            &["plan", "results/small.sqlite"],
+            "this is a store, and not a campaign file",
+        ),
+        (
+            &["report", "results/small.sqlite", "--store", "x.sqlite"],
+            "--store: it goes with a campaign file",
+        ),
+        (
+            &["report", "small.toml", "--store", "none.sqlite"],
+            "there is no store at /",
+        ),
+        (&["show", "small.toml", "9"], "\"9\" is no case of /"),
+    ] {
+        let output = sweep(at).args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        let words = words(&output);
+        assert!(words.contains(reason), "{arguments:?}: {words}");
+    }
+}
+
+#[test]
+fn store_is_in_the_project_of_the_file_wherever_one_stands() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    std::fs::create_dir_all(at.join("sweeps/paper")).unwrap();
+    std::fs::create_dir(at.join("elsewhere")).unwrap();
+    std::fs::write(at.join("sweeps/paper/small.toml"), CAMPAIGN).unwrap();
+    sweep(&at.join("elsewhere"))
+        .args(["run", "../sweeps/paper/small.toml", "-q", "-j", "1"])
+        .assert()
+        .code(0);
+    assert!(files(&at.join("elsewhere")).is_empty());
+    assert!(at.join("results/small.sqlite").exists());
+    let status = |folder: &str, file: &str| {
+        let output = sweep(&at.join(folder))
+            .args(["status", file, "--json"])
+            .output()
+            .unwrap();
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()["cases"]["done"]
+            .clone()
+    };
+    assert_eq!(status("sweeps", "paper/small.toml"), 4);
+    // A file by itself has its results beside it; --store is taken wherever a store is read.
+    std::fs::write(at.join("elsewhere/small.toml"), CAMPAIGN).unwrap();
+    for command in ["report", "status", "merge", "cancel"] {
+        let output = sweep(at)
+            .args([command, "elsewhere/small.toml"])
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        assert!(!at.join("elsewhere/results").exists());
+        let store = ["--store", "results/small.sqlite"];
+        let shards = (command == "merge").then_some("results/small.sqlite");
+        sweep(at)
+            .args([command, "elsewhere/small.toml"])
+            .args(shards)
+            .args(store)
+            .assert()
+            .code(0);
+    }
+    for command in ["show", "export", "replay"] {
+        let output = sweep(at)
+            .args([
+                command,
+                "elsewhere/small.toml",
+                "1",
+                "--store",
+                "results/small.sqlite",
+            ])
+            .output()
+            .unwrap();
+        let missing = words(&output).contains("there is no store");
+        assert!(!missing, "{output:?}");
+    }
+}
+
+#[test]
+fn jobs_is_another_name_of_workers() {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("small.toml"), CAMPAIGN).unwrap();
+    for name in [
+        &["--jobs", "3"][..],
+        &["-j3"],
+        &["--workers", "3"],
+        &["-w3"],
+    ] {
+        let output = sweep(directory.path())
+            .args(["plan", "small.toml", "--json"])
+            .args(name)
+            .output()
+            .unwrap();
+        let plan: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(plan["workers"], 3);
+    }
+}
+
+#[test]
+fn output_that_cannot_be_written_ends_with_3_and_one_nobody_reads_with_the_code_of_the_runs() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    std::fs::write(at.join("small.toml"), CAMPAIGN).unwrap();
+    let shell = |line: &str| {
+        let line = line.replace("sweep", env!("CARGO_BIN_EXE_sweep"));
+        let output = std::process::Command::new("bash")
+            .args(["-c", &line])
+            .current_dir(at)
+            .output()
+            .unwrap();
+        String::from_utf8(output.stdout).unwrap()
+    };
+    // Every run takes too long.
+    let failing = "sweep run small.toml --max-wall-time 1e-6 --retry-failed 2>&1 | head -n 0; echo ${PIPESTATUS[0]}";
+    assert_eq!(shell(failing), "1\n");
+    assert_eq!(
+        shell("sweep run small.toml --retry-failed 2>&1 | head -n 0; echo ${PIPESTATUS[0]}"),
+        "0\n"
+    );
+    assert_eq!(
+        shell("sweep report small.toml > /dev/full 2> /dev/null; echo $?"),
+        "3\n"
+    );
+    assert_eq!(
+        shell("sweep report small.toml --csv /dev/full 2> /dev/null; echo $?"),
+        "2\n"
+    );
+}
+
+#[test]
+fn addresses_may_be_names() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    std::fs::write(at.join("small.toml"), CAMPAIGN).unwrap();
+    sweep(at).args(["run", "small.toml", "-q"]).assert().code(0);
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_sweep"))
+        .args(["serve", "small.toml", "--listen", "localhost:0", "--json"])
+        .current_dir(at)
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    std::io::BufRead::read_line(
+        &mut std::io::BufReader::new(child.stdout.take().unwrap()),
+        &mut line,
+    )
+    .unwrap();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(line.contains("127.0.0.1:"), "{line}");
+    let refused = sweep(at)
+        .args(["serve", "small.toml", "--listen", "8420"])
+        .output()
+        .unwrap();
+    assert!(
+        words(&refused).contains("write ADDRESS:PORT"),
+        "{refused:?}"
+    );
+}
+
 #[test]
 fn missing_files_and_wrong_arguments_end_with_2() {
     let directory = tempfile::tempdir().unwrap();
@@ -167,7 +353,7 @@ fn help_is_what_it_was() {
     let mut all = String::new();
     for subcommand in [
         "", "plan", "run", "submit", "merge", "cancel", "status", "report", "show", "export",
-        "serve", "replay", "salvage", "verify", "solve", "scalars", "pair",
+        "serve", "replay", "prune", "salvage", "verify", "solve", "scalars", "pair",
     ] {
         let mut command = sweep(directory.path());
         command.env("COLUMNS", "100");

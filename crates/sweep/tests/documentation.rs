@@ -147,6 +147,31 @@ fn files() -> Vec<String> {
 }
 
 #[test]
+fn help_names_only_files_that_exist() {
+    use clap::CommandFactory as _;
+    let mut missing = String::new();
+    for mut subcommand in sweep::cli::Cli::command().get_subcommands().cloned() {
+        let help = subcommand.render_long_help().to_string();
+        let ends = |c: char| c.is_whitespace() || "`'\"),".contains(c);
+        for word in help.split(ends).filter(|word| !word.contains("NAME")) {
+            // A store or a folder of shards exists once its campaign was run.
+            let file = match word
+                .strip_prefix("results/")
+                .and_then(|name| name.split_once('.'))
+            {
+                Some((name, _)) => format!("sweeps/{name}.toml"),
+                None if word.starts_with("sweeps/") && word.len() > 7 => word.to_owned(),
+                None => continue,
+            };
+            if !root().join(&file).exists() {
+                writeln!(missing, "{}: {word}", subcommand.get_name()).unwrap();
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{missing}");
+}
+
+#[test]
 fn every_command_runs() {
     let threads: Vec<_> = files()
         .into_iter()

@@ -101,6 +101,29 @@ fn csv_has_the_numbers_of_the_report_and_its_units_beside_it() {
 }
 
 #[test]
+fn json_is_printed_beside_files_and_never_with_them_on_standard_output() {
+    let directory = directory();
+    let at = directory.path();
+    let alone = stdout(at, &["report", "s.sqlite", "--json"]);
+    for file in [
+        ["--csv", "t.csv"],
+        ["--figure", "f.svg"],
+        ["--page", "p.html"],
+        ["--parquet", "t.parquet"],
+        ["--markdown", "t.md"],
+    ] {
+        let both = stdout(at, &["report", "s.sqlite", "--json", file[0], file[1]]);
+        assert_eq!(both, alone, "{file:?}");
+        assert!(at.join(file[1]).exists());
+    }
+    for argument in ["--csv", "--markdown"] {
+        sweep(at, &["report", "s.sqlite", "--json", argument, "-"])
+            .code(2)
+            .stdout("");
+    }
+}
+
+#[test]
 fn markdown_has_a_row_per_point() {
     let directory = directory();
     let text = stdout(directory.path(), &["report", "s.sqlite", "--markdown", "-"]);
@@ -289,37 +312,6 @@ fn stores_without_results_give_sensible_output() {
     spoilt(directory.path(), &failed);
     let text = stdout(directory.path(), &["show", "s.sqlite", "1"]);
     assert!(text.contains("no trace yet") && text.contains("attempt 1 failed at step 3"));
-}
-
-#[test]
-fn store_of_schema_1_is_read_and_then_brought_up_to_date() {
-    let directory = directory();
-    let at = directory.path();
-    spoilt(
-        at,
-        "DROP TABLE disagreements; DROP TABLE shards; DROP TABLE slices; DROP TABLE submissions;
-         ALTER TABLE processes DROP COLUMN job; ALTER TABLE processes DROP COLUMN task;
-         ALTER TABLE processes DROP COLUMN restart; ALTER TABLE processes DROP COLUMN node;
-         DROP VIEW viscosity_vs_shear_rate; DROP VIEW runs; DROP TABLE frames; ALTER TABLE cases DROP COLUMN deaths;
-         ALTER TABLE cases DROP COLUMN tangential; ALTER TABLE cases DROP COLUMN friction_onset;
-         ALTER TABLE cases DROP COLUMN stiffness; ALTER TABLE cases DROP COLUMN tangential_stiffness;
-         ALTER TABLE cases DROP COLUMN dashpot; ALTER TABLE cases DROP COLUMN lubrication_gap;
-         ALTER TABLE cases DROP COLUMN repulsion; ALTER TABLE cases DROP COLUMN repulsion_length;
-         PRAGMA user_version = 1",
-    );
-    sweep(at, &["report", "s.sqlite", "--page", "p.html"]).code(0);
-    sweep(at, &["export", "s.sqlite", "1"]).code(2);
-    std::fs::write(at.join("small.toml"), CAMPAIGN).unwrap();
-    sweep(at, &["run", "small.toml", "--store", "s.sqlite", "--quiet"]).code(0);
-    let store = rusqlite::Connection::open(at.join("s.sqlite")).unwrap();
-    let version: i64 = store
-        .pragma_query_value(None, "user_version", |row| row.get(0))
-        .unwrap();
-    assert_eq!(version, 4);
-    let frames: i64 = store
-        .query_row("SELECT count(*) FROM frames", [], |row| row.get(0))
-        .unwrap();
-    assert_eq!(frames, 0);
 }
 
 #[test]

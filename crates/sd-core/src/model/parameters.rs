@@ -29,7 +29,7 @@ pub struct Parameter {
     /// Whether it says anything beside the other choices; its value there is of no account.
     pub has_meaning: fn(&Params) -> bool,
     /// What to choose for it to have a meaning, where it is a mistake to write it without one.
-    pub needs: Option<&'static str>,
+    pub needs: Option<fn() -> String>,
     /// Whether tables name it even where all points have the same value of it.
     pub is_shown: fn(&Params) -> bool,
     /// What kind of value it has.
@@ -135,7 +135,10 @@ impl Parameter {
                 if value == without {
                     return Ok(());
                 }
-                refuse("has no meaning", format!("{without}, or choose {needs}"))
+                refuse(
+                    "has no meaning",
+                    format!("{without}, or choose {}", needs()),
+                )
             }
             _ if number.quantity.range.contains(value) => Ok(()),
             _ => refuse("is out of range", number.quantity.allowed()),

@@ -11,7 +11,7 @@ pub(super) static ONE_MORE: [Parameter; 1] = [Parameter {
     meaning: "small spheres over all",
     example: "0.5",
     has_meaning: |p| p.size_ratio > 1.0,
-    needs: Some("`size_ratio` above 1"),
+    needs: Some(|| "`size_ratio` above 1".into()),
     is_shown: |p| p.size_ratio > 1.0,
     form: Form::Number(Number {
         quantity: &SMALL_FRACTION,

@@ -51,12 +51,11 @@ impl Grid {
                 None => protocol.value_of(axis),
             })
             .collect();
-        let seeds = match table.get(SEEDS) {
-            Some(written) => seeds(written, problems),
-            None => {
-                problems.extend(table.missing(SEEDS, "8"));
-                Vec::new()
-            }
+        let seeds = if let Some(written) = table.get(SEEDS) {
+            seeds(written, problems)
+        } else {
+            problems.extend(table.missing(SEEDS, "8"));
+            Vec::new()
         };
         Self {
             is_whole: table.is_known && problems.len() == before,
@@ -80,7 +79,7 @@ impl Grid {
             })
             .collect();
         let meant = |axis: &Axis| {
-            let keys = entries.keys().map(|key| key.get_ref());
+            let keys = entries.keys().map(Spanned::get_ref);
             let axes = || AXES.iter().map(|axis| axis.key);
             keys.filter(|key| !axes().any(|known| known == key.as_ref()))
                 .any(|key| nearest(key, axes()) == Some(axis.key))
@@ -160,7 +159,7 @@ impl Grid {
                 new.push(Problem::at(
                     &values.span,
                     format!("`{}` has no meaning in this grid", axis.key),
-                    format!("take it out, or choose {needs}"),
+                    format!("take it out, or choose {}", needs()),
                 ));
             }
         }

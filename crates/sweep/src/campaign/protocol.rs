@@ -1,10 +1,10 @@
-//! How every run of a campaign is made: its length, what is dropped and what is kept.
+//! Reads and checks the `[protocol]` table.
 
 use super::error::Problem;
 use super::reader::{Located, Table, Values, number, of_axis, values};
 use crate::axes::Axis;
+use crate::protocol::Protocol;
 use sd_core::model::Range;
-use serde::{Deserialize, Serialize};
 use std::ops;
 use toml::de::DeTable;
 
@@ -18,87 +18,6 @@ const SAMPLE_LIMIT: u64 = 1_000_000;
 const LENGTH: Range = Range::above_to(0.0, 1e7);
 /// Strains that may be discarded.
 const DISCARDED: Range = Range::from_to(0.0, 1e7);
-
-/// The `[protocol]` table, but for the time step, which is a parameter of the run. All values are strains.
-///
-/// Stores written before have a time step here, which is not read.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Protocol {
-    /// Length of a run, a whole number of steps.
-    pub strain: f64,
-    /// Samples before this strain are left out of the averages; in [0, strain).
-    pub discard: f64,
-    /// Strain from one checkpoint to the next, at least one step.
-    pub checkpoint_every: f64,
-    /// Strain from one sample to the next, a whole number of steps.
-    pub sample_every: f64,
-}
-
-impl Default for Protocol {
-    fn default() -> Self {
-        Self {
-            strain: 5.0,
-            discard: 2.0,
-            checkpoint_every: 0.1,
-            sample_every: 0.02,
-        }
-    }
-}
-
-impl Protocol {
-    /// The protocol in steps of this length.
-    pub fn with_time_step(self, time_step: f64) -> Steps {
-        Steps {
-            protocol: self,
-            time_step,
-        }
-    }
-}
-
-/// A protocol in steps.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Steps {
-    protocol: Protocol,
-    time_step: f64,
-}
-
-impl Steps {
-    /// Whole steps in a strain; `None` if it is not a whole number of them.
-    fn whole_steps(&self, strain: f64) -> Option<u64> {
-        let steps = strain / self.time_step;
-        ((steps - steps.round()).abs() <= 1e-6).then(|| count(steps))
-    }
-
-    /// Steps of a run.
-    pub fn steps(&self) -> u64 {
-        count(self.protocol.strain / self.time_step)
-    }
-
-    /// Steps from one sample to the next.
-    pub fn sample_stride(&self) -> u64 {
-        count(self.protocol.sample_every / self.time_step).max(1)
-    }
-
-    /// Steps from one checkpoint to the next.
-    pub fn checkpoint_stride(&self) -> u64 {
-        count(self.protocol.checkpoint_every / self.time_step).max(1)
-    }
-
-    /// First step whose sample counts in the averages.
-    pub fn discard_steps(&self) -> u64 {
-        count((self.protocol.discard / self.time_step - 1e-6).ceil())
-    }
-}
-
-/// The whole number nearest to a value that is checked to be small and not negative.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "saturates, and the reader bounds all strains"
-)]
-fn count(value: f64) -> u64 {
-    value.round() as u64
-}
 
 /// A protocol and the places its values were written at; those of the table for values not written.
 pub(super) struct Written {
@@ -274,20 +193,5 @@ impl Written {
                 format!("at most {}", p.strain - p.discard),
             ));
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn default_run_is_a_thousand_steps_and_250_samples() {
-        let protocol = Protocol::default().with_time_step(0.005);
-        assert_eq!(protocol.steps(), 1000);
-        assert_eq!(protocol.sample_stride(), 4);
-        assert_eq!(protocol.checkpoint_stride(), 20);
-        assert_eq!(protocol.discard_steps(), 400);
-        assert_eq!(protocol.whole_steps(0.0125), None);
     }
 }

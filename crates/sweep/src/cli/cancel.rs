@@ -1,13 +1,12 @@
 //! `sweep cancel`.
 
-use super::{Output, store_path};
-use crate::engine::{self, Engine};
+use super::Output;
+use super::place::StoreArguments;
+use crate::cluster::{Scheduler, shard};
 use crate::error::Error;
 use crate::exit;
-use crate::shard;
 use crate::store::{Store, Submission};
 use serde::Serialize;
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Time from one look at tasks that are ending to the next.
@@ -18,11 +17,11 @@ const LOOK: Duration = Duration::from_secs(1);
 /// Tasks at work checkpoint and publish before they end, and are waited for. `sweep submit` goes on from there.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep cancel sweeps/friction.toml\n  sweep cancel results/friction.sqlite --job 4711"
+    after_help = "Examples:\n  sweep cancel sweeps/figure-11.toml\n  sweep cancel results/figure-11.sqlite --job 4711"
 )]
 pub(crate) struct Arguments {
-    /// The store, or a campaign file whose default store is meant
-    store: PathBuf,
+    #[command(flatten)]
+    place: StoreArguments,
     /// Only this job [default: all of the campaign]
     #[arg(long, value_name = "JOB")]
     job: Option<String>,
@@ -31,22 +30,19 @@ pub(crate) struct Arguments {
     wait: u64,
 }
 
-/// The answer.
 #[derive(Serialize)]
 struct Answer {
-    /// Jobs that were cancelled.
     cancelled: Vec<String>,
     /// Tasks that have not ended yet.
     ending: usize,
 }
 
-/// Cancels what was submitted.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let path = store_path(&arguments.store)?;
+    let path = arguments.place.find()?.path;
     // Looked at first: a store that is not there must not be made.
     drop(Store::open_read_only(&path)?);
     let mut store = Store::open(&path)?;
-    let mut cancelled: Vec<(String, Box<dyn Engine>)> = Vec::new();
+    let mut cancelled: Vec<(String, Scheduler)> = Vec::new();
     let named =
         |submission: &Submission| arguments.job.is_none() || submission.job == arguments.job;
     let submissions = store.submissions()?;
@@ -57,11 +53,12 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         });
     }
     for submission in submissions.iter().filter(|submission| named(submission)) {
-        let (Some(job), Some(engine)) = (&submission.job, engine::by_name(&submission.engine))
+        let (Some(job), Some(scheduler)) =
+            (&submission.job, Scheduler::by_name(&submission.engine))
         else {
             continue;
         };
-        if engine.active(job)?.is_empty() {
+        if scheduler.active(job)?.is_empty() {
             continue;
         }
         // Before they are told: a task that finds the mark does not ask to be started again.
@@ -71,15 +68,15 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
         // Without it the tasks ask Slurm, and find out as well.
         let _ = std::fs::write(&mark, "");
-        engine.cancel(job)?;
+        scheduler.cancel(job)?;
         store.cancelled(submission.id)?;
-        cancelled.push((job.clone(), engine));
+        cancelled.push((job.clone(), scheduler));
     }
     let begun = Instant::now();
     let ending = loop {
         let mut ending = 0;
-        for (job, engine) in &cancelled {
-            ending += engine.active(job)?.len();
+        for (job, scheduler) in &cancelled {
+            ending += scheduler.active(job)?.len();
         }
         if ending == 0 || begun.elapsed() >= Duration::from_secs(arguments.wait) {
             break ending;
@@ -105,7 +102,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         writeln!(
             output.out,
             "`sweep merge {}` takes over what they computed; `sweep submit` goes on from there",
-            arguments.store.display()
+            arguments.place.file.display()
         )?;
     }
     Ok(exit::DONE)

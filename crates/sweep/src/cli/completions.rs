@@ -16,7 +16,6 @@ pub(crate) struct Arguments {
     shell: clap_complete::Shell,
 }
 
-/// Writes the script.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     // Into memory first: the generator panics if a pipe is closed.
     let mut script = Vec::new();

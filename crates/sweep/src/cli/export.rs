@@ -1,10 +1,12 @@
 //! `sweep export`.
 
+use super::Output;
+use super::place::StoreArguments;
 use super::show::story_of;
-use super::{Output, store_path};
 use crate::error::Error;
 use crate::exit;
-use crate::store::{Kept, Store};
+use crate::files::write_whole;
+use crate::store::StoredFrame;
 use crate::trajectory::{
     CONTACT_HEADER, SPHERE_HEADER, write_contacts, write_extxyz, write_spheres,
 };
@@ -20,8 +22,8 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\n  sweep export results/quickstart.sqlite 1 --out layer.xyz\n  sweep export results/quickstart.sqlite 3f9a --format csv --out layer.csv"
 )]
 pub(crate) struct Arguments {
-    /// The store, or a campaign file whose default store is meant
-    store: PathBuf,
+    #[command(flatten)]
+    place: StoreArguments,
     /// The run: the beginning of its key, or its number in the campaign file, from 1
     case: String,
     /// Form of the spheres
@@ -35,7 +37,6 @@ pub(crate) struct Arguments {
     every: std::num::NonZeroUsize,
 }
 
-/// Form of an exported trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Form {
     /// Extended XYZ, as OVITO and `ASE` read it.
@@ -44,9 +45,8 @@ enum Form {
     Csv,
 }
 
-/// Writes the frames.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let store = Store::open_read_only(&store_path(&arguments.store)?)?;
+    let store = arguments.place.open()?;
     let story = story_of(&store, &arguments.case)?;
     let frames = store.frames(&story.key, arguments.every.get())?;
     if frames.is_empty() {
@@ -77,7 +77,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 }
 
 /// Writes the spheres of all frames.
-fn spheres(frames: &[Kept], form: Form, out: &mut dyn Write) -> std::io::Result<()> {
+fn spheres(frames: &[StoredFrame], form: Form, out: &mut dyn Write) -> std::io::Result<()> {
     if form == Form::Csv {
         writeln!(out, "{SPHERE_HEADER}")?;
     }
@@ -87,19 +87,17 @@ fn spheres(frames: &[Kept], form: Form, out: &mut dyn Write) -> std::io::Result<
     })
 }
 
-/// Writes a file.
 fn to_file(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<(), Error> {
-    std::fs::File::create(path)
-        .and_then(|file| {
-            let mut out = std::io::BufWriter::new(file);
-            write(&mut out)?;
-            out.flush()
-        })
-        .map_err(|source| Error::Write {
-            path: path.to_owned(),
-            source,
-        })
+    write_whole(path, |file| {
+        let mut out = std::io::BufWriter::new(file);
+        write(&mut out)?;
+        out.flush()
+    })
+    .map_err(|source| Error::Write {
+        path: path.to_owned(),
+        source,
+    })
 }

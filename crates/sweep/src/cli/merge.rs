@@ -1,10 +1,11 @@
 //! `sweep merge`.
 
-use super::{Output, store_path};
+use super::Output;
+use super::place::StoreArguments;
 use crate::campaign::Campaign;
+use crate::cluster::shard::{self, ShardError};
 use crate::error::Error;
 use crate::exit;
-use crate::shard::{self, ShardError};
 use crate::store::{Counts, Disagreement, Merged, Store, StoreError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -16,12 +17,12 @@ use std::path::{Path, PathBuf};
 /// bit; those that do not are listed, and the exit code is 1. So it is if a shard cannot be read: the others are merged.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep merge results/friction.sqlite results/friction.shards\n  \
-                  sweep merge results/friction.sqlite results/friction.shards/*.sqlite other-machine.sqlite"
+    after_help = "Examples:\n  sweep merge results/figure-11.sqlite results/figure-11.shards\n  \
+                  sweep merge results/figure-11.sqlite results/figure-11.shards/*.sqlite other-machine.sqlite"
 )]
 pub(crate) struct Arguments {
-    /// The store, or a campaign file whose default store is meant; made if it is not there
-    store: PathBuf,
+    #[command(flatten)]
+    place: StoreArguments,
     /// Shards, or folders of them [default: the folder beside the store]
     shards: Vec<PathBuf>,
     /// Merge shards that another build of sweep computed, whose bits may differ; the store keeps a record of it
@@ -29,10 +30,8 @@ pub(crate) struct Arguments {
     allow_mixed_versions: bool,
 }
 
-/// The answer.
 #[derive(Serialize)]
 struct Answer {
-    /// What was merged.
     #[serde(flatten)]
     merged: Merged,
     /// Cases of the store by state.
@@ -43,9 +42,8 @@ struct Answer {
     mixed_shards: u64,
 }
 
-/// Merges shards.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let path = store_path(&arguments.store)?;
+    let path = arguments.place.find()?.path;
     let shards = if arguments.shards.is_empty() {
         in_folder(&shard::folder_of(&path))?
     } else {
@@ -118,7 +116,6 @@ fn open(path: &Path, shards: &[PathBuf]) -> Result<Store, Error> {
         .into())
 }
 
-/// Says what was merged.
 fn write_text(answer: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
     let (merged, cases, out) = (&answer.merged, &answer.cases, &mut *output.out);
     writeln!(

@@ -38,7 +38,13 @@ pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
     /// Cases computed at a time [default: the cores of the machine]
-    #[arg(long, short, value_name = "N")]
+    #[arg(
+        long,
+        short,
+        value_name = "N",
+        visible_alias = "jobs",
+        visible_short_alias = 'j'
+    )]
     workers: Option<NonZeroUsize>,
 }
 

@@ -1,10 +1,10 @@
 //! `sweep replay`.
 
-use super::{Output, store_path};
+use super::Output;
+use super::place::StoreArguments;
+use super::show::key_of;
 use crate::error::Error;
 use crate::exit;
-use crate::store::Store;
-use std::path::PathBuf;
 
 /// Failures named in an error.
 const NAMED: u32 = 8;
@@ -15,31 +15,32 @@ const NAMED: u32 = 8;
 /// process died again and again: that of its last checkpoint.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example:\n  sweep status results/friction.sqlite\n  sweep replay results/friction.sqlite 326e0e48 | sweep solve -"
+    after_help = "Example:\n  sweep status results/figure-11.sqlite\n  sweep replay results/figure-11.sqlite 326e0e48 | sweep solve -"
 )]
 pub(crate) struct Arguments {
-    /// The store, or a campaign file whose default store is meant
-    store: PathBuf,
-    /// Key of the failed case, or its first characters; not needed if only one failed
-    #[arg(default_value = "", hide_default_value = true)]
-    key: String,
+    #[command(flatten)]
+    place: StoreArguments,
+    /// The run: the beginning of its key, or its number in the campaign file, from 1; not needed if only one failed
+    case: Option<String>,
 }
 
-/// Writes the state.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let store = Store::open_read_only(&store_path(&arguments.store)?)?;
+    let store = arguments.place.open()?;
     let refuse = |message| {
         Err(Error::Argument {
-            argument: "KEY",
+            argument: "CASE",
             message,
         })
     };
-    let mut found = store.replays(&arguments.key, NAMED)?;
+    let key = match &arguments.case {
+        Some(given) => Some(key_of(&store, given)?),
+        None => None,
+    };
+    let mut found = store.replays(key.as_deref(), NAMED)?;
     match (found.pop(), found.as_slice()) {
-        (None, _) if arguments.key.is_empty() => refuse("no case of this store has failed".into()),
-        (None, _) => refuse(format!(
-            "no failed case has a key that begins with {:?}; `sweep status` lists them",
-            arguments.key.chars().take(40).collect::<String>()
+        (None, _) => refuse(key.map_or_else(
+            || "no case of this campaign has failed".into(),
+            |key| format!("case {key} has not failed; `sweep status` lists those that have"),
         )),
         (Some(last), [_, ..]) => {
             let keys: Vec<_> = found

@@ -1,15 +1,18 @@
 //! `sweep report`.
 
-use super::{Output, store_path};
+use super::Output;
+use super::place::StoreArguments;
 use crate::axes::{AXES, Axis};
 use crate::error::Error;
 use crate::exit;
+use crate::files::write_whole;
 use crate::report::{
     Drawing, Format, Kind, PageHost, Quantity, Report, Selection, draw, page, parquet, traces,
     write_csv, write_json, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Print the results of a campaign, averaged over seeds
@@ -20,14 +23,14 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json\n  \
                   sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
                   sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --markdown -\n  \
-                  sweep report results/friction.sqlite --figure contacts.png --kind contacts --where shear_rate=inf\n  \
-                  sweep report results/dense.sqlite --figure dense.svg --quantity viscosity_median --where area_fraction=0.8\n\n\
+                  sweep report results/figure-11.sqlite --figure contacts.png --kind contacts --where shear_rate=inf\n  \
+                  sweep report results/figure-15.sqlite --figure dense.svg --quantity viscosity_median --where area_fraction=0.8\n\n\
                   The store is a SQLite file with two views for other programs, `viscosity_vs_shear_rate` (a row per point) and\n\
                   `runs` (a row per run): sqlite3 -header results/quickstart.sqlite 'SELECT * FROM viscosity_vs_shear_rate'"
 )]
 pub(crate) struct Arguments {
-    /// The store, or a campaign file whose default store is meant
-    store: PathBuf,
+    #[command(flatten)]
+    place: StoreArguments,
     /// Only points with one of these values on an axis, by its key in the campaign file; of every output; may be repeated
     #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
     selection: Vec<String>,
@@ -74,8 +77,10 @@ fn numeric_axis() -> impl TypedValueParser<Value = &'static Axis> {
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let drawing = drawing(arguments)?;
     let selection = Selection::parse(&arguments.selection)?;
-    let store = Store::open_read_only(&store_path(&arguments.store)?)?;
+    refuse_two_answers(arguments, output)?;
+    let store = arguments.place.open()?;
     let report = Report::of(&store, &selection)?;
+    super::place::say_last_run(&store, output);
     let mut files = false;
     if let (Some(path), Some(drawing)) = (&arguments.figure, drawing) {
         let traces = match drawing.kind {
@@ -111,10 +116,32 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         save(path, page.as_bytes(), output)?;
         files = true;
     }
-    if !files {
+    if !files || output.json {
         print(&report, output)?;
     }
     Ok(exit::DONE)
+}
+
+/// Refuses a file on standard output where the JSON object goes.
+fn refuse_two_answers(arguments: &Arguments, output: &Output<'_>) -> Result<(), Error> {
+    let files = [
+        ("--csv", &arguments.csv),
+        ("--parquet", &arguments.parquet),
+        ("--markdown", &arguments.markdown),
+        ("--figure", &arguments.figure),
+        ("--page", &arguments.page),
+    ];
+    let is_standard_output = |path: &PathBuf| path.as_os_str() == "-";
+    match files
+        .into_iter()
+        .find(|(_, path)| path.as_ref().is_some_and(is_standard_output))
+    {
+        Some((argument, _)) if output.json => Err(Error::Argument {
+            argument,
+            message: "--json writes its object to standard output: name a file here".into(),
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// The figure asked for, if one is.
@@ -166,7 +193,7 @@ pub(super) fn save(path: &Path, bytes: &[u8], output: &mut Output<'_>) -> Result
     if path.as_os_str() == "-" {
         return Ok(output.out.write_all(bytes)?);
     }
-    std::fs::write(path, bytes).map_err(|source| Error::Write {
+    write_whole(path, |file| file.write_all(bytes)).map_err(|source| Error::Write {
         path: path.to_owned(),
         source,
     })

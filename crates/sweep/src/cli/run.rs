@@ -1,17 +1,19 @@
 //! `sweep run`.
 
-mod shard;
+mod task;
 
 use super::Output;
+use super::place::store_of;
 use crate::campaign::Campaign;
 use crate::error::Error;
 use crate::exit;
+use crate::format::bytes;
 use crate::runner::{self, Options, Progress, Stop, Style};
-use crate::store::{Store, network_file_system};
+use crate::store::{Adoption, Inventory, Store, network_file_system};
 use crate::tables;
 use std::io::{IsTerminal, Write as _};
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Most threads; more are a slip of the keyboard.
@@ -26,18 +28,24 @@ const WORKER_LIMIT: usize = 4096;
 /// ends as failed.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/friction.toml --workers 8 --store /scratch/friction.sqlite\n  \
-                  sweep run sweeps/friction.toml --reuse results/quickstart.sqlite\n  \
-                  sweep run sweeps/friction.toml --shard 3/24"
+    after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/figure-11.toml --workers 8 --store /scratch/figure-11.sqlite\n  \
+                  sweep run sweeps/figure-11.toml --reuse results/quickstart.sqlite\n  \
+                  sweep run sweeps/figure-11.toml --shard 3/24"
 )]
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
-    /// The store [default: results/NAME.sqlite]
+    /// The store [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
     /// Cases computed at a time [default: the cores of the machine]
-    #[arg(long, short, value_name = "N")]
+    #[arg(
+        long,
+        short,
+        value_name = "N",
+        visible_alias = "jobs",
+        visible_short_alias = 'j'
+    )]
     workers: Option<NonZeroUsize>,
     /// Compute failed cases again
     #[arg(long)]
@@ -54,12 +62,12 @@ pub(crate) struct Arguments {
     trajectory: bool,
     /// One task of a cluster: compute slice I, from 0, of N in a store of its own, and publish it among the shards. TERM and
     /// USR1 checkpoint, publish, and have Slurm start the task again if work is left
-    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = shard::part)]
-    shard: Option<shard::Part>,
+    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = task::part)]
+    shard: Option<task::Part>,
     /// The slices, as `sweep submit` wrote them [default: all cases of the file, cut here]
     #[arg(long, value_name = "FILE", requires = "shard")]
     slices: Option<PathBuf>,
-    /// Folder shards are published in [default: results/NAME.shards]
+    /// Folder shards are published in [default: NAME.shards beside the store]
     #[arg(long, value_name = "DIR", requires = "shard")]
     shards: Option<PathBuf>,
     /// Disk of this machine to work on [default: SLURM_TMPDIR, or else the folder of shards]
@@ -73,7 +81,6 @@ pub(crate) struct Arguments {
     allow_mixed_versions: bool,
 }
 
-/// Runs the campaign.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
     let workers = match arguments.workers {
@@ -99,13 +106,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         ),
     };
     if let Some(part) = arguments.shard {
-        return shard::execute(arguments, part, campaign, workers, wall_limit, output);
+        return task::execute(arguments, part, campaign, workers, wall_limit, output);
     }
     let stop = Stop::on_signals()?;
-    let path = arguments
-        .store
-        .clone()
-        .unwrap_or_else(|| campaign.default_store());
+    let path = store_of(&campaign, arguments.store.as_deref())?;
     if let Some(network) = network_file_system(&path).filter(|_| !output.quiet) {
         // Nobody may read standard error; the run goes on all the same.
         let _ = writeln!(
@@ -119,7 +123,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         Store::open_read_only(other)?;
     }
     let mut store = Store::open(&path)?;
-    store.adopt(&campaign)?;
+    let adoption = store.adopt(&campaign)?;
+    if !output.quiet {
+        say_what_is_there(&campaign, &path, adoption);
+    }
     if !arguments.reuse.is_empty() {
         reuse(&mut store, &arguments.reuse, output)?;
     }
@@ -128,20 +135,57 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     let counts = store.counts()?;
     if counts.pending + counts.running > 0 {
-        let limits = Limits {
+        let conditions = Conditions {
             workers,
             wall_limit,
+            stop: &stop,
+            observer: None,
         };
-        compute(
-            arguments, &campaign, &mut store, limits, &stop, None, output,
-        )?;
+        compute(arguments, &campaign, &mut store, conditions, output)?;
     }
-    super::report::write(&store, output)?;
-    Ok(match stop.signal() {
+    store.check_campaign()?;
+    let code = match stop.signal() {
         Some(signal) => exit::stopped_by(signal),
         None if store.counts()?.failed > 0 => exit::FAILED,
         None => exit::DONE,
-    })
+    };
+    match super::report::write(&store, output) {
+        // Nobody reads on: what became of the runs is told all the same.
+        Err(error) if error.is_closed_pipe() => Ok(code),
+        written => written.map(|()| code),
+    }
+}
+
+/// Says what a campaign finds in its store, if there is anything to say: what is kept, what is new, what is not asked for.
+fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption) {
+    let Inventory {
+        runs,
+        ended,
+        begun,
+        new,
+        orphans,
+        orphan_bytes,
+    } = adoption.inventory;
+    // Nobody may read standard error; the run goes on all the same.
+    let mut to = std::io::stderr();
+    if adoption.changed {
+        let _ = writeln!(
+            to,
+            "{} asks for something else than what {} was last run with: of its {runs} runs {ended} are kept as they are, {begun} \
+             go on from where they are, and {new} are new",
+            campaign.file.display(),
+            path.display()
+        );
+    }
+    if orphans > 0 {
+        let _ = writeln!(
+            to,
+            "{orphans} runs in {} (about {}) are not asked for; they stay there, and `sweep prune {}` removes them",
+            path.display(),
+            bytes(orphan_bytes),
+            campaign.file.display()
+        );
+    }
 }
 
 /// Takes over what other stores hold, and says what that was.
@@ -163,13 +207,15 @@ fn reuse(store: &mut Store, others: &[PathBuf], output: &Output<'_>) -> Result<(
     Ok(())
 }
 
-/// How much may be computed at a time, and for how long.
-#[derive(Debug, Clone, Copy)]
-struct Limits {
+/// Under what conditions a campaign is computed.
+#[derive(Clone, Copy)]
+struct Conditions<'c> {
     /// Cases at a time.
     workers: usize,
     /// Computing time of a single case.
     wall_limit: Option<Duration>,
+    stop: &'c Stop,
+    observer: Option<&'c dyn runner::RunObserver>,
 }
 
 /// Computes the cases of a store.
@@ -177,9 +223,7 @@ fn compute(
     arguments: &Arguments,
     campaign: &Campaign,
     store: &mut Store,
-    limits: Limits,
-    stop: &Stop,
-    companion: Option<&dyn runner::Companion>,
+    conditions: Conditions<'_>,
     output: &Output<'_>,
 ) -> Result<(), Error> {
     let style = match (output.quiet, std::io::stderr().is_terminal()) {
@@ -187,19 +231,21 @@ fn compute(
         (false, true) => Style::Bars,
         (false, false) => Style::Lines,
     };
-    let threads = limits.workers;
+    let threads = conditions.workers;
     let cases = store.counts()?.total();
     let workers = threads.min(usize::try_from(cases).unwrap_or(threads));
     let progress = Progress::new(style, workers, Box::new(std::io::stderr()));
     let options = Options {
         workers,
         threads,
-        wall_limit: limits.wall_limit,
+        wall_limit: conditions.wall_limit,
         trajectory: arguments.trajectory,
-        companion,
+        observer: conditions.observer,
+        stop: conditions.stop,
+        progress: &progress,
     };
     let ratios = tables::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
     let tables = tables::make(&ratios, |text| progress.note(text))?;
     let protocol = &campaign.protocol;
-    runner::run(store, protocol, &tables, options, stop, &progress)
+    Ok(runner::run(store, protocol, &tables, options)?)
 }

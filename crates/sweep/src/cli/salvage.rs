@@ -13,7 +13,7 @@ use std::path::PathBuf;
 /// is only read. What was lost is computed again by `sweep run` on the new store, with the same digits.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example:\n  sweep salvage results/friction.sqlite --to results/saved.sqlite\n  sweep run sweeps/friction.toml --store results/saved.sqlite"
+    after_help = "Example:\n  sweep salvage results/figure-11.sqlite --to saved.sqlite\n  sweep run sweeps/figure-11.toml --store saved.sqlite"
 )]
 pub(crate) struct Arguments {
     /// The damaged store
@@ -26,7 +26,6 @@ pub(crate) struct Arguments {
     campaign: Option<PathBuf>,
 }
 
-/// Saves what can be read.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = arguments
         .campaign

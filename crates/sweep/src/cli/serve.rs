@@ -1,12 +1,11 @@
 //! `sweep serve`.
 
-use super::{Output, store_path};
+use super::Output;
+use super::place::StoreArguments;
 use crate::error::Error;
 use crate::exit;
-use crate::store::Store;
 use std::io::Write;
-use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::net::{SocketAddr, ToSocketAddrs as _};
 
 /// Show the report as a live page in the browser
 ///
@@ -16,19 +15,32 @@ use std::path::PathBuf;
     after_help = "Examples:\n  sweep serve results/quickstart.sqlite\n  sweep serve sweeps/quickstart.toml --listen 127.0.0.1:0"
 )]
 pub(crate) struct Arguments {
-    /// The store, or a campaign file whose default store is meant
-    store: PathBuf,
+    #[command(flatten)]
+    place: StoreArguments,
     /// Address and port; port 0 takes a free one. Anything but loopback lets others on the network read the results
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8420")]
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8420", value_parser = address)]
     listen: SocketAddr,
 }
 
-/// Serves until a signal.
+/// Reads an address and a port; the address may be a name, such as `localhost`.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let found: Vec<SocketAddr> = text
+        .to_socket_addrs()
+        .map_err(|error| format!("{error}; write ADDRESS:PORT, as in localhost:8420"))?
+        .collect();
+    found
+        .iter()
+        .find(|address| address.is_ipv4())
+        .or(found.first())
+        .copied()
+        .ok_or_else(|| "no such address".to_owned())
+}
+
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let path = store_path(&arguments.store)?;
+    let source = arguments.place.find()?;
     // A file that is no store is an error now, not one of each request.
-    let name = Store::open_read_only(&path)?.campaign_name()?;
-    crate::serve::serve(&path, arguments.listen, |address| {
+    let name = source.open()?.campaign_name()?;
+    crate::serve::serve(source, arguments.listen, |address| {
         if !address.ip().is_loopback() && !output.quiet {
             // Nobody may read standard error: the page is served all the same.
             let _ = writeln!(

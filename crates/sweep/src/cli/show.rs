@@ -1,13 +1,13 @@
 //! `sweep show`.
 
-use super::{Output, store_path};
+use super::Output;
+use super::place::StoreArguments;
 use crate::axes::AXES;
 use crate::error::Error;
 use crate::exit;
 use crate::format::{duration, significant};
 use crate::report::chart;
 use crate::store::{Store, Story};
-use std::path::PathBuf;
 
 /// Columns of the chart where the output is no terminal.
 const WIDTH: u16 = 78;
@@ -20,31 +20,41 @@ const WIDTH: u16 = 78;
     after_help = "Examples:\n  sweep show results/quickstart.sqlite 12\n  sweep show results/quickstart.sqlite 3f9a --json"
 )]
 pub(crate) struct Arguments {
-    /// The store, or a campaign file whose default store is meant
-    store: PathBuf,
+    #[command(flatten)]
+    place: StoreArguments,
     /// The run: the beginning of its key, or its number in the campaign file, from 1
     case: String,
 }
 
-/// The story of the case a user names.
-pub(super) fn story_of(store: &Store, given: &str) -> Result<Story, Error> {
-    let keys = store.find_cases(given)?;
-    let refuse = |what| Error::Case {
+/// The key of the case a user names, in the same way wherever a case is named.
+pub(super) fn key_of(store: &Store, given: &str) -> Result<String, Error> {
+    let mut keys = store.find_cases(given)?;
+    match (keys.pop(), keys.as_slice()) {
+        (None, _) => Err(no_case(store, given, "no case")),
+        (Some(key), []) => Ok(key),
+        (Some(_), _) => Err(no_case(store, given, "the beginning of several cases")),
+    }
+}
+
+/// The error about a name that is not that of one case.
+fn no_case(store: &Store, given: &str, what: &'static str) -> Error {
+    Error::Case {
         path: store.path().to_owned(),
         given: given.to_owned(),
         what,
-    };
-    let key = match keys.as_slice() {
-        [] => return Err(refuse("no case")),
-        [key] => key,
-        _ => return Err(refuse("the beginning of several cases")),
-    };
-    store.story(key)?.ok_or_else(|| refuse("no case"))
+    }
 }
 
-/// Writes the story.
+/// The story of the case a user names.
+pub(super) fn story_of(store: &Store, given: &str) -> Result<Story, Error> {
+    let key = key_of(store, given)?;
+    store
+        .story(&key)?
+        .ok_or_else(|| no_case(store, given, "no case"))
+}
+
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let store = Store::open_read_only(&store_path(&arguments.store)?)?;
+    let store = arguments.place.open()?;
     let story = story_of(&store, &arguments.case)?;
     if output.json {
         output.json(&story)?;

@@ -2,13 +2,15 @@
 
 mod tasks;
 
-use super::{Output, store_path};
+use super::Output;
+use super::place::StoreArguments;
+use crate::cluster::shard;
 use crate::error::Error;
 use crate::exit;
 use crate::format::duration;
-use crate::store::{Counts, Disagreement, FailureLine, ProcessLine, Store};
+use crate::store::{Counts, Disagreement, FailureGroup, FailureLine, ProcessLine};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Say how far a campaign is
 ///
@@ -18,25 +20,24 @@ use std::path::PathBuf;
     after_help = "Examples:\n  sweep status results/quickstart.sqlite\n  sweep status sweeps/quickstart.toml --json"
 )]
 pub(crate) struct Arguments {
-    /// The store, or a campaign file whose default store is meant
-    store: PathBuf,
+    #[command(flatten)]
+    place: StoreArguments,
     /// Failures listed at most
     #[arg(long, default_value_t = 10, value_name = "N")]
     failures: u32,
 }
 
-/// The answer.
 #[derive(Serialize)]
 struct Status {
-    /// Name of the campaign.
     campaign: String,
-    /// Cases by state.
+    /// The file the store was last run with, if that is another version of the one asked about.
+    last_run_with: Option<PathBuf>,
+    /// Runs in the store that are not asked for.
+    orphans: u64,
     cases: Counts,
     /// Share of the estimated work that is done, 0 to 1.
     work_done: f64,
-    /// Processes that own cases.
     processes: Vec<ProcessLine>,
-    /// Failed cases.
     failures: Vec<FailureLine>,
     /// Jobs that were submitted, with their tasks.
     jobs: Vec<tasks::Jobs>,
@@ -48,37 +49,75 @@ struct Status {
     mixed_shards: u64,
 }
 
-/// Writes the status.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let path = store_path(&arguments.store)?;
-    let store = Store::open_read_only(&path)?;
+    let source = arguments.place.find()?;
+    let (path, store) = (&source.path, source.open()?);
     let (total, done) = store.work()?;
+    let shards: Vec<PathBuf> = shard::published(&shard::folder_of(path))
+        .into_iter()
+        .map(|shard| shard.path)
+        .collect();
     let status = Status {
         campaign: store.campaign_name()?,
+        last_run_with: store.last_run_with().map(PathBuf::from),
+        orphans: store.inventory()?.orphans,
         cases: store.counts()?,
         work_done: if total > 0.0 { done / total } else { 1.0 },
         processes: store.processes()?,
         failures: store.failures(arguments.failures)?,
         jobs: tasks::jobs(&store)?,
-        unmerged_shards: store.unmerged(&crate::shard::folder_of(&path))?,
+        unmerged_shards: store.unmerged(&shards)?,
         disagreements: store.disagreements()?,
         mixed_shards: store.mixed_shards()?,
     };
     if output.json {
         output.json(&status)?;
-        return Ok(exit::DONE);
+    } else {
+        let failures = FailureGroup::of(store.failures(u32::MAX)?);
+        write_text(&status, path, arguments, output)?;
+        write_failures(&failures, arguments, output)?;
     }
-    let c = &status.cases;
+    Ok(exit::DONE)
+}
+
+/// Writes all but the failures.
+fn write_text(
+    status: &Status,
+    store: &Path,
+    arguments: &Arguments,
+    output: &mut Output<'_>,
+) -> Result<(), Error> {
+    let (c, file) = (&status.cases, arguments.place.file.display());
     let mut table = crate::report::table(output.width);
     table.set_header(["cases", "done", "jammed", "failed", "running", "pending"]);
     table.add_row([c.total(), c.done, c.jammed, c.failed, c.running, c.pending]);
     let out = &mut *output.out;
     writeln!(
         out,
-        "{}: about {:.1} % of the work is done",
+        "{}: about {:.1} % of the work is done{}",
         status.campaign,
-        100.0 * status.work_done
+        100.0 * status.work_done,
+        if c.failed > 0 {
+            format!(", and {} of {} runs failed", c.failed, c.total())
+        } else {
+            String::new()
+        }
     )?;
+    if let Some(last) = &status.last_run_with {
+        writeln!(
+            out,
+            "the store {} was last run with another version of the campaign, of {}: shown is what {file} asks for",
+            store.display(),
+            last.display(),
+        )?;
+    }
+    if status.orphans > 0 {
+        writeln!(
+            out,
+            "{} runs in the store are not asked for: sweep prune {file} removes them",
+            status.orphans
+        )?;
+    }
     writeln!(out, "{table}")?;
     for process in &status.processes {
         writeln!(
@@ -90,21 +129,19 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             duration(process.silent_s)
         )?;
     }
-    tasks::write(&status.jobs, output.width, out, &arguments.store)?;
+    tasks::write(&status.jobs, output.width, out, &arguments.place.file)?;
     if status.unmerged_shards > 0 {
         writeln!(
             out,
-            "{} shards are newer than the store: sweep merge {}",
-            status.unmerged_shards,
-            arguments.store.display()
+            "{} shards are newer than the store: sweep merge {file}",
+            status.unmerged_shards
         )?;
     }
     if !status.disagreements.is_empty() {
         writeln!(
             out,
-            "{} results do not agree bit for bit with another attempt: sweep merge {} lists them",
-            status.disagreements.len(),
-            arguments.store.display()
+            "{} results do not agree bit for bit with another attempt: sweep merge {file} lists them",
+            status.disagreements.len()
         )?;
     }
     if status.mixed_shards > 0 {
@@ -114,19 +151,33 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             status.mixed_shards
         )?;
     }
-    for failure in &status.failures {
+    Ok(())
+}
+
+/// Writes the failures, those that are alike together.
+fn write_failures(
+    groups: &[FailureGroup],
+    arguments: &Arguments,
+    output: &mut Output<'_>,
+) -> Result<(), Error> {
+    let out = &mut *output.out;
+    let listed = usize::try_from(arguments.failures).unwrap_or(usize::MAX);
+    for group in groups.iter().take(listed) {
+        writeln!(out, "{}", group.text())?;
+    }
+    if groups.len() > listed {
         writeln!(
             out,
-            "failed: {} seed {} at strain {:.3}, attempt {}: {}",
-            failure.key, failure.seed, failure.strain, failure.attempt, failure.error
+            "and {} more kinds of failures: --failures N lists more",
+            groups.len() - listed
         )?;
     }
-    if !status.failures.is_empty() {
+    if !groups.is_empty() {
         writeln!(
             out,
-            "the state before a failure: sweep replay {} KEY | sweep solve -",
-            arguments.store.display()
+            "the state before a failure: sweep replay {} CASE | sweep solve -",
+            arguments.place.file.display()
         )?;
     }
-    Ok(exit::DONE)
+    Ok(())
 }

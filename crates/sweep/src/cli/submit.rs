@@ -2,14 +2,18 @@
 
 mod folder;
 
+use super::place::store_of;
 use super::{Output, plan};
 use crate::campaign::Campaign;
-use crate::engine::{self, Engine, EngineError, Job, local::Local, slurm::Slurm, slurm::TimeLimit};
+use crate::cluster::{
+    Job, Scheduler, SchedulerError, quoted, shard,
+    shard::Slices,
+    slurm::{Slurm, TimeLimit},
+};
 use crate::error::Error;
 use crate::exit;
 use crate::format::{bytes, duration};
-use crate::shard::{self, Slices};
-use crate::store::{self, Open, Store, Submission};
+use crate::store::{self, OpenCase, Store, Submission};
 use clap::ValueEnum;
 use folder::{Draft, write_plan};
 use serde::Serialize;
@@ -43,10 +47,10 @@ const OURS: [&str; 7] = [
     reason = "switches of the command line"
 )]
 #[command(
-    after_help = "Examples:\n  sweep submit sweeps/friction.toml --tasks 200 --time 4:00:00 --partition short --dry-run\n  \
-                  sweep submit sweeps/friction.toml --time 12:00:00 --throttle 50 --sbatch-arg=--mem=4G\n  \
-                  sweep submit sweeps/friction.toml --engine local\n  \
-                  sweep status sweeps/friction.toml && sweep merge sweeps/friction.toml && sweep report sweeps/friction.toml"
+    after_help = "Examples:\n  sweep submit sweeps/figure-11.toml --tasks 200 --time 4:00:00 --partition short --dry-run\n  \
+                  sweep submit sweeps/figure-11.toml --time 12:00:00 --throttle 50 --sbatch-arg=--mem=4G\n  \
+                  sweep submit sweeps/figure-11.toml --engine local\n  \
+                  sweep status sweeps/figure-11.toml && sweep merge sweeps/figure-11.toml && sweep report sweeps/figure-11.toml"
 )]
 pub(crate) struct Arguments {
     /// The campaign file
@@ -54,7 +58,8 @@ pub(crate) struct Arguments {
     /// What runs the tasks
     #[arg(long, value_enum, default_value_t = Kind::Slurm)]
     engine: Kind,
-    /// The store; shards go to the folder beside it [default: results/NAME.sqlite]
+    /// The store; shards go to the folder beside it [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside
+    /// the file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
     /// Number of tasks [default: so many that each needs about half of --time]
@@ -104,7 +109,7 @@ pub(crate) struct Arguments {
     dry_run: bool,
 }
 
-/// The engines.
+/// What can run the tasks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Kind {
     /// A cluster with Slurm.
@@ -123,38 +128,30 @@ fn word(text: &str) -> Result<String, String> {
     }
 }
 
-/// The answer.
 #[derive(Serialize)]
 struct Answer<'a> {
     /// The job, once it is submitted.
     job: Option<&'a str>,
-    /// Open cases in it.
     cases: usize,
-    /// Number of tasks.
     tasks: usize,
     /// Hash of the slices; this and what follows is null if nothing is open.
     plan: Option<&'a str>,
-    /// Where shards go.
     folder: Option<&'a Path>,
     /// The command that hands the script over.
     command: Option<&'a [String]>,
-    /// The script.
     script: Option<&'a str>,
 }
 
-/// Submits what is open.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
-    let engine = engine(arguments)?;
-    let limit = match engine.task_limit() {
-        Err(EngineError::Missing { .. }) if arguments.dry_run => crate::engine::slurm::USUAL_ARRAY,
+    let scheduler = scheduler(arguments)?;
+    let limit = match scheduler.task_limit() {
+        Err(SchedulerError::Missing { .. }) if arguments.dry_run => {
+            crate::cluster::slurm::USUAL_ARRAY
+        }
         limit => limit?,
     };
-    let path = arguments
-        .store
-        .clone()
-        .unwrap_or_else(|| campaign.default_store());
-    let path = std::path::absolute(&path).map_err(|source| Error::Read { path, source })?;
+    let path = store_of(&campaign, arguments.store.as_deref())?;
     let folder = shard::folder_of(&path);
     let draft = Draft::new(arguments.dry_run, &path)?;
     let mut store = draft.open(&campaign)?;
@@ -177,20 +174,14 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         throttle: arguments.throttle.map(NonZeroUsize::get),
         run_arguments: run_arguments(arguments)?,
     };
-    let script = engine.script(&job)?;
+    let script = scheduler.script(&job)?;
     let name = if arguments.dry_run {
         None
     } else {
         write_plan(&job, &store, &campaign, &open, &slices.text(&plan), &script)?;
-        Some(hand_over(
-            engine.as_ref(),
-            &job,
-            &plan,
-            &slices,
-            &mut store,
-        )?)
+        Some(hand_over(&scheduler, &job, &plan, &slices, &mut store)?)
     };
-    let command = engine.command(&job);
+    let command = scheduler.command(&job);
     if output.json {
         output.json(&Answer {
             job: name.as_deref(),
@@ -211,7 +202,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             job.plan_folder.display()
         )?;
     } else {
-        let words: Vec<String> = command.iter().map(|word| engine::quoted(word)).collect();
+        let words: Vec<String> = command
+            .iter()
+            .map(|word| quoted(word))
+            .collect::<Result<_, _>>()?;
         write!(output.out, "{}\n\n{script}", words.join(" "))?;
     }
     forecast(&campaign, &open, &job, output);
@@ -239,19 +233,19 @@ fn nothing(output: &mut Output<'_>) -> Result<(), Error> {
 }
 
 /// Number of tasks: as many as asked for, if so many may be and have anything to do.
-fn tasks(arguments: &Arguments, open: &[Open], limit: usize) -> Result<usize, EngineError> {
+fn tasks(arguments: &Arguments, open: &[OpenCase], limit: usize) -> Result<usize, SchedulerError> {
     let asked = arguments
         .tasks
         .map_or_else(|| usual_tasks(arguments, open, limit), NonZeroUsize::get);
     if asked > limit {
-        return Err(EngineError::TooManyTasks { asked, limit });
+        return Err(SchedulerError::TooManyTasks { asked, limit });
     }
     Ok(asked.min(open.len()))
 }
 
-/// Records the job and hands it to the engine; gives its name.
+/// Records the job and hands it to the scheduler; gives its name.
 fn hand_over(
-    engine: &dyn Engine,
+    scheduler: &Scheduler,
     job: &Job,
     plan: &str,
     slices: &Slices,
@@ -259,7 +253,7 @@ fn hand_over(
 ) -> Result<String, Error> {
     let submission = Submission {
         id: 0,
-        engine: engine.name().into(),
+        engine: scheduler.name().into(),
         job: None,
         plan: plan.to_owned(),
         folder: job.folder.clone(),
@@ -270,14 +264,14 @@ fn hand_over(
         cancelled_at: None,
     };
     let id = store.submit(&submission, &slices.tasks)?;
-    match engine.submit(job) {
+    match scheduler.submit(job) {
         Ok(name) => {
             store.submitted(id, &name)?;
             Ok(name)
         }
         Err(error) => {
             // After an answer nobody understands the job may be there all the same.
-            if !matches!(error, EngineError::Answer { .. }) {
+            if !matches!(error, SchedulerError::Answer { .. }) {
                 store.not_submitted(id)?;
             }
             Err(error.into())
@@ -285,8 +279,8 @@ fn hand_over(
     }
 }
 
-/// The engine as it was asked for.
-fn engine(arguments: &Arguments) -> Result<Box<dyn Engine>, Error> {
+/// The scheduler as it was asked for.
+fn scheduler(arguments: &Arguments) -> Result<Scheduler, Error> {
     let refused =
         |argument: &'static str, message: String| Err(Error::Argument { argument, message });
     for argument in &arguments.sbatch_arg {
@@ -307,7 +301,7 @@ fn engine(arguments: &Arguments) -> Result<Box<dyn Engine>, Error> {
         }
     }
     Ok(match arguments.engine {
-        Kind::Slurm => Box::new(Slurm {
+        Kind::Slurm => Scheduler::Slurm(Slurm {
             time: arguments.time.clone(),
             partition: arguments.partition.clone(),
             account: arguments.account.clone(),
@@ -323,7 +317,7 @@ fn engine(arguments: &Arguments) -> Result<Box<dyn Engine>, Error> {
             if let Some((argument, _)) = foreign.into_iter().find(|(_, given)| *given) {
                 return refused(argument, "only --engine slurm has it".into());
             }
-            Box::new(Local)
+            Scheduler::Local
         }
     })
 }
@@ -364,7 +358,7 @@ fn gather(
 }
 
 /// Open cases that no task has.
-fn open(arguments: &Arguments, store: &Store, output: &Output<'_>) -> Result<Vec<Open>, Error> {
+fn open(arguments: &Arguments, store: &Store, output: &Output<'_>) -> Result<Vec<OpenCase>, Error> {
     let mut taken: HashSet<String> = HashSet::new();
     for submission in store.submissions()? {
         if arguments.again {
@@ -382,10 +376,10 @@ fn open(arguments: &Arguments, store: &Store, output: &Output<'_>) -> Result<Vec
         if cases.is_empty() {
             continue;
         }
-        let Some(engine) = engine::by_name(&submission.engine) else {
+        let Some(scheduler) = Scheduler::by_name(&submission.engine) else {
             continue;
         };
-        let active = engine.active(job).map_err(|error| Error::Argument {
+        let active = scheduler.active(job).map_err(|error| Error::Argument {
             argument: "--again",
             message: format!(
                 "whether job {job}, submitted before, still runs is not known ({error}): give the same command again in a \
@@ -410,7 +404,7 @@ fn open(arguments: &Arguments, store: &Store, output: &Output<'_>) -> Result<Vec
 }
 
 /// So many tasks that each needs about half of its time by the estimate, which is no promise.
-fn usual_tasks(arguments: &Arguments, open: &[Open], limit: usize) -> usize {
+fn usual_tasks(arguments: &Arguments, open: &[OpenCase], limit: usize) -> usize {
     let time = arguments
         .time
         .as_ref()
@@ -436,7 +430,7 @@ fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
         let scratch = std::path::absolute(scratch)
             .ok()
             .and_then(|path| path.into_os_string().into_string().ok())
-            .ok_or_else(|| EngineError::Path {
+            .ok_or_else(|| SchedulerError::Path {
                 path: scratch.clone(),
             })?;
         run.extend(["--scratch".to_owned(), scratch]);
@@ -462,7 +456,7 @@ fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
 }
 
 /// Says how long it may take and how much memory a task needs.
-fn forecast(campaign: &Campaign, open: &[Open], job: &Job, output: &Output<'_>) {
+fn forecast(campaign: &Campaign, open: &[OpenCase], job: &Job, output: &Output<'_>) {
     if output.quiet {
         return;
     }

@@ -9,7 +9,7 @@ use super::json::Row;
 use super::{Report, Selection, selected_runs};
 use crate::axes::{AXES, Axis, identity};
 use crate::statistics::ratio;
-use crate::store::{FailureLine, Kept, Provenance, Store};
+use crate::store::{FailureLine, Provenance, Store, StoredFrame};
 use crate::trajectory::state_number;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -238,7 +238,7 @@ pub fn movie(store: &Store, key: &str, frames: usize) -> Result<Value, ReportErr
 }
 
 /// One frame of a movie.
-fn picture(kept: &Kept) -> Value {
+fn picture(kept: &StoredFrame) -> Value {
     let frame = &kept.frame;
     let places: Vec<f64> = frame
         .centres

@@ -145,11 +145,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
         )?;
     }
     for failure in &report.failures {
-        writeln!(
-            out,
-            "failed: {} seed {} at strain {:.3}: {}",
-            failure.key, failure.seed, failure.strain, failure.error
-        )?;
+        writeln!(out, "{}", failure.text())?;
     }
     Ok(())
 }

@@ -19,14 +19,12 @@ struct Run {
     simulation: Option<Simulation>,
     /// The layer before the step under way: a panic may leave the simulation in pieces.
     before: Option<Snapshot>,
-    /// What was measured.
     record: Record,
 }
 
 /// What was measured in a run.
 #[derive(Default)]
 struct Record {
-    /// Samples so far.
     samples: Vec<(u64, Sample)>,
     /// Seconds computed before this process went on with it.
     wall_time_before_s: f64,
@@ -36,7 +34,6 @@ struct Record {
     frames: Vec<(u64, Frame)>,
 }
 
-/// How a run ended.
 enum End {
     /// All steps done.
     Done,
@@ -48,7 +45,6 @@ enum End {
     Failed(Cause),
 }
 
-/// Why a run failed.
 enum Cause {
     /// The solver said so.
     Physics(sd_core::Error),
@@ -72,9 +68,24 @@ impl Run {
 impl Record {
     /// Bytes of the checkpoint of a run.
     fn checkpoint(&self, simulation: &Simulation, wall_time_s: f64) -> Vec<u8> {
+        self.state_with(self.samples.clone(), simulation, wall_time_s)
+    }
+
+    /// The same without samples, which the store keeps one by one once the run is finished.
+    fn last_state(&self, simulation: &Simulation, wall_time_s: f64) -> Vec<u8> {
+        self.state_with(Vec::new(), simulation, wall_time_s)
+    }
+
+    /// Bytes of the state of a run, with these samples.
+    fn state_with(
+        &self,
+        samples: Vec<(u64, Sample)>,
+        simulation: &Simulation,
+        wall_time_s: f64,
+    ) -> Vec<u8> {
         let checkpoint = Checkpoint {
             snapshot: simulation.snapshot(),
-            samples: self.samples.clone(),
+            samples,
             wall_time_s,
             resumed: self.resumed,
         };
@@ -105,8 +116,14 @@ impl Shared<'_> {
                     End::Jammed => State::Jammed,
                     _ => State::Done,
                 };
+                let last_state = run
+                    .simulation
+                    .as_ref()
+                    .map(|layer| run.record.last_state(layer, wall_time_s))
+                    .unwrap_or_default();
                 let finished = Finished {
                     state,
+                    last_state,
                     steps: run.steps(),
                     samples: std::mem::take(&mut run.record.samples),
                     counters: run
@@ -280,8 +297,7 @@ impl Shared<'_> {
         message: String,
         error: Option<&sd_core::Error>,
     ) -> Result<(), StoreError> {
-        self.progress
-            .note(&format!("failed: {}: {message}", claim.case.label()));
+        self.progress.failed(&claim.case, &message);
         let (pair, gap) = error.map_or((None, None), culprit);
         let failure = Failure {
             error: message,

@@ -3,6 +3,7 @@
 use crate::case::Case;
 use crate::store::Counts;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use sd_core::Params;
 use std::collections::VecDeque;
 use std::io::Write;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -29,29 +30,33 @@ pub enum Style {
 
 /// Progress of all cases and of each worker.
 pub struct Progress {
-    /// How it is shown.
     style: Style,
-    /// All bars.
     bars: MultiProgress,
-    /// Of the campaign.
     overall: ProgressBar,
-    /// Of each worker.
     workers: Vec<Worker>,
     /// How far the campaign is.
     campaign: Mutex<Overall>,
-    /// Where lines go.
+    told: Mutex<Vec<Told>>,
     log: Mutex<Box<dyn Write + Send>>,
+}
+
+/// A failure that was told.
+struct Told {
+    /// Parameters of the case, without its shear rate.
+    params: Params,
+    message: String,
+    label: String,
+    /// How many more failed in the same way.
+    more: u64,
 }
 
 /// Progress of one worker. Its thread writes numbers only; the supervising thread draws.
 struct Worker {
-    /// Its bar.
     bar: ProgressBar,
     /// Steps of its case done.
     steps: AtomicU64,
     /// Estimated cost of a step, as bits.
     step_cost: AtomicU64,
-    /// Last viscosity, as bits.
     viscosity: AtomicU64,
     /// Time step in strain, as bits.
     time_step: AtomicU64,
@@ -59,7 +64,6 @@ struct Worker {
 
 /// Progress of the campaign in units of estimated cost.
 struct Overall {
-    /// All of it.
     total: f64,
     /// What the store knows to be done, but for the cases under way here.
     stored: f64,
@@ -67,7 +71,6 @@ struct Overall {
     since: f64,
     /// The most that was ever shown: a bar does not go back.
     shown: f64,
-    /// Cases by state.
     counts: Counts,
     /// How far it was when.
     history: VecDeque<(Instant, f64)>,
@@ -118,6 +121,7 @@ impl Progress {
                 history: VecDeque::new(),
                 logged: Instant::now(),
             }),
+            told: Mutex::new(Vec::new()),
             log: Mutex::new(log),
         }
     }
@@ -232,6 +236,35 @@ impl Progress {
         }
     }
 
+    /// A case failed. Of those that fail in the same way whatever their shear rate only the first is told.
+    pub(super) fn failed(&self, case: &Case, message: &str) {
+        let alike = Params {
+            shear_rate: 0.0,
+            ..case.params.clone()
+        };
+        let is_new = {
+            let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+            let known = told
+                .iter_mut()
+                .find(|known| known.params == alike && known.message == message);
+            if let Some(known) = known {
+                known.more += 1;
+                false
+            } else {
+                told.push(Told {
+                    params: alike,
+                    message: message.to_owned(),
+                    label: case.label(),
+                    more: 0,
+                });
+                true
+            }
+        };
+        if is_new {
+            self.note(&format!("failed: {}: {message}", case.label()));
+        }
+    }
+
     /// Something the user should know, above the bars or in the log.
     pub fn note(&self, text: &str) {
         match self.style {
@@ -244,8 +277,15 @@ impl Progress {
         }
     }
 
-    /// Takes the bars away.
+    /// Takes the bars away, and says how many failures were not told.
     pub(super) fn end(&self) {
+        let told = std::mem::take(&mut *self.told.lock().unwrap_or_else(PoisonError::into_inner));
+        for told in told.iter().filter(|told| told.more > 0) {
+            self.note(&format!(
+                "{} more runs failed as did {}",
+                told.more, told.label
+            ));
+        }
         for worker in &self.workers {
             worker.bar.finish_and_clear();
         }
@@ -294,7 +334,6 @@ impl Overall {
         }
     }
 
-    /// Share that is done.
     fn fraction(&self) -> f64 {
         if self.total > 0.0 {
             (self.shown / self.total).clamp(0.0, 1.0)
@@ -314,7 +353,6 @@ impl Overall {
             .flatten()
     }
 
-    /// In words.
     fn message(&self) -> String {
         let c = &self.counts;
         let mut words = format!("{} of {} cases", c.done + c.jammed + c.failed, c.total());

@@ -1,12 +1,17 @@
 //! Signals: the first asks for a stop after a checkpoint, the second aborts at once. While no case is under way the first
-//! does so too.
+//! does so too. What comes within a second of the first says the same once more: programs such as `timeout` send their signal
+//! to the process and to its group.
 
-use crate::error::Error;
+use super::RunnerError;
 use crate::exit;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use signal_hook::iterator::Signals;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::time::{Duration, Instant};
+
+/// A signal this soon after the first is the same one again.
+const ECHO: Duration = Duration::from_secs(1);
 
 /// Whether a stop was asked for, and by which signal.
 #[derive(Debug, Clone, Default)]
@@ -27,17 +32,17 @@ impl Stop {
     /// Listens to INT, TERM, HUP and USR1 from now on.
     ///
     /// # Errors
-    /// [`Error::Start`] if the system does not let us.
-    pub fn on_signals() -> Result<Self, Error> {
+    /// [`RunnerError::Start`] if the system does not let us.
+    pub fn on_signals() -> Result<Self, RunnerError> {
         Self::listen(Asked::default())
     }
 
-    /// The same for a task of an engine, which may send several signals at the end and KILL after them: none but INT ends
+    /// The same for a task of a scheduler, which may send several signals at the end and KILL after them: none but INT ends
     /// the process before it has published what it has.
     ///
     /// # Errors
     /// As [`Stop::on_signals`].
-    pub fn for_a_task() -> Result<Self, Error> {
+    pub fn for_a_task() -> Result<Self, RunnerError> {
         Self::listen(Asked {
             patient: true,
             ..Asked::default()
@@ -45,8 +50,8 @@ impl Stop {
     }
 
     /// Listens from now on.
-    fn listen(asked: Asked) -> Result<Self, Error> {
-        let refused = |error: std::io::Error| Error::Start {
+    fn listen(asked: Asked) -> Result<Self, RunnerError> {
+        let refused = |error: std::io::Error| RunnerError::Start {
             what: "signal handlers",
             reason: error.to_string(),
         };
@@ -56,18 +61,22 @@ impl Stop {
         std::thread::Builder::new()
             .name("signals".into())
             .spawn(move || {
+                let mut first_at: Option<Instant> = None;
                 for signal in signals.forever() {
+                    let is_echo = first_at.is_some_and(|at| at.elapsed() < ECHO);
+                    first_at.get_or_insert_with(Instant::now);
                     let first = told.0.signal.compare_exchange(
                         0,
                         signal,
                         Ordering::SeqCst,
                         Ordering::SeqCst,
                     );
-                    let abort = first.is_err() || !told.0.under_way.load(Ordering::SeqCst);
+                    let abort =
+                        (first.is_err() && !is_echo) || !told.0.under_way.load(Ordering::SeqCst);
                     if abort && (!told.0.patient || signal == SIGINT) {
                         Self::exit(signal);
                     }
-                    crate::store::hurry();
+                    crate::store::shorten_lock_wait();
                 }
             })
             .map_err(refused)?;

@@ -87,12 +87,12 @@ pub(super) fn cells(params: &Params) -> impl Iterator<Item = types::Value> {
     })
 }
 
-/// The view of runs: what each is and what came out of it.
+/// The view of runs: what each is and what came out of it; nothing came out yet of one that waits to go on.
 fn runs() -> String {
     format!(
         "CREATE VIEW runs AS
 SELECT c.key, c.state, {}, c.seed, r.*
-FROM cases c LEFT JOIN results r ON r.case_id = c.id
+FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
 WHERE c.position IS NOT NULL
 ORDER BY c.position",
         names("c.")

@@ -1,59 +1,56 @@
 //! Taking a campaign file into its store.
 
-use super::{Store, StoreError, axis_columns, integer, process, results};
+use super::asked::{self, Adoption, Asks};
+use super::{Store, StoreError, axis_columns, ends, integer, process, results};
 use crate::axes::AXES;
 use crate::campaign::{Campaign, Protocol};
 use crate::case::{Case, CaseKey};
-use crate::statistics::Averages;
-use rusqlite::{OptionalExtension, Transaction, params, params_from_iter, types};
+use rusqlite::{Connection, OptionalExtension, params, params_from_iter, types};
 use std::cmp::Reverse;
+use std::path::PathBuf;
 
 impl Store {
-    /// Makes the cases of the store those of the campaign. Cases already there keep all they have; cases that left the
-    /// grid stay stored, without a position.
+    /// Makes the cases of the store those of the campaign, and says what that means. Cases already there keep all they have;
+    /// cases that left the grid stay stored, without a position. Runs that were computed farther than is asked now are cut,
+    /// and those that were not computed as far go on.
     ///
     /// # Errors
-    /// [`StoreError::OtherCampaign`], and trouble with the file.
-    pub fn adopt(&mut self, campaign: &Campaign) -> Result<(), StoreError> {
-        let before = self.read(
-            self.connection
-                .query_row("SELECT name, text, protocol FROM campaign", [], |row| {
-                    Ok((
-                        row.get::<_, String>(0)?,
-                        row.get::<_, String>(1)?,
-                        row.get::<_, String>(2)?,
-                    ))
-                })
-                .optional(),
-        )?;
-        let protocol = self.json("campaign", serde_json::to_string(&campaign.protocol))?;
-        if let Some((name, text, old)) = before {
-            if name != campaign.name {
-                return Err(StoreError::OtherCampaign {
-                    path: self.path.clone(),
-                    found: name,
-                    wanted: campaign.name.clone(),
-                });
-            }
-            if text == campaign.text && old == protocol {
-                return Ok(());
+    /// [`StoreError::OtherCampaign`], [`StoreError::AtWork`] while another process computes what another version of the
+    /// campaign asks for, and trouble with the file. Nothing is changed then.
+    pub fn adopt(&mut self, campaign: &Campaign) -> Result<Adoption, StoreError> {
+        let entry = Entry::of(self, campaign)?;
+        let me = self.me();
+        if entry.differs {
+            let refused = self.write(|transaction| {
+                let opponent = entry.asks.opponent(transaction, me)?;
+                if opponent.is_none() {
+                    entry.enter(transaction)?;
+                }
+                Ok(opponent)
+            })?;
+            if let Some(opponent) = refused {
+                return Err(self.at_work(&entry.asks, opponent));
             }
         }
-        let rows = rows(campaign)
-            .map(|row| self.json("cases", row))
-            .collect::<Result<Vec<_>, _>>()?;
-        self.write(|transaction| {
-            transaction.execute(
-                "INSERT INTO campaign (id, name, text, protocol) VALUES (1, ?1, ?2, ?3)
-                 ON CONFLICT (id) DO UPDATE SET text = excluded.text, protocol = excluded.protocol",
-                params![campaign.name, campaign.text, protocol],
-            )?;
-            transaction.execute("UPDATE cases SET position = NULL", [])?;
-            for row in &rows {
-                row.insert(transaction)?;
-            }
-            average_again(transaction, &campaign.protocol)
-        })
+        let adoption = Adoption {
+            changed: entry.other_version.is_some(),
+            inventory: self.read(asked::inventory(&self.connection))?,
+        };
+        self.asks = Some(entry.asks);
+        Ok(adoption)
+    }
+
+    /// Lets a store that is only read be seen as this version of its campaign asks for it.
+    pub(super) fn show_as_asked(&mut self, campaign: &Campaign) -> Result<(), StoreError> {
+        let entry = Entry::of(self, campaign)?;
+        if !entry.differs {
+            return Ok(());
+        }
+        let shown = super::schema::put_before(&self.connection, &["campaign", "cases", "results"])
+            .and_then(|()| entry.enter(&self.connection));
+        self.read(shown)?;
+        self.last_run_with = entry.other_version;
+        Ok(())
     }
 
     /// The protocol last run.
@@ -87,17 +84,118 @@ impl Store {
     }
 }
 
+/// A version of a campaign that is taken into a store.
+struct Entry<'c> {
+    campaign: &'c Campaign,
+    asks: Asks,
+    protocol: String,
+    rows: Vec<Row<'c>>,
+    /// Whether there is anything to write: the store holds another text, or none.
+    differs: bool,
+    /// The file last run, if that asked for something else.
+    other_version: Option<PathBuf>,
+}
+
+/// The campaign as a store was last run with it.
+struct LastRun {
+    name: String,
+    text: String,
+    protocol: String,
+    /// What it asked for, as [`Asks::hash`] has it; empty in a store of schema 4 or before.
+    asks: String,
+    file: String,
+}
+
+impl<'c> Entry<'c> {
+    /// Of a campaign into its own store.
+    fn of(store: &Store, campaign: &'c Campaign) -> Result<Self, StoreError> {
+        let last = store.read(
+            store
+                .connection
+                .query_row(
+                    "SELECT name, text, protocol, asks, file FROM campaign",
+                    [],
+                    |row| {
+                        Ok(LastRun {
+                            name: row.get(0)?,
+                            text: row.get(1)?,
+                            protocol: row.get(2)?,
+                            asks: row.get(3)?,
+                            file: row.get(4)?,
+                        })
+                    },
+                )
+                .optional(),
+        )?;
+        let protocol = store.json("campaign", serde_json::to_string(&campaign.protocol))?;
+        let asks = Asks::of(campaign);
+        let (mut differs, mut other_version) = (true, None);
+        if let Some(last) = last {
+            if last.name != campaign.name {
+                return Err(StoreError::OtherCampaign {
+                    path: store.path.clone(),
+                    found: last.name,
+                    wanted: campaign.name.clone(),
+                });
+            }
+            let same_text = last.text == campaign.text && last.protocol == protocol;
+            differs = !same_text || last.asks != asks.hash;
+            // A store of schema 4 or before does not say what was asked for.
+            let same_wishes = last.asks == asks.hash || (last.asks.is_empty() && same_text);
+            other_version = (!same_wishes).then(|| last.file.into());
+        }
+        let rows = if differs {
+            rows(campaign)
+                .map(|row| store.json("cases", row))
+                .collect::<Result<_, _>>()?
+        } else {
+            Vec::new()
+        };
+        Ok(Self {
+            campaign,
+            asks,
+            protocol,
+            rows,
+            differs,
+            other_version,
+        })
+    }
+
+    /// Makes the cases of a store those of the campaign.
+    fn enter(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+        connection.execute(
+            "INSERT INTO campaign (id, name, text, protocol, file, asks) VALUES (1, ?1, ?2, ?3, ?4, ?5)
+             ON CONFLICT (id) DO UPDATE SET text = excluded.text, protocol = excluded.protocol, file = excluded.file,
+                 asks = excluded.asks",
+            params![
+                self.campaign.name,
+                self.campaign.text,
+                self.protocol,
+                self.asks.file.to_string_lossy(),
+                self.asks.hash
+            ],
+        )?;
+        connection.execute("UPDATE cases SET position = NULL", [])?;
+        for row in &self.rows {
+            row.insert(connection)?;
+        }
+        // What failed beyond the strain that is asked for now may well get as far as that.
+        results::reopen_failed(
+            connection,
+            "position IS NOT NULL AND steps <=
+                 (SELECT step FROM failures f WHERE f.case_id = cases.id ORDER BY f.id DESC LIMIT 1)",
+        )?;
+        ends::settle_all(connection, &self.campaign.protocol)
+    }
+}
+
 /// A case as it is written to the store.
 struct Row<'c> {
-    /// Its key.
     key: CaseKey,
-    /// The case.
     case: &'c Case,
-    /// Place in the file.
     position: usize,
     /// Place in the order of work.
     rank: usize,
-    /// Its parameters as JSON.
     params: String,
 }
 
@@ -137,7 +235,7 @@ fn rows(campaign: &Campaign) -> impl Iterator<Item = Result<Row<'_>, serde_json:
 
 impl Row<'_> {
     /// Writes a new case, or gives a known one its place in the file.
-    fn insert(&self, transaction: &Transaction<'_>) -> Result<(), rusqlite::Error> {
+    fn insert(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
         let text = |text: String| types::Value::Text(text);
         let whole = |count: u64| types::Value::Integer(integer(count));
         let own = [
@@ -153,11 +251,11 @@ impl Row<'_> {
         ];
         let names: Vec<&str> = own.iter().map(|(name, _)| *name).collect();
         let places = vec!["?"; names.len() + AXES.len()].join(", ");
-        transaction
+        connection
             .prepare_cached(&format!(
                 "INSERT INTO cases ({}, {}) VALUES ({places})
                  ON CONFLICT (key) DO UPDATE SET position = excluded.position, rank = excluded.rank,
-                     cost = excluded.cost",
+                     cost = excluded.cost, steps = excluded.steps",
                 names.join(", "),
                 axis_columns::names("")
             ))?
@@ -168,31 +266,4 @@ impl Row<'_> {
             ))?;
         Ok(())
     }
-}
-
-/// Averages finished runs again whose discarded strain is no longer that of the protocol.
-pub(super) fn average_again(
-    transaction: &Transaction<'_>,
-    protocol: &Protocol,
-) -> Result<(), rusqlite::Error> {
-    let finished: Vec<(i64, i64, f64, i64)> = transaction
-        .prepare(
-            "SELECT r.case_id, c.spheres, c.time_step, r.discard_step FROM results r JOIN cases c ON c.id = r.case_id
-             WHERE c.position IS NOT NULL",
-        )?
-        .query_map([], |row| {
-            Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
-        })?
-        .collect::<Result<_, _>>()?;
-    for (case, spheres, time_step, discarded) in finished {
-        let discard = protocol.with_time_step(time_step).discard_steps();
-        if integer(discard) == discarded {
-            continue;
-        }
-        let samples = results::samples(transaction, case)?;
-        let averages = Averages::of(&samples, discard);
-        let spheres = usize::try_from(spheres).unwrap_or(1);
-        results::write_averages(transaction, case, discard, &averages, spheres)?;
-    }
-    Ok(())
 }

@@ -16,13 +16,12 @@ const SUSPECT: u32 = 3;
 /// A case this process owns.
 #[derive(Debug)]
 pub struct Claim {
-    /// Its row.
     pub(crate) id: i64,
     /// Its key.
     pub key: String,
     /// The case.
     pub case: Case,
-    /// What its checkpoints hold, the newest first.
+    /// What its checkpoints hold, the newest first; then its last state, if it was finished when less was asked of it.
     pub checkpoints: Vec<Result<Checkpoint, Damage>>,
 }
 
@@ -30,16 +29,25 @@ impl Store {
     /// Enters this process, which from now on may claim cases.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// [`StoreError::Displaced`], and trouble with the file.
     pub fn register(&mut self, threads: usize) -> Result<(), StoreError> {
         let identity = Identity::of_this_process();
         let (build, now) = (process::build(), process::now());
         let task = self.task.clone();
-        let id = self.write(|transaction| {
+        let asks = self.asks.clone();
+        let registered = self.write(|transaction| {
+            // Another process may have taken another version of the campaign into the store meanwhile.
+            let displaced = match &asks {
+                Some(asks) => asks.displaced_by(transaction)?,
+                None => None,
+            };
+            if displaced.is_some() {
+                return Ok(None);
+            }
             transaction.execute(
                 "INSERT INTO processes (host, boot, namespace, pid, start, started_at, heartbeat, version,
-                     physics_version, build, threads, job, task, restart, node)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14)",
+                     physics_version, build, threads, job, task, restart, node, file, asks)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16)",
                 params![
                     identity.host,
                     identity.boot,
@@ -55,10 +63,15 @@ impl Store {
                     task.as_ref().map(|task| integer(task.task as u64)),
                     task.as_ref().map(|task| task.restart),
                     task.as_ref().map(|task| &task.node),
+                    asks.as_ref().map(|asks| asks.file.to_string_lossy()),
+                    asks.as_ref().map(|asks| &asks.hash),
                 ],
             )?;
-            Ok(transaction.last_insert_rowid())
+            Ok(Some(transaction.last_insert_rowid()))
         })?;
+        let Some(id) = registered else {
+            return self.check_campaign();
+        };
         self.process = Some(Registered { id, identity });
         Ok(())
     }
@@ -223,10 +236,12 @@ impl Store {
             steps,
             sample_stride,
         };
-        let checkpoints = checkpoints
+        let mut checkpoints: Vec<_> = checkpoints
             .iter()
             .map(|bytes| Checkpoint::decode(bytes))
             .collect();
+        // More may be asked than was computed to an end before.
+        checkpoints.extend(self.end_to_go_on_from(id)?);
         Ok(Some(Claim {
             id,
             key,
@@ -270,12 +285,20 @@ impl Store {
         owned.then_some(()).ok_or_else(|| claim.lost())
     }
 
-    /// Drops the checkpoints of a running case, none of which can be used.
+    /// Drops the checkpoints of a running case and its last state, none of which can be used.
     ///
     /// # Errors
     /// Trouble with the file.
     pub fn drop_checkpoints(&mut self, claim: &Claim) -> Result<(), StoreError> {
-        self.write(|transaction| drop_checkpoints(transaction, claim.id))
+        self.write(|transaction| {
+            drop_checkpoints(transaction, claim.id)?;
+            // Nor can its end be used, which was tried last.
+            transaction.execute(
+                "UPDATE ends SET state = NULL WHERE case_id = ?1",
+                [claim.id],
+            )?;
+            Ok(())
+        })
     }
 
     /// Gives a case back: it waits to go on from its last checkpoint.

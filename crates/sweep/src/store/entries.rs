@@ -1,6 +1,7 @@
 //! Entries of another store, read one by one and checked as far as they can be: what salvage and merge trust.
 
-use super::results::samples;
+use super::results::{samples, write_samples};
+use super::schema::CaseRow;
 use super::{Checkpoint, count, integer};
 use crate::case::Case;
 use crate::statistics::Averages;
@@ -32,7 +33,6 @@ pub(super) fn entry(
         .optional()
 }
 
-/// Writes a row.
 pub(super) fn put(
     transaction: &Transaction<'_>,
     table: &str,
@@ -73,6 +73,11 @@ pub(super) fn text<'e>(entry: &'e Entry, name: &str) -> Option<&'e str> {
     }
 }
 
+/// Takes out of the row of a process what it asks for, which means nothing in another store.
+pub(super) fn without_wishes(process: &mut Entry) {
+    process.retain(|(name, _)| name != "file" && name != "asks");
+}
+
 /// Replaces a value of a row.
 pub(super) fn set(entry: &mut Entry, name: &str, value: impl Into<Value>) {
     if let Some((_, place)) = entry.iter_mut().find(|(known, _)| known == name) {
@@ -80,15 +85,24 @@ pub(super) fn set(entry: &mut Entry, name: &str, value: impl Into<Value>) {
     }
 }
 
-/// The case of a row, if it still has its key.
-pub(super) fn trusted_case(entry: &Entry) -> Option<Case> {
-    let case = Case {
-        params: serde_json::from_str(text(entry, "params")?).ok()?,
+/// The case of a row, if it still has its key. One with the key of an older schema gets that of today.
+pub(super) fn trusted_case(entry: &mut Entry) -> Option<Case> {
+    let described = CaseRow {
+        key: text(entry, "key")?,
+        params: text(entry, "params")?,
         seed: count(whole(entry, "seed")?),
         steps: count(whole(entry, "steps")?),
-        sample_stride: count(whole(entry, "sample_stride")?).max(1),
+        sample_stride: count(whole(entry, "sample_stride")?),
     };
-    (text(entry, "key")? == case.key().to_string()).then_some(case)
+    let case = described.case()?;
+    let key = case.key().to_string();
+    if described.key != key {
+        if described.key_of_today()? != key {
+            return None;
+        }
+        set(entry, "key", key);
+    }
+    Some(case)
 }
 
 /// The number of a case in the new store; a case that is in no grid any more is added without a position.
@@ -111,21 +125,113 @@ pub(super) fn place(transaction: &Transaction<'_>, row: &Entry) -> Result<i64, r
     Ok(transaction.last_insert_rowid())
 }
 
-/// The result of a case and its samples, if they are whole and agree with each other.
-pub(super) fn result(
+/// A run that was computed to an end, as another store holds it.
+pub(super) struct ComputedRun {
+    /// The row of its result.
+    pub(super) result: Entry,
+    /// The row of its end.
+    pub(super) end: Entry,
+    pub(super) steps: u64,
+    pub(super) jammed: bool,
+    pub(super) samples: Vec<(u64, sd_core::Sample)>,
+}
+
+/// What there is of the end of a run.
+pub(super) enum Found {
+    /// Nothing: it was never computed to an end.
+    Nothing,
+    /// Something that cannot be read, or contradicts itself.
+    Untrusted,
+    /// All of it, and it is consistent.
+    Run(Box<ComputedRun>),
+}
+
+/// The run of a case, if it was computed to an end.
+pub(super) fn computed_run(old: &Connection, id: i64, row: &Entry, case: &Case) -> Found {
+    let is_finished = matches!(text(row, "state"), Some("done" | "jammed"));
+    let end = match end_of(old, id, row, case) {
+        Ok(Some(end)) => end,
+        Ok(None) if !is_finished => return Found::Nothing,
+        _ => return Found::Untrusted,
+    };
+    trusted_run(old, id, end, case).map_or(Found::Untrusted, |run| Found::Run(Box::new(run)))
+}
+
+/// The row of the end of a run. Where there is none, as in a store of schema 4 or before, or it is damaged, what the result
+/// tells of it, without a last state.
+fn end_of(
     old: &Connection,
     id: i64,
+    row: &Entry,
     case: &Case,
-    steps: u64,
-) -> Option<(Entry, Vec<(u64, sd_core::Sample)>)> {
+) -> Result<Option<Entry>, rusqlite::Error> {
+    if let Ok(Some(end)) = entry(old, "ends", "case_id", id) {
+        return Ok(Some(end));
+    }
+    let state = text(row, "state").unwrap_or_default();
+    if !matches!(state, "done" | "jammed") {
+        return Ok(None);
+    }
+    let Some(result) = entry(old, "results", "case_id", id)? else {
+        return Ok(None);
+    };
+    let jammed_steps = match get(&result, "jammed_strain") {
+        Some(Value::Real(strain)) => whole_steps(*strain, case),
+        _ => 0,
+    };
+    let mut end: Entry = [
+        "case_id",
+        "minimum_gap",
+        "stages",
+        "unconverged_stages",
+        "worst_residual",
+        "worst_friction_error",
+        "jam_events",
+    ]
+    .into_iter()
+    .filter_map(|name| Some((name.to_owned(), get(&result, name)?.clone())))
+    .collect();
+    for (name, value) in [
+        ("steps", whole(row, "steps_done").unwrap_or(0)),
+        ("jammed", i64::from(state == "jammed")),
+        ("jammed_steps", jammed_steps),
+    ] {
+        end.push((name.to_owned(), value.into()));
+    }
+    Ok(Some(end))
+}
+
+/// A strain in steps.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "saturates; wrong ones are found out"
+)]
+fn whole_steps(strain: f64, case: &Case) -> i64 {
+    (strain / case.params.time_step).round() as i64
+}
+
+/// A run whose samples are whole and give the averages of its result to the last bit.
+fn trusted_run(old: &Connection, id: i64, end: Entry, case: &Case) -> Option<ComputedRun> {
     let result = entry(old, "results", "case_id", id).ok()??;
-    let samples = samples(old, id).ok()?;
+    let steps = count(whole(&end, "steps")?);
+    let mut samples = samples(old, id, None).ok()?;
+    // Of a run that failed on its way on there are more.
+    samples.retain(|(step, _)| *step < steps);
     let in_order = samples
         .iter()
         .enumerate()
         .all(|(number, (step, _))| *step == number as u64 * case.sample_stride);
     let whole_run = samples.len() as u64 == steps.div_ceil(case.sample_stride);
-    let averages = Averages::of(&samples, count(whole(&result, "discard_step")?));
+    // The result may be that of the beginning of the run only.
+    let Some(Value::Real(strain)) = get(&result, "final_strain") else {
+        return None;
+    };
+    let averaged = count(whole_steps(*strain, case));
+    let beginning = samples.partition_point(|(step, _)| *step < averaged);
+    let averages = Averages::of(
+        &samples[..beginning],
+        count(whole(&result, "discard_step")?),
+    );
     let agrees = |name: &str, value: Option<f64>| match (get(&result, name), value) {
         (Some(Value::Real(stored)), Some(value)) => stored.to_bits() == value.to_bits(),
         (Some(Value::Null), value) => value.is_none_or(f64::is_nan),
@@ -143,8 +249,51 @@ pub(super) fn result(
             averages.normal_stress_difference,
         )
         && agrees("dissipation", averages.dissipation)
-        && whole(&result, "contacts") == Some(integer(averages.contacts));
-    trusted.then_some((result, samples))
+        && whole(&result, "contacts") == Some(integer(averages.contacts))
+        && last_state_fits(&end, steps);
+    trusted.then(|| ComputedRun {
+        jammed: whole(&end, "jammed") == Some(1),
+        result,
+        end,
+        steps,
+        samples,
+    })
+}
+
+/// Whether the last state of a run, if it was kept, is whole and of its last step.
+fn last_state_fits(end: &Entry, steps: u64) -> bool {
+    match get(end, "state") {
+        None | Some(Value::Null) => true,
+        Some(Value::Blob(state)) => {
+            Checkpoint::decode(state).is_ok_and(|state| state.snapshot.steps == steps)
+        }
+        Some(_) => false,
+    }
+}
+
+impl ComputedRun {
+    /// Steps discarded from the averages of its result.
+    pub(super) fn discarded(&self) -> u64 {
+        whole(&self.result, "discard_step").map_or(0, count)
+    }
+
+    /// Whether its last state was kept, so that it can go on from there.
+    pub(super) fn continues(&self) -> bool {
+        matches!(get(&self.end, "state"), Some(Value::Blob(_)))
+    }
+
+    /// Writes it into a store in place of any other of the case, whose row is `case` there.
+    pub(super) fn write(
+        &mut self,
+        transaction: &Transaction<'_>,
+        case: i64,
+    ) -> Result<(), rusqlite::Error> {
+        set(&mut self.result, "case_id", case);
+        set(&mut self.end, "case_id", case);
+        put(transaction, "results", &self.result)?;
+        put(transaction, "ends", &self.end)?;
+        write_samples(transaction, case, &self.samples)
+    }
 }
 
 /// All failures of a case.

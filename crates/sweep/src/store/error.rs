@@ -1,6 +1,6 @@
 //! What can be wrong with a store.
 
-use super::place::is_full;
+use super::place::{is_full, reason_against};
 use rusqlite::ErrorCode;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,6 +14,15 @@ pub enum StoreError {
     #[diagnostic(help("`sweep run CAMPAIGN.toml` makes one, by default results/NAME.sqlite"))]
     Missing {
         /// The file.
+        path: PathBuf,
+    },
+    /// A folder where a store is meant.
+    #[error("{} is a folder, and not a store", path.display())]
+    #[diagnostic(help(
+        "name a store, such as results/quickstart.sqlite, or a campaign file, such as sweeps/quickstart.toml"
+    ))]
+    Folder {
+        /// The folder.
         path: PathBuf,
     },
     /// The file or its directory cannot be written.
@@ -62,6 +71,43 @@ pub enum StoreError {
         found: String,
         /// The one asked for.
         wanted: String,
+    },
+    /// A store on which another process computes what another version of the campaign asks for.
+    #[error(
+        "process {pid} on {host} computes {} on {}, and {} asks for other runs under the same name",
+        theirs.display(), path.display(), ours.display()
+    )]
+    #[diagnostic(help(
+        "nothing was changed; wait until that process has ended, or give this campaign another `name` or another --store FILE"
+    ))]
+    AtWork {
+        /// The store.
+        path: PathBuf,
+        /// The campaign file refused.
+        ours: PathBuf,
+        /// The campaign file being computed.
+        theirs: PathBuf,
+        /// The process that computes it.
+        pid: u32,
+        /// Its host.
+        host: String,
+    },
+    /// A store into which another version of the campaign was taken meanwhile.
+    #[error(
+        "{} now holds the campaign as {} asks for it, and not as {} does",
+        path.display(), theirs.display(), ours.display()
+    )]
+    #[diagnostic(help(
+        "finished results are safe; give the same command again once the other one has ended, or give this campaign another \
+         `name` or another --store FILE"
+    ))]
+    Displaced {
+        /// The store.
+        path: PathBuf,
+        /// The campaign file this process computes.
+        ours: PathBuf,
+        /// The campaign file taken into the store since.
+        theirs: PathBuf,
     },
     /// A shard computed by another build of the program.
     #[error(
@@ -120,7 +166,7 @@ pub enum StoreError {
     /// Another process took the case over; what this one computed of it does not count.
     #[error("case {key} was taken over by another process")]
     ClaimLost {
-        /// The case.
+        /// Its key.
         key: String,
     },
     /// A row that cannot be understood.
@@ -172,8 +218,8 @@ impl StoreError {
             Some(ErrorCode::NotADatabase) if !under_way => return Self::NotAStore { path },
             Some(ErrorCode::CannotOpen | ErrorCode::PermissionDenied) if !under_way => {
                 return Self::Unwritable {
+                    source: reason_against(&path).unwrap_or_else(|| io::Error::other(source)),
                     path,
-                    source: io::Error::other(source),
                 };
             }
             Some(ErrorCode::ReadOnly) => (
@@ -210,7 +256,7 @@ impl StoreError {
     /// Whether the store failed, and not the command: it struck while cases were being computed, or may pass by itself.
     pub fn is_of_the_store(&self) -> bool {
         match self {
-            Self::ClaimLost { .. } | Self::Gone { .. } => true,
+            Self::ClaimLost { .. } | Self::Gone { .. } | Self::Displaced { .. } => true,
             Self::Trouble {
                 under_way, passing, ..
             } => *under_way || *passing,

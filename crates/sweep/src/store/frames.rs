@@ -8,7 +8,7 @@ use sd_core::simulation::Frame;
 
 /// A kept frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Kept {
+pub struct StoredFrame {
     /// Its step.
     pub step: u64,
     /// The layer.
@@ -30,7 +30,7 @@ impl Store {
         }
         self.write(|transaction| {
             let mut insert = transaction
-                .prepare_cached("INSERT OR REPLACE INTO frames VALUES (?1, ?2, ?3, ?4)")?;
+                .prepare_cached("INSERT OR REPLACE INTO frames (case_id, step, strain, data) VALUES (?1, ?2, ?3, ?4)")?;
             for (step, frame) in frames {
                 let data = trajectory::encode(frame)
                     .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
@@ -40,30 +40,17 @@ impl Store {
         })
     }
 
-    /// Whether the store is of a schema with frames.
-    fn knows_frames(&self) -> Result<bool, StoreError> {
-        self.read(self.connection.query_row(
-            "SELECT count(*) FROM sqlite_schema WHERE name = 'frames'",
-            [],
-            |row| row.get::<_, i64>(0),
-        ))
-        .map(|tables| tables > 0)
-    }
-
     /// The frames of a case, every `stride`-th of them, in the order of their steps. Unreadable ones are an error.
     ///
     /// # Errors
     /// Trouble with the file, or an entry that cannot be read.
-    pub fn frames(&self, key: &str, stride: usize) -> Result<Vec<Kept>, StoreError> {
-        if !self.knows_frames()? {
-            return Ok(Vec::new());
-        }
+    pub fn frames(&self, key: &str, stride: usize) -> Result<Vec<StoredFrame>, StoreError> {
         let rows: Result<Vec<(i64, Vec<u8>)>, _> = self
             .connection
             .prepare(
                 "SELECT step, data FROM
-                     (SELECT step, data, row_number() OVER (ORDER BY step) - 1 AS number FROM frames
-                      WHERE case_id = (SELECT id FROM cases WHERE key = ?1))
+                     (SELECT f.step, f.data, row_number() OVER (ORDER BY f.step) - 1 AS number
+                      FROM cases c JOIN frames f ON f.case_id = c.id AND f.step < c.steps WHERE c.key = ?1)
                  WHERE number % ?2 = 0 ORDER BY step",
             )
             .and_then(|mut query| {
@@ -81,7 +68,7 @@ impl Store {
                     table: "frames",
                     reason: format!("step {step} of case {key}: damaged, or of a newer version"),
                 })?;
-                Ok(Kept {
+                Ok(StoredFrame {
                     step: count(step),
                     frame,
                 })
@@ -94,11 +81,8 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn frame_count(&self, key: &str) -> Result<u64, StoreError> {
-        if !self.knows_frames()? {
-            return Ok(0);
-        }
         self.read(self.connection.query_row(
-            "SELECT count(*) FROM frames WHERE case_id = (SELECT id FROM cases WHERE key = ?1)",
+            "SELECT count(*) FROM cases c JOIN frames f ON f.case_id = c.id AND f.step < c.steps WHERE c.key = ?1",
             [key],
             |row| row.get(0),
         ))

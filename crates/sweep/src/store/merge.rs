@@ -9,7 +9,7 @@ mod shards;
 
 use super::entries::entry;
 use super::process::now;
-use super::{Store, StoreError, campaign, count};
+use super::{Store, StoreError, count, ends};
 use crate::campaign::Protocol;
 use case::Merging;
 use rusqlite::params;
@@ -17,7 +17,7 @@ use serde::Serialize;
 use shards::{Shard, Stamp, foreign};
 use std::collections::{BTreeSet, HashMap};
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What a merge did.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -68,9 +68,8 @@ pub struct Disagreement {
     pub what: String,
 }
 
-/// How shards are merged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Manner {
+pub(crate) enum MergeMode {
     /// Into the store of the campaign: everything, with a record of the shard.
     Campaign,
     /// Into the store of one task: its own cases only, without record.
@@ -87,7 +86,7 @@ impl Store {
     /// [`StoreError::OtherCampaign`], [`StoreError::OtherBuild`] unless `mixed` versions are allowed, and trouble with the
     /// store. Shards that cannot be read are no error: they are listed, and the others merged.
     pub fn merge(&mut self, shards: &[PathBuf], mixed: bool) -> Result<Merged, StoreError> {
-        self.merge_as(Manner::Campaign, shards, mixed)
+        self.merge_as(MergeMode::Campaign, shards, mixed)
     }
 
     /// Takes over runs that other stores, of whatever campaigns, hold of cases of this one.
@@ -95,13 +94,13 @@ impl Store {
     /// # Errors
     /// Trouble with the store. Stores that cannot be read are no error: they are listed, and the others used.
     pub fn reuse(&mut self, stores: &[PathBuf]) -> Result<Merged, StoreError> {
-        self.merge_as(Manner::Reuse, stores, true)
+        self.merge_as(MergeMode::Reuse, stores, true)
     }
 
-    /// [`Store::merge`] in some manner.
+    /// [`Store::merge`] in some mode.
     pub(crate) fn merge_as(
         &mut self,
-        manner: Manner,
+        mode: MergeMode,
         shards: &[PathBuf],
         mixed: bool,
     ) -> Result<Merged, StoreError> {
@@ -109,14 +108,14 @@ impl Store {
         let mut merged = Merged::default();
         let mut readable = Vec::new();
         for path in shards {
-            if let (Manner::Campaign, Ok(stamp)) = (manner, Stamp::of(path))
+            if let (MergeMode::Campaign, Ok(stamp)) = (mode, Stamp::of(path))
                 && self.has_merged(&stamp)?
             {
                 merged.unchanged += 1;
                 continue;
             }
             match Shard::look(path) {
-                Ok(shard) if manner != Manner::Reuse && shard.campaign != name => {
+                Ok(shard) if mode != MergeMode::Reuse && shard.campaign != name => {
                     return Err(StoreError::OtherCampaign {
                         path: path.clone(),
                         found: shard.campaign,
@@ -130,9 +129,9 @@ impl Store {
                 }),
             }
         }
-        let known = match manner {
-            Manner::Campaign => self.known_builds()?,
-            Manner::Task | Manner::Reuse => BTreeSet::from([super::process::build()]),
+        let known = match mode {
+            MergeMode::Campaign => self.known_builds()?,
+            MergeMode::Task | MergeMode::Reuse => BTreeSet::from([super::process::build()]),
         };
         let foreign = foreign(&known, &readable);
         if let Some((shard, build)) = foreign.first().filter(|_| !mixed) {
@@ -147,7 +146,7 @@ impl Store {
             let mixed = foreign.iter().any(|(of, _)| *of == number);
             // Once is enough: other averages come from other strains discarded, which is rare.
             let protocol = (number + 1 == readable.len()).then_some(&protocol);
-            self.merge_one(manner, shard, mixed, protocol, &mut merged)?;
+            self.merge_one(mode, shard, mixed, protocol, &mut merged)?;
         }
         Ok(merged)
     }
@@ -194,7 +193,7 @@ impl Store {
     /// Merges one shard in one transaction.
     fn merge_one(
         &mut self,
-        manner: Manner,
+        mode: MergeMode,
         shard: &Shard,
         mixed: bool,
         protocol: Option<&Protocol>,
@@ -221,7 +220,7 @@ impl Store {
             let mut merging = Merging {
                 old,
                 transaction,
-                manner,
+                mode,
                 processes: HashMap::new(),
                 merged,
             };
@@ -230,15 +229,15 @@ impl Store {
                 Vec::new()
             }) {
                 match entry(old, "cases", "id", id) {
-                    Ok(Some(case)) => merging.case(id, &case)?,
+                    Ok(Some(case)) => merging.case(id, case)?,
                     Ok(None) => {}
                     Err(error) => damage = Some(error.to_string()),
                 }
             }
             if let Some(protocol) = protocol {
-                campaign::average_again(transaction, protocol)?;
+                ends::settle_all(transaction, protocol)?;
             }
-            if manner == Manner::Campaign && damage.is_none() {
+            if mode == MergeMode::Campaign && damage.is_none() {
                 transaction.execute(
                     "INSERT OR REPLACE INTO shards (name, size, modified, builds, mixed, merged_at)
                      VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
@@ -271,9 +270,6 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn disagreements(&self) -> Result<Vec<Disagreement>, StoreError> {
-        if !self.knows_submissions()? {
-            return Ok(Vec::new());
-        }
         let rows = self
             .connection
             .prepare(
@@ -308,16 +304,15 @@ impl Store {
         self.read(rows)
     }
 
-    /// How many shards in a folder were not merged, or have changed since.
+    /// How many of these shards were not merged, or have changed since.
     ///
     /// # Errors
     /// Trouble with the file.
-    pub fn unmerged(&self, folder: &Path) -> Result<u64, StoreError> {
-        let known = self.knows_submissions()?;
+    pub fn unmerged(&self, shards: &[PathBuf]) -> Result<u64, StoreError> {
         let mut number = 0;
-        for shard in crate::shard::published(folder) {
-            let merged = match Stamp::of(&shard.path) {
-                Ok(stamp) if known => self.has_merged(&stamp)?,
+        for shard in shards {
+            let merged = match Stamp::of(shard) {
+                Ok(stamp) => self.has_merged(&stamp)?,
                 _ => false,
             };
             number += u64::from(!merged);
@@ -330,9 +325,6 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn mixed_shards(&self) -> Result<u64, StoreError> {
-        if !self.knows_submissions()? {
-            return Ok(0);
-        }
         self.read(
             self.connection
                 .query_row("SELECT count(*) FROM shards WHERE mixed", [], |row| {

@@ -1,5 +1,6 @@
 //! Where a store lies: whether its file is still the one that was opened, whether there is room, on what it is stored.
 
+use super::StoreError;
 use std::path::Path;
 
 /// Less room than this on the disk, in bytes, and a write that failed counts as failed for want of it.
@@ -8,7 +9,6 @@ const ROOM: u64 = 256 << 10;
 /// What tells one file from every other one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct FileIdentity {
-    /// Its device.
     device: u64,
     /// Its number there.
     number: u64,
@@ -26,6 +26,43 @@ impl FileIdentity {
     }
 }
 
+/// Refuses a folder where a store is meant.
+pub(super) fn refuse_folder(path: &Path) -> Result<(), StoreError> {
+    if path.is_dir() {
+        return Err(StoreError::Folder {
+            path: path.to_owned(),
+        });
+    }
+    Ok(())
+}
+
+/// Why a file cannot be made or opened for writing, as the system says it.
+pub(super) fn reason_against(path: &Path) -> Option<std::io::Error> {
+    let existed = path.exists();
+    let opened = std::fs::OpenOptions::new()
+        .append(true)
+        .create(true)
+        .open(path);
+    match opened {
+        Err(_) if !takes_files(path) => Some(std::io::Error::other(
+            "the file system there takes no files of users",
+        )),
+        Err(error) => Some(error),
+        Ok(_) => {
+            if !existed {
+                let _ = std::fs::remove_file(path);
+            }
+            None
+        }
+    }
+}
+
+/// Whether a file lies on a disk, and not in what the kernel shows of itself.
+fn takes_files(path: &Path) -> bool {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    rustix::fs::statvfs(folder).is_ok_and(|disk| disk.f_blocks > 0)
+}
+
 /// Whether the disk of a file has next to no room left, or the quota of the user on it is used up.
 pub(crate) fn is_full(path: &Path) -> bool {
     let place = path
@@ -33,7 +70,11 @@ pub(crate) fn is_full(path: &Path) -> bool {
         .filter(|parent| !parent.as_os_str().is_empty())
         .unwrap_or(Path::new("."));
     rustix::fs::statvfs(place)
-        .is_ok_and(|disk| disk.f_bavail.saturating_mul(disk.f_frsize) < ROOM || disk.f_favail == 0)
+        // What the kernel shows of itself has no room at all, and is not full.
+        .is_ok_and(|disk| {
+            disk.f_blocks > 0
+                && (disk.f_bavail.saturating_mul(disk.f_frsize) < ROOM || disk.f_favail == 0)
+        })
         || takes_no_more(place)
 }
 

@@ -146,18 +146,30 @@ impl Store {
     }
 
     /// Estimated cost of the grid, and of what is done of it: finished cases, and others up to their last checkpoint,
-    /// but for those this process has under way.
+    /// but for those this process has under way. What was done of failed cases is lost.
     ///
     /// # Errors
     /// Trouble with the file.
     pub fn work(&self) -> Result<(f64, f64), StoreError> {
         self.read(self.connection.query_row(
-            "SELECT total(cost), total(CASE WHEN state IN ('done', 'jammed', 'failed') THEN cost
-                                       WHEN owner = ?1 THEN 0.0
-                                       ELSE cost * steps_done / steps END)
+            "SELECT total(cost), total(CASE WHEN state IN ('done', 'jammed') THEN cost
+                                       WHEN state = 'failed' OR owner = ?1 THEN 0.0
+                                       ELSE cost * min(1.0 * steps_done / steps, 1.0) END)
              FROM cases WHERE position IS NOT NULL",
             [self.me()],
             |row| Ok((row.get(0)?, row.get(1)?)),
+        ))
+    }
+
+    /// Estimated cost of the failed cases of the grid, which are not computed again by themselves.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn work_given_up(&self) -> Result<f64, StoreError> {
+        self.read(self.connection.query_row(
+            "SELECT total(cost) FROM cases WHERE position IS NOT NULL AND state = 'failed'",
+            [],
+            |row| row.get(0),
         ))
     }
 
@@ -215,21 +227,22 @@ impl Store {
         self.read(rows)
     }
 
-    /// States of the failed cases whose keys begin with `prefix`, at most `limit` of them.
+    /// States of the failed cases of the grid, or of the one with this key, at most `limit` of them.
     ///
     /// # Errors
     /// Trouble with the file.
-    pub fn replays(&self, prefix: &str, limit: u32) -> Result<Vec<Replay>, StoreError> {
+    pub fn replays(&self, key: Option<&str>, limit: u32) -> Result<Vec<Replay>, StoreError> {
         let rows = self
             .connection
             .prepare(
                 "SELECT c.key, f.error, f.snapshot
                  FROM cases c JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
-                 WHERE c.state = 'failed' AND substr(c.key, 1, length(?1)) = ?1 ORDER BY c.position LIMIT ?2",
+                 WHERE c.state = 'failed' AND c.key IS coalesce(?1, c.key) AND (?1 IS NOT NULL OR c.position IS NOT NULL)
+                 ORDER BY c.position LIMIT ?2",
             )
             .and_then(|mut query| {
                 query
-                    .query_map(rusqlite::params![prefix, limit], |row| {
+                    .query_map(rusqlite::params![key, limit], |row| {
                         Ok(Replay {
                             key: row.get(0)?,
                             error: row.get(1)?,

@@ -1,7 +1,9 @@
 //! Opening a store to read it: while others write, without write access, on a full disk.
 
-use super::place::is_full;
-use super::{Kind, SCHEMA_VERSION, Store, StoreError, wait_for_lock};
+use super::place::{is_full, refuse_folder};
+use super::schema::{self, Kind, identify};
+use super::{Store, StoreError, wait_for_lock};
+use crate::campaign::Campaign;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -15,6 +17,25 @@ impl Store {
     /// # Errors
     /// A file that is missing, no store, or of another schema.
     pub fn open_read_only(path: &Path) -> Result<Self, StoreError> {
+        let store = Self::open_as_it_is(path)?;
+        store.read(schema::show_up_to_date(&store.connection))?;
+        Ok(store)
+    }
+
+    /// Opens a store for reading only, and shows of it what a campaign file asks for, done or not, whatever it was last run
+    /// with.
+    ///
+    /// # Errors
+    /// As [`Store::open_read_only`], and [`StoreError::OtherCampaign`].
+    pub fn open_as_asked(path: &Path, campaign: &Campaign) -> Result<Self, StoreError> {
+        let mut store = Self::open_read_only(path)?;
+        store.show_as_asked(campaign)?;
+        Ok(store)
+    }
+
+    /// Opens a store for reading only, in the schema it has.
+    fn open_as_it_is(path: &Path) -> Result<Self, StoreError> {
+        refuse_folder(path)?;
         if !path.exists() {
             return Err(StoreError::Missing {
                 path: path.to_owned(),
@@ -63,7 +84,7 @@ impl Store {
     /// leaves nothing beside it; one that still has a log may be in use.
     pub(crate) fn open_shard(path: &Path) -> Result<Self, StoreError> {
         if log_of(path).exists() {
-            Self::open_read_only(path)
+            Self::open_as_it_is(path)
         } else {
             Self::read_only(path, Some("immutable=1"), false)
         }
@@ -113,9 +134,16 @@ impl Store {
             file: None,
             process: None,
             task: None,
+            asks: None,
+            last_run_with: None,
         };
-        match store.identify().map_err(failed)? {
-            Kind::Ours(1..=SCHEMA_VERSION) => {
+        match identify(&store.connection).map_err(failed)? {
+            Kind::Ours(1..=schema::VERSION) => {
+                // Tables of the connection alone refer to others in the file, and take no room on its disk.
+                store
+                    .connection
+                    .execute_batch("PRAGMA foreign_keys = OFF; PRAGMA temp_store = MEMORY")
+                    .map_err(failed)?;
                 // One transaction for all that follows: what is read belongs to one moment.
                 store.connection.execute_batch("BEGIN").map_err(failed)?;
                 Ok(store)

@@ -1,6 +1,7 @@
 //! Results and failures: what is left of a run.
 
 use super::claims::{Claim, drop_checkpoints};
+use super::ends::{self, RunEnd};
 use super::{Store, StoreError, count, integer, process};
 use crate::case::State;
 use crate::statistics::{Averages, Distribution};
@@ -25,6 +26,8 @@ pub struct Finished {
     pub wall_time_s: f64,
     /// Times it went on from a checkpoint.
     pub resumed: u32,
+    /// A checkpoint of its last state, without samples: what a longer run goes on from.
+    pub last_state: Vec<u8>,
 }
 
 /// A run that failed.
@@ -45,44 +48,40 @@ pub struct Failure {
 }
 
 impl Store {
-    /// Keeps the result of a case.
+    /// Keeps the result of a case, and its last state.
     ///
     /// # Errors
     /// [`StoreError::ClaimLost`], and trouble with the file.
     pub fn finish(&mut self, claim: &Claim, finished: &Finished) -> Result<(), StoreError> {
         let me = self.me();
-        let averages = Averages::of(&finished.samples, finished.discard_step);
-        let strain = finished.steps as f64 * claim.case.params.time_step;
         let owned = self.write(|transaction| {
             if !end(transaction, claim, me, finished.state, finished.steps)? {
                 return Ok(false);
             }
             write_samples(transaction, claim.id, &finished.samples)?;
-            let counters = &finished.counters;
+            let end = RunEnd {
+                steps: finished.steps,
+                jammed: finished.state == State::Jammed,
+                counters: &finished.counters,
+                state: &finished.last_state,
+            };
+            end.write(transaction, claim.id)?;
+            // Who computed it; what came out of it is filled in below. No run discards as many steps as this says.
             transaction
                 .prepare_cached(
                     "INSERT OR REPLACE INTO results (case_id, discard_step, samples, contacts, activated, rolling,
-                         approach, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error,
-                         jam_events, jammed_strain, final_strain, wall_time_s, resumed, process, finished_at)
-                     VALUES (?1, 0, 0, 0, 0, 0, 0.0, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
+                         approach, stages, unconverged_stages, jam_events, jammed_strain, final_strain, wall_time_s,
+                         resumed, process, finished_at)
+                     VALUES (?1, -1, 0, 0, 0, 0, 0.0, 0, 0, 0, 0.0, 0.0, ?2, ?3, ?4, ?5)",
                 )?
                 .execute(params![
                     claim.id,
-                    counters.minimum_gap,
-                    integer(counters.stages),
-                    integer(counters.unconverged_stages),
-                    counters.worst_residual,
-                    counters.worst_friction_error,
-                    integer(counters.jam_events),
-                    counters.jammed_steps as f64 * claim.case.params.time_step,
-                    strain,
                     finished.wall_time_s,
                     finished.resumed,
                     me,
                     process::now(),
                 ])?;
-            let spheres = claim.case.params.spheres;
-            write_averages(transaction, claim.id, finished.discard_step, &averages, spheres)?;
+            ends::settle(transaction, claim.id, finished.discard_step)?;
             drop_checkpoints(transaction, claim.id)?;
             Ok(true)
         })?;
@@ -99,7 +98,11 @@ impl Store {
             if !end(transaction, claim, me, State::Failed, failure.step)? {
                 return Ok(false);
             }
-            write_samples(transaction, claim.id, &failure.samples)?;
+            // Samples of a run that was computed farther before are those of its result.
+            let computed = ends::steps_of(transaction, claim.id)?;
+            if computed.is_none_or(|steps| steps <= failure.step) {
+                write_samples(transaction, claim.id, &failure.samples)?;
+            }
             let sphere = |sphere: usize| integer(sphere as u64);
             transaction.execute(
                 "INSERT INTO failures (case_id, attempt, error, step, strain, sphere_i, sphere_j, gap, snapshot, process,
@@ -132,16 +135,29 @@ impl Store {
         self.write(|transaction| {
             transaction.execute(
                 "DELETE FROM samples WHERE case_id IN
-                     (SELECT id FROM cases WHERE state = 'failed' AND position IS NOT NULL)",
+                     (SELECT id FROM cases WHERE state = 'failed' AND position IS NOT NULL)
+                     AND step >= coalesce((SELECT steps FROM ends e WHERE e.case_id = samples.case_id), 0)",
                 [],
             )?;
-            transaction.execute(
-                "UPDATE cases SET state = 'pending', steps_done = 0, deaths = 0, changed_at = ?1
-                 WHERE state = 'failed' AND position IS NOT NULL",
-                [process::now()],
-            )
+            reopen_failed(transaction, "position IS NOT NULL")
         })
     }
+}
+
+/// Makes failed cases that meet a condition pending again: they begin anew, or where they were computed to an end before, go on
+/// from there. Says how many.
+pub(super) fn reopen_failed(
+    connection: &Connection,
+    condition: &str,
+) -> Result<usize, rusqlite::Error> {
+    connection.execute(
+        &format!(
+            "UPDATE cases SET state = 'pending', deaths = 0, changed_at = ?1, steps_done = coalesce(
+                 (SELECT e.steps FROM ends e WHERE e.case_id = cases.id AND e.state IS NOT NULL), 0)
+             WHERE state = 'failed' AND {condition}"
+        ),
+        [process::now()],
+    )
 }
 
 /// Ends a case that this process owns; says whether it did.
@@ -206,17 +222,18 @@ pub(super) fn write_samples(
     Ok(())
 }
 
-/// The samples of a case, with their steps. What is not a number comes back as NaN.
+/// The samples of a case before a step, or all of them, with their steps. What is not a number comes back as NaN.
 pub(super) fn samples(
     connection: &Connection,
     case: i64,
+    before: Option<u64>,
 ) -> Result<Vec<(u64, Sample)>, rusqlite::Error> {
     let number = |row: &Row<'_>, column: usize| -> Result<f64, rusqlite::Error> {
         Ok(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN))
     };
     connection
-        .prepare_cached("SELECT * FROM samples WHERE case_id = ?1 ORDER BY step")?
-        .query_map([case], |row| {
+        .prepare_cached("SELECT * FROM samples WHERE case_id = ?1 AND step < ?2 ORDER BY step")?
+        .query_map([case, before.map_or(i64::MAX, integer)], |row| {
             Ok((
                 count(row.get(1)?),
                 Sample {
@@ -249,7 +266,7 @@ pub(super) fn samples(
 
 /// Writes the averages of a run into its result.
 pub(super) fn write_averages(
-    transaction: &Transaction<'_>,
+    connection: &Connection,
     case: i64,
     discard_step: u64,
     averages: &Averages,
@@ -257,7 +274,7 @@ pub(super) fn write_averages(
 ) -> Result<(), rusqlite::Error> {
     let of = |d: &Option<Distribution>, part: fn(&Distribution) -> f64| d.as_ref().map(part);
     let (full, stresslet) = (&averages.viscosity, &averages.viscosity_stresslet);
-    transaction
+    connection
         .prepare_cached(
             "UPDATE results SET discard_step = ?2, samples = ?3, viscosity = ?4, viscosity_quartile_1 = ?5,
                  viscosity_median = ?6, viscosity_quartile_3 = ?7, viscosity_stresslet = ?8,

@@ -1,10 +1,11 @@
 //! Saving what a damaged store holds: entry by entry into a new store, each checked as far as it can be.
 
+use super::ends::{settle, settle_all};
 use super::entries::{
-    Entry, checkpoint, entry, failures, place, put, result, set, text, trusted_case, whole,
+    Entry, Found, checkpoint, computed_run, entry, failures, place, put, set, text, trusted_case,
+    whole, without_wishes,
 };
-use super::results::write_samples;
-use super::{Store, StoreError, count, integer};
+use super::{Store, StoreError, integer};
 use crate::campaign::Campaign;
 use rusqlite::{Connection, Transaction, params};
 use serde::Serialize;
@@ -97,12 +98,12 @@ fn save(old: &Connection, to: &Path, campaign: &Campaign) -> Result<Salvaged, St
     new.write(|transaction| {
         for id in ids(old, "cases", campaign.cases.len()) {
             match entry(old, "cases", "id", id) {
-                Ok(Some(case)) => save_case(old, transaction, id, &case, &mut saved)?,
+                Ok(Some(case)) => save_case(old, transaction, id, case, &mut saved)?,
                 Ok(None) => {}
                 Err(_) => saved.unreadable += 1,
             }
         }
-        Ok(())
+        settle_all(transaction, &campaign.protocol)
     })?;
     saved.pending = new.counts()?.pending;
     Ok(saved)
@@ -126,34 +127,34 @@ fn save_case(
     old: &Connection,
     transaction: &Transaction<'_>,
     id: i64,
-    row: &Entry,
+    mut row: Entry,
     saved: &mut Salvaged,
 ) -> Result<(), rusqlite::Error> {
     let (Some(case), Some(state), Some(steps_done)) = (
-        trusted_case(row),
-        text(row, "state"),
-        whole(row, "steps_done"),
+        trusted_case(&mut row),
+        text(&row, "state").map(str::to_owned),
+        whole(&row, "steps_done"),
     ) else {
         saved.unreadable += 1;
         return Ok(());
     };
-    match state {
-        "done" | "jammed" => match result(old, id, &case, count(steps_done)) {
-            Some((mut result, samples)) => {
-                let new_id = place(transaction, row)?;
-                take_process(old, transaction, &result)?;
-                set(&mut result, "case_id", new_id);
-                put(transaction, "results", &result)?;
-                write_samples(transaction, new_id, &samples)?;
-                transaction.execute(
-                    "UPDATE cases SET state = ?2, steps_done = ?3 WHERE id = ?1",
-                    params![new_id, state, steps_done],
-                )?;
-                saved.results += 1;
-                saved.samples += samples.len() as u64;
-            }
-            None => saved.unreadable += 1,
-        },
+    let row = &row;
+    let found = computed_run(old, id, row, &case);
+    let has_end = matches!(found, Found::Run(_));
+    match found {
+        Found::Run(mut run) => {
+            let new_id = place(transaction, row)?;
+            take_process(old, transaction, &run.result)?;
+            run.write(transaction, new_id)?;
+            settle(transaction, new_id, run.discarded())?;
+            saved.results += 1;
+            saved.samples += run.samples.len() as u64;
+        }
+        Found::Untrusted => saved.unreadable += 1,
+        Found::Nothing => {}
+    }
+    match state.as_str() {
+        "done" | "jammed" => {}
         "failed" => match failures(old, id) {
             Ok(failures) if !failures.is_empty() => {
                 let new_id = place(transaction, row)?;
@@ -182,16 +183,15 @@ fn save_case(
                 put(transaction, "checkpoints", &kept)?;
                 steps = found.max(steps);
                 transaction.execute(
-                    "UPDATE cases SET steps_done = ?2 WHERE id = ?1",
+                    "UPDATE cases SET steps_done = max(steps_done, ?2) WHERE id = ?1",
                     params![new_id, steps],
                 )?;
             }
-            let counter = if steps > 0 {
-                &mut saved.checkpoints
-            } else {
-                &mut saved.unreadable
-            };
-            *counter += 1;
+            if steps > 0 {
+                saved.checkpoints += 1;
+            } else if !has_end {
+                saved.unreadable += 1;
+            }
         }
         _ => {}
     }
@@ -211,15 +211,18 @@ fn take_process(
     if known {
         return Ok(());
     }
-    match entry(old, "processes", "id", id) {
-        Ok(Some(process)) if put(transaction, "processes", &process).is_ok() => Ok(()),
-        _ => transaction
+    if let Ok(Some(mut process)) = entry(old, "processes", "id", id) {
+        without_wishes(&mut process);
+        if put(transaction, "processes", &process).is_ok() {
+            return Ok(());
+        }
+    }
+    transaction
             .execute(
                 "INSERT INTO processes (id, host, boot, namespace, pid, start, started_at, heartbeat, version,
                      physics_version, build, threads)
                  VALUES (?1, 'unknown', '', '', 0, '', 0, 0, '', 0, '', 0)",
                 [id],
             )
-            .map(|_| ()),
-    }
+            .map(|_| ())
 }

@@ -1,4 +1,4 @@
--- Store of one campaign, schema 1 and the column deaths of schema 2. Strains, not times; lengths in a, stresses in mu·rate.
+-- Store of one campaign, schema 1. Strains, not times; lengths in a, stresses in mu·rate.
 
 CREATE TABLE campaign (
     id       INTEGER PRIMARY KEY CHECK (id = 1),
@@ -40,7 +40,6 @@ CREATE TABLE cases (
     steps_done     INTEGER NOT NULL DEFAULT 0,  -- as of the last checkpoint
     attempts       INTEGER NOT NULL DEFAULT 0,  -- times it was claimed
     changed_at     INTEGER NOT NULL,
-    deaths         INTEGER NOT NULL DEFAULT 0,  -- times in a row its process died without a new checkpoint
     CHECK ((state = 'running') = (owner IS NOT NULL))
 );
 CREATE INDEX cases_to_do ON cases (state, rank);

@@ -1,4 +1,7 @@
--- What schema 2 adds to schema 1: frames of runs, and a view of the curves.
+-- What schema 2 adds to schema 1: frames of runs, and a count of deaths.
+
+-- Times in a row the process of a case died without a new checkpoint.
+ALTER TABLE cases ADD COLUMN deaths INTEGER NOT NULL DEFAULT 0;
 
 -- Layers at the sampled strains, where a run was asked to keep them.
 CREATE TABLE frames (

@@ -2,7 +2,7 @@
 
 use super::provenance::program;
 use super::query::params;
-use super::{Store, StoreError, count, results};
+use super::{Store, StoreError, count, ends, results};
 use rusqlite::{OptionalExtension, Row};
 use sd_core::{Params, Sample};
 use serde::Serialize;
@@ -134,15 +134,18 @@ impl Store {
             )
             .and_then(|mut query| query.query_map([id], attempt)?.collect());
         story.failures = self.read(failures)?;
-        story.samples = self.samples_so_far(id)?;
+        story.samples = self.samples_so_far(id, story.steps)?;
         story.frames = self.frame_count(key)?;
         Ok(Some(story))
     }
 
     /// Samples of a case: of its result, or else of its newest readable checkpoint.
-    fn samples_so_far(&self, id: i64) -> Result<Vec<(u64, Sample)>, StoreError> {
-        let samples = self.read(results::samples(&self.connection, id))?;
-        if !samples.is_empty() {
+    fn samples_so_far(&self, id: i64, asked: u64) -> Result<Vec<(u64, Sample)>, StoreError> {
+        let samples = self.read(results::samples(&self.connection, id, Some(asked)))?;
+        if self
+            .read(ends::steps_of(&self.connection, id))?
+            .is_some_and(|steps| steps >= asked)
+        {
             return Ok(samples);
         }
         let rows: Result<Vec<Vec<u8>>, _> = self
@@ -154,7 +157,7 @@ impl Store {
             .iter()
             .find_map(|data| super::Checkpoint::decode(data).ok())
             .map(|checkpoint| checkpoint.samples)
-            .unwrap_or_default())
+            .unwrap_or(samples))
     }
 
     /// Strain and viscosity of a case at its samples so far.
@@ -162,14 +165,17 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn trace(&self, key: &str) -> Result<Vec<(f64, f64)>, StoreError> {
-        let id: Option<i64> = self.read(
+        let found: Option<(i64, i64)> = self.read(
             self.connection
-                .query_row("SELECT id FROM cases WHERE key = ?1", [key], |row| {
-                    row.get(0)
+                .query_row("SELECT id, steps FROM cases WHERE key = ?1", [key], |row| {
+                    Ok((row.get(0)?, row.get(1)?))
                 })
                 .optional(),
         )?;
-        let samples = id.map_or_else(|| Ok(Vec::new()), |id| self.samples_so_far(id))?;
+        let samples = match found {
+            Some((id, asked)) => self.samples_so_far(id, count(asked))?,
+            None => Vec::new(),
+        };
         Ok(samples
             .into_iter()
             .map(|(_, sample)| (sample.strain, sample.viscosity))
@@ -219,7 +225,6 @@ fn case(row: &Row<'_>) -> Result<Found, rusqlite::Error> {
     Ok((row.get(0)?, story))
 }
 
-/// One failed attempt.
 fn attempt(row: &Row<'_>) -> Result<Attempt, rusqlite::Error> {
     let pair: (Option<i64>, Option<i64>) = (row.get(4)?, row.get(5)?);
     Ok(Attempt {

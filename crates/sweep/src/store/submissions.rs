@@ -1,4 +1,4 @@
-//! Jobs handed to an engine: which there are, which cases their tasks were given.
+//! Jobs handed to a scheduler: which there are, which cases their tasks were given.
 
 use super::{Store, StoreError, count, integer, process};
 use crate::campaign::Campaign;
@@ -7,10 +7,10 @@ use serde::Serialize;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// The task of an engine a process works for.
+/// The task of a scheduler a process works for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TaskName {
-    /// The job, as the engine names it.
+    /// The job, as the scheduler names it.
     pub job: String,
     /// Number of the task, from 0.
     pub task: usize,
@@ -20,15 +20,14 @@ pub struct TaskName {
     pub node: String,
 }
 
-/// A job that was handed to an engine.
+/// A job that was handed to a scheduler.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Submission {
-    /// Its row.
     #[serde(skip)]
     pub(crate) id: i64,
-    /// The engine.
+    /// The scheduler.
     pub engine: String,
-    /// Its name for the engine; `None` if submitting was cut short.
+    /// Its name for the scheduler; `None` if submitting was cut short.
     pub job: Option<String>,
     /// Hash of its slices.
     pub plan: String,
@@ -48,7 +47,7 @@ pub struct Submission {
 
 /// A case that is neither finished nor failed.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Open {
+pub struct OpenCase {
     /// Its key.
     pub key: String,
     /// Estimated cost of what is left of it, in seconds of a common core.
@@ -78,17 +77,18 @@ impl Store {
     ///
     /// # Errors
     /// Trouble with the file.
-    pub fn open_cases(&self) -> Result<Vec<Open>, StoreError> {
+    pub fn open_cases(&self) -> Result<Vec<OpenCase>, StoreError> {
         let rows = self
             .connection
             .prepare(
-                "SELECT key, cost * (1.0 - min(1.0 * steps_done / steps, 1.0)), steps_done > 0 FROM cases
+                "SELECT key, cost * (1.0 - min(1.0 * steps_done / steps, 1.0)), steps_done > 0
+                 FROM cases
                  WHERE state IN ('pending', 'running') AND position IS NOT NULL ORDER BY rank",
             )
             .and_then(|mut query| {
                 query
                     .query_map([], |row| {
-                        Ok(Open {
+                        Ok(OpenCase {
                             key: row.get(0)?,
                             cost: row.get(1)?,
                             begun: row.get(2)?,
@@ -99,7 +99,7 @@ impl Store {
         self.read(rows)
     }
 
-    /// Records a job that is about to be handed to an engine; [`Store::submitted`] adds its name.
+    /// Records a job that is about to be handed to a scheduler; [`Store::submitted`] adds its name.
     ///
     /// # Errors
     /// Trouble with the file.
@@ -135,7 +135,7 @@ impl Store {
         })
     }
 
-    /// Records the name the engine gave a job.
+    /// Records the name the scheduler gave a job.
     ///
     /// # Errors
     /// Trouble with the file.
@@ -149,7 +149,7 @@ impl Store {
         })
     }
 
-    /// Forgets a job the engine refused.
+    /// Forgets a job the scheduler refused.
     ///
     /// # Errors
     /// Trouble with the file.
@@ -180,9 +180,6 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn submissions(&self) -> Result<Vec<Submission>, StoreError> {
-        if !self.knows_submissions()? {
-            return Ok(Vec::new());
-        }
         let rows = self
             .connection
             .prepare(
@@ -261,21 +258,12 @@ impl Store {
     pub fn slice_of_shard(path: &std::path::Path) -> Result<SliceState, StoreError> {
         let shard = Self::open_shard(path)?;
         let (counts, (total, done)) = (shard.counts()?, shard.work()?);
+        let done = done + shard.work_given_up()?;
         Ok(SliceState {
             cases: counts.total(),
             ended: counts.done + counts.jammed + counts.failed,
             work_done: if total > 0.0 { done / total } else { 1.0 },
         })
-    }
-
-    /// Whether the store is of a schema with submissions.
-    pub(super) fn knows_submissions(&self) -> Result<bool, StoreError> {
-        self.read(self.connection.query_row(
-            "SELECT count(*) FROM sqlite_schema WHERE name = 'submissions'",
-            [],
-            |row| row.get::<_, i64>(0),
-        ))
-        .map(|tables| tables > 0)
     }
 
     /// Writes the begun ones of some cases, as far as they are, into a new store of their own.
@@ -294,7 +282,7 @@ impl Store {
         let mut new = Store::open(to)?;
         new.adopt(&some)?;
         new.merge_as(
-            super::merge::Manner::Task,
+            super::merge::MergeMode::Task,
             std::slice::from_ref(&self.path),
             true,
         )?;

@@ -151,3 +151,31 @@ pub(super) fn alone(params: &Params) -> bool {
 pub(super) fn repels(params: &Params) -> bool {
     params.contact.laws().repulsion > 0.0
 }
+
+/// The words of those choices for which something holds.
+fn words_where<T: Words>(holds: impl Fn(T) -> bool) -> String {
+    let choices = T::ALL.iter().copied().filter(|choice| holds(*choice));
+    let words: Vec<String> = choices
+        .map(|choice| format!("{:?}", choice.word()))
+        .collect();
+    words.join(" or ")
+}
+
+pub(super) fn needs_spring() -> String {
+    format!(
+        "a spring: `contact` = {}",
+        words_where(NormalLaw::is_spring)
+    )
+}
+
+pub(super) fn needs_tangential_spring() -> String {
+    format!(
+        "`tangential` = {} with a spring",
+        words_where(TangentialLaw::has_spring)
+    )
+}
+
+pub(super) fn needs_repulsion() -> String {
+    let alone = words_where(|law: NormalLaw| !law.touches());
+    format!("a repulsion: `repulsion` above 0 or `contact` = {alone}")
+}

@@ -2,8 +2,8 @@
 
 use super::choices::{
     alone, contact_word, contact_words, has_chosen_laws, has_spring, has_tangential_spring,
-    is_mixed, is_soft, put_contact, put_law, put_spheres, put_tangential, read, repels, rubs,
-    tangential_words,
+    is_mixed, is_soft, needs_repulsion, needs_spring, needs_tangential_spring, put_contact,
+    put_law, put_spheres, put_tangential, read, repels, rubs, tangential_words,
 };
 use super::quantities::{
     AREA_FRACTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, ROUGHNESS, SHEAR_RATE, SIZE_RATIO,
@@ -18,7 +18,7 @@ use crate::model::{ContactScheme, Hydrodynamics, LUBRICATION_SHARE};
 
 /// All parameters of a run, in the order of columns and of nested loops.
 ///
-/// A choice stands above the numbers that have a meaning under it. Values are therefore put into [`Params`] from the last
+/// A choice stands above the numbers that have a meaning under it. Values are therefore put into [`crate::Params`] from the last
 /// entry to the first.
 pub static PARAMETERS: [Parameter; 18] = [
     Parameter {
@@ -141,7 +141,7 @@ pub static PARAMETERS: [Parameter; 18] = [
     },
     Parameter {
         has_meaning: has_spring,
-        needs: Some("a spring: `contact` = \"linear-spring\" or \"hertz\""),
+        needs: Some(needs_spring),
         is_shown: has_spring,
         form: Form::Number(Number {
             quantity: &STIFFNESS,
@@ -154,7 +154,7 @@ pub static PARAMETERS: [Parameter; 18] = [
     },
     Parameter {
         has_meaning: has_tangential_spring,
-        needs: Some("`tangential` = \"stick-slide\" with a spring"),
+        needs: Some(needs_tangential_spring),
         is_shown: has_tangential_spring,
         form: Form::Number(Number {
             quantity: &TANGENTIAL_STIFFNESS,
@@ -167,7 +167,7 @@ pub static PARAMETERS: [Parameter; 18] = [
     },
     Parameter {
         has_meaning: has_spring,
-        needs: Some("a spring: `contact` = \"linear-spring\" or \"hertz\" of finite stiffness"),
+        needs: Some(|| format!("{} of finite stiffness", needs_spring())),
         is_shown: |p| p.contact.laws().dashpot > 0.0,
         form: Form::Number(Number {
             quantity: &DASHPOT,
@@ -180,7 +180,7 @@ pub static PARAMETERS: [Parameter; 18] = [
     },
     Parameter {
         has_meaning: is_soft,
-        needs: Some("a soft law: a spring or a repulsion"),
+        needs: Some(|| "a soft law: a spring or a repulsion".into()),
         is_shown: is_soft,
         form: Form::Number(Number {
             quantity: &LUBRICATION_GAP,
@@ -205,7 +205,7 @@ pub static PARAMETERS: [Parameter; 18] = [
     },
     Parameter {
         has_meaning: repels,
-        needs: Some("a repulsion: `repulsion` above 0 or `contact` = \"exponential-repulsion\""),
+        needs: Some(needs_repulsion),
         is_shown: repels,
         form: Form::Number(Number {
             quantity: &REPULSION_LENGTH,

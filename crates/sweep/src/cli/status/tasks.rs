@@ -1,8 +1,7 @@
 //! What `sweep status` says of tasks that were submitted.
 
-use crate::engine::{self, ActiveTask};
+use crate::cluster::{ActiveTask, Scheduler, shard};
 use crate::error::Error;
-use crate::shard;
 use crate::store::{SliceState, Store, Submission};
 use serde::Serialize;
 use std::io::Write;
@@ -13,22 +12,19 @@ const ROWS: usize = 50;
 /// A job and its tasks.
 #[derive(Serialize)]
 pub(super) struct Jobs {
-    /// The job.
     #[serde(flatten)]
     submission: Submission,
-    /// What the engine says of it, in a few words, if it can be asked.
+    /// What the scheduler says of it, in a few words, if it can be asked.
     trouble: Option<String>,
-    /// Its tasks.
     tasks: Vec<Task>,
 }
 
 /// A task and its slice.
 #[derive(Serialize)]
 struct Task {
-    /// Its number.
     #[serde(rename = "task")]
     number: usize,
-    /// What the engine says, or `ended`.
+    /// What the scheduler says, or `ended`.
     state: String,
     /// The node it is on, or was last.
     node: String,
@@ -41,7 +37,6 @@ struct Task {
     slice: SliceState,
 }
 
-/// All jobs of a store.
 pub(super) fn jobs(store: &Store) -> Result<Vec<Jobs>, Error> {
     store
         .submissions()?
@@ -50,13 +45,12 @@ pub(super) fn jobs(store: &Store) -> Result<Vec<Jobs>, Error> {
         .collect()
 }
 
-/// One job.
 fn job(store: &Store, submission: Submission) -> Result<Jobs, Error> {
     let slices = store.slice_states(submission.id, submission.tasks)?;
     let over = slices.iter().all(|slice| slice.ended == slice.cases);
-    let asked = match (&submission.job, engine::by_name(&submission.engine)) {
+    let asked = match (&submission.job, Scheduler::by_name(&submission.engine)) {
         _ if over => Ok(Vec::new()),
-        (Some(job), Some(engine)) => engine.active(job).map_err(|error| error.to_string()),
+        (Some(job), Some(scheduler)) => scheduler.active(job).map_err(|error| error.to_string()),
         _ => Err("submitting was cut short before its number was known".into()),
     };
     let (active, trouble) = match asked {
@@ -116,7 +110,6 @@ fn state(at_work: Option<&ActiveTask>, unknown: bool, slice: SliceState) -> Stri
     }
 }
 
-/// Writes the jobs as tables.
 pub(super) fn write(
     jobs: &[Jobs],
     width: Option<u16>,

@@ -1,19 +1,21 @@
 //! What `sweep submit` reads and writes: the store, or a copy of it, and the folder of the plan.
 
 use crate::campaign::Campaign;
-use crate::engine::Job;
+use crate::cluster::Job;
+use crate::cluster::shard::{BEGUN, ShardError, no_room};
 use crate::error::Error;
-use crate::shard::{BEGUN, ShardError, no_room, write_whole};
-use crate::store::{self, Open, Store};
+use crate::files::write_whole;
+use crate::store::{self, OpenCase, Store};
 use std::collections::HashSet;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
 /// The store to plan with: itself, or for a dry run a copy that goes away with this.
 pub(super) struct Draft {
-    /// The store.
     path: PathBuf,
-    /// Folder of the copy.
-    copy: Option<PathBuf>,
+    /// Where the copy is, for as long as it is needed.
+    _copy: Option<TempDir>,
 }
 
 impl Draft {
@@ -22,23 +24,22 @@ impl Draft {
         if !dry_run {
             return Ok(Self {
                 path: path.to_owned(),
-                copy: None,
+                _copy: None,
             });
         }
-        let folder = std::env::temp_dir().join(format!("sweep-dry-run-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).map_err(|source| Error::Write {
-            path: folder.clone(),
+        let folder = tempfile::tempdir().map_err(|source| Error::Write {
+            path: std::env::temp_dir(),
             source,
         })?;
-        let draft = Self {
-            path: folder.join("store.sqlite"),
-            copy: Some(folder),
-        };
+        let draft = folder.path().join("store.sqlite");
         if path.exists() {
             drop(Store::open_read_only(path)?);
-            store::snapshot(path, &draft.path)?;
+            store::snapshot(path, &draft)?;
         }
-        Ok(draft)
+        Ok(Self {
+            path: draft,
+            _copy: Some(folder),
+        })
     }
 
     /// Opens it, with the campaign as it is now.
@@ -49,20 +50,12 @@ impl Draft {
     }
 }
 
-impl Drop for Draft {
-    fn drop(&mut self) {
-        if let Some(copy) = &self.copy {
-            let _ = std::fs::remove_dir_all(copy);
-        }
-    }
-}
-
 /// Writes all that the tasks need into the folder of shards.
 pub(super) fn write_plan(
     job: &Job,
     store: &Store,
     campaign: &Campaign,
-    open: &[Open],
+    open: &[OpenCase],
     slices: &str,
     script: &str,
 ) -> Result<(), Error> {
@@ -77,16 +70,11 @@ pub(super) fn write_plan(
     written(folder.clone(), std::fs::create_dir_all(folder))?;
     // The same hash is the same program.
     if !job.program.exists() {
-        let part = job
-            .program
-            .with_extension(format!("part-{}", std::process::id()));
-        let copied = std::env::current_exe()
-            .and_then(|program| std::fs::copy(program, &part))
-            .and_then(|_| std::fs::File::open(&part)?.sync_all())
-            .and_then(|()| std::fs::rename(&part, &job.program));
-        if copied.is_err() {
-            let _ = std::fs::remove_file(&part);
-        }
+        let copied = write_whole(&job.program, |copy| {
+            let program = std::env::current_exe()?;
+            std::io::copy(&mut std::fs::File::open(&program)?, copy)?;
+            copy.set_permissions(std::fs::metadata(&program)?.permissions())
+        });
         written(job.program.clone(), copied)?;
     }
     for (name, text) in [
@@ -94,11 +82,14 @@ pub(super) fn write_plan(
         ("slices", slices),
     ] {
         let path = folder.join(name);
-        written(path.clone(), write_whole(&path, text.as_bytes()))?;
+        written(
+            path.clone(),
+            write_whole(&path, |file| file.write_all(text.as_bytes())),
+        )?;
     }
     written(
         job.script_path(),
-        write_whole(&job.script_path(), script.as_bytes()),
+        write_whole(&job.script_path(), |file| file.write_all(script.as_bytes())),
     )?;
     let begun: HashSet<&str> = open
         .iter()
@@ -109,13 +100,14 @@ pub(super) fn write_plan(
     if begun.is_empty() {
         return Ok(());
     }
-    let part = folder.join(format!("begun.part-{}", std::process::id()));
-    let whole = folder.join(format!("begun.whole-{}", std::process::id()));
-    let made = store
-        .write_begun(campaign, &begun, &part)
-        .and_then(|()| store::snapshot(&part, &whole));
-    let _ = std::fs::remove_file(&part);
-    made?;
+    let work = tempfile::tempdir_in(folder).map_err(|source| ShardError::Plan {
+        full: no_room(&source, folder),
+        path: folder.clone(),
+        source,
+    })?;
+    let (part, whole) = (work.path().join("part"), work.path().join("whole"));
+    store.write_begun(campaign, &begun, &part)?;
+    store::snapshot(&part, &whole)?;
     written(path.clone(), std::fs::rename(&whole, &path))?;
     Ok(())
 }

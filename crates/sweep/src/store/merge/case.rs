@@ -1,66 +1,79 @@
 //! Merging one case: what outranks what.
 
 use super::difference::difference;
-use super::{Manner, Merged};
-use crate::store::count;
+use super::{MergeMode, Merged};
+use crate::store::ends::settle;
 use crate::store::entries::{
-    Entry, checkpoint, entry, failures, place, put, result, set, text, trusted_case, whole,
+    ComputedRun, Entry, Found, checkpoint, computed_run, entry, failures, place, put, set, text,
+    trusted_case, whole, without_wishes,
 };
 use crate::store::process::now;
-use crate::store::results::write_samples;
+use crate::store::{count, integer};
 use rusqlite::types::Value;
 use rusqlite::{Connection, OptionalExtension, Transaction, params};
 use std::collections::HashMap;
 
 /// A merge of one shard under way.
 pub(super) struct Merging<'m> {
-    /// The shard.
     pub(super) old: &'m Connection,
-    /// Writes to the store.
     pub(super) transaction: &'m Transaction<'m>,
-    /// How.
-    pub(super) manner: Manner,
+    pub(super) mode: MergeMode,
     /// Numbers of processes in the shard and in the store.
     pub(super) processes: HashMap<i64, i64>,
-    /// What was done.
     pub(super) merged: &'m mut Merged,
 }
 
 /// A case as the store has it.
 struct Known {
-    /// Its row.
     id: i64,
-    /// Its state.
     state: String,
-    /// Steps done.
     steps: i64,
+    asked: u64,
+    /// How far it was computed, if it was computed to an end.
+    end: Option<KnownEnd>,
+}
+
+/// How far a case was computed here.
+#[derive(Clone, Copy)]
+struct KnownEnd {
+    steps: u64,
+    jammed: bool,
+    /// Discarded steps of its result.
+    discarded: i64,
 }
 
 impl Merging<'_> {
     /// Takes over what there is of a case.
-    pub(super) fn case(&mut self, id: i64, row: &Entry) -> Result<(), rusqlite::Error> {
+    pub(super) fn case(&mut self, id: i64, mut row: Entry) -> Result<(), rusqlite::Error> {
         let (Some(case), Some(state), Some(steps)) = (
-            trusted_case(row),
-            text(row, "state"),
-            whole(row, "steps_done"),
+            trusted_case(&mut row),
+            text(&row, "state").map(str::to_owned),
+            whole(&row, "steps_done"),
         ) else {
             self.merged.unreadable += 1;
             return Ok(());
         };
-        let Some(known) = self.known(row, state != "pending" || steps > 0)? else {
+        let Some(known) = self.known(&row, state != "pending" || steps > 0)? else {
             return Ok(());
         };
-        match state {
-            "done" | "jammed" => match result(self.old, id, &case, count(steps)) {
-                None => self.merged.unreadable += 1,
-                Some(found) if matches!(known.state.as_str(), "done" | "jammed") => {
-                    self.compare(&known, id, state, steps, found)?;
-                }
-                Some(found) => {
-                    self.take_result(&known, id, state, steps, found)?;
+        match computed_run(self.old, id, &row, &case) {
+            Found::Nothing => {}
+            Found::Untrusted => self.merged.unreadable += 1,
+            Found::Run(run) => match known.end {
+                Some(end) => self.compare(&known, end, id, *run)?,
+                // A case this store's own processes take farther is left to them.
+                None if known.state == "running" && !run.jammed && run.steps < known.asked => {}
+                None => {
+                    self.take_run(&known, id, *run)?;
                     self.merged.results += 1;
                 }
             },
+        }
+        // What was taken over may have ended it.
+        let Some(known) = self.known(&row, false)? else {
+            return Ok(());
+        };
+        match state.as_str() {
             "failed" if matches!(known.state.as_str(), "pending" | "failed") => {
                 self.take_failures(&known, id, steps)?;
             }
@@ -77,18 +90,31 @@ impl Merging<'_> {
     fn known(&self, row: &Entry, worth: bool) -> Result<Option<Known>, rusqlite::Error> {
         let look = || {
             self.transaction
-                .prepare_cached("SELECT id, state, steps_done FROM cases WHERE key = ?1")?
+                .prepare_cached(
+                    "SELECT c.id, c.state, c.steps_done, c.steps, e.steps, e.jammed, r.discard_step FROM cases c
+                     LEFT JOIN ends e ON e.case_id = c.id LEFT JOIN results r ON r.case_id = c.id WHERE c.key = ?1",
+                )?
                 .query_row([text(row, "key")], |row| {
+                    let end: Option<i64> = row.get(4)?;
+                    let end = end.map(|steps| {
+                        Ok::<_, rusqlite::Error>(KnownEnd {
+                            steps: count(steps),
+                            jammed: row.get(5)?,
+                            discarded: row.get::<_, Option<i64>>(6)?.unwrap_or(0),
+                        })
+                    });
                     Ok(Known {
                         id: row.get(0)?,
                         state: row.get(1)?,
                         steps: row.get(2)?,
+                        asked: count(row.get(3)?),
+                        end: end.transpose()?,
                     })
                 })
                 .optional()
         };
         let known = look()?;
-        if known.is_some() || self.manner != Manner::Campaign || !worth {
+        if known.is_some() || self.mode != MergeMode::Campaign || !worth {
             return Ok(known);
         }
         let mut row = row.clone();
@@ -97,52 +123,75 @@ impl Merging<'_> {
         look()
     }
 
-    /// Takes over a result.
-    fn take_result(
+    /// Takes over a run that was computed to an end.
+    fn take_run(
         &mut self,
         known: &Known,
         id: i64,
-        state: &str,
-        steps: i64,
-        (mut result, samples): (Entry, Vec<(u64, sd_core::Sample)>),
+        mut run: ComputedRun,
     ) -> Result<(), rusqlite::Error> {
-        self.take_process(&mut result)?;
-        set(&mut result, "case_id", known.id);
-        put(self.transaction, "results", &result)?;
-        write_samples(self.transaction, known.id, &samples)?;
+        self.take_process(&mut run.result)?;
+        run.write(self.transaction, known.id)?;
         self.take_frames(known, id)?;
-        crate::store::claims::drop_checkpoints(self.transaction, known.id)?;
+        if known.steps <= integer(run.steps) {
+            crate::store::claims::drop_checkpoints(self.transaction, known.id)?;
+        }
+        // As the shard has it; what this store asks for is looked at when all shards are merged.
         self.transaction
             .prepare_cached(
-                "UPDATE cases SET state = ?2, owner = NULL, steps_done = ?3, changed_at = ?4 WHERE id = ?1",
+                "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?2,
+                     steps_done = CASE WHEN ?4 THEN max(steps_done, ?3) ELSE steps_done END WHERE id = ?1",
             )?
-            .execute(params![known.id, state, steps, now()])?;
-        Ok(())
+            .execute(params![
+                known.id,
+                now(),
+                integer(run.steps),
+                run.continues()
+            ])?;
+        let discard = known
+            .end
+            .map_or_else(|| run.discarded(), |end| count(end.discarded));
+        settle(self.transaction, known.id, discard)
     }
 
-    /// Compares the result of a case with the one that is there, and keeps the later attempt if they differ.
+    /// Compares a run with the one that is there. Of two that agree the longer is kept, of two that do not the later attempt.
     fn compare(
         &mut self,
         known: &Known,
+        ours: KnownEnd,
         id: i64,
-        state: &str,
-        steps: i64,
-        found: (Entry, Vec<(u64, sd_core::Sample)>),
+        run: ComputedRun,
     ) -> Result<(), rusqlite::Error> {
-        let difference = if state != known.state || steps != known.steps {
+        let jammed_early = |one: (u64, bool), other: u64| one.1 && one.0 < other;
+        let difference = if jammed_early((run.steps, run.jammed), ours.steps)
+            || jammed_early((ours.steps, ours.jammed), run.steps)
+            || (run.steps == ours.steps && run.jammed != ours.jammed)
+        {
+            let word = |jammed: bool| if jammed { "jammed" } else { "done" };
             Some(format!(
-                "{state} after {steps} steps, and {} after {}",
-                known.state, known.steps
+                "{} after {} steps, and {} after {}",
+                word(run.jammed),
+                run.steps,
+                word(ours.jammed),
+                ours.steps
             ))
         } else {
-            difference(self.old, id, self.transaction, known.id)?
+            difference(
+                (self.old, id, run.steps),
+                (self.transaction, known.id, ours.steps),
+            )?
         };
         let Some(what) = difference else {
-            self.take_frames(known, id)?;
-            self.merged.duplicates += 1;
+            if run.steps > ours.steps {
+                self.take_run(known, id, run)?;
+                self.merged.results += 1;
+            } else {
+                self.take_frames(known, id)?;
+                self.merged.duplicates += 1;
+            }
             return Ok(());
         };
-        let theirs = self.take_process(&mut found.0.clone())?;
+        let theirs = self.take_process(&mut run.result.clone())?;
         let ours: i64 = self
             .transaction
             .prepare_cached("SELECT process FROM results WHERE case_id = ?1")?
@@ -158,7 +207,7 @@ impl Merging<'_> {
             (ours, theirs)
         };
         if later {
-            self.take_result(known, id, state, steps, found)?;
+            self.take_run(known, id, run)?;
         }
         self.transaction.execute(
             "INSERT OR IGNORE INTO disagreements (case_id, kept, other, what, found_at) VALUES (?1, ?2, ?3, ?4, ?5)",
@@ -284,6 +333,7 @@ impl Merging<'_> {
         let mut process = entry(self.old, "processes", "id", there)?
             .ok_or(rusqlite::Error::QueryReturnedNoRows)?;
         process.retain(|(name, _)| name != "id");
+        without_wishes(&mut process);
         let value = |name: &str| {
             let found = process.iter().find(|(known, _)| known == name);
             found.map_or(Value::Null, |(_, value)| value.clone())

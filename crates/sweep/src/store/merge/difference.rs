@@ -4,21 +4,24 @@ use crate::store::entries::{Entry, whole};
 use rusqlite::Connection;
 use rusqlite::types::Value;
 
-/// Where two results of a case differ first, if they do. Averages follow from the samples and need no look; times may differ.
+/// A case of a database, and the steps to which it was computed there.
+pub(super) type Attempt<'c> = (&'c Connection, i64, u64);
+
+/// Where two runs of a case differ first, if they do, as far as both were computed. Averages follow from the samples and need no
+/// look; times may differ.
 pub(super) fn difference(
-    one: &Connection,
-    in_one: i64,
-    two: &Connection,
-    in_two: i64,
+    one: Attempt<'_>,
+    two: Attempt<'_>,
 ) -> Result<Option<String>, rusqlite::Error> {
-    let samples = |connection: &Connection, case: i64| {
+    let common = one.2.min(two.2);
+    let samples = |(connection, case, _): Attempt<'_>| {
         rows(
             connection,
-            "SELECT * FROM samples WHERE case_id = ?1 ORDER BY step",
+            &format!("SELECT * FROM samples WHERE case_id = ?1 AND step < {common} ORDER BY step"),
             case,
         )
     };
-    let (a, b) = (samples(one, in_one)?, samples(two, in_two)?);
+    let (a, b) = (samples(one)?, samples(two)?);
     if a.len() != b.len() {
         return Ok(Some(format!("{} samples, and {}", a.len(), b.len())));
     }
@@ -28,15 +31,24 @@ pub(super) fn difference(
             return Ok(Some(format!("at step {step}: {what}")));
         }
     }
-    let counters = |connection: &Connection, case: i64| {
-        let query = "SELECT minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, jam_events,
-                         jammed_strain, final_strain FROM results WHERE case_id = ?1";
-        rows(connection, query, case)
-    };
-    let (a, b) = (counters(one, in_one)?, counters(two, in_two)?);
+    if one.2 != two.2 {
+        return Ok(None);
+    }
+    let (a, b) = (counters(one)?, counters(two)?);
     Ok(a.iter()
         .zip(&b)
         .find_map(|(one, two)| first_difference(one, two)))
+}
+
+/// Counters of all steps computed. A store of schema 4 or before has them in its result.
+fn counters((connection, case, _): Attempt<'_>) -> Result<Vec<Entry>, rusqlite::Error> {
+    let of = |table: &str| {
+        format!(
+            "SELECT minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, jam_events
+             FROM {table} WHERE case_id = ?1"
+        )
+    };
+    rows(connection, &of("ends"), case).or_else(|_| rows(connection, &of("results"), case))
 }
 
 /// Rows of a query about one case.

@@ -8,9 +8,7 @@ use std::time::UNIX_EPOCH;
 
 /// What a shard is known by in the record of those merged.
 pub(super) struct Stamp {
-    /// Its name.
     pub(super) name: String,
-    /// Its size in bytes.
     pub(super) size: i64,
     /// When it was last changed, in nanoseconds since 1970.
     pub(super) modified: i64,

@@ -309,32 +309,3 @@ fn complete_run_outranks_a_failure_and_retried_failures_stay_retried() {
     store.merge(&[failed], false).unwrap();
     assert_eq!(store.counts().unwrap().failed, 0);
 }
-
-#[test]
-fn store_of_the_second_schema_is_read_and_brought_up_to_date() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("small.sqlite");
-    drop(open(directory.path()));
-    let old = rusqlite::Connection::open(&path).unwrap();
-    old.execute_batch(
-        "DROP TABLE disagreements; DROP TABLE shards; DROP TABLE slices; DROP TABLE submissions;
-         ALTER TABLE processes DROP COLUMN job; ALTER TABLE processes DROP COLUMN task;
-         ALTER TABLE processes DROP COLUMN restart; ALTER TABLE processes DROP COLUMN node;
-         DROP VIEW viscosity_vs_shear_rate; DROP VIEW runs;
-         ALTER TABLE cases DROP COLUMN tangential; ALTER TABLE cases DROP COLUMN friction_onset;
-         ALTER TABLE cases DROP COLUMN stiffness; ALTER TABLE cases DROP COLUMN tangential_stiffness;
-         ALTER TABLE cases DROP COLUMN dashpot; ALTER TABLE cases DROP COLUMN lubrication_gap;
-         ALTER TABLE cases DROP COLUMN repulsion; ALTER TABLE cases DROP COLUMN repulsion_length;
-         PRAGMA user_version = 2",
-    )
-    .unwrap();
-    drop(old);
-    let read = Store::open_read_only(&path).unwrap();
-    assert!(read.submissions().unwrap().is_empty() && read.disagreements().unwrap().is_empty());
-    assert_eq!(read.mixed_shards().unwrap(), 0);
-    drop(read);
-    let mut store = open(directory.path());
-    assert_eq!(version_of(&store.connection).unwrap(), SCHEMA_VERSION);
-    store.register(1).unwrap();
-    assert!(store.claim().unwrap().is_some());
-}

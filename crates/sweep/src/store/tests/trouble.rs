@@ -100,7 +100,7 @@ fn case_that_kills_its_process_again_and_again_ends_as_failed() {
     let line = heir.failures(9).unwrap().remove(0);
     assert!(line.error.contains("5 times in a row"), "{}", line.error);
     assert_eq!((line.step, line.attempt), (20, u64::from(DEATH_LIMIT)));
-    let state = heir.replays("", 9).unwrap().remove(0).snapshot.unwrap();
+    let state = heir.replays(None, 9).unwrap().remove(0).snapshot.unwrap();
     assert!(state.contains("\"centres\""), "{state}");
     heir.retry_failed().unwrap();
     assert!(heir.claim().unwrap().is_some());
@@ -177,8 +177,8 @@ fn lock_held_by_another_program_is_waited_for_and_then_named() {
     other.execute_batch("BEGIN IMMEDIATE").unwrap();
     let begun = Instant::now();
     let error = store.heartbeat().unwrap_err();
-    assert!(begun.elapsed() >= PATIENCE, "{:?}", begun.elapsed());
-    assert!(begun.elapsed() < PATIENCE * 5, "{:?}", begun.elapsed());
+    assert!(begun.elapsed() >= LOCK_WAIT, "{:?}", begun.elapsed());
+    assert!(begun.elapsed() < LOCK_WAIT * 5, "{:?}", begun.elapsed());
     assert!(
         error.to_string().contains("another program holds the lock"),
         "{error}"
@@ -216,53 +216,6 @@ fn store_deleted_or_replaced_is_noticed_and_what_it_held_is_saved() {
             assert_eq!(open(directory.path()).counts().unwrap().pending, 4);
         }
     }
-}
-
-#[test]
-fn store_of_the_first_schema_is_read_and_brought_up_to_date() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("small.sqlite");
-    drop(mixed(directory.path()));
-    let old = rusqlite::Connection::open(&path).unwrap();
-    old.execute_batch(
-        "DROP TABLE disagreements; DROP TABLE shards; DROP TABLE slices; DROP TABLE submissions;
-         ALTER TABLE processes DROP COLUMN job; ALTER TABLE processes DROP COLUMN task;
-         ALTER TABLE processes DROP COLUMN restart; ALTER TABLE processes DROP COLUMN node;
-         DROP VIEW viscosity_vs_shear_rate; DROP VIEW runs; DROP TABLE frames; ALTER TABLE cases DROP COLUMN deaths;
-         PRAGMA user_version = 1",
-    )
-    .unwrap();
-    for law in [
-        "tangential",
-        "friction_onset",
-        "stiffness",
-        "tangential_stiffness",
-        "dashpot",
-        "lubrication_gap",
-        "repulsion",
-        "repulsion_length",
-    ] {
-        old.execute_batch(&format!("ALTER TABLE cases DROP COLUMN {law}"))
-            .unwrap();
-    }
-    drop(old);
-    assert_eq!(
-        Store::open_read_only(&path).unwrap().counts().unwrap().done,
-        1
-    );
-    let mut store = open(directory.path());
-    store.register(1).unwrap();
-    assert!(store.claim().unwrap().is_some());
-    assert_eq!(version_of(&store.connection).unwrap(), SCHEMA_VERSION);
-    let laws: (String, f64) = store
-        .connection
-        .query_row(
-            "SELECT tangential, stiffness FROM runs LIMIT 1",
-            [],
-            |row| Ok((row.get(0)?, row.get(1)?)),
-        )
-        .unwrap();
-    assert_eq!(laws, ("roll-slip".to_owned(), f64::INFINITY));
 }
 
 #[test]

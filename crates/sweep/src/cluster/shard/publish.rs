@@ -1,6 +1,7 @@
 //! Publishing a shard: copied, synced and renamed, so that nobody ever sees half of one.
 
 use super::ShardError;
+use crate::files::write_whole;
 use crate::store::{self, StoreError};
 use std::fs::File;
 use std::io;
@@ -63,26 +64,13 @@ impl Publisher {
         let folder = self.target.parent().unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder)?;
         let snapshot = with_ending(&self.work, "snapshot");
-        let name = self.target.file_name().unwrap_or_default();
-        let part = folder.join(format!(
-            ".{}.part-{}",
-            name.to_string_lossy(),
-            std::process::id()
-        ));
-        let result = (|| {
-            remove(&snapshot)?;
+        let result = remove(&snapshot).and_then(|()| {
             store::snapshot(&self.work, &snapshot).map_err(of_the_store)?;
-            std::fs::copy(&snapshot, &part)?;
-            File::open(&part)?.sync_all()?;
-            std::fs::rename(&part, &self.target)?;
-            // The name itself must be on the disk too. Not every shared file system lets a folder be synced.
-            let _ = File::open(folder).and_then(|folder| folder.sync_all());
-            Ok(())
-        })();
+            write_whole(&self.target, |shard| {
+                io::copy(&mut File::open(&snapshot)?, shard).map(|_| ())
+            })
+        });
         let _ = remove(&snapshot);
-        if result.is_err() {
-            let _ = remove(&part);
-        }
         result
     }
 
@@ -157,22 +145,6 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     PathBuf::from(name)
-}
-
-/// Writes a file as shards are published: whole or not at all.
-///
-/// # Errors
-/// Those of the system.
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    use std::io::Write as _;
-    let part = with_ending(path, &format!("part-{}", std::process::id()));
-    let result = File::create(&part)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .and_then(|()| std::fs::rename(&part, path));
-    if result.is_err() {
-        let _ = remove(&part);
-    }
-    result
 }
 
 #[cfg(test)]

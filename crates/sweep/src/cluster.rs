@@ -1,14 +1,17 @@
-//! Engines: what starts the tasks of a campaign on other machines, or on this one. Each is one file that makes a script,
+//! Schedulers: what starts the tasks of a campaign on other machines, or on this one. Each is one file that makes a script,
 //! hands it over, says which tasks are still there, and cancels. Which task computes which case is not theirs to decide.
 
-pub mod local;
-pub mod slurm;
+mod local;
+pub mod shard;
+pub(crate) mod slurm;
 
 use crate::store::TaskName;
+use slurm::Slurm;
+use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// A job to be handed to an engine: so many tasks, each computing one slice of a campaign.
+/// A job to be handed to a scheduler: so many tasks, each computing one slice of a campaign.
 #[derive(Debug, Clone)]
 pub struct Job {
     /// Name of the campaign.
@@ -29,100 +32,136 @@ pub struct Job {
     pub run_arguments: Vec<String>,
 }
 
-/// A task the engine still knows: waiting, at work, or about to end.
+/// A task the scheduler still knows: waiting, at work, or about to end.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct ActiveTask {
     /// Its number; `None` speaks for all tasks of the job.
     pub task: Option<usize>,
-    /// Its state in the words of the engine.
+    /// Its state in the words of the scheduler.
     pub state: String,
     /// The node it runs on, if it does.
     pub node: String,
 }
 
 /// What runs the tasks of a job.
-pub trait Engine: Sync {
+#[derive(Debug, Clone)]
+pub enum Scheduler {
+    /// A cluster with Slurm.
+    Slurm(Slurm),
+    /// The background of this machine.
+    Local,
+}
+
+impl Scheduler {
     /// Its name in the store and on the command line.
-    fn name(&self) -> &'static str;
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Slurm(_) => "slurm",
+            Self::Local => "local",
+        }
+    }
+
+    /// The scheduler of a job that is in a store.
+    pub fn by_name(name: &str) -> Option<Self> {
+        [Self::Slurm(Slurm::default()), Self::Local]
+            .into_iter()
+            .find(|scheduler| scheduler.name() == name)
+    }
+
+    /// The scheduler that started this process as task number `task` and can start it again, and what it calls the task.
+    pub fn of_this_task(task: usize) -> Option<(Self, TaskName)> {
+        slurm::this_task(task).map(|name| (Self::Slurm(Slurm::default()), name))
+    }
 
     /// The most tasks a job may have.
     ///
     /// # Errors
-    /// An engine that is not there.
-    fn task_limit(&self) -> Result<usize, EngineError>;
+    /// A scheduler that is not there.
+    pub fn task_limit(&self) -> Result<usize, SchedulerError> {
+        match self {
+            Self::Slurm(_) => slurm::task_limit(),
+            Self::Local => Ok(local::TASK_LIMIT),
+        }
+    }
 
     /// The script that runs every task of a job.
     ///
     /// # Errors
-    /// What the engine could not express.
-    fn script(&self, job: &Job) -> Result<String, EngineError>;
+    /// [`SchedulerError::Path`] on a path that a script cannot name.
+    pub fn script(&self, job: &Job) -> Result<String, SchedulerError> {
+        match self {
+            Self::Slurm(slurm) => slurm.script(job),
+            Self::Local => local::script(job),
+        }
+    }
 
     /// The command that hands the script over: a program and its arguments.
-    fn command(&self, job: &Job) -> Vec<String>;
+    pub fn command(&self, job: &Job) -> Vec<String> {
+        match self {
+            Self::Slurm(slurm) => slurm.command(job),
+            Self::Local => local::command(job),
+        }
+    }
 
-    /// Hands the script of a job over, as [`Engine::command`] says; gives the job's name back.
+    /// Hands the script of a job over, as [`Scheduler::command`] says; gives the job's name back.
     ///
     /// # Errors
-    /// An engine that is not there, that refuses, or whose answer cannot be understood.
-    fn submit(&self, job: &Job) -> Result<String, EngineError>;
+    /// A scheduler that is not there, that refuses, or whose answer cannot be understood.
+    pub fn submit(&self, job: &Job) -> Result<String, SchedulerError> {
+        match self {
+            Self::Slurm(slurm) => slurm.submit(job),
+            Self::Local => local::submit(job),
+        }
+    }
 
     /// The tasks of a job that have not ended.
     ///
     /// # Errors
-    /// An engine that is not there or does not answer.
-    fn active(&self, job: &str) -> Result<Vec<ActiveTask>, EngineError>;
+    /// A scheduler that is not there or does not answer.
+    pub fn active(&self, job: &str) -> Result<Vec<ActiveTask>, SchedulerError> {
+        match self {
+            Self::Slurm(_) => slurm::active(job),
+            Self::Local => Ok(local::active(job)),
+        }
+    }
 
     /// Ends all tasks of a job; they checkpoint first.
     ///
     /// # Errors
-    /// An engine that is not there or refuses.
-    fn cancel(&self, job: &str) -> Result<(), EngineError>;
-
-    /// The name of this process as task number `task`, if this engine started it as that and can start it again.
-    fn this_task(&self, _task: usize) -> Option<TaskName> {
-        None
+    /// A scheduler that is not there or refuses.
+    pub fn cancel(&self, job: &str) -> Result<(), SchedulerError> {
+        match self {
+            Self::Slurm(_) => slurm::cancel(job),
+            Self::Local => local::cancel(job),
+        }
     }
 
-    /// Asks for this task to be started again, after a signal with work left. `in_advance`: the signal was the one asked for
+    /// Asks for a task to be started again, after a signal with work left. `in_advance`: the signal was the one asked for
     /// ahead of the time limit, which nobody else sends.
-    fn start_again(&self, _task: &TaskName, _in_advance: bool) -> Again {
-        Again::No(format!("{} does not start tasks again", self.name()))
+    pub fn start_again(&self, task: &TaskName, in_advance: bool) -> Requeue {
+        match self {
+            Self::Slurm(_) => slurm::start_again(task, in_advance),
+            Self::Local => Requeue::No("the local scheduler does not start tasks again".into()),
+        }
     }
 }
 
 /// What becomes of a task that was told to stop with work left.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Again {
+pub enum Requeue {
     /// It will be started again.
     Yes,
     /// It was cancelled, and stays so.
     Cancelled,
-    /// The engine would not start it again, and said why.
+    /// The scheduler would not start it again, and said why.
     No(String),
 }
 
-/// All engines.
-fn all() -> [Box<dyn Engine>; 2] {
-    [Box::new(slurm::Slurm::default()), Box::new(local::Local)]
-}
-
-/// The engine of a job that is in a store.
-pub fn by_name(name: &str) -> Option<Box<dyn Engine>> {
-    all().into_iter().find(|engine| engine.name() == name)
-}
-
-/// The engine that started this process as task number `task`, and what it calls the task.
-pub fn of_this_task(task: usize) -> Option<(Box<dyn Engine>, TaskName)> {
-    all()
-        .into_iter()
-        .find_map(|engine| engine.this_task(task).map(|name| (engine, name)))
-}
-
-/// Why an engine could not do what was asked for.
+/// Why a scheduler could not do what was asked for.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[non_exhaustive]
-pub enum EngineError {
-    /// A program of the engine is not there.
+pub enum SchedulerError {
+    /// A program of the scheduler is not there.
     #[error("there is no `{program}` on this machine")]
     #[diagnostic(help("{advice}"))]
     Missing {
@@ -131,7 +170,7 @@ pub enum EngineError {
         /// What can be done.
         advice: &'static str,
     },
-    /// The engine refused.
+    /// The scheduler refused.
     #[error("`{command}` was refused: {said}")]
     #[diagnostic(help("{advice}"))]
     Refused {
@@ -166,6 +205,12 @@ pub enum EngineError {
         /// Most allowed: MaxArraySize of the site.
         limit: usize,
     },
+    /// A word that no command line can hold.
+    #[error("{word:?} holds a NUL byte, and cannot be an argument of a command")]
+    Word {
+        /// The word.
+        word: String,
+    },
     /// A path that a script cannot name.
     #[error("{} is not valid UTF-8, and cannot be named in a script", path.display())]
     #[diagnostic(help("nothing was submitted; put the store elsewhere with --store FILE"))]
@@ -176,20 +221,23 @@ pub enum EngineError {
 }
 
 /// A word as the shell reads it back unchanged.
-pub fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,%+@".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
-    }
+///
+/// # Errors
+/// [`SchedulerError::Word`] on a word with a NUL byte, which no command line can hold.
+pub fn quoted(word: &str) -> Result<String, SchedulerError> {
+    shlex::try_quote(word)
+        .map(Cow::into_owned)
+        .map_err(|_| SchedulerError::Word {
+            word: word.to_owned(),
+        })
 }
 
 /// A path in a script.
-fn quoted_path(path: &Path) -> Result<String, EngineError> {
-    path.to_str().map(quoted).ok_or_else(|| EngineError::Path {
+fn quoted_path(path: &Path) -> Result<String, SchedulerError> {
+    let text = path.to_str().ok_or_else(|| SchedulerError::Path {
         path: path.to_owned(),
-    })
+    })?;
+    quoted(text)
 }
 
 impl Job {
@@ -199,7 +247,7 @@ impl Job {
     }
 
     /// The command line of one task, whose number the shell puts in place of `task`.
-    fn task_command(&self, task: &str) -> Result<String, EngineError> {
+    fn task_command(&self, task: &str) -> Result<String, SchedulerError> {
         let mut line = format!(
             "{} run {} --shard \"{task}/{}\" --slices {} --shards {} --workers {}",
             quoted_path(&self.program)?,
@@ -211,7 +259,7 @@ impl Job {
         );
         for argument in &self.run_arguments {
             // Writing to a string cannot fail.
-            let _ = write!(line, " {}", quoted(argument));
+            let _ = write!(line, " {}", quoted(argument)?);
         }
         Ok(line)
     }
@@ -234,11 +282,12 @@ mod tests {
             "µ",
         ] {
             let output = std::process::Command::new("sh")
-                .args(["-c", &format!("printf %s {}", quoted(word))])
+                .args(["-c", &format!("printf %s {}", quoted(word).unwrap())])
                 .output()
                 .unwrap();
             assert_eq!(String::from_utf8_lossy(&output.stdout), word);
         }
-        assert_eq!(quoted("plain/path.sqlite"), "plain/path.sqlite");
+        assert_eq!(quoted("plain/path.sqlite").unwrap(), "plain/path.sqlite");
+        assert!(quoted("a\0b").is_err());
     }
 }

@@ -9,7 +9,7 @@ mod slices;
 
 pub use error::ShardError;
 pub use publish::Publisher;
-pub(crate) use publish::{no_room, write_whole};
+pub(crate) use publish::no_room;
 pub use slices::Slices;
 
 use crate::store::TaskName;
@@ -33,7 +33,7 @@ pub fn plan_folder(folder: &Path, plan: &str) -> PathBuf {
 
 /// The mark that a job was cancelled: its tasks do not ask to be started again.
 pub fn cancel_mark(folder: &Path, plan: &str, job: &str) -> PathBuf {
-    let job = tame(job.split(';').next().unwrap_or(job));
+    let job = sanitize(job.split(';').next().unwrap_or(job));
     plan_folder(folder, plan).join(format!("cancelled-{job}"))
 }
 
@@ -41,23 +41,23 @@ pub fn cancel_mark(folder: &Path, plan: &str, job: &str) -> PathBuf {
 pub fn name(plan: &str, task: &TaskName) -> String {
     format!(
         "{plan}.{}.{}.{}.{}{ENDING}",
-        tame(&task.job),
+        sanitize(&task.job),
         task.task,
         task.restart,
-        tame(&task.node)
+        sanitize(&task.node)
     )
 }
 
 /// A word as part of a name of a file.
-pub(crate) fn tame(word: &str) -> String {
-    let tame = |c: char| {
+pub(crate) fn sanitize(word: &str) -> String {
+    let sanitize = |c: char| {
         if c.is_ascii_alphanumeric() || "_-".contains(c) {
             c
         } else {
             '-'
         }
     };
-    word.chars().map(tame).collect()
+    word.chars().map(sanitize).collect()
 }
 
 /// A published shard, as its name tells.

@@ -1,7 +1,7 @@
 //! Slices: which task computes which cases. Cut once, before any task starts, so that all of them agree.
 
 use super::ShardError;
-use crate::store::Open;
+use crate::store::OpenCase;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::fmt::Write as _;
@@ -23,7 +23,7 @@ pub struct Slices {
 impl Slices {
     /// Cuts open cases into slices of equal estimated cost: the dearest first, each to the task that has least so far.
     /// The same cases give the same slices.
-    pub fn cut(open: &[Open], tasks: usize) -> Self {
+    pub fn cut(open: &[OpenCase], tasks: usize) -> Self {
         let mut order: Vec<usize> = (0..open.len()).collect();
         order.sort_by(|a, b| open[*b].cost.total_cmp(&open[*a].cost).then(a.cmp(b)));
         let mut slices: Vec<Vec<usize>> = vec![Vec::new(); tasks];
@@ -137,8 +137,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn open(costs: &[f64]) -> Vec<Open> {
-        let case = |(number, cost): (usize, &f64)| Open {
+    fn open(costs: &[f64]) -> Vec<OpenCase> {
+        let case = |(number, cost): (usize, &f64)| OpenCase {
             key: format!("{number:032x}"),
             cost: *cost,
             begun: false,

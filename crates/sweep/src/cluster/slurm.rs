@@ -1,6 +1,6 @@
 //! Slurm: one array job, submitted with `sbatch` alone. No accounting database is asked for anything.
 
-use super::{ActiveTask, Again, Engine, EngineError, Job, quoted_path};
+use super::{ActiveTask, Job, Requeue, SchedulerError, quoted_path};
 use crate::store::TaskName;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -95,25 +95,9 @@ impl Slurm {
     }
 }
 
-impl Engine for Slurm {
-    fn name(&self) -> &'static str {
-        "slurm"
-    }
-
-    fn task_limit(&self) -> Result<usize, EngineError> {
-        if find("sbatch").is_none() {
-            return Err(missing("sbatch"));
-        }
-        Ok(ask("scontrol", &["show", "config"])
-            .ok()
-            .and_then(|text| {
-                let line = text.lines().find(|line| line.starts_with("MaxArraySize"))?;
-                line.split('=').nth(1)?.trim().parse().ok()
-            })
-            .unwrap_or(USUAL_ARRAY))
-    }
-
-    fn script(&self, job: &Job) -> Result<String, EngineError> {
+impl Slurm {
+    /// The script of an array job.
+    pub(super) fn script(&self, job: &Job) -> Result<String, SchedulerError> {
         let mut script = String::from("#!/bin/sh\n");
         let throttle = job
             .throttle
@@ -150,12 +134,13 @@ exec {command}
 ",
             job.campaign,
             job.tasks,
-            quoted_path(&find("sbatch").unwrap_or_else(|| PathBuf::from("/usr/bin")))?,
+            quoted_path(&folder_of_slurm())?,
         );
         Ok(script)
     }
 
-    fn command(&self, job: &Job) -> Vec<String> {
+    /// The command that hands it over.
+    pub(super) fn command(&self, job: &Job) -> Vec<String> {
         let mut command: Vec<String> = ["sbatch", "--parsable", "--export=NONE", "--chdir"]
             .map(String::from)
             .into();
@@ -165,7 +150,8 @@ exec {command}
         command
     }
 
-    fn submit(&self, job: &Job) -> Result<String, EngineError> {
+    /// Hands it over; gives the number of the job.
+    pub(super) fn submit(&self, job: &Job) -> Result<String, SchedulerError> {
         let command = self.command(job);
         let arguments: Vec<&str> = command[1..].iter().map(String::as_str).collect();
         let answer = ask(&command[0], &arguments)?;
@@ -173,81 +159,107 @@ exec {command}
         // `12`, or `12;cluster` where there are several clusters.
         let digits = number.split(';').next().unwrap_or_default();
         if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
-            return Err(EngineError::Answer {
+            return Err(SchedulerError::Answer {
                 command: command.join(" "),
                 said: answer.trim().to_owned(),
             });
         }
         Ok(number.to_owned())
     }
+}
 
-    fn active(&self, job: &str) -> Result<Vec<ActiveTask>, EngineError> {
-        let (number, cluster) = parts(job);
-        let mut arguments = vec!["-h", "-r", "-j", number, "-o", "%K|%T|%N"];
-        arguments.extend(cluster.iter().flat_map(|cluster| ["-M", cluster]));
-        let lines = match ask("squeue", &arguments) {
-            Ok(lines) => lines,
-            // What squeue says of a job that ended some minutes ago.
-            Err(EngineError::Refused { said, .. }) if said.contains("Invalid job id") => {
-                String::new()
-            }
-            Err(error) => return Err(error),
-        };
-        Ok(lines
-            .lines()
-            .filter_map(|line| {
-                let mut parts = line.trim().split('|');
-                Some(ActiveTask {
-                    task: Some(parts.next()?.parse().ok()?),
-                    state: parts.next()?.to_owned(),
-                    node: parts.next().unwrap_or_default().to_owned(),
-                })
-            })
-            .collect())
+/// The most tasks of an array: MaxArraySize of the site.
+pub(super) fn task_limit() -> Result<usize, SchedulerError> {
+    if which::which("sbatch").is_err() {
+        return Err(missing("sbatch"));
     }
-
-    fn cancel(&self, job: &str) -> Result<(), EngineError> {
-        let (number, cluster) = parts(job);
-        let mut arguments = vec![number];
-        arguments.extend(cluster.iter().flat_map(|cluster| ["-M", cluster]));
-        match ask("scancel", &arguments) {
-            Ok(_) => Ok(()),
-            Err(EngineError::Refused { said, .. }) if said.contains("Invalid job id") => Ok(()),
-            Err(error) => Err(error),
-        }
-    }
-
-    fn this_task(&self, task: usize) -> Option<TaskName> {
-        let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
-        // Inside a task of some other array this process may be started by hand.
-        if get("SLURM_ARRAY_TASK_ID")?.parse() != Ok(task) {
-            return None;
-        }
-        Some(TaskName {
-            job: get("SLURM_ARRAY_JOB_ID")?,
-            task,
-            restart: get("SLURM_RESTART_COUNT")
-                .and_then(|count| count.parse().ok())
-                .unwrap_or(0),
-            node: get("SLURMD_NODENAME")?,
+    Ok(ask("scontrol", &["show", "config"])
+        .ok()
+        .and_then(|text| {
+            let line = text.lines().find(|line| line.starts_with("MaxArraySize"))?;
+            line.split('=').nth(1)?.trim().parse().ok()
         })
-    }
+        .unwrap_or(USUAL_ARRAY))
+}
 
-    fn start_again(&self, task: &TaskName, in_advance: bool) -> Again {
-        let name = format!("{}_{}", task.job, task.task);
-        // The signal before the time limit is ours alone; TERM may mean the limit, a preemption or a cancellation.
-        if !in_advance && let Ok(answer) = ask("squeue", &["-h", "-j", &name, "-o", "%T|%r"]) {
-            let (state, reason) = answer.trim().split_once('|').unwrap_or_default();
-            let ending = matches!(state, "COMPLETING" | "CANCELLED");
-            if ending && reason != "TimeLimit" {
-                return Again::Cancelled;
-            }
+/// Tasks of a job that `squeue` still knows.
+pub(super) fn active(job: &str) -> Result<Vec<ActiveTask>, SchedulerError> {
+    let (number, cluster) = parts(job);
+    let mut arguments = vec!["-h", "-r", "-j", number, "-o", "%K|%T|%N"];
+    arguments.extend(cluster.iter().flat_map(|cluster| ["-M", cluster]));
+    let lines = match ask("squeue", &arguments) {
+        Ok(lines) => lines,
+        // What squeue says of a job that ended some minutes ago.
+        Err(SchedulerError::Refused { said, .. }) if said.contains("Invalid job id") => {
+            String::new()
         }
-        match ask("scontrol", &["requeue", &name]) {
-            Ok(_) => Again::Yes,
-            Err(error) => Again::No(error.to_string()),
+        Err(error) => return Err(error),
+    };
+    Ok(lines
+        .lines()
+        .filter_map(|line| {
+            let mut parts = line.trim().split('|');
+            Some(ActiveTask {
+                task: Some(parts.next()?.parse().ok()?),
+                state: parts.next()?.to_owned(),
+                node: parts.next().unwrap_or_default().to_owned(),
+            })
+        })
+        .collect())
+}
+
+/// Ends a job.
+pub(super) fn cancel(job: &str) -> Result<(), SchedulerError> {
+    let (number, cluster) = parts(job);
+    let mut arguments = vec![number];
+    arguments.extend(cluster.iter().flat_map(|cluster| ["-M", cluster]));
+    match ask("scancel", &arguments) {
+        Ok(_) => Ok(()),
+        Err(SchedulerError::Refused { said, .. }) if said.contains("Invalid job id") => Ok(()),
+        Err(error) => Err(error),
+    }
+}
+
+/// What this process is called as task number `task` of an array, if it is that.
+pub(super) fn this_task(task: usize) -> Option<TaskName> {
+    let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
+    // Inside a task of some other array this process may be started by hand.
+    if get("SLURM_ARRAY_TASK_ID")?.parse() != Ok(task) {
+        return None;
+    }
+    Some(TaskName {
+        job: get("SLURM_ARRAY_JOB_ID")?,
+        task,
+        restart: get("SLURM_RESTART_COUNT")
+            .and_then(|count| count.parse().ok())
+            .unwrap_or(0),
+        node: get("SLURMD_NODENAME")?,
+    })
+}
+
+/// Has a task put into the queue again, unless it was cancelled.
+pub(super) fn start_again(task: &TaskName, in_advance: bool) -> Requeue {
+    let name = format!("{}_{}", task.job, task.task);
+    // The signal before the time limit is ours alone; TERM may mean the limit, a preemption or a cancellation.
+    if !in_advance && let Ok(answer) = ask("squeue", &["-h", "-j", &name, "-o", "%T|%r"]) {
+        let (state, reason) = answer.trim().split_once('|').unwrap_or_default();
+        let ending = matches!(state, "COMPLETING" | "CANCELLED");
+        if ending && reason != "TimeLimit" {
+            return Requeue::Cancelled;
         }
     }
+    match ask("scontrol", &["requeue", &name]) {
+        Ok(_) => Requeue::Yes,
+        Err(error) => Requeue::No(error.to_string()),
+    }
+}
+
+/// The folder Slurm's programs are in.
+fn folder_of_slurm() -> PathBuf {
+    let sbatch = which::which("sbatch").ok();
+    sbatch
+        .and_then(|program| program.parent().map(PathBuf::from))
+        .unwrap_or_else(|| PathBuf::from("/usr/bin"))
 }
 
 /// A job and the cluster it is on, if that was named.
@@ -259,7 +271,7 @@ fn parts(job: &str) -> (&str, Option<&str>) {
 }
 
 /// Runs one of Slurm's programs; gives what it wrote.
-fn ask(program: &str, arguments: &[&str]) -> Result<String, EngineError> {
+fn ask(program: &str, arguments: &[&str]) -> Result<String, SchedulerError> {
     let mut command = Command::new(program);
     command.args(arguments);
     for (name, _) in std::env::vars_os() {
@@ -288,7 +300,7 @@ fn ask(program: &str, arguments: &[&str]) -> Result<String, EngineError> {
         .map(|line| line.trim_start_matches("sbatch: error: "))
         .collect::<Vec<_>>()
         .join("; ");
-    Err(EngineError::Refused {
+    Err(SchedulerError::Refused {
         command: format!("{program} {}", arguments.join(" ")),
         advice: advice(&said),
         said: if said.is_empty() {
@@ -325,19 +337,12 @@ fn advice(said: &str) -> String {
 }
 
 /// That one of Slurm's programs is not there.
-fn missing(program: &str) -> EngineError {
-    EngineError::Missing {
+fn missing(program: &str) -> SchedulerError {
+    SchedulerError::Missing {
         program: program.to_owned(),
         advice: "give this command on a login node of the cluster, where Slurm is installed (`module load slurm` on some); \
                  on any machine `sweep submit --engine local` runs the tasks in the background",
     }
-}
-
-/// The folder a program is found in.
-fn find(program: &str) -> Option<PathBuf> {
-    std::env::split_paths(&std::env::var_os("PATH")?)
-        .find(|folder| folder.join(program).is_file())
-        .and_then(|folder| std::path::absolute(folder).ok())
 }
 
 #[cfg(test)]

@@ -1,14 +1,14 @@
 //! `sweep run --shard`: one task of a campaign, in a store of its own.
 
-use super::{Arguments, Limits, compute};
+use super::{Arguments, Conditions, compute};
 use crate::campaign::Campaign;
 use crate::cli::Output;
-use crate::engine::{self, Again, Engine};
+use crate::cluster::shard::{self, Publisher, ShardError, Slices};
+use crate::cluster::{Requeue, Scheduler};
 use crate::error::Error;
 use crate::exit;
-use crate::runner::{Companion, Progress, Stop};
-use crate::shard::{self, Publisher, ShardError, Slices};
-use crate::store::{Counts, Identity, Manner, Open, Store, StoreError, TaskName};
+use crate::runner::{Progress, RunObserver, Stop};
+use crate::store::{Counts, Identity, MergeMode, OpenCase, Store, StoreError, TaskName};
 use rustix::process::Signal;
 use serde::Serialize;
 use std::collections::HashSet;
@@ -16,16 +16,12 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// One of so many slices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Part {
-    /// Which one, from 0.
     task: usize,
-    /// Of how many.
     tasks: usize,
 }
 
-/// Reads `I/N`.
 pub(super) fn part(text: &str) -> Result<Part, String> {
     text.split_once('/')
         .and_then(|(task, tasks)| {
@@ -41,30 +37,25 @@ pub(super) fn part(text: &str) -> Result<Part, String> {
 /// What is said at the end.
 #[derive(Serialize)]
 struct Answer<'a> {
-    /// The task.
     task: usize,
-    /// Of how many.
     tasks: usize,
-    /// Its shard.
     shard: &'a Path,
     /// Cases of the slice by state.
     #[serde(rename = "cases")]
     counts: Counts,
 }
 
-/// A task at work.
 struct Task<'t> {
-    /// Publishes its store.
     publisher: Publisher,
     /// What started it, unless somebody did by hand, and its name there.
-    started_by: Option<(Box<dyn Engine>, TaskName)>,
+    started_by: Option<(Scheduler, TaskName)>,
     /// Marks that it was cancelled.
     cancelled: PathBuf,
     /// Where notes go; nowhere if nobody wants them.
     note: &'t (dyn Fn(&str) + Sync),
 }
 
-impl Companion for Task<'_> {
+impl RunObserver for Task<'_> {
     fn look(&self, progress: &Progress) {
         if self.publisher.is_due()
             && let Err(error) = self.publisher.publish()
@@ -74,7 +65,7 @@ impl Companion for Task<'_> {
         }
     }
 
-    fn last_words(&self, signal: i32, _: &Progress) {
+    fn before_abort(&self, signal: i32, _: &Progress) {
         match self.publisher.publish() {
             Ok(()) => self.again(signal),
             Err(error) => (self.note)(&error.to_string()),
@@ -85,19 +76,19 @@ impl Companion for Task<'_> {
 impl Task<'_> {
     /// Has the task started again, after a signal with work left.
     fn again(&self, signal: i32) {
-        let Some((engine, name)) = &self.started_by else {
+        let Some((scheduler, name)) = &self.started_by else {
             (self.note)("work is left: give the same command again to go on");
             return;
         };
         let again = if self.cancelled.exists() || signal == Signal::INT.as_raw() {
-            Again::Cancelled
+            Requeue::Cancelled
         } else {
-            engine.start_again(name, signal == Signal::USR1.as_raw())
+            scheduler.start_again(name, signal == Signal::USR1.as_raw())
         };
         (self.note)(&match again {
-            Again::Yes => format!("work is left: {} starts the task again", engine.name()),
-            Again::Cancelled => "cancelled: `sweep submit` goes on from here".to_owned(),
-            Again::No(why) => format!(
+            Requeue::Yes => format!("work is left: {} starts the task again", scheduler.name()),
+            Requeue::Cancelled => "cancelled: `sweep submit` goes on from here".to_owned(),
+            Requeue::No(why) => format!(
                 "work is left, and the task could not be started again ({why}): `sweep submit` goes on from here"
             ),
         });
@@ -123,21 +114,15 @@ pub(super) fn execute(
     };
     let plan = restrict(arguments, part, &mut campaign)?;
     let (mut store, task) = begin(arguments, part, &plan, &campaign, &note)?;
-    let limits = Limits {
+    let conditions = Conditions {
         workers,
         wall_limit,
+        stop: &stop,
+        observer: Some(&task),
     };
     let counts = store.counts()?;
     let computed = if counts.pending + counts.running > 0 {
-        compute(
-            arguments,
-            &campaign,
-            &mut store,
-            limits,
-            &stop,
-            Some(&task),
-            output,
-        )
+        compute(arguments, &campaign, &mut store, conditions, output)
     } else {
         Ok(())
     };
@@ -149,7 +134,7 @@ pub(super) fn execute(
     drop(store);
     task.publisher.clean_up();
     answer(part, counts, task.publisher.target(), output)?;
-    // Before the engine ends this process, as it does with a task that is to be started again.
+    // Before the scheduler ends this process, as it does with a task that is to be started again.
     output.out.flush()?;
     Ok(match stop.signal() {
         Some(signal) if counts.pending + counts.running > 0 => {
@@ -184,7 +169,7 @@ fn begin<'t>(
             source,
         })?;
     }
-    let started_by = engine::of_this_task(part.task);
+    let started_by = Scheduler::of_this_task(part.task);
     let name = started_by
         .as_ref()
         .map_or_else(|| by_hand(part), |(_, name)| name.clone());
@@ -217,7 +202,7 @@ fn begin<'t>(
     Ok((store, task))
 }
 
-/// The name of a task that no engine started.
+/// The name of a task that no scheduler started.
 fn by_hand(part: Part) -> TaskName {
     TaskName {
         job: "by-hand".into(),
@@ -256,10 +241,10 @@ fn restrict(arguments: &Arguments, part: Part, campaign: &mut Campaign) -> Resul
     let (plan, keys) = if let Some(path) = &arguments.slices {
         Slices::read(path, part.task, part.tasks)?
     } else {
-        let all: Vec<Open> = campaign
+        let all: Vec<OpenCase> = campaign
             .cases
             .iter()
-            .map(|(key, case)| Open {
+            .map(|(key, case)| OpenCase {
                 key: key.to_string(),
                 cost: case.cost(),
                 begun: false,
@@ -298,12 +283,11 @@ struct Before {
 }
 
 impl Before {
-    /// Of a task.
     fn of(folder: &Path, plan: &str, name: &TaskName) -> Self {
         let (own, published): (Vec<_>, Vec<_>) = shard::published(folder)
             .into_iter()
             .filter(|shard| shard.plan == plan && shard.task.task == name.task)
-            .partition(|shard| shard.task.job == shard::tame(&name.job));
+            .partition(|shard| shard.task.job == shard::sanitize(&name.job));
         let begun = shard::plan_folder(folder, plan).join(shard::BEGUN);
         Self {
             others: begun
@@ -328,7 +312,7 @@ fn go_on_from(
     let mut failures = 0;
     for source in sources {
         match store.merge_as(
-            Manner::Task,
+            MergeMode::Task,
             std::slice::from_ref(source),
             arguments.allow_mixed_versions,
         ) {

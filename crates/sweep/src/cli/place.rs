@@ -1,0 +1,83 @@
+//! Which store a command is about.
+
+use super::Output;
+use crate::campaign::Campaign;
+use crate::error::Error;
+use crate::store::{Store, StoreSource};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// A store, or the campaign file it belongs to.
+#[derive(Debug, clap::Args)]
+pub(crate) struct StoreArguments {
+    /// The campaign file, which stands for what it asks for now; or its store, which stands for what it was last run with
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// The store of the campaign file [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]
+    #[arg(long, value_name = "STORE")]
+    store: Option<PathBuf>,
+}
+
+impl StoreArguments {
+    /// Finds the store, and reads the campaign file if one is given.
+    pub(crate) fn find(&self) -> Result<StoreSource, Error> {
+        if !is_campaign_file(&self.file) {
+            if self.store.is_some() {
+                return Err(Error::Argument {
+                    argument: "--store",
+                    message: format!(
+                        "it goes with a campaign file, whose name ends with .toml; {} is taken for a store itself",
+                        self.file.display()
+                    ),
+                });
+            }
+            return Ok(StoreSource {
+                path: whole(&self.file)?,
+                campaign: None,
+            });
+        }
+        let campaign = Campaign::read(&self.file)?;
+        Ok(StoreSource {
+            path: store_of(&campaign, self.store.as_deref())?,
+            campaign: Some(campaign),
+        })
+    }
+
+    /// Opens the store for reading.
+    pub(crate) fn open(&self) -> Result<Store, Error> {
+        Ok(self.find()?.open()?)
+    }
+}
+
+/// The store of a campaign: the one named, or its usual one.
+pub(crate) fn store_of(campaign: &Campaign, named: Option<&Path>) -> Result<PathBuf, Error> {
+    named.map_or_else(|| Ok(campaign.default_store()), whole)
+}
+
+/// Whether a name is that of a campaign file.
+pub(crate) fn is_campaign_file(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|extension| extension == "toml")
+}
+
+/// The whole path of a file, as messages name it.
+fn whole(path: &Path) -> Result<PathBuf, Error> {
+    std::path::absolute(path).map_err(|source| Error::Read {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// Says on standard error that a store was last run with another version of the campaign file than the one it is shown for.
+pub(super) fn say_last_run(store: &Store, output: &Output<'_>) {
+    let Some(file) = store.last_run_with().filter(|_| !output.quiet) else {
+        return;
+    };
+    // Nobody may read standard error.
+    let _ = writeln!(
+        std::io::stderr(),
+        "the store {} was last run with another version of the campaign, of {}: shown is what the file given asks for",
+        store.path().display(),
+        file.display()
+    );
+}

@@ -1,0 +1,100 @@
+//! This machine as a scheduler: a script in the background that runs the tasks one after another. A job is
+//! named by the number and the start of its process.
+
+use super::{ActiveTask, Job, SchedulerError};
+use crate::store;
+use std::os::unix::process::CommandExt as _;
+use std::process::{Command, Stdio};
+
+/// The most tasks of one job: as many as a shell can count through without anybody noticing.
+pub(super) const TASK_LIMIT: usize = 100_000;
+
+/// The script: so many lanes side by side, each with its share of the tasks.
+pub(super) fn script(job: &Job) -> Result<String, SchedulerError> {
+    let command = job.task_command("$task")?;
+    let (tasks, lanes) = (job.tasks, job.throttle.unwrap_or(1).min(job.tasks));
+    Ok(format!(
+        "#!/bin/sh
+# Campaign {name}: {tasks} tasks, {lanes} at a time. Made by sweep submit.
+# Told to stop, tasks checkpoint, lanes end with their task, and this waits for them.
+trap : TERM
+lane=0
+while [ \"$lane\" -lt {lanes} ]; do
+(
+    trap exit TERM
+    task=$lane
+    while [ \"$task\" -lt {tasks} ]; do
+        {command}
+        task=$((task + {lanes}))
+    done
+) &
+lane=$((lane + 1))
+done
+until wait; do :; done
+",
+        name = job.campaign,
+    ))
+}
+
+/// The command that starts the script.
+pub(super) fn command(job: &Job) -> Vec<String> {
+    vec!["sh".into(), job.script_path().display().to_string()]
+}
+
+/// Starts the script in the background; gives the name of the job.
+pub(super) fn submit(job: &Job) -> Result<String, SchedulerError> {
+    let command = command(job);
+    let refused = |error: std::io::Error| SchedulerError::Refused {
+        command: command.join(" "),
+        said: error.to_string(),
+        advice: "nothing was started".into(),
+    };
+    let log = std::fs::OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(job.plan_folder.join("log"))
+        .map_err(refused)?;
+    let child = Command::new(&command[0])
+        .args(&command[1..])
+        .stdin(Stdio::null())
+        .stdout(log.try_clone().map_err(refused)?)
+        .stderr(log)
+        // A group of its own: no Ctrl-C meant for others, and all its tasks can be ended at once.
+        .process_group(0)
+        .spawn()
+        .map_err(refused)?;
+    let start = store::start_of(child.id()).unwrap_or_default();
+    Ok(format!("{}-{start}", child.id()))
+}
+
+/// The job as a whole, as long as its script runs.
+pub(super) fn active(job: &str) -> Vec<ActiveTask> {
+    let task = ActiveTask {
+        task: None,
+        state: "RUNNING".into(),
+        node: "this machine".into(),
+    };
+    store::alive(job).then_some(task).into_iter().collect()
+}
+
+/// Tells all processes of a job to stop.
+pub(super) fn cancel(job: &str) -> Result<(), SchedulerError> {
+    if !store::alive(job) {
+        return Ok(());
+    }
+    let group = job
+        .split('-')
+        .next()
+        .and_then(|pid| pid.parse().ok())
+        .and_then(rustix::process::Pid::from_raw);
+    match group
+        .map(|group| rustix::process::kill_process_group(group, rustix::process::Signal::TERM))
+    {
+        None | Some(Ok(()) | Err(rustix::io::Errno::SRCH)) => Ok(()),
+        Some(Err(error)) => Err(SchedulerError::Refused {
+            command: format!("kill -TERM -{job}"),
+            said: error.to_string(),
+            advice: "cancel it from the machine and the account that submitted it".into(),
+        }),
+    }
+}

@@ -1,0 +1,261 @@
+//! How far runs were computed, and what of it is the result the campaign asks for.
+//!
+//! A run is computed once: its beginning is the run of less strain, and from its last state it goes on to more.
+
+use super::{Checkpoint, Damage, Store, StoreError, count, integer, process, results};
+use crate::campaign::Protocol;
+use crate::case::State;
+use crate::statistics::Averages;
+use rusqlite::{Connection, OptionalExtension, Row, Transaction, params};
+use sd_core::simulation::Counters;
+use sd_core::{Params, Sample};
+
+/// How far a run was computed.
+pub(super) struct RunEnd<'e> {
+    pub(super) steps: u64,
+    pub(super) jammed: bool,
+    /// What all these steps met.
+    pub(super) counters: &'e Counters,
+    /// A checkpoint of the last state, without samples.
+    pub(super) state: &'e [u8],
+}
+
+impl RunEnd<'_> {
+    /// Keeps it in place of any other of the case.
+    pub(super) fn write(
+        &self,
+        transaction: &Transaction<'_>,
+        case: i64,
+    ) -> Result<(), rusqlite::Error> {
+        let counters = self.counters;
+        transaction
+            .prepare_cached(
+                "INSERT OR REPLACE INTO ends (case_id, steps, jammed, minimum_gap, stages, unconverged_stages,
+                     worst_residual, worst_friction_error, jam_events, jammed_steps, state)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)",
+            )?
+            .execute(params![
+                case,
+                integer(self.steps),
+                self.jammed,
+                counters.minimum_gap,
+                integer(counters.stages),
+                integer(counters.unconverged_stages),
+                counters.worst_residual,
+                counters.worst_friction_error,
+                integer(counters.jam_events),
+                integer(counters.jammed_steps),
+                self.state,
+            ])?;
+        Ok(())
+    }
+}
+
+/// A case that was computed to an end, and what is asked of it.
+struct Computed {
+    id: i64,
+    params: Params,
+    asked: u64,
+    state: String,
+    /// Steps of its result now.
+    steps_done: u64,
+    /// Discarded steps of its result now; `None` if nothing was averaged yet.
+    discarded: Option<u64>,
+    steps: u64,
+    jammed: bool,
+    /// Whether it can go on from there.
+    continues: bool,
+    /// Counters of all steps computed.
+    counters: Counters,
+}
+
+/// What becomes of a case.
+enum Verdict {
+    /// A result of so many steps.
+    Result(State, u64),
+    /// More is asked than was computed.
+    Short,
+}
+
+impl Computed {
+    /// Those of the condition on `c`.
+    fn of(connection: &Connection, condition: &str) -> Result<Vec<Self>, rusqlite::Error> {
+        connection
+            .prepare(&format!(
+                "SELECT c.id, c.params, c.steps, c.state, c.steps_done, r.discard_step, e.steps, e.jammed,
+                     e.state IS NOT NULL, e.minimum_gap, e.stages, e.unconverged_stages, e.worst_residual,
+                     e.worst_friction_error, e.jam_events, e.jammed_steps
+                 FROM ends e JOIN cases c ON c.id = e.case_id JOIN results r ON r.case_id = c.id WHERE {condition}"
+            ))?
+            .query_map([], Self::read)?
+            .collect()
+    }
+
+    fn read(row: &Row<'_>) -> Result<Self, rusqlite::Error> {
+        let number = |column: usize| -> Result<f64, rusqlite::Error> {
+            Ok(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN))
+        };
+        Ok(Self {
+            id: row.get(0)?,
+            params: super::query::params(row, 1)?,
+            asked: count(row.get(2)?),
+            state: row.get(3)?,
+            steps_done: count(row.get(4)?),
+            discarded: u64::try_from(row.get::<_, i64>(5)?).ok(),
+            steps: count(row.get(6)?),
+            jammed: row.get(7)?,
+            continues: row.get(8)?,
+            counters: Counters {
+                minimum_gap: number(9)?,
+                stages: count(row.get(10)?),
+                unconverged_stages: count(row.get(11)?),
+                worst_residual: number(12)?,
+                worst_friction_error: number(13)?,
+                jam_events: count(row.get(14)?),
+                jammed_steps: count(row.get(15)?),
+                ..Counters::default()
+            },
+        })
+    }
+
+    fn verdict(&self) -> Verdict {
+        if self.jammed && self.asked >= self.steps {
+            Verdict::Result(State::Jammed, self.steps)
+        } else if self.steps >= self.asked {
+            Verdict::Result(State::Done, self.asked)
+        } else {
+            Verdict::Short
+        }
+    }
+
+    /// Gives it the state and the result that is asked for.
+    fn settle(&self, connection: &Connection, discard: u64) -> Result<(), rusqlite::Error> {
+        let (state, steps) = match self.verdict() {
+            Verdict::Result(state, steps) => (state, steps),
+            Verdict::Short if matches!(self.state.as_str(), "done" | "jammed") => {
+                return self.reopen(connection);
+            }
+            // It waits already, or failed on its way on.
+            Verdict::Short => return Ok(()),
+        };
+        if self.state == state.name() && self.steps_done == steps && self.discarded == Some(discard)
+        {
+            return Ok(());
+        }
+        let samples = results::samples(connection, self.id, Some(steps))?;
+        let averages = Averages::of(&samples, discard);
+        results::write_averages(connection, self.id, discard, &averages, self.params.spheres)?;
+        let counters = self.counters_at(steps, &samples);
+        connection
+            .prepare_cached(
+                "UPDATE results SET minimum_gap = ?2, stages = ?3, unconverged_stages = ?4, worst_residual = ?5,
+                     worst_friction_error = ?6, jam_events = ?7, jammed_strain = ?8, final_strain = ?9
+                 WHERE case_id = ?1",
+            )?
+            .execute(params![
+                self.id,
+                counters.minimum_gap,
+                integer(counters.stages),
+                integer(counters.unconverged_stages),
+                counters.worst_residual,
+                counters.worst_friction_error,
+                integer(counters.jam_events),
+                counters.jammed_steps as f64 * self.params.time_step,
+                steps as f64 * self.params.time_step,
+            ])?;
+        connection
+            .prepare_cached(
+                "UPDATE cases SET state = ?2, owner = NULL, steps_done = ?3, changed_at = ?4 WHERE id = ?1",
+            )?
+            .execute(params![
+                self.id,
+                state.name(),
+                integer(steps),
+                process::now()
+            ])?;
+        Ok(())
+    }
+
+    /// Counters of the first `steps` of them: of a run cut short those of its last sample.
+    fn counters_at(&self, steps: u64, samples: &[(u64, Sample)]) -> Counters {
+        match samples.last() {
+            Some((_, last)) if steps < self.steps => last.counters,
+            _ => self.counters,
+        }
+    }
+
+    /// Lets it go on, as more is asked than was computed: from its last state, or where that was not kept from the beginning.
+    fn reopen(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+        let end = if self.continues { self.steps } else { 0 };
+        connection
+            .prepare_cached(
+                "UPDATE cases SET state = 'pending', deaths = 0, changed_at = ?3, steps_done = max(?2,
+                     coalesce((SELECT max(steps) FROM checkpoints WHERE case_id = ?1), 0)) WHERE id = ?1",
+            )?
+            .execute(params![self.id, integer(end), process::now()])?;
+        Ok(())
+    }
+}
+
+/// Gives every case of the grid that was computed to an end the state and the result the protocol asks for. Cases under way
+/// are left alone.
+pub(super) fn settle_all(
+    connection: &Connection,
+    protocol: &Protocol,
+) -> Result<(), rusqlite::Error> {
+    for case in Computed::of(
+        connection,
+        "c.position IS NOT NULL AND c.state != 'running'",
+    )? {
+        let discard = protocol
+            .with_time_step(case.params.time_step)
+            .discard_steps();
+        case.settle(connection, discard)?;
+    }
+    Ok(())
+}
+
+/// The same for one case.
+pub(super) fn settle(
+    connection: &Connection,
+    case: i64,
+    discard: u64,
+) -> Result<(), rusqlite::Error> {
+    for case in Computed::of(connection, &format!("c.id = {case}"))? {
+        case.settle(connection, discard)?;
+    }
+    Ok(())
+}
+
+/// Steps to which a case was computed, if it was computed to an end.
+pub(super) fn steps_of(connection: &Connection, case: i64) -> Result<Option<u64>, rusqlite::Error> {
+    connection
+        .prepare_cached("SELECT steps FROM ends WHERE case_id = ?1")?
+        .query_row([case], |row| row.get(0))
+        .optional()
+        .map(|steps| steps.map(count))
+}
+
+impl Store {
+    /// The last state of a run that was computed to an end, with all its samples, so that it can go on.
+    pub(super) fn end_to_go_on_from(
+        &self,
+        case: i64,
+    ) -> Result<Option<Result<Checkpoint, Damage>>, StoreError> {
+        let state: Option<Vec<u8>> = self.read(
+            self.connection
+                .prepare_cached("SELECT state FROM ends WHERE case_id = ?1 AND state IS NOT NULL")
+                .and_then(|mut query| query.query_row([case], |row| row.get(0)).optional()),
+        )?;
+        let mut end = match state.map(|state| Checkpoint::decode(&state)) {
+            Some(Ok(end)) => end,
+            other => return Ok(other),
+        };
+        end.samples = self.read(results::samples(
+            &self.connection,
+            case,
+            Some(end.snapshot.steps),
+        ))?;
+        Ok(Some(Ok(end)))
+    }
+}

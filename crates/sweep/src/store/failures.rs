@@ -1,0 +1,113 @@
+//! Failures, those that are alike told once.
+
+use super::FailureLine;
+use sd_core::Params;
+
+/// Runs that failed in the same way: with the same message and the same parameters but for the shear rate and the seed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FailureGroup {
+    /// The first of them.
+    pub first: FailureLine,
+    /// How many there are.
+    pub runs: usize,
+    /// Their shear rates, in the order of the campaign file.
+    pub shear_rates: Vec<f64>,
+}
+
+impl FailureGroup {
+    /// Groups of some failures, in the order of the first of each.
+    pub fn of(failures: Vec<FailureLine>) -> Vec<Self> {
+        let mut groups: Vec<Self> = Vec::new();
+        for failure in failures {
+            let alike = |group: &&mut Self| {
+                group.first.error == failure.error
+                    && same_but_shear_rate(&group.first.params, &failure.params)
+            };
+            let shear_rate = failure.params.shear_rate;
+            if let Some(group) = groups.iter_mut().find(alike) {
+                group.runs += 1;
+                if !group.shear_rates.contains(&shear_rate) {
+                    group.shear_rates.push(shear_rate);
+                }
+            } else {
+                groups.push(Self {
+                    first: failure,
+                    runs: 1,
+                    shear_rates: vec![shear_rate],
+                });
+            }
+        }
+        groups
+    }
+
+    /// In words: which runs, where, and why.
+    pub fn text(&self) -> String {
+        let FailureLine {
+            key,
+            seed,
+            strain,
+            attempt,
+            error,
+            ..
+        } = &self.first;
+        if self.runs == 1 {
+            return format!(
+                "failed: {key} seed {seed} at strain {strain:.3}, attempt {attempt}: {error}"
+            );
+        }
+        let shear_rates: Vec<String> = self.shear_rates.iter().map(f64::to_string).collect();
+        format!(
+            "failed: {} runs at Γ = {}, the first {key} seed {seed} at strain {strain:.3}, attempt {attempt}: {error}",
+            self.runs,
+            shear_rates.join(", ")
+        )
+    }
+}
+
+/// Whether two runs differ in their shear rates at most.
+fn same_but_shear_rate(one: &Params, other: &Params) -> bool {
+    let other = Params {
+        shear_rate: one.shear_rate,
+        ..other.clone()
+    };
+    *one == other
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::params;
+
+    #[test]
+    fn failures_that_are_the_same_for_every_shear_rate_are_one() {
+        let failure = |shear_rate, friction, error: &str| FailureLine {
+            key: format!("{shear_rate}-{friction}"),
+            seed: 1,
+            params: Params {
+                shear_rate,
+                friction,
+                ..params()
+            },
+            error: error.into(),
+            step: 0,
+            strain: 0.0,
+            attempt: 1,
+            pair: None,
+            gap: None,
+        };
+        let groups = FailureGroup::of(vec![
+            failure(0.1, 0.3, "no start layer"),
+            failure(1.0, 0.3, "no start layer"),
+            failure(1.0, 0.5, "no start layer"),
+            failure(f64::INFINITY, 0.3, "no start layer"),
+            failure(0.1, 0.3, "overlap"),
+        ]);
+        let runs: Vec<usize> = groups.iter().map(|group| group.runs).collect();
+        assert_eq!(runs, [3, 1, 1]);
+        let text = groups[0].text();
+        assert!(
+            text.contains("3 runs at Γ = 0.1, 1, inf, the first 0.1-0.3"),
+            "{text}"
+        );
+    }
+}

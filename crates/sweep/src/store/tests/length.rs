@@ -1,0 +1,190 @@
+//! Runs that are longer or shorter than what is asked for.
+
+use super::*;
+
+/// The campaign with another length of its runs.
+fn of_strain(strain: &str) -> Campaign {
+    campaign(&CAMPAIGN.replace("strain = 1.0", &format!("strain = {strain}")))
+}
+
+/// A store with one finished run of a strain of 1.
+fn store_with_a_run(directory: &Path) -> (Store, String) {
+    let mut store = open(directory);
+    store.register(1).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    store.finish(&claim, &finished(State::Done)).unwrap();
+    (store, claim.key)
+}
+
+fn run(store: &Store, key: &str) -> PointRun {
+    let runs = store.point_runs().unwrap();
+    runs.into_iter().find(|run| run.key == key).unwrap()
+}
+
+#[test]
+fn finished_run_goes_on_from_its_last_state_when_more_strain_is_asked_for() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut store, key) = store_with_a_run(directory.path());
+    store.adopt(&of_strain("2.0")).unwrap();
+    assert_eq!(run(&store, &key).state, State::Pending);
+    let shown: (Option<f64>, f64) = store
+        .connection
+        .query_row(
+            "SELECT viscosity, time_step FROM runs WHERE key = ?1",
+            [&key],
+            |row| Ok((row.get(0)?, row.get(1)?)),
+        )
+        .unwrap();
+    assert_eq!(shown, (None, 0.005), "nothing came out of it yet");
+    let claim = store.claim().unwrap().unwrap();
+    assert_eq!((&claim.key, claim.case.steps), (&key, 400));
+    let [Ok(from)] = claim.checkpoints.as_slice() else {
+        panic!("{:?}", claim.checkpoints);
+    };
+    assert_eq!(from.snapshot.steps, 200);
+    assert_eq!(from.samples, finished(State::Done).samples);
+    // On its way on it is interrupted, and begins from its checkpoint.
+    store.keep(&claim, 240, &checkpoint(240)).unwrap();
+    store.release(&claim).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    let steps = claim.checkpoints.iter().flatten();
+    let steps: Vec<u64> = steps.map(|found| found.snapshot.steps).collect();
+    assert_eq!(steps, [240, 200]);
+}
+
+#[test]
+fn a_run_cut_short_has_the_averages_of_its_beginning_and_comes_back_whole() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut store, key) = store_with_a_run(directory.path());
+    let whole = format!("{:?}", run(&store, &key));
+    store.adopt(&of_strain("0.8")).unwrap();
+    let cut = run(&store, &key);
+    assert_eq!((cut.state, cut.samples), (State::Done, 15));
+    let kept = &finished(State::Done).samples[25..40];
+    let mean = kept.iter().map(|(_, s)| s.viscosity).sum::<f64>() / 15.0;
+    assert!((cut.viscosity.unwrap() - mean).abs() < 1e-12);
+    let story = store.story(&key).unwrap().unwrap();
+    assert_eq!(story.samples.len(), 40);
+    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    assert_eq!(format!("{:?}", run(&store, &key)), whole);
+}
+
+#[test]
+fn jammed_run_stays_jammed_when_more_is_asked_for_and_flows_before_it_jammed() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    store.finish(&claim, &finished(State::Jammed)).unwrap();
+    store.adopt(&of_strain("2.0")).unwrap();
+    assert_eq!(run(&store, &claim.key).state, State::Jammed);
+    store.adopt(&of_strain("0.8")).unwrap();
+    assert_eq!(run(&store, &claim.key).state, State::Done);
+    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    assert_eq!(run(&store, &claim.key).state, State::Jammed);
+}
+
+#[test]
+fn what_failed_beyond_the_strain_asked_for_is_tried_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    let failure = Failure {
+        error: "spheres 1 and 2 overlap".into(),
+        step: 170,
+        pair: None,
+        gap: None,
+        snapshot: None,
+        samples: Vec::new(),
+    };
+    store.fail(&claim, &failure).unwrap();
+    store.adopt(&of_strain("0.9")).unwrap();
+    assert_eq!(store.counts().unwrap().failed, 1);
+    store.adopt(&of_strain("0.8")).unwrap();
+    assert_eq!(store.counts().unwrap().failed, 0);
+}
+
+#[test]
+fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
+    let directory = tempfile::tempdir().unwrap();
+    let longer = Finished {
+        samples: (0..100).map(|n| (4 * n, sample(n as f64 * 0.02))).collect(),
+        steps: 400,
+        last_state: checkpoint(400),
+        ..finished(State::Done)
+    };
+    let path = directory.path().join("shard.sqlite");
+    let mut shard = Store::open(&path).unwrap();
+    shard.adopt(&of_strain("2.0")).unwrap();
+    shard.register(1).unwrap();
+    let claim = shard.claim().unwrap().unwrap();
+    shard.finish(&claim, &longer).unwrap();
+    drop(shard);
+    let (mut store, key) = store_with_a_run(directory.path());
+    assert_eq!(key, claim.key);
+    let before = run(&store, &key).viscosity;
+    let merged = store.merge(std::slice::from_ref(&path), false).unwrap();
+    assert_eq!((merged.results, merged.duplicates), (1, 0));
+    assert_eq!(
+        run(&store, &key).viscosity,
+        before,
+        "a strain of 1 is asked for"
+    );
+    assert!(store.disagreements().unwrap().is_empty());
+    store.adopt(&of_strain("2.0")).unwrap();
+    assert_eq!(run(&store, &key).samples, 75);
+    // The shorter one adds nothing to it.
+    let small = directory.path().join("small.sqlite");
+    let other = directory.path().join("other.sqlite");
+    reading::snapshot(&small, &other).unwrap();
+    let merged = store.merge(&[other], false).unwrap();
+    assert_eq!((merged.results, merged.duplicates), (0, 1));
+}
+
+#[test]
+fn a_run_that_fails_on_its_way_on_keeps_its_beginning() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut store, key) = store_with_a_run(directory.path());
+    let whole = format!("{:?}", run(&store, &key));
+    store.adopt(&of_strain("2.0")).unwrap();
+    // Once on its way on, and once anew, as if its last state could not be used.
+    for (step, samples) in [(240, 60), (8, 2)] {
+        let claim = store.claim().unwrap().unwrap();
+        assert_eq!(claim.key, key);
+        let failure = Failure {
+            error: "spheres 1 and 2 overlap".into(),
+            step,
+            pair: None,
+            gap: None,
+            snapshot: None,
+            samples: (0..samples)
+                .map(|n| (4 * n, sample(n as f64 * 0.02)))
+                .collect(),
+        };
+        store.fail(&claim, &failure).unwrap();
+        assert_eq!(store.counts().unwrap().failed, 1);
+        assert_eq!(store.retry_failed().unwrap(), 1);
+    }
+    let claim = store.claim().unwrap().unwrap();
+    let from = claim.checkpoints[0].as_ref().unwrap();
+    assert_eq!((from.snapshot.steps, from.samples.len()), (200, 50));
+    store.release(&claim).unwrap();
+    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    assert_eq!(format!("{:?}", run(&store, &key)), whole);
+}
+
+#[test]
+fn what_waits_to_go_on_is_salvaged_with_its_last_state() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut store, key) = store_with_a_run(directory.path());
+    store.adopt(&of_strain("2.0")).unwrap();
+    let to = directory.path().join("new.sqlite");
+    let saved = salvage(store.path(), &to, None).unwrap();
+    assert_eq!((saved.results, saved.unreadable, saved.pending), (1, 0, 4));
+    let mut new = Store::open(&to).unwrap();
+    new.register(1).unwrap();
+    let claim = new.claim().unwrap().unwrap();
+    assert_eq!(claim.key, key);
+    assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps, 200);
+}

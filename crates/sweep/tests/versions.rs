@@ -1,0 +1,441 @@
+//! The campaign file is what counts: two versions of it on one store, longer and shorter runs, stores of older schemas.
+#![expect(
+    clippy::unwrap_used,
+    reason = "tests: a panic is the failure, and names state the fact"
+)]
+
+use assert_cmd::cargo::cargo_bin;
+use rusqlite::types::Value;
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value as Json;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const CAMPAIGN: &str = r#"name = "small"
+[protocol]
+strain = 0.4
+discard = 0.1
+checkpoint_every = 0.02
+[[grid]]
+area_fraction = 0.65
+friction = 0.3
+roughness = 0.01
+shear_rate = [0.1, 1.0]
+seeds = 2
+spheres = 20
+hydrodynamics = "ball-melrose"
+"#;
+
+fn command(directory: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(cargo_bin("sweep"));
+    command.current_dir(directory).args(arguments);
+    command
+}
+
+fn sweep(directory: &Path, arguments: &[&str]) -> Output {
+    command(directory, arguments).output().unwrap()
+}
+
+/// What a command wrote, once it has ended with this code.
+fn said(directory: &Path, arguments: &[&str], code: i32) -> (String, String) {
+    let output = sweep(directory, arguments);
+    assert_eq!(output.status.code(), Some(code), "{output:?}");
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (text(output.stdout), text(output.stderr))
+}
+
+fn json(directory: &Path, arguments: &[&str]) -> Json {
+    serde_json::from_str(&said(directory, arguments, 0).0).unwrap()
+}
+
+fn write(directory: &Path, file: &str, text: &str) {
+    let path = directory.join(file);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(path, text).unwrap();
+}
+
+/// All that was computed of each run, in the order of the keys; averages are of what is asked for.
+fn computed(store: &Path) -> Vec<Vec<Value>> {
+    let store = rusqlite::Connection::open(store).unwrap();
+    let mut all = Vec::new();
+    for query in [
+        "SELECT c.key, s.* FROM samples s JOIN cases c ON c.id = s.case_id ORDER BY c.key, s.step",
+        "SELECT c.key, c.state, c.steps_done, r.discard_step, r.viscosity, r.viscosity_median, r.viscosity_stresslet,
+             r.contacts, r.stages, r.unconverged_stages, r.worst_residual, r.worst_friction_error, r.minimum_gap,
+             r.jam_events, r.jammed_strain, r.final_strain
+         FROM results r JOIN cases c ON c.id = r.case_id ORDER BY c.key",
+        "SELECT c.key, e.steps, e.jammed, e.minimum_gap, e.stages, e.unconverged_stages, e.worst_residual,
+             e.worst_friction_error, e.jam_events, e.jammed_steps
+         FROM ends e JOIN cases c ON c.id = e.case_id ORDER BY c.key",
+    ] {
+        let mut statement = store.prepare(query).unwrap();
+        let names: Vec<String> = statement.column_names().map(String::from).collect();
+        let rows = statement
+            .query_map([], |row| {
+                (0..names.len())
+                    .filter(|column| names[*column] != "case_id")
+                    .map(|column| row.get(column))
+                    .collect()
+            })
+            .unwrap();
+        all.extend(rows.map(Result::unwrap));
+    }
+    all
+}
+
+#[test]
+fn report_and_status_show_what_the_file_asks_for_and_say_what_was_run_last() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    write(at, "small.toml", CAMPAIGN);
+    said(at, &["run", "small.toml", "--quiet"], 0);
+    let first = json(at, &["report", "small.toml", "--json"]);
+    // A copy under the same name, with another grid: one point is common.
+    write(
+        at,
+        "copy.toml",
+        &CAMPAIGN.replace("[0.1, 1.0]", "[1.0, inf, 10.0]"),
+    );
+    let store = "results/small.sqlite";
+    let (_, err) = said(at, &["run", "copy.toml", "--store", store], 0);
+    for part in [
+        "copy.toml",
+        "of its 6 runs 2 are kept",
+        "4 are new",
+        "2 runs in",
+        "not asked for",
+        "sweep prune",
+    ] {
+        assert!(err.contains(part), "{part} not in {err}");
+    }
+    // What was a result of the first file still is one.
+    let (out, err) = said(at, &["report", "small.toml", "--json"], 0);
+    let again: Json = serde_json::from_str(&out).unwrap();
+    assert_eq!(again["cases"], first["cases"]);
+    assert_eq!(again["points"], first["points"]);
+    assert!(
+        err.contains("another version") && err.contains("copy.toml"),
+        "{err}"
+    );
+    let status = json(at, &["status", "small.toml", "--json"]);
+    assert_eq!(status["cases"]["done"], 4);
+    assert_eq!(status["orphans"], 4);
+    let last = status["last_run_with"].as_str().unwrap();
+    assert_eq!(
+        Path::new(last).canonicalize().unwrap(),
+        at.join("copy.toml").canonicalize().unwrap()
+    );
+    let (text, _) = said(at, &["status", "small.toml"], 0);
+    assert!(
+        text.contains("another version") && text.contains("sweep prune"),
+        "{text}"
+    );
+    // Points that were never computed are there, and pending.
+    write(
+        at,
+        "small.toml",
+        &CAMPAIGN.replace("[0.1, 1.0]", "[0.1, 3.0]"),
+    );
+    let wider = json(at, &["report", "small.toml", "--json"]);
+    assert_eq!(
+        (&wider["cases"]["done"], &wider["cases"]["pending"]),
+        (&2.into(), &2.into())
+    );
+    assert_eq!(wider["points"][1]["shear_rate"], 3.0);
+    // The store as such is shown as it was last run.
+    assert_eq!(json(at, &["report", store, "--json"])["cases"]["done"], 6);
+}
+
+#[test]
+fn of_two_campaigns_of_one_name_at_once_the_second_is_refused_and_nobody_loses_work() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let long = CAMPAIGN.replace("strain = 0.4", "strain = 4.0");
+    write(at, "sweeps/one.toml", &long);
+    write(at, "sweeps/two.toml", &long.replace("[0.1, 1.0]", "[inf]"));
+    let first = command(at, &["run", "sweeps/one.toml", "--workers", "1"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let store = at.join("results/small.sqlite");
+    let begun = Instant::now();
+    let running = || {
+        let running = rusqlite::Connection::open(&store).and_then(|store| {
+            store.query_row(
+                "SELECT count(*) FROM cases WHERE state = 'running'",
+                [],
+                |row| row.get::<_, i64>(0),
+            )
+        });
+        running.unwrap_or(0) > 0
+    };
+    while !store.exists() || !running() {
+        assert!(begun.elapsed() < Duration::from_mins(1), "never began");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let (_, err) = said(at, &["run", "sweeps/two.toml"], 2);
+    let err = err.replace(['\n', '│'], " ");
+    let words: Vec<&str> = err.split_whitespace().collect();
+    let err = words.join("");
+    assert!(
+        err.contains("one.toml") && err.contains("two.toml"),
+        "{err}"
+    );
+    assert!(err.contains("nothingwaschanged"), "{err}");
+    let done = first.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(0), "{done:?}");
+    assert!(
+        String::from_utf8_lossy(&done.stdout).contains("4 of 4 cases done"),
+        "{done:?}"
+    );
+    // One after the other is allowed.
+    let (out, _) = said(at, &["run", "sweeps/two.toml"], 0);
+    assert!(out.contains("2 of 2 cases done"), "{out}");
+    assert_eq!(
+        json(at, &["report", "sweeps/one.toml", "--json"])["cases"]["done"],
+        4
+    );
+}
+
+#[test]
+fn prune_asks_first_and_removes_what_the_file_does_not_ask_for() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    write(at, "small.toml", CAMPAIGN);
+    said(at, &["run", "small.toml", "--quiet", "--trajectory"], 0);
+    let (out, _) = said(at, &["prune", "small.toml"], 0);
+    assert!(out.contains("nothing to remove"), "{out}");
+    write(at, "small.toml", &CAMPAIGN.replace("[0.1, 1.0]", "[1.0]"));
+    let store = at.join("results/small.sqlite");
+    let before = std::fs::metadata(&store).unwrap().len();
+    let (_, err) = said(at, &["prune", "small.toml"], 2);
+    assert!(
+        err.contains("--yes") && err.contains("nothing was"),
+        "{err}"
+    );
+    assert_eq!(std::fs::metadata(&store).unwrap().len(), before);
+    let pruned = json(at, &["prune", "small.toml", "--yes", "--json"]);
+    assert_eq!(pruned["removed"], 2);
+    assert!(std::fs::metadata(&store).unwrap().len() < before);
+    assert_eq!(
+        json(at, &["report", "small.toml", "--json"])["cases"]["done"],
+        2
+    );
+    let (out, _) = said(at, &["run", "small.toml"], 0);
+    assert!(out.contains("2 of 2 cases done"), "{out}");
+}
+
+/// A campaign of every kind of run, of this length.
+fn all_kinds(strain: &str) -> String {
+    format!(
+        r#"name = "small"
+[protocol]
+strain = {strain}
+discard = 0.5
+checkpoint_every = 0.02
+[[grid]]
+area_fraction = 0.65
+friction = 0.3
+roughness = 0.01
+shear_rate = 10.0
+seeds = 1
+spheres = 16
+hydrodynamics = ["ball-melrose", "stokesian-dynamics"]
+contact = ["rigid", "procedure"]
+[[grid]]
+area_fraction = 0.65
+friction = 0.3
+roughness = 0.01
+shear_rate = 10.0
+seeds = 1
+spheres = 16
+hydrodynamics = ["ball-melrose", "stokesian-dynamics"]
+contact = "linear-spring"
+tangential = "stick-slide"
+stiffness = 1e4
+"#
+    )
+}
+
+#[test]
+fn a_run_continued_from_1_to_2_strains_has_the_bits_of_a_run_of_2() {
+    let (continued, whole) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let store = |directory: &tempfile::TempDir| directory.path().join("results/small.sqlite");
+    write(whole.path(), "small.toml", &all_kinds("2.0"));
+    said(whole.path(), &["run", "small.toml", "--quiet"], 0);
+    write(continued.path(), "small.toml", &all_kinds("1.0"));
+    said(continued.path(), &["run", "small.toml", "--quiet"], 0);
+    let short = computed(&store(&continued));
+    write(continued.path(), "small.toml", &all_kinds("2.0"));
+    // Interrupted, and killed, on the way from 1 to 2.
+    for signal in [Signal::INT, Signal::KILL, Signal::INT] {
+        let mut child = command(
+            continued.path(),
+            &["run", "small.toml", "--quiet", "--workers", "1"],
+        )
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+        std::thread::sleep(Duration::from_millis(300));
+        let _ = kill_process(Pid::from_child(&child), signal);
+        child.wait().unwrap();
+    }
+    said(continued.path(), &["run", "small.toml", "--quiet"], 0);
+    assert_eq!(computed(&store(&continued)), computed(&store(&whole)));
+    // Nothing was computed twice but what was lost at a signal: every run went on from a strain of 1.
+    let resumed: i64 = rusqlite::Connection::open(store(&continued))
+        .unwrap()
+        .query_row("SELECT min(resumed) FROM results", [], |row| row.get(0))
+        .unwrap();
+    assert!(resumed >= 1, "{resumed}");
+    // And back: of a run of 2 strains the first is a run of 1.
+    let text = |directory: &tempfile::TempDir| {
+        let report = json(directory.path(), &["report", "small.toml", "--json"]);
+        let points = report["points"].as_array().unwrap().clone();
+        let names = [
+            "viscosity",
+            "viscosity_median",
+            "viscosity_stresslet",
+            "n1",
+            "contacts_per_sphere",
+        ];
+        points
+            .iter()
+            .map(|point| names.map(|name| point[name].clone()))
+            .collect::<Vec<_>>()
+    };
+    write(whole.path(), "small.toml", &all_kinds("1.0"));
+    let cut = text(&whole);
+    said(whole.path(), &["run", "small.toml", "--quiet"], 0);
+    assert_eq!(text(&whole), cut);
+    let fresh = tempfile::tempdir().unwrap();
+    write(fresh.path(), "small.toml", &all_kinds("1.0"));
+    said(fresh.path(), &["run", "small.toml", "--quiet"], 0);
+    assert_eq!(computed(&store(&fresh)), short);
+    assert_eq!(text(&fresh), cut);
+    // Nothing of the longer run is lost by that.
+    write(whole.path(), "small.toml", &all_kinds("2.0"));
+    said(whole.path(), &["run", "small.toml", "--quiet"], 0);
+    assert_eq!(computed(&store(&continued)), computed(&store(&whole)));
+}
+
+/// A store of an older schema, with two finished runs of `old.toml` of physics 3, or of today's.
+fn old_store(path: &Path, version: u32, of_today: bool) {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let dump = std::fs::read_to_string(data.join(format!("schema_{version}.sql"))).unwrap();
+    let store = rusqlite::Connection::open(path).unwrap();
+    store
+        .execute_batch(&format!("PRAGMA foreign_keys = OFF; {dump}"))
+        .unwrap();
+    if !of_today {
+        return;
+    }
+    // Keys as a program of that schema and of the physics of today would have made them.
+    let rows: Vec<(i64, String, i64, i64, i64)> = store
+        .prepare("SELECT id, params, seed, steps, sample_stride FROM cases")
+        .unwrap()
+        .query_map([], |row| {
+            Ok((
+                row.get(0)?,
+                row.get(1)?,
+                row.get(2)?,
+                row.get(3)?,
+                row.get(4)?,
+            ))
+        })
+        .unwrap()
+        .map(Result::unwrap)
+        .collect();
+    for (id, params, seed, steps, stride) in rows {
+        let canonical = format!(
+            r#"{{"physics":{},"params":{params},"seed":{seed},"steps":{steps},"sample_stride":{stride}}}"#,
+            sweep::case::PHYSICS_VERSION
+        );
+        let key = blake3::hash(canonical.as_bytes()).to_hex()[..32].to_owned();
+        store
+            .execute("UPDATE cases SET key = ?2 WHERE id = ?1", (id, key))
+            .unwrap();
+    }
+}
+
+#[test]
+fn stores_of_schema_1_to_4_open_and_keep_their_results() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let campaign = std::fs::read_to_string(data.join("old.toml")).unwrap();
+    let points = |report: &Json| -> Vec<Vec<Json>> {
+        let names = [
+            "shear_rate",
+            "seeds",
+            "viscosity",
+            "viscosity_median",
+            "minimum_gap",
+            "activated_fraction",
+        ];
+        let points = report["points"].as_array().unwrap();
+        let row = |point: &Json| names.iter().map(|name| point[*name].clone()).collect();
+        points.iter().map(row).collect()
+    };
+    let mut all = Vec::new();
+    for version in 1..=4 {
+        let directory = tempfile::tempdir().unwrap();
+        let at = directory.path();
+        write(at, "old.toml", &campaign);
+        std::fs::create_dir(at.join("results")).unwrap();
+        // Whatever the physics, the store shows what it holds, before and after it is brought up to date.
+        let earlier = at.join("results/earlier.sqlite");
+        old_store(&earlier, version, false);
+        all.push(points(&json(
+            at,
+            &["report", "results/earlier.sqlite", "--json"],
+        )));
+        said(at, &["cancel", "results/earlier.sqlite"], 0);
+        all.push(points(&json(
+            at,
+            &["report", "results/earlier.sqlite", "--json"],
+        )));
+        let path = at.join("results/old.sqlite");
+        old_store(&path, version, true);
+        let before = std::fs::read(&path).unwrap();
+        // Looking changes nothing in the file, and shows all of it.
+        for file in ["old.toml", "results/old.sqlite"] {
+            let report = json(at, &["report", file, "--json"]);
+            assert_eq!(report["cases"]["done"], 2, "schema {version}");
+            all.push(points(&report));
+            json(at, &["status", file, "--json"]);
+            said(at, &["show", file, "1"], 0);
+        }
+        let shorter = campaign.replace("strain = 0.3", "strain = 0.2");
+        write(at, "old.toml", &shorter);
+        let cut = json(at, &["report", "old.toml", "--json"]);
+        assert_eq!(cut["cases"]["done"], 2, "schema {version}");
+        assert_ne!(points(&cut), all[0]);
+        let longer = campaign.replace("strain = 0.3", "strain = 0.4");
+        write(at, "old.toml", &longer);
+        let report = json(at, &["report", "old.toml", "--json"]);
+        assert_eq!(report["cases"]["pending"], 2);
+        assert_eq!(std::fs::read(&path).unwrap(), before, "schema {version}");
+        // Running the same file computes nothing: all of it is there.
+        write(at, "old.toml", &campaign);
+        let (_, err) = said(at, &["run", "old.toml"], 0);
+        assert!(!err.contains("to do"), "{err}");
+        all.push(points(&json(at, &["report", "old.toml", "--json"])));
+        let store = rusqlite::Connection::open(&path).unwrap();
+        let times: f64 = store
+            .query_row("SELECT total(wall_time_s) FROM results", [], |row| {
+                row.get(0)
+            })
+            .unwrap();
+        assert!((times - 0.02).abs() < 1e-12, "computed anew");
+        drop(store);
+        // More strain begins anew, as no last state was kept then.
+        write(at, "old.toml", &longer);
+        said(at, &["run", "old.toml", "--quiet"], 0);
+        let report = json(at, &["report", "old.toml", "--json"]);
+        assert_eq!(report["cases"]["done"], 2);
+    }
+    assert!(all.iter().all(|points| *points == all[0]), "{all:?}");
+    assert!(all[0][0][2].as_f64().unwrap() > 1.0);
+}
