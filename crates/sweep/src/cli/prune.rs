@@ -2,7 +2,6 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::campaign::Campaign;
 use crate::error::Error;
 use crate::exit;
 use crate::format::bytes;
@@ -40,10 +39,6 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let source = arguments.place.find()?;
     let reader = source.open()?;
     let inventory = reader.inventory()?;
-    let campaign = match source.campaign {
-        Some(campaign) => campaign,
-        None => Campaign::parse("the campaign last run", reader.campaign_text()?)?,
-    };
     // A reader keeps the file from getting smaller.
     drop(reader);
     let (runs, size) = (inventory.orphans, bytes(inventory.orphan_bytes));
@@ -55,7 +50,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             return Ok(exit::DONE);
         }
         let mut store = Store::open(&path)?;
-        store.adopt(&campaign)?;
+        if let Some(campaign) = &source.campaign {
+            store.adopt(campaign)?;
+        }
         removed = store.prune()?;
     }
     if output.json {

@@ -91,7 +91,8 @@ impl Store {
     /// Trouble with the file.
     pub fn time_left(&self) -> Result<Option<f64>, StoreError> {
         let (seconds, cost): (f64, f64) = self.read(self.connection.query_row(
-            "SELECT total(r.wall_time_s), total(c.cost) FROM results r JOIN cases c ON c.id = r.case_id",
+            "SELECT total(r.wall_time_s), total(c.cost * e.steps / c.steps) FROM results r
+                 JOIN cases c ON c.id = r.case_id JOIN ends e ON e.case_id = c.id",
             [],
             |row| Ok((row.get(0)?, row.get(1)?)),
         ))?;
