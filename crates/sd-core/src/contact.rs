@@ -30,6 +30,9 @@ pub struct Quality {
     pub residual: f64,
     /// Largest distance between a friction force and what the law gives, over the largest force.
     pub friction_error: f64,
+    /// Whether the problem has no solution, so that the layer is jammed at this instant: forces and velocities are then those of contacts
+    /// that give way, and residual and friction error say by how much.
+    pub jammed: bool,
     /// Linear systems solved.
     pub systems: u32,
 }
@@ -40,9 +43,11 @@ impl Quality {
     /// Friction error above which a stage counts as unconverged.
     pub const FRICTION_LIMIT: f64 = 1e-6;
 
-    /// Whether both parts hold.
+    /// Whether the problem was solved, or found to have no solution.
     pub fn converged(&self) -> bool {
-        self.residual <= Self::RESIDUAL_LIMIT && self.friction_error <= Self::FRICTION_LIMIT
+        self.jammed
+            || self.residual <= Self::RESIDUAL_LIMIT
+                && self.friction_error <= Self::FRICTION_LIMIT
     }
 }
 

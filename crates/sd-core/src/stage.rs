@@ -22,8 +22,8 @@ use nalgebra::Vector3;
 const STRICT: f64 = 1e-2;
 /// Relative residual that the first evaluation is made for.
 const FIRST: f64 = 1e-2;
-/// Evaluations in which it is decided on which contacts friction acts.
-const DECIDING: u32 = 4;
+/// Relative residual above which it is still decided on which contacts friction acts, and evaluations after which it is not.
+const DECIDING: (f64, u32) = (1e-3, 40);
 
 /// What keeps the spheres apart, with what it remembers from stage to stage.
 pub enum Contact<'a> {
@@ -267,7 +267,8 @@ impl FixedPointMap for ContactMap<'_> {
             enough: STRICT * progress.residual.min(FIRST),
         };
         let (v, v_t) = velocities.split_at_mut(half);
-        let deciding = progress.evaluations < DECIDING;
+        let (residual, most) = DECIDING;
+        let deciding = progress.residual > residual && progress.evaluations < most;
         let (quality, changed) =
             self.contacts
                 .evaluate(&self.posed, driving, self.memory, deciding, v)?;

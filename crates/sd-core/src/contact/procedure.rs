@@ -151,8 +151,8 @@ impl ContactSolver {
         self.move_under_forces(resistance, forces, velocities)?;
         Ok(Quality {
             residual,
-            friction_error: 0.0,
             systems: 1,
+            ..Quality::default()
         })
     }
 }

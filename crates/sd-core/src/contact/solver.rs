@@ -387,6 +387,7 @@ impl ContactSolver {
                 }
                 Outcome::Solved {
                     merit,
+                    jammed,
                     systems: more,
                 } => {
                     self.keep_forces();
@@ -402,6 +403,7 @@ impl ContactSolver {
                     let quality = Quality {
                         residual: merit.residual,
                         friction_error: merit.friction_error,
+                        jammed,
                         systems: systems + more,
                     };
                     return Ok((quality, self.keep_activity() && !onset.smooth));

@@ -8,7 +8,7 @@
 //! forces alone leave, there is no G_tt. With p = −t on sticking rows the system of given states is symmetric but for the columns of
 //! contacts that slide, whose friction follows the load: `t = ±ν (f − f₀)`.
 
-use super::problem::{Forces, Grip, Noise, Problem, Proximal, States, System, largest};
+use super::problem::{Forces, Grip, Noise, Problem, States, System, largest};
 use crate::contact::row::Row;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::Matrix;
@@ -204,7 +204,7 @@ impl System for DenseSystem {
         &mut self,
         problem: &Problem,
         states: &States,
-        proximal: &Proximal,
+        compliance: f64,
         _: bool,
         forces: &mut Forces,
     ) -> Option<Noise> {
@@ -217,14 +217,13 @@ impl System for DenseSystem {
         let (first, size) = (active.len(), active.len() + sticking.len());
         let matrix = self.solver.matrix_mut();
         matrix.reshape(size, size);
-        let kappa = proximal.compliance;
         for (column, &b) in active.iter().enumerate() {
             let target = matrix.column_mut(column);
             let (normal, tangential) = (self.g_nn.column(b), self.g_tn.column(b));
             for (entry, &a) in target.iter_mut().zip(active.iter()) {
                 *entry = normal[a];
             }
-            target[column] += problem.normal[order[b]].compliance + kappa;
+            target[column] += problem.normal[order[b]].compliance + compliance;
             for (entry, &s) in target[first..].iter_mut().zip(sticking.iter()) {
                 *entry = tangential[s];
             }
@@ -242,26 +241,14 @@ impl System for DenseSystem {
                     *entry = own[r];
                 }
             }
-            target[first + column] += problem.tangential[row_order[s]].compliance + kappa;
+            target[first + column] += problem.tangential[row_order[s]].compliance + compliance;
         }
         self.solution.clear();
         self.solution.extend(active.iter().map(|&a| {
-            let k = order[a];
-            let centre = if kappa == 0.0 {
-                0.0
-            } else {
-                kappa * proximal.normal[k]
-            };
-            centre - problem.normal[k].bias - self.free_normal[a]
+            -problem.normal[order[a]].bias - self.free_normal[a]
         }));
         self.solution.extend(sticking.iter().map(|&s| {
-            let m = row_order[s];
-            let centre = if kappa == 0.0 {
-                0.0
-            } else {
-                kappa * proximal.tangential[m]
-            };
-            -problem.tangential[m].shift - self.free_slip[s] - centre
+            -problem.tangential[row_order[s]].shift - self.free_slip[s]
         }));
         for (m, grip) in states.grip.iter().enumerate() {
             let sign = grip.sign();

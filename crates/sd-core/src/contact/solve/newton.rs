@@ -3,32 +3,38 @@
 //! Once each contact is known to be open, to stick or to slide to either side, the problem is linear. A semismooth Newton method
 //! (Alart & Curnier 1991) solves it for the states at hand and mends those that its solution contradicts; started from the last states it
 //! mostly needs one or two systems. Where it cycles, some contradictions are mended by chance, which ends most cycles. Where that fails too,
-//! compliance is added about the forces at hand, which makes the problem an easy one, and taken away again step by step: the proximal
-//! point method, which is the method of multipliers for the motion. What is accepted is measured: [`Merit`] vanishes exactly at a solution.
+//! all contacts get compliance, which makes the problem an easy one, and lose it again step by step. What is accepted is measured: [`Merit`]
+//! vanishes exactly at a solution.
 //!
-//! On which contacts friction acts (f > F_crit) is decided along with the states in the first systems and then held, as the law jumps
-//! there and a set that agrees with itself need not exist.
+//! Coulomb's problem need not have a solution: it is not the gradient of anything. There are then forces within the bounds that balance on
+//! every sphere and that the flow works against: as compliance falls they grow like its inverse, while contacts give way at a velocity that
+//! does not fall. The way ends, and the layer is jammed at that instant.
+//!
+//! On which contacts friction acts (f > F_crit) is decided anew for every solution until the set agrees with itself, or has been decided
+//! often enough: the law jumps there, and such a set need not exist. Where the law does not jump it is decided along with the states.
 
-use super::problem::{Forces, Grip, Noise, Problem, Proximal, States, System, largest};
+use super::problem::{Forces, Grip, Noise, Problem, States, System, largest};
 
 /// Systems before other ways are tried.
 const FIRST_SYSTEMS: u32 = 40;
-/// Systems of a proximal problem.
-const PROXIMAL_SYSTEMS: u32 = 12;
-/// Systems in which it is decided on which contacts friction acts.
-const DECIDING_SYSTEMS: u32 = 4;
+/// Systems of a problem on the way to the one asked for.
+const PATH_SYSTEMS: u32 = 20;
+/// Times that it is decided anew on which contacts friction acts.
+const DECISIONS: u32 = 10;
 /// Systems without fewer contradictions after which only some are mended at a time, chosen by chance.
 const PATIENCE: u32 = 3;
-/// Proximal problems before the best forces so far are given back, with their merit.
-const MOST_ROUNDS: u32 = 60;
-/// Compliance of the first proximal problem, over the largest mobility of a contact.
+/// Problems on the way, after which the stiffest that was solved has to do.
+const MOST_PROBLEMS: u32 = 60;
+/// Compliance of the first problem on the way, over the largest mobility of a contact.
 const FIRST_COMPLIANCE: f64 = 3.0;
-/// What it is divided by after the first problem that is solved; at most.
-const STIFFENING: [f64; 2] = [10.0, 1e3];
-/// At least, after some that are not.
-const LEAST_STIFFENING: f64 = 2.0;
-/// Residual over the largest velocity at which proximal problems end.
-const SOLVED: f64 = 1e-12;
+/// What compliance is divided by: at first, at most, and at least before the way counts as ended.
+const FIRST_RATIO: f64 = 10.0;
+const MOST_RATIO: f64 = 100.0;
+const LEAST_RATIO: f64 = 1.1;
+/// Compliance after which comes none, in a/(mu·a²·rate).
+const LAST_COMPLIANCE: f64 = 1e-11;
+/// Velocity at which contacts give way under compliance, in a·rate, above which the end of the way means that there is no solution.
+const JAMMED_APPROACH: f64 = 1e-3;
 
 /// How well forces solve a problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +52,8 @@ pub(crate) enum Outcome {
     Solved {
         /// How well.
         merit: Merit,
+        /// Whether there is no solution: the forces at hand are those of contacts that give way a little.
+        jammed: bool,
         /// Linear systems solved.
         systems: u32,
     },
@@ -136,9 +144,9 @@ pub(crate) struct BoxSolver {
     pub(crate) forces: Forces,
     /// Best forces so far.
     best: Forces,
-    /// Forces about which a proximal problem is.
-    proximal: Proximal,
-    /// Systems in which the set of contacts with friction may still change.
+    /// Compliance of all contacts and rows, besides their own.
+    compliance: f64,
+    /// Times that the set of contacts with friction may still be decided.
     deciding: u32,
 }
 
@@ -153,8 +161,6 @@ impl BoxSolver {
             forces.tangential.reserve(2 * candidates);
             forces.slip.reserve(2 * candidates);
         }
-        self.proximal.normal.reserve(candidates);
-        self.proximal.tangential.reserve(2 * candidates);
     }
 
     /// Solves from the states and forces at hand, which are then those of the solution or of the best found.
@@ -167,8 +173,8 @@ impl BoxSolver {
         onset: Onset,
         mut refine: impl FnMut(&mut Problem, &Forces) -> usize,
     ) -> Outcome {
-        self.deciding = if onset.deciding { DECIDING_SYSTEMS } else { 0 };
-        self.proximal.compliance = 0.0;
+        self.deciding = if onset.deciding { DECISIONS } else { 0 };
+        self.compliance = 0.0;
         let (ended, mut systems) = self.newton(problem, system, onset, &mut refine, FIRST_SYSTEMS);
         match ended {
             Ended::Admit => Outcome::Admit { systems },
@@ -176,13 +182,18 @@ impl BoxSolver {
                 self.clip();
                 Outcome::Solved {
                     merit: self.merit(problem, system),
+                    jammed: false,
                     systems,
                 }
             }
             Ended::Failed => {
-                let (merit, more) = self.approach(problem, system, onset, &mut refine);
+                let (merit, jammed, more) = self.stiffen(problem, system, onset, &mut refine);
                 systems += more;
-                Outcome::Solved { merit, systems }
+                Outcome::Solved {
+                    merit,
+                    jammed,
+                    systems,
+                }
             }
         }
     }
@@ -199,22 +210,23 @@ impl BoxSolver {
         let mut pace = Pace::new();
         let mut last = false;
         for count in 1..=most {
-            let (states, proximal) = (&self.states, &self.proximal);
-            let Some(noise) = system.solve(problem, states, proximal, last, &mut self.forces)
+            let (states, compliance) = (&self.states, self.compliance);
+            let Some(noise) = system.solve(problem, states, compliance, last, &mut self.forces)
             else {
                 return (Ended::Failed, count);
             };
-            let deciding = onset.smooth || self.deciding > 0;
-            self.deciding = self.deciding.saturating_sub(1);
-            let mut found = 0;
-            if deciding {
-                if onset.admits && self.lacks_row(problem, onset.critical_load) {
-                    return (Ended::Admit, count);
-                }
+            let deciding = self.deciding > 0 || onset.smooth;
+            if deciding && onset.admits && self.lacks_row(problem, onset.critical_load) {
+                return (Ended::Admit, count);
+            }
+            let mut found = refine(problem, &self.forces) + self.mend(problem, noise, &mut pace);
+            if onset.smooth {
+                found += self.decide(problem, onset.critical_load);
+            } else if found == 0 && deciding && noise.exact {
+                // Only now, as forces on the way say nothing about loads.
+                self.deciding -= 1;
                 found += self.decide(problem, onset.critical_load);
             }
-            found += refine(problem, &self.forces);
-            found += self.mend(problem, noise, &mut pace);
             if found == 0 && noise.exact {
                 return (Ended::Solved, count);
             }
@@ -249,67 +261,14 @@ impl BoxSolver {
         changes
     }
 
-    /// Solves a row of proximal problems, each about the solution of the one before; how well it ended, and the number of systems.
-    fn approach(
-        &mut self,
-        problem: &mut Problem,
-        system: &mut impl System,
-        onset: Onset,
-        refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
-    ) -> (Merit, u32) {
-        let mut best = Merit {
-            residual: f64::INFINITY,
-            friction_error: f64::INFINITY,
-        };
-        self.keep_best(problem, system, &mut best);
-        let mobility = (0..problem.normal.len()).map(|k| system.mobility(k));
-        let mut compliance = FIRST_COMPLIANCE * mobility.fold(0.0, f64::max);
-        let velocities = largest(&self.forces.slack).max(largest(&self.forces.slip));
-        let solved = SOLVED * velocities.max(1.0);
-        let mut systems = 0;
-        let (mut factor, mut growth) = (STIFFENING[0], STIFFENING[0]);
-        self.read_states(problem);
-        self.centre();
-        for _ in 0..MOST_ROUNDS {
-            self.proximal.compliance = compliance;
-            let (ended, steps) = self.newton(problem, system, onset, refine, PROXIMAL_SYSTEMS);
-            systems += steps;
-            if ended == Ended::Solved {
-                self.admit(problem);
-                self.centre();
-                if steps == 1 {
-                    // Where the states stand, only the last digits are missing.
-                    factor = (factor * growth).min(STIFFENING[1]);
-                }
-                compliance /= factor;
-            } else {
-                self.forces.normal.clone_from(&self.proximal.normal);
-                self.forces.tangential.clone_from(&self.proximal.tangential);
-                compliance *= STIFFENING[0].max(factor);
-                factor = factor.sqrt().max(LEAST_STIFFENING);
-                growth = growth.sqrt();
-            }
-            self.read_states(problem);
-            self.keep_best(problem, system, &mut best);
-            if best.residual <= solved {
-                break;
-            }
-        }
-        self.proximal.compliance = 0.0;
-        std::mem::swap(&mut self.forces, &mut self.best);
-        self.read_states(problem);
-        system.measure(problem, &mut self.forces);
-        (best, systems)
-    }
-
     /// Forces of either sign that the states at hand give; whether there are any.
     pub(crate) fn solve_states(&mut self, problem: &Problem, system: &mut impl System) -> bool {
-        self.proximal.compliance = 0.0;
+        self.compliance = 0.0;
         for _ in 0..FIRST_SYSTEMS {
             match system.solve(
                 problem,
                 &self.states,
-                &self.proximal,
+                self.compliance,
                 true,
                 &mut self.forces,
             ) {
@@ -321,37 +280,63 @@ impl BoxSolver {
         false
     }
 
-    /// Takes the forces at hand as those about which the next proximal problem is.
-    fn centre(&mut self) {
-        self.proximal.normal.clone_from(&self.forces.normal);
-        self.proximal.tangential.clone_from(&self.forces.tangential);
+    /// Follows the solution from an easy problem, with compliance, as far towards the problem itself as it goes; how well the problem is then
+    /// solved, whether it is jammed, and the number of systems.
+    fn stiffen(
+        &mut self,
+        problem: &mut Problem,
+        system: &mut impl System,
+        onset: Onset,
+        refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
+    ) -> (Merit, bool, u32) {
+        let mobility = (0..problem.normal.len()).map(|k| system.mobility(k));
+        let mut compliance = FIRST_COMPLIANCE * mobility.fold(0.0, f64::max);
+        let (mut solved, mut ratio, mut systems) = (None, FIRST_RATIO, 0);
+        self.best.clone_from(&self.forces);
+        for _ in 0..MOST_PROBLEMS {
+            self.compliance = compliance;
+            let (ended, more) = self.newton(problem, system, onset, refine, PATH_SYSTEMS);
+            systems += more;
+            if ended == Ended::Solved {
+                self.clip();
+                self.best.clone_from(&self.forces);
+                if compliance == 0.0 {
+                    break;
+                }
+                solved = Some(compliance);
+                ratio = (ratio * ratio).min(MOST_RATIO);
+            } else if solved.is_none() {
+                compliance *= FIRST_RATIO;
+                continue;
+            } else {
+                ratio = ratio.sqrt();
+                if ratio < LEAST_RATIO {
+                    break;
+                }
+                self.forces.clone_from(&self.best);
+                self.read_states(problem);
+            }
+            compliance = solved.map_or(compliance, |last| last / ratio);
+            if compliance < LAST_COMPLIANCE {
+                compliance = 0.0;
+            }
+        }
+        let reached = self.compliance;
+        std::mem::swap(&mut self.forces, &mut self.best);
+        self.compliance = 0.0;
+        self.read_states(problem);
+        system.measure(problem, &mut self.forces);
+        let merit = self.merit(problem, system);
+        // What compliance gives way to.
+        let approach = solved.unwrap_or(0.0) * largest(&self.forces.normal);
+        let jammed = reached != 0.0 && approach > JAMMED_APPROACH;
+        (merit, jammed, systems)
     }
 
     /// Sets forces that rounding left below zero to zero.
     fn clip(&mut self) {
         for f in &mut self.forces.normal {
             *f = f.max(0.0);
-        }
-    }
-
-    /// Makes the forces at hand admissible.
-    fn admit(&mut self, problem: &Problem) {
-        self.clip();
-        for (t, row) in self.forces.tangential.iter_mut().zip(&problem.tangential) {
-            let bound = problem.bound(row, &self.forces.normal);
-            *t = t.clamp(-bound, bound);
-        }
-    }
-
-    /// Measures the forces at hand, made admissible, and keeps them if there were none better.
-    fn keep_best(&mut self, problem: &Problem, system: &mut impl System, best: &mut Merit) {
-        self.admit(problem);
-        system.measure(problem, &mut self.forces);
-        let merit = self.merit(problem, system);
-        // Also from not-a-number, which a broken system leaves.
-        if merit.residual < best.residual || best.residual.is_infinite() {
-            *best = merit;
-            self.best.clone_from(&self.forces);
         }
     }
 
@@ -392,7 +377,7 @@ impl BoxSolver {
             let wrong = if *closed {
                 f < -noise.force
             } else {
-                forces.slack[k] + self.proximal.slack(k, f) < -noise.velocity
+                forces.slack[k] + self.compliance * f < -noise.velocity
             };
             if wrong {
                 found += 1;
@@ -402,7 +387,7 @@ impl BoxSolver {
         for (m, row) in problem.tangential.iter().enumerate() {
             let load = forces.normal[row.contact] - problem.offset;
             let (t, grip) = (forces.tangential[m], states.grip[m]);
-            let z = forces.slip[m] + self.proximal.slip(m, t);
+            let z = forces.slip[m] - self.compliance * t;
             let gripped = row.acts && states.closed[row.contact];
             let limited = problem.friction.is_finite();
             let below_offset = problem.offset > 0.0 && load <= noise.force;

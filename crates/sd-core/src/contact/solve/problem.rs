@@ -124,37 +124,6 @@ impl Forces {
     }
 }
 
-/// Compliance about given forces, which makes a problem easier: `w + κ (f − f₀)`, `z − κ (t − t₀)`.
-#[derive(Debug, Default)]
-pub(crate) struct Proximal {
-    /// κ; 0: the problem as it is.
-    pub(crate) compliance: f64,
-    /// f₀.
-    pub(crate) normal: Vec<f64>,
-    /// t₀.
-    pub(crate) tangential: Vec<f64>,
-}
-
-impl Proximal {
-    /// What the proximal problem adds to w of a candidate.
-    pub(crate) fn slack(&self, k: usize, f: f64) -> f64 {
-        if self.compliance == 0.0 {
-            0.0
-        } else {
-            self.compliance * (f - self.normal[k])
-        }
-    }
-
-    /// What it adds to z of a row.
-    pub(crate) fn slip(&self, m: usize, t: f64) -> f64 {
-        if self.compliance == 0.0 {
-            0.0
-        } else {
-            -self.compliance * (t - self.tangential[m])
-        }
-    }
-}
-
 /// What decides nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Noise {
@@ -168,7 +137,7 @@ pub(crate) struct Noise {
 
 /// The linear algebra behind a problem: how forces of contacts move contacts.
 pub(crate) trait System {
-    /// Forces (of either sign) that the states give, their slack and slip of the problem without proximal terms.
+    /// Forces (of either sign) that the states give with `compliance` besides the entries' own, and their slack and slip without it.
     ///
     /// `last`: whether these states are expected to be the last, so that the forces had better be as exact as they can. `None` where the
     /// states have no solution.
@@ -176,7 +145,7 @@ pub(crate) trait System {
         &mut self,
         problem: &Problem,
         states: &States,
-        proximal: &Proximal,
+        compliance: f64,
         last: bool,
         forces: &mut Forces,
     ) -> Option<Noise>;

@@ -13,7 +13,7 @@
 //! unsymmetric; eliminating the forces from it leaves `R + Cᵀ S C + Dᵀ S D` with the stiffnesses S = 1/κ of springs over the time
 //! ahead, or a large one for rigid contacts: a sparse Cholesky factor in single precision. So soft and rigid contacts cost the same.
 
-use super::problem::{Forces, Grip, Noise, Problem, Proximal, States, System, largest};
+use super::problem::{Forces, Grip, Noise, Problem, States, System, largest};
 use crate::contact::row::Row;
 use crate::contact::solver::Driving;
 use crate::error::Error;
@@ -78,7 +78,7 @@ struct Linear<'a> {
     network: &'a PairwiseResistance,
     problem: &'a Problem,
     states: &'a States,
-    kappa: f64,
+    compliance: f64,
 }
 
 impl SparseSystem {
@@ -103,12 +103,12 @@ impl SparseSystem {
 impl Linear<'_> {
     /// Compliance of a candidate.
     fn compliance(&self, k: usize) -> f64 {
-        self.problem.normal[k].compliance + self.kappa
+        self.problem.normal[k].compliance + self.compliance
     }
 
     /// Compliance of a row.
     fn row_compliance(&self, m: usize) -> f64 {
-        self.problem.tangential[m].compliance + self.kappa
+        self.problem.tangential[m].compliance + self.compliance
     }
 
     /// Friction over load of a sliding row of a closed candidate; 0 for others.
@@ -246,7 +246,7 @@ impl Linear<'_> {
 
 impl SparseSystem {
     /// The residual of the linear system at the velocities and forces at hand.
-    fn find_residual(&mut self, linear: &Linear<'_>, proximal: &Proximal, forces: &Forces) {
+    fn find_residual(&mut self, linear: &Linear<'_>, forces: &Forces) {
         let problem = linear.problem;
         let n = self.velocities.len();
         let flow = if problem.isolated { 2 * n } else { n };
@@ -271,8 +271,8 @@ impl SparseSystem {
                 if problem.isolated {
                     entry.row.add(f, r_n);
                 }
-                let slack = entry.row.read(&self.velocities) + entry.bias + entry.compliance * f;
-                r_f[k] = -WEIGHT * (slack + proximal.slack(k, f));
+                let moved = entry.row.read(&self.velocities) + linear.compliance(k) * f;
+                r_f[k] = -WEIGHT * (moved + entry.bias);
             }
         }
         for (m, entry) in problem.tangential.iter().enumerate() {
@@ -286,8 +286,8 @@ impl SparseSystem {
                 } else {
                     &self.velocities
                 };
-                let slip = entry.row.read(flow) + entry.shift - entry.compliance * t;
-                r_t[m] = -WEIGHT * (slip + proximal.slip(m, t));
+                let moved = entry.row.read(flow) - linear.row_compliance(m) * t;
+                r_t[m] = -WEIGHT * (moved + entry.shift);
             }
         }
     }
@@ -390,7 +390,7 @@ impl System for OnNetwork<'_> {
         &mut self,
         problem: &Problem,
         states: &States,
-        proximal: &Proximal,
+        compliance: f64,
         last: bool,
         forces: &mut Forces,
     ) -> Option<Noise> {
@@ -398,11 +398,11 @@ impl System for OnNetwork<'_> {
             network: self.network,
             problem,
             states,
-            kappa: proximal.compliance,
+            compliance,
         };
         let system = &mut *self.system;
         SparseSystem::follow(&linear, forces);
-        system.find_residual(&linear, proximal, forces);
+        system.find_residual(&linear, forces);
         let square = |x: &[f64]| dot(x, x);
         let size = square(&system.driving[0])
             + square(&forces.normal)
@@ -466,7 +466,7 @@ impl System for OnNetwork<'_> {
         std::mem::swap(&mut self.system.driving, &mut driving);
         let mut none = Forces::default();
         for _ in 0..8 {
-            let noise = self.solve(problem, &states, &Proximal::default(), true, &mut none);
+            let noise = self.solve(problem, &states, 0.0, true, &mut none);
             if noise.is_none_or(|noise| noise.exact) {
                 break;
             }
