@@ -15,8 +15,8 @@ use sd_core::modes::{Background, Vec2};
 use sd_core::params::DEEPEST_OVERLAP;
 use sd_core::simulation::{Counters, SNAPSHOT_VERSION, SchemeMemory};
 use sd_core::{
-    ContactScheme, FrictionOnset, Hydrodynamics, IterativeFarField, Method, NearFields, Params,
-    Resistance, Simulation, Snapshot, StageContact, StageSolver, StressWork,
+    ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField, Method, NearFields,
+    Params, Resistance, Simulation, Snapshot, StageContact, StageSolver, StressWork,
 };
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -24,6 +24,8 @@ use std::path::Path;
 
 /// Largest difference of velocities, forces and viscosities, over the largest of each.
 const LIMIT: f64 = 1e-6;
+/// Share of the instants at which friction may act on other contacts than it did.
+const OTHER_SETS: f64 = 0.05;
 /// Relative residual of the iterated far field.
 const FAR_FIELD_RESIDUAL: f64 = 1e-7;
 
@@ -151,7 +153,7 @@ impl Record {
     }
 
     /// Solves the instant, from the forces of the stage before or from the recorded solution.
-    fn solve(&self, method: Method, from_solution: bool) -> Solved {
+    fn solve(&self, method: Method, from_solution: bool) -> Result<Solved, Error> {
         let strain = self.steps as f64 * self.params.time_step;
         let cell = Cell::periodic(self.side, self.side, strain * self.side).unwrap();
         let mut stage = self.stage(method, &cell);
@@ -183,7 +185,7 @@ impl Record {
                 memory: &mut memory,
             },
         };
-        let quality = stage.solve(&Background::SHEAR, &[], contact).unwrap();
+        let quality = stage.solve(&Background::SHEAR, &[], contact)?;
         let area = self.side * self.side;
         let stress = StressWork::default().stress(&stage, &Background::SHEAR, area);
         let loaded = stage.contacts.list.iter().filter(|c| c.normal_force > 0.0);
@@ -192,7 +194,7 @@ impl Record {
             c.normal_force > 0.0
                 && (c.normal_force > load) == (c.state == ContactState::Frictionless)
         };
-        Solved {
+        Ok(Solved {
             contradictions: stage.contacts.list.iter().filter(contradicts).count(),
             quality,
             viscosity: stress.viscosity,
@@ -200,7 +202,7 @@ impl Record {
             contacts: loaded
                 .map(|c| ((c.pair.i, c.pair.j), [c.normal_force, c.tangential_force]))
                 .collect(),
-        }
+        })
     }
 
     fn expected(&self) -> BTreeMap<(usize, usize), [f64; 2]> {
@@ -278,7 +280,13 @@ fn check(law: &str) -> (Tally, Vec<String>) {
         let mut other = false;
         for method in record.methods() {
             tally.instants += 1;
-            let solved = record.solve(method, false);
+            let solved = match record.solve(method, false) {
+                Ok(solved) => solved,
+                Err(error) => {
+                    failures.push(format!("{what}, {method:?}: {error}"));
+                    continue;
+                }
+            };
             let Some(failure) = record.compare(&solved) else {
                 continue;
             };
@@ -289,7 +297,12 @@ fn check(law: &str) -> (Tally, Vec<String>) {
                     "{what}, {method:?}: friction acts on other contacts, {} contradict; {failure}",
                     solved.contradictions
                 );
-                if let Some(failure) = record.compare(&record.solve(method, true)) {
+                let again = record.solve(method, true);
+                let failure = match &again {
+                    Ok(again) => record.compare(again),
+                    Err(error) => Some(error.to_string()),
+                };
+                if let Some(failure) = failure {
                     failures.push(format!("{what}, {method:?}, from the solution: {failure}"));
                 }
             } else {
@@ -317,25 +330,59 @@ fn check(law: &str) -> (Tally, Vec<String>) {
     (tally, failures)
 }
 
-/// Checks a law: how many instants have another set of contacts with friction.
-fn hold(law: &str, other_sets: u32) {
+/// Checks a law.
+fn hold(law: &str) {
     let (tally, failures) = check(law);
     assert!(tally.instants > 5 && tally.runs > 5, "{tally:?}");
     assert!(failures.is_empty(), "{failures:#?}");
-    assert!(tally.other_sets <= other_sets, "{tally:?}");
+    let share = f64::from(tally.other_sets) / f64::from(tally.instants);
+    assert!(share <= OTHER_SETS, "{tally:?}");
 }
+
+/// Share of the instants at which friction may act on other contacts than it did.
+const OTHER_SETS: f64 = 0.05;
 
 #[test]
 fn rigid_roll_slip_is_as_before() {
-    hold("rigid", 0);
+    hold("rigid");
 }
 
 #[test]
 fn procedure_is_as_before() {
-    hold("procedure", 0);
+    hold("procedure");
 }
 
 #[test]
 fn rigid_coulomb_is_as_before() {
-    hold("rigid-coulomb", 0);
+    hold("rigid-coulomb");
+}
+
+#[test]
+fn rigid_stick_rotate_is_as_before() {
+    hold("rigid-stick-rotate");
+}
+
+#[test]
+fn spring_roll_slip_is_as_before() {
+    hold("spring-roll-slip");
+}
+
+#[test]
+fn spring_stick_slide_is_as_before() {
+    hold("spring-stick-slide");
+}
+
+#[test]
+fn spring_coulomb_is_as_before() {
+    hold("spring-coulomb");
+}
+
+#[test]
+fn hertz_stick_slide_is_as_before() {
+    hold("hertz-stick-slide");
+}
+
+#[test]
+fn spring_with_reduced_onset_dashpot_and_repulsion_is_as_before() {
+    hold("spring-reduced");
 }
