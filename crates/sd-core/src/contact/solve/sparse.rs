@@ -322,7 +322,7 @@ impl SparseSystem {
         } else {
             self.stiffness.len()
         };
-        let changes = if self.factored.len() == rows {
+        let changes = if rows > 0 && self.factored.len() == rows {
             let pairs = self.factored.iter().zip(&self.stiffness);
             pairs.filter(|(old, new)| old != new).count()
         } else {
