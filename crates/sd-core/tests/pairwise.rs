@@ -168,7 +168,13 @@ fn velocities_forces_and_states_are_those_of_the_factored_layer() {
         assert!(largest(contacts.map(|c| c.normal_force)) > 10.0);
         let what = (area_fraction, friction, load);
         let frictional = compare(&found, &expected, [limit, 10.0 * limit], &what);
-        assert_eq!(frictional > 0, friction > 0.0);
+        let loads = expected.contacts.list.iter().map(|c| c.normal_force);
+        assert_eq!(
+            frictional > 0,
+            friction > 0.0,
+            "{what:?}: largest load {}",
+            largest(loads)
+        );
     }
 }
 

@@ -339,9 +339,6 @@ fn hold(law: &str) {
     assert!(share <= OTHER_SETS, "{tally:?}");
 }
 
-/// Share of the instants at which friction may act on other contacts than it did.
-const OTHER_SETS: f64 = 0.05;
-
 #[test]
 fn rigid_roll_slip_is_as_before() {
     hold("rigid");

@@ -8,14 +8,14 @@ use proptest::prelude::*;
 
 /// How contacts move each other in a made-up network: the Gram matrices of random columns.
 struct Network {
-    g_nn: DMatrix<f64>,
-    g_tn: DMatrix<f64>,
-    g_tt: DMatrix<f64>,
+    normal: DMatrix<f64>,
+    coupling: DMatrix<f64>,
+    tangential: DMatrix<f64>,
 }
 
 impl Network {
     /// `columns`: of the normal forces, then of friction. `isolated`: whether friction moves no contact along its tangent. `apart`: whether
-    /// normal forces and friction hardly move each other's contacts.
+    /// normal forces and friction leave each other's contacts where they are.
     fn new(columns: &[Vec<f64>], isolated: bool, apart: bool) -> Self {
         let count = columns.len() / 2;
         let matrix = |part: &[Vec<f64>], kept: std::ops::Range<usize>| {
@@ -29,7 +29,7 @@ impl Network {
             DMatrix::from_fn(24, count, entry)
         };
         let [of_n, of_t] = if apart {
-            [0..13, 12..24]
+            [0..12, 12..24]
         } else {
             [0..24, 0..24]
         };
@@ -38,9 +38,9 @@ impl Network {
             matrix(&columns[count..], of_t),
         );
         Self {
-            g_nn: n.transpose() * &n,
-            g_tn: t.transpose() * &n,
-            g_tt: if isolated {
+            normal: n.transpose() * &n,
+            coupling: t.transpose() * &n,
+            tangential: if isolated {
                 DMatrix::zeros(count, count)
             } else {
                 t.transpose() * &t
@@ -52,8 +52,8 @@ impl Network {
     fn velocities(&self, problem: &Problem, forces: &Forces) -> [DVector<f64>; 2] {
         let f = DVector::from_column_slice(&forces.normal);
         let t = DVector::from_column_slice(&forces.tangential);
-        let mut w = &self.g_nn * &f - self.g_tn.transpose() * &t;
-        let mut z = &self.g_tn * &f - &self.g_tt * &t;
+        let mut w = &self.normal * &f - self.coupling.transpose() * &t;
+        let mut z = &self.coupling * &f - &self.tangential * &t;
         for (k, entry) in problem.normal.iter().enumerate() {
             w[k] += entry.bias + entry.compliance * f[k];
         }
@@ -80,8 +80,8 @@ impl System for Network {
             if states.closed[k] {
                 matrix[(k, k)] = 0.0;
                 for l in 0..count {
-                    matrix[(k, l)] += self.g_nn[(k, l)];
-                    matrix[(k, count + l)] = -self.g_tn[(l, k)];
+                    matrix[(k, l)] += self.normal[(k, l)];
+                    matrix[(k, count + l)] = -self.coupling[(l, k)];
                 }
                 matrix[(k, k)] += problem.normal[k].compliance + compliance;
                 rhs[k] = -problem.normal[k].bias;
@@ -91,8 +91,8 @@ impl System for Network {
                 Grip::Stick => {
                     matrix[(row, row)] = 0.0;
                     for l in 0..count {
-                        matrix[(row, l)] = self.g_tn[(k, l)];
-                        matrix[(row, count + l)] -= self.g_tt[(k, l)];
+                        matrix[(row, l)] = self.coupling[(k, l)];
+                        matrix[(row, count + l)] -= self.tangential[(k, l)];
                     }
                     matrix[(row, row)] -= problem.tangential[k].compliance + compliance;
                     rhs[row] = -problem.tangential[k].shift;
@@ -128,7 +128,7 @@ impl System for Network {
     }
 
     fn mobility(&self, candidate: usize) -> f64 {
-        self.g_nn[(candidate, candidate)]
+        self.normal[(candidate, candidate)]
     }
 }
 
@@ -163,7 +163,7 @@ fn laws() -> Vec<Law> {
 
 /// The problem of a law, and its solution from all contacts closed.
 fn solve(law: Law, network: &mut Network, given: &[f64]) -> (Problem, BoxSolver, f64) {
-    let count = network.g_nn.nrows();
+    let count = network.normal.nrows();
     let row = Row {
         spheres: [0, 1],
         weights: [0.0; 6],
@@ -224,9 +224,10 @@ proptest! {
                 let acts = row.acts && f > law.offset;
                 let bound = if acts { law.friction * (f - law.offset) } else { 0.0 };
                 prop_assert!(t.abs() <= bound * (1.0 + 1e-12), "{law:?}: {t} of {bound}");
-                if t.abs() < bound * (1.0 - 1e-9) {
+                // Loads that are rounding have a bound that is rounding.
+                if t.abs() < bound * (1.0 - 1e-9) - 1e-12 {
                     prop_assert!(z[m].abs() < 1e-8, "{law:?}: {} inside the bound", z[m]);
-                } else if bound > 0.0 {
+                } else if bound > 1e-12 {
                     prop_assert!(z[m] * t > -1e-8, "{law:?}: {} at the bound", z[m]);
                 }
             }
