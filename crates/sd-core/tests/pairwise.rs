@@ -1,6 +1,10 @@
 //! Layers whose resistance is held pair by pair against the same layers with all of `R_FU` factored.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a test fails by panicking"
+)]
 
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, Span};

@@ -5,6 +5,7 @@
 //! Such instants are counted, and solved once more from the recorded forces: the recorded solution must then be found.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "counts what is left out")]
 
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, Span};
