@@ -46,8 +46,7 @@ impl Quality {
     /// Whether the problem was solved, or found to have no solution.
     pub fn converged(&self) -> bool {
         self.jammed
-            || self.residual <= Self::RESIDUAL_LIMIT
-                && self.friction_error <= Self::FRICTION_LIMIT
+            || self.residual <= Self::RESIDUAL_LIMIT && self.friction_error <= Self::FRICTION_LIMIT
     }
 }
 

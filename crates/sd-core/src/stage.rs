@@ -22,8 +22,10 @@ use nalgebra::Vector3;
 const STRICT: f64 = 1e-2;
 /// Relative residual that the first evaluation is made for.
 const FIRST: f64 = 1e-2;
-/// Relative residual above which it is still decided on which contacts friction acts, and evaluations after which it is not.
-const DECIDING: (f64, u32) = (1e-3, 40);
+/// Relative residual below which it is decided anew on which contacts friction acts; before, loads mean little.
+const DECIDING: f64 = 3e-2;
+/// Changes of these contacts in one solve after which they are held.
+const MOST_CHANGES: u32 = 8;
 
 /// What keeps the spheres apart, with what it remembers from stage to stage.
 pub enum Contact<'a> {
@@ -214,6 +216,7 @@ impl StageSolver {
                             contacts,
                             memory,
                             quality: Quality::default(),
+                            changes: 0,
                         };
                         let strain = background.strain();
                         far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
@@ -249,6 +252,8 @@ struct ContactMap<'a> {
     memory: &'a mut ContactMemory,
     /// How well it was solved last.
     quality: Quality,
+    /// How often the contacts on which friction acts have changed.
+    changes: u32,
 }
 
 impl FixedPointMap for ContactMap<'_> {
@@ -267,11 +272,12 @@ impl FixedPointMap for ContactMap<'_> {
             enough: STRICT * progress.residual.min(FIRST),
         };
         let (v, v_t) = velocities.split_at_mut(half);
-        let (residual, most) = DECIDING;
-        let deciding = progress.residual > residual && progress.evaluations < most;
+        let first = progress.evaluations == 0;
+        let deciding = self.changes < MOST_CHANGES && (first || progress.residual < DECIDING);
         let (quality, changed) =
             self.contacts
                 .evaluate(&self.posed, driving, self.memory, deciding, v)?;
+        self.changes += u32::from(changed && !first);
         self.quality = Quality {
             systems: self.quality.systems + quality.systems,
             ..quality

@@ -2,21 +2,22 @@
 //!
 //! The records and their origin are described in `tests/data/README.md` at the repository's top. Where friction begins with a jump, at a
 //! finite critical load, more than one set of contacts with friction can agree with itself, and the two programs may find different ones.
-//! Such instants are counted and left out.
+//! Such instants are counted, and solved once more from the recorded forces: the recorded solution must then be found.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "counts what is left out")]
 
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, Span};
 use sd_core::contact::procedure::ContactList;
 use sd_core::contact::warm_start::{SpringForces, WarmStart};
-use sd_core::contact::{ContactMemory, Quality};
+use sd_core::contact::{Contact, ContactMemory, ContactState, Quality};
 use sd_core::modes::{Background, Vec2};
 use sd_core::params::DEEPEST_OVERLAP;
 use sd_core::simulation::{Counters, SNAPSHOT_VERSION, SchemeMemory};
 use sd_core::{
-    ContactScheme, FrictionOnset, Hydrodynamics, IterativeFarField, Method, NearFields, Params,
-    Resistance, Simulation, Snapshot, StageContact, StageSolver, StressWork,
+    ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField, Method, NearFields,
+    Params, Resistance, Simulation, Snapshot, StageContact, StageSolver, StressWork,
 };
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -24,8 +25,10 @@ use std::path::Path;
 
 /// Largest difference of velocities, forces and viscosities, over the largest of each.
 const LIMIT: f64 = 1e-6;
+/// Share of the instants at which friction may act on other contacts than it did.
+const OTHER_SETS: f64 = 0.05;
 /// Relative residual of the iterated far field.
-const FAR_FIELD_RESIDUAL: f64 = 1e-8;
+const FAR_FIELD_RESIDUAL: f64 = 1e-7;
 
 /// One record.
 #[derive(Deserialize)]
@@ -58,6 +61,8 @@ struct Solved {
     viscosity: f64,
     velocities: Vec<f64>,
     contacts: BTreeMap<(usize, usize), [f64; 2]>,
+    /// Contacts on which friction acts below the critical load, or does not above it.
+    contradictions: usize,
 }
 
 /// What became of the records.
@@ -148,7 +153,8 @@ impl Record {
         }
     }
 
-    fn solve(&self, method: Method) -> Solved {
+    /// Solves the instant, from the forces of the stage before or from the recorded solution.
+    fn solve(&self, method: Method, from_solution: bool) -> Result<Solved, Error> {
         let strain = self.steps as f64 * self.params.time_step;
         let cell = Cell::periodic(self.side, self.side, strain * self.side).unwrap();
         let mut stage = self.stage(method, &cell);
@@ -156,6 +162,18 @@ impl Record {
         stage.assemble(&cell, &centres).unwrap();
         let (surface, mut listed, mut memory) =
             (self.params.surface(), self.listed(), self.memory());
+        if from_solution {
+            let pairs = self.instant.contacts.iter();
+            #[expect(clippy::cast_possible_truncation, reason = "numbers of spheres")]
+            let forces = pairs.map(|&(i, j, f, t)| {
+                // Which contacts slide must survive the rounding of the recorded digits.
+                let bound = surface.friction * f;
+                let slides = t.abs() > (1.0 - 1e-6) * bound;
+                let t = if slides { bound.copysign(t) } else { t };
+                (i as u32, j as u32, f, t)
+            });
+            memory.warm_start.forces = forces.collect();
+        }
         let laws = Laws::new(self.params.contact.laws(), surface);
         let contact = match self.params.contact {
             ContactScheme::Procedure => StageContact::Procedure {
@@ -168,18 +186,24 @@ impl Record {
                 memory: &mut memory,
             },
         };
-        let quality = stage.solve(&Background::SHEAR, &[], contact).unwrap();
+        let quality = stage.solve(&Background::SHEAR, &[], contact)?;
         let area = self.side * self.side;
         let stress = StressWork::default().stress(&stage, &Background::SHEAR, area);
         let loaded = stage.contacts.list.iter().filter(|c| c.normal_force > 0.0);
-        Solved {
+        let load = surface.critical_load;
+        let contradicts = |c: &&Contact| {
+            c.normal_force > 0.0
+                && (c.normal_force > load) == (c.state == ContactState::Frictionless)
+        };
+        Ok(Solved {
+            contradictions: stage.contacts.list.iter().filter(contradicts).count(),
             quality,
             viscosity: stress.viscosity,
             velocities: stage.velocities().to_vec(),
             contacts: loaded
                 .map(|c| ((c.pair.i, c.pair.j), [c.normal_force, c.tangential_force]))
                 .collect(),
-        }
+        })
     }
 
     fn expected(&self) -> BTreeMap<(usize, usize), [f64; 2]> {
@@ -257,14 +281,31 @@ fn check(law: &str) -> (Tally, Vec<String>) {
         let mut other = false;
         for method in record.methods() {
             tally.instants += 1;
-            let solved = record.solve(method);
+            let solved = match record.solve(method, false) {
+                Ok(solved) => solved,
+                Err(error) => {
+                    failures.push(format!("{what}, {method:?}: {error}"));
+                    continue;
+                }
+            };
             let Some(failure) = record.compare(&solved) else {
                 continue;
             };
             if record.jumps() && solved.quality.converged() && record.has_other_set(&solved) {
                 tally.other_sets += 1;
                 other = true;
-                println!("{what}, {method:?}: friction acts on other contacts; {failure}");
+                println!(
+                    "{what}, {method:?}: friction acts on other contacts, {} contradict; {failure}",
+                    solved.contradictions
+                );
+                let again = record.solve(method, true);
+                let failure = match &again {
+                    Ok(again) => record.compare(again),
+                    Err(error) => Some(error.to_string()),
+                };
+                if let Some(failure) = failure {
+                    failures.push(format!("{what}, {method:?}, from the solution: {failure}"));
+                }
             } else {
                 failures.push(format!("{what}, {method:?}: {failure}"));
             }
@@ -290,25 +331,56 @@ fn check(law: &str) -> (Tally, Vec<String>) {
     (tally, failures)
 }
 
-/// Checks a law: how many instants have another set of contacts with friction.
-fn hold(law: &str, other_sets: u32) {
+/// Checks a law.
+fn hold(law: &str) {
     let (tally, failures) = check(law);
     assert!(tally.instants > 5 && tally.runs > 5, "{tally:?}");
     assert!(failures.is_empty(), "{failures:#?}");
-    assert!(tally.other_sets <= other_sets, "{tally:?}");
+    let share = f64::from(tally.other_sets) / f64::from(tally.instants);
+    assert!(share <= OTHER_SETS, "{tally:?}");
 }
 
 #[test]
 fn rigid_roll_slip_is_as_before() {
-    hold("rigid", 0);
+    hold("rigid");
 }
 
 #[test]
 fn procedure_is_as_before() {
-    hold("procedure", 0);
+    hold("procedure");
 }
 
 #[test]
 fn rigid_coulomb_is_as_before() {
-    hold("rigid-coulomb", 0);
+    hold("rigid-coulomb");
+}
+
+#[test]
+fn rigid_stick_rotate_is_as_before() {
+    hold("rigid-stick-rotate");
+}
+
+#[test]
+fn spring_roll_slip_is_as_before() {
+    hold("spring-roll-slip");
+}
+
+#[test]
+fn spring_stick_slide_is_as_before() {
+    hold("spring-stick-slide");
+}
+
+#[test]
+fn spring_coulomb_is_as_before() {
+    hold("spring-coulomb");
+}
+
+#[test]
+fn hertz_stick_slide_is_as_before() {
+    hold("hertz-stick-slide");
+}
+
+#[test]
+fn spring_with_reduced_onset_dashpot_and_repulsion_is_as_before() {
+    hold("spring-reduced");
 }

@@ -26,3 +26,6 @@ pub(crate) mod dense;
 pub(crate) mod newton;
 pub(crate) mod problem;
 pub(crate) mod sparse;
+
+#[cfg(test)]
+mod tests;

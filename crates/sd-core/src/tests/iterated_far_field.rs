@@ -2,17 +2,18 @@
 
 mod dense_contacts;
 
-use crate::contact::network::passing::NetworkPasses;
-use crate::contact::rigid::Memory;
-use crate::contact::{Contact, ContactState, Contacts, Surface};
+use crate::contact::laws::{Laws, NormalForce, Span};
+use crate::contact::{Contact, ContactMemory, ContactState, Surface};
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2, strain_tensor};
 use crate::hydrodynamics::iterative::{Convergence, IterativeFarField};
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
-use crate::motion::{ContactLaw, Motion};
+use crate::stage::{Contact as StageContact, StageSolver};
 use crate::stress::StressWork;
-use crate::{ContactScheme, Error, Hydrodynamics, NearFields, Params, Simulation};
+use crate::{
+    ContactScheme, Error, Hydrodynamics, NearFields, NormalLaw, Params, Simulation, TangentialLaw,
+};
 use dense_contacts::DenseContacts;
 use nalgebra::Vector3;
 
@@ -92,11 +93,10 @@ fn linear_motion_is_that_of_the_dense_far_field() {
     for size_ratio in [1.0, 1.5] {
         let (cell, centres, radii) = sheared(&params(60, size_ratio));
         let external = external(60);
-        let mut dense = Motion::new(dense_resistance(&cell, &radii));
+        let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
         let shear = Background::SHEAR;
-        dense
-            .solve(&cell, &centres, &shear, &external, ContactLaw::None)
-            .unwrap();
+        dense.assemble(&cell, &centres).unwrap();
+        dense.solve(&shear, &external, StageContact::None).unwrap();
         let mut expected = StressWork::default();
         let power = expected.update(&dense, &shear);
         let (near, forces) = near_factored(&cell, &centres, &radii, &external);
@@ -162,7 +162,7 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
     for (spheres, friction) in [(60, 0.0), (60, 0.3), (150, 0.3)] {
         let (cell, centres, radii) = sheared(&params(spheres, 1.0));
         let external = vec![0.0; 3 * spheres];
-        let mut dense = Motion::new(dense_resistance(&cell, &radii));
+        let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
         let shear = Background::SHEAR;
         let surface = Surface {
             roughness: 0.01,
@@ -170,15 +170,13 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
             critical_load: 0.0,
         };
         let time_span = 0.0025;
-        let mut memory = Memory::default();
-        let law = ContactLaw::Rigid {
-            surface,
-            time_span,
-            memory: &mut memory,
+        let contact = StageContact::Laws {
+            laws: &Laws::rigid(surface),
+            span: Span::alone(time_span),
+            memory: &mut ContactMemory::default(),
         };
-        let quality = dense
-            .solve(&cell, &centres, &shear, &external, law)
-            .unwrap();
+        dense.assemble(&cell, &centres).unwrap();
+        let quality = dense.solve(&shear, &external, contact).unwrap();
         assert!(quality.converged(), "{quality:?}");
         let area = cell.area().unwrap();
         let list = &dense.contacts.list;
@@ -227,30 +225,14 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
 }
 
 #[test]
-fn rigid_contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
+fn motion_without_contacts_held_pair_by_pair_is_that_of_the_factor() {
     let (cell, centres, radii) = sheared(&params(150, 1.0));
-    let shear = Background::SHEAR;
-    let surface = Surface {
-        roughness: 0.01,
-        friction: 0.3,
-        critical_load: 0.0,
-    };
-    let mut dense = Motion::new(dense_resistance(&cell, &radii));
-    let law = ContactLaw::Rigid {
-        surface,
-        time_span: 0.0025,
-        memory: &mut Memory::default(),
-    };
-    dense
-        .solve(&cell, &centres, &shear, &[0.0; 450], law)
-        .unwrap();
     let mut near = Resistance::new_pairwise(&cell, &radii, &NearFields::default(), &[]).unwrap();
     near.update(&cell, &centres).unwrap();
-    let (strain, mut forces) = (shear.strain(), vec![0.0; 450]);
+    let (strain, mut forces) = (Background::SHEAR.strain(), vec![0.0; 450]);
     near.background_forces(&strain, &mut forces);
     let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
     far.update(&cell, &centres).unwrap();
-    // Without contacts, pair by pair and by the factor.
     let (mut by_pairs, mut by_factor) = (vec![0.0; 450], vec![0.0; 450]);
     let first = far.solve(&near, &strain, &forces, &mut by_pairs).unwrap();
     let (factored, _) = near_factored(&cell, &centres, &radii, &[0.0; 450]);
@@ -260,23 +242,61 @@ fn rigid_contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
         .unwrap();
     assert_eq!(first.iterations, second.iterations);
     assert!(relative_difference(&by_factor, &by_pairs) < 1e-8);
-    let both = |list: &[Contact]| -> Vec<f64> {
-        let loaded = list.iter().filter(|c| c.normal_force > 0.0);
-        loaded
-            .flat_map(|c| [c.normal_force, c.tangential_force])
-            .collect()
+}
+
+#[test]
+fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
+    let rigid = Laws::rigid(Surface {
+        roughness: 0.01,
+        friction: 0.3,
+        critical_load: 0.0,
+    });
+    let soft = Laws {
+        normal: NormalForce {
+            law: NormalLaw::LinearSpring,
+            stiffness: 1e5,
+            dashpot: 0.0,
+        },
+        tangential: TangentialLaw::StickSlide,
+        tangential_stiffness: 5e4,
+        ..rigid
     };
-    let expected = both(&dense.contacts.list);
-    far.forget();
-    let mut v = vec![0.0; 450];
-    let (mut contacts, mut memory) = (Contacts::default(), Memory::default());
-    let mut passes = NetworkPasses::new(&near, &mut contacts, &shear, surface, 0.0025, &mut memory);
-    let quality = passes.solve(&mut far, &strain, &forces, &mut v).unwrap();
-    assert!(quality.converged(), "{quality:?}");
-    let error = relative_difference(dense.velocities(), &v);
-    assert!(error < 2e-6, "{error:e}");
-    let forces = both(&contacts.list);
-    assert_eq!(expected.len(), forces.len());
-    let error = relative_difference(&expected, &forces);
-    assert!(error < 2e-6, "{error:e}");
+    let coulomb = Laws {
+        tangential: TangentialLaw::Coulomb,
+        ..rigid
+    };
+    for spheres in [60, 150] {
+        let (cell, centres, radii) = sheared(&params(spheres, 1.0));
+        for laws in [rigid, coulomb, soft] {
+            let solve = |mut stage: StageSolver| {
+                stage.assemble(&cell, &centres).unwrap();
+                let contact = StageContact::Laws {
+                    laws: &laws,
+                    span: Span::alone(0.0025),
+                    memory: &mut ContactMemory::default(),
+                };
+                let quality = stage.solve(&Background::SHEAR, &[], contact).unwrap();
+                assert!(quality.converged(), "{laws:?}: {quality:?}");
+                stage
+            };
+            let dense = solve(StageSolver::new(dense_resistance(&cell, &radii)));
+            let tables = NearFields::default();
+            let near = Resistance::new_pairwise(&cell, &radii, &tables, &[]).unwrap();
+            let far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
+            let iterated = solve(StageSolver::with_far_field(near, far));
+            let error = relative_difference(dense.velocities(), iterated.velocities());
+            assert!(error < 2e-6, "{spheres}, {laws:?}: {error:e}");
+            let both = |list: &[Contact]| -> Vec<f64> {
+                let loaded = list.iter().filter(|c| c.normal_force > 0.0);
+                loaded
+                    .flat_map(|c| [c.normal_force, c.tangential_force])
+                    .collect()
+            };
+            let (expected, found) = (both(&dense.contacts.list), both(&iterated.contacts.list));
+            assert_eq!(expected.len(), found.len());
+            assert!(expected.iter().skip(1).step_by(2).any(|t| *t != 0.0));
+            let error = relative_difference(&expected, &found);
+            assert!(error < 2e-6, "{spheres}, {laws:?}: {error:e}");
+        }
+    }
 }

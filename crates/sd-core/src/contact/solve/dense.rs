@@ -244,12 +244,16 @@ impl System for DenseSystem {
             target[first + column] += problem.tangential[row_order[s]].compliance + compliance;
         }
         self.solution.clear();
-        self.solution.extend(active.iter().map(|&a| {
-            -problem.normal[order[a]].bias - self.free_normal[a]
-        }));
-        self.solution.extend(sticking.iter().map(|&s| {
-            -problem.tangential[row_order[s]].shift - self.free_slip[s]
-        }));
+        self.solution.extend(
+            active
+                .iter()
+                .map(|&a| -problem.normal[order[a]].bias - self.free_normal[a]),
+        );
+        self.solution.extend(
+            sticking
+                .iter()
+                .map(|&s| -problem.tangential[row_order[s]].shift - self.free_slip[s]),
+        );
         for (m, grip) in states.grip.iter().enumerate() {
             let sign = grip.sign();
             let contact = problem.tangential[m].contact;

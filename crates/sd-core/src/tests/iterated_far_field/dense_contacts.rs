@@ -1,7 +1,7 @@
 //! A small dense solver of the rigid contact problem in two parts, by Newton's method on the states of the contacts.
 
-use crate::contact::rigid::RESTITUTION;
-use crate::contact::{COMPLIANCE, Contact, Surface, tangent};
+use crate::contact::laws::{COMPLIANCE, RESTITUTION};
+use crate::contact::{Contact, Surface, tangent};
 use crate::error::Error;
 use crate::geometry::modes::Background;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
@@ -229,37 +229,13 @@ impl DenseContacts<'_> {
 }
 
 impl FixedPointMap for DenseContacts<'_> {
-    fn start(&mut self, applied: &mut Vec<f64>) {
-        applied.clear();
-        applied.resize(self.list.len(), 0.0);
-    }
-
     fn evaluate(
         &mut self,
         forces: &[f64],
-        applied: &[f64],
         _: Progress,
         velocities: &mut [f64],
-        wanted: &mut Vec<f64>,
     ) -> Result<bool, Error> {
-        // The normal problem alone: friction is an external force, and slip asks for none.
-        let (count, friction) = (self.list.len(), self.friction);
-        let mut forces = forces.to_vec();
-        let (_, by_friction) = forces.split_at_mut(velocities.len() / 2);
-        for (row, &f) in self.rows[1].iter().zip(applied) {
-            add_scaled(by_friction, row, -f);
-        }
-        self.friction = 0.0;
-        self.solve(&forces, velocities);
-        self.friction = friction;
-        wanted.clear();
-        for k in 0..count {
-            let slip = self.bias[1][k] + dot(&self.rows[1][k], &velocities[..velocities.len() / 2]);
-            let roll = self.slip_resistance[k] * slip;
-            let limit = friction * self.found[k].max(0.0);
-            wanted.push(roll.clamp(-limit, limit));
-        }
-        self.found.rows_mut(count, count).copy_from_slice(applied);
+        self.solve(forces, velocities);
         Ok(false)
     }
 }

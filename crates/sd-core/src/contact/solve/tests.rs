@@ -1,0 +1,304 @@
+//! The conditions of the contact problem on random networks, under every law.
+
+use super::newton::{BoxSolver, Onset, Outcome};
+use super::problem::{Forces, Grip, Noise, Normal, Problem, States, System, Tangential};
+use crate::contact::row::Row;
+use nalgebra::{DMatrix, DVector};
+use proptest::prelude::*;
+
+/// How contacts move each other in a made-up network: the Gram matrices of random columns.
+struct Network {
+    normal: DMatrix<f64>,
+    coupling: DMatrix<f64>,
+    tangential: DMatrix<f64>,
+}
+
+impl Network {
+    /// `columns`: of the normal forces, then of friction. `isolated`: whether friction moves no contact along its tangent. `apart`: whether
+    /// normal forces and friction leave each other's contacts where they are.
+    fn new(columns: &[Vec<f64>], isolated: bool, apart: bool) -> Self {
+        let count = columns.len() / 2;
+        let matrix = |part: &[Vec<f64>], kept: std::ops::Range<usize>| {
+            let entry = |row, k: usize| {
+                if kept.contains(&row) {
+                    part[k][row]
+                } else {
+                    0.0
+                }
+            };
+            DMatrix::from_fn(24, count, entry)
+        };
+        let [of_n, of_t] = if apart {
+            [0..12, 12..24]
+        } else {
+            [0..24, 0..24]
+        };
+        let (n, t) = (
+            matrix(&columns[..count], of_n),
+            matrix(&columns[count..], of_t),
+        );
+        Self {
+            normal: n.transpose() * &n,
+            coupling: t.transpose() * &n,
+            tangential: if isolated {
+                DMatrix::zeros(count, count)
+            } else {
+                t.transpose() * &t
+            },
+        }
+    }
+
+    /// w and z of forces, both of one vector.
+    fn velocities(&self, problem: &Problem, forces: &Forces) -> [DVector<f64>; 2] {
+        let f = DVector::from_column_slice(&forces.normal);
+        let t = DVector::from_column_slice(&forces.tangential);
+        let mut w = &self.normal * &f - self.coupling.transpose() * &t;
+        let mut z = &self.coupling * &f - &self.tangential * &t;
+        for (k, entry) in problem.normal.iter().enumerate() {
+            w[k] += entry.bias + entry.compliance * f[k];
+        }
+        for (m, entry) in problem.tangential.iter().enumerate() {
+            z[m] += entry.shift - entry.compliance * t[m];
+        }
+        [w, z]
+    }
+}
+
+impl System for Network {
+    fn solve(
+        &mut self,
+        problem: &Problem,
+        states: &States,
+        compliance: f64,
+        _: bool,
+        forces: &mut Forces,
+    ) -> Option<Noise> {
+        let count = problem.normal.len();
+        let mut matrix = DMatrix::identity(2 * count, 2 * count);
+        let mut rhs = DVector::zeros(2 * count);
+        for k in 0..count {
+            if states.closed[k] {
+                matrix[(k, k)] = 0.0;
+                for l in 0..count {
+                    matrix[(k, l)] += self.normal[(k, l)];
+                    matrix[(k, count + l)] = -self.coupling[(l, k)];
+                }
+                matrix[(k, k)] += problem.normal[k].compliance + compliance;
+                rhs[k] = -problem.normal[k].bias;
+            }
+            let row = count + k;
+            match states.grip[k] {
+                Grip::Stick => {
+                    matrix[(row, row)] = 0.0;
+                    for l in 0..count {
+                        matrix[(row, l)] = self.coupling[(k, l)];
+                        matrix[(row, count + l)] -= self.tangential[(k, l)];
+                    }
+                    matrix[(row, row)] -= problem.tangential[k].compliance + compliance;
+                    rhs[row] = -problem.tangential[k].shift;
+                }
+                grip if states.closed[k] => {
+                    let slope = grip.sign() * problem.friction;
+                    if grip != Grip::Off {
+                        matrix[(row, k)] = -slope;
+                        rhs[row] = -slope * problem.offset;
+                    }
+                }
+                _ => {}
+            }
+        }
+        let solution = matrix.lu().solve(&rhs)?;
+        if !solution.iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        forces.normal = solution.as_slice()[..count].to_vec();
+        forces.tangential = solution.as_slice()[count..].to_vec();
+        self.measure(problem, forces);
+        Some(Noise {
+            force: 1e-13 * solution.amax(),
+            velocity: 1e-12,
+            exact: true,
+        })
+    }
+
+    fn measure(&mut self, problem: &Problem, forces: &mut Forces) {
+        let [w, z] = self.velocities(problem, forces);
+        forces.slack = w.as_slice().to_vec();
+        forces.slip = z.as_slice().to_vec();
+    }
+
+    fn mobility(&self, candidate: usize) -> f64 {
+        self.normal[(candidate, candidate)]
+    }
+}
+
+/// A law, in the entries of the problem.
+#[derive(Debug, Clone, Copy)]
+struct Law {
+    compliance: f64,
+    tangential_compliance: f64,
+    friction: f64,
+    offset: f64,
+    isolated: bool,
+}
+
+/// Every kind of law: rigid and soft, each with friction that rolls, sticks, has a spring, or has no bound.
+fn laws() -> Vec<Law> {
+    let mut all = Vec::new();
+    for compliance in [1e-3, 0.3] {
+        for (tangential_compliance, isolated) in [(1e-3, false), (0.5, false), (20.0, true)] {
+            for (friction, offset) in [(0.1, 0.0), (0.5, 0.05), (1.0, 0.0), (f64::INFINITY, 0.0)] {
+                all.push(Law {
+                    compliance,
+                    tangential_compliance,
+                    friction,
+                    offset,
+                    isolated,
+                });
+            }
+        }
+    }
+    all
+}
+
+/// The problem of a law, and its solution from all contacts closed.
+fn solve(law: Law, network: &mut Network, given: &[f64]) -> (Problem, BoxSolver, f64) {
+    let count = network.normal.nrows();
+    let row = Row {
+        spheres: [0, 1],
+        weights: [0.0; 6],
+    };
+    let mut problem = Problem {
+        friction: law.friction,
+        offset: law.offset,
+        isolated: law.isolated,
+        ..Problem::default()
+    };
+    for k in 0..count {
+        problem.normal.push(Normal {
+            row,
+            bias: given[k],
+            compliance: law.compliance,
+        });
+        problem.tangential.push(Tangential {
+            contact: k,
+            row,
+            shift: given[10 + k],
+            compliance: law.tangential_compliance,
+            acts: k % 4 != 3,
+        });
+    }
+    let mut solver = BoxSolver::default();
+    solver.states.closed.resize(count, true);
+    solver.states.grip.resize(count, Grip::Stick);
+    let held = Onset {
+        critical_load: 0.0,
+        smooth: false,
+        admits: false,
+        deciding: false,
+    };
+    let outcome = solver.solve(&mut problem, network, held, |_, _| 0);
+    let Outcome::Solved { merit, .. } = outcome else {
+        panic!("every candidate has a row");
+    };
+    (problem, solver, merit.residual)
+}
+
+proptest! {
+    #[test]
+    fn conditions_hold_for_random_networks_under_every_law(
+        columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 24), 4..20),
+        given in prop::collection::vec(-1.0..1.0f64, 20),
+    ) {
+        for law in laws() {
+            // Friction without a bound need not have a solution where it lifts contacts.
+            let mut network = Network::new(&columns, law.isolated, law.friction.is_infinite());
+            let (problem, solver, residual) = solve(law, &mut network, &given);
+            prop_assert!(residual < 1e-9, "{law:?}: residual {residual}");
+            // The conditions themselves, whatever the merit says.
+            let forces = &solver.forces;
+            let [w, z] = network.velocities(&problem, forces);
+            for (m, row) in problem.tangential.iter().enumerate() {
+                let (f, t) = (forces.normal[m], forces.tangential[m]);
+                prop_assert!(f >= 0.0 && w[m] > -1e-9 && f * w[m] < 1e-8, "{law:?}: {f} {}", w[m]);
+                let acts = row.acts && f > law.offset;
+                let bound = if acts { law.friction * (f - law.offset) } else { 0.0 };
+                prop_assert!(t.abs() <= bound * (1.0 + 1e-12), "{law:?}: {t} of {bound}");
+                // Loads that are rounding have a bound that is rounding.
+                if t.abs() < bound * (1.0 - 1e-9) - 1e-12 {
+                    prop_assert!(z[m].abs() < 1e-8, "{law:?}: {} inside the bound", z[m]);
+                } else if bound > 1e-12 {
+                    prop_assert!(z[m] * t > -1e-8, "{law:?}: {} at the bound", z[m]);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_isolated_contact_is_solved_by_hand() {
+    // One contact, G = 1 in both directions, pressed at the rate 2 and rubbed at the rate 1.
+    let columns = vec![
+        (0..24).map(|k| f64::from(u8::from(k == 0))).collect(),
+        (0..24).map(|k| f64::from(u8::from(k == 1))).collect(),
+    ];
+    let mut given = vec![0.0; 20];
+    (given[0], given[10]) = (-2.0, 1.0);
+    let rigid = Law {
+        compliance: 0.0,
+        tangential_compliance: 0.0,
+        friction: 0.2,
+        offset: 0.0,
+        isolated: false,
+    };
+    for (law, force, friction) in [
+        (rigid, 2.0, 0.4),
+        (
+            Law {
+                friction: 0.8,
+                ..rigid
+            },
+            2.0,
+            1.0,
+        ),
+        (
+            Law {
+                offset: 1.0,
+                ..rigid
+            },
+            2.0,
+            0.2,
+        ),
+        (
+            Law {
+                compliance: 1.0,
+                ..rigid
+            },
+            1.0,
+            0.2,
+        ),
+        (
+            Law {
+                tangential_compliance: 3.0,
+                ..rigid
+            },
+            2.0,
+            0.25,
+        ),
+        (
+            Law {
+                tangential_compliance: 4.0,
+                isolated: true,
+                ..rigid
+            },
+            2.0,
+            0.25,
+        ),
+    ] {
+        let mut network = Network::new(&columns, law.isolated, false);
+        let (_, solver, residual) = solve(law, &mut network, &given);
+        let (f, t) = (solver.forces.normal[0], solver.forces.tangential[0]);
+        assert!(residual < 1e-14);
+        assert!((f - force).abs() < 1e-14 && (t - friction).abs() < 1e-14);
+    }
+}
