@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 /// A layer that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
 /// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
-const MOST_HALVINGS: u32 = 4;
+const MOST_HALVINGS: u32 = 6;
 /// A gap counts as too low below this share of the roughness height.
 const HELD_SHARE: f64 = 0.5;
 /// Whether a run can go on.

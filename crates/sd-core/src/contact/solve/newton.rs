@@ -13,6 +13,7 @@
 //! On which contacts friction acts (f > F_crit) is decided anew for every solution until the set agrees with itself, or has been decided
 //! often enough: the law jumps there, and such a set need not exist. Where the law does not jump it is decided along with the states.
 
+use crate::contact::Quality;
 use crate::contact::laws::COMPLIANCE;
 use super::problem::{Forces, Grip, Noise, Problem, States, System, largest};
 
@@ -34,10 +35,11 @@ const MOST_RATIO: f64 = 100.0;
 const LEAST_RATIO: f64 = 1.3;
 /// Compliance after which comes none, in a/(mu·a²·rate).
 const LAST_COMPLIANCE: f64 = 1e-11;
-/// Velocity at which contacts give way under compliance, in a·rate, above which the end of the way means that the layer is jammed, and
-/// compliance below which nothing else is waited for.
+/// Velocity at which contacts give way under compliance, in a·rate, above which the end of the way means that the layer is jammed.
 const JAMMED_APPROACH: f64 = 1e-3;
-const JAMMED_COMPLIANCE: f64 = 1e-7;
+
+/// Residual above which a problem counts as unsolved, in a·rate.
+const UNSOLVED: f64 = Quality::RESIDUAL_LIMIT;
 
 /// How well forces solve a problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -185,9 +187,10 @@ impl BoxSolver {
             Ended::Admit => Outcome::Admit { systems },
             Ended::Solved => {
                 self.clip();
+                let merit = self.merit(problem, system);
                 Outcome::Solved {
-                    merit: self.merit(problem, system),
-                    jammed: self.approach(0.0) > JAMMED_APPROACH,
+                    merit,
+                    jammed: self.is_jammed(merit, 0.0),
                     systems,
                 }
             }
@@ -307,11 +310,7 @@ impl BoxSolver {
         for _ in 0..MOST_PROBLEMS {
             self.compliance = compliance;
             // Loads on the way say nothing about where friction acts.
-            self.deciding = if compliance == 0.0 && onset.deciding {
-                DECISIONS
-            } else {
-                0
-            };
+            self.deciding = 0;
             let (ended, more) = self.newton(problem, system, onset, refine, PATH_SYSTEMS);
             systems += more;
             if ended == Ended::Admit {
@@ -322,7 +321,7 @@ impl BoxSolver {
                 self.clip();
                 self.keep(problem);
                 solved = Some(compliance);
-                if compliance == 0.0 || compliance < JAMMED_COMPLIANCE && self.approach(compliance) > JAMMED_APPROACH {
+                if compliance == 0.0 {
                     break;
                 }
                 ratio = (ratio * ratio).min(MOST_RATIO);
@@ -342,15 +341,31 @@ impl BoxSolver {
             }
         }
         self.restore(problem);
+        if solved == Some(0.0) && onset.deciding && !onset.smooth {
+            self.deciding = DECISIONS;
+            let (ended, more) = self.newton(problem, system, onset, refine, FIRST_SYSTEMS);
+            systems += more;
+            match ended {
+                Ended::Admit => return Outcome::Admit { systems },
+                Ended::Solved => self.clip(),
+                Ended::Failed => self.restore(problem),
+            }
+        }
         self.compliance = 0.0;
         system.measure(problem, &mut self.forces);
         let merit = self.merit(problem, system);
-        let jammed = self.approach(solved.unwrap_or(0.0)) > JAMMED_APPROACH;
+        let jammed = self.is_jammed(merit, solved.unwrap_or(0.0));
         Outcome::Solved {
             merit,
             jammed,
             systems,
         }
+    }
+
+    /// Whether a problem that was solved with compliance, or only as well as rounding lets it, shows that there is no solution.
+    fn is_jammed(&self, merit: Merit, compliance: f64) -> bool {
+        (compliance > 0.0 || merit.residual > UNSOLVED)
+            && self.approach(compliance) > JAMMED_APPROACH
     }
 
     /// Fastest velocity at which contacts give way under compliance.
@@ -360,14 +375,14 @@ impl BoxSolver {
 
     /// Keeps the forces at hand, and on which contacts friction acts.
     fn keep(&mut self, problem: &Problem) {
-        self.best.clone_from(&self.forces);
+        self.best.copy_from(&self.forces);
         self.acts.clear();
         self.acts.extend(problem.tangential.iter().map(|row| row.acts));
     }
 
     /// Goes back to what was kept.
     fn restore(&mut self, problem: &mut Problem) {
-        self.forces.clone_from(&self.best);
+        self.forces.copy_from(&self.best);
         for (row, &acts) in problem.tangential.iter_mut().zip(&self.acts) {
             row.acts = acts;
         }
@@ -416,7 +431,8 @@ impl BoxSolver {
         for (k, closed) in states.closed.iter_mut().enumerate() {
             let f = forces.normal[k];
             let wrong = if *closed {
-                f < -noise.force
+                // What has no bound needs a load to hold on to.
+                f < -noise.force || f <= 0.0 && problem.friction.is_infinite()
             } else {
                 forces.slack[k] + self.compliance * f < -noise.velocity
             };

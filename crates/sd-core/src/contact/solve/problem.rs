@@ -98,7 +98,7 @@ pub(crate) struct States {
 }
 
 /// Forces, and the velocities that go with them.
-#[derive(Debug, Default, Clone)]
+#[derive(Debug, Default)]
 pub(crate) struct Forces {
     /// f of each candidate, in mu·a²·rate.
     pub(crate) normal: Vec<f64>,
@@ -111,6 +111,12 @@ pub(crate) struct Forces {
 }
 
 impl Forces {
+    /// Takes the forces of others, without slack and slip, and without allocating once there is room.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.normal.clone_from(&other.normal);
+        self.tangential.clone_from(&other.tangential);
+    }
+
     /// No forces of no contacts.
     pub(crate) fn clear(&mut self) {
         for values in [

@@ -30,8 +30,11 @@ const LEAST_COMPLIANCE: f64 = 1e-6;
 const WEIGHT: f64 = 30.0;
 /// By how much one call lowers the residual.
 const GAIN: f64 = 1e-2;
-/// Residual that is rounding, over the norm of all forces.
+/// Residual that is small enough, over the norm of all forces, and as a velocity, in a·rate.
 const ROUNDING: f64 = 1e-10;
+const SLOW: f64 = 1e-9;
+/// Residual that is rounding, over the norm of all forces.
+const LEAST_ROUNDING: f64 = 1e-14;
 /// Most iterations of one call.
 const MOST_ITERATIONS: usize = 40;
 /// Changes of the states that a factor outlives.
@@ -410,7 +413,9 @@ impl System for OnNetwork<'_> {
             + square(&forces.normal)
             + square(&forces.tangential)
             + LEAST_FORCE * LEAST_FORCE;
-        let floor = ROUNDING.max(self.enough) * size.sqrt();
+        let size = size.sqrt();
+        let floor = (ROUNDING * size).min(WEIGHT * SLOW).max(LEAST_ROUNDING * size);
+        let floor = floor.max(self.enough * size);
         let before = square(&system.residual).sqrt();
         let goal = if last {
             floor
