@@ -1,6 +1,7 @@
 //! The state of a run as `sweep solve` reads it: what is kept of a failure, so that it can be looked into by itself.
 
-use sd_core::rosenbrock::GAMMA;
+use sd_core::contact::springs::GAMMA;
+use sd_core::simulation::SchemeMemory;
 use sd_core::{ContactScheme, Params, Snapshot};
 use serde_json::json;
 
@@ -29,7 +30,9 @@ pub(crate) fn replay(p: &Params, snapshot: &Snapshot) -> String {
             let share = if laws.is_soft() { GAMMA } else { 1.0 };
             contact["time_span"] = json!(share * p.time_step);
             contact["laws"] = json!(laws);
-            contact["springs"] = json!(snapshot.memory.forces);
+            if let SchemeMemory::Laws(memory) = &snapshot.memory {
+                contact["springs"] = json!(memory.springs);
+            }
         }
     }
     json!({

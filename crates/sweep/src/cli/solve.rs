@@ -6,7 +6,8 @@ use crate::exit;
 use crate::format::significant;
 use crate::tables;
 use sd_core::cell::Cell;
-use sd_core::contact::rigid::Memory;
+use sd_core::contact::laws::Laws;
+use sd_core::contact::warm_start::SpringForces;
 use sd_core::contact::{ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::model::Words as _;
@@ -117,8 +118,27 @@ struct Contact {
     time_span: Option<f64>,
     /// The laws, in units of the critical load.
     laws: Option<ContactLaws>,
-    /// Pairs, normal forces where the solver starts, forces of tangential springs.
-    springs: Option<Vec<(u32, u32, f64, f64)>>,
+    /// Pairs, and the forces of their tangential springs.
+    springs: Option<Vec<Spring>>,
+}
+
+/// A tangential spring as it is written.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(untagged, expecting = "a spring is [i, j, force]")]
+enum Spring {
+    /// Spheres and force.
+    Force(u32, u32, f64),
+    /// The same as failures up to physics 3 have it, with the normal force, which is found anew.
+    WithNormalForce(u32, u32, f64, f64),
+}
+
+impl Spring {
+    /// Spheres and force.
+    fn entry(self) -> (u32, u32, f64) {
+        match self {
+            Self::Force(i, j, force) | Self::WithNormalForce(i, j, _, force) => (i, j, force),
+        }
+    }
 }
 
 /// Solves and writes.
@@ -301,17 +321,18 @@ impl Contact {
                     ));
                 }
                 if scheme == Scheme::Rigid {
-                    return Ok(ContactRequest::Rigid { surface, time_span });
+                    return Ok(ContactRequest::rigid(surface, time_span));
                 }
                 let laws = self
                     .laws
                     .ok_or(("contact.laws", "scheme laws needs it".into()))?;
                 laws.validate(&surface)
                     .map_err(|error| ("contact.laws", error.to_string()))?;
-                let mut forces = self.springs.unwrap_or_default();
-                if forces.len() > PAIR_LIMIT {
+                let springs = self.springs.unwrap_or_default();
+                if springs.len() > PAIR_LIMIT {
                     return Err(("contact.springs", format!("at most {PAIR_LIMIT} pairs")));
                 }
+                let mut forces: Vec<_> = springs.into_iter().map(Spring::entry).collect();
                 if let Some(spring) = forces.iter().find(|f| f.0 >= f.1) {
                     return Err((
                         "contact.springs",
@@ -324,9 +345,9 @@ impl Contact {
                 forces.sort_unstable_by_key(|f| (f.0, f.1));
                 Ok(ContactRequest::Laws {
                     lubrication_gap: laws.lubrication_gap,
-                    laws: laws.in_solver_units(surface),
+                    laws: Laws::new(&laws, surface),
                     time_span,
-                    springs: Memory { forces },
+                    springs: SpringForces(forces),
                 })
             }
         }

@@ -31,8 +31,8 @@ impl RunEnd<'_> {
         transaction
             .prepare_cached(
                 "INSERT OR REPLACE INTO ends (case_id, steps, jammed, minimum_gap, stages, unconverged_stages,
-                     worst_residual, worst_friction_error, jam_events, jammed_steps, state)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)",
+                     worst_residual, worst_friction_error, jam_events, jammed_steps, jammed_stages, state)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
             )?
             .execute(params![
                 case,
@@ -45,6 +45,7 @@ impl RunEnd<'_> {
                 counters.worst_friction_error,
                 integer(counters.jam_events),
                 integer(counters.jammed_steps),
+                integer(counters.jammed_stages),
                 self.state,
             ])?;
         Ok(())
@@ -84,7 +85,7 @@ impl Computed {
             .prepare(&format!(
                 "SELECT c.id, c.params, c.steps, c.state, c.steps_done, r.discard_step, e.steps, e.jammed,
                      e.state IS NOT NULL, e.minimum_gap, e.stages, e.unconverged_stages, e.worst_residual,
-                     e.worst_friction_error, e.jam_events, e.jammed_steps
+                     e.worst_friction_error, e.jam_events, e.jammed_steps, e.jammed_stages
                  FROM ends e JOIN cases c ON c.id = e.case_id JOIN results r ON r.case_id = c.id WHERE {condition}"
             ))?
             .query_map([], Self::read)?
@@ -113,6 +114,7 @@ impl Computed {
                 worst_friction_error: number(13)?,
                 jam_events: count(row.get(14)?),
                 jammed_steps: count(row.get(15)?),
+                jammed_stages: count(row.get(16)?),
                 ..Counters::default()
             },
         })
@@ -149,7 +151,8 @@ impl Computed {
         connection
             .prepare_cached(
                 "UPDATE results SET minimum_gap = ?2, stages = ?3, unconverged_stages = ?4, worst_residual = ?5,
-                     worst_friction_error = ?6, jam_events = ?7, jammed_strain = ?8, final_strain = ?9
+                     worst_friction_error = ?6, jam_events = ?7, jammed_strain = ?8, final_strain = ?9,
+                     jammed_stages = ?10
                  WHERE case_id = ?1",
             )?
             .execute(params![
@@ -162,6 +165,7 @@ impl Computed {
                 integer(counters.jam_events),
                 counters.jammed_steps as f64 * self.params.time_step,
                 steps as f64 * self.params.time_step,
+                integer(counters.jammed_stages),
             ])?;
         connection
             .prepare_cached(

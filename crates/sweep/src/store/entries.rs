@@ -187,6 +187,7 @@ fn end_of(
         "worst_residual",
         "worst_friction_error",
         "jam_events",
+        "jammed_stages",
     ]
     .into_iter()
     .filter_map(|name| Some((name.to_owned(), get(&result, name)?.clone())))

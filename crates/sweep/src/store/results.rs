@@ -192,7 +192,7 @@ pub(super) fn write_samples(
     transaction.execute("DELETE FROM samples WHERE case_id = ?1", [case])?;
     let mut insert = transaction.prepare_cached(
         "INSERT INTO samples VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19,
-             ?20, ?21)",
+             ?20, ?21, ?22)",
     )?;
     for (step, s) in samples {
         insert.execute(params![
@@ -217,6 +217,7 @@ pub(super) fn write_samples(
             integer(s.counters.jam_events),
             integer(s.counters.jammed_steps),
             integer(s.counters.jammed_steps_running),
+            integer(s.counters.jammed_stages),
         ])?;
     }
     Ok(())
@@ -257,6 +258,7 @@ pub(super) fn samples(
                         jam_events: count(row.get(18)?),
                         jammed_steps: count(row.get(19)?),
                         jammed_steps_running: count(row.get(20)?),
+                        jammed_stages: count(row.get(21)?),
                     },
                 },
             ))

@@ -17,7 +17,7 @@ struct Migration {
 }
 
 /// All versions; the first one makes a new store.
-const MIGRATIONS: [Migration; 5] = [
+const MIGRATIONS: [Migration; 6] = [
     Migration::of_tables(include_str!("schema.sql")),
     Migration::of_tables(include_str!("schema_2.sql")),
     Migration::of_tables(include_str!("schema_3.sql")),
@@ -27,6 +27,7 @@ const MIGRATIONS: [Migration; 5] = [
         tables: include_str!("schema_5.sql"),
         content: without_strain_in_keys,
     },
+    Migration::of_tables(include_str!("schema_6.sql")),
 ];
 
 /// Version of the schema this program reads and writes.
