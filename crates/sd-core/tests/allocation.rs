@@ -57,7 +57,8 @@ fn other_laws() -> Vec<ContactLaws> {
         rigid(TangentialLaw::StickRotate),
         spring(TangentialLaw::RollSlip),
         spring(TangentialLaw::Coulomb),
-        spring(TangentialLaw::StickRotate),
+        // Clusters that neither slip nor roll bear much: softer springs would let them overlap.
+        ContactLaws::linear_spring(1e6, TangentialLaw::StickRotate, 0.01),
         spring(TangentialLaw::StickSlide),
         ContactLaws {
             normal: NormalLaw::Hertz,

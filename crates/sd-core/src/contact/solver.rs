@@ -357,8 +357,9 @@ impl ContactSolver {
         loop {
             let (problem, solver) = (&mut self.problem, &mut self.solver);
             let overlaps = &mut self.overlaps;
-            let refine =
-                |problem: &mut Problem, forces: &Forces| refine(posed, problem, overlaps, forces);
+            let refine = |problem: &mut Problem, forces: &Forces| {
+                refine(posed, problem, overlaps, forces, driving.enough)
+            };
             let outcome = match &mut self.backend {
                 Backend::Dense(system) => {
                     if begun {
@@ -575,6 +576,7 @@ fn refine(
     problem: &mut Problem,
     overlaps: &mut [Overlap],
     forces: &Forces,
+    enough: f64,
 ) -> usize {
     let law = &posed.laws.normal;
     if law.is_rigid() {
@@ -582,7 +584,7 @@ fn refine(
     }
     let time = posed.span.time;
     let largest = forces.normal.iter().fold(1.0_f64, |most, f| most.max(*f));
-    let near = LINEARISED * largest;
+    let near = LINEARISED.max(enough) * largest;
     let mut found = 0;
     for (k, (entry, overlap)) in problem.normal.iter_mut().zip(overlaps).enumerate() {
         let f = forces.normal[k];

@@ -13,9 +13,9 @@
 //! On which contacts friction acts (f > F_crit) is decided anew for every solution until the set agrees with itself, or has been decided
 //! often enough: the law jumps there, and such a set need not exist. Where the law does not jump it is decided along with the states.
 
+use super::problem::{Forces, Grip, Noise, Problem, States, System, largest};
 use crate::contact::Quality;
 use crate::contact::laws::COMPLIANCE;
-use super::problem::{Forces, Grip, Noise, Problem, States, System, largest};
 
 /// Systems before other ways are tried.
 const FIRST_SYSTEMS: u32 = 40;
@@ -194,22 +194,20 @@ impl BoxSolver {
                     systems,
                 }
             }
-            Ended::Failed => {
-                match self.stiffen(problem, system, onset, &mut refine) {
-                    Outcome::Admit { systems: more } => Outcome::Admit {
-                        systems: systems + more,
-                    },
-                    Outcome::Solved {
-                        merit,
-                        jammed,
-                        systems: more,
-                    } => Outcome::Solved {
-                        merit,
-                        jammed,
-                        systems: systems + more,
-                    },
-                }
-            }
+            Ended::Failed => match self.stiffen(problem, system, onset, &mut refine) {
+                Outcome::Admit { systems: more } => Outcome::Admit {
+                    systems: systems + more,
+                },
+                Outcome::Solved {
+                    merit,
+                    jammed,
+                    systems: more,
+                } => Outcome::Solved {
+                    merit,
+                    jammed,
+                    systems: systems + more,
+                },
+            },
         }
     }
 
@@ -377,7 +375,8 @@ impl BoxSolver {
     fn keep(&mut self, problem: &Problem) {
         self.best.copy_from(&self.forces);
         self.acts.clear();
-        self.acts.extend(problem.tangential.iter().map(|row| row.acts));
+        self.acts
+            .extend(problem.tangential.iter().map(|row| row.acts));
     }
 
     /// Goes back to what was kept.

@@ -414,7 +414,9 @@ impl System for OnNetwork<'_> {
             + square(&forces.tangential)
             + LEAST_FORCE * LEAST_FORCE;
         let size = size.sqrt();
-        let floor = (ROUNDING * size).min(WEIGHT * SLOW).max(LEAST_ROUNDING * size);
+        let floor = (ROUNDING * size)
+            .min(WEIGHT * SLOW)
+            .max(LEAST_ROUNDING * size);
         let floor = floor.max(self.enough * size);
         let before = square(&system.residual).sqrt();
         let goal = if last {

@@ -142,12 +142,13 @@ struct Law {
     isolated: bool,
 }
 
-/// Every kind of law: rigid and soft, each with friction that rolls, sticks, has a spring, or has no bound.
+/// Every kind of law with a bound: rigid and soft, each with friction that rolls, sticks or has a spring. Without a bound friction that
+/// lifts contacts need not have a solution.
 fn laws() -> Vec<Law> {
     let mut all = Vec::new();
     for compliance in [1e-3, 0.3] {
         for (tangential_compliance, isolated) in [(1e-3, false), (0.5, false), (20.0, true)] {
-            for (friction, offset) in [(0.1, 0.0), (0.5, 0.05), (1.0, 0.0), (f64::INFINITY, 0.0)] {
+            for (friction, offset) in [(0.1, 0.0), (0.5, 0.05), (1.0, 0.0)] {
                 all.push(Law {
                     compliance,
                     tangential_compliance,
@@ -211,8 +212,7 @@ proptest! {
         given in prop::collection::vec(-1.0..1.0f64, 20),
     ) {
         for law in laws() {
-            // Friction without a bound need not have a solution where it lifts contacts.
-            let mut network = Network::new(&columns, law.isolated, law.friction.is_infinite());
+            let mut network = Network::new(&columns, law.isolated, false);
             let (problem, solver, residual) = solve(law, &mut network, &given);
             prop_assert!(residual < 1e-9, "{law:?}: residual {residual}");
             // The conditions themselves, whatever the merit says.
