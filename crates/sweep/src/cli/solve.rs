@@ -127,16 +127,16 @@ struct Contact {
 #[serde(untagged, expecting = "a spring is [i, j, force]")]
 enum Spring {
     /// Spheres and force.
-    Force(u32, u32, f64),
+    Force((u32, u32, f64)),
     /// The same as failures up to physics 3 have it, with the normal force, which is found anew.
-    WithNormalForce(u32, u32, f64, f64),
+    WithNormalForce((u32, u32, f64, f64)),
 }
 
 impl Spring {
     /// Spheres and force.
     fn entry(self) -> (u32, u32, f64) {
         match self {
-            Self::Force(i, j, force) | Self::WithNormalForce(i, j, _, force) => (i, j, force),
+            Self::Force((i, j, force)) | Self::WithNormalForce((i, j, _, force)) => (i, j, force),
         }
     }
 }
