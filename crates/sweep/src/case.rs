@@ -87,10 +87,9 @@ impl Case {
             (Method::Dense, Hydrodynamics::BallMelrose) => 2e-6 * n + 3.3e-8 * n * n,
         };
         match self.params.contact {
-            ContactScheme::Rigid => 4.0 * stage,
             ContactScheme::Procedure => 2.4 * stage,
             ContactScheme::Laws(laws) if laws.is_soft() => 2.0 * stage,
-            ContactScheme::Laws(_) => 4.0 * stage,
+            ContactScheme::Rigid | ContactScheme::Laws(_) => 4.0 * stage,
         }
     }
 

@@ -1,5 +1,10 @@
 //! The scripts, as far as they can be tried without doing their work.
 #![cfg(unix)]
+#![expect(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "tests: a panic is the failure, and names state the fact"
+)]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
