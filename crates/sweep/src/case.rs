@@ -1,12 +1,12 @@
 //! One case: all that decides the result of one run, its key, its state, its cost.
 
 use crate::protocol::Protocol;
-use sd_core::{ContactScheme, Hydrodynamics, Params, TangentialLaw};
+use sd_core::{ContactScheme, Hydrodynamics, Method, Params};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Raised whenever the same parameters and seed give other numbers than before: old results then keep their old keys.
-pub const PHYSICS_VERSION: u32 = 3;
+pub const PHYSICS_VERSION: u32 = 4;
 
 /// One run of a campaign.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,21 +74,22 @@ impl Case {
     /// Estimated seconds of one step on a common core: right for the order of runs and for shares of a bar, not for promises.
     pub fn step_cost(&self) -> f64 {
         let n = self.params.spheres as f64;
-        let hydrodynamics = match self.params.hydrodynamics {
-            // Sparse assembly and factorization, and a contact problem that grows faster than the layer.
-            Hydrodynamics::BallMelrose => 8e-6 * n + 2e-8 * n * n,
-            // Wave and real space sums over all pairs, dense factorizations of 6N.
-            Hydrodynamics::StokesianDynamics => 1e-5 * n + 2e-6 * n * n + 1.5e-8 * n * n * n,
+        // Of one stage, contacts included, as measured.
+        let stage = match (Method::of(&self.params), self.params.hydrodynamics) {
+            // Dense factorizations of 6N and sums over all pairs.
+            (Method::Dense, Hydrodynamics::StokesianDynamics) => {
+                3e-6 * n + 2.6e-7 * n * n + 2.7e-9 * n.powi(3)
+            }
+            (Method::Iterated, _) => 3.75e-4 * n,
+            // Sparse; contacts of a small layer take fewer systems.
+            (Method::Pairwise, _) => 1e-5 * n * (n / 400.0).sqrt().min(1.0),
+            // Dense in the contacts alone.
+            (Method::Dense, Hydrodynamics::BallMelrose) => 2e-6 * n + 3.3e-8 * n * n,
         };
         match self.params.contact {
-            ContactScheme::Rigid => 4.0 * hydrodynamics,
-            ContactScheme::Procedure => 2.4 * hydrodynamics,
-            // Two stages instead of four; what sticks is solved for all pairs at once, on rigid contacts again and again.
-            ContactScheme::Laws(laws) => match (laws.is_soft(), laws.tangential) {
-                (true, TangentialLaw::RollSlip) => 2.0 * hydrodynamics,
-                (true, _) => 5.0 * hydrodynamics,
-                (false, _) => 20.0 * hydrodynamics,
-            },
+            ContactScheme::Procedure => 2.4 * stage,
+            ContactScheme::Laws(laws) if laws.is_soft() => 2.0 * stage,
+            ContactScheme::Rigid | ContactScheme::Laws(_) => 4.0 * stage,
         }
     }
 
@@ -156,7 +157,39 @@ mod tests {
 
     #[test]
     fn key_is_the_same_on_every_day_and_machine() {
-        assert_eq!(case().key().to_string(), "886dfd263af4df084c48f90ef740f82b");
+        assert_eq!(case().key().to_string(), "d81f5a9b971ea8e9e77590e2d55ef307");
+    }
+
+    #[test]
+    fn costs_of_a_step_are_those_measured_whatever_the_way_it_is_computed() {
+        use Hydrodynamics::{BallMelrose, StokesianDynamics};
+        let cost = |hydrodynamics, spheres| {
+            let params = Params {
+                hydrodynamics,
+                spheres,
+                ..case().params
+            };
+            Case { params, ..case() }.step_cost()
+        };
+        // Milliseconds, of steps of four stages at c = 0.7.
+        for (hydrodynamics, spheres, measured) in [
+            (BallMelrose, 90, 1.8),
+            (BallMelrose, 400, 16.0),
+            (BallMelrose, 1000, 40.0),
+            (BallMelrose, 10_000, 400.0),
+            (StokesianDynamics, 50, 4.6),
+            (StokesianDynamics, 90, 18.0),
+            (StokesianDynamics, 200, 130.0),
+            (StokesianDynamics, 400, 850.0),
+            (StokesianDynamics, 800, 1200.0),
+            (StokesianDynamics, 2000, 3000.0),
+        ] {
+            let ratio = 1e3 * cost(hydrodynamics, spheres) / measured;
+            assert!(
+                (0.6..1.7).contains(&ratio),
+                "{hydrodynamics:?} {spheres}: {ratio}"
+            );
+        }
     }
 
     #[test]

@@ -87,6 +87,8 @@ pub struct Point {
     pub worst_residual: Option<f64>,
     /// Unconverged right-hand sides over all with contacts.
     pub unconverged_fraction: Option<f64>,
+    /// Contact problems without a solution.
+    pub jammed_stages: u64,
     /// Mean seconds of computing of a run.
     pub wall_time_s: Option<f64>,
 }
@@ -172,6 +174,7 @@ impl Point {
             ),
             worst_residual: values(|r| r.worst_residual).into_iter().reduce(f64::max),
             unconverged_fraction: ratio(sum(|r| r.unconverged_stages), sum(|r| r.stages)),
+            jammed_stages: done.iter().map(|run| run.jammed_stages).sum(),
             wall_time_s: mean(&values(|r| r.wall_time_s)),
             params,
         })

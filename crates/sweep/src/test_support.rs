@@ -1,6 +1,6 @@
 //! Made-up samples and snapshots for the tests of what stands around the physics.
 
-use sd_core::simulation::Counters;
+use sd_core::simulation::{Counters, SNAPSHOT_VERSION};
 use sd_core::{ContactScheme, Hydrodynamics, Params, Sample, Snapshot};
 
 /// Parameters of the paper's layer.
@@ -24,6 +24,7 @@ pub(crate) fn counters() -> Counters {
     Counters {
         stages: 40,
         unconverged_stages: 1,
+        jammed_stages: 2,
         worst_residual: 1e-10,
         minimum_gap: 0.0098,
         ..Counters::default()
@@ -51,15 +52,13 @@ pub(crate) fn sample(strain: f64) -> Sample {
 /// A plausible snapshot after so many steps.
 pub(crate) fn snapshot(steps: u64) -> Snapshot {
     serde_json::from_value(serde_json::json!({
-        "version": 1,
+        "version": SNAPSHOT_VERSION,
         "steps": steps,
         "centres": [[0.1, 0.2], [3.0, 0.3]],
         "orientations": [0.5, -0.25],
         "radii": [1.0, 1.0],
         "side": 20.0,
-        "velocities": [],
-        "memory": {"forces": [[0, 1, 2.5, -0.5]]},
-        "listed": {"pairs": []},
+        "memory": {"laws": {"warm_start": {"forces": [[0, 1, 2.5, -0.5]]}, "springs": [[0, 1, -0.5]]}},
         "counters": counters(),
     }))
     .unwrap()

@@ -113,10 +113,11 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         )?;
         writeln!(
             out,
-            "contact problems: {} solved, {} unconverged, worst residual {}, worst friction error {}\n\
+            "contact problems: {} solved, {} unconverged, {} without a solution, worst residual {}, worst friction error {}\n\
              smallest gap so far {}, jam events {}, {} frames kept",
             c.stages,
             c.unconverged_stages,
+            c.jammed_stages,
             significant(c.worst_residual, 2),
             significant(c.worst_friction_error, 2),
             significant(c.minimum_gap, 3),

@@ -101,7 +101,7 @@ fn ci95(estimate: Option<Estimate>) -> Option<f64> {
 
 /// What was measured.
 #[rustfmt::skip]
-const MEASURED: [Column; 18] = [
+const MEASURED: [Column; 19] = [
     column("seeds", "1", "runs averaged", Content::Count(|p| p.seeds)),
     column("jammed", "1", "runs that ended jammed: not averaged", Content::Count(|p| p.jammed)),
     column("failed", "1", "runs that failed: not averaged", Content::Count(|p| p.failed)),
@@ -119,5 +119,6 @@ const MEASURED: [Column; 18] = [
     column("mean_approach_velocity", "a rate", "over all contacts, positive for approach", Content::Number(|p| p.mean_approach_velocity)).labelled("mean approach velocity"),
     column("worst_residual", "a rate", "of the contact problem, over all runs", Content::Number(|p| p.worst_residual)),
     column("unconverged_fraction", "1", "contact problems that did not converge over all", Content::Number(|p| p.unconverged_fraction)),
+    column("jammed_stages", "1", "contact problems without a solution, over all runs averaged", Content::Count(|p| p.jammed_stages)),
     column("wall_time_s", "s", "mean computing time of a run", Content::Number(|p| p.wall_time_s)),
 ];

@@ -63,6 +63,8 @@ pub struct PointRun {
     pub stages: u64,
     /// Of these, unconverged ones.
     pub unconverged_stages: u64,
+    /// Contact problems without a solution.
+    pub jammed_stages: u64,
     /// Worst residual of the run.
     pub worst_residual: Option<f64>,
     /// Seconds of computing.
@@ -185,7 +187,7 @@ impl Store {
                      coalesce(r.samples, 0), coalesce(r.contacts, 0), coalesce(r.activated, 0),
                      coalesce(r.rolling, 0), coalesce(r.approach, 0.0), r.minimum_gap, coalesce(r.stages, 0),
                      coalesce(r.unconverged_stages, 0), r.worst_residual, r.wall_time_s,
-                     r.normal_stress_difference
+                     r.normal_stress_difference, coalesce(r.jammed_stages, 0)
                  FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
                  WHERE c.position IS NOT NULL ORDER BY c.position",
             )
@@ -311,6 +313,7 @@ fn point_run(row: &Row<'_>) -> Result<PointRun, rusqlite::Error> {
         worst_residual: row.get(15)?,
         wall_time_s: row.get(16)?,
         normal_stress_difference: row.get(17)?,
+        jammed_stages: count(row.get(18)?),
     })
 }
 

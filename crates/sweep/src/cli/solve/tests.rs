@@ -124,6 +124,32 @@ fn configuration() -> impl Strategy<Value = serde_json::Value> {
         })
 }
 
+/// A pair under springs, with what is said of its tangential one.
+fn spring_pair(springs: &str) -> String {
+    format!(
+        r#"{{"centres": [[0.0, 0.0], [2.008, 0.0]], "hydrodynamics": "ball-melrose", "forces": [[1, 0.2], [-1, -0.2]],
+        "contact": {{"scheme": "laws", "roughness": 0.01, "friction": 10, "critical_load": 0.1, "laws": {{
+        "normal": "linear-spring", "tangential": "stick-slide", "onset": "critical-load", "stiffness": 5000,
+        "tangential_stiffness": 0.5, "dashpot": 0, "lubrication_gap": 0.001, "repulsion": 0, "repulsion_length": 0}},
+        "springs": {springs}}}}}"#
+    )
+}
+
+#[test]
+fn springs_are_pairs_and_forces_and_those_of_older_failures_are_read_alike() {
+    let friction = |springs: &str| {
+        let text = spring_pair(springs);
+        let (configuration, contact) = read(Path::new("in.json"), text.as_bytes()).unwrap();
+        let solved = solve(&configuration, &contact, &NearFields::default()).unwrap();
+        solved.contacts[0].tangential_force
+    };
+    let given = friction("[[0, 1, 0.1]]");
+    assert_eq!(given.to_bits(), friction("[[0, 1, 1.0, 0.1]]").to_bits());
+    assert!((given - friction("[]")).abs() > 1e-3, "{given}");
+    assert!(message(&spring_pair("[[0, 1]]")).contains("a spring is [i, j, force]"));
+    assert!(message(&spring_pair("[[1, 0, 0.1]]")).contains("i < j"));
+}
+
 #[test]
 fn hostile_sizes_are_refused_before_they_cost_anything() {
     let many = |n: usize, hydrodynamics: &str, radius: fn(usize) -> f64| {

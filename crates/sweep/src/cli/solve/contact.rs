@@ -1,0 +1,185 @@
+//! The contact problem of `sweep solve`, as it is written.
+
+use sd_core::ContactLaws;
+use sd_core::contact::Surface;
+use sd_core::contact::laws::Laws;
+use sd_core::contact::warm_start::SpringForces;
+use sd_core::instant::ContactRequest;
+use serde::Deserialize;
+
+/// Most pairs listed.
+const PAIR_LIMIT: usize = 1_000_000;
+
+/// Names of the contact problems.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Scheme {
+    /// No contact.
+    None,
+    /// Listed pairs.
+    Listed,
+    /// Rigid scheme.
+    Rigid,
+    /// The paper's procedure.
+    Procedure,
+    /// Laws chosen one by one.
+    Laws,
+}
+
+/// Contact problem as it is written. Which values belong to which scheme is checked afterwards: an enum tagged by
+/// `scheme` would let unknown keys of `none` pass.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Contact {
+    /// Which one.
+    scheme: Scheme,
+    /// Pairs of `listed`.
+    pairs: Option<Vec<[usize; 2]>>,
+    /// Roughness height.
+    roughness: Option<f64>,
+    /// Friction coefficient.
+    friction: Option<f64>,
+    /// Critical load.
+    critical_load: Option<f64>,
+    /// Time span of the rigid scheme and of laws.
+    time_span: Option<f64>,
+    /// The laws, in units of the critical load.
+    laws: Option<ContactLaws>,
+    /// Pairs, and the forces of their tangential springs.
+    springs: Option<Vec<Spring>>,
+}
+
+/// A tangential spring as it is written.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(untagged, expecting = "a spring is [i, j, force]")]
+enum Spring {
+    /// Spheres and force.
+    Force((u32, u32, f64)),
+    /// The same as failures up to physics 3 have it, with the normal force, which is found anew.
+    WithNormalForce((u32, u32, f64, f64)),
+}
+
+impl Spring {
+    /// Spheres and force.
+    fn entry(self) -> (u32, u32, f64) {
+        match self {
+            Self::Force((i, j, force)) | Self::WithNormalForce((i, j, _, force)) => (i, j, force),
+        }
+    }
+}
+
+impl Contact {
+    /// The contact problem, or the value that does not belong to it and what is allowed.
+    pub(super) fn request(self) -> Result<ContactRequest, (&'static str, String)> {
+        let scheme = self.scheme;
+        let stray = |names: &[(&'static str, bool)]| {
+            names
+                .iter()
+                .find(|(_, given)| *given)
+                .map_or(Ok(()), |(name, _)| {
+                    Err((
+                        *name,
+                        format!("does not belong to scheme {scheme:?}").to_lowercase(),
+                    ))
+                })
+        };
+        let law = [
+            ("contact.roughness", self.roughness.is_some()),
+            ("contact.friction", self.friction.is_some()),
+            ("contact.critical_load", self.critical_load.is_some()),
+        ];
+        let pairs = [("contact.pairs", self.pairs.is_some())];
+        let span = [("contact.time_span", self.time_span.is_some())];
+        let chosen = [
+            ("contact.laws", self.laws.is_some()),
+            ("contact.springs", self.springs.is_some()),
+        ];
+        if scheme != Scheme::Laws {
+            stray(&chosen)?;
+        }
+        let need = |name: &'static str, value: Option<f64>| match value {
+            Some(value) if value >= 0.0 => Ok(value),
+            Some(value) => Err((name, format!("{value} is out of range: not negative"))),
+            None => Err((name, format!("scheme {scheme:?} needs it").to_lowercase())),
+        };
+        match scheme {
+            Scheme::None => {
+                stray(&law)?;
+                stray(&pairs)?;
+                stray(&span)?;
+                Ok(ContactRequest::None)
+            }
+            Scheme::Listed => {
+                stray(&law)?;
+                stray(&span)?;
+                let pairs = self
+                    .pairs
+                    .ok_or(("contact.pairs", "scheme listed needs it".into()))?;
+                if pairs.len() > PAIR_LIMIT {
+                    return Err(("contact.pairs", format!("at most {PAIR_LIMIT} pairs")));
+                }
+                Ok(ContactRequest::Listed { pairs })
+            }
+            Scheme::Rigid | Scheme::Procedure | Scheme::Laws => {
+                stray(&pairs)?;
+                let roughness = need("contact.roughness", self.roughness)?;
+                let friction = need("contact.friction", self.friction)?;
+                let critical_load = need("contact.critical_load", self.critical_load)?;
+                let surface = Surface {
+                    roughness,
+                    friction,
+                    critical_load,
+                };
+                if scheme == Scheme::Procedure {
+                    stray(&span)?;
+                    return Ok(ContactRequest::Procedure { surface });
+                }
+                let time_span = self.time_span.unwrap_or(0.005);
+                if time_span <= 0.0 {
+                    return Err((
+                        "contact.time_span",
+                        format!("{time_span} is out of range: above 0"),
+                    ));
+                }
+                if scheme == Scheme::Rigid {
+                    return Ok(ContactRequest::rigid(surface, time_span));
+                }
+                self.laws(surface, time_span)
+            }
+        }
+    }
+
+    /// The contact problem of laws chosen one by one.
+    fn laws(
+        self,
+        surface: Surface,
+        time_span: f64,
+    ) -> Result<ContactRequest, (&'static str, String)> {
+        let laws = self
+            .laws
+            .ok_or(("contact.laws", "scheme laws needs it".into()))?;
+        laws.validate(&surface)
+            .map_err(|error| ("contact.laws", error.to_string()))?;
+        let springs = self.springs.unwrap_or_default();
+        if springs.len() > PAIR_LIMIT {
+            return Err(("contact.springs", format!("at most {PAIR_LIMIT} pairs")));
+        }
+        let mut forces: Vec<_> = springs.into_iter().map(Spring::entry).collect();
+        if let Some(spring) = forces.iter().find(|f| f.0 >= f.1) {
+            return Err((
+                "contact.springs",
+                format!(
+                    "pairs are [i, j, …] with i < j, not [{}, {}, …]",
+                    spring.0, spring.1
+                ),
+            ));
+        }
+        forces.sort_unstable_by_key(|f| (f.0, f.1));
+        Ok(ContactRequest::Laws {
+            lubrication_gap: laws.lubrication_gap,
+            laws: Laws::new(&laws, surface),
+            time_span,
+            springs: SpringForces(forces),
+        })
+    }
+}
