@@ -30,8 +30,6 @@ const STRAIN: f64 = 1.0;
 const TIME_STEP: f64 = 0.01;
 /// Γ.
 const SHEAR_RATE: f64 = 10.0;
-/// Stiffness of springs, in F_crit/a, of Hertz's law in F_crit/a^(3/2).
-const STIFFNESS: f64 = 1e4;
 
 /// What presses and what resists sliding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,8 +60,8 @@ impl Law {
         })
     }
 
-    /// The choice of laws, for a roughness height.
-    fn choice(self, roughness: f64) -> ContactLaws {
+    /// The choice of laws, for a roughness height and springs of a stiffness.
+    fn choice(self, roughness: f64, stiffness: f64) -> ContactLaws {
         match self.normal {
             NormalLaw::Rigid => ContactLaws {
                 tangential: self.tangential,
@@ -71,7 +69,7 @@ impl Law {
             },
             normal => ContactLaws {
                 normal,
-                ..ContactLaws::linear_spring(STIFFNESS, self.tangential, roughness)
+                ..ContactLaws::linear_spring(stiffness, self.tangential, roughness)
             },
         }
     }
@@ -102,6 +100,9 @@ pub(crate) struct Part {
     /// Numbers of spheres
     #[arg(long, value_delimiter = ',', default_values_t = [50, 100, 200])]
     spheres: Vec<usize>,
+    /// Stiffness of springs, in F_crit/a; of Hertz's law in F_crit/a^(3/2)
+    #[arg(long, default_value_t = 1e4)]
+    stiffness: f64,
     /// How many seeds
     #[arg(long, default_value_t = 2)]
     seeds: u64,
@@ -147,7 +148,9 @@ impl Part {
                                     friction,
                                     shear_rate: SHEAR_RATE,
                                     hydrodynamics: Hydrodynamics::BallMelrose,
-                                    contact: ContactScheme::Laws(law.choice(roughness)),
+                                    contact: ContactScheme::Laws(
+                                        law.choice(roughness, self.stiffness),
+                                    ),
                                     time_step: TIME_STEP,
                                     ..Params::UNWRITTEN
                                 };
@@ -173,11 +176,16 @@ impl Case {
             spheres,
             ..
         } = self.params;
-        format!(
-            "--law {} --area-fraction {area_fraction} --friction {friction} --roughness {roughness} --spheres {spheres} \
-             --seeds 1 --first-seed {}",
-            self.law, self.seed
-        )
+        let mut options = format!(
+            "--law {} --area-fraction {area_fraction} --friction {friction} --roughness {roughness} --spheres {spheres}",
+            self.law
+        );
+        let stiffness = self.params.contact.laws().stiffness;
+        if stiffness.is_finite() {
+            let _ = write!(options, " --stiffness {stiffness:e}");
+        }
+        let _ = write!(options, " --seeds 1 --first-seed {}", self.seed);
+        options
     }
 
     /// Runs it; a panic is a failure like others.
