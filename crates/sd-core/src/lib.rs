@@ -23,9 +23,10 @@
 //! R = R_far + Σ_pairs [R2B − R2B∞]                 Stokesian Dynamics; Ball-Melrose: isolated drag for R_far
 //! R_far = M⁻¹, its uniform mode at no cost         M mobility of the periodic layer                     hydrodynamics::far_field
 //! R2B                                              two spheres, any gap and size ratio                  hydrodynamics::two_sphere
-//! f ≥ 0, w ≥ 0, f w = 0                            rigid contacts, w what the gap gains beyond h        contact::rigid
-//! |F_t| ≤ ν f where f > F_crit                     friction, rolling or slipping                        contact::friction
-//! R_FU v = R_FE E + F_external + F_contact         the motion                                           motion
+//! f ≥ 0, w = C v + b + κ f ≥ 0, f w = 0            normal forces, w what the gap gains beyond h         contact
+//! |t| ≤ ρ(f), z = D v + d − μ t = 0 inside         friction, z the slip beyond what the law allows      contact
+//! κ, μ, ρ                                          contact laws, a file each                            law
+//! R_FU v = R_FE E + F_external + Cᵀ f − Dᵀ t       the motion                                           stage
 //! η = 1 + (Σ S_xy + Σ contact stress)/V            the viscosity, V = 2 ⟨a⟩ A                           stress
 //! dx/dt = u∞ + v, dθ/dt = Ω                        fourth order in time                                 run::steppers
 //! ```
@@ -45,19 +46,20 @@
 //! error           why a computation was refused or could not be finished
 //! law             constitutive laws of contact: pure functions of numbers, one file each
 //! model           what decides a run: every parameter and choice declared once, ranged, validated
-//! linalg          dense matrices, lu, cholesky (dense, recursive, tiled, skyline, sparse), conjugate_gradients, anderson:
+//! linalg          dense matrices, lu, cholesky (dense, recursive, tiled, skyline, sparse), conjugate_gradients, gmres, anderson:
 //!                 the only room that names the linear-algebra library
 //! geometry        the sheared cell, pairs and lists of them, the six planar modes of a sphere
 //! hydrodynamics   two_sphere: near field of a pair; far_field: mobility of all spheres; resistance: their sum, held dense, within a
 //!                 skyline or pair by pair; iterative: the far field put on top of Ball-Melrose by iteration, for many spheres
-//! contact         forces between rough surfaces
-//! motion          positions → velocities: the only place where contact and far field meet
+//! contact         forces between rough surfaces. laws: the entries of a law at a stage; solver: the pairs that take part; solve: the
+//!                 one contact problem, its states, and its dense and sparse linear algebra; procedure: the paper's steps, apart
+//! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
 //! stress          viscosity, normal stress difference, energy balance
 //! run             start: the first layer; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
 //!                 pair: two spheres alone; verify: known results, computed anew
 //! ```
 //! A right-hand side goes through them in this order: pairs in range (`geometry`), their near field and the far field of all
-//! (`hydrodynamics`), contact forces (`contact`), velocities (`motion`), viscosity (`stress`), the next stage (`run::steppers`).
+//! (`hydrodynamics`), contact forces and velocities (`contact`, `stage`), viscosity (`stress`), the next stage (`run::steppers`).
 //!
 //! The crate reads no file, prints nothing and starts no thread; a run is a function of [`Params`] and a seed alone.
 //!

@@ -1,9 +1,14 @@
 //! The examples run.
 
+#[path = "../examples/hard.rs"]
+#[expect(dead_code, reason = "its `main` reads the command line")]
+mod hard;
 #[path = "../examples/layer.rs"]
 mod layer;
 #[path = "../examples/pair.rs"]
 mod pair;
+
+use clap::Parser as _;
 
 #[test]
 fn layer_is_sheared() {
@@ -13,4 +18,68 @@ fn layer_is_sheared() {
 #[test]
 fn spheres_pass() {
     pair::main().expect("the example of a pair");
+}
+
+/// The tables of the hard runs that these options ask for.
+fn hard_runs(options: &str) -> String {
+    let options = ["hard"].into_iter().chain(options.split(' '));
+    let part = hard::Part::try_parse_from(options).expect("options of the example");
+    hard::tables(&part).expect("two threads")
+}
+
+#[test]
+fn easy_runs_of_every_law_are_done() {
+    let tables =
+        hard_runs("--area-fraction 0.5 --friction 0.3 --roughness 0.01 --spheres 30 --seeds 1");
+    assert_eq!(
+        tables.matches("| all | 1 | 1 | 0 | 0 | 0 | 0 |").count(),
+        7,
+        "{tables}"
+    );
+    assert!(tables.contains("None failed"), "{tables}");
+}
+
+#[test]
+fn hard_run_that_is_refused_is_told_with_its_options() {
+    // Ten spheres have no room for the lubrication cut-off; roughness 0.4 leaves discs larger than the plane.
+    let options = "--law rigid+coulomb --area-fraction 0.84 --friction 1 --roughness 0.01 --spheres 10 --seeds 1 --first-seed 2";
+    let tables = hard_runs(options);
+    assert!(
+        tables.contains("| all | 1 | 0 | 0 | 0 | 1 refused | 0 | 0 |"),
+        "{tables}"
+    );
+    assert!(
+        tables.contains(&format!("| `{options}` | the cell is")),
+        "{tables}"
+    );
+    let tables = hard_runs(
+        &options
+            .replace("10 --seeds", "30 --seeds")
+            .replace("0.01", "0.4"),
+    );
+    assert!(
+        tables.contains("| all | 1 | 0 | 0 | 1 | 0 | 0 |"),
+        "{tables}"
+    );
+}
+
+#[test]
+fn hard_run_over_its_time_is_stopped() {
+    let tables = hard_runs(
+        "--law rigid+coulomb --area-fraction 0.5 --friction 1 --roughness 0.01 --spheres 30 --seeds 1 --limit 0",
+    );
+    assert!(
+        tables.contains("| all | 1 | 0 | 0 | 0 | 0 | 1 |"),
+        "{tables}"
+    );
+}
+
+#[test]
+fn unknown_hard_law_is_refused_with_the_names_of_all() {
+    let refused = hard::Part::try_parse_from(["hard", "--law", "rigid+glue"]);
+    let told = refused.expect_err("there is no such law").to_string();
+    assert!(
+        told.contains("rigid+stick-rotate") && told.contains("hertz+stick-slide"),
+        "{told}"
+    );
 }
