@@ -3,7 +3,7 @@
 use super::simd::vectorised;
 use super::vector;
 pub(crate) use super::vector::{add_scaled, dot};
-use faer::linalg::matmul::{self, triangular::BlockStructure};
+use faer::linalg::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 
 /// A dense matrix `[rows × columns]`, stored by columns.
@@ -159,22 +159,6 @@ impl std::ops::IndexMut<(usize, usize)> for Matrix {
     fn index_mut(&mut self, (i, j): (usize, usize)) -> &mut f64 {
         &mut self.values[j * self.rows + i]
     }
-}
-
-/// Lower triangle of `C = Aᵀ B` for a product known to be symmetric.
-pub(crate) fn symmetric_product(a: &Matrix, b: &Matrix, c: &mut Matrix) {
-    c.reshape(a.columns, b.columns);
-    matmul::triangular::matmul(
-        c.view_mut(),
-        BlockStructure::TriangularLower,
-        Accum::Replace,
-        a.view(0, 0, a.rows, a.columns).transpose(),
-        BlockStructure::Rectangular,
-        b.view(0, 0, b.rows, b.columns),
-        BlockStructure::Rectangular,
-        1.0,
-        Par::Seq,
-    );
 }
 
 /// `C ← A B`.

@@ -80,10 +80,14 @@ impl DenseSystem {
             vector.reserve(2 * candidates);
         }
         for pair in [&mut system.by_column, &mut system.velocities] {
-            pair.iter_mut().for_each(|v| v.reserve(2 * candidates));
+            for vector in pair.iter_mut() {
+                vector.reserve(2 * candidates);
+            }
         }
         for pair in [&mut system.order, &mut system.place, &mut system.unknowns] {
-            pair.iter_mut().for_each(|v| v.reserve(2 * candidates));
+            for vector in pair.iter_mut() {
+                vector.reserve(2 * candidates);
+            }
         }
         system
     }
@@ -199,15 +203,9 @@ fn fill(
     columns.solve_lower(resistance.solver());
 }
 
-impl System for DenseSystem {
-    fn solve(
-        &mut self,
-        problem: &Problem,
-        states: &States,
-        compliance: f64,
-        _: bool,
-        forces: &mut Forces,
-    ) -> Option<Noise> {
+impl DenseSystem {
+    /// The linear system of the states, put into the solver, and its right-hand side.
+    fn pose(&mut self, problem: &Problem, states: &States, compliance: f64) {
         let [active, sticking] = &mut self.unknowns;
         let [order, row_order] = &self.order;
         active.clear();
@@ -287,11 +285,12 @@ impl System for DenseSystem {
                 }
             }
         }
-        if self.solver.solve(&mut self.solution).is_err()
-            || !self.solution.iter().all(|x| x.is_finite())
-        {
-            return None;
-        }
+    }
+
+    /// The forces that the solution gives.
+    fn take_solution(&self, problem: &Problem, states: &States, forces: &mut Forces) {
+        let ([active, sticking], [order, row_order]) = (&self.unknowns, &self.order);
+        let first = active.len();
         forces.normal.clear();
         forces.normal.resize(problem.normal.len(), 0.0);
         for (&a, &f) in active.iter().zip(&self.solution) {
@@ -310,6 +309,25 @@ impl System for DenseSystem {
                 forces.tangential[m] = sign * problem.friction * load;
             }
         }
+    }
+}
+
+impl System for DenseSystem {
+    fn solve(
+        &mut self,
+        problem: &Problem,
+        states: &States,
+        compliance: f64,
+        _: bool,
+        forces: &mut Forces,
+    ) -> Option<Noise> {
+        self.pose(problem, states, compliance);
+        if self.solver.solve(&mut self.solution).is_err()
+            || !self.solution.iter().all(|x| x.is_finite())
+        {
+            return None;
+        }
+        self.take_solution(problem, states, forces);
         self.measure(problem, forces);
         let given = self.free_normal.iter().chain(&self.free_slip);
         let fastest = given.fold(0.0, |most: f64, v| most.max(v.abs()));

@@ -19,7 +19,7 @@ use crate::contact::solver::Driving;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
 use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
-use crate::linalg::dense::dot;
+use crate::linalg::dense::{add_scaled, dot};
 use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
 use std::f64::consts::PI;
@@ -350,11 +350,6 @@ impl SparseSystem {
             self.factored.clear();
             self.factored.extend_from_slice(&self.stiffness[..rows]);
         }
-        if problem.isolated && !self.free.1 {
-            linear.network.fill(pattern, &mut self.free.0);
-            self.free.0.factor(pattern)?;
-            self.free.1 = true;
-        }
         Ok(())
     }
 }
@@ -441,7 +436,7 @@ impl System for OnNetwork<'_> {
             system.iterations = reached.iterations;
             left = reached.residual;
             let [v, v_n, f, t] = linear.split(&system.correction);
-            let add = |x: &mut [f64], dx: &[f64]| x.iter_mut().zip(dx).for_each(|(x, d)| *x += d);
+            let add = |x: &mut [f64], dx: &[f64]| add_scaled(&mut x[..dx.len()], dx, 1.0);
             add(&mut system.velocities, v);
             add(&mut system.isolated, v_n);
             add(&mut forces.normal, f);
@@ -467,7 +462,9 @@ impl System for OnNetwork<'_> {
         };
         let mut driving = self.system.driving.clone();
         for (entry, &f) in problem.normal.iter().zip(&forces.normal) {
-            driving.iter_mut().for_each(|force| entry.row.add(f, force));
+            for force in &mut driving {
+                entry.row.add(f, force);
+            }
         }
         for (entry, &t) in problem.tangential.iter().zip(&forces.tangential) {
             entry.row.add(-t, &mut driving[0]);
@@ -523,8 +520,19 @@ impl<'a> OnNetwork<'a> {
             network.number_of((i as u32, j as u32))
         });
         system.numbers.extend(numbers);
+        let pattern = network.pattern();
+        if problem.isolated && !system.free.1 {
+            network.fill(pattern, &mut system.free.0);
+            let factored = system.free.0.factor(pattern);
+            factored.map_err(|bad| Error::NotPositiveDefinite {
+                matrix: "near part of the resistance",
+                pivot: bad.pivot,
+                sphere: bad.pivot / 3,
+            })?;
+            system.free.1 = true;
+        }
         Ok(Self {
-            pattern: network.pattern(),
+            pattern,
             network,
             system,
             enough: driving.enough,

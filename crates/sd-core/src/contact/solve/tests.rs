@@ -14,29 +14,11 @@ struct Network {
 }
 
 impl Network {
-    /// `columns`: of the normal forces, then of friction. `isolated`: whether friction moves no contact along its tangent. `apart`: whether
-    /// normal forces and friction leave each other's contacts where they are.
-    fn new(columns: &[Vec<f64>], isolated: bool, apart: bool) -> Self {
+    /// `columns`: of the normal forces, then of friction. `isolated`: whether friction moves no contact along its tangent.
+    fn new(columns: &[Vec<f64>], isolated: bool) -> Self {
         let count = columns.len() / 2;
-        let matrix = |part: &[Vec<f64>], kept: std::ops::Range<usize>| {
-            let entry = |row, k: usize| {
-                if kept.contains(&row) {
-                    part[k][row]
-                } else {
-                    0.0
-                }
-            };
-            DMatrix::from_fn(24, count, entry)
-        };
-        let [of_n, of_t] = if apart {
-            [0..12, 12..24]
-        } else {
-            [0..24, 0..24]
-        };
-        let (n, t) = (
-            matrix(&columns[..count], of_n),
-            matrix(&columns[count..], of_t),
-        );
+        let matrix = |part: &[Vec<f64>]| DMatrix::from_fn(24, count, |row, k| part[k][row]);
+        let (n, t) = (matrix(&columns[..count]), matrix(&columns[count..]));
         Self {
             normal: n.transpose() * &n,
             coupling: t.transpose() * &n,
@@ -212,7 +194,7 @@ proptest! {
         given in prop::collection::vec(-1.0..1.0f64, 20),
     ) {
         for law in laws() {
-            let mut network = Network::new(&columns, law.isolated, false);
+            let mut network = Network::new(&columns, law.isolated);
             let (problem, solver, residual) = solve(law, &mut network, &given);
             prop_assert!(residual < 1e-9, "{law:?}: residual {residual}");
             // The conditions themselves, whatever the merit says.
@@ -295,7 +277,7 @@ fn an_isolated_contact_is_solved_by_hand() {
             0.25,
         ),
     ] {
-        let mut network = Network::new(&columns, law.isolated, false);
+        let mut network = Network::new(&columns, law.isolated);
         let (_, solver, residual) = solve(law, &mut network, &given);
         let (f, t) = (solver.forces.normal[0], solver.forces.tangential[0]);
         assert!(residual < 1e-14);

@@ -3,8 +3,6 @@
 use super::recursive;
 use crate::linalg::dense::Matrix;
 use crate::linalg::error::BadPivot;
-use crate::linalg::simd::vectorised;
-use crate::linalg::vector;
 use faer::dyn_stack::MemBuffer;
 use faer::linalg::cholesky::llt;
 use faer::{Par, Spec};
@@ -65,64 +63,76 @@ impl DenseCholesky {
         }
         (&mut self.factor, &mut self.scratch)
     }
+}
 
-    /// `x ← A⁻¹ x` for one vector.
-    pub(crate) fn solve(&self, x: &mut [f64]) {
-        self.solve_lower_vector(x);
-        self.solve_upper_vector(x);
-    }
+/// Solves, against which other factors are tested.
+#[cfg(test)]
+mod solves {
+    use super::DenseCholesky;
+    use crate::linalg::simd::vectorised;
+    use crate::linalg::vector;
 
-    /// `x ← L⁻¹ x` for one vector.
-    pub(crate) fn solve_lower_vector(&self, x: &mut [f64]) {
-        let n = self.factor.rows();
-        vectorised(
-            #[inline(always)]
-            || {
-                for j in (0..n).step_by(4) {
-                    let end = (j + 4).min(n);
-                    for k in j..end {
-                        let column = self.factor.column(k);
-                        let xk = x[k] / column[k];
-                        x[k] = xk;
-                        for row in k + 1..end {
-                            x[row] -= column[row] * xk;
+    impl DenseCholesky {
+        /// `x ← A⁻¹ x` for one vector.
+        pub(crate) fn solve(&self, x: &mut [f64]) {
+            self.solve_lower_vector(x);
+            self.solve_upper_vector(x);
+        }
+
+        /// `x ← L⁻¹ x` for one vector.
+        pub(crate) fn solve_lower_vector(&self, x: &mut [f64]) {
+            let n = self.factor.rows();
+            vectorised(
+                #[inline(always)]
+                || {
+                    for j in (0..n).step_by(4) {
+                        let end = (j + 4).min(n);
+                        for k in j..end {
+                            let column = self.factor.column(k);
+                            let xk = x[k] / column[k];
+                            x[k] = xk;
+                            for row in k + 1..end {
+                                x[row] -= column[row] * xk;
+                            }
+                        }
+                        if end - j == 4 && end < n {
+                            let (done, rest) = x.split_at_mut(end);
+                            let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
+                            vector::add_four(rest, columns, [0, 1, 2, 3].map(|k| -done[j + k]));
                         }
                     }
-                    if end - j == 4 && end < n {
-                        let (done, rest) = x.split_at_mut(end);
-                        let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
-                        vector::add_four(rest, columns, [0, 1, 2, 3].map(|k| -done[j + k]));
-                    }
-                }
-            },
-        );
-    }
+                },
+            );
+        }
 
-    /// `x ← L⁻ᵀ x` for one vector.
-    pub(crate) fn solve_upper_vector(&self, x: &mut [f64]) {
-        let n = self.factor.rows();
-        vectorised(
-            #[inline(always)]
-            || {
-                for j in (0..n).step_by(4).rev() {
-                    let end = (j + 4).min(n);
-                    if end - j == 4 && end < n {
-                        let (open, rest) = x.split_at_mut(end);
-                        let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
-                        for (xk, sum) in open[j..].iter_mut().zip(vector::dot_four(columns, rest)) {
-                            *xk -= sum;
+        /// `x ← L⁻ᵀ x` for one vector.
+        pub(crate) fn solve_upper_vector(&self, x: &mut [f64]) {
+            let n = self.factor.rows();
+            vectorised(
+                #[inline(always)]
+                || {
+                    for j in (0..n).step_by(4).rev() {
+                        let end = (j + 4).min(n);
+                        if end - j == 4 && end < n {
+                            let (open, rest) = x.split_at_mut(end);
+                            let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
+                            for (xk, sum) in
+                                open[j..].iter_mut().zip(vector::dot_four(columns, rest))
+                            {
+                                *xk -= sum;
+                            }
+                        }
+                        for k in (j..end).rev() {
+                            let column = self.factor.column(k);
+                            for row in k + 1..end {
+                                x[k] -= column[row] * x[row];
+                            }
+                            x[k] /= column[k];
                         }
                     }
-                    for k in (j..end).rev() {
-                        let column = self.factor.column(k);
-                        for row in k + 1..end {
-                            x[k] -= column[row] * x[row];
-                        }
-                        x[k] /= column[k];
-                    }
-                }
-            },
-        );
+                },
+            );
+        }
     }
 }
 
