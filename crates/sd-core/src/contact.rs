@@ -6,7 +6,7 @@
 //!                      torques l_i F_t, l_j F_t          t = (−n_y, n_x), l = a + g/2
 //! ```
 //!
-//! Every law is entries of one problem, stated in [`solve`]. [`laws`] says what a law comes to at a stage, [`solver`] chooses the pairs that
+//! Every law is entries of one problem, stated at the top of `contact/solve.rs`. [`laws`] says what a law comes to at a stage, [`solver`] chooses the pairs that
 //! take part, poses the problem and takes its solution. [`procedure`] stays apart: it is a protocol, not a law.
 
 pub mod laws;
