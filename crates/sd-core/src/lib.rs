@@ -107,7 +107,6 @@ pub use hydrodynamics::far_field::{FarField, FarResistance};
 pub use hydrodynamics::iterative::IterativeFarField;
 pub use hydrodynamics::resistance::{NearFields, PairwiseResistance, Resistance};
 pub use hydrodynamics::two_sphere;
-pub use model as params;
 pub use model::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, Params, TangentialLaw,
 };

@@ -8,8 +8,8 @@ use sd_core::contact::warm_start::SpringForces;
 use sd_core::contact::{Contact, ContactMemory, ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::law::repulsion::ExponentialRepulsion;
+use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
-use sd_core::params::DEEPEST_OVERLAP;
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
     ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,

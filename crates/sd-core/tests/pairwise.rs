@@ -10,8 +10,8 @@ use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, Span};
 use sd_core::contact::procedure::ContactList;
 use sd_core::contact::{Contact, ContactMemory, ContactState, Surface};
+use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
-use sd_core::params::DEEPEST_OVERLAP;
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
     ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField, Method,

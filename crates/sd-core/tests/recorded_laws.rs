@@ -12,8 +12,8 @@ use sd_core::contact::laws::{Laws, Span};
 use sd_core::contact::procedure::ContactList;
 use sd_core::contact::warm_start::{SpringForces, WarmStart};
 use sd_core::contact::{Contact, ContactMemory, ContactState, Quality};
+use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
-use sd_core::params::DEEPEST_OVERLAP;
 use sd_core::simulation::{Counters, SNAPSHOT_VERSION, SchemeMemory};
 use sd_core::{
     ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField, Method, NearFields,
