@@ -22,7 +22,7 @@ const EXPECTED_CHANGE: f64 = 0.3;
 /// Rounds of adding pairs that turned out to close after all.
 const MOST_ROUNDS: u32 = 20;
 /// Distance of a force from a curved law, over the largest force or 1, at which linearisations end.
-const LINEARISED: f64 = 1e-10;
+const LINEARISED: f64 = 1e-9;
 
 /// What a contact problem is posed in.
 #[derive(Clone, Copy)]

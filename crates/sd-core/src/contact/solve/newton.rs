@@ -23,6 +23,8 @@ const FIRST_SYSTEMS: u32 = 40;
 const PATH_SYSTEMS: u32 = 16;
 /// Times that it is decided anew on which contacts friction acts.
 const DECISIONS: u32 = 10;
+/// How exact forces must be for that, over the critical load.
+const CLOSE: f64 = 1e-3;
 /// Systems without fewer contradictions after which only some are mended at a time, chosen by chance.
 const PATIENCE: u32 = 3;
 /// Problems on the way, after which the stiffest that was solved has to do.
@@ -35,6 +37,8 @@ const MOST_RATIO: f64 = 100.0;
 const LEAST_RATIO: f64 = 1.3;
 /// Compliance after which comes none, in a/(mu·a²·rate).
 const LAST_COMPLIANCE: f64 = 1e-11;
+/// Power of the inverse of the compliance with which forces grow at least where there is no solution.
+const INVERSE: f64 = 0.7;
 /// Velocity at which contacts give way under compliance, in a·rate, above which the end of the way means that the layer is jammed.
 const JAMMED_APPROACH: f64 = 1e-3;
 
@@ -116,6 +120,31 @@ impl Pace {
     }
 }
 
+/// How the largest force grows as compliance falls.
+#[derive(Debug, Default)]
+struct Growth {
+    /// Compliance and force of the last problem, and of the last one with at least twice its compliance.
+    last: Option<[f64; 2]>,
+    before: Option<[f64; 2]>,
+}
+
+impl Growth {
+    /// Takes a problem that was solved.
+    fn add(&mut self, compliance: f64, force: f64) {
+        let far = |old: &[f64; 2]| old[0] > 2.0 * compliance;
+        self.before = self.last.filter(far).or(self.before.filter(far));
+        self.last = Some([compliance, force]);
+    }
+
+    /// Whether it grows like the inverse of the compliance, or nearly.
+    fn is_inverse(&self) -> bool {
+        let (Some(last), Some(before)) = (self.last, self.before) else {
+            return false;
+        };
+        (last[1] / before[1]).ln() > INVERSE * (before[0] / last[0]).ln()
+    }
+}
+
 /// How a row of Newton steps ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Ended {
@@ -182,7 +211,22 @@ impl BoxSolver {
     ) -> Outcome {
         self.deciding = if onset.deciding { DECISIONS } else { 0 };
         self.compliance = 0.0;
-        let (ended, systems) = self.newton(problem, system, onset, &mut refine, FIRST_SYSTEMS);
+        self.keep(problem);
+        let (mut ended, mut systems) =
+            self.newton(problem, system, onset, &mut refine, FIRST_SYSTEMS);
+        if ended == Ended::Failed && onset.smooth && problem.offset == 0.0 {
+            // A contact that opens under friction and closes without need not have a solution with it: the set of the stage before is held.
+            self.restore(problem);
+            let held = Onset {
+                smooth: false,
+                deciding: false,
+                ..onset
+            };
+            self.deciding = 0;
+            let more;
+            (ended, more) = self.newton(problem, system, held, &mut refine, FIRST_SYSTEMS);
+            systems += more;
+        }
         match ended {
             Ended::Admit => Outcome::Admit { systems },
             Ended::Solved => {
@@ -235,10 +279,14 @@ impl BoxSolver {
             let mut found = refine(problem, &self.forces) + self.mend(problem, noise, &mut pace);
             if onset.smooth {
                 found += self.decide(problem, onset.critical_load);
-            } else if found == 0 && deciding && noise.exact {
-                // Only now, as forces on the way say nothing about loads.
-                self.deciding -= 1;
-                found += self.decide(problem, onset.critical_load);
+            } else if found == 0
+                && deciding
+                && (noise.exact || noise.force < CLOSE * onset.critical_load)
+            {
+                // Only now, as forces of states that are contradicted say nothing about loads.
+                let changes = self.decide(problem, onset.critical_load);
+                self.deciding -= u32::from(changes > 0);
+                found += changes;
             }
             if found == 0 && noise.exact {
                 return (Ended::Solved, count);
@@ -304,6 +352,7 @@ impl BoxSolver {
         let mobility = (0..problem.normal.len()).map(|k| system.mobility(k));
         let mut compliance = FIRST_COMPLIANCE * mobility.fold(0.0, f64::max);
         let (mut solved, mut ratio, mut systems) = (None, FIRST_RATIO, 0);
+        let mut growth = Growth::default();
         self.keep(problem);
         for _ in 0..MOST_PROBLEMS {
             self.compliance = compliance;
@@ -319,6 +368,7 @@ impl BoxSolver {
                 self.clip();
                 self.keep(problem);
                 solved = Some(compliance);
+                growth.add(compliance, largest(&self.forces.normal));
                 if compliance == 0.0 {
                     break;
                 }
@@ -352,7 +402,9 @@ impl BoxSolver {
         self.compliance = 0.0;
         system.measure(problem, &mut self.forces);
         let merit = self.merit(problem, system);
-        let jammed = self.is_jammed(merit, solved.unwrap_or(0.0));
+        let compliance = solved.unwrap_or(0.0);
+        let jammed =
+            self.is_jammed(merit, compliance) && (compliance == 0.0 || growth.is_inverse());
         Outcome::Solved {
             merit,
             jammed,

@@ -14,6 +14,7 @@
 //! ahead, or a large one for rigid contacts: a sparse Cholesky factor in single precision. So soft and rigid contacts cost the same.
 
 use super::problem::{Forces, Grip, Noise, Problem, States, System, largest};
+use crate::contact::laws::COMPLIANCE;
 use crate::contact::row::Row;
 use crate::contact::solver::Driving;
 use crate::error::Error;
@@ -30,8 +31,9 @@ const LEAST_COMPLIANCE: f64 = 1e-6;
 const WEIGHT: f64 = 30.0;
 /// By how much one call lowers the residual.
 const GAIN: f64 = 1e-2;
-/// Residual that is small enough, over the norm of all forces, and as a velocity, in a·rate.
-const ROUNDING: f64 = 1e-10;
+/// Residual that is small enough, over the norm of all forces: for contacts that do not give way, and for others, whose slopes multiply what
+/// is left; and as a velocity, in a·rate.
+const ROUNDING: [f64; 2] = [1e-10, 1e-12];
 const SLOW: f64 = 1e-9;
 /// Residual that is rounding, over the norm of all forces.
 const LEAST_ROUNDING: f64 = 1e-14;
@@ -409,7 +411,11 @@ impl System for OnNetwork<'_> {
             + square(&forces.tangential)
             + LEAST_FORCE * LEAST_FORCE;
         let size = size.sqrt();
-        let floor = (ROUNDING * size)
+        let soft = problem
+            .normal
+            .iter()
+            .any(|entry| entry.compliance > COMPLIANCE);
+        let floor = (ROUNDING[usize::from(soft)] * size)
             .min(WEIGHT * SLOW)
             .max(LEAST_ROUNDING * size);
         let floor = floor.max(self.enough * size);
