@@ -20,7 +20,7 @@ use crate::contact::laws::COMPLIANCE;
 /// Systems before other ways are tried.
 const FIRST_SYSTEMS: u32 = 40;
 /// Systems of a problem on the way to the one asked for.
-const PATH_SYSTEMS: u32 = 16;
+const PATH_SYSTEMS: u32 = 20;
 /// Times that it is decided anew on which contacts friction acts.
 const DECISIONS: u32 = 10;
 /// How exact forces must be for that, over the critical load.
@@ -28,13 +28,13 @@ const CLOSE: f64 = 1e-3;
 /// Systems without fewer contradictions after which only some are mended at a time, chosen by chance.
 const PATIENCE: u32 = 3;
 /// Problems on the way, after which the stiffest that was solved has to do.
-const MOST_PROBLEMS: u32 = 40;
+const MOST_PROBLEMS: u32 = 60;
 /// Compliance of the first problem on the way, over the largest mobility of a contact.
 const FIRST_COMPLIANCE: f64 = 3.0;
 /// What compliance is divided by: at first, at most, and at least before the way counts as ended.
 const FIRST_RATIO: f64 = 10.0;
 const MOST_RATIO: f64 = 100.0;
-const LEAST_RATIO: f64 = 1.3;
+const LEAST_RATIO: f64 = 1.1;
 /// Compliance after which comes none, in a/(mu·a²·rate).
 const LAST_COMPLIANCE: f64 = 1e-11;
 /// Power of the inverse of the compliance with which forces grow at least where there is no solution.
@@ -211,26 +211,22 @@ impl BoxSolver {
     ) -> Outcome {
         self.deciding = if onset.deciding { DECISIONS } else { 0 };
         self.compliance = 0.0;
-        self.keep(problem);
         let (mut ended, mut systems) =
             self.newton(problem, system, onset, &mut refine, FIRST_SYSTEMS);
-        if ended == Ended::Failed && onset.smooth && problem.offset == 0.0 {
-            // A contact that opens under friction and closes without need not have a solution with it: the set of the stage before is held.
-            self.restore(problem);
-            let held = Onset {
-                smooth: false,
-                deciding: false,
-                ..onset
-            };
-            self.deciding = 0;
+        if ended == Ended::Failed {
+            // Once more from no forces at all.
+            self.forces.normal.fill(0.0);
+            self.forces.tangential.fill(0.0);
+            self.read_states(problem);
+            self.deciding = if onset.deciding { DECISIONS } else { 0 };
             let more;
-            (ended, more) = self.newton(problem, system, held, &mut refine, FIRST_SYSTEMS);
+            (ended, more) = self.newton(problem, system, onset, &mut refine, FIRST_SYSTEMS);
             systems += more;
         }
         match ended {
             Ended::Admit => Outcome::Admit { systems },
             Ended::Solved => {
-                self.clip();
+                self.clip(problem);
                 let merit = self.merit(problem, system);
                 Outcome::Solved {
                     merit,
@@ -365,7 +361,7 @@ impl BoxSolver {
                 return Outcome::Admit { systems };
             }
             if ended == Ended::Solved {
-                self.clip();
+                self.clip(problem);
                 self.keep(problem);
                 solved = Some(compliance);
                 growth.add(compliance, largest(&self.forces.normal));
@@ -395,11 +391,27 @@ impl BoxSolver {
             systems += more;
             match ended {
                 Ended::Admit => return Outcome::Admit { systems },
-                Ended::Solved => self.clip(),
+                Ended::Solved => self.clip(problem),
                 Ended::Failed => self.restore(problem),
             }
         }
         self.compliance = 0.0;
+        if solved != Some(0.0) {
+            // From here it may be near enough; where a contact opens under friction and closes without, friction stays where it acted.
+            let held = Onset {
+                smooth: false,
+                deciding: false,
+                ..onset
+            };
+            let (ended, more) = self.newton(problem, system, held, refine, FIRST_SYSTEMS);
+            systems += more;
+            if ended == Ended::Solved {
+                self.clip(problem);
+                solved = Some(0.0);
+            } else {
+                self.restore(problem);
+            }
+        }
         system.measure(problem, &mut self.forces);
         let merit = self.merit(problem, system);
         let compliance = solved.unwrap_or(0.0);
@@ -440,10 +452,14 @@ impl BoxSolver {
         self.read_states(problem);
     }
 
-    /// Sets forces that rounding left below zero to zero.
-    fn clip(&mut self) {
+    /// Brings forces that rounding left out of their bounds back.
+    fn clip(&mut self, problem: &Problem) {
         for f in &mut self.forces.normal {
             *f = f.max(0.0);
+        }
+        for (t, row) in self.forces.tangential.iter_mut().zip(&problem.tangential) {
+            let bound = problem.bound(row, &self.forces.normal);
+            *t = t.clamp(-bound, bound);
         }
     }
 
