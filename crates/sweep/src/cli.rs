@@ -94,9 +94,9 @@ pub(crate) struct Output<'o> {
 
 impl Output<'_> {
     /// Writes a value as one line of JSON.
-    pub(crate) fn json(&mut self, value: &impl Serialize) -> Result<(), Error> {
-        serde_json::to_writer(&mut *self.out, value).map_err(std::io::Error::from)?;
-        Ok(writeln!(self.out)?)
+    pub(crate) fn json(&mut self, value: &impl Serialize) -> std::io::Result<()> {
+        serde_json::to_writer(&mut *self.out, value)?;
+        writeln!(self.out)
     }
 }
 

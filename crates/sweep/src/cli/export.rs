@@ -2,7 +2,6 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use super::show::story_of;
 use crate::error::Error;
 use crate::exit;
 use crate::files::write_whole;
@@ -47,11 +46,8 @@ enum Form {
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let store = arguments.place.open()?;
-    let story = story_of(&store, &arguments.case)?;
-    let frames = store.frames(&story.key, arguments.every.get())?;
-    if frames.is_empty() {
-        return Err(Error::NoFrames { key: story.key });
-    }
+    let key = store.key_of(&arguments.case)?;
+    let frames = store.frames(&key, arguments.every.get())?;
     match arguments
         .out
         .as_deref()
@@ -67,9 +63,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
                     .try_for_each(|kept| write_contacts(kept.step, &kept.frame, out))
             })?;
             if output.json {
-                output.json(&serde_json::json!({"key": story.key, "frames": frames.len()}))?;
+                output.json(&serde_json::json!({"key": key, "frames": frames.len()}))?;
             } else {
-                writeln!(output.out, "{} frames of case {}", frames.len(), story.key)?;
+                writeln!(output.out, "{} frames of case {}", frames.len(), key)?;
             }
         }
     }

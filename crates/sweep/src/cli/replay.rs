@@ -2,7 +2,6 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use super::show::key_of;
 use crate::error::Error;
 use crate::exit;
 
@@ -33,7 +32,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         })
     };
     let key = match &arguments.case {
-        Some(given) => Some(key_of(&store, given)?),
+        Some(given) => Some(store.key_of(given)?),
         None => None,
     };
     let mut found = store.replays(key.as_deref(), NAMED)?;

@@ -53,7 +53,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         } else {
             writeln!(output.out, "{name}: http://{address}/ (Ctrl-C ends it)")?;
         }
-        Ok(output.out.flush()?)
+        output.out.flush()
     })?;
     Ok(exit::DONE)
 }

@@ -215,7 +215,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 /// Says that nothing is open.
 fn nothing(output: &mut Output<'_>) -> Result<(), Error> {
     if output.json {
-        return output.json(&Answer {
+        return Ok(output.json(&Answer {
             job: None,
             cases: 0,
             tasks: 0,
@@ -223,7 +223,7 @@ fn nothing(output: &mut Output<'_>) -> Result<(), Error> {
             folder: None,
             command: None,
             script: None,
-        });
+        })?);
     }
     writeln!(
         output.out,

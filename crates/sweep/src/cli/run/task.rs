@@ -216,12 +216,12 @@ fn by_hand(part: Part) -> TaskName {
 fn answer(part: Part, counts: Counts, shard: &Path, output: &mut Output<'_>) -> Result<(), Error> {
     let left = counts.pending + counts.running;
     if output.json {
-        return output.json(&Answer {
+        return Ok(output.json(&Answer {
             task: part.task,
             tasks: part.tasks,
             shard,
             counts,
-        });
+        })?);
     }
     writeln!(
         output.out,
