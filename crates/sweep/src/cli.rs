@@ -2,6 +2,7 @@
 
 mod cancel;
 mod completions;
+mod error;
 mod export;
 mod merge;
 mod pair;
@@ -20,7 +21,8 @@ mod status;
 mod submit;
 mod verify;
 
-use crate::error::Error;
+pub use error::Error;
+
 use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 use std::io::{IsTerminal, Write};

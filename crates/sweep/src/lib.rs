@@ -10,7 +10,6 @@ pub mod campaign;
 pub mod case;
 pub mod cli;
 pub mod cluster;
-pub mod error;
 pub mod exit;
 mod files;
 pub mod format;
@@ -27,4 +26,4 @@ pub mod trajectory;
 #[cfg(test)]
 mod test_support;
 
-pub use error::Error;
+pub use cli::Error;

@@ -2,7 +2,7 @@
 
 use super::Output;
 use crate::campaign::Campaign;
-use crate::error::Error;
+use crate::cli::Error;
 use crate::store::{Store, StoreSource};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

@@ -3,7 +3,7 @@
 use super::Output;
 use super::place::StoreArguments;
 use crate::axes::{AXES, Axis};
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use crate::files::write_whole;
 use crate::report::{

@@ -3,7 +3,7 @@
 use super::Output;
 use super::place::StoreArguments;
 use crate::axes::AXES;
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use crate::format::{duration, significant};
 use crate::report::chart;

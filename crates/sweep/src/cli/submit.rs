@@ -5,12 +5,12 @@ mod folder;
 use super::place::store_of;
 use super::{Output, plan};
 use crate::campaign::Campaign;
+use crate::cli::Error;
 use crate::cluster::{
     Job, Scheduler, SchedulerError, quoted, shard,
     shard::Slices,
     slurm::{Slurm, TimeLimit},
 };
-use crate::error::Error;
 use crate::exit;
 use crate::format::{bytes, duration};
 use crate::store::{self, OpenCase, Store, Submission};

@@ -2,10 +2,10 @@
 
 use super::{Arguments, Conditions, compute};
 use crate::campaign::Campaign;
+use crate::cli::Error;
 use crate::cli::Output;
 use crate::cluster::shard::{self, Publisher, ShardError, Slices};
 use crate::cluster::{Requeue, Scheduler};
-use crate::error::Error;
 use crate::exit;
 use crate::runner::{Progress, RunObserver, Stop};
 use crate::store::{Counts, Identity, MergeMode, OpenCase, Store, StoreError, TaskName};
