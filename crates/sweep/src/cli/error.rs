@@ -149,3 +149,50 @@ impl Error {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lost() -> StoreError {
+        StoreError::ClaimLost { key: "3f9a".into() }
+    }
+
+    fn full() -> io::Error {
+        io::ErrorKind::StorageFull.into()
+    }
+
+    #[test]
+    fn trouble_with_the_store_or_the_output_has_one_exit_code_whoever_met_it() {
+        let met: [Error; 8] = [
+            lost().into(),
+            full().into(),
+            RunnerError::from(lost()).into(),
+            ReportError::from(lost()).into(),
+            ReportError::from(full()).into(),
+            ServeError::from(lost()).into(),
+            ServeError::from(full()).into(),
+            ServeError::from(ReportError::from(full())).into(),
+        ];
+        for error in met {
+            assert_eq!(error.exit_code(), exit::STORE, "{error:?}");
+        }
+        let unknown = StoreError::NoFrames { key: "3f9a".into() };
+        let refused = Error::from(ReportError::from(unknown));
+        assert_eq!(refused.exit_code(), exit::BAD_INPUT);
+    }
+
+    #[test]
+    fn a_reader_who_went_away_is_known_in_every_room() {
+        let gone = || io::Error::from(io::ErrorKind::BrokenPipe);
+        for error in [
+            gone().into(),
+            ReportError::from(gone()).into(),
+            ServeError::from(gone()).into(),
+        ] {
+            let error: Error = error;
+            assert!(error.is_closed_pipe(), "{error:?}");
+        }
+        assert!(!Error::from(full()).is_closed_pipe());
+    }
+}

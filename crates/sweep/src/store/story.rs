@@ -2,7 +2,7 @@
 
 use super::provenance::program;
 use super::query::params;
-use super::{Store, StoreError, count, ends, results};
+use super::{Store, StoreError, count, ends, samples};
 use rusqlite::{OptionalExtension, Row};
 use sd_core::{Params, Sample};
 use serde::Serialize;
@@ -161,7 +161,7 @@ impl Store {
 
     /// Samples of a case: of its result, or else of its newest readable checkpoint.
     fn samples_so_far(&self, id: i64, asked: u64) -> Result<Vec<(u64, Sample)>, StoreError> {
-        let samples = self.read(results::samples(&self.connection, id, Some(asked)))?;
+        let samples = self.read(samples::samples(&self.connection, id, Some(asked)))?;
         if self
             .read(ends::steps_of(&self.connection, id))?
             .is_some_and(|steps| steps >= asked)
