@@ -45,7 +45,7 @@ enum Form {
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let store = arguments.place.open()?;
+    let store = arguments.place.open(output)?;
     let key = store.key_of(&arguments.case)?;
     let frames = store.frames(&key, arguments.every.get())?;
     match arguments

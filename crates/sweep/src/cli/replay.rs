@@ -24,7 +24,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let store = arguments.place.open()?;
+    let store = arguments.place.open(output)?;
     let refuse = |message| {
         Err(Error::Argument {
             argument: "CASE",

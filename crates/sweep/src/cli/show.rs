@@ -26,7 +26,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let store = arguments.place.open()?;
+    let store = arguments.place.open(output)?;
     let story = store.story(&arguments.case)?;
     if output.json {
         output.json(&story)?;
