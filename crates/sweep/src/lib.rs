@@ -10,6 +10,7 @@ pub mod campaign;
 pub mod case;
 pub mod cli;
 pub mod cluster;
+mod csv_rows;
 pub mod exit;
 mod files;
 pub mod format;
