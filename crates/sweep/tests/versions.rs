@@ -343,12 +343,16 @@ fn a_run_continued_from_1_to_2_strains_has_the_bits_of_a_run_of_2() {
             "viscosity",
             "viscosity_median",
             "viscosity_stresslet",
-            "n1",
+            "normal_stress_difference",
             "contacts_per_sphere",
         ];
         points
             .iter()
-            .map(|point| names.map(|name| point[name].clone()))
+            .map(|point| {
+                let numbers = names.map(|name| point[name].clone());
+                assert!(!numbers.contains(&Json::Null), "{names:?}: {point}");
+                numbers
+            })
             .collect::<Vec<_>>()
     };
     write(whole.path(), "small.toml", &all_kinds("1.0"));
