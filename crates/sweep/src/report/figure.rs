@@ -102,7 +102,7 @@ struct Sketch {
 /// each point. One more than a figure holds at most.
 ///
 /// # Errors
-/// Trouble with the store; [`StoreError::Case`] on a key no selected run has.
+/// Trouble with the store; [`crate::store::StoreError::Case`] on a key no selected run has.
 pub fn traces(
     store: &Store,
     selection: &Selection,
