@@ -2,6 +2,7 @@
 
 mod cancel;
 mod completions;
+mod error;
 mod export;
 mod merge;
 mod pair;
@@ -20,7 +21,8 @@ mod status;
 mod submit;
 mod verify;
 
-use crate::error::Error;
+pub use error::Error;
+
 use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
@@ -94,9 +96,9 @@ pub(crate) struct Output<'o> {
 
 impl Output<'_> {
     /// Writes a value as one line of JSON.
-    pub(crate) fn json(&mut self, value: &impl Serialize) -> Result<(), Error> {
-        serde_json::to_writer(&mut *self.out, value).map_err(std::io::Error::from)?;
-        Ok(writeln!(self.out)?)
+    pub(crate) fn json(&mut self, value: &impl Serialize) -> std::io::Result<()> {
+        serde_json::to_writer(&mut *self.out, value)?;
+        writeln!(self.out)
     }
 }
 

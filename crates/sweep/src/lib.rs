@@ -10,7 +10,7 @@ pub mod campaign;
 pub mod case;
 pub mod cli;
 pub mod cluster;
-pub mod error;
+mod csv_rows;
 pub mod exit;
 mod files;
 pub mod format;
@@ -27,4 +27,4 @@ pub mod trajectory;
 #[cfg(test)]
 mod test_support;
 
-pub use error::Error;
+pub use cli::Error;

@@ -3,15 +3,15 @@
 //! It has three routes, all of them reading: the page, its data, and the movie of a run. Requests must name this machine
 //! as their host, so that no page of another site can have its visitor's browser read the store (DNS rebinding).
 
-use crate::error::Error;
 use crate::report::{PageHost, ReportError, Selection, data, movie, page};
-use crate::store::{Store, StoreSource};
+use crate::store::{Store, StoreError, StoreSource};
 use axum::Router;
 use axum::extract::{Path as Segment, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -21,6 +21,31 @@ use tokio::sync::Mutex;
 const FRESH: Duration = Duration::from_secs(1);
 /// Frames of a movie at most.
 const FRAMES: usize = 120;
+
+/// Why there is no live page, or no answer to a request.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[non_exhaustive]
+pub enum ServeError {
+    /// What the page shows.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Report(#[from] ReportError),
+    /// The store.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Store(#[from] StoreError),
+    /// Something the system would not give.
+    #[error("cannot start {what}: {reason}")]
+    Start {
+        /// What was asked for.
+        what: &'static str,
+        /// What the system said.
+        reason: String,
+    },
+    /// The address could not be written where it is read.
+    #[error("cannot write the output: {0}")]
+    Output(#[from] io::Error),
+}
 
 struct Shared {
     source: StoreSource,
@@ -35,10 +60,10 @@ struct Shared {
 pub fn serve(
     source: StoreSource,
     address: SocketAddr,
-    ready: impl FnOnce(SocketAddr) -> Result<(), Error>,
-) -> Result<(), Error> {
+    ready: impl FnOnce(SocketAddr) -> io::Result<()>,
+) -> Result<(), ServeError> {
     let start = |what| {
-        move |error: std::io::Error| Error::Start {
+        move |error: io::Error| ServeError::Start {
             what,
             reason: error.to_string(),
         }
@@ -123,24 +148,26 @@ async fn guard(request: Request, next: Next) -> Response {
 /// Reads the store where that may take its time.
 async fn read<T: Send + 'static>(
     shared: &Shared,
-    what: impl FnOnce(&Store) -> Result<T, Error> + Send + 'static,
-) -> Result<T, Error> {
+    what: impl FnOnce(&Store) -> Result<T, ReportError> + Send + 'static,
+) -> Result<T, ServeError> {
     let source = shared.source.clone();
-    tokio::task::spawn_blocking(move || what(&source.open()?))
+    tokio::task::spawn_blocking(move || Ok(what(&source.open()?)?))
         .await
-        .map_err(|error| Error::Start {
+        .map_err(|error| ServeError::Start {
             what: "a reader of the store",
             reason: error.to_string(),
         })?
 }
 
 /// An answer, or why there is none.
-fn answer(kind: &'static str, result: Result<String, Error>) -> Response {
+fn answer(kind: &'static str, result: Result<String, ServeError>) -> Response {
     match result {
         Ok(text) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
         Err(error) => {
             let status = match error {
-                Error::Report(ReportError::NoFrames { .. }) => StatusCode::NOT_FOUND,
+                ServeError::Report(ReportError::Store(StoreError::NoFrames { .. })) => {
+                    StatusCode::NOT_FOUND
+                }
                 _ => StatusCode::SERVICE_UNAVAILABLE,
             };
             (status, format!("{error}\n")).into_response()
@@ -150,7 +177,7 @@ fn answer(kind: &'static str, result: Result<String, Error>) -> Response {
 
 async fn send_page(State(shared): State<Arc<Shared>>) -> Response {
     let result = read(&shared, |store| {
-        Ok(page(store, &Selection::default(), PageHost::Server)?)
+        page(store, &Selection::default(), PageHost::Server)
     })
     .await;
     answer("text/html; charset=utf-8", result)
@@ -164,7 +191,7 @@ async fn send_data(State(shared): State<Arc<Shared>>) -> Response {
         return answer("application/json", Ok(text.clone()));
     }
     let result = read(&shared, |store| {
-        Ok(data(store, &Selection::default(), PageHost::Server)?)
+        data(store, &Selection::default(), PageHost::Server)
     })
     .await;
     if let Ok(text) = &result {

@@ -22,6 +22,7 @@ mod query;
 mod reading;
 mod results;
 mod salvage;
+mod samples;
 mod schema;
 mod source;
 mod story;

@@ -8,6 +8,7 @@ use assert_cmd::cargo::cargo_bin;
 use rusqlite::types::Value;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value as Json;
+use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -84,12 +85,32 @@ fn computed(store: &Path) -> Vec<Vec<Value>> {
     all
 }
 
+/// What the live page's server wrote on standard error until it said its address.
+fn said_by_the_server(directory: &Path, file: &str) -> String {
+    let mut server = command(directory, &["serve", file, "--listen", "127.0.0.1:0"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut address = String::new();
+    BufReader::new(server.stdout.take().unwrap())
+        .read_line(&mut address)
+        .unwrap();
+    server.kill().unwrap();
+    let output = server.wait_with_output().unwrap();
+    let err = String::from_utf8(output.stderr).unwrap();
+    assert!(address.contains("http://127.0.0.1:"), "{address}{err}");
+    err
+}
+
 #[test]
 fn report_and_status_show_what_the_file_asks_for_and_say_what_was_run_last() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     write(at, "small.toml", CAMPAIGN);
-    said(at, &["run", "small.toml", "--quiet"], 0);
+    said(at, &["run", "small.toml", "--quiet", "--trajectory"], 0);
+    let (_, err) = said(at, &["show", "small.toml", "1"], 0);
+    assert_eq!(err, "");
     let first = json(at, &["report", "small.toml", "--json"]);
     // A copy under the same name, with another grid: one point is common.
     write(
@@ -114,6 +135,29 @@ fn report_and_status_show_what_the_file_asks_for_and_say_what_was_run_last() {
     let again: Json = serde_json::from_str(&out).unwrap();
     assert_eq!(again["cases"], first["cases"]);
     assert_eq!(again["points"], first["points"]);
+    assert!(
+        err.contains("another version") && err.contains("copy.toml"),
+        "{err}"
+    );
+    // So do all others that read; what they print is not mixed with it.
+    let (out, _) = said(at, &["show", "small.toml", "1", "--json"], 0);
+    assert!(serde_json::from_str::<Json>(&out).is_ok(), "{out}");
+    for (arguments, code) in [
+        (["show", "small.toml", "1"].as_slice(), 0),
+        (&["export", "small.toml", "1"], 0),
+        (&["replay", "small.toml"], 2),
+    ] {
+        let (out, err) = said(at, arguments, code);
+        assert!(
+            err.contains("another version") && err.contains("copy.toml"),
+            "{arguments:?}: {err}"
+        );
+        assert!(!out.contains("another version"), "{arguments:?}: {out}");
+        let quiet = [arguments, &["--quiet"]].concat();
+        let (_, err) = said(at, &quiet, code);
+        assert!(!err.contains("another version"), "{quiet:?}: {err}");
+    }
+    let err = said_by_the_server(at, "small.toml");
     assert!(
         err.contains("another version") && err.contains("copy.toml"),
         "{err}"
@@ -299,12 +343,16 @@ fn a_run_continued_from_1_to_2_strains_has_the_bits_of_a_run_of_2() {
             "viscosity",
             "viscosity_median",
             "viscosity_stresslet",
-            "n1",
+            "normal_stress_difference",
             "contacts_per_sphere",
         ];
         points
             .iter()
-            .map(|point| names.map(|name| point[name].clone()))
+            .map(|point| {
+                let numbers = names.map(|name| point[name].clone());
+                assert!(!numbers.contains(&Json::Null), "{names:?}: {point}");
+                numbers
+            })
             .collect::<Vec<_>>()
     };
     write(whole.path(), "small.toml", &all_kinds("1.0"));

@@ -2,8 +2,8 @@
 
 use super::Output;
 use super::place::StoreArguments;
+use crate::cli::Error;
 use crate::cluster::{Scheduler, shard};
-use crate::error::Error;
 use crate::exit;
 use crate::store::{Store, Submission};
 use serde::Serialize;

@@ -2,14 +2,12 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use super::show::story_of;
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use crate::files::write_whole;
 use crate::store::StoredFrame;
-use crate::trajectory::{
-    CONTACT_HEADER, SPHERE_HEADER, write_contacts, write_extxyz, write_spheres,
-};
+use crate::trajectory::{write_contacts, write_extxyz, write_spheres};
+use sd_core::simulation::Frame;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -46,12 +44,9 @@ enum Form {
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let store = arguments.place.open()?;
-    let story = story_of(&store, &arguments.case)?;
-    let frames = store.frames(&story.key, arguments.every.get())?;
-    if frames.is_empty() {
-        return Err(Error::NoFrames { key: story.key });
-    }
+    let store = arguments.place.open(output)?;
+    let key = store.key_of(&arguments.case)?;
+    let frames = store.frames(&key, arguments.every.get())?;
     match arguments
         .out
         .as_deref()
@@ -61,15 +56,12 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         Some(path) => {
             to_file(path, |out| spheres(&frames, arguments.format, out))?;
             to_file(&path.with_extension("contacts.csv"), |out| {
-                writeln!(out, "{CONTACT_HEADER}")?;
-                frames
-                    .iter()
-                    .try_for_each(|kept| write_contacts(kept.step, &kept.frame, out))
+                write_contacts(with_steps(&frames), out)
             })?;
             if output.json {
-                output.json(&serde_json::json!({"key": story.key, "frames": frames.len()}))?;
+                output.json(&serde_json::json!({"key": key, "frames": frames.len()}))?;
             } else {
-                writeln!(output.out, "{} frames of case {}", frames.len(), story.key)?;
+                writeln!(output.out, "{} frames of case {}", frames.len(), key)?;
             }
         }
     }
@@ -78,13 +70,17 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 
 /// Writes the spheres of all frames.
 fn spheres(frames: &[StoredFrame], form: Form, out: &mut dyn Write) -> std::io::Result<()> {
-    if form == Form::Csv {
-        writeln!(out, "{SPHERE_HEADER}")?;
+    match form {
+        Form::Extxyz => frames
+            .iter()
+            .try_for_each(|kept| write_extxyz(&kept.frame, out)),
+        Form::Csv => write_spheres(with_steps(frames), out),
     }
-    frames.iter().try_for_each(|kept| match form {
-        Form::Extxyz => write_extxyz(&kept.frame, out),
-        Form::Csv => write_spheres(kept.step, &kept.frame, out),
-    })
+}
+
+/// The frames as tables have them.
+fn with_steps(frames: &[StoredFrame]) -> impl Iterator<Item = (u64, &Frame)> {
+    frames.iter().map(|kept| (kept.step, &kept.frame))
 }
 
 fn to_file(

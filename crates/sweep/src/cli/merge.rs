@@ -3,8 +3,8 @@
 use super::Output;
 use super::place::StoreArguments;
 use crate::campaign::Campaign;
+use crate::cli::Error;
 use crate::cluster::shard::{self, ShardError};
-use crate::error::Error;
 use crate::exit;
 use crate::store::{Counts, Disagreement, Merged, Store, StoreError};
 use serde::Serialize;

@@ -2,7 +2,7 @@
 
 use super::Output;
 use super::report::{format_of, save};
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use crate::format::significant;
 use crate::report::draw_paths;

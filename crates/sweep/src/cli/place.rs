@@ -2,7 +2,7 @@
 
 use super::Output;
 use crate::campaign::Campaign;
-use crate::error::Error;
+use crate::cli::Error;
 use crate::store::{Store, StoreSource};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -43,9 +43,11 @@ impl StoreArguments {
         })
     }
 
-    /// Opens the store for reading.
-    pub(crate) fn open(&self) -> Result<Store, Error> {
-        Ok(self.find()?.open()?)
+    /// Opens the store for reading, and says so if it was last run with another version of the campaign file given.
+    pub(crate) fn open(&self, output: &Output<'_>) -> Result<Store, Error> {
+        let store = self.find()?.open()?;
+        say_last_run(&store, output);
+        Ok(store)
     }
 }
 

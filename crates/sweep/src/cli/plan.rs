@@ -4,7 +4,7 @@ use super::Output;
 use crate::axes::{AXES, Axis, Value};
 use crate::campaign::Campaign;
 use crate::case::Case;
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use crate::format::{bytes, duration, significant};
 use crate::tables;

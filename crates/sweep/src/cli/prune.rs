@@ -2,7 +2,7 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use crate::format::bytes;
 use crate::store::Store;

@@ -2,8 +2,7 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use super::show::key_of;
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 
 /// Failures named in an error.
@@ -25,7 +24,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let store = arguments.place.open()?;
+    let store = arguments.place.open(output)?;
     let refuse = |message| {
         Err(Error::Argument {
             argument: "CASE",
@@ -33,7 +32,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         })
     };
     let key = match &arguments.case {
-        Some(given) => Some(key_of(&store, given)?),
+        Some(given) => Some(store.key_of(given)?),
         None => None,
     };
     let mut found = store.replays(key.as_deref(), NAMED)?;

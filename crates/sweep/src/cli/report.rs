@@ -3,7 +3,7 @@
 use super::Output;
 use super::place::StoreArguments;
 use crate::axes::{AXES, Axis};
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use crate::files::write_whole;
 use crate::report::{
@@ -78,9 +78,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let drawing = drawing(arguments)?;
     let selection = Selection::parse(&arguments.selection)?;
     refuse_two_answers(arguments, output)?;
-    let store = arguments.place.open()?;
+    let store = arguments.place.open(output)?;
     let report = Report::of(&store, &selection)?;
-    super::place::say_last_run(&store, output);
     let mut files = false;
     if let (Some(path), Some(drawing)) = (&arguments.figure, drawing) {
         let traces = match drawing.kind {

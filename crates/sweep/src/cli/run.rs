@@ -5,7 +5,7 @@ mod task;
 use super::Output;
 use super::place::store_of;
 use crate::campaign::Campaign;
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use crate::format::bytes;
 use crate::runner::{self, Options, Progress, Stop, Style};

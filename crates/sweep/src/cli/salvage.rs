@@ -2,7 +2,7 @@
 
 use super::Output;
 use crate::campaign::Campaign;
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use crate::store::salvage;
 use std::path::PathBuf;

@@ -1,7 +1,7 @@
 //! `sweep scalars`.
 
 use super::Output;
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use sd_core::two_sphere::scalars;
 use serde_json::json;

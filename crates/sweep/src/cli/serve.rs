@@ -1,8 +1,8 @@
 //! `sweep serve`.
 
 use super::Output;
-use super::place::StoreArguments;
-use crate::error::Error;
+use super::place::{StoreArguments, say_last_run};
+use crate::cli::Error;
 use crate::exit;
 use std::io::Write;
 use std::net::{SocketAddr, ToSocketAddrs as _};
@@ -39,7 +39,10 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
     // A file that is no store is an error now, not one of each request.
-    let name = source.open()?.campaign_name()?;
+    let store = source.open()?;
+    let name = store.campaign_name()?;
+    say_last_run(&store, output);
+    drop(store);
     crate::serve::serve(source, arguments.listen, |address| {
         if !address.ip().is_loopback() && !output.quiet {
             // Nobody may read standard error: the page is served all the same.
@@ -53,7 +56,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         } else {
             writeln!(output.out, "{name}: http://{address}/ (Ctrl-C ends it)")?;
         }
-        Ok(output.out.flush()?)
+        output.out.flush()
     })?;
     Ok(exit::DONE)
 }

@@ -3,11 +3,10 @@
 use super::Output;
 use super::place::StoreArguments;
 use crate::axes::AXES;
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use crate::format::{duration, significant};
 use crate::report::chart;
-use crate::store::{Store, Story};
 
 /// Columns of the chart where the output is no terminal.
 const WIDTH: u16 = 78;
@@ -26,36 +25,9 @@ pub(crate) struct Arguments {
     case: String,
 }
 
-/// The key of the case a user names, in the same way wherever a case is named.
-pub(super) fn key_of(store: &Store, given: &str) -> Result<String, Error> {
-    let mut keys = store.find_cases(given)?;
-    match (keys.pop(), keys.as_slice()) {
-        (None, _) => Err(no_case(store, given, "no case")),
-        (Some(key), []) => Ok(key),
-        (Some(_), _) => Err(no_case(store, given, "the beginning of several cases")),
-    }
-}
-
-/// The error about a name that is not that of one case.
-fn no_case(store: &Store, given: &str, what: &'static str) -> Error {
-    Error::Case {
-        path: store.path().to_owned(),
-        given: given.to_owned(),
-        what,
-    }
-}
-
-/// The story of the case a user names.
-pub(super) fn story_of(store: &Store, given: &str) -> Result<Story, Error> {
-    let key = key_of(store, given)?;
-    store
-        .story(&key)?
-        .ok_or_else(|| no_case(store, given, "no case"))
-}
-
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let store = arguments.place.open()?;
-    let story = story_of(&store, &arguments.case)?;
+    let store = arguments.place.open(output)?;
+    let story = store.story(&arguments.case)?;
     if output.json {
         output.json(&story)?;
         return Ok(exit::DONE);

@@ -4,7 +4,7 @@ mod contact;
 
 use self::contact::Contact;
 use super::{Output, read_limited};
-use crate::error::Error;
+use crate::cli::Error;
 use crate::exit;
 use crate::format::significant;
 use crate::tables;

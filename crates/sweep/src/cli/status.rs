@@ -4,8 +4,8 @@ mod tasks;
 
 use super::Output;
 use super::place::StoreArguments;
+use crate::cli::Error;
 use crate::cluster::shard;
-use crate::error::Error;
 use crate::exit;
 use crate::format::duration;
 use crate::store::{Counts, Disagreement, FailureGroup, FailureLine, ProcessLine};

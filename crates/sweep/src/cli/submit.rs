@@ -5,12 +5,12 @@ mod folder;
 use super::place::store_of;
 use super::{Output, plan};
 use crate::campaign::Campaign;
+use crate::cli::Error;
 use crate::cluster::{
     Job, Scheduler, SchedulerError, quoted, shard,
     shard::Slices,
     slurm::{Slurm, TimeLimit},
 };
-use crate::error::Error;
 use crate::exit;
 use crate::format::{bytes, duration};
 use crate::store::{self, OpenCase, Store, Submission};
@@ -215,7 +215,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 /// Says that nothing is open.
 fn nothing(output: &mut Output<'_>) -> Result<(), Error> {
     if output.json {
-        return output.json(&Answer {
+        return Ok(output.json(&Answer {
             job: None,
             cases: 0,
             tasks: 0,
@@ -223,7 +223,7 @@ fn nothing(output: &mut Output<'_>) -> Result<(), Error> {
             folder: None,
             command: None,
             script: None,
-        });
+        })?);
     }
     writeln!(
         output.out,

@@ -102,7 +102,7 @@ struct Sketch {
 /// each point. One more than a figure holds at most.
 ///
 /// # Errors
-/// Trouble with the store; [`ReportError::Case`] on a key no selected run has.
+/// Trouble with the store; [`crate::store::StoreError::Case`] on a key no selected run has.
 pub fn traces(
     store: &Store,
     selection: &Selection,
@@ -114,11 +114,7 @@ pub fn traces(
         .iter()
         .find(|key| !runs.iter().any(|run| begins(run, key)))
     {
-        return Err(ReportError::Case {
-            path: store.path().to_owned(),
-            given: key.clone(),
-            what: "no case",
-        });
+        return Err(store.no_case(key, "no case").into());
     }
     let mut all: Vec<Trace> = Vec::new();
     for run in runs {

@@ -210,14 +210,12 @@ pub fn data(store: &Store, selection: &Selection, host: PageHost) -> Result<Stri
 /// The movie of a run, at most so many frames.
 ///
 /// # Errors
-/// Trouble with the store.
+/// Those of [`Store::frames`].
 pub fn movie(store: &Store, key: &str, frames: usize) -> Result<Value, ReportError> {
     let stored = usize::try_from(store.frame_count(key)?).unwrap_or(usize::MAX);
     let kept = store.frames(key, stored.div_ceil(frames.max(1)))?;
-    let Some(first) = kept.first() else {
-        return Err(ReportError::NoFrames { key: key.into() });
-    };
-    let radii = &first.frame.radii;
+    let first = &kept[0].frame;
+    let radii = &first.radii;
     let alike = radii
         .windows(2)
         .all(|pair| pair[0].to_bits() == pair[1].to_bits());
@@ -230,7 +228,7 @@ pub fn movie(store: &Store, key: &str, frames: usize) -> Result<Value, ReportErr
     forces.sort_by(f64::total_cmp);
     let strong = forces.get(forces.len() * 95 / 100).copied().unwrap_or(1.0);
     Ok(json!({
-        "side": rounded(first.frame.side),
+        "side": rounded(first.side),
         "radii": radii[..if alike { radii.len().min(1) } else { radii.len() }],
         "force": rounded(strong.max(1e-3)),
         "frames": kept.iter().map(picture).collect::<Vec<_>>(),

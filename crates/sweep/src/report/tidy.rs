@@ -6,6 +6,7 @@ use super::Report;
 use super::ReportError;
 use super::columns::{Column, columns};
 use crate::axes::{Axis, Value};
+use crate::csv_rows;
 use crate::format::significant;
 use std::io::Write;
 
@@ -14,19 +15,15 @@ use std::io::Write;
 /// # Errors
 /// Output that cannot be written.
 pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
-    let names: Vec<&str> = columns().map(|column| column.name).collect();
-    writeln!(out, "{}", names.join(","))?;
-    for point in &report.points {
-        let cells: Vec<String> = columns()
-            .map(|column| match column.cell(point) {
-                Some(Value::Number(number)) => format!("{number:?}"),
-                Some(value) => value.to_string(),
-                None => String::new(),
-            })
-            .collect();
-        writeln!(out, "{}", cells.join(","))?;
-    }
-    Ok(())
+    let rows = report.points.iter().map(|point| {
+        columns().map(|column| match column.cell(point) {
+            Some(Value::Number(number)) => format!("{number:?}"),
+            Some(value) => value.to_string(),
+            None => String::new(),
+        })
+    });
+    let names = columns().map(|column| column.name);
+    Ok(csv_rows::write(names, rows, out)?)
 }
 
 /// Writes the sidecar: name, unit and meaning of each column.
@@ -34,12 +31,8 @@ pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError
 /// # Errors
 /// Output that cannot be written.
 pub fn write_units(out: &mut dyn Write) -> Result<(), ReportError> {
-    writeln!(out, "column,unit,meaning")?;
-    for column in columns() {
-        let meaning = column.meaning;
-        writeln!(out, "{},{},\"{meaning}\"", column.name, column.unit)?;
-    }
-    Ok(())
+    let rows = columns().map(|column| [column.name, column.unit, column.meaning]);
+    Ok(csv_rows::write(["column", "unit", "meaning"], rows, out)?)
 }
 
 /// Writes the points as a Markdown table with units in its head, without the columns that have nothing to say.

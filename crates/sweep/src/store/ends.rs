@@ -2,10 +2,10 @@
 //!
 //! A run is computed once: its beginning is the run of less strain, and from its last state it goes on to more.
 
-use super::{Checkpoint, Damage, Store, StoreError, count, integer, process, results};
+use super::{Checkpoint, Damage, Store, StoreError, count, integer, process, samples};
 use crate::campaign::Protocol;
 use crate::case::State;
-use crate::statistics::Averages;
+use crate::statistics::{Averages, Distribution};
 use rusqlite::{Connection, OptionalExtension, Row, Transaction, params};
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
@@ -144,9 +144,9 @@ impl Computed {
         {
             return Ok(());
         }
-        let samples = results::samples(connection, self.id, Some(steps))?;
+        let samples = samples::samples(connection, self.id, Some(steps))?;
         let averages = Averages::of(&samples, discard);
-        results::write_averages(connection, self.id, discard, &averages, self.params.spheres)?;
+        write_averages(connection, self.id, discard, &averages, self.params.spheres)?;
         let counters = self.counters_at(steps, &samples);
         connection
             .prepare_cached(
@@ -240,6 +240,52 @@ pub(super) fn steps_of(connection: &Connection, case: i64) -> Result<Option<u64>
         .map(|steps| steps.map(count))
 }
 
+/// Writes the averages of a run into its result.
+fn write_averages(
+    connection: &Connection,
+    case: i64,
+    discard_step: u64,
+    averages: &Averages,
+    spheres: usize,
+) -> Result<(), rusqlite::Error> {
+    let of = |d: &Option<Distribution>, part: fn(&Distribution) -> f64| d.as_ref().map(part);
+    let (full, stresslet) = (&averages.viscosity, &averages.viscosity_stresslet);
+    connection
+        .prepare_cached(
+            "UPDATE results SET discard_step = ?2, samples = ?3, viscosity = ?4, viscosity_quartile_1 = ?5,
+                 viscosity_median = ?6, viscosity_quartile_3 = ?7, viscosity_stresslet = ?8,
+                 viscosity_stresslet_quartile_1 = ?9, viscosity_stresslet_median = ?10,
+                 viscosity_stresslet_quartile_3 = ?11, normal_stress_difference = ?12, dissipation = ?13,
+                 contacts_per_sphere = ?14, activated_fraction = ?15, rolling_fraction = ?16,
+                 mean_approach_velocity = ?17, contacts = ?18, activated = ?19, rolling = ?20, approach = ?21
+             WHERE case_id = ?1",
+        )?
+        .execute(params![
+            case,
+            integer(discard_step),
+            integer(averages.samples),
+            of(full, |d| d.mean),
+            of(full, |d| d.quartile_1),
+            of(full, |d| d.median),
+            of(full, |d| d.quartile_3),
+            of(stresslet, |d| d.mean),
+            of(stresslet, |d| d.quartile_1),
+            of(stresslet, |d| d.median),
+            of(stresslet, |d| d.quartile_3),
+            averages.normal_stress_difference,
+            averages.dissipation,
+            averages.contacts_per_sphere(spheres),
+            averages.activated_fraction(),
+            averages.rolling_fraction(),
+            averages.mean_approach_velocity(),
+            integer(averages.contacts),
+            integer(averages.activated),
+            integer(averages.rolling),
+            averages.approach,
+        ])?;
+    Ok(())
+}
+
 impl Store {
     /// The last state of a run that was computed to an end, with all its samples, so that it can go on.
     pub(super) fn end_to_go_on_from(
@@ -255,7 +301,7 @@ impl Store {
             Some(Ok(end)) => end,
             other => return Ok(other),
         };
-        end.samples = self.read(results::samples(
+        end.samples = self.read(samples::samples(
             &self.connection,
             case,
             Some(end.snapshot.steps),

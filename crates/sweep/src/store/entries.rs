@@ -1,6 +1,6 @@
 //! Entries of another store, read one by one and checked as far as they can be: what salvage and merge trust.
 
-use super::results::{samples, write_samples};
+use super::samples::{samples, write_samples};
 use super::schema::CaseRow;
 use super::{Checkpoint, count, integer};
 use crate::case::Case;

@@ -169,6 +169,28 @@ pub enum StoreError {
         /// Its key.
         key: String,
     },
+    /// A case that is not in the store, or is named by too little.
+    #[error("{given:?} is {what} of {}", path.display())]
+    #[diagnostic(help(
+        "a case is named by the beginning of its key, or by its number in the campaign file, from 1"
+    ))]
+    Case {
+        /// The store.
+        path: PathBuf,
+        /// What was given.
+        given: String,
+        /// What it is.
+        what: &'static str,
+    },
+    /// A run without frames.
+    #[error("no frames of case {key} are stored")]
+    #[diagnostic(help(
+        "`sweep run CAMPAIGN.toml --trajectory` keeps frames of the runs it computes"
+    ))]
+    NoFrames {
+        /// Its key.
+        key: String,
+    },
     /// A row that cannot be understood.
     #[error("{}: unreadable entry in {table}: {reason}", path.display())]
     Entry {

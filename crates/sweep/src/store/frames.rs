@@ -40,10 +40,10 @@ impl Store {
         })
     }
 
-    /// The frames of a case, every `stride`-th of them, in the order of their steps. Unreadable ones are an error.
+    /// The frames of a case, every `stride`-th of them, in the order of their steps; there is at least one.
     ///
     /// # Errors
-    /// Trouble with the file, or an entry that cannot be read.
+    /// [`StoreError::NoFrames`] if none are kept, trouble with the file, or an entry that cannot be read.
     pub fn frames(&self, key: &str, stride: usize) -> Result<Vec<StoredFrame>, StoreError> {
         let rows: Result<Vec<(i64, Vec<u8>)>, _> = self
             .connection
@@ -60,8 +60,11 @@ impl Store {
                     })?
                     .collect()
             });
-        self.read(rows)?
-            .into_iter()
+        let rows = self.read(rows)?;
+        if rows.is_empty() {
+            return Err(StoreError::NoFrames { key: key.into() });
+        }
+        rows.into_iter()
             .map(|(step, data)| {
                 let frame = trajectory::decode(&data).ok_or_else(|| StoreError::Entry {
                     path: self.path.clone(),

@@ -2,10 +2,10 @@
 
 use super::claims::{Claim, drop_checkpoints};
 use super::ends::{self, RunEnd};
-use super::{Store, StoreError, count, integer, process};
+use super::samples::write_samples;
+use super::{Store, StoreError, integer, process};
 use crate::case::State;
-use crate::statistics::{Averages, Distribution};
-use rusqlite::{Connection, Row, Transaction, params};
+use rusqlite::{Connection, Transaction, params};
 use sd_core::Sample;
 use sd_core::simulation::Counters;
 
@@ -181,133 +181,4 @@ fn end(
             process::now()
         ])?;
     Ok(changed == 1)
-}
-
-/// Writes the samples of a case in place of any it had.
-pub(super) fn write_samples(
-    transaction: &Transaction<'_>,
-    case: i64,
-    samples: &[(u64, Sample)],
-) -> Result<(), rusqlite::Error> {
-    transaction.execute("DELETE FROM samples WHERE case_id = ?1", [case])?;
-    let mut insert = transaction.prepare_cached(
-        "INSERT INTO samples VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19,
-             ?20, ?21, ?22)",
-    )?;
-    for (step, s) in samples {
-        insert.execute(params![
-            case,
-            integer(*step),
-            s.strain,
-            s.viscosity,
-            s.viscosity_stresslet,
-            s.normal_stress_difference,
-            s.dissipation,
-            s.contacts,
-            s.activated,
-            s.rolling,
-            s.slipping,
-            s.normal_velocity,
-            s.minimum_gap,
-            integer(s.counters.stages),
-            integer(s.counters.unconverged_stages),
-            s.counters.worst_residual,
-            s.counters.worst_friction_error,
-            s.counters.minimum_gap,
-            integer(s.counters.jam_events),
-            integer(s.counters.jammed_steps),
-            integer(s.counters.jammed_steps_running),
-            integer(s.counters.jammed_stages),
-        ])?;
-    }
-    Ok(())
-}
-
-/// The samples of a case before a step, or all of them, with their steps. What is not a number comes back as NaN.
-pub(super) fn samples(
-    connection: &Connection,
-    case: i64,
-    before: Option<u64>,
-) -> Result<Vec<(u64, Sample)>, rusqlite::Error> {
-    let number = |row: &Row<'_>, column: usize| -> Result<f64, rusqlite::Error> {
-        Ok(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN))
-    };
-    connection
-        .prepare_cached("SELECT * FROM samples WHERE case_id = ?1 AND step < ?2 ORDER BY step")?
-        .query_map([case, before.map_or(i64::MAX, integer)], |row| {
-            Ok((
-                count(row.get(1)?),
-                Sample {
-                    strain: number(row, 2)?,
-                    viscosity: number(row, 3)?,
-                    viscosity_stresslet: number(row, 4)?,
-                    normal_stress_difference: number(row, 5)?,
-                    dissipation: number(row, 6)?,
-                    contacts: row.get(7)?,
-                    activated: row.get(8)?,
-                    rolling: row.get(9)?,
-                    slipping: row.get(10)?,
-                    normal_velocity: number(row, 11)?,
-                    minimum_gap: number(row, 12)?,
-                    counters: Counters {
-                        stages: count(row.get(13)?),
-                        unconverged_stages: count(row.get(14)?),
-                        worst_residual: number(row, 15)?,
-                        worst_friction_error: number(row, 16)?,
-                        minimum_gap: number(row, 17)?,
-                        jam_events: count(row.get(18)?),
-                        jammed_steps: count(row.get(19)?),
-                        jammed_steps_running: count(row.get(20)?),
-                        jammed_stages: count(row.get(21)?),
-                    },
-                },
-            ))
-        })?
-        .collect()
-}
-
-/// Writes the averages of a run into its result.
-pub(super) fn write_averages(
-    connection: &Connection,
-    case: i64,
-    discard_step: u64,
-    averages: &Averages,
-    spheres: usize,
-) -> Result<(), rusqlite::Error> {
-    let of = |d: &Option<Distribution>, part: fn(&Distribution) -> f64| d.as_ref().map(part);
-    let (full, stresslet) = (&averages.viscosity, &averages.viscosity_stresslet);
-    connection
-        .prepare_cached(
-            "UPDATE results SET discard_step = ?2, samples = ?3, viscosity = ?4, viscosity_quartile_1 = ?5,
-                 viscosity_median = ?6, viscosity_quartile_3 = ?7, viscosity_stresslet = ?8,
-                 viscosity_stresslet_quartile_1 = ?9, viscosity_stresslet_median = ?10,
-                 viscosity_stresslet_quartile_3 = ?11, normal_stress_difference = ?12, dissipation = ?13,
-                 contacts_per_sphere = ?14, activated_fraction = ?15, rolling_fraction = ?16,
-                 mean_approach_velocity = ?17, contacts = ?18, activated = ?19, rolling = ?20, approach = ?21
-             WHERE case_id = ?1",
-        )?
-        .execute(params![
-            case,
-            integer(discard_step),
-            integer(averages.samples),
-            of(full, |d| d.mean),
-            of(full, |d| d.quartile_1),
-            of(full, |d| d.median),
-            of(full, |d| d.quartile_3),
-            of(stresslet, |d| d.mean),
-            of(stresslet, |d| d.quartile_1),
-            of(stresslet, |d| d.median),
-            of(stresslet, |d| d.quartile_3),
-            averages.normal_stress_difference,
-            averages.dissipation,
-            averages.contacts_per_sphere(spheres),
-            averages.activated_fraction(),
-            averages.rolling_fraction(),
-            averages.mean_approach_velocity(),
-            integer(averages.contacts),
-            integer(averages.activated),
-            integer(averages.rolling),
-            averages.approach,
-        ])?;
-    Ok(())
 }

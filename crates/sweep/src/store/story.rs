@@ -2,7 +2,7 @@
 
 use super::provenance::program;
 use super::query::params;
-use super::{Store, StoreError, count, ends, results};
+use super::{Store, StoreError, count, ends, samples};
 use rusqlite::{OptionalExtension, Row};
 use sd_core::{Params, Sample};
 use serde::Serialize;
@@ -76,11 +76,30 @@ pub struct Attempt {
 type Found = (i64, Story);
 
 impl Store {
-    /// Keys of the cases meant by the beginning of a key, or by a number of the campaign file; an exact number wins.
+    /// The key of the one case meant by the beginning of a key, or by a number of the campaign file; an exact number wins.
     ///
     /// # Errors
-    /// Trouble with the file.
-    pub fn find_cases(&self, given: &str) -> Result<Vec<String>, StoreError> {
+    /// [`StoreError::Case`] if no case or several are meant, and trouble with the file.
+    pub fn key_of(&self, given: &str) -> Result<String, StoreError> {
+        let mut keys = self.find_cases(given)?;
+        match (keys.pop(), keys.as_slice()) {
+            (None, _) => Err(self.no_case(given, "no case")),
+            (Some(key), []) => Ok(key),
+            (Some(_), _) => Err(self.no_case(given, "the beginning of several cases")),
+        }
+    }
+
+    /// The error about a name that is not that of one case.
+    pub(crate) fn no_case(&self, given: &str, what: &'static str) -> StoreError {
+        StoreError::Case {
+            path: self.path.clone(),
+            given: given.to_owned(),
+            what,
+        }
+    }
+
+    /// Keys of the cases meant by a name, two at most.
+    fn find_cases(&self, given: &str) -> Result<Vec<String>, StoreError> {
         let number = given.parse::<i64>().ok().filter(|_| given.len() < 8);
         let by_number: Option<String> = match number {
             None => None,
@@ -104,11 +123,12 @@ impl Store {
         self.read(rows)
     }
 
-    /// The story of a case; `None` if there is no such case.
+    /// The story of the case a user names, as [`Store::key_of`] reads the name.
     ///
     /// # Errors
-    /// Trouble with the file, or an entry that cannot be read.
-    pub fn story(&self, key: &str) -> Result<Option<Story>, StoreError> {
+    /// As [`Store::key_of`], or an entry that cannot be read.
+    pub fn story(&self, given: &str) -> Result<Story, StoreError> {
+        let key = self.key_of(given)?;
         let found: Option<Found> = self.read(
             self.connection
                 .query_row(
@@ -119,13 +139,13 @@ impl Store {
                      LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
                          (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
                      WHERE c.key = ?1",
-                    [key],
+                    [&key],
                     case,
                 )
                 .optional(),
         )?;
         let Some((id, mut story)) = found else {
-            return Ok(None);
+            return Err(self.no_case(given, "no case"));
         };
         let failures = self
             .connection
@@ -135,13 +155,13 @@ impl Store {
             .and_then(|mut query| query.query_map([id], attempt)?.collect());
         story.failures = self.read(failures)?;
         story.samples = self.samples_so_far(id, story.steps)?;
-        story.frames = self.frame_count(key)?;
-        Ok(Some(story))
+        story.frames = self.frame_count(&key)?;
+        Ok(story)
     }
 
     /// Samples of a case: of its result, or else of its newest readable checkpoint.
     fn samples_so_far(&self, id: i64, asked: u64) -> Result<Vec<(u64, Sample)>, StoreError> {
-        let samples = self.read(results::samples(&self.connection, id, Some(asked)))?;
+        let samples = self.read(samples::samples(&self.connection, id, Some(asked)))?;
         if self
             .read(ends::steps_of(&self.connection, id))?
             .is_some_and(|steps| steps >= asked)

@@ -100,7 +100,7 @@ fn result_is_kept_and_averaged() {
     assert_eq!(run.samples, 25);
     assert_eq!(run.stages, 40);
     assert_eq!(
-        results::samples(&store.connection, claim.id, None).unwrap(),
+        samples::samples(&store.connection, claim.id, None).unwrap(),
         finished(State::Done).samples
     );
     let left: i64 = store
@@ -289,7 +289,7 @@ fn infinite_and_missing_numbers_survive_the_store() {
     run.samples[30].1.minimum_gap = f64::INFINITY;
     run.samples[31].1.viscosity = f64::NAN;
     store.finish(&claim, &run).unwrap();
-    let back = results::samples(&store.connection, claim.id, None).unwrap();
+    let back = samples::samples(&store.connection, claim.id, None).unwrap();
     assert!(back[30].1.minimum_gap.is_infinite());
     assert!(back[31].1.viscosity.is_nan());
 }

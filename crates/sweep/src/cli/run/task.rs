@@ -2,10 +2,10 @@
 
 use super::{Arguments, Conditions, compute};
 use crate::campaign::Campaign;
+use crate::cli::Error;
 use crate::cli::Output;
 use crate::cluster::shard::{self, Publisher, ShardError, Slices};
 use crate::cluster::{Requeue, Scheduler};
-use crate::error::Error;
 use crate::exit;
 use crate::runner::{Progress, RunObserver, Stop};
 use crate::store::{Counts, Identity, MergeMode, OpenCase, Store, StoreError, TaskName};
@@ -216,12 +216,12 @@ fn by_hand(part: Part) -> TaskName {
 fn answer(part: Part, counts: Counts, shard: &Path, output: &mut Output<'_>) -> Result<(), Error> {
     let left = counts.pending + counts.running;
     if output.json {
-        return output.json(&Answer {
+        return Ok(output.json(&Answer {
             task: part.task,
             tasks: part.tasks,
             shard,
             counts,
-        });
+        })?);
     }
     writeln!(
         output.out,

@@ -1,7 +1,7 @@
 //! What `sweep status` says of tasks that were submitted.
 
+use crate::cli::Error;
 use crate::cluster::{ActiveTask, Scheduler, shard};
-use crate::error::Error;
 use crate::store::{SliceState, Store, Submission};
 use serde::Serialize;
 use std::io::Write;

@@ -1,9 +1,9 @@
 //! What `sweep submit` reads and writes: the store, or a copy of it, and the folder of the plan.
 
 use crate::campaign::Campaign;
+use crate::cli::Error;
 use crate::cluster::Job;
 use crate::cluster::shard::{BEGUN, ShardError, no_room};
-use crate::error::Error;
 use crate::files::write_whole;
 use crate::store::{self, OpenCase, Store};
 use std::collections::HashSet;

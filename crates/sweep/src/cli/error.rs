@@ -6,6 +6,7 @@ use crate::cluster::shard::ShardError;
 use crate::exit;
 use crate::report::ReportError;
 use crate::runner::RunnerError;
+use crate::serve::ServeError;
 use crate::store::StoreError;
 use std::io;
 use std::path::PathBuf;
@@ -38,6 +39,10 @@ pub enum Error {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Shard(#[from] ShardError),
+    /// The live page.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Serve(#[from] ServeError),
     /// A file that could not be read.
     #[error("cannot read {}: {source}", path.display())]
     Read {
@@ -61,28 +66,6 @@ pub enum Error {
         path: PathBuf,
         /// Largest size allowed.
         limit: u64,
-    },
-    /// A case that is not in the store, or is named by too little.
-    #[error("{given:?} is {what} of {}", path.display())]
-    #[diagnostic(help(
-        "a case is named by the beginning of its key, or by its number in the campaign file, from 1"
-    ))]
-    Case {
-        /// The store.
-        path: PathBuf,
-        /// What was given.
-        given: String,
-        /// What it is.
-        what: &'static str,
-    },
-    /// A run without frames.
-    #[error("no frames of case {key} are stored")]
-    #[diagnostic(help(
-        "`sweep run CAMPAIGN.toml --trajectory` keeps frames of the runs it computes"
-    ))]
-    NoFrames {
-        /// Its key.
-        key: String,
     },
     /// JSON input that does not say what it should.
     #[error("{}:{line}:{column}: {message}", path.display())]
@@ -117,14 +100,6 @@ pub enum Error {
     /// A computation of the solver that was refused or failed.
     #[error("{0}")]
     Physics(#[from] sd_core::Error),
-    /// A server the system would not give.
-    #[error("cannot start {what}: {reason}")]
-    Start {
-        /// What was asked for.
-        what: &'static str,
-        /// What the system said.
-        reason: String,
-    },
     /// Output that could not be written.
     #[error("cannot write the output: {0}")]
     Output(#[from] io::Error),
@@ -144,15 +119,20 @@ impl Error {
                 | Physics::CellTooSmall { .. }
                 | Physics::BadPair { .. },
             ) => exit::BAD_INPUT,
-            Self::Physics(_) | Self::Start { .. } | Self::Runner(RunnerError::Start { .. }) => {
-                exit::FAILED
-            }
-            Self::Output(_) => exit::STORE,
-            Self::Store(error) | Self::Runner(RunnerError::Store(error))
-                if error.is_of_the_store() =>
-            {
+            Self::Physics(_)
+            | Self::Serve(ServeError::Start { .. })
+            | Self::Runner(RunnerError::Start { .. }) => exit::FAILED,
+            Self::Output(_)
+            | Self::Report(ReportError::Output(_))
+            | Self::Serve(ServeError::Output(_) | ServeError::Report(ReportError::Output(_))) => {
                 exit::STORE
             }
+            Self::Store(error)
+            | Self::Runner(RunnerError::Store(error))
+            | Self::Report(ReportError::Store(error))
+            | Self::Serve(
+                ServeError::Store(error) | ServeError::Report(ReportError::Store(error)),
+            ) if error.is_of_the_store() => exit::STORE,
             Self::Shard(error) if error.is_of_the_disk() => exit::STORE,
             _ => exit::BAD_INPUT,
         }
@@ -160,6 +140,59 @@ impl Error {
 
     /// Whether the reader of standard output went away, which is no fault of ours (`sweep report | head`).
     pub fn is_closed_pipe(&self) -> bool {
-        matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
+        matches!(
+            self,
+            Self::Output(error)
+                | Self::Report(ReportError::Output(error))
+                | Self::Serve(ServeError::Output(error))
+            if error.kind() == io::ErrorKind::BrokenPipe
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lost() -> StoreError {
+        StoreError::ClaimLost { key: "3f9a".into() }
+    }
+
+    fn full() -> io::Error {
+        io::ErrorKind::StorageFull.into()
+    }
+
+    #[test]
+    fn trouble_with_the_store_or_the_output_has_one_exit_code_whoever_met_it() {
+        let met: [Error; 8] = [
+            lost().into(),
+            full().into(),
+            RunnerError::from(lost()).into(),
+            ReportError::from(lost()).into(),
+            ReportError::from(full()).into(),
+            ServeError::from(lost()).into(),
+            ServeError::from(full()).into(),
+            ServeError::from(ReportError::from(full())).into(),
+        ];
+        for error in met {
+            assert_eq!(error.exit_code(), exit::STORE, "{error:?}");
+        }
+        let unknown = StoreError::NoFrames { key: "3f9a".into() };
+        let refused = Error::from(ReportError::from(unknown));
+        assert_eq!(refused.exit_code(), exit::BAD_INPUT);
+    }
+
+    #[test]
+    fn a_reader_who_went_away_is_known_in_every_room() {
+        let gone = || io::Error::from(io::ErrorKind::BrokenPipe);
+        for error in [
+            gone().into(),
+            ReportError::from(gone()).into(),
+            ServeError::from(gone()).into(),
+        ] {
+            let error: Error = error;
+            assert!(error.is_closed_pipe(), "{error:?}");
+        }
+        assert!(!Error::from(full()).is_closed_pipe());
     }
 }

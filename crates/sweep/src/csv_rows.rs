@@ -1,0 +1,72 @@
+//! Tables of comma-separated values.
+
+use std::io::{self, Write};
+
+/// Writes a header row and rows of as many cells.
+///
+/// # Errors
+/// Output that cannot be written, with the kind of error the system gave.
+pub(crate) fn write<H, R, C>(
+    header: H,
+    rows: impl IntoIterator<Item = R>,
+    out: &mut dyn Write,
+) -> io::Result<()>
+where
+    H: IntoIterator<Item = &'static str>,
+    R: IntoIterator<Item = C>,
+    C: AsRef<[u8]>,
+{
+    let mut table = csv::Writer::from_writer(out);
+    table.write_record(header).map_err(trouble)?;
+    for row in rows {
+        table.write_record(row).map_err(trouble)?;
+    }
+    table.flush()
+}
+
+/// What the system said. The conversion of the `csv` crate would hide its kind.
+fn trouble(error: csv::Error) -> io::Error {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => error,
+        other => io::Error::other(format!("{other:?}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Output whose reader went away.
+    struct Closed;
+
+    impl Write for Closed {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(io::ErrorKind::BrokenPipe.into())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn cells_are_quoted_where_they_must_be() {
+        let mut bytes = Vec::new();
+        write(["a", "b"], [["1", "x, y"], ["", "\"z\""]], &mut bytes).unwrap();
+        assert_eq!(bytes, b"a,b\n1,\"x, y\"\n,\"\"\"z\"\"\"\n");
+    }
+
+    #[test]
+    fn a_reader_who_went_away_is_known_however_long_the_table_is() {
+        for rows in [1, 100_000] {
+            let table = std::iter::repeat_n(["1.5"], rows);
+            let error = write(["a"], table, &mut Closed).unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::BrokenPipe, "{rows}");
+        }
+    }
+
+    #[test]
+    fn rows_of_another_length_are_refused() {
+        assert!(write(["a", "b"], [["1"]], &mut Vec::new()).is_err());
+    }
+}
