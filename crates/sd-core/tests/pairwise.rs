@@ -359,11 +359,14 @@ fn a_run_resumed_has_the_same_bits() {
 fn a_run_with_an_iterated_far_field_resumed_has_the_same_bits() {
     let params = Params {
         hydrodynamics: Hydrodynamics::StokesianDynamics,
-        ..params(ITERATED, 0.78, 0.3)
+        ..params(ITERATED, 0.70, 0.3)
     };
     let tables = NearFields::default();
     let mut whole = Simulation::new(&params, 2, &tables).unwrap();
     let first = whole.step().unwrap();
+    for _ in 0..9 {
+        whole.step().unwrap();
+    }
     let mut rest = Simulation::from_snapshot(&params, whole.snapshot(), &tables).unwrap();
     let (a, b) = (whole.step().unwrap(), rest.step().unwrap());
     assert_eq!(a, b);
@@ -372,7 +375,7 @@ fn a_run_with_an_iterated_far_field_resumed_has_the_same_bits() {
         a.contacts > 0 && a.counters.unconverged_stages == 0,
         "{a:?}"
     );
-    assert!(first.viscosity > 1.0 + 5.0 / 3.0 * 0.78);
+    assert!(first.viscosity > 1.0 + 5.0 / 3.0 * 0.70);
 }
 
 #[test]

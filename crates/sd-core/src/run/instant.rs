@@ -205,7 +205,7 @@ pub fn solve(
         request,
         ContactRequest::Listed { .. } | ContactRequest::Procedure { .. }
     );
-    let method = Method::of_instant(*hydrodynamics, cell, radii.len(), procedure);
+    let method = Method::of_instant(*hydrodynamics, cell, radii, procedure);
     let mut stage = method.solver(*hydrodynamics, cell, radii, tables, &[])?;
     if let ContactRequest::Laws {
         lubrication_gap, ..

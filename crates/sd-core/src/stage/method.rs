@@ -7,11 +7,14 @@ use crate::geometry::pair::PairKey;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::model::{ContactScheme, Hydrodynamics, Params};
+use std::f64::consts::PI;
 
 /// Spheres from which on Ball-Melrose costs less pair by pair.
 const LEAST_PAIRWISE: usize = 100;
 /// Spheres from which on Stokesian Dynamics costs less with the far field iterated.
 const LEAST_ITERATED: usize = 800;
+/// Area fraction above which it is not iterated: contacts near jamming keep the iteration from its end.
+const DENSEST_ITERATED: f64 = 0.72;
 
 /// How a stage is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,28 +31,40 @@ impl Method {
     /// What costs least for runs with these parameters.
     pub fn of(params: &Params) -> Self {
         let procedure = params.contact == ContactScheme::Procedure;
-        Self::choose(params.hydrodynamics, params.spheres, procedure)
+        let area_fraction = params.area_fraction;
+        Self::choose(
+            params.hydrodynamics,
+            params.spheres,
+            area_fraction,
+            procedure,
+        )
     }
 
     /// What costs least for a single instant.
     pub fn of_instant(
         hydrodynamics: Hydrodynamics,
         cell: &Cell,
-        spheres: usize,
+        radii: &[f64],
         procedure: bool,
     ) -> Self {
-        match cell {
-            Cell::Unbounded => Self::Dense,
-            Cell::Periodic { .. } => Self::choose(hydrodynamics, spheres, procedure),
-        }
+        cell.area().map_or(Self::Dense, |area| {
+            let discs: f64 = radii.iter().map(|a| PI * a * a).sum();
+            Self::choose(hydrodynamics, radii.len(), discs / area, procedure)
+        })
     }
 
     /// What costs least. The paper's steps halt all pairs at once, which is dense at any number of spheres.
-    fn choose(hydrodynamics: Hydrodynamics, spheres: usize, procedure: bool) -> Self {
+    fn choose(
+        hydrodynamics: Hydrodynamics,
+        spheres: usize,
+        area_fraction: f64,
+        procedure: bool,
+    ) -> Self {
+        let iterates = spheres >= LEAST_ITERATED && area_fraction <= DENSEST_ITERATED;
         match hydrodynamics {
             _ if procedure => Self::Dense,
             Hydrodynamics::BallMelrose if spheres >= LEAST_PAIRWISE => Self::Pairwise,
-            Hydrodynamics::StokesianDynamics if spheres >= LEAST_ITERATED => Self::Iterated,
+            Hydrodynamics::StokesianDynamics if iterates => Self::Iterated,
             Hydrodynamics::BallMelrose | Hydrodynamics::StokesianDynamics => Self::Dense,
         }
     }

@@ -274,13 +274,13 @@ impl BoxSolver {
             }
             let mut found = refine(problem, &self.forces) + self.mend(problem, noise, &mut pace);
             if onset.smooth {
-                found += self.decide(problem, onset.critical_load);
+                found += self.decide(problem, onset.critical_load, noise.force);
             } else if found == 0
                 && deciding
                 && (noise.exact || noise.force < CLOSE * onset.critical_load)
             {
                 // Only now, as forces of states that are contradicted say nothing about loads.
-                let changes = self.decide(problem, onset.critical_load);
+                let changes = self.decide(problem, onset.critical_load, noise.force);
                 self.deciding -= u32::from(changes > 0);
                 found += changes;
             }
@@ -307,13 +307,17 @@ impl BoxSolver {
         })
     }
 
-    /// Lets friction act where the load is above the critical one; the number of changes.
-    fn decide(&mut self, problem: &mut Problem, critical_load: f64) -> usize {
+    /// Lets friction act where the load is above the critical one, by more than `noise`; the number of changes.
+    fn decide(&mut self, problem: &mut Problem, critical_load: f64, noise: f64) -> usize {
         let mut changes = 0;
         for row in &mut problem.tangential {
-            let acts = self.forces.normal[row.contact] > critical_load;
-            changes += usize::from(row.acts != acts && self.states.closed[row.contact]);
-            row.acts = acts;
+            let excess = self.forces.normal[row.contact] - critical_load;
+            let acts = excess > 0.0;
+            // What is within the noise of the load stays as it is; open contacts bear exactly nothing.
+            if row.acts != acts && (excess.abs() > noise || !self.states.closed[row.contact]) {
+                changes += usize::from(self.states.closed[row.contact]);
+                row.acts = acts;
+            }
         }
         changes
     }
