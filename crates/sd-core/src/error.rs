@@ -1,5 +1,7 @@
 //! The one error type of this crate.
 
+use std::fmt;
+
 /// Why a computation was refused or could not be finished.
 ///
 /// Fields carry what is needed to name the culprit to a person and to replay the failure.
@@ -18,7 +20,7 @@ pub enum Error {
     },
     /// A parameter of a run that is out of its range or does not go with the others.
     #[error(transparent)]
-    Refused(#[from] Box<crate::model::Refusal>),
+    Refused(#[from] Box<Refusal>),
     /// Two lists that must have one entry per sphere do not.
     #[error("{field} has {found} entries for {expected} spheres")]
     Length {
@@ -140,4 +142,40 @@ pub enum Error {
         /// What is wrong with it.
         reason: &'static str,
     },
+}
+
+/// A value that is out of its range, or does not go with the others.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refusal {
+    /// Key of the parameter.
+    pub key: &'static str,
+    /// Its value, as it is written.
+    pub value: String,
+    /// What is wrong with it.
+    pub problem: String,
+    /// What is allowed.
+    pub allowed: String,
+    /// Key of the other parameter it does not go with.
+    pub because: Option<&'static str>,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            key,
+            value,
+            problem,
+            allowed,
+            ..
+        } = self;
+        write!(f, "{key} = {value} {problem}: {allowed}")
+    }
+}
+
+impl std::error::Error for Refusal {}
+
+impl From<Refusal> for Error {
+    fn from(refusal: Refusal) -> Self {
+        Self::Refused(Box::new(refusal))
+    }
 }

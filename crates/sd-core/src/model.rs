@@ -6,9 +6,10 @@ mod contact_laws;
 mod parameters;
 mod surface;
 
+pub use crate::error::Refusal;
 pub use crate::law::{FrictionOnset, NormalLaw, Quantity, Range, TangentialLaw, Word, Words};
 pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP, LUBRICATION_SHARE};
-pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter, Refusal};
+pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
 pub use surface::Surface;
 
 use crate::error::Error;

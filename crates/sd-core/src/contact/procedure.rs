@@ -20,6 +20,7 @@ use crate::error::Error;
 use crate::geometry::modes::Background;
 use crate::geometry::pair::PairKey;
 use crate::hydrodynamics::resistance::Resistance;
+use crate::law::tangential::roll_slip;
 use crate::model::Surface;
 
 /// Compliance where all pairs are halted at once: just enough for a factor of a hyperstatic network.
@@ -61,24 +62,6 @@ impl ContactList {
     /// Whether a pair is listed.
     fn contains(&self, pair: PairKey) -> bool {
         self.pairs.binary_search(&pair).is_ok()
-    }
-}
-
-/// The friction force of the paper's law, and what the contact does.
-///
-/// `slip`: u_t under normal forces alone, in a·rate. `normal_force`: f > `F_crit`. Returns `F_t`, with the sign of the slip.
-pub fn roll_or_slip(
-    slip: f64,
-    slip_resistance: f64,
-    friction: f64,
-    normal_force: f64,
-) -> (f64, ContactState) {
-    let roll = slip_resistance * slip;
-    let limit = friction * normal_force;
-    if roll.abs() <= limit {
-        (roll, ContactState::Rolling)
-    } else {
-        (limit.copysign(roll), ContactState::Slipping)
     }
 }
 
@@ -140,12 +123,15 @@ impl ContactSolver {
         self.measure_slip(resistance, forces)?;
         for (m, row) in self.problem.tangential.iter().enumerate() {
             let contact = &mut self.list[row.contact];
-            (contact.tangential_force, contact.state) = roll_or_slip(
-                self.solver.forces.slip[m],
-                contact.slip_resistance,
-                surface.friction,
-                contact.normal_force,
-            );
+            let bound = roll_slip::bound(surface.friction, contact.normal_force);
+            let (slip, resistance) = (self.solver.forces.slip[m], contact.slip_resistance);
+            let (force, rolls) = roll_slip::force(slip, resistance, bound);
+            contact.tangential_force = force;
+            contact.state = if rolls {
+                ContactState::Rolling
+            } else {
+                ContactState::Slipping
+            };
             self.solver.forces.tangential[m] = contact.tangential_force;
         }
         self.move_under_forces(resistance, forces, velocities)?;
@@ -154,18 +140,5 @@ impl ContactSolver {
             systems: 1,
             ..Quality::default()
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn friction_has_the_sign_of_the_slip_and_is_limited() {
-        use ContactState::{Rolling, Slipping};
-        assert_eq!(roll_or_slip(0.1, 20.0, 0.5, 10.0), (2.0, Rolling));
-        assert_eq!(roll_or_slip(-1.0, 20.0, 0.5, 10.0), (-5.0, Slipping));
-        assert_eq!(roll_or_slip(1.0, 20.0, 0.0, 10.0), (0.0, Slipping));
     }
 }

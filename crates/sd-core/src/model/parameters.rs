@@ -9,9 +9,8 @@ pub use table::PARAMETERS;
 use quantities::FRICTION;
 
 use super::{ContactLaws, ContactScheme, Params};
-use crate::error::Error;
+use crate::error::Refusal;
 use crate::law::{NormalLaw, Quantity, TangentialLaw, Word, Words as _};
-use std::fmt;
 
 /// A parameter of a run: what people read of it, what it may be, where it is in [`Params`].
 #[derive(Debug)]
@@ -75,42 +74,6 @@ pub struct Number {
     pub without: Option<f64>,
     /// Whether it is one of the numbers of [`ContactLaws`].
     pub is_of_laws: bool,
-}
-
-/// A value that is out of its range, or does not go with the others.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Refusal {
-    /// Key of the parameter.
-    pub key: &'static str,
-    /// Its value, as it is written.
-    pub value: String,
-    /// What is wrong with it.
-    pub problem: String,
-    /// What is allowed.
-    pub allowed: String,
-    /// Key of the other parameter it does not go with.
-    pub because: Option<&'static str>,
-}
-
-impl fmt::Display for Refusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            key,
-            value,
-            problem,
-            allowed,
-            ..
-        } = self;
-        write!(f, "{key} = {value} {problem}: {allowed}")
-    }
-}
-
-impl std::error::Error for Refusal {}
-
-impl From<Refusal> for Error {
-    fn from(refusal: Refusal) -> Self {
-        Self::Refused(Box::new(refusal))
-    }
 }
 
 impl Parameter {

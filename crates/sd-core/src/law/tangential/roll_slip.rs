@@ -37,12 +37,19 @@ pub fn force(slip: f64, slip_resistance: f64, bound: f64) -> (f64, bool) {
 
 #[cfg(test)]
 mod tests {
-    use super::force;
+    use super::{bound, force};
 
     #[test]
     fn pair_rolls_up_to_the_limit_and_slips_beyond() {
         assert_eq!(force(0.1, 2.0, 0.3), (0.2, true));
         assert_eq!(force(-0.1, 2.0, 0.15), (-0.15, false));
         assert_eq!(force(0.0, 2.0, 0.0), (0.0, true));
+    }
+
+    #[test]
+    fn friction_has_the_sign_of_the_slip_and_is_limited() {
+        assert_eq!(force(0.1, 20.0, bound(0.5, 10.0)), (2.0, true));
+        assert_eq!(force(-1.0, 20.0, bound(0.5, 10.0)), (-5.0, false));
+        assert_eq!(force(1.0, 20.0, bound(0.0, 10.0)), (0.0, false));
     }
 }

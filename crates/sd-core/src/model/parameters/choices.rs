@@ -1,6 +1,6 @@
 //! Choices whose words stand for more than one field of the parameters: the contact scheme and friction.
 
-use super::Refusal;
+use crate::error::Refusal;
 use crate::law::{NormalLaw, TangentialLaw, Word, Words};
 use crate::model::{ContactLaws, ContactScheme, Params};
 
