@@ -41,7 +41,7 @@ fn checkpoint(criterion: &mut Criterion) {
         .protocol
         .with_time_step(campaign.cases[0].1.params.time_step)
         .checkpoint_stride();
-    while let Some(claim) = store.claim().expect("cases") {
+    while let Some(claim) = store.claim(1).expect("cases") {
         let p = &claim.case.params;
         let name = match p.hydrodynamics {
             Hydrodynamics::BallMelrose => "ball-melrose",

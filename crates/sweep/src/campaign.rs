@@ -4,11 +4,13 @@ mod error;
 mod grid;
 mod protocol;
 mod reader;
+mod seeds;
 
-pub use crate::protocol::{Protocol, Steps};
+pub use crate::protocol::{Discard, Protocol, Steps};
 pub use error::{CampaignError, Fault};
 
 use crate::case::{Case, CaseKey};
+use crate::statistics::Precision;
 use error::Problem;
 use grid::Grid;
 use protocol::Written;
@@ -36,8 +38,19 @@ pub struct Campaign {
     pub text: String,
     /// How every run is made.
     pub protocol: Protocol,
-    /// Its cases in the order of the file, seeds innermost.
+    /// Its cases in the order of the file, seeds innermost. Where a precision is asked for, all that it may take.
     pub cases: Vec<(CaseKey, Case)>,
+    /// Points at which a precision is asked for.
+    pub rules: Vec<PointRule>,
+}
+
+/// A point whose seeds are computed until a precision is reached.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointRule {
+    /// What is asked for.
+    pub precision: Precision,
+    /// Its cases, in the order of their seeds.
+    pub cases: Range<usize>,
 }
 
 impl Campaign {
@@ -80,7 +93,7 @@ impl Campaign {
     /// All that is wrong with it, the first fault in front.
     pub fn parse(file: &str, text: String) -> Result<Self, CampaignError> {
         let mut problems = Vec::new();
-        let (name, protocol, cases) = parse(&text, &mut problems);
+        let (name, protocol, cases, rules) = parse(&text, &mut problems);
         match error::in_file(problems, file, &text) {
             Some(fault) => Err(fault.into()),
             None => Ok(Self {
@@ -89,8 +102,25 @@ impl Campaign {
                 text,
                 protocol,
                 cases,
+                rules,
             }),
         }
+    }
+
+    /// Keys of the cases that are computed whatever comes out: all but those that a precision may add.
+    pub fn certain(&self) -> impl Iterator<Item = &(CaseKey, Case)> {
+        let mut later = self.rules.iter().map(|rule| {
+            let first = rule.cases.start + rule.precision.at_least;
+            first.min(rule.cases.end)..rule.cases.end
+        });
+        let mut next = later.next();
+        self.cases.iter().enumerate().filter_map(move |(place, case)| {
+            while next.as_ref().is_some_and(|range| range.end <= place) {
+                next = later.next();
+            }
+            let is_later = next.as_ref().is_some_and(|range| range.contains(&place));
+            (!is_later).then_some(case)
+        })
     }
 
     /// Where its store is unless the user says otherwise: `results/NAME.sqlite` in its project, which is the folder that holds
@@ -112,8 +142,8 @@ impl Campaign {
 type Cases = Vec<(CaseKey, Case)>;
 
 /// Reads the parts of a campaign, and notes what is wrong with them.
-fn parse(text: &str, problems: &mut Vec<Problem>) -> (String, Protocol, Cases) {
-    let nothing = || (String::new(), Protocol::default(), Vec::new());
+fn parse(text: &str, problems: &mut Vec<Problem>) -> (String, Protocol, Cases, Vec<PointRule>) {
+    let nothing = || (String::new(), Protocol::default(), Vec::new(), Vec::new());
     let document = match DeTable::parse(text) {
         Ok(document) => document,
         Err(error) => {
@@ -155,8 +185,8 @@ fn parse(text: &str, problems: &mut Vec<Problem>) -> (String, Protocol, Cases) {
         }
     };
     let grids = grids(&top, problems);
-    let cases = lay_out(&grids, &protocol, problems);
-    (name, protocol.protocol, cases)
+    let (cases, rules) = lay_out(&grids, &protocol, problems);
+    (name, protocol.protocol, cases, rules)
 }
 
 /// The tables of the grids, each with its place.
@@ -191,7 +221,7 @@ fn lay_out(
     tables: &[(Range<usize>, &DeTable<'_>)],
     protocol: &Written,
     problems: &mut Vec<Problem>,
-) -> Cases {
+) -> (Cases, Vec<PointRule>) {
     let mut total = 0_u64;
     let mut grids = Vec::with_capacity(tables.len());
     for (span, entries) in tables {
@@ -207,7 +237,7 @@ fn lay_out(
                 )
                 .labelled("with this grid"),
             );
-            return Vec::new();
+            return (Vec::new(), Vec::new());
         }
         if grid.is_whole {
             grids.push(grid);
@@ -215,13 +245,31 @@ fn lay_out(
             grid.note_missing(entries, problems);
         }
     }
-    let mut cases = Vec::new();
+    let mut cases: Cases = Vec::new();
+    let mut rules: Vec<PointRule> = Vec::new();
     let mut grid_of = HashMap::new();
     for (number, grid) in grids.iter().enumerate() {
         grid.lay_out(protocol, problems, |case, problems| {
             let key = case.key();
             match grid_of.insert(key, number) {
-                None => cases.push((key, case)),
+                None => {
+                    if let Some(precision) = grid.seeds.rule() {
+                        let place = cases.len();
+                        match rules.last_mut() {
+                            Some(rule)
+                                if rule.cases.end == place
+                                    && cases[rule.cases.start].1.params == case.params =>
+                            {
+                                rule.cases.end += 1;
+                            }
+                            _ => rules.push(PointRule {
+                                precision,
+                                cases: place..place + 1,
+                            }),
+                        }
+                    }
+                    cases.push((key, case));
+                }
                 // Values that have no meaning under one of the choices of the grid make the same case again.
                 Some(other) if other == number => {}
                 Some(other) => {
@@ -236,7 +284,7 @@ fn lay_out(
             }
         });
     }
-    cases
+    (cases, rules)
 }
 
 /// The name: also the name of the store's file, so it must be harmless.

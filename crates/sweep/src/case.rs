@@ -197,7 +197,7 @@ mod tests {
         let other = Case { seed: 8, ..case() };
         assert_ne!(case().key(), other.key());
         let protocol = Protocol {
-            discard: 1.0,
+            discard: crate::campaign::Discard::Strain(1.0),
             checkpoint_every: 0.3,
             ..Protocol::default()
         };

@@ -9,19 +9,62 @@ use serde::{Deserialize, Serialize};
 pub struct Protocol {
     /// Length of a run, a whole number of steps.
     pub strain: f64,
-    /// Samples before this strain are left out of the averages; in [0, strain).
-    pub discard: f64,
+    /// What is left out of the averages at the start of a run.
+    pub discard: Discard,
     /// Strain from one checkpoint to the next, at least one step.
     pub checkpoint_every: f64,
     /// Strain from one sample to the next, a whole number of steps.
     pub sample_every: f64,
 }
 
+/// What is left out at the start of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "WrittenDiscard", into = "WrittenDiscard")]
+pub enum Discard {
+    /// Samples before this strain; in [0, strain).
+    Strain(f64),
+    /// As much as MSER-5 picks at each point: see [`crate::statistics::mser_5`].
+    Auto,
+}
+
+/// The same as it is written: a number or a word.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum WrittenDiscard {
+    Strain(f64),
+    Word(AutoWord),
+}
+
+/// The word of [`Discard::Auto`].
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum AutoWord {
+    Auto,
+}
+
+impl From<WrittenDiscard> for Discard {
+    fn from(written: WrittenDiscard) -> Self {
+        match written {
+            WrittenDiscard::Strain(strain) => Self::Strain(strain),
+            WrittenDiscard::Word(AutoWord::Auto) => Self::Auto,
+        }
+    }
+}
+
+impl From<Discard> for WrittenDiscard {
+    fn from(discard: Discard) -> Self {
+        match discard {
+            Discard::Strain(strain) => Self::Strain(strain),
+            Discard::Auto => Self::Word(AutoWord::Auto),
+        }
+    }
+}
+
 impl Default for Protocol {
     fn default() -> Self {
         Self {
             strain: 5.0,
-            discard: 2.0,
+            discard: Discard::Strain(2.0),
             checkpoint_every: 0.1,
             sample_every: 0.02,
         }
@@ -67,9 +110,12 @@ impl Steps {
         count(self.protocol.checkpoint_every / self.time_step).max(1)
     }
 
-    /// First step whose sample counts in the averages.
-    pub fn discard_steps(&self) -> u64 {
-        count((self.protocol.discard / self.time_step - 1e-6).ceil())
+    /// First step whose sample counts in the averages; `None` where each point has its own.
+    pub fn discard_steps(&self) -> Option<u64> {
+        match self.protocol.discard {
+            Discard::Strain(strain) => Some(count((strain / self.time_step - 1e-6).ceil())),
+            Discard::Auto => None,
+        }
     }
 }
 
@@ -88,12 +134,21 @@ mod tests {
     use super::*;
 
     #[test]
+    fn discard_is_a_number_or_a_word_in_stores() {
+        for (discard, text) in [(Discard::Strain(2.0), "2.0"), (Discard::Auto, "\"auto\"")] {
+            assert_eq!(serde_json::to_string(&discard).unwrap(), text);
+            assert_eq!(serde_json::from_str::<Discard>(text).unwrap(), discard);
+        }
+        assert!(serde_json::from_str::<Discard>("\"all\"").is_err());
+    }
+
+    #[test]
     fn default_run_is_a_thousand_steps_and_250_samples() {
         let protocol = Protocol::default().with_time_step(0.005);
         assert_eq!(protocol.steps(), 1000);
         assert_eq!(protocol.sample_stride(), 4);
         assert_eq!(protocol.checkpoint_stride(), 20);
-        assert_eq!(protocol.discard_steps(), 400);
+        assert_eq!(protocol.discard_steps(), Some(400));
         assert_eq!(protocol.whole_steps(0.0125), None);
     }
 }

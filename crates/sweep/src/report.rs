@@ -9,6 +9,7 @@ mod json;
 mod page;
 mod parquet;
 mod selection;
+mod steady;
 mod text;
 mod tidy;
 
@@ -24,8 +25,11 @@ pub use text::write as write_text;
 pub use tidy::{write_csv, write_markdown, write_units};
 
 use crate::axes::identity;
+use crate::campaign::Discard;
 use crate::case::State;
-use crate::statistics::{Estimate, mean, median, ratio};
+use crate::statistics::{
+    Decision, Drift, Estimate, Measure, Precision, mean, median, ratio, relative_half_width,
+};
 use crate::store::{Counts, FailureGroup, PointRun, Provenance, Store};
 use sd_core::Params;
 use std::collections::HashMap;
@@ -42,14 +46,16 @@ pub struct Report {
     pub selection: Selection,
     /// Their cases by state.
     pub counts: Counts,
-    /// Strain discarded from every run.
-    pub discard: f64,
+    /// What is discarded from every run.
+    pub discard: Discard,
     /// The points in the order of the file.
     pub points: Vec<Point>,
     /// Their first failures, those that are alike together.
     pub failures: Vec<FailureGroup>,
     /// Seconds of computing their results took, over all workers.
     pub computing: f64,
+    /// The same by the processor, as far as it is known.
+    pub processor: f64,
     /// Processes that finished results of the store, the latest first.
     pub provenance: Vec<Provenance>,
 }
@@ -91,6 +97,24 @@ pub struct Point {
     pub jammed_stages: u64,
     /// Mean seconds of computing of a run.
     pub wall_time_s: Option<f64>,
+    /// Mean seconds of processor of a run.
+    pub cpu_time_s: Option<f64>,
+    /// Seeds that count: of a precision those of its batches so far, else all of the file.
+    pub seeds_wanted: u64,
+    /// Half width of the 95 % interval over the mean: of the quantity whose precision is asked for, else of the viscosity.
+    pub precision: Option<f64>,
+    /// What is asked for, and what its rule says; `None` where the file says how many seeds.
+    pub rule: Option<(Precision, Decision)>,
+    /// Largest strain discarded from a run.
+    pub discard: Option<f64>,
+    /// Whether the runs drift.
+    pub drift: Option<Drift>,
+    /// Strain after which the viscosity counts as independent, mean over runs.
+    pub correlation_strain: Option<f64>,
+    /// Independent samples that all runs together are worth.
+    pub effective_samples: Option<f64>,
+    /// What to do about runs that are not steady.
+    pub advice: Option<String>,
 }
 
 impl Report {
@@ -105,6 +129,12 @@ impl Report {
         let mut failures = FailureGroup::of(failures);
         failures.truncate(FAILURES_SHOWN);
         let computing = runs.iter().filter_map(|run| run.wall_time_s).sum();
+        let processor = runs.iter().filter_map(|run| run.cpu_time_s).sum();
+        let rules: HashMap<_, _> = store
+            .point_states()?
+            .into_iter()
+            .map(|state| (identity(&state.params), (state.rule, state.decision)))
+            .collect();
         let mut groups: Vec<Vec<PointRun>> = Vec::new();
         let mut place_of = HashMap::new();
         let mut counts = Counts::default();
@@ -122,14 +152,27 @@ impl Report {
             });
             groups[place].push(run);
         }
+        let protocol = store.protocol()?;
+        let mut points = Vec::with_capacity(groups.len());
+        for runs in &groups {
+            let Some(mut point) = Point::of(runs) else {
+                continue;
+            };
+            if let Some((rule, decision)) = rules.get(&identity(&point.params)) {
+                point.follow(runs, *rule, *decision);
+            }
+            point.advice = steady::advice(store, &point, runs, &protocol)?;
+            points.push(point);
+        }
         Ok(Self {
             campaign: store.campaign_name()?,
             selection: selection.clone(),
             counts,
-            discard: store.protocol()?.discard,
-            points: groups.iter().filter_map(|runs| Point::of(runs)).collect(),
+            discard: protocol.discard,
+            points,
             failures,
             computing,
+            processor,
             provenance: store.provenance()?,
         })
     }
@@ -156,6 +199,12 @@ impl Point {
             done.iter().map(|run| quantity(run)).sum::<u64>() as f64
         };
         let (contacts, activated) = (sum(|r| r.contacts), sum(|r| r.activated));
+        let parts: Vec<_> = done
+            .iter()
+            .filter_map(|run| Some(run.steadiness?.parts))
+            .collect();
+        let correlation = values(|r| Some(r.steadiness?.correlation * r.sample_every));
+        let effective = values(|r| Some(r.samples as f64 / r.steadiness?.correlation));
         Some(Self {
             seeds: done.len() as u64,
             jammed: runs.iter().filter(|r| r.state == State::Jammed).count() as u64,
@@ -176,7 +225,31 @@ impl Point {
             unconverged_fraction: ratio(sum(|r| r.unconverged_stages), sum(|r| r.stages)),
             jammed_stages: done.iter().map(|run| run.jammed_stages).sum(),
             wall_time_s: mean(&values(|r| r.wall_time_s)),
+            cpu_time_s: mean(&values(|r| r.cpu_time_s)),
+            seeds_wanted: runs.len() as u64,
+            precision: relative_half_width(&values(|r| r.viscosity)).filter(|w| w.is_finite()),
+            rule: None,
+            discard: values(|r| r.discard).into_iter().reduce(f64::max),
+            drift: Drift::of(&parts),
+            correlation_strain: mean(&correlation),
+            effective_samples: (!effective.is_empty()).then(|| effective.iter().sum()),
+            advice: None,
             params,
         })
+    }
+
+    /// Takes note of the precision that is asked for at this point of these runs.
+    fn follow(&mut self, runs: &[PointRun], rule: Precision, decision: Decision) {
+        let quantity: fn(&PointRun) -> Option<f64> = match rule.quantity {
+            Measure::Viscosity => |run| run.viscosity,
+            Measure::ViscosityMedian => |run| run.viscosity_median,
+            Measure::ViscosityStresslet => |run| run.viscosity_stresslet,
+            Measure::NormalStressDifference => |run| run.normal_stress_difference,
+        };
+        let done = runs.iter().filter(|run| run.state == State::Done);
+        let values: Vec<f64> = done.filter_map(quantity).collect();
+        self.seeds_wanted = decision.wanted as u64;
+        self.precision = relative_half_width(&values).filter(|width| width.is_finite());
+        self.rule = Some((rule, decision));
     }
 }

@@ -1,5 +1,6 @@
 //! Computes the cases of a store: a bounded pool, one case per thread, until nothing is left or a signal says stop.
 
+pub(crate) mod clock;
 mod compute;
 mod error;
 mod panics;
@@ -171,7 +172,7 @@ impl<'r> Shared<'r> {
     /// One thread: case after case.
     fn work(&self, worker: usize) {
         while !self.stopping() {
-            let claim = self.store().claim();
+            let claim = self.store().claim(self.options.workers);
             let result = match claim {
                 Ok(Some(claim)) => self.compute(worker, &claim),
                 Ok(None) => match self.anything_left() {
@@ -259,9 +260,9 @@ impl<'r> Shared<'r> {
             ));
         }
         store.check_campaign()?;
-        let (_, done) = store.work()?;
+        let (total, done) = store.work()?;
         self.progress
-            .see(done + store.work_given_up()?, store.counts()?);
+            .see(total, done + store.work_given_up()?, store.counts()?);
         Ok(())
     }
 }

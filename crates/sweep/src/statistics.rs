@@ -1,5 +1,11 @@
 //! From samples to the average of a run, and from runs to a mean with its error.
 
+mod steady;
+mod stopping;
+
+pub use steady::{Drift, Steadiness, correlation_samples, mser_5};
+pub use stopping::{Decision, Measure, Outcome, Precision, Verdict, relative_half_width};
+
 use sd_core::Sample;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
@@ -89,14 +95,26 @@ impl Estimate {
             (squares / (n - 1.0) / n).sqrt()
         });
         let ci95 = standard_error
-            .and_then(|error| StudentsT::new(0.0, 1.0, n - 1.0).ok().map(|t| (error, t)))
-            .map(|(error, t)| error * t.inverse_cdf(0.975));
+            .zip(student_95(n - 1.0))
+            .map(|(error, student)| error * student);
         Some(Self {
             mean,
             standard_error,
             ci95,
         })
     }
+}
+
+/// The quantile of Student's distribution that makes a 95 % interval, by degrees of freedom.
+fn student_95(freedom: f64) -> Option<f64> {
+    student(freedom, 0.975)
+}
+
+/// A quantile of Student's distribution; `None` without degrees of freedom.
+fn student(freedom: f64, probability: f64) -> Option<f64> {
+    StudentsT::new(0.0, 1.0, freedom)
+        .ok()
+        .map(|t| t.inverse_cdf(probability))
 }
 
 /// Averages over the samples of a run from the discarded strain on.
@@ -120,6 +138,8 @@ pub struct Averages {
     pub rolling: u64,
     /// Approach velocity, summed over the contacts of all samples; positive for approach.
     pub approach: f64,
+    /// Whether the viscosity was steady, and how long it remembers.
+    pub steadiness: Option<Steadiness>,
 }
 
 impl Averages {
@@ -146,6 +166,7 @@ impl Averages {
             approach: values(|s| -s.normal_velocity * f64::from(s.contacts))
                 .iter()
                 .sum(),
+            steadiness: Steadiness::of(&values(|s| s.viscosity)),
         }
     }
 

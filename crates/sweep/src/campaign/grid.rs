@@ -1,19 +1,16 @@
 //! One `[[grid]]`: the product of its axes.
 
-use super::CASE_LIMIT;
 use super::error::Problem;
 use super::protocol::Written;
-use super::reader::{Located, Table, Values, nearest, of_axis, values, whole};
+use super::reader::{Located, Table, Values, nearest, of_axis, values};
+use super::seeds::{SEEDS, Seeds};
 use crate::axes::{AXES, Axis, Unmade, Value, params_of};
 use crate::case::Case;
-use sd_core::model::{Form, Range, Refusal};
+use sd_core::model::{Form, Refusal};
 use sd_core::{Params, start};
 use std::ops;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
-
-/// The key of the seeds: what a grid has besides the axes.
-const SEEDS: &str = "seeds";
+use toml::de::DeTable;
 
 /// The values of one grid.
 #[derive(Debug)]
@@ -22,7 +19,7 @@ pub(super) struct Grid {
     pub(super) span: ops::Range<usize>,
     /// Values of each axis; `None` where nothing is written.
     axes: Vec<Option<Values>>,
-    seeds: Vec<u64>,
+    pub(super) seeds: Seeds,
     /// Whether all that is written could be read.
     pub(super) is_whole: bool,
 }
@@ -52,10 +49,10 @@ impl Grid {
             })
             .collect();
         let seeds = if let Some(written) = table.get(SEEDS) {
-            seeds(written, problems)
+            Seeds::read(written, problems)
         } else {
             problems.extend(table.missing(SEEDS, "8"));
-            Vec::new()
+            Seeds::List(Vec::new())
         };
         Self {
             is_whole: table.is_known && problems.len() == before,
@@ -103,8 +100,9 @@ impl Grid {
     pub(super) fn len(&self) -> u64 {
         let lengths = self.axes.iter().flatten().map(|values| values.all.len());
         lengths
-            .chain([self.seeds.len().max(1)])
-            .fold(1, |product: u64, n| product.saturating_mul(n as u64))
+            .map(|n| n as u64)
+            .chain([self.seeds.most().max(1)])
+            .fold(1, u64::saturating_mul)
     }
 
     /// Hands out the cases, seeds innermost and the first axis outermost, and notes what does not go together. Where values have
@@ -142,8 +140,8 @@ impl Grid {
             match self.check(combination, &params, protocol) {
                 Err(problem) => self.note(problem, &mut new),
                 Ok(()) => {
-                    for seed in &self.seeds {
-                        let case = Case::new(params.clone(), *seed, &protocol.protocol);
+                    for seed in self.seeds.all() {
+                        let case = Case::new(params.clone(), seed, &protocol.protocol);
                         take(case, &mut new);
                     }
                 }
@@ -301,35 +299,5 @@ fn example(axis: &Axis) -> String {
         example
     } else {
         format!("{example} ({note})")
-    }
-}
-
-/// The seeds: a count n stands for 1, 2, … n; a list for itself.
-fn seeds(written: &Spanned<DeValue<'_>>, problems: &mut Vec<Problem>) -> Vec<u64> {
-    let whole = |written: &Spanned<DeValue<'_>>, low, high| {
-        let range = Range::from_to(low, high);
-        let allowed = format!("from {low} to {high}");
-        whole(written, SEEDS, &range, &allowed).map(Value::Count)
-    };
-    if let DeValue::Array(_) = written.get_ref() {
-        let read = |written: &Spanned<DeValue<'_>>| whole(written, 0.0, f64::from(u32::MAX));
-        let list = values(written, SEEDS, problems, read);
-        let counts = list.into_iter().flat_map(|values| values.all);
-        return counts.filter_map(|seed| count(seed.value)).collect();
-    }
-    match whole(written, 1.0, CASE_LIMIT as f64) {
-        Ok(value) => (1..=count(value).unwrap_or(0)).collect(),
-        Err(problem) => {
-            problems.push(problem);
-            Vec::new()
-        }
-    }
-}
-
-/// A whole number.
-fn count(value: Value) -> Option<u64> {
-    match value {
-        Value::Count(count) => Some(count),
-        Value::Word(_) | Value::Number(_) => None,
     }
 }

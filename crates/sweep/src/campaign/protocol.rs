@@ -3,10 +3,10 @@
 use super::error::Problem;
 use super::reader::{Located, Table, Values, number, of_axis, values};
 use crate::axes::Axis;
-use crate::protocol::Protocol;
+use crate::protocol::{Discard, Protocol};
 use sd_core::model::Range;
 use std::ops;
-use toml::de::DeTable;
+use toml::de::{DeTable, DeValue};
 
 /// The axis whose value for all grids may stand in `[protocol]`.
 const TIME_STEP: &str = "time_step";
@@ -70,7 +70,8 @@ impl Written {
             let Some(written) = table.get(key) else {
                 return place(table.span.clone());
             };
-            match number(written, key, range, &format!("{range} (a strain)")) {
+            let or = if key == "discard" { ", or \"auto\"" } else { "" };
+            match number(written, key, range, &format!("{range} (a strain){or}")) {
                 Ok(value) => Located {
                     value,
                     span: written.span(),
@@ -82,7 +83,26 @@ impl Written {
             }
         };
         let strain = read("strain", preset.strain, &LENGTH);
-        let discard = read("discard", preset.discard, &DISCARDED);
+        let auto = table.get("discard").filter(
+            |written| matches!(written.get_ref(), DeValue::String(word) if word.as_ref() == "auto"),
+        );
+        let discard = match auto {
+            Some(written) => Located {
+                value: Discard::Auto,
+                span: written.span(),
+            },
+            None => {
+                let usual = match preset.discard {
+                    Discard::Strain(strain) => strain,
+                    Discard::Auto => 0.0,
+                };
+                let read = read("discard", usual, &DISCARDED);
+                Located {
+                    value: Discard::Strain(read.value),
+                    span: read.span,
+                }
+            }
+        };
         let checkpoint = read("checkpoint_every", preset.checkpoint_every, &LENGTH);
         let sample = read("sample_every", preset.sample_every, &LENGTH);
         let time_step = table.get(TIME_STEP).and_then(|written| {
@@ -171,26 +191,31 @@ impl Written {
     /// Refuses runs of which nothing is left to average.
     fn check_averages(&self, problems: &mut Vec<Problem>) {
         let p = self.protocol;
-        if p.discard >= p.strain {
+        // At most half is picked.
+        let discard = match p.discard {
+            Discard::Strain(strain) => strain,
+            Discard::Auto => 0.5 * p.strain,
+        };
+        if discard >= p.strain {
             problems.push(
                 Problem::at(
                     &self.discard,
                     format!(
-                        "`discard` = {} leaves nothing of a run of strain {}",
-                        p.discard, p.strain
+                        "`discard` = {discard} leaves nothing of a run of strain {}",
+                        p.strain
                     ),
-                    format!("`discard` is from 0 to below {}", p.strain),
+                    format!("`discard` is from 0 to below {}, or \"auto\"", p.strain),
                 )
                 .also(&self.strain, "the length of a run"),
             );
-        } else if p.sample_every > p.strain - p.discard {
+        } else if p.sample_every > p.strain - discard {
             problems.push(Problem::at(
                 &self.sample_every,
                 format!(
                     "`sample_every` = {} may leave no sample after the strain discarded",
                     p.sample_every
                 ),
-                format!("at most {}", p.strain - p.discard),
+                format!("at most {}", p.strain - discard),
             ));
         }
     }

@@ -175,7 +175,7 @@ pub(super) fn of_axis(written: &Spanned<DeValue<'_>>, axis: &Axis) -> Result<Val
 }
 
 /// One of several words.
-fn word(
+pub(super) fn word(
     written: &Spanned<DeValue<'_>>,
     key: &str,
     words: &[&'static str],

@@ -232,8 +232,7 @@ fn compute(
         (false, false) => Style::Lines,
     };
     let threads = conditions.workers;
-    let cases = store.counts()?.total();
-    let workers = threads.min(usize::try_from(cases).unwrap_or(threads));
+    let workers = threads.min(campaign.cases.len());
     let progress = Progress::new(style, workers, Box::new(std::io::stderr()));
     let options = Options {
         workers,

@@ -58,7 +58,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             .resumed
             .map_or_else(String::new, |n| format!(", resumed {n} times")),
         story
-            .wall_time_s
+            .cpu_time_s
+            .or(story.wall_time_s)
             .map_or_else(String::new, |s| format!(", {} of computing", duration(s))),
     )?;
     let trace: Vec<(f64, f64)> = story

@@ -101,7 +101,7 @@ fn ci95(estimate: Option<Estimate>) -> Option<f64> {
 
 /// What was measured.
 #[rustfmt::skip]
-const MEASURED: [Column; 19] = [
+const MEASURED: [Column; 27] = [
     column("seeds", "1", "runs averaged", Content::Count(|p| p.seeds)),
     column("jammed", "1", "runs that ended jammed: not averaged", Content::Count(|p| p.jammed)),
     column("failed", "1", "runs that failed: not averaged", Content::Count(|p| p.failed)),
@@ -121,4 +121,12 @@ const MEASURED: [Column; 19] = [
     column("unconverged_fraction", "1", "contact problems that did not converge over all", Content::Number(|p| p.unconverged_fraction)),
     column("jammed_stages", "1", "contact problems without a solution, over all runs averaged", Content::Count(|p| p.jammed_stages)),
     column("wall_time_s", "s", "mean computing time of a run", Content::Number(|p| p.wall_time_s)),
+    column("cpu_time_s", "s", "mean time of the processor of a run", Content::Number(|p| p.cpu_time_s)),
+    column("seeds_wanted", "1", "seeds that count: of a precision those of its batches so far", Content::Count(|p| p.seeds_wanted)),
+    column("precision", "1", "half width of the 95 % interval over the mean, of the quantity asked for or the viscosity", Content::Number(|p| p.precision)),
+    column("discard", "1", "strain discarded at the start of every run", Content::Number(|p| p.discard)),
+    column("drift", "1", "viscosity over the second half of the strain kept less that over the first, over the mean", Content::Number(|p| p.drift.map(|d| d.halves.mean))),
+    column("drift_ci95", "1", "half width of its 95 % interval over runs", Content::Number(|p| p.drift.and_then(|d| d.halves.ci95))),
+    column("correlation_strain", "1", "strain after which the viscosity of a run counts as independent", Content::Number(|p| p.correlation_strain)),
+    column("effective_samples", "1", "independent samples all runs together are worth", Content::Number(|p| p.effective_samples)),
 ];

@@ -51,8 +51,8 @@ struct Data<'r> {
     selection: String,
     /// Its file.
     text: String,
-    /// Strain discarded.
-    discard: f64,
+    /// Strain discarded, or the word for one that each point has for itself.
+    discard: crate::campaign::Discard,
     /// Cases by state.
     cases: crate::store::Counts,
     /// Share of the work done.
@@ -167,7 +167,7 @@ pub fn data(store: &Store, selection: &Selection, host: PageHost) -> Result<Stri
         let trace = thinned(&store.trace(&run.key)?, points_each);
         runs.push(json!({
             "point": point, "key": run.key, "seed": run.seed, "state": run.state,
-            "viscosity": run.viscosity, "wall_time_s": run.wall_time_s, "trace": trace,
+            "viscosity": run.viscosity, "wall_time_s": run.wall_time_s, "cpu_time_s": run.cpu_time_s, "trace": trace,
         }));
         if last_filmed != Some(point) && filmed.len() < MOVIES && store.frame_count(&run.key)? > 1 {
             last_filmed = Some(point);

@@ -1,8 +1,11 @@
 //! The report for people: a table, and under it what its columns mean.
 
+mod notes;
+
 use super::ReportError;
 use super::{Point, Report};
 use crate::axes::{AXES, Axis};
+use crate::campaign::Discard;
 use crate::format::{duration, significant};
 use crate::statistics::Estimate;
 use crate::store::Provenance;
@@ -12,13 +15,23 @@ use std::io::Write;
 /// A measured quantity: its heading and how its value is written.
 type Column = (&'static str, fn(&Point) -> String);
 
-/// Measured quantities, in the order of the columns; those about jammed and failed runs only where there are some.
-const COLUMNS: [Column; 13] = [
+/// Measured quantities, in the order of the columns; those about jammed and failed runs, precisions and strains discarded only
+/// where there are some.
+const COLUMNS: [Column; 17] = [
     ("runs", |p| p.seeds.to_string()),
+    ("wanted", |p| p.seeds_wanted.to_string()),
+    ("precision", |p| {
+        p.precision.map_or_else(
+            || "–".into(),
+            |part| format!("{} %", significant(100.0 * part, 2)),
+        )
+    }),
+    ("discard", |p| number(p.discard, 3)),
     ("jammed", |p| p.jammed.to_string()),
     ("failed", |p| p.failed.to_string()),
     ("viscosity", |p| interval(p.viscosity)),
     ("median", |p| number(p.viscosity_median, 4)),
+    ("independent\nsamples", |p| number(p.effective_samples, 2)),
     ("stresslet\nviscosity", |p| interval(p.viscosity_stresslet)),
     ("contacts\n/ N", |p| number(p.contacts_per_sphere, 3)),
     ("activated", |p| number(p.activated_fraction, 3)),
@@ -106,9 +119,13 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             })
             .collect();
         writeln!(out, "{}", words.join(", "))?;
+        let rules = report.points.iter().any(|point| point.rule.is_some());
+        let auto = report.discard == Discard::Auto;
         let measured: Vec<Column> = COLUMNS
             .into_iter()
             .filter(|(heading, _)| match *heading {
+                "wanted" | "precision" => rules,
+                "discard" => auto,
                 "jammed" => c.jammed > 0,
                 "failed" => c.failed > 0,
                 _ => true,
@@ -127,19 +144,24 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             column.set_cell_alignment(CellAlignment::Right);
         }
         writeln!(out, "{table}")?;
+        let after = match report.discard {
+            Discard::Strain(strain) => format!("after a strain of {strain}"),
+            Discard::Auto => "after the strain MSER-5 picks at each point".into(),
+        };
         writeln!(
             out,
-            "viscosity: mean over runs ± half the 95 % Student interval, after a strain of {}; \
+            "viscosity: mean over runs ± half the 95 % Student interval, {after}; \
              stresslet viscosity: without contact stress.\n\
              median: over runs, of their medians in time. Jammed runs are counted, not averaged. \
              activated: of contacts; rolling: of activated ones.",
-            report.discard
         )?;
+        notes::write(report, &columns, out)?;
     }
     if report.computing > 0.0 {
         writeln!(
             out,
-            "computed in {}, summed over workers, by {}",
+            "computed in {} of processor time ({} by the wall), summed over runs, by {}",
+            duration(report.processor),
             duration(report.computing),
             programs(&report.provenance).join("; ")
         )?;

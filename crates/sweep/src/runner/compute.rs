@@ -1,5 +1,6 @@
 //! One case from its claim to its end.
 
+use super::clock::{Clock, Spent};
 use super::{Shared, panics};
 use crate::campaign::Steps;
 use crate::case::{Case, State};
@@ -27,7 +28,7 @@ struct Run {
 struct Record {
     samples: Vec<(u64, Sample)>,
     /// Seconds computed before this process went on with it.
-    wall_time_before_s: f64,
+    before: Spent,
     /// Times it went on from a checkpoint.
     resumed: u32,
     /// Frames not in the store yet. They are written before the checkpoint that follows them.
@@ -67,13 +68,13 @@ impl Run {
 
 impl Record {
     /// Bytes of the checkpoint of a run.
-    fn checkpoint(&self, simulation: &Simulation, wall_time_s: f64) -> Vec<u8> {
-        self.state_with(self.samples.clone(), simulation, wall_time_s)
+    fn checkpoint(&self, simulation: &Simulation, spent: Spent) -> Vec<u8> {
+        self.state_with(self.samples.clone(), simulation, spent)
     }
 
     /// The same without samples, which the store keeps one by one once the run is finished.
-    fn last_state(&self, simulation: &Simulation, wall_time_s: f64) -> Vec<u8> {
-        self.state_with(Vec::new(), simulation, wall_time_s)
+    fn last_state(&self, simulation: &Simulation, spent: Spent) -> Vec<u8> {
+        self.state_with(Vec::new(), simulation, spent)
     }
 
     /// Bytes of the state of a run, with these samples.
@@ -81,12 +82,13 @@ impl Record {
         &self,
         samples: Vec<(u64, Sample)>,
         simulation: &Simulation,
-        wall_time_s: f64,
+        spent: Spent,
     ) -> Vec<u8> {
         let checkpoint = Checkpoint {
             snapshot: simulation.snapshot(),
             samples,
-            wall_time_s,
+            wall_time_s: spent.wall_s,
+            cpu_time_s: spent.cpu_s,
             resumed: self.resumed,
         };
         checkpoint
@@ -104,10 +106,10 @@ impl Shared<'_> {
     /// Computes a case and keeps what comes of it.
     pub(super) fn compute(&self, worker: usize, claim: &Claim) -> Result<(), StoreError> {
         let mut run = self.resume(claim)?;
-        let begun = Instant::now();
-        self.progress.start_case(worker, &claim.case, run.steps());
-        let outcome = panics::catch(|| self.simulate(worker, claim, &mut run, begun));
-        let wall_time_s = run.record.wall_time_before_s + begun.elapsed().as_secs_f64();
+        let clock = self.clock();
+        self.progress.start_case(worker, claim, run.steps());
+        let outcome = panics::catch(|| self.simulate(worker, claim, &mut run, &clock));
+        let spent = run.record.before + clock.spent();
         let frames = std::mem::take(&mut run.record.frames);
         self.store().keep_frames(claim, &frames)?;
         let result = match outcome {
@@ -119,7 +121,7 @@ impl Shared<'_> {
                 let last_state = run
                     .simulation
                     .as_ref()
-                    .map(|layer| run.record.last_state(layer, wall_time_s))
+                    .map(|layer| run.record.last_state(layer, spent))
                     .unwrap_or_default();
                 let finished = Finished {
                     state,
@@ -131,8 +133,9 @@ impl Shared<'_> {
                         .as_ref()
                         .map(|layer| *layer.counters())
                         .unwrap_or_default(),
-                    discard_step: self.protocol_of(&claim.case).discard_steps(),
-                    wall_time_s,
+                    protocol: *self.protocol,
+                    wall_time_s: spent.wall_s,
+                    cpu_time_s: spent.cpu_s,
                     resumed: run.record.resumed,
                 };
                 let kept = self.store().finish(claim, &finished);
@@ -148,7 +151,7 @@ impl Shared<'_> {
             Ok(Ok(End::Stopped)) => {
                 let begun = run.simulation.as_ref().filter(|layer| layer.steps() > 0);
                 let kept = begun.map_or(Ok(()), |layer| {
-                    let bytes = run.record.checkpoint(layer, wall_time_s);
+                    let bytes = run.record.checkpoint(layer, spent);
                     self.store().keep(claim, layer.steps(), &bytes)
                 });
                 kept.and_then(|()| self.store().release(claim))
@@ -159,6 +162,15 @@ impl Shared<'_> {
         };
         self.progress.end_case(worker, result.is_ok());
         result
+    }
+
+    /// A clock for one run. A run alone is shared among all threads of the process, another is computed by one of them.
+    fn clock(&self) -> Clock {
+        if self.options.workers == 1 {
+            Clock::of_process()
+        } else {
+            Clock::of_thread()
+        }
     }
 
     /// The run of a claimed case: from its newest good checkpoint, or from nothing.
@@ -177,7 +189,10 @@ impl Shared<'_> {
                                 before: None,
                                 record: Record {
                                     samples: good.samples.clone(),
-                                    wall_time_before_s: good.wall_time_s,
+                                    before: Spent {
+                                        wall_s: good.wall_time_s,
+                                        cpu_s: good.cpu_time_s,
+                                    },
                                     resumed: good.resumed + 1,
                                     frames: Vec::new(),
                                 },
@@ -206,7 +221,7 @@ impl Shared<'_> {
         worker: usize,
         claim: &Claim,
         run: &mut Run,
-        begun: Instant,
+        clock: &Clock,
     ) -> Result<End, StoreError> {
         let (case, record) = (&claim.case, &mut run.record);
         let simulation = match &mut run.simulation {
@@ -249,9 +264,8 @@ impl Shared<'_> {
             }
             self.progress
                 .step(worker, simulation.steps(), sample.viscosity);
-            let wall_time_s = record.wall_time_before_s + begun.elapsed().as_secs_f64();
             if let Some(limit) = self.options.wall_limit
-                && wall_time_s > limit.as_secs_f64()
+                && record.before.wall_s + clock.wall_s() > limit.as_secs_f64()
             {
                 return Ok(End::Failed(Cause::WallTime(limit.as_secs_f64())));
             }
@@ -260,7 +274,7 @@ impl Shared<'_> {
                 && kept.elapsed() >= cost * CHECKPOINT_SHARE
             {
                 let writing = Instant::now();
-                let bytes = record.checkpoint(simulation, wall_time_s);
+                let bytes = record.checkpoint(simulation, record.before + clock.spent());
                 self.store()
                     .keep_frames(claim, &std::mem::take(&mut record.frames))?;
                 self.store().keep(claim, simulation.steps(), &bytes)?;

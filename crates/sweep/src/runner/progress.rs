@@ -1,7 +1,7 @@
 //! What a user sees of a run: bars on a terminal, a line now and then in a log, or nothing.
 
 use crate::case::Case;
-use crate::store::Counts;
+use crate::store::{Claim, Counts};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sd_core::Params;
 use std::collections::VecDeque;
@@ -128,12 +128,8 @@ impl Progress {
 
     /// The run begins with so much cost in all and so much of it done.
     pub(super) fn begin(&self, total: f64, done: f64, counts: Counts) {
-        {
-            let mut campaign = self.campaign();
-            campaign.total = total;
-            campaign.history.push_back((Instant::now(), done));
-        }
-        self.see(done, counts);
+        self.campaign().history.push_back((Instant::now(), done));
+        self.see(total, done, counts);
         let left = counts.pending + counts.running;
         if self.style == Style::Lines && left > 0 {
             self.line(&format!(
@@ -144,16 +140,18 @@ impl Progress {
         }
     }
 
-    /// What the store says about all processes together.
-    pub(super) fn see(&self, done: f64, counts: Counts) {
+    /// What the store says about all processes together. There may be more to do than before, where a precision is asked for.
+    pub(super) fn see(&self, total: f64, done: f64, counts: Counts) {
         let mut campaign = self.campaign();
+        campaign.total = total;
         campaign.stored = done;
         campaign.since = 0.0;
         campaign.counts = counts;
     }
 
     /// A worker begins a case that is so many steps on.
-    pub(super) fn start_case(&self, worker: usize, case: &Case, steps: u64) {
+    pub(super) fn start_case(&self, worker: usize, claim: &Claim, steps: u64) {
+        let case = &claim.case;
         let Some(worker) = self.workers.get(worker) else {
             return;
         };

@@ -2,7 +2,8 @@
 
 use super::process::{self, Identity, Life};
 use super::{Store, StoreError, count};
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, Discard};
+use crate::statistics::Precision;
 use rusqlite::{Connection, OptionalExtension, Row, params};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -26,11 +27,27 @@ impl Asks {
         let mut keys: Vec<_> = campaign.cases.iter().map(|(key, _)| *key).collect();
         keys.sort_unstable();
         let mut hasher = blake3::Hasher::new();
-        for strain in [campaign.protocol.strain, campaign.protocol.discard] {
-            hasher.update(&strain.to_bits().to_le_bytes());
-        }
+        hasher.update(&campaign.protocol.strain.to_bits().to_le_bytes());
+        match campaign.protocol.discard {
+            Discard::Strain(strain) => hasher.update(&strain.to_bits().to_le_bytes()),
+            Discard::Auto => hasher.update(b"auto"),
+        };
         for key in keys {
             hasher.update(key.to_string().as_bytes());
+        }
+        for rule in &campaign.rules {
+            let first = campaign.cases[rule.cases.start].0;
+            let Precision {
+                precision,
+                quantity,
+                at_least,
+                at_most,
+            } = rule.precision;
+            let words = format!(
+                "{first} {precision:?} {} {at_least} {at_most}",
+                quantity.name()
+            );
+            hasher.update(words.as_bytes());
         }
         Self {
             hash: hasher.finalize().to_hex()[..32].to_owned(),

@@ -1,12 +1,12 @@
 //! Taking a campaign file into its store.
 
 use super::asked::{self, Adoption, Asks};
-use super::{Store, StoreError, axis_columns, ends, integer, process, results};
+use super::order::{self, Priority};
+use super::{Store, StoreError, axis_columns, ends, integer, process, results, rules};
 use crate::axes::AXES;
 use crate::campaign::{Campaign, Protocol};
 use crate::case::{Case, CaseKey};
 use rusqlite::{Connection, OptionalExtension, params, params_from_iter, types};
-use std::cmp::Reverse;
 use std::path::PathBuf;
 
 impl Store {
@@ -46,7 +46,7 @@ impl Store {
         if !entry.differs {
             return Ok(());
         }
-        let shown = super::schema::put_before(&self.connection, &["campaign", "cases", "results"])
+        let shown = super::schema::put_before(&self.connection, &["campaign", "cases", "results", "rules"])
             .and_then(|()| entry.enter(&self.connection));
         self.read(shown)?;
         self.last_run_with = entry.other_version;
@@ -179,13 +179,15 @@ impl<'c> Entry<'c> {
         for row in &self.rows {
             row.insert(connection)?;
         }
+        rules::enter(connection, self.campaign)?;
         // What failed beyond the strain that is asked for now may well get as far as that.
         results::reopen_failed(
             connection,
             "position IS NOT NULL AND steps <=
                  (SELECT step FROM failures f WHERE f.case_id = cases.id ORDER BY f.id DESC LIMIT 1)",
         )?;
-        ends::settle_all(connection, &self.campaign.protocol)
+        ends::settle_all(connection, &self.campaign.protocol)?;
+        rules::apply_all(connection)
     }
 }
 
@@ -195,28 +197,14 @@ struct Row<'c> {
     case: &'c Case,
     position: usize,
     /// Place in the order of work.
-    rank: usize,
+    rank: u64,
     params: String,
 }
 
-/// All cases of a campaign with their order of work: dear runs first, so that no core idles at the end, then the first
-/// seed of every point before the second of any, so that curves fill in early.
+/// All cases of a campaign with their order of work.
 fn rows(campaign: &Campaign) -> impl Iterator<Item = Result<Row<'_>, serde_json::Error>> {
-    let mut order: Vec<(Reverse<u64>, u64, usize)> = Vec::with_capacity(campaign.cases.len());
-    let mut seed_number = 0;
-    for (position, (_, case)) in campaign.cases.iter().enumerate() {
-        let same_point = position
-            .checked_sub(1)
-            .is_some_and(|before| campaign.cases[before].1.params == case.params);
-        seed_number = if same_point { seed_number + 1 } else { 0 };
-        // Bits of a positive float are in the order of its value.
-        order.push((Reverse(case.cost().to_bits()), seed_number, position));
-    }
-    order.sort_unstable();
-    let mut ranks = vec![0; order.len()];
-    for (rank, (.., position)) in order.into_iter().enumerate() {
-        ranks[position] = rank;
-    }
+    let costs: Vec<f64> = campaign.cases.iter().map(|(_, case)| case.cost()).collect();
+    let ranks = order::ranks(campaign, &costs, &Priority::default());
     campaign
         .cases
         .iter()
@@ -241,7 +229,7 @@ impl Row<'_> {
         let own = [
             ("key", text(self.key.to_string())),
             ("position", whole(self.position as u64)),
-            ("rank", whole(self.rank as u64)),
+            ("rank", whole(self.rank)),
             ("params", text(self.params.clone())),
             ("seed", whole(self.case.seed)),
             ("steps", whole(self.case.steps)),

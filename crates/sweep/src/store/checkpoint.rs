@@ -6,7 +6,9 @@ use serde::{Deserialize, Serialize};
 /// First bytes of every checkpoint.
 const MAGIC: [u8; 4] = *b"SWCP";
 /// Version of the format.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
+/// The version before it, which is read as well.
+const WITHOUT_CPU_TIME: u32 = 3;
 /// Bytes before the content: magic, version, checksum.
 const HEADER: usize = 4 + 4 + 32;
 
@@ -19,6 +21,8 @@ pub struct Checkpoint {
     pub samples: Vec<(u64, Sample)>,
     /// Seconds of computing so far.
     pub wall_time_s: f64,
+    /// Seconds of processor so far.
+    pub cpu_time_s: f64,
     /// Times the run went on from a checkpoint so far.
     pub resumed: u32,
 }
@@ -73,14 +77,33 @@ impl Checkpoint {
         let rest = header.strip_prefix(&MAGIC).ok_or(Damage::Foreign)?;
         let (version, checksum) = rest.split_first_chunk::<4>().ok_or(Damage::Foreign)?;
         let found = u32::from_le_bytes(*version);
-        if found != VERSION {
+        if found != VERSION && found != WITHOUT_CPU_TIME {
             return Err(Damage::Version { found });
         }
         if blake3::hash(content).as_bytes() != checksum {
             return Err(Damage::Checksum);
         }
+        if found == WITHOUT_CPU_TIME {
+            let old: WithoutCpuTime = postcard::from_bytes(content).map_err(Damage::Content)?;
+            return Ok(Self {
+                snapshot: old.snapshot,
+                samples: old.samples,
+                wall_time_s: old.wall_time_s,
+                cpu_time_s: old.wall_time_s,
+                resumed: old.resumed,
+            });
+        }
         postcard::from_bytes(content).map_err(Damage::Content)
     }
+}
+
+/// A checkpoint of the format before, whose run had a thread to itself for all of its time.
+#[derive(Serialize, Deserialize)]
+struct WithoutCpuTime {
+    snapshot: Snapshot,
+    samples: Vec<(u64, Sample)>,
+    wall_time_s: f64,
+    resumed: u32,
 }
 
 #[cfg(test)]
@@ -139,8 +162,28 @@ mod tests {
                 (4, crate::test_support::sample(0.02)),
             ],
             wall_time_s: 0.25,
+            cpu_time_s: 0.2,
             resumed: 1,
         }
+    }
+
+    #[test]
+    fn format_without_time_of_the_processor_is_read() {
+        let now = checkpoint();
+        let old = WithoutCpuTime {
+            snapshot: now.snapshot.clone(),
+            samples: now.samples.clone(),
+            wall_time_s: now.wall_time_s,
+            resumed: now.resumed,
+        };
+        let content = postcard::to_stdvec(&old).unwrap();
+        let mut bytes = with_true_checksum(&content);
+        bytes[4..8].copy_from_slice(&WITHOUT_CPU_TIME.to_le_bytes());
+        let expected = Checkpoint {
+            cpu_time_s: now.wall_time_s,
+            ..now
+        };
+        assert_eq!(Checkpoint::decode(&bytes), Ok(expected));
     }
 
     #[test]

@@ -172,26 +172,31 @@ impl Store {
         })
     }
 
-    /// Claims the next case: one that was begun before any that was not.
+    /// Claims the next case: one that was begun before any that was not, and otherwise by the order of work, but that a case is
+    /// not left for last which would then keep one of `workers` busy while the others have nothing to do.
     ///
     /// # Errors
     /// Trouble with the file, or a case that cannot be read.
-    pub fn claim(&mut self) -> Result<Option<Claim>, StoreError> {
+    pub fn claim(&mut self, workers: usize) -> Result<Option<Claim>, StoreError> {
         let me = self.me();
         let claimed = self.write(|transaction| {
             let begun = transaction
                 .prepare_cached(
                     "SELECT id FROM cases WHERE state = 'pending' AND steps_done > 0 AND position IS NOT NULL
-                         AND deaths < ?1 ORDER BY rank LIMIT 1",
+                         AND deaths < ?1 ORDER BY rank, gain DESC, position LIMIT 1",
                 )?
                 .query_row([SUSPECT], |row| row.get::<_, i64>(0))
                 .optional()?;
-            let next = match begun {
+            let overdue = match begun {
+                Some(id) => Some(id),
+                None => overdue(transaction, workers)?,
+            };
+            let next = match overdue {
                 Some(id) => Some(id),
                 None => transaction
                     .prepare_cached(
                         "SELECT id FROM cases WHERE state = 'pending' AND position IS NOT NULL
-                         ORDER BY deaths >= ?1, rank LIMIT 1",
+                         ORDER BY deaths >= ?1, rank, gain DESC, position LIMIT 1",
                     )?
                     .query_row([SUSPECT], |row| row.get(0))
                     .optional()?,
@@ -337,6 +342,32 @@ impl Claim {
     }
 }
 
+/// The dearest case that waits, if the rest of what waits would not keep the other workers busy for as long as it takes.
+fn overdue(
+    transaction: &Transaction<'_>,
+    workers: usize,
+) -> Result<Option<i64>, rusqlite::Error> {
+    if workers < 2 {
+        return Ok(None);
+    }
+    let waiting: f64 = transaction
+        .prepare_cached(
+            "SELECT total(cost) FROM cases WHERE state = 'pending' AND position IS NOT NULL AND deaths < ?1",
+        )?
+        .query_row([SUSPECT], |row| row.get(0))?;
+    let dearest: Option<(i64, f64)> = transaction
+        .prepare_cached(
+            "SELECT id, cost FROM cases WHERE state = 'pending' AND position IS NOT NULL AND deaths < ?1
+             ORDER BY cost DESC, rank LIMIT 1",
+        )?
+        .query_row([SUSPECT], |row| Ok((row.get(0)?, row.get(1)?)))
+        .optional()?;
+    Ok(dearest.and_then(|(id, cost)| {
+        let others = (waiting - cost) / (workers as f64 - 1.0);
+        (cost >= others).then_some(id)
+    }))
+}
+
 /// Ends those cases of a dead process as failed that died too often. Says how many.
 fn quarantine(transaction: &Transaction<'_>, process: i64) -> Result<usize, rusqlite::Error> {
     let condemned: Vec<(i64, String, u64, i64)> = transaction
@@ -383,6 +414,7 @@ fn quarantine(transaction: &Transaction<'_>, process: i64) -> Result<usize, rusq
             params![id, process::now()],
         )?;
         drop_checkpoints(transaction, id)?;
+        super::rules::apply_to_case(transaction, id)?;
     }
     Ok(number)
 }

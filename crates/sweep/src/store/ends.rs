@@ -2,13 +2,15 @@
 //!
 //! A run is computed once: its beginning is the run of less strain, and from its last state it goes on to more.
 
-use super::{Checkpoint, Damage, Store, StoreError, count, integer, process, samples};
-use crate::campaign::Protocol;
+use super::{Checkpoint, Damage, Store, StoreError, count, integer, process, rules, samples};
+use crate::axes::identity;
+use crate::campaign::{Discard, Protocol};
 use crate::case::State;
-use crate::statistics::{Averages, Distribution};
+use crate::statistics::{Averages, Distribution, mser_5};
 use rusqlite::{Connection, OptionalExtension, Row, Transaction, params};
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
+use std::collections::HashMap;
 
 /// How far a run was computed.
 pub(super) struct RunEnd<'e> {
@@ -130,6 +132,16 @@ impl Computed {
         }
     }
 
+    /// Gives it the state and the result that is asked for, where every run discards the same strain.
+    fn settle_alone(
+        &self,
+        connection: &Connection,
+        protocol: &Protocol,
+    ) -> Result<(), rusqlite::Error> {
+        let steps = protocol.with_time_step(self.params.time_step);
+        self.settle(connection, steps.discard_steps().unwrap_or(0))
+    }
+
     /// Gives it the state and the result that is asked for.
     fn settle(&self, connection: &Connection, discard: u64) -> Result<(), rusqlite::Error> {
         let (state, steps) = match self.verdict() {
@@ -207,28 +219,86 @@ pub(super) fn settle_all(
     connection: &Connection,
     protocol: &Protocol,
 ) -> Result<(), rusqlite::Error> {
-    for case in Computed::of(
+    let computed = Computed::of(
         connection,
-        "c.position IS NOT NULL AND c.state != 'running'",
-    )? {
-        let discard = protocol
-            .with_time_step(case.params.time_step)
-            .discard_steps();
-        case.settle(connection, discard)?;
+        "(c.position IS NOT NULL OR c.point IS NOT NULL) AND c.state != 'running'",
+    )?;
+    if protocol.discard == Discard::Auto {
+        let mut points: HashMap<_, Vec<Computed>> = HashMap::new();
+        for case in computed {
+            points.entry(identity(&case.params)).or_default().push(case);
+        }
+        return points
+            .values()
+            .try_for_each(|point| settle_point(connection, point));
     }
-    Ok(())
+    computed
+        .iter()
+        .try_for_each(|case| case.settle_alone(connection, protocol))
 }
 
-/// The same for one case.
+/// The same for one case, and where the strain discarded is that of its point, for all of the point.
 pub(super) fn settle(
+    connection: &Connection,
+    case: i64,
+    protocol: &Protocol,
+) -> Result<(), rusqlite::Error> {
+    if protocol.discard == Discard::Auto {
+        let point = Computed::of(
+            connection,
+            &format!(
+                "c.id = {case} OR (c.params = (SELECT params FROM cases WHERE id = {case}) AND c.state != 'running'
+                     AND (c.position IS NOT NULL OR c.point IS NOT NULL))"
+            ),
+        )?;
+        return settle_point(connection, &point);
+    }
+    Computed::of(connection, &format!("c.id = {case}"))?
+        .iter()
+        .try_for_each(|case| case.settle_alone(connection, protocol))
+}
+
+/// The same for one case, whose first steps are discarded as somebody else did.
+pub(super) fn settle_as(
     connection: &Connection,
     case: i64,
     discard: u64,
 ) -> Result<(), rusqlite::Error> {
-    for case in Computed::of(connection, &format!("c.id = {case}"))? {
-        case.settle(connection, discard)?;
+    Computed::of(connection, &format!("c.id = {case}"))?
+        .iter()
+        .try_for_each(|case| case.settle(connection, discard))
+}
+
+/// Settles the runs of a point, leaving out as much as MSER-5 picks from the mean over those that are done. Where a precision
+/// decides on the seeds, these are those of the first batch: so what is left out does not change under the rule's feet.
+fn settle_point(connection: &Connection, point: &[Computed]) -> Result<(), rusqlite::Error> {
+    let Some(first) = point.first() else {
+        return Ok(());
+    };
+    let batch = rules::first_batch(connection, first.id)?;
+    let mut total: Vec<f64> = Vec::new();
+    let mut steps: Vec<u64> = Vec::new();
+    for case in point {
+        let Verdict::Result(State::Done, end) = case.verdict() else {
+            continue;
+        };
+        if batch.as_ref().is_some_and(|batch| !batch.contains(&case.id)) {
+            continue;
+        }
+        let samples = samples::samples(connection, case.id, Some(end))?;
+        if steps.is_empty() {
+            steps = samples.iter().map(|(step, _)| *step).collect();
+            total = vec![0.0; steps.len()];
+        }
+        for (total, (_, sample)) in total.iter_mut().zip(&samples) {
+            *total += sample.viscosity;
+        }
     }
-    Ok(())
+    let left_out = mser_5(&total).map_or(0, |(samples, _)| samples);
+    let discard = steps.get(left_out).copied().unwrap_or(0);
+    point
+        .iter()
+        .try_for_each(|case| case.settle(connection, discard))
 }
 
 /// Steps to which a case was computed, if it was computed to an end.
@@ -249,6 +319,7 @@ fn write_averages(
     spheres: usize,
 ) -> Result<(), rusqlite::Error> {
     let of = |d: &Option<Distribution>, part: fn(&Distribution) -> f64| d.as_ref().map(part);
+    let steady = averages.steadiness;
     let (full, stresslet) = (&averages.viscosity, &averages.viscosity_stresslet);
     connection
         .prepare_cached(
@@ -257,7 +328,9 @@ fn write_averages(
                  viscosity_stresslet_quartile_1 = ?9, viscosity_stresslet_median = ?10,
                  viscosity_stresslet_quartile_3 = ?11, normal_stress_difference = ?12, dissipation = ?13,
                  contacts_per_sphere = ?14, activated_fraction = ?15, rolling_fraction = ?16,
-                 mean_approach_velocity = ?17, contacts = ?18, activated = ?19, rolling = ?20, approach = ?21
+                 mean_approach_velocity = ?17, contacts = ?18, activated = ?19, rolling = ?20, approach = ?21,
+                 viscosity_part_1 = ?22, viscosity_part_2 = ?23, viscosity_part_3 = ?24, viscosity_part_4 = ?25,
+                 viscosity_variance = ?26, viscosity_correlation = ?27
              WHERE case_id = ?1",
         )?
         .execute(params![
@@ -282,6 +355,12 @@ fn write_averages(
             integer(averages.activated),
             integer(averages.rolling),
             averages.approach,
+            steady.map(|s| s.parts[0]),
+            steady.map(|s| s.parts[1]),
+            steady.map(|s| s.parts[2]),
+            steady.map(|s| s.parts[3]),
+            steady.map(|s| s.variance),
+            steady.map(|s| s.correlation),
         ])?;
     Ok(())
 }

@@ -118,7 +118,9 @@ pub(super) fn place(transaction: &Transaction<'_>, row: &Entry) -> Result<i64, r
     }
     let mut row = row.clone();
     row.retain(|(name, _)| name != "id");
-    set(&mut row, "position", Value::Null);
+    for place_there in ["position", "point", "reserve"] {
+        set(&mut row, place_there, Value::Null);
+    }
     set(&mut row, "owner", Value::Null);
     set(&mut row, "state", "pending".to_owned());
     put(transaction, "cases", &row)?;

@@ -9,7 +9,7 @@ mod shards;
 
 use super::entries::entry;
 use super::process::now;
-use super::{Store, StoreError, count, ends};
+use super::{Store, StoreError, count, ends, rules};
 use crate::campaign::Protocol;
 use case::Merging;
 use rusqlite::params;
@@ -236,6 +236,7 @@ impl Store {
             }
             if let Some(protocol) = protocol {
                 ends::settle_all(transaction, protocol)?;
+                rules::apply_all(transaction)?;
             }
             if mode == MergeMode::Campaign && damage.is_none() {
                 transaction.execute(

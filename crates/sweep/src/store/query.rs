@@ -2,6 +2,7 @@
 
 use super::{Store, StoreError, count, process};
 use crate::case::State;
+use crate::statistics::Steadiness;
 use rusqlite::{Row, types::Type};
 use sd_core::Params;
 use serde::Serialize;
@@ -69,6 +70,14 @@ pub struct PointRun {
     pub worst_residual: Option<f64>,
     /// Seconds of computing.
     pub wall_time_s: Option<f64>,
+    /// Seconds of processor.
+    pub cpu_time_s: Option<f64>,
+    /// Strain discarded.
+    pub discard: Option<f64>,
+    /// Strain from one sample to the next.
+    pub sample_every: f64,
+    /// What it tells about steadiness.
+    pub steadiness: Option<Steadiness>,
 }
 
 /// One failure as it is listed.
@@ -187,7 +196,9 @@ impl Store {
                      coalesce(r.samples, 0), coalesce(r.contacts, 0), coalesce(r.activated, 0),
                      coalesce(r.rolling, 0), coalesce(r.approach, 0.0), r.minimum_gap, coalesce(r.stages, 0),
                      coalesce(r.unconverged_stages, 0), r.worst_residual, r.wall_time_s,
-                     r.normal_stress_difference, coalesce(r.jammed_stages, 0)
+                     r.normal_stress_difference, coalesce(r.jammed_stages, 0), r.cpu_time_s, r.discard_step,
+                     r.viscosity_part_1, r.viscosity_part_2, r.viscosity_part_3, r.viscosity_part_4,
+                     r.viscosity_variance, r.viscosity_correlation, c.sample_stride
                  FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
                  WHERE c.position IS NOT NULL ORDER BY c.position",
             )
@@ -288,9 +299,13 @@ impl Store {
 /// One row of [`Store::point_runs`].
 fn point_run(row: &Row<'_>) -> Result<PointRun, rusqlite::Error> {
     let state: String = row.get(3)?;
+    let params = params(row, 1)?;
+    let discarded: Option<i64> = row.get(20)?;
     Ok(PointRun {
         key: row.get(0)?,
-        params: params(row, 1)?,
+        sample_every: count(row.get(27)?) as f64 * params.time_step,
+        discard: discarded.map(|steps| count(steps) as f64 * params.time_step),
+        params,
         seed: count(row.get(2)?),
         state: match state.as_str() {
             "done" => State::Done,
@@ -314,7 +329,25 @@ fn point_run(row: &Row<'_>) -> Result<PointRun, rusqlite::Error> {
         wall_time_s: row.get(16)?,
         normal_stress_difference: row.get(17)?,
         jammed_stages: count(row.get(18)?),
+        cpu_time_s: row.get(19)?,
+        steadiness: steadiness(row)?,
     })
+}
+
+/// What a run tells about steadiness, where it does.
+fn steadiness(row: &Row<'_>) -> Result<Option<Steadiness>, rusqlite::Error> {
+    let number = |column: usize| row.get::<_, Option<f64>>(column);
+    let parts = [number(21)?, number(22)?, number(23)?, number(24)?];
+    let ([Some(a), Some(b), Some(c), Some(d)], Some(variance), Some(correlation)) =
+        (parts, number(25)?, number(26)?)
+    else {
+        return Ok(None);
+    };
+    Ok(Some(Steadiness {
+        parts: [a, b, c, d],
+        correlation,
+        variance,
+    }))
 }
 
 /// The parameters in a column of JSON.

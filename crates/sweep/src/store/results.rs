@@ -3,7 +3,8 @@
 use super::claims::{Claim, drop_checkpoints};
 use super::ends::{self, RunEnd};
 use super::samples::write_samples;
-use super::{Store, StoreError, integer, process};
+use super::{Store, StoreError, integer, process, rules};
+use crate::campaign::Protocol;
 use crate::case::State;
 use rusqlite::{Connection, Transaction, params};
 use sd_core::Sample;
@@ -20,10 +21,12 @@ pub struct Finished {
     pub counters: Counters,
     /// Steps done.
     pub steps: u64,
-    /// First step that counts in the averages.
-    pub discard_step: u64,
+    /// What is averaged.
+    pub protocol: Protocol,
     /// Seconds of computing.
     pub wall_time_s: f64,
+    /// Seconds of processor.
+    pub cpu_time_s: f64,
     /// Times it went on from a checkpoint.
     pub resumed: u32,
     /// A checkpoint of its last state, without samples: what a longer run goes on from.
@@ -71,8 +74,8 @@ impl Store {
                 .prepare_cached(
                     "INSERT OR REPLACE INTO results (case_id, discard_step, samples, contacts, activated, rolling,
                          approach, stages, unconverged_stages, jam_events, jammed_strain, final_strain, wall_time_s,
-                         resumed, process, finished_at)
-                     VALUES (?1, -1, 0, 0, 0, 0, 0.0, 0, 0, 0, 0.0, 0.0, ?2, ?3, ?4, ?5)",
+                         resumed, process, finished_at, cpu_time_s)
+                     VALUES (?1, -1, 0, 0, 0, 0, 0.0, 0, 0, 0, 0.0, 0.0, ?2, ?3, ?4, ?5, ?6)",
                 )?
                 .execute(params![
                     claim.id,
@@ -80,9 +83,11 @@ impl Store {
                     finished.resumed,
                     me,
                     process::now(),
+                    finished.cpu_time_s,
                 ])?;
-            ends::settle(transaction, claim.id, finished.discard_step)?;
+            ends::settle(transaction, claim.id, &finished.protocol)?;
             drop_checkpoints(transaction, claim.id)?;
+            rules::apply_to_case(transaction, claim.id)?;
             Ok(true)
         })?;
         owned.then_some(()).ok_or_else(|| claim.lost())
@@ -122,6 +127,7 @@ impl Store {
                 ],
             )?;
             drop_checkpoints(transaction, claim.id)?;
+            rules::apply_to_case(transaction, claim.id)?;
             Ok(true)
         })?;
         owned.then_some(()).ok_or_else(|| claim.lost())
@@ -139,7 +145,9 @@ impl Store {
                      AND step >= coalesce((SELECT steps FROM ends e WHERE e.case_id = samples.case_id), 0)",
                 [],
             )?;
-            reopen_failed(transaction, "position IS NOT NULL")
+            let reopened = reopen_failed(transaction, "position IS NOT NULL")?;
+            rules::apply_all(transaction)?;
+            Ok(reopened)
         })
     }
 }

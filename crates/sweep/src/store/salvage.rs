@@ -1,6 +1,6 @@
 //! Saving what a damaged store holds: entry by entry into a new store, each checked as far as it can be.
 
-use super::ends::{settle, settle_all};
+use super::ends::{settle_all, settle_as};
 use super::entries::{
     Entry, Found, checkpoint, computed_run, entry, failures, place, put, set, text, trusted_case,
     whole, without_wishes,
@@ -103,7 +103,8 @@ fn save(old: &Connection, to: &Path, campaign: &Campaign) -> Result<Salvaged, St
                 Err(_) => saved.unreadable += 1,
             }
         }
-        settle_all(transaction, &campaign.protocol)
+        settle_all(transaction, &campaign.protocol)?;
+        super::rules::apply_all(transaction)
     })?;
     saved.pending = new.counts()?.pending;
     Ok(saved)
@@ -146,7 +147,7 @@ fn save_case(
             let new_id = place(transaction, row)?;
             take_process(old, transaction, &run.result)?;
             run.write(transaction, new_id)?;
-            settle(transaction, new_id, run.discarded())?;
+            settle_as(transaction, new_id, run.discarded())?;
             saved.results += 1;
             saved.samples += run.samples.len() as u64;
         }

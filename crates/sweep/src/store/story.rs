@@ -28,6 +28,8 @@ pub struct Story {
     pub attempts: u64,
     /// Seconds of computing, once it has ended well.
     pub wall_time_s: Option<f64>,
+    /// Seconds of processor.
+    pub cpu_time_s: Option<f64>,
     /// Times it went on from a checkpoint.
     pub resumed: Option<u64>,
     /// Where it was computed, or is being computed.
@@ -134,7 +136,7 @@ impl Store {
                 .query_row(
                     "SELECT c.id, c.key, c.position, c.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
                          r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
-                         coalesce(r.finished_at, p.heartbeat)
+                         coalesce(r.finished_at, p.heartbeat), r.cpu_time_s
                      FROM cases c LEFT JOIN results r ON r.case_id = c.id
                      LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
                          (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
@@ -236,6 +238,7 @@ fn case(row: &Row<'_>) -> Result<Found, rusqlite::Error> {
         steps_done: count(row.get(7)?),
         attempts: count(row.get(8)?),
         wall_time_s: row.get(9)?,
+        cpu_time_s: row.get(16)?,
         resumed: row.get::<_, Option<i64>>(10)?.map(count),
         origin,
         failures: Vec::new(),

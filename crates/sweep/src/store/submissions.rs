@@ -277,6 +277,7 @@ impl Store {
         to: &std::path::Path,
     ) -> Result<(), StoreError> {
         let mut some = campaign.clone();
+        some.rules.clear();
         some.cases
             .retain(|(key, _)| keys.contains(key.to_string().as_str()));
         let mut new = Store::open(to)?;

@@ -7,6 +7,7 @@ use std::path::Path;
 
 mod length;
 mod merge;
+mod rules;
 mod trouble;
 mod versions;
 
@@ -38,6 +39,7 @@ fn checkpoint(steps: u64) -> Vec<u8> {
         snapshot: snapshot(steps),
         samples: vec![(0, sample(0.0))],
         wall_time_s: 1.0,
+        cpu_time_s: 0.9,
         resumed: 0,
     }
     .encode()
@@ -50,8 +52,9 @@ fn finished(state: State) -> Finished {
         samples: (0..50).map(|n| (4 * n, sample(n as f64 * 0.02))).collect(),
         counters: counters(),
         steps: 200,
-        discard_step: 100,
+        protocol: campaign(CAMPAIGN).protocol,
         wall_time_s: 2.0,
+        cpu_time_s: 1.8,
         resumed: 0,
         last_state: checkpoint(200),
     }
@@ -75,14 +78,14 @@ fn cases_are_claimed_once_first_seeds_first() {
     let mut keys = std::collections::HashSet::new();
     for _ in 0..2 {
         for store in [&mut one, &mut two] {
-            let claim = store.claim().unwrap().unwrap();
+            let claim = store.claim(1).unwrap().unwrap();
             seeds.push(claim.case.seed);
             keys.insert(claim.key);
         }
     }
     assert_eq!(seeds, [1, 1, 2, 2]);
     assert_eq!(keys.len(), 4);
-    assert!(one.claim().unwrap().is_none());
+    assert!(one.claim(1).unwrap().is_none());
 }
 
 #[test]
@@ -90,7 +93,7 @@ fn result_is_kept_and_averaged() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(2).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     store.keep(&claim, 20, &checkpoint(20)).unwrap();
     store.finish(&claim, &finished(State::Done)).unwrap();
     let counts = store.counts().unwrap();
@@ -115,7 +118,7 @@ fn dead_owner_loses_its_case_and_the_next_goes_on_from_its_checkpoint() {
     let directory = tempfile::tempdir().unwrap();
     let (mut dead, mut heir) = (open(directory.path()), open(directory.path()));
     dead.register(1).unwrap();
-    let claim = dead.claim().unwrap().unwrap();
+    let claim = dead.claim(1).unwrap().unwrap();
     for steps in [20, 40, 60] {
         dead.keep(&claim, steps, &checkpoint(steps)).unwrap();
     }
@@ -125,7 +128,7 @@ fn dead_owner_loses_its_case_and_the_next_goes_on_from_its_checkpoint() {
         .execute("UPDATE processes SET start = '1' WHERE id = 1", [])
         .unwrap();
     assert_eq!(heir.release_dead().unwrap(), 1);
-    let taken = heir.claim().unwrap().unwrap();
+    let taken = heir.claim(1).unwrap().unwrap();
     assert_eq!(taken.key, claim.key, "begun cases come first");
     let steps: Vec<u64> = taken
         .checkpoints
@@ -154,12 +157,12 @@ fn torn_checkpoint_falls_back_to_the_one_before() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     store.keep(&claim, 20, &checkpoint(20)).unwrap();
     let torn = checkpoint(40);
     store.keep(&claim, 40, &torn[..torn.len() - 3]).unwrap();
     store.release(&claim).unwrap();
-    let again = store.claim().unwrap().unwrap();
+    let again = store.claim(1).unwrap().unwrap();
     assert_eq!(again.checkpoints[0], Err(Damage::Checksum));
     assert_eq!(again.checkpoints[1].as_ref().unwrap().snapshot.steps, 20);
 }
@@ -170,7 +173,7 @@ fn editing_the_grid_keeps_finished_cases() {
     let mut store = open(directory.path());
     store.register(1).unwrap();
     for _ in 0..2 {
-        let claim = store.claim().unwrap().unwrap();
+        let claim = store.claim(1).unwrap().unwrap();
         store.finish(&claim, &finished(State::Done)).unwrap();
     }
     let wider = CAMPAIGN.replace("seeds = 2", "seeds = 4");
@@ -190,7 +193,7 @@ fn another_discarded_strain_averages_finished_runs_again() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     store.finish(&claim, &finished(State::Done)).unwrap();
     let later = CAMPAIGN.replace("discard = 0.5", "discard = 0.8");
     store.adopt(&campaign(&later)).unwrap();
@@ -205,7 +208,7 @@ fn failure_is_kept_and_retried() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     let failure = Failure {
         error: "spheres 1 and 2 overlap".into(),
         step: 37,
@@ -284,7 +287,7 @@ fn infinite_and_missing_numbers_survive_the_store() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     let mut run = finished(State::Done);
     run.samples[30].1.minimum_gap = f64::INFINITY;
     run.samples[31].1.viscosity = f64::NAN;
@@ -316,7 +319,7 @@ fn owners_of_a_restarted_machine_are_gone() {
     let directory = tempfile::tempdir().unwrap();
     let (mut one, mut two) = (open(directory.path()), open(directory.path()));
     one.register(1).unwrap();
-    one.claim().unwrap().unwrap();
+    one.claim(1).unwrap().unwrap();
     bury_owners(&one);
     two.register(1).unwrap();
     assert_eq!(two.release_dead().unwrap(), 1);

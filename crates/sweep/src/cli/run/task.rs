@@ -242,8 +242,7 @@ fn restrict(arguments: &Arguments, part: Part, campaign: &mut Campaign) -> Resul
         Slices::read(path, part.task, part.tasks)?
     } else {
         let all: Vec<OpenCase> = campaign
-            .cases
-            .iter()
+            .certain()
             .map(|(key, case)| OpenCase {
                 key: key.to_string(),
                 cost: case.cost(),
@@ -257,6 +256,8 @@ fn restrict(arguments: &Arguments, part: Part, campaign: &mut Campaign) -> Resul
         )
     };
     let keys: HashSet<String> = keys.into_iter().collect();
+    // A task computes what it was given; which seeds count is decided where all results meet.
+    campaign.rules.clear();
     campaign
         .cases
         .retain(|(key, _)| keys.contains(&key.to_string()));

@@ -2,7 +2,7 @@
 
 use super::difference::difference;
 use super::{MergeMode, Merged};
-use crate::store::ends::settle;
+use crate::store::ends::settle_as;
 use crate::store::entries::{
     ComputedRun, Entry, Found, checkpoint, computed_run, entry, failures, place, put, set, text,
     trusted_case, whole, without_wishes,
@@ -151,7 +151,7 @@ impl Merging<'_> {
         let discard = known
             .end
             .map_or_else(|| run.discarded(), |end| count(end.discarded));
-        settle(self.transaction, known.id, discard)
+        settle_as(self.transaction, known.id, discard)
     }
 
     /// Compares a run with the one that is there. Of two that agree the longer is kept, of two that do not the later attempt.

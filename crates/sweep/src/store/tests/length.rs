@@ -11,7 +11,7 @@ fn of_strain(strain: &str) -> Campaign {
 fn store_with_a_run(directory: &Path) -> (Store, String) {
     let mut store = open(directory);
     store.register(1).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     store.finish(&claim, &finished(State::Done)).unwrap();
     (store, claim.key)
 }
@@ -36,7 +36,7 @@ fn finished_run_goes_on_from_its_last_state_when_more_strain_is_asked_for() {
         )
         .unwrap();
     assert_eq!(shown, (None, 0.005), "nothing came out of it yet");
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     assert_eq!((&claim.key, claim.case.steps), (&key, 400));
     let [Ok(from)] = claim.checkpoints.as_slice() else {
         panic!("{:?}", claim.checkpoints);
@@ -46,7 +46,7 @@ fn finished_run_goes_on_from_its_last_state_when_more_strain_is_asked_for() {
     // On its way on it is interrupted, and begins from its checkpoint.
     store.keep(&claim, 240, &checkpoint(240)).unwrap();
     store.release(&claim).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     let steps = claim.checkpoints.iter().flatten();
     let steps: Vec<u64> = steps.map(|found| found.snapshot.steps).collect();
     assert_eq!(steps, [240, 200]);
@@ -74,7 +74,7 @@ fn jammed_run_stays_jammed_when_more_is_asked_for_and_flows_before_it_jammed() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     store.finish(&claim, &finished(State::Jammed)).unwrap();
     store.adopt(&of_strain("2.0")).unwrap();
     assert_eq!(run(&store, &claim.key).state, State::Jammed);
@@ -89,7 +89,7 @@ fn what_failed_beyond_the_strain_asked_for_is_tried_again() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     let failure = Failure {
         error: "spheres 1 and 2 overlap".into(),
         step: 170,
@@ -118,7 +118,7 @@ fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
     let mut shard = Store::open(&path).unwrap();
     shard.adopt(&of_strain("2.0")).unwrap();
     shard.register(1).unwrap();
-    let claim = shard.claim().unwrap().unwrap();
+    let claim = shard.claim(1).unwrap().unwrap();
     shard.finish(&claim, &longer).unwrap();
     drop(shard);
     let (mut store, key) = store_with_a_run(directory.path());
@@ -150,7 +150,7 @@ fn a_run_that_fails_on_its_way_on_keeps_its_beginning() {
     store.adopt(&of_strain("2.0")).unwrap();
     // Once on its way on, and once anew, as if its last state could not be used.
     for (step, samples) in [(240, 60), (8, 2)] {
-        let claim = store.claim().unwrap().unwrap();
+        let claim = store.claim(1).unwrap().unwrap();
         assert_eq!(claim.key, key);
         let failure = Failure {
             error: "spheres 1 and 2 overlap".into(),
@@ -166,7 +166,7 @@ fn a_run_that_fails_on_its_way_on_keeps_its_beginning() {
         assert_eq!(store.counts().unwrap().failed, 1);
         assert_eq!(store.retry_failed().unwrap(), 1);
     }
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     let from = claim.checkpoints[0].as_ref().unwrap();
     assert_eq!((from.snapshot.steps, from.samples.len()), (200, 50));
     store.release(&claim).unwrap();
@@ -184,7 +184,7 @@ fn what_waits_to_go_on_is_salvaged_with_its_last_state() {
     assert_eq!((saved.results, saved.unreadable, saved.pending), (1, 0, 4));
     let mut new = Store::open(&to).unwrap();
     new.register(1).unwrap();
-    let claim = new.claim().unwrap().unwrap();
+    let claim = new.claim(1).unwrap().unwrap();
     assert_eq!(claim.key, key);
     assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps, 200);
 }

@@ -24,7 +24,7 @@ fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
 
 /// Claims the next case and keeps a checkpoint of it.
 fn begin(store: &mut Store, steps: u64) -> Claim {
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     store.keep(&claim, steps, &checkpoint(steps)).unwrap();
     claim
 }
@@ -81,7 +81,7 @@ fn shards_merge_in_any_order_and_as_often_as_one_likes() {
     // the third has checkpoints only.
     let (mut a, path_a) = shard(at, "a", 0);
     begin(&mut a, 40);
-    let claim = a.claim().unwrap().unwrap();
+    let claim = a.claim(1).unwrap().unwrap();
     a.fail(&claim, &failure("no")).unwrap();
     begin(&mut a, 100);
     let (mut b, path_b) = shard(at, "b", 1);
@@ -139,15 +139,15 @@ fn merged_checkpoint_is_gone_on_from() {
     let directory = tempfile::tempdir().unwrap();
     let (mut a, path) = shard(directory.path(), "a", 0);
     begin(&mut a, 40);
-    let claim = a.claim().unwrap().unwrap();
+    let claim = a.claim(1).unwrap().unwrap();
     a.keep(&claim, 8, &checkpoint(8)).unwrap();
     a.keep(&claim, 16, &checkpoint(16)).unwrap();
     let mut store = open(directory.path());
     store.merge(&[path], false).unwrap();
     store.register(1).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps, 40);
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     let steps: Vec<u64> = claim
         .checkpoints
         .iter()
@@ -168,7 +168,7 @@ fn results_that_differ_are_reported_and_the_later_attempt_is_kept() {
         (&mut b, 7.000_000_000_000_001),
         (&mut c, 7.0),
     ] {
-        let claim = store.claim().unwrap().unwrap();
+        let claim = store.claim(1).unwrap().unwrap();
         let mut result = finished(State::Done);
         result.samples[30].1.viscosity = viscosity;
         store.finish(&claim, &result).unwrap();
@@ -204,7 +204,7 @@ fn other_campaigns_and_builds_are_refused_before_anything_is_merged() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     let (mut a, good) = shard(at, "a", 0);
-    let claim = a.claim().unwrap().unwrap();
+    let claim = a.claim(1).unwrap().unwrap();
     a.finish(&claim, &finished(State::Done)).unwrap();
     let (mut b, other) = shard(at, "b", 0);
     begin(&mut b, 40);
@@ -241,7 +241,7 @@ fn half_a_shard_is_named_and_the_others_are_merged() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     let (mut a, work) = shard(at, "a", 0);
-    let claim = a.claim().unwrap().unwrap();
+    let claim = a.claim(1).unwrap().unwrap();
     a.finish(&claim, &finished(State::Done)).unwrap();
     let good = at.join("good.sqlite");
     reading::snapshot(&work, &good).unwrap();
@@ -285,10 +285,10 @@ fn complete_run_outranks_a_failure_and_retried_failures_stay_retried() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     let (mut a, failed) = shard(at, "a", 0);
-    let claim = a.claim().unwrap().unwrap();
+    let claim = a.claim(1).unwrap().unwrap();
     a.fail(&claim, &failure("took too long")).unwrap();
     let (mut b, done) = shard(at, "b", 1);
-    let claim = b.claim().unwrap().unwrap();
+    let claim = b.claim(1).unwrap().unwrap();
     b.finish(&claim, &finished(State::Done)).unwrap();
     drop((a, b));
     for order in [[&failed, &done], [&done, &failed]] {

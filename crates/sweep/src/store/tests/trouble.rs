@@ -6,13 +6,13 @@ use super::*;
 fn mixed(directory: &Path) -> Store {
     let mut store = open(directory);
     store.register(1).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     let mut whole = finished(State::Done);
     for (number, (step, _)) in (0_u64..).zip(&mut whole.samples) {
         *step = number * claim.case.sample_stride;
     }
     store.finish(&claim, &whole).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     let failure = Failure {
         error: "spheres 1 and 2 overlap".into(),
         step: 37,
@@ -22,7 +22,7 @@ fn mixed(directory: &Path) -> Store {
         samples: Vec::new(),
     };
     store.fail(&claim, &failure).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     for steps in [20, 40] {
         store.keep(&claim, steps, &checkpoint(steps)).unwrap();
     }
@@ -37,7 +37,7 @@ fn die(directory: &Path, times: u32, same_boot: bool) -> Store {
     for _ in 0..times {
         let mut dead = open(directory);
         dead.register(1).unwrap();
-        dead.claim().unwrap().unwrap();
+        dead.claim(1).unwrap().unwrap();
         let change = if same_boot {
             "start = '1'"
         } else {
@@ -82,7 +82,7 @@ fn case_that_kills_its_process_again_and_again_ends_as_failed() {
     for death in 1..=DEATH_LIMIT {
         let mut dead = again(directory.path(), &text);
         dead.register(1).unwrap();
-        let claim = dead.claim().unwrap().unwrap();
+        let claim = dead.claim(1).unwrap().unwrap();
         if death == 1 {
             dead.keep(&claim, 20, &checkpoint(20)).unwrap();
         }
@@ -103,7 +103,7 @@ fn case_that_kills_its_process_again_and_again_ends_as_failed() {
     let state = heir.replays(None, 9).unwrap().remove(0).snapshot.unwrap();
     assert!(state.contains("\"centres\""), "{state}");
     heir.retry_failed().unwrap();
-    assert!(heir.claim().unwrap().is_some());
+    assert!(heir.claim(1).unwrap().is_some());
 }
 
 #[test]
@@ -114,7 +114,7 @@ fn deaths_between_which_there_was_a_checkpoint_or_a_power_cut_are_no_fault_of_th
     for round in 1..=2 * u64::from(DEATH_LIMIT) {
         let mut dead = again(directory.path(), &text);
         dead.register(1).unwrap();
-        let claim = dead.claim().unwrap().unwrap();
+        let claim = dead.claim(1).unwrap().unwrap();
         dead.keep(&claim, 20 * round, &checkpoint(20 * round))
             .unwrap();
         dead.connection
@@ -143,7 +143,7 @@ fn suspect_waits_until_there_is_no_other_case() {
             row.get(0)
         })
         .unwrap();
-    let keys: Vec<String> = (0..4).map(|_| heir.claim().unwrap().unwrap().key).collect();
+    let keys: Vec<String> = (0..4).map(|_| heir.claim(1).unwrap().unwrap().key).collect();
     assert_eq!(keys[3], suspect);
 }
 
@@ -153,7 +153,7 @@ fn owner_on_another_host_is_taken_over_after_the_limit_and_not_before() {
     let (mut far, mut heir) = (open(directory.path()), open(directory.path()));
     far.register(1).unwrap();
     heir.register(1).unwrap();
-    far.claim().unwrap().unwrap();
+    far.claim(1).unwrap().unwrap();
     let silence = |seconds: u64| {
         far.connection
             .execute(
@@ -198,7 +198,7 @@ fn store_deleted_or_replaced_is_noticed_and_what_it_held_is_saved() {
             std::fs::remove_file(directory.path().join(part)).unwrap();
         }
         let newcomer = replace.then(|| open(directory.path()));
-        let error = store.claim().unwrap_err();
+        let error = store.claim(1).unwrap_err();
         let word = if replace { "replaced" } else { "deleted" };
         assert!(error.to_string().contains(word), "{error}");
         assert!(error.is_of_the_store());

@@ -13,7 +13,7 @@ fn a_reader_sees_what_its_file_asks_for_and_changes_nothing() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    while let Some(claim) = store.claim().unwrap() {
+    while let Some(claim) = store.claim(1).unwrap() {
         store.finish(&claim, &finished(State::Done)).unwrap();
     }
     let path = store.path().to_owned();
@@ -53,7 +53,7 @@ fn another_version_is_refused_while_one_is_computed_and_let_in_afterwards() {
     let directory = tempfile::tempdir().unwrap();
     let mut first = open(directory.path());
     first.register(1).unwrap();
-    let claim = first.claim().unwrap().unwrap();
+    let claim = first.claim(1).unwrap().unwrap();
     let mut second = Store::open(first.path()).unwrap();
     let error = second.adopt(&other_version()).unwrap_err();
     assert!(matches!(error, StoreError::AtWork { .. }), "{error}");
@@ -98,7 +98,7 @@ fn pruning_removes_what_is_not_asked_for_and_nothing_else() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    while let Some(claim) = store.claim().unwrap() {
+    while let Some(claim) = store.claim(1).unwrap() {
         let frame = sd_core::simulation::Frame::default();
         store.keep_frames(&claim, &[(0, frame)]).unwrap();
         store.finish(&claim, &finished(State::Done)).unwrap();
@@ -130,7 +130,7 @@ fn frames_fill_their_pages() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim().unwrap().unwrap();
+    let claim = store.claim(1).unwrap().unwrap();
     // As many spheres as the published runs have, and about as many contacts.
     let contact = sd_core::simulation::FrameContact {
         i: 0,

@@ -1,0 +1,107 @@
+//! What the report says of points that are not as precise as was asked, or not steady.
+
+use crate::axes::Axis;
+use crate::format::significant;
+use crate::report::{Point, Report, ReportError};
+use crate::statistics::Verdict;
+use std::io::Write;
+
+/// Points named one by one at most.
+const SHOWN: usize = 12;
+
+/// Writes the notes; nothing where there is nothing to say.
+pub(super) fn write(
+    report: &Report,
+    columns: &[&Axis],
+    out: &mut dyn Write,
+) -> Result<(), ReportError> {
+    precision(report, columns, out)?;
+    steadiness(report, columns, out)
+}
+
+/// How the points stand at which a precision is asked for.
+fn precision(report: &Report, columns: &[&Axis], out: &mut dyn Write) -> Result<(), ReportError> {
+    let ruled: Vec<_> = report
+        .points
+        .iter()
+        .filter_map(|point| Some((point, point.rule?)))
+        .collect();
+    if ruled.is_empty() {
+        return Ok(());
+    }
+    let number = |verdict| {
+        let is = |(_, (_, decision)): &&(&Point, _)| -> bool {
+            let decision: &crate::statistics::Decision = decision;
+            decision.verdict == verdict
+        };
+        ruled.iter().filter(is).count()
+    };
+    writeln!(
+        out,
+        "precision: {} of {} points have what was asked for, {} are under way",
+        number(Verdict::Reached),
+        ruled.len(),
+        number(Verdict::Open)
+    )?;
+    let missed = ruled.iter().filter_map(|(point, (rule, decision))| {
+        let asked = significant(100.0 * rule.precision, 2);
+        let what = match decision.verdict {
+            Verdict::Open | Verdict::Reached => return None,
+            Verdict::AtMost => {
+                let reached = point.precision.map_or_else(
+                    || "has no interval".into(),
+                    |part| format!("is known to {} %", significant(100.0 * part, 2)),
+                );
+                format!(
+                    "{} {reached} and not to {asked} % with the {} seeds it may have (at_most)",
+                    rule.quantity.name(),
+                    rule.at_most
+                )
+            }
+            Verdict::TooFewRuns => format!(
+                "fewer than two of its first {} runs could be averaged: it gets no more",
+                rule.at_least
+            ),
+        };
+        Some((*point, what))
+    });
+    list(missed, columns, out)
+}
+
+/// Points that are not steady.
+fn steadiness(report: &Report, columns: &[&Axis], out: &mut dyn Write) -> Result<(), ReportError> {
+    let unsteady = report.points.iter().filter_map(|point| {
+        let advice = point.advice.as_ref()?;
+        Some((point, format!("not steady: {advice}")))
+    });
+    list(unsteady, columns, out)
+}
+
+/// Names points with what there is to say about them.
+fn list<'p>(
+    points: impl Iterator<Item = (&'p Point, String)>,
+    columns: &[&Axis],
+    out: &mut dyn Write,
+) -> Result<(), ReportError> {
+    let mut more = 0;
+    for (place, (point, what)) in points.enumerate() {
+        if place < SHOWN {
+            writeln!(out, "{}: {what}", name(point, columns))?;
+        } else {
+            more += 1;
+        }
+    }
+    if more > 0 {
+        writeln!(out, "and {more} more points of which the same is true")?;
+    }
+    Ok(())
+}
+
+/// A point by the axes that tell it from the others.
+fn name(point: &Point, columns: &[&Axis]) -> String {
+    let words: Vec<String> = columns
+        .iter()
+        .map(|axis| format!("{} {}", axis.symbol, axis.value(&point.params)))
+        .collect();
+    words.join(", ")
+}

@@ -1,0 +1,232 @@
+//! The order of work: what the user puts first, then one seed of every point, the cheapest first, so that a curve stands early;
+//! then the other seeds, the dearest first, so that no core idles at the end; then what precisions ask for, the batch with most
+//! to gain per second first.
+
+use super::{Store, StoreError, integer};
+use crate::axes::{Axis, Value, identity};
+use crate::campaign::Campaign;
+use crate::case::Case;
+use rusqlite::params;
+use sd_core::Params;
+use std::collections::HashMap;
+
+/// Which points come first: see [`Priority::parse`].
+#[derive(Debug, Clone, Default)]
+pub struct Priority {
+    /// Axes, the one that counts most first, with the values that come first on each.
+    axes: Vec<(&'static Axis, Vec<String>)>,
+}
+
+impl Priority {
+    /// Reads `KEY` (the lowest value first), `-KEY` (the highest) or `KEY=VALUE[,VALUE..]` (these values first, in this order);
+    /// what is given first counts most.
+    ///
+    /// # Errors
+    /// What is wrong with it, in words.
+    pub fn parse(texts: &[String]) -> Result<Self, String> {
+        let mut axes = Vec::with_capacity(texts.len());
+        for text in texts {
+            let (key, values) = match text.split_once('=') {
+                Some((key, values)) => {
+                    let values: Vec<String> =
+                        values.split(',').map(|value| value.trim().into()).collect();
+                    (key.trim(), values)
+                }
+                None => match text.trim().strip_prefix('-') {
+                    Some(key) => (key, vec![HIGHEST.to_owned()]),
+                    None => (text.trim(), Vec::new()),
+                },
+            };
+            let axis = Axis::of_key(key).ok_or_else(|| {
+                let known: Vec<&str> = crate::axes::AXES.iter().map(|axis| axis.key).collect();
+                format!("{key:?} is no axis of a campaign; they are {}", known.join(", "))
+            })?;
+            axes.push((axis, values));
+        }
+        Ok(Self { axes })
+    }
+
+    /// Makes sure that every value named is one that some case has.
+    ///
+    /// # Errors
+    /// The value that none has.
+    pub fn check<'p>(&self, params: impl Iterator<Item = &'p Params> + Clone) -> Result<(), String> {
+        for (axis, values) in &self.axes {
+            for wanted in values.iter().filter(|wanted| *wanted != HIGHEST) {
+                if !params.clone().any(|p| is(wanted, axis.value(p))) {
+                    return Err(format!("no case has {} = {wanted}", axis.key));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Place of a point: lower ones come first.
+    fn place(&self, params: &Params) -> Vec<f64> {
+        self.axes
+            .iter()
+            .map(|(axis, values)| {
+                let value = axis.value(params);
+                if values.first().is_some_and(|first| first == HIGHEST) {
+                    -axis.number(params)
+                } else if values.is_empty() {
+                    axis.number(params)
+                } else {
+                    let place = values.iter().position(|wanted| is(wanted, value));
+                    place.unwrap_or(values.len()) as f64
+                }
+            })
+            .collect()
+    }
+}
+
+/// Stands for the highest value first.
+const HIGHEST: &str = "-";
+
+/// Whether a value is the one that was written.
+fn is(wanted: &str, value: Value) -> bool {
+    match value {
+        Value::Word(word) => wanted == word,
+        Value::Count(count) => wanted.parse() == Ok(count),
+        Value::Number(number) => wanted.replace('∞', "inf").parse() == Ok(number),
+    }
+}
+
+/// The rank of every case, in the order of the file. Cases that precisions may add share one, after all others of their
+/// priority.
+pub(super) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> Vec<u64> {
+    let mut later = vec![false; campaign.cases.len()];
+    for rule in &campaign.rules {
+        let first = (rule.cases.start + rule.precision.at_least).min(rule.cases.end);
+        later[first..rule.cases.end].fill(true);
+    }
+    let mut seeds: HashMap<_, usize> = HashMap::new();
+    let mut order: Vec<(Vec<f64>, usize, f64, usize, usize)> =
+        Vec::with_capacity(campaign.cases.len());
+    for (position, (_, case)) in campaign.cases.iter().enumerate() {
+        let seed = seeds.entry(identity(&case.params)).or_default();
+        let (round, cost) = match *seed {
+            _ if later[position] => (2, 0.0),
+            0 => (0, costs[position]),
+            _ => (1, -costs[position]),
+        };
+        order.push((priority.place(&case.params), round, cost, *seed, position));
+        *seed += 1;
+    }
+    let places = |a: &[f64], b: &[f64]| {
+        let unequal = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
+        unequal.fold(std::cmp::Ordering::Equal, std::cmp::Ordering::then)
+    };
+    order.sort_by(|a, b| {
+        places(&a.0, &b.0)
+            .then(a.1.cmp(&b.1))
+            .then(a.2.total_cmp(&b.2))
+            .then(a.3.cmp(&b.3))
+            .then(a.4.cmp(&b.4))
+    });
+    let mut ranks = vec![0; order.len()];
+    let mut shared: Option<(&[f64], u64)> = None;
+    for (rank, (place, round, .., position)) in order.iter().enumerate() {
+        let rank = rank as u64;
+        ranks[*position] = match shared {
+            Some((of, shared)) if *round == 2 && of == place.as_slice() => shared,
+            _ => rank,
+        };
+        if *round == 2 {
+            shared = Some((place, ranks[*position]));
+        }
+    }
+    ranks
+}
+
+impl Store {
+    /// Puts the open cases of the campaign in order, with what each costs in seconds.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn put_in_order(
+        &mut self,
+        campaign: &Campaign,
+        priority: &Priority,
+        cost: impl Fn(&Case) -> f64,
+    ) -> Result<(), StoreError> {
+        let costs: Vec<f64> = campaign.cases.iter().map(|(_, case)| cost(case)).collect();
+        let ranks = ranks(campaign, &costs, priority);
+        self.write(|transaction| {
+            let mut update = transaction.prepare(
+                "UPDATE cases SET rank = ?2, cost = ?3 WHERE key = ?1 AND (rank != ?2 OR cost != ?3)",
+            )?;
+            for (((key, _), rank), cost) in campaign.cases.iter().zip(ranks).zip(costs) {
+                update.execute(params![key.to_string(), integer(rank), cost])?;
+            }
+            super::rules::apply_all(transaction)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn campaign(text: &str) -> Campaign {
+        let text = format!(
+            "name = \"order\"\n[[grid]]\narea_fraction = [0.5, 0.6]\nfriction = 0.3\nroughness = 0.01\nspheres = 40\n\
+             shear_rate = [1, inf]\n{text}"
+        );
+        Campaign::parse("order.toml", text).unwrap()
+    }
+
+    /// Cases as (area fraction, shear rate, seed) in the order of work.
+    fn order(campaign: &Campaign, priority: &[&str]) -> Vec<(f64, f64, u64)> {
+        let costs: Vec<f64> = campaign.cases.iter().map(|(_, case)| case.params.area_fraction).collect();
+        let texts: Vec<String> = priority.iter().map(ToString::to_string).collect();
+        let ranks = ranks(campaign, &costs, &Priority::parse(&texts).unwrap());
+        let mut order: Vec<_> = ranks.into_iter().zip(&campaign.cases).collect();
+        order.sort_by_key(|(rank, _)| *rank);
+        order
+            .into_iter()
+            .map(|(_, (_, c))| (c.params.area_fraction, c.params.shear_rate, c.seed))
+            .collect()
+    }
+
+    #[test]
+    fn one_seed_of_every_point_cheapest_first_then_the_dearest() {
+        let inf = f64::INFINITY;
+        assert_eq!(
+            order(&campaign("seeds = 2\n"), &[]),
+            [
+                (0.5, 1.0, 1),
+                (0.5, inf, 1),
+                (0.6, 1.0, 1),
+                (0.6, inf, 1),
+                (0.6, 1.0, 2),
+                (0.6, inf, 2),
+                (0.5, 1.0, 2),
+                (0.5, inf, 2),
+            ]
+        );
+    }
+
+    #[test]
+    fn priority_of_an_axis_goes_before_all() {
+        let found = order(&campaign("seeds = 2\n"), &["shear_rate=inf", "-area_fraction"]);
+        let first: Vec<_> = found.iter().take(4).map(|c| (c.0, c.1)).collect();
+        assert_eq!(first, [(0.6, f64::INFINITY); 2].into_iter().chain([(0.5, f64::INFINITY); 2]).collect::<Vec<_>>());
+        assert!(Priority::parse(&["colour".into()]).unwrap_err().contains("area_fraction"));
+        let nobody = Priority::parse(&["shear_rate=7".into()]).unwrap();
+        let campaign = campaign("seeds = 2\n");
+        assert!(nobody.check(campaign.cases.iter().map(|(_, case)| &case.params)).is_err());
+    }
+
+    #[test]
+    fn seeds_of_a_precision_beyond_the_first_batch_share_the_last_rank() {
+        let campaign = campaign("seeds = { precision = 0.1, at_least = 3, at_most = 9 }\n");
+        let costs = vec![1.0; campaign.cases.len()];
+        let ranks = ranks(&campaign, &costs, &Priority::default());
+        for rule in &campaign.rules {
+            let (first, later) = ranks[rule.cases.clone()].split_at(3);
+            assert!(first.iter().all(|rank| *rank < 12));
+            assert!(later.iter().all(|rank| *rank == 12), "{later:?}");
+        }
+    }
+}
