@@ -55,6 +55,7 @@ fn checkpoint(criterion: &mut Criterion) {
                 .map(|number| (number * claim.case.sample_stride, sample))
                 .collect(),
             wall_time_s: 1.0,
+            cpu_time_s: 1.0,
             resumed: 0,
         };
         let mut keep = || {

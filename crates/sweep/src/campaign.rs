@@ -114,13 +114,16 @@ impl Campaign {
             first.min(rule.cases.end)..rule.cases.end
         });
         let mut next = later.next();
-        self.cases.iter().enumerate().filter_map(move |(place, case)| {
-            while next.as_ref().is_some_and(|range| range.end <= place) {
-                next = later.next();
-            }
-            let is_later = next.as_ref().is_some_and(|range| range.contains(&place));
-            (!is_later).then_some(case)
-        })
+        self.cases
+            .iter()
+            .enumerate()
+            .filter_map(move |(place, case)| {
+                while next.as_ref().is_some_and(|range| range.end <= place) {
+                    next = later.next();
+                }
+                let is_later = next.as_ref().is_some_and(|range| range.contains(&place));
+                (!is_later).then_some(case)
+            })
     }
 
     /// Where its store is unless the user says otherwise: `results/NAME.sqlite` in its project, which is the folder that holds

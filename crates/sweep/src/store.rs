@@ -23,6 +23,7 @@ mod query;
 mod reading;
 mod results;
 mod rules;
+mod runs;
 mod salvage;
 mod samples;
 mod schema;

@@ -59,7 +59,10 @@ fn table(directory: &Path) -> Vec<serde_json::Value> {
 #[test]
 fn interrupted_campaign_ends_with_the_table_of_the_undisturbed_one() {
     let undisturbed = directory();
-    sweep(undisturbed.path(), &["run", "precise.toml", "--quiet", "--workers", "1"]);
+    sweep(
+        undisturbed.path(),
+        &["run", "precise.toml", "--quiet", "--workers", "1"],
+    );
     let expected = table(undisturbed.path());
     assert_eq!(expected.len(), 2);
     for point in &expected {
@@ -83,20 +86,36 @@ fn interrupted_campaign_ends_with_the_table_of_the_undisturbed_one() {
         child.kill().unwrap();
         child.wait().unwrap();
     }
-    sweep(disturbed.path(), &["run", "precise.toml", "--quiet", "--workers", "2"]);
+    sweep(
+        disturbed.path(),
+        &["run", "precise.toml", "--quiet", "--workers", "2"],
+    );
     assert_eq!(table(disturbed.path()), expected);
 }
 
 #[test]
 fn waves_of_tasks_give_the_same_table() {
     let alone = directory();
-    sweep(alone.path(), &["run", "precise.toml", "--quiet", "--workers", "1"]);
+    sweep(
+        alone.path(),
+        &["run", "precise.toml", "--quiet", "--workers", "1"],
+    );
     let waves = directory();
     let mut number = 0;
     loop {
         let said = sweep(
             waves.path(),
-            &["submit", "precise.toml", "--engine", "local", "--tasks", "2", "--throttle", "2", "--json"],
+            &[
+                "submit",
+                "precise.toml",
+                "--engine",
+                "local",
+                "--tasks",
+                "2",
+                "--throttle",
+                "2",
+                "--json",
+            ],
         );
         let said: serde_json::Value = serde_json::from_str(&said).unwrap();
         if said["cases"] == 0 {

@@ -14,6 +14,8 @@ const TIME_STEP: &str = "time_step";
 const STEP_LIMIT: f64 = 1e8;
 /// Most samples of one run.
 const SAMPLE_LIMIT: u64 = 1_000_000;
+/// Least samples of a run from which the strain to discard is picked.
+const LEAST_SAMPLES: f64 = 40.0;
 /// Lengths there are, as strains.
 const LENGTH: Range = Range::above_to(0.0, 1e7);
 /// Strains that may be discarded.
@@ -70,7 +72,11 @@ impl Written {
             let Some(written) = table.get(key) else {
                 return place(table.span.clone());
             };
-            let or = if key == "discard" { ", or \"auto\"" } else { "" };
+            let or = if key == "discard" {
+                ", or \"auto\""
+            } else {
+                ""
+            };
             match number(written, key, range, &format!("{range} (a strain){or}")) {
                 Ok(value) => Located {
                     value,
@@ -86,21 +92,20 @@ impl Written {
         let auto = table.get("discard").filter(
             |written| matches!(written.get_ref(), DeValue::String(word) if word.as_ref() == "auto"),
         );
-        let discard = match auto {
-            Some(written) => Located {
+        let discard = if let Some(written) = auto {
+            Located {
                 value: Discard::Auto,
                 span: written.span(),
-            },
-            None => {
-                let usual = match preset.discard {
-                    Discard::Strain(strain) => strain,
-                    Discard::Auto => 0.0,
-                };
-                let read = read("discard", usual, &DISCARDED);
-                Located {
-                    value: Discard::Strain(read.value),
-                    span: read.span,
-                }
+            }
+        } else {
+            let usual = match preset.discard {
+                Discard::Strain(strain) => strain,
+                Discard::Auto => 0.0,
+            };
+            let read = read("discard", usual, &DISCARDED);
+            Located {
+                value: Discard::Strain(read.value),
+                span: read.span,
             }
         };
         let checkpoint = read("checkpoint_every", preset.checkpoint_every, &LENGTH);
@@ -191,6 +196,17 @@ impl Written {
     /// Refuses runs of which nothing is left to average.
     fn check_averages(&self, problems: &mut Vec<Problem>) {
         let p = self.protocol;
+        let samples = p.strain / p.sample_every;
+        if p.discard == Discard::Auto && samples < LEAST_SAMPLES {
+            problems.push(
+                Problem::at(
+                    &self.discard,
+                    format!("`discard` = \"auto\" cannot judge {samples:.0} samples of a run"),
+                    format!("at least {LEAST_SAMPLES}: sample more often, or write a strain"),
+                )
+                .also(&self.sample_every, "how often is sampled"),
+            );
+        }
         // At most half is picked.
         let discard = match p.discard {
             Discard::Strain(strain) => strain,

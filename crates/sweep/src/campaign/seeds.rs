@@ -80,23 +80,17 @@ impl Seeds {
         let known = ["precision", "quantity", "at_least", "at_most"];
         let table = Table::new(entries, written.span(), "`seeds`", &known, problems);
         let mut note = |problem: Problem| problems.push(problem);
-        let precision = match table.get("precision") {
-            Some(written) => number(
-                written,
-                "precision",
-                &PRECISION,
-                &format!("{PRECISION}: half the 95 % interval over the mean"),
-            )
-            .unwrap_or_else(|problem| {
+        let precision = if let Some(written) = table.get("precision") {
+            let allowed = format!("{PRECISION}: half the 95 % interval over the mean");
+            number(written, "precision", &PRECISION, &allowed).unwrap_or_else(|problem| {
                 note(problem);
                 1.0
-            }),
-            None => {
-                if let Some(problem) = table.missing("precision", "0.05") {
-                    note(problem);
-                }
-                1.0
+            })
+        } else {
+            if let Some(problem) = table.missing("precision", "0.05") {
+                note(problem);
             }
+            1.0
         };
         let quantity = match table.get("quantity") {
             None => Measure::Viscosity,
@@ -116,12 +110,16 @@ impl Seeds {
                 return usual.max(least);
             };
             let range = Range::from_to(least as f64, CASE_LIMIT as f64);
-            whole(written, key, &range, &format!("from {least} to {CASE_LIMIT}")).unwrap_or_else(
-                |problem| {
-                    note(problem);
-                    least
-                },
+            whole(
+                written,
+                key,
+                &range,
+                &format!("from {least} to {CASE_LIMIT}"),
             )
+            .unwrap_or_else(|problem| {
+                note(problem);
+                least
+            })
         };
         let at_least = seeds("at_least", LEAST, USUAL_AT_LEAST);
         let at_most = seeds("at_most", at_least, USUAL_AT_MOST);

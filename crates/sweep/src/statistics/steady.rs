@@ -178,7 +178,10 @@ mod tests {
         for memory in [0.0, 0.5, 0.9] {
             let known = (1.0 + memory) / (1.0 - memory);
             let found = correlation_samples(&series(memory, 100_000, 3)).unwrap();
-            assert!((found / known - 1.0).abs() < 0.1, "{memory}: {found} {known}");
+            assert!(
+                (found / known - 1.0).abs() < 0.1,
+                "{memory}: {found} {known}"
+            );
         }
         assert_eq!(correlation_samples(&[2.0; 9]), Some(1.0));
         assert_eq!(correlation_samples(&[]), None);

@@ -46,8 +46,9 @@ impl Store {
         if !entry.differs {
             return Ok(());
         }
-        let shown = super::schema::put_before(&self.connection, &["campaign", "cases", "results", "rules"])
-            .and_then(|()| entry.enter(&self.connection));
+        let shown =
+            super::schema::put_before(&self.connection, &["campaign", "cases", "results", "rules"])
+                .and_then(|()| entry.enter(&self.connection));
         self.read(shown)?;
         self.last_run_with = entry.other_version;
         Ok(())

@@ -343,10 +343,7 @@ impl Claim {
 }
 
 /// The dearest case that waits, if the rest of what waits would not keep the other workers busy for as long as it takes.
-fn overdue(
-    transaction: &Transaction<'_>,
-    workers: usize,
-) -> Result<Option<i64>, rusqlite::Error> {
+fn overdue(transaction: &Transaction<'_>, workers: usize) -> Result<Option<i64>, rusqlite::Error> {
     if workers < 2 {
         return Ok(None);
     }

@@ -282,7 +282,10 @@ fn settle_point(connection: &Connection, point: &[Computed]) -> Result<(), rusql
         let Verdict::Result(State::Done, end) = case.verdict() else {
             continue;
         };
-        if batch.as_ref().is_some_and(|batch| !batch.contains(&case.id)) {
+        if batch
+            .as_ref()
+            .is_some_and(|batch| !batch.contains(&case.id))
+        {
             continue;
         }
         let samples = samples::samples(connection, case.id, Some(end))?;

@@ -39,7 +39,10 @@ impl Priority {
             };
             let axis = Axis::of_key(key).ok_or_else(|| {
                 let known: Vec<&str> = crate::axes::AXES.iter().map(|axis| axis.key).collect();
-                format!("{key:?} is no axis of a campaign; they are {}", known.join(", "))
+                format!(
+                    "{key:?} is no axis of a campaign; they are {}",
+                    known.join(", ")
+                )
             })?;
             axes.push((axis, values));
         }
@@ -50,10 +53,11 @@ impl Priority {
     ///
     /// # Errors
     /// The value that none has.
-    pub fn check<'p>(&self, params: impl Iterator<Item = &'p Params> + Clone) -> Result<(), String> {
+    pub fn check(&self, campaign: &Campaign) -> Result<(), String> {
         for (axis, values) in &self.axes {
             for wanted in values.iter().filter(|wanted| *wanted != HIGHEST) {
-                if !params.clone().any(|p| is(wanted, axis.value(p))) {
+                let mut cases = campaign.cases.iter();
+                if !cases.any(|(_, case)| is(wanted, axis.value(&case.params))) {
                     return Err(format!("no case has {} = {wanted}", axis.key));
                 }
             }
@@ -178,7 +182,11 @@ mod tests {
 
     /// Cases as (area fraction, shear rate, seed) in the order of work.
     fn order(campaign: &Campaign, priority: &[&str]) -> Vec<(f64, f64, u64)> {
-        let costs: Vec<f64> = campaign.cases.iter().map(|(_, case)| case.params.area_fraction).collect();
+        let costs: Vec<f64> = campaign
+            .cases
+            .iter()
+            .map(|(_, case)| case.params.area_fraction)
+            .collect();
         let texts: Vec<String> = priority.iter().map(ToString::to_string).collect();
         let ranks = ranks(campaign, &costs, &Priority::parse(&texts).unwrap());
         let mut order: Vec<_> = ranks.into_iter().zip(&campaign.cases).collect();
@@ -209,13 +217,26 @@ mod tests {
 
     #[test]
     fn priority_of_an_axis_goes_before_all() {
-        let found = order(&campaign("seeds = 2\n"), &["shear_rate=inf", "-area_fraction"]);
+        let found = order(
+            &campaign("seeds = 2\n"),
+            &["shear_rate=inf", "-area_fraction"],
+        );
         let first: Vec<_> = found.iter().take(4).map(|c| (c.0, c.1)).collect();
-        assert_eq!(first, [(0.6, f64::INFINITY); 2].into_iter().chain([(0.5, f64::INFINITY); 2]).collect::<Vec<_>>());
-        assert!(Priority::parse(&["colour".into()]).unwrap_err().contains("area_fraction"));
+        assert_eq!(
+            first,
+            [(0.6, f64::INFINITY); 2]
+                .into_iter()
+                .chain([(0.5, f64::INFINITY); 2])
+                .collect::<Vec<_>>()
+        );
+        assert!(
+            Priority::parse(&["colour".into()])
+                .unwrap_err()
+                .contains("area_fraction")
+        );
         let nobody = Priority::parse(&["shear_rate=7".into()]).unwrap();
         let campaign = campaign("seeds = 2\n");
-        assert!(nobody.check(campaign.cases.iter().map(|(_, case)| &case.params)).is_err());
+        assert!(nobody.check(&campaign).is_err());
     }
 
     #[test]

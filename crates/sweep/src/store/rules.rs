@@ -129,7 +129,9 @@ fn rule(row: &Row<'_>) -> Result<(i64, Precision), rusqlite::Error> {
 /// All rules.
 fn rules(connection: &Connection) -> Result<Vec<(i64, Precision)>, rusqlite::Error> {
     connection
-        .prepare_cached("SELECT point, precision, quantity, at_least, at_most FROM rules ORDER BY point")?
+        .prepare_cached(
+            "SELECT point, precision, quantity, at_least, at_most FROM rules ORDER BY point",
+        )?
         .query_map([], rule)?
         .collect()
 }

@@ -8,6 +8,7 @@ use std::path::Path;
 mod length;
 mod merge;
 mod rules;
+mod runs;
 mod trouble;
 mod versions;
 

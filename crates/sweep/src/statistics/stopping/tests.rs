@@ -48,7 +48,9 @@ fn batches_have_fixed_sizes_and_are_looked_at_only_when_complete() {
 
 #[test]
 fn order_in_which_seeds_finish_does_not_matter() {
-    let values: Vec<f64> = (0..64).map(|n| 1.0 + 0.08 * f64::from(n * 37 % 11 - 5) / 5.0).collect();
+    let values: Vec<f64> = (0..64)
+        .map(|n| 1.0 + 0.08 * f64::from(n * 37 % 11 - 5) / 5.0)
+        .collect();
     let last = RULE.decide(&done(&values));
     assert_eq!(last.verdict, Verdict::Reached);
     assert!(last.wanted < 64);
@@ -71,7 +73,10 @@ fn order_in_which_seeds_finish_does_not_matter() {
 #[test]
 fn lost_runs_use_up_their_seeds_and_a_point_without_runs_ends() {
     let all_jammed = RULE.decide(&[Outcome::Lost; 64]);
-    assert_eq!((all_jammed.wanted, all_jammed.verdict), (4, Verdict::TooFewRuns));
+    assert_eq!(
+        (all_jammed.wanted, all_jammed.verdict),
+        (4, Verdict::TooFewRuns)
+    );
     let mut runs = done(&[1.0; 64]);
     runs[1] = Outcome::Lost;
     let decision = RULE.decide(&runs);
@@ -123,7 +128,10 @@ fn intervals_hold_the_mean_almost_as_often_as_they_say() {
         for scatter in [0.02, 0.05, 0.07, 0.1, 0.15, 0.2] {
             let (coverage, seeds) = coverage(scatter, skewed, &mut random);
             println!("scatter {scatter} skewed {skewed}: {coverage:.4} with {seeds:.1} seeds");
-            assert!(coverage >= 0.93, "scatter {scatter} skewed {skewed}: {coverage}");
+            assert!(
+                coverage >= 0.93,
+                "scatter {scatter} skewed {skewed}: {coverage}"
+            );
         }
     }
 }

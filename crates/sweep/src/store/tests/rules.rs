@@ -34,14 +34,26 @@ fn run_of(viscosity: f64) -> Finished {
 
 /// The viscosity of a run in these tests: at the lower area fraction all are alike, at the higher one they scatter.
 fn viscosity(claim: &Claim) -> f64 {
-    let scatter = if claim.case.params.area_fraction > 0.62 { 1.0 } else { 0.001 };
-    10.0 + scatter * if claim.case.seed.is_multiple_of(2) { 2.0 } else { -2.0 }
+    let scatter = if claim.case.params.area_fraction > 0.62 {
+        1.0
+    } else {
+        0.001
+    };
+    10.0 + scatter
+        * if claim.case.seed.is_multiple_of(2) {
+            2.0
+        } else {
+            -2.0
+        }
 }
 
 /// Seeds that count and what is said of both points.
 fn states(store: &Store) -> Vec<(usize, Verdict)> {
     let states = store.point_states().unwrap();
-    states.iter().map(|state| (state.decision.wanted, state.decision.verdict)).collect()
+    states
+        .iter()
+        .map(|state| (state.decision.wanted, state.decision.verdict))
+        .collect()
 }
 
 #[test]
@@ -58,16 +70,29 @@ fn seeds_are_added_until_the_precision_is_reached_or_no_more_may_be() {
     // One seed of both points first, the rest of the first batches, the confirmation of one, the scatter of the other.
     assert_eq!(&seeds[..2], [(0.6, 1), (0.65, 1)]);
     assert!(seeds[..6].iter().all(|(_, seed)| *seed <= 3));
-    assert_eq!(states(&store), [(5, Verdict::Reached), (8, Verdict::AtMost)]);
+    assert_eq!(
+        states(&store),
+        [(5, Verdict::Reached), (8, Verdict::AtMost)]
+    );
     assert_eq!(store.counts().unwrap().done, 13);
-    let report = crate::report::Report::of(&store, &Default::default()).unwrap();
-    let wanted: Vec<u64> = report.points.iter().map(|point| point.seeds_wanted).collect();
+    let report = crate::report::Report::of(&store, &crate::report::Selection::default()).unwrap();
+    let wanted: Vec<u64> = report
+        .points
+        .iter()
+        .map(|point| point.seeds_wanted)
+        .collect();
     assert_eq!(wanted, [5, 8]);
     let mut text = Vec::new();
     crate::report::write_text(&report, None, &mut text).unwrap();
     let text = String::from_utf8(text).unwrap();
-    assert!(text.contains("1 of 2 points have what was asked for"), "{text}");
-    assert!(text.contains("c 0.65, Γ inf: viscosity is known to"), "{text}");
+    assert!(
+        text.contains("1 of 2 points have what was asked for"),
+        "{text}"
+    );
+    assert!(
+        text.contains("c 0.65, Γ inf: viscosity is known to"),
+        "{text}"
+    );
     assert!(text.contains("with the 8 seeds it may have"), "{text}");
 }
 
@@ -91,8 +116,14 @@ fn results_in_whatever_order_and_place_give_the_same_seeds() {
         for part in 0..2 {
             let mut some = campaign(PRECISE);
             some.rules.clear();
-            let mine: Vec<&String> = open.iter().skip(part).step_by(2).map(|case| &case.key).collect();
-            some.cases.retain(|(key, _)| mine.contains(&&key.to_string()));
+            let mine: Vec<&String> = open
+                .iter()
+                .skip(part)
+                .step_by(2)
+                .map(|case| &case.key)
+                .collect();
+            some.cases
+                .retain(|(key, _)| mine.contains(&&key.to_string()));
             let path = directory.path().join(format!("shard-{wave}-{part}.sqlite"));
             let mut shard = Store::open(&path).unwrap();
             shard.adopt(&some).unwrap();
@@ -108,7 +139,9 @@ fn results_in_whatever_order_and_place_give_the_same_seeds() {
     assert_eq!(states(&merged), states(&store));
     let table = |store: &Store| -> Vec<(String, Option<u64>)> {
         let runs = store.point_runs().unwrap();
-        runs.into_iter().map(|run| (run.key, run.viscosity.map(f64::to_bits))).collect()
+        runs.into_iter()
+            .map(|run| (run.key, run.viscosity.map(f64::to_bits)))
+            .collect()
     };
     assert_eq!(table(&merged), table(&store));
     // A new store that takes over what the first holds has nothing to compute.
@@ -132,12 +165,18 @@ fn another_precision_keeps_what_is_there() {
     let path = directory.path().join("small.sqlite");
     // Shown first, and then taken into the store: the same.
     let shown = Store::open_as_asked(&path, &rough).unwrap();
-    assert_eq!(states(&shown), [(5, Verdict::Reached), (7, Verdict::Reached)]);
+    assert_eq!(
+        states(&shown),
+        [(5, Verdict::Reached), (7, Verdict::Reached)]
+    );
     assert_eq!(shown.counts().unwrap().total(), 12);
     let mut store = Store::open(&path).unwrap();
     let adoption = store.adopt(&rough).unwrap();
     assert!(adoption.changed);
-    assert_eq!((adoption.inventory.runs, adoption.inventory.orphans), (12, 1));
+    assert_eq!(
+        (adoption.inventory.runs, adoption.inventory.orphans),
+        (12, 1)
+    );
     store.adopt(&campaign(PRECISE)).unwrap();
     assert_eq!(store.counts().unwrap().done, 13);
 }
@@ -174,10 +213,12 @@ fn failed_runs_use_up_their_seed_until_they_are_computed_again() {
 #[test]
 fn discarded_strain_is_picked_for_each_point_and_recorded() {
     let directory = tempfile::tempdir().unwrap();
-    let text = PRECISE.replace("discard = 0.5", "discard = \"auto\"").replace(
-        "seeds = { precision = 0.05, at_least = 3, at_most = 8 }",
-        "seeds = 2",
-    );
+    let text = PRECISE
+        .replace("discard = 0.5", "discard = \"auto\"")
+        .replace(
+            "seeds = { precision = 0.05, at_least = 3, at_most = 8 }",
+            "seeds = 2",
+        );
     let mut store = Store::open(&directory.path().join("small.sqlite")).unwrap();
     store.adopt(&campaign(&text)).unwrap();
     store.register(1).unwrap();
@@ -187,7 +228,11 @@ fn discarded_strain_is_picked_for_each_point_and_recorded() {
         // The first ten samples of the denser point are those of its start; what is steady alternates a little.
         for (n, (_, sample)) in run.samples.iter_mut().enumerate() {
             let start = claim.case.params.area_fraction > 0.62 && n < 10;
-            sample.viscosity = if start { 30.0 } else { 10.0 + 0.01 * (n % 2) as f64 };
+            sample.viscosity = if start {
+                30.0
+            } else {
+                10.0 + 0.01 * (n % 2) as f64
+            };
         }
         store.finish(&claim, &run).unwrap();
     }
@@ -195,7 +240,10 @@ fn discarded_strain_is_picked_for_each_point_and_recorded() {
     for run in runs {
         let dense = run.params.area_fraction > 0.62;
         let discard = run.discard.unwrap();
-        assert!((discard - if dense { 0.2 } else { 0.0 }).abs() < 1e-12, "{discard}");
+        assert!(
+            (discard - if dense { 0.2 } else { 0.0 }).abs() < 1e-12,
+            "{discard}"
+        );
         assert!((run.viscosity.unwrap() - 10.005).abs() < 1e-3);
     }
 }

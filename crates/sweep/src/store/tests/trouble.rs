@@ -143,7 +143,9 @@ fn suspect_waits_until_there_is_no_other_case() {
             row.get(0)
         })
         .unwrap();
-    let keys: Vec<String> = (0..4).map(|_| heir.claim(1).unwrap().unwrap().key).collect();
+    let keys: Vec<String> = (0..4)
+        .map(|_| heir.claim(1).unwrap().unwrap().key)
+        .collect();
     assert_eq!(keys[3], suspect);
 }
 
