@@ -37,6 +37,7 @@ use std::io::{IsTerminal, Write};
     propagate_version = true,
     max_term_width = 110,
     after_help = "Exit codes: 0 done, 1 some cases failed, 2 bad input and nothing written, 3 the store or the output failed (disk full, lock, file gone),\n\
+                  4 the time limit was up and work is left: give the same command to go on,\n\
                   128 + signal (INT 130, TERM 143) stopped after a checkpoint: give the same command to go on.\n\n\
                   Example: sweep plan sweeps/quickstart.toml && sweep run sweeps/quickstart.toml"
 )]

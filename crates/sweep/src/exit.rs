@@ -10,6 +10,9 @@ pub const BAD_INPUT: u8 = 2;
 /// results stay, and the same command goes on once the cause is gone.
 pub const STORE: u8 = 3;
 
+/// The time given to a run was up, and work is left: the same command goes on where it stopped.
+pub const TIME_LIMIT: u8 = 4;
+
 /// Stopped by a signal after a checkpoint: the same command goes on where it stopped.
 ///
 /// 128 + the number of the signal, as a shell would say: 129 HUP, 130 INT, 138 USR1, 143 TERM.

@@ -3,7 +3,16 @@
 use std::fs::{File, Permissions};
 use std::io;
 use std::os::unix::fs::PermissionsExt as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// The folder of the user's cache; `None` without a home.
+pub(crate) fn cache_folder() -> Option<PathBuf> {
+    let cache = std::env::var_os("XDG_CACHE_HOME")
+        .map(PathBuf::from)
+        .filter(|path| path.is_absolute())
+        .or_else(|| Some(std::env::home_dir()?.join(".cache")))?;
+    Some(cache.join("sweep"))
+}
 
 /// Writes a file under another name beside its own, syncs it, and gives it its name: whoever reads it never sees half of it, and
 /// what was there before stays until then.

@@ -1,5 +1,7 @@
 //! Numbers, durations and bytes as text.
 
+use std::time::Duration;
+
 /// A number to so many significant digits, with an exponent where that is shorter.
 pub fn significant(value: f64, digits: i32) -> String {
     if !value.is_finite() {
@@ -45,6 +47,33 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
+/// Reads a time such as `90s`, `15m`, `2h` or `1h 30m`; a bare number is seconds.
+///
+/// # Errors
+/// What may be written.
+pub fn parse_duration(text: &str) -> Result<Duration, String> {
+    let seconds = text.trim().parse::<f64>().ok();
+    let read = match seconds {
+        Some(seconds) => Duration::try_from_secs_f64(seconds).ok(),
+        None => humantime::parse_duration(text).ok(),
+    };
+    read.ok_or_else(|| "write a time such as 90s, 15m or 2h".to_owned())
+}
+
+/// The same, but not none at all.
+///
+/// # Errors
+/// What may be written.
+pub fn parse_positive_duration(text: &str) -> Result<Duration, String> {
+    parse_duration(text).and_then(|time| {
+        if time.is_zero() {
+            Err("a time above 0, such as 90s, 15m or 2h".into())
+        } else {
+            Ok(time)
+        }
+    })
+}
+
 /// Bytes in words.
 pub fn bytes(number: f64) -> String {
     let mut number = number;
@@ -69,6 +98,24 @@ mod tests {
         assert_eq!(significant(123456.0, 4), "1.235e5");
         assert_eq!(significant(f64::INFINITY, 4), "inf");
         assert_eq!(significant(-48.26, 3), "-48.3");
+    }
+
+    #[test]
+    fn times_are_read_with_their_units() {
+        for (text, seconds) in [
+            ("90s", 90.0),
+            ("15m", 900.0),
+            ("2h", 7200.0),
+            ("1h 30m", 5400.0),
+            ("0.5", 0.5),
+            ("60", 60.0),
+        ] {
+            assert_eq!(parse_duration(text).unwrap().as_secs_f64(), seconds);
+        }
+        for text in ["", "-1", "2 hours ago", "nan", "1e300"] {
+            assert!(parse_duration(text).is_err(), "{text}");
+        }
+        assert!(parse_positive_duration("0s").is_err());
     }
 
     #[test]

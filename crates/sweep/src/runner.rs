@@ -1,6 +1,5 @@
 //! Computes the cases of a store: a bounded pool, one case per thread, until nothing is left or a signal says stop.
 
-pub(crate) mod clock;
 mod compute;
 mod error;
 mod panics;
@@ -9,7 +8,7 @@ mod stop;
 
 pub use error::RunnerError;
 pub use progress::{Progress, Standing, Style};
-pub use stop::Stop;
+pub use stop::{Reason, Stop};
 
 use crate::campaign::{Campaign, Protocol};
 use crate::store::{Store, StoreError};
@@ -175,7 +174,7 @@ impl<'r> Shared<'r> {
 
     /// Whether the threads are to stop.
     fn stopping(&self) -> bool {
-        self.stop.signal().is_some()
+        self.stop.reason().is_some()
             || self
                 .trouble
                 .lock()
@@ -238,13 +237,17 @@ impl<'r> Shared<'r> {
                 }
             }
             self.progress.draw();
-            if let Some(signal) = self.stop.signal() {
+            if let Some(reason) = self.stop.reason() {
                 let since = *stopped.get_or_insert_with(|| {
                     // A task with a observer publishes first, whatever else it is told.
-                    self.progress.note(if self.options.observer.is_some() {
-                        "stopping at the next step"
-                    } else {
-                        "stopping at the next step; once more, after a second, aborts at once"
+                    self.progress.note(match reason {
+                        Reason::TimeLimit => "the time is up: stopping at the next step",
+                        Reason::Signal(_) if self.options.observer.is_some() => {
+                            "stopping at the next step"
+                        }
+                        Reason::Signal(_) => {
+                            "stopping at the next step; once more, after a second, aborts at once"
+                        }
                     });
                     Instant::now()
                 });
@@ -255,10 +258,12 @@ impl<'r> Shared<'r> {
                     if let Ok(mut store) = self.store.try_lock() {
                         let _ = store.leave();
                     }
-                    if let Some(observer) = self.options.observer {
+                    if let (Some(observer), Reason::Signal(signal)) =
+                        (self.options.observer, reason)
+                    {
                         observer.before_abort(signal, self.progress);
                     }
-                    Stop::exit(signal);
+                    Stop::exit(reason);
                 }
             }
         }

@@ -106,7 +106,7 @@ impl Estimate {
 }
 
 /// The quantile of Student's distribution that makes a 95 % interval, by degrees of freedom.
-fn student_95(freedom: f64) -> Option<f64> {
+pub(crate) fn student_95(freedom: f64) -> Option<f64> {
     student(freedom, 0.975)
 }
 

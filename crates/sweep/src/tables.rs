@@ -3,6 +3,7 @@
 //! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error, and a table read
 //! back is bit for bit the one that was solved.
 
+use crate::files::cache_folder;
 use sd_core::two_sphere::{NEAR_FIELD_VERSION, NearField};
 use sd_core::{Error, NearFields, Params, start};
 use std::io::Write;
@@ -73,12 +74,8 @@ pub fn cached(ratios: &[f64]) -> NearFields {
 
 /// Where the table of a size ratio is kept; `None` without a home.
 fn place_of(ratio: f64) -> Option<PathBuf> {
-    let cache = std::env::var_os("XDG_CACHE_HOME")
-        .map(PathBuf::from)
-        .filter(|path| path.is_absolute())
-        .or_else(|| Some(std::env::home_dir()?.join(".cache")))?;
     let name = format!("near-field-{NEAR_FIELD_VERSION}-{:016x}", ratio.to_bits());
-    Some(cache.join("sweep").join(name))
+    Some(cache_folder()?.join(name))
 }
 
 /// Reads a table; `None` if it is not whole.

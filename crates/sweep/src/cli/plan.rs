@@ -1,25 +1,28 @@
 //! `sweep plan`.
 
+mod memory;
+mod text;
+mod work;
+
+pub(crate) use work::remaining_s;
+
 use super::Output;
-use crate::axes::{AXES, Axis, Value};
+use super::place::store_of;
+use crate::axes::{AXES, Axis, Value, identity};
 use crate::campaign::Campaign;
 use crate::case::Case;
 use crate::cli::Error;
+use crate::costs::{COMPARABLE, Costs, trials};
 use crate::exit;
-use crate::format::{bytes, duration, significant};
-use crate::tables;
-use sd_core::model::Words as _;
-use sd_core::{Hydrodynamics, NearFields, Params, Simulation, memory_bytes};
+use crate::store::Store;
+use sd_core::{Hydrodynamics, Params};
 use serde::{Serialize, Serializer};
 use std::collections::{HashMap, HashSet};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
+use work::Work;
 
-/// Time all calibration together may take.
-const BUDGET: Duration = Duration::from_millis(1200);
-/// Time one kind of run is calibrated for at most.
-const SHARE: Duration = Duration::from_millis(300);
 /// Bytes of a stored sample, index included; measured.
 const SAMPLE_BYTES: f64 = 145.0;
 /// Bytes of a case without its samples; measured.
@@ -27,15 +30,22 @@ const CASE_BYTES: f64 = 1200.0;
 
 /// Say what a campaign would do: its axes, its runs, how long they take here, how much they store
 ///
-/// Writes nothing. Times come from a few steps of each kind of run on this machine; a layer just started has fewer contacts
-/// than a sheared one, so dense campaigns take longer than said.
+/// Writes nothing. Times are seconds of processor, from the runs that this build has measured on this machine; where none is
+/// near, from short runs of a few seconds in all. What the store of the campaign holds already is left out.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep plan sweeps/quickstart.toml\n  sweep plan sweeps/quickstart.toml --json"
+    after_help = "Examples:\n  sweep plan sweeps/quickstart.toml\n  sweep plan sweeps/quickstart.toml --trajectory\n  \
+                  sweep plan sweeps/quickstart.toml --json"
 )]
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
+    /// The store whose runs are left out [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]
+    #[arg(long, value_name = "FILE")]
+    store: Option<PathBuf>,
+    /// With the layer kept at every sampled strain, as `sweep run --trajectory` does
+    #[arg(long)]
+    trajectory: bool,
     /// Cases computed at a time [default: the cores of the machine]
     #[arg(
         long,
@@ -52,24 +62,29 @@ pub(crate) struct Arguments {
 pub struct Plan {
     /// Name of the campaign.
     campaign: String,
-    /// Number of runs.
+    /// Number of runs; where a precision is asked for, as many as are expected.
     cases: usize,
+    /// Of these, runs that have ended.
+    ended: usize,
     /// Points: runs that differ only in their seed are one.
     points: usize,
+    /// Points at which a precision is asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    precision: Option<work::Expected>,
     /// Axes and their values.
     #[serde(serialize_with = "as_object")]
     axes: Vec<Values>,
     /// Runs computed at a time.
     workers: usize,
-    /// Kinds of runs, that cost the same.
+    /// Kinds of runs.
     kinds: Vec<Kind>,
-    /// Computing time of all runs, in seconds; `null` if nothing could be calibrated.
-    computing_time_s: Option<f64>,
+    /// Seconds of processor that what is left to do takes.
+    computing_time_s: f64,
     /// Time from start to end with that many workers.
-    elapsed_s: Option<f64>,
+    elapsed_s: f64,
     /// Size of the finished store.
     disk_bytes: f64,
-    /// Memory with that many workers at the largest kind, in bytes, estimated.
+    /// Memory with that many workers at the largest kind, in bytes.
     memory_bytes: f64,
 }
 
@@ -81,7 +96,19 @@ fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
     s.collect_map(axes.iter().map(|(name, values)| (name, values)))
 }
 
-/// Runs that cost the same.
+/// Where the cost of a kind of runs is known from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Source {
+    /// From runs measured on this machine.
+    Runs,
+    /// From a short run just now.
+    Trial,
+    /// From runs that are not near.
+    Rough,
+}
+
+/// Runs of one kind.
 #[derive(Debug, Serialize)]
 struct Kind {
     /// Number of spheres.
@@ -94,29 +121,21 @@ struct Kind {
     tangential: &'static str,
     /// Steps of a run.
     steps: u64,
-    /// Number of runs.
+    /// Number of runs to compute.
     cases: usize,
-    /// Cost of one of its runs over that of the cheapest.
-    weight: f64,
-    /// Seconds of a step, measured or estimated.
-    step_s: Option<f64>,
-    /// Memory of one of its runs, in bytes, estimated.
+    /// Seconds of processor of a step, mean over its points.
+    step_s: f64,
+    /// Seconds of processor of all its runs.
+    computing_time_s: f64,
+    /// Memory of one of its runs, in bytes.
     memory_bytes: f64,
     /// Whether the time was measured here.
     measured: bool,
-    /// Why they could not be measured.
+    /// Where it is known from: of the point of it that is known least.
+    source: Source,
+    /// Why no short run could be made where one was needed.
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
-    /// Its densest case, which is calibrated.
-    #[serde(skip)]
-    example: Case,
-}
-
-impl Kind {
-    /// Seconds of a run.
-    fn run_s(&self) -> Option<f64> {
-        Some(self.step_s? * self.steps as f64)
-    }
 }
 
 /// Writes the plan.
@@ -126,51 +145,107 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         .workers
         .or_else(|| std::thread::available_parallelism().ok())
         .map_or(1, NonZeroUsize::get);
-    let plan = plan(&campaign, workers);
+    let path = store_of(&campaign, arguments.store.as_deref())?;
+    let store = if path.exists() {
+        Some(Store::open_as_asked(&path, &campaign)?)
+    } else {
+        None
+    };
+    let plan = make(&campaign, workers, arguments.trajectory, store.as_ref())?;
     if output.json {
         output.json(&plan)?;
     } else {
-        write_text(&plan, output)?;
+        text::write(&plan, output)?;
     }
     Ok(exit::DONE)
 }
 
-/// Seconds of this machine for a unit of [`Case::cost`], if they can be measured, and bytes of memory.
-pub(super) fn forecast(campaign: &Campaign, workers: usize) -> (Option<f64>, f64) {
-    let plan = plan(campaign, workers);
-    let cost: f64 = campaign.cases.iter().map(|(_, case)| case.cost()).sum();
-    let seconds = plan.computing_time_s.map(|seconds| seconds / cost);
-    (seconds, plan.memory_bytes)
+/// Seconds of processor and bytes of memory that what is left of a campaign takes.
+pub(super) fn forecast(
+    campaign: &Campaign,
+    workers: usize,
+    store: &Store,
+) -> Result<(f64, f64), Error> {
+    let plan = make(campaign, workers, false, Some(store))?;
+    Ok((plan.computing_time_s, plan.memory_bytes))
 }
 
-/// Makes the plan: measures a few steps of each kind of run, and writes nothing.
-pub fn plan(campaign: &Campaign, workers: usize) -> Plan {
-    let mut kinds = kinds(campaign);
-    calibrate(&mut kinds);
+/// Makes the plan of a campaign of which nothing is computed yet. Writes nothing.
+///
+/// # Errors
+/// None where there is no store.
+pub fn plan(campaign: &Campaign, workers: usize) -> Result<Plan, Error> {
+    make(campaign, workers, false, None)
+}
+
+/// Makes the plan of what a store lacks of a campaign.
+fn make(
+    campaign: &Campaign,
+    workers: usize,
+    trajectory: bool,
+    store: Option<&Store>,
+) -> Result<Plan, Error> {
+    let begun = Instant::now();
+    let resident = memory::resident_bytes();
+    let mut costs = Costs::of_this_machine();
+    if let Some(store) = store {
+        for record in work::measured(store)? {
+            costs.learn(&record);
+        }
+    }
+    let work = Work::of(campaign, store)?;
+    let points: Vec<(&Case, f64)> = work.points.iter().map(|p| (p.case, p.runs())).collect();
+    let trials = trials(&costs, &points, begun);
+    let tried = trials
+        .iter()
+        .filter_map(|trial| trial.outcome.as_ref().ok());
+    tried.for_each(|record| costs.learn(record));
+    let reasons: Vec<(&Params, &String)> = trials
+        .iter()
+        .filter_map(|trial| Some((&trial.params, trial.outcome.as_ref().err()?)))
+        .collect();
+    let kinds = kinds(&work, &costs, &trials, &reasons);
     let computing_time_s = kinds
         .iter()
-        .map(|kind| kind.run_s().map(|s| s * kind.cases as f64))
-        .sum::<Option<f64>>();
-    let longest = kinds.iter().filter_map(Kind::run_s).fold(0.0, f64::max);
+        .fold(0.0, |sum, kind| sum + kind.computing_time_s);
+    let longest = work
+        .points
+        .iter()
+        .map(|point| costs.step(&point.case.params).seconds * point.case.steps as f64)
+        .fold(0.0, f64::max);
     let samples = (campaign.protocol.strain / campaign.protocol.sample_every).ceil();
-    let cases = campaign.cases.len();
-    let points = 1 + campaign
-        .cases
-        .windows(2)
-        .filter(|pair| pair[0].1.params != pair[1].1.params)
-        .count();
-    Plan {
+    let frames = if trajectory { samples } else { 0.0 };
+    let largest = kinds
+        .iter()
+        .map(|kind| kind.memory_bytes)
+        .fold(0.0, f64::max);
+    let frame_bytes = |point: &work::Point<'_>| memory::frame_bytes(&point.case.params);
+    let frames_bytes: f64 = work
+        .points
+        .iter()
+        .map(|point| point.all * frames * frame_bytes(point))
+        .sum();
+    let all = work.points.iter().map(|point| point.all).sum::<f64>();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a count"
+    )]
+    let cases = all.round() as usize;
+    Ok(Plan {
         campaign: campaign.name.clone(),
         cases,
-        points,
+        ended: work.ended,
+        points: work.points.len(),
+        precision: work.expected,
         axes: axes(campaign),
         workers,
         computing_time_s,
-        elapsed_s: computing_time_s.map(|time| (time / workers as f64).max(longest)),
-        disk_bytes: cases as f64 * (CASE_BYTES + samples * SAMPLE_BYTES),
-        memory_bytes: workers as f64 * kinds.iter().map(|k| k.memory_bytes).fold(0.0, f64::max),
+        elapsed_s: (computing_time_s / workers as f64).max(longest.min(computing_time_s)),
+        disk_bytes: all * (CASE_BYTES + samples * SAMPLE_BYTES) + frames_bytes,
+        memory_bytes: resident + workers as f64 * largest,
         kinds,
-    }
+    })
 }
 
 /// The word of a choice.
@@ -181,103 +256,75 @@ fn word(params: &Params, key: &str) -> &'static str {
     }
 }
 
-/// The kinds of runs of a campaign, the cheapest first.
-fn kinds(campaign: &Campaign) -> Vec<Kind> {
+/// The kinds of runs there are to compute, the cheapest first.
+fn kinds(
+    work: &Work<'_>,
+    costs: &Costs,
+    trials: &[crate::costs::Trial],
+    reasons: &[(&Params, &String)],
+) -> Vec<Kind> {
+    let tried: HashSet<_> = trials
+        .iter()
+        .filter(|trial| trial.outcome.is_ok())
+        .map(|trial| identity(&trial.params))
+        .collect();
     let mut kinds: Vec<Kind> = Vec::new();
+    let mut steps_of: Vec<f64> = Vec::new();
     let mut place_of = HashMap::new();
-    for (_, case) in &campaign.cases {
-        let p = &case.params;
-        let contact = word(p, "contact");
-        let tangential = word(p, "tangential");
+    for point in &work.points {
+        let (p, steps) = (&point.case.params, point.case.steps);
+        let (contact, tangential) = (word(p, "contact"), word(p, "tangential"));
         let place = *place_of
-            .entry((p.spheres, p.hydrodynamics, contact, tangential, case.steps))
+            .entry((p.spheres, p.hydrodynamics, contact, tangential, steps))
             .or_insert_with(|| {
                 kinds.push(Kind {
                     spheres: p.spheres,
                     hydrodynamics: p.hydrodynamics,
                     contact,
                     tangential,
-                    steps: case.steps,
+                    steps,
                     cases: 0,
-                    weight: 1.0,
-                    step_s: None,
-                    memory_bytes: memory_bytes(p),
-                    measured: false,
+                    step_s: 0.0,
+                    computing_time_s: 0.0,
+                    memory_bytes: 0.0,
+                    measured: true,
+                    source: Source::Runs,
                     reason: None,
-                    example: case.clone(),
                 });
+                steps_of.push(0.0);
                 kinds.len() - 1
             });
-        let kind = &mut kinds[place];
-        kind.cases += 1;
-        if p.area_fraction > kind.example.params.area_fraction {
-            kind.example = case.clone();
-        }
-    }
-    kinds.sort_by(|a, b| a.example.cost().total_cmp(&b.example.cost()));
-    let cheapest = kinds.first().map_or(1.0, |kind| kind.example.cost());
-    for kind in &mut kinds {
-        kind.weight = kind.example.cost() / cheapest;
-    }
-    kinds
-}
-
-/// Measures kinds from the cheapest on while there is time; estimates the others from the nearest measured one.
-fn calibrate(kinds: &mut [Kind]) {
-    let begun = Instant::now();
-    for kind in kinds.iter_mut() {
-        let left = BUDGET.saturating_sub(begun.elapsed());
-        // What will not get through its first steps in time is estimated.
-        if left.is_zero() || Duration::from_secs_f64(5.0 * kind.example.step_cost()) > left * 2 {
-            continue;
-        }
-        let Ok(ratios) = tables::ratios(std::iter::once(&kind.example.params)) else {
-            continue;
+        let (kind, cost) = (&mut kinds[place], costs.step(p));
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a count"
+        )]
+        let runs = point.open.round() as usize;
+        kind.cases += runs;
+        kind.computing_time_s += cost.seconds * steps as f64 * point.runs();
+        steps_of[place] += steps as f64 * point.runs();
+        kind.memory_bytes = kind.memory_bytes.max(memory::run_bytes(p));
+        kind.source = match kind.source {
+            _ if cost.distance > COMPARABLE => Source::Rough,
+            Source::Runs if tried.contains(&identity(p)) => Source::Trial,
+            source => source,
         };
-        // Tables still to be solved would take longer than there is.
-        let tables = tables::cached(&ratios);
-        if !ratios.iter().all(|ratio| tables.contains(*ratio)) {
-            continue;
-        }
-        match measure(&kind.example, &tables, left.min(SHARE)) {
-            Ok(seconds) => {
-                kind.step_s = Some(seconds);
-                kind.measured = true;
-            }
-            Err(error) => kind.reason = Some(error.to_string()),
+        kind.measured = kind.source != Source::Rough;
+        if let Some((_, reason)) = reasons.iter().find(|(of, _)| *of == p) {
+            kind.reason = Some((*reason).clone());
         }
     }
-    let measured: Vec<(Hydrodynamics, f64, f64)> = kinds
-        .iter()
-        .filter_map(|k| Some((k.hydrodynamics, k.example.step_cost(), k.step_s?)))
-        .collect();
-    for kind in kinds.iter_mut().filter(|kind| kind.step_s.is_none()) {
-        let cost = kind.example.step_cost();
-        // The most expensive one measured is the nearest; of the same hydrodynamics if there is one.
-        let nearest = measured
-            .iter()
-            .filter(|(hydrodynamics, ..)| *hydrodynamics == kind.hydrodynamics)
-            .chain(&measured)
-            .max_by(|a, b| {
-                let same = |k: &&(Hydrodynamics, f64, f64)| k.0 == kind.hydrodynamics;
-                same(a).cmp(&same(b)).then(a.1.total_cmp(&b.1))
-            });
-        kind.step_s = nearest.map(|(_, known, seconds)| seconds * cost / known);
+    for (kind, steps) in kinds.iter_mut().zip(steps_of) {
+        kind.step_s = if steps > 0.0 {
+            kind.computing_time_s / steps
+        } else {
+            0.0
+        };
     }
-}
-
-/// Seconds of a step: the mean over as many as there is time for, at most 40.
-fn measure(case: &Case, tables: &NearFields, time: Duration) -> Result<f64, sd_core::Error> {
-    let mut simulation = Simulation::new(&case.params, case.seed, tables)?;
-    // The first step pays for tables and memory that the others find ready.
-    simulation.step()?;
-    let begun = Instant::now();
-    let mut steps = 0_u32;
-    while steps == 0 || (steps < 40 && begun.elapsed() < time) {
-        simulation.step()?;
-        steps += 1;
-    }
-    Ok(begun.elapsed().as_secs_f64() / f64::from(steps))
+    kinds.retain(|kind| kind.cases > 0);
+    kinds.sort_by(|a, b| a.step_s.total_cmp(&b.step_s));
+    kinds
 }
 
 /// Axes with all their values in the order of their first use, without those that say nothing of these cases.
@@ -296,94 +343,4 @@ fn axes(campaign: &Campaign) -> Vec<Values> {
         })
         .chain([("seeds", seeds)])
         .collect()
-}
-
-/// Writes the plan as tables.
-fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
-    let mut axes = crate::report::table(output.width);
-    axes.set_header(["axis", "values", ""]);
-    for (name, values) in &plan.axes {
-        let words: Vec<String> = values
-            .iter()
-            .map(|value| {
-                value
-                    .as_str()
-                    .map_or_else(|| value.to_string(), str::to_owned)
-            })
-            .collect();
-        let shown = if words.len() > 12 {
-            format!("{}, … {}", words[..10].join(", "), words[words.len() - 1])
-        } else {
-            words.join(", ")
-        };
-        axes.add_row([(*name).to_owned(), words.len().to_string(), shown]);
-    }
-    let out = &mut *output.out;
-    writeln!(
-        out,
-        "{}: {} runs at {} points",
-        plan.campaign, plan.cases, plan.points
-    )?;
-    writeln!(out, "{axes}")?;
-    let mut kinds = crate::report::table(output.width);
-    kinds.set_header([
-        "spheres",
-        "hydrodynamics",
-        "contact",
-        "steps",
-        "runs",
-        "weight",
-        "step",
-        "run",
-        "memory",
-    ]);
-    for kind in &plan.kinds {
-        let time = |seconds: f64, mark: &str| format!("{mark}{}", duration(seconds));
-        let mark = if kind.measured { "" } else { "≈ " };
-        kinds.add_row([
-            kind.spheres.to_string(),
-            kind.hydrodynamics.word().into(),
-            match kind.tangential {
-                "roll-slip" => kind.contact.into(),
-                other => format!("{}, {other}", kind.contact),
-            },
-            kind.steps.to_string(),
-            kind.cases.to_string(),
-            significant(kind.weight, 3),
-            kind.step_s.map_or_else(
-                || "–".into(),
-                |s| format!("{mark}{} ms", significant(1e3 * s, 3)),
-            ),
-            kind.run_s().map_or_else(|| "–".into(), |s| time(s, mark)),
-            bytes(kind.memory_bytes),
-        ]);
-    }
-    writeln!(out, "{kinds}")?;
-    for kind in &plan.kinds {
-        if let Some(reason) = &kind.reason {
-            writeln!(
-                out,
-                "{} spheres could not be calibrated: {reason}",
-                kind.spheres
-            )?;
-        }
-    }
-    match (plan.computing_time_s, plan.elapsed_s) {
-        (Some(computing), Some(elapsed)) => writeln!(
-            out,
-            "about {} of computing, {} with {} at a time; about {} on disk, {} of memory",
-            duration(computing),
-            duration(elapsed),
-            plan.workers,
-            bytes(plan.disk_bytes),
-            bytes(plan.memory_bytes)
-        )?,
-        _ => writeln!(
-            out,
-            "the time could not be estimated; about {} on disk, {} of memory",
-            bytes(plan.disk_bytes),
-            bytes(plan.memory_bytes)
-        )?,
-    }
-    Ok(())
 }

@@ -6,11 +6,12 @@ use super::Output;
 use super::place::store_of;
 use crate::campaign::Campaign;
 use crate::cli::Error;
+use crate::costs::Costs;
 use crate::exit;
-use crate::format::bytes;
-use crate::runner::{self, Options, Progress, Stop, Style};
-use crate::store::{Adoption, Inventory, Store, network_file_system};
-use std::io::{IsTerminal, Write as _};
+use crate::format::{bytes, parse_duration, parse_positive_duration};
+use crate::runner::{self, Options, Progress, Reason, Stop, Style};
+use crate::store::{Adoption, Inventory, Priority, Store, network_file_system};
+use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -29,6 +30,8 @@ const WORKER_LIMIT: usize = 4096;
 #[command(
     after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/figure-11.toml --workers 8 --store /scratch/figure-11.sqlite\n  \
                   sweep run sweeps/figure-11.toml --reuse results/quickstart.sqlite\n  \
+                  sweep run sweeps/figure-11.toml --priority shear_rate=inf --time-limit 2h\n  \
+                  sweep run sweeps/figure-11.toml --progress json --on-finish 'echo $SWEEP_OUTCOME'\n  \
                   sweep run sweeps/figure-11.toml --shard 3/24"
 )]
 pub(crate) struct Arguments {
@@ -49,9 +52,28 @@ pub(crate) struct Arguments {
     /// Compute failed cases again
     #[arg(long)]
     retry_failed: bool,
-    /// Computing time after which a single case ends as failed, in seconds
-    #[arg(long, value_name = "SECONDS")]
-    max_wall_time: Option<f64>,
+    /// Computing time after which a single case ends as failed, as 90s, 15m or 2h
+    #[arg(long, value_name = "TIME", value_parser = parse_positive_duration)]
+    max_wall_time: Option<Duration>,
+    /// Time after which the whole run checkpoints and stops, as 90s, 15m or 2h; the same command goes on
+    #[arg(long, value_name = "TIME", conflicts_with = "shard", value_parser = parse_positive_duration)]
+    time_limit: Option<Duration>,
+    /// Points that come first: KEY for the lowest values of an axis, -KEY for the highest, KEY=VALUE[,VALUE..] for these. What is
+    /// given first counts most
+    #[arg(
+        long,
+        value_name = "KEY[=VALUE,..]",
+        conflicts_with = "shard",
+        allow_hyphen_values = true
+    )]
+    priority: Vec<String>,
+    /// What is shown on standard error: bars, lines, lines of JSON, or nothing [default: bars on a terminal, else lines]
+    #[arg(long, value_name = "HOW")]
+    progress: Option<Style>,
+    /// Command for `sh -c` once the run is over, whatever came of it: SWEEP_OUTCOME is done, failed, stopped or error,
+    /// SWEEP_EXIT_CODE the exit code, and SWEEP_CAMPAIGN the file
+    #[arg(long, value_name = "COMMAND", conflicts_with = "shard")]
+    on_finish: Option<String>,
     /// Another campaign's store: take its runs of the same parameters, steps and seeds in place of computing them again. May be
     /// given several times
     #[arg(long, value_name = "STORE", conflicts_with = "shard")]
@@ -72,15 +94,65 @@ pub(crate) struct Arguments {
     /// Disk of this machine to work on [default: SLURM_TMPDIR, or else the folder of shards]
     #[arg(long, value_name = "DIR", requires = "shard")]
     scratch: Option<PathBuf>,
-    /// Seconds between publications: what a crashed machine loses at most
-    #[arg(long, value_name = "SECONDS", default_value_t = 60, requires = "shard")]
-    publish_every: u64,
+    /// Time between publications, as 90s or 2m: what a crashed machine loses at most
+    #[arg(long, value_name = "TIME", default_value = "60s", requires = "shard", value_parser = parse_duration)]
+    publish_every: Duration,
     /// Go on from shards another build of sweep computed; their bits may differ
     #[arg(long, requires = "shard")]
     allow_mixed_versions: bool,
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let result = run(arguments, output);
+    if let Some(command) = &arguments.on_finish {
+        let code = match &result {
+            Ok(code) => *code,
+            Err(error) => error.exit_code(),
+        };
+        on_finish(command, code, arguments, style(arguments, output));
+    }
+    result
+}
+
+/// Runs the user's command once all is over. What it prints goes where messages go, and what becomes of it changes nothing.
+fn on_finish(command: &str, code: u8, arguments: &Arguments, style: Style) {
+    let outcome = match code {
+        exit::DONE => "done",
+        exit::FAILED => "failed",
+        exit::BAD_INPUT | exit::STORE => "error",
+        _ => "stopped",
+    };
+    let ran = std::process::Command::new("sh")
+        .args(["-c", command])
+        .env("SWEEP_OUTCOME", outcome)
+        .env("SWEEP_EXIT_CODE", code.to_string())
+        .env("SWEEP_CAMPAIGN", &arguments.campaign)
+        .stdin(std::process::Stdio::null())
+        .stdout(std::io::stderr())
+        .status();
+    match ran {
+        Ok(status) if status.success() => {}
+        Ok(status) => style.tell(&format!("the command of --on-finish ended with {status}")),
+        Err(error) => style.tell(&format!("the command of --on-finish was not run: {error}")),
+    }
+}
+
+/// How progress is shown.
+fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
+    match (
+        arguments.progress,
+        output.quiet,
+        std::io::stderr().is_terminal(),
+    ) {
+        (Some(style), ..) => style,
+        (None, true, _) => Style::Quiet,
+        (None, false, true) => Style::Bars,
+        (None, false, false) => Style::Lines,
+    }
+}
+
+/// Computes what is lacking, and prints the report.
+fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
     let workers = match arguments.workers {
         Some(workers) if workers.get() > WORKER_LIMIT => {
@@ -92,46 +164,42 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         Some(workers) => workers.get(),
         None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
     };
-    let wall_limit = match arguments.max_wall_time {
-        None => None,
-        Some(seconds) => Some(
-            Duration::try_from_secs_f64(seconds)
-                .ok()
-                .filter(|limit| !limit.is_zero())
-                .ok_or_else(|| Error::Argument {
-                    argument: "--max-wall-time",
-                    message: format!("a time above 0 seconds, not {seconds}"),
-                })?,
-        ),
-    };
+    let wall_limit = arguments.max_wall_time;
     if let Some(part) = arguments.shard {
         return task::execute(arguments, part, campaign, workers, wall_limit, output);
     }
+    let refused = |message| Error::Argument {
+        argument: "--priority",
+        message,
+    };
+    let priority = Priority::parse(&arguments.priority).map_err(refused)?;
+    priority.check(&campaign).map_err(refused)?;
     let stop = Stop::on_signals()?;
+    if let Some(limit) = arguments.time_limit {
+        stop.after(limit);
+    }
+    let style = style(arguments, output);
     let path = store_of(&campaign, arguments.store.as_deref())?;
-    if let Some(network) = network_file_system(&path).filter(|_| !output.quiet) {
-        // Nobody may read standard error; the run goes on all the same.
-        let _ = writeln!(
-            std::io::stderr(),
+    if let Some(network) = network_file_system(&path) {
+        style.tell(&format!(
             "warning: {} is on a network file system ({network}), where several machines cannot safely share a store: run it \
              from one machine only, or choose a local disk with --store FILE",
             path.display()
-        );
+        ));
     }
     for other in &arguments.reuse {
         Store::open_read_only(other)?;
     }
     let mut store = Store::open(&path)?;
     let adoption = store.adopt(&campaign)?;
-    if !output.quiet {
-        say_what_is_there(&campaign, &path, adoption);
-    }
+    say_what_is_there(&campaign, &path, adoption, style);
     if !arguments.reuse.is_empty() {
-        reuse(&mut store, &arguments.reuse, output)?;
+        reuse(&mut store, &arguments.reuse, style)?;
     }
     if arguments.retry_failed {
         store.retry_failed()?;
     }
+    store.put_in_order(&campaign, &priority, Costs::of_this_machine().of_cases())?;
     let counts = store.counts()?;
     if counts.pending + counts.running > 0 {
         let conditions = Conditions {
@@ -143,9 +211,14 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         compute(arguments, &campaign, &mut store, conditions, output)?;
     }
     store.check_campaign()?;
-    let code = match stop.signal() {
-        Some(signal) => exit::stopped_by(signal),
-        None if store.counts()?.failed > 0 => exit::FAILED,
+    let counts = store.counts()?;
+    let is_over = counts.pending + counts.running == 0;
+    let code = match stop.reason() {
+        // Nothing was left when the time was up.
+        Some(Reason::TimeLimit) if is_over && counts.failed > 0 => exit::FAILED,
+        Some(Reason::TimeLimit) if is_over => exit::DONE,
+        Some(reason) => reason.exit_code(),
+        None if counts.failed > 0 => exit::FAILED,
         None => exit::DONE,
     };
     match super::report::write(&store, output) {
@@ -156,7 +229,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 }
 
 /// Says what a campaign finds in its store, if there is anything to say: what is kept, what is new, what is not asked for.
-fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption) {
+fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style: Style) {
     let Inventory {
         runs,
         ended,
@@ -165,43 +238,33 @@ fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption) {
         orphans,
         orphan_bytes,
     } = adoption.inventory;
-    // Nobody may read standard error; the run goes on all the same.
-    let mut to = std::io::stderr();
     if adoption.changed {
-        let _ = writeln!(
-            to,
+        style.tell(&format!(
             "{} asks for something else than what {} was last run with: of its {runs} runs {ended} are kept as they are, {begun} \
              go on from where they are, and {new} are new",
             campaign.file.display(),
             path.display()
-        );
+        ));
     }
     if orphans > 0 {
-        let _ = writeln!(
-            to,
+        style.tell(&format!(
             "{orphans} runs in {} (about {}) are not asked for; they stay there, and `sweep prune {}` removes them",
             path.display(),
             bytes(orphan_bytes),
             campaign.file.display()
-        );
+        ));
     }
 }
 
 /// Takes over what other stores hold, and says what that was.
-fn reuse(store: &mut Store, others: &[PathBuf], output: &Output<'_>) -> Result<(), Error> {
+fn reuse(store: &mut Store, others: &[PathBuf], style: Style) -> Result<(), Error> {
     let taken = store.reuse(others)?;
-    if output.quiet {
-        return Ok(());
-    }
-    // Nobody may read standard error; the run goes on all the same.
-    let mut to = std::io::stderr();
-    let _ = writeln!(
-        to,
+    style.tell(&format!(
         "taken over: {} runs, {} failures, {} checkpoints",
         taken.results, taken.failures, taken.checkpoints
-    );
+    ));
     for damaged in taken.damaged {
-        let _ = writeln!(to, "{damaged}");
+        style.tell(&damaged.to_string());
     }
     Ok(())
 }
@@ -225,11 +288,7 @@ fn compute(
     conditions: Conditions<'_>,
     output: &Output<'_>,
 ) -> Result<(), Error> {
-    let style = match (output.quiet, std::io::stderr().is_terminal()) {
-        (true, _) => Style::Quiet,
-        (false, true) => Style::Bars,
-        (false, false) => Style::Lines,
-    };
+    let style = style(arguments, output);
     let threads = conditions.workers;
     let workers = threads.min(campaign.cases.len());
     let progress = Progress::new(style, workers, Box::new(std::io::stderr()));

@@ -4,11 +4,15 @@ mod tasks;
 
 use super::Output;
 use super::place::StoreArguments;
+use super::plan::remaining_s;
 use crate::cli::Error;
 use crate::cluster::shard;
 use crate::exit;
 use crate::format::duration;
-use crate::store::{Counts, Disagreement, FailureGroup, FailureLine, ProcessLine};
+use crate::statistics::Verdict;
+use crate::store::{
+    Counts, Disagreement, FailureGroup, FailureLine, PointState, ProcessLine, Store, StoreError,
+};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -37,6 +41,10 @@ struct Status {
     cases: Counts,
     /// Share of the estimated work that is done, 0 to 1.
     work_done: f64,
+    /// Seconds of processor that the open cases still take on this machine, estimated.
+    remaining_cpu_s: f64,
+    /// Points at which a precision is asked for, and how many of them still take seeds that are not known yet.
+    precision: Option<PrecisionStatus>,
     processes: Vec<ProcessLine>,
     failures: Vec<FailureLine>,
     /// Jobs that were submitted, with their tasks.
@@ -47,6 +55,31 @@ struct Status {
     disagreements: Vec<Disagreement>,
     /// Shards of another build that were let in.
     mixed_shards: u64,
+}
+
+/// How points stand at which a precision is asked for.
+#[derive(Serialize)]
+struct PrecisionStatus {
+    points: usize,
+    /// Those that have it.
+    reached: usize,
+    /// Those that still take seeds.
+    open: usize,
+}
+
+impl PrecisionStatus {
+    fn of(store: &Store) -> Result<Option<Self>, StoreError> {
+        let states = store.point_states()?;
+        let number = |verdict: Verdict| {
+            let is = |state: &&PointState| state.decision.verdict == verdict;
+            states.iter().filter(is).count()
+        };
+        Ok((!states.is_empty()).then(|| Self {
+            points: states.len(),
+            reached: number(Verdict::Reached),
+            open: number(Verdict::Open),
+        }))
+    }
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
@@ -63,6 +96,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         orphans: store.inventory()?.orphans,
         cases: store.counts()?,
         work_done: if total > 0.0 { done / total } else { 1.0 },
+        remaining_cpu_s: remaining_s(&store)?,
+        precision: PrecisionStatus::of(&store)?,
         processes: store.processes()?,
         failures: store.failures(arguments.failures)?,
         jobs: tasks::jobs(&store)?,
@@ -103,6 +138,20 @@ fn write_text(
             String::new()
         }
     )?;
+    if c.pending + c.running > 0 {
+        writeln!(
+            out,
+            "about {} of processor time left",
+            duration(status.remaining_cpu_s)
+        )?;
+    }
+    if let Some(precision) = &status.precision {
+        writeln!(
+            out,
+            "precision: {} of {} points have it, {} still take seeds, which may be more than those counted here",
+            precision.reached, precision.points, precision.open
+        )?;
+    }
     if let Some(last) = &status.last_run_with {
         writeln!(
             out,

@@ -12,7 +12,7 @@ use crate::cluster::{
     slurm::{Slurm, TimeLimit},
 };
 use crate::exit;
-use crate::format::{bytes, duration};
+use crate::format::{bytes, duration, parse_duration, parse_positive_duration};
 use crate::store::{self, OpenCase, Store, Submission};
 use clap::ValueEnum;
 use folder::{Draft, write_plan};
@@ -21,6 +21,7 @@ use std::collections::HashSet;
 use std::io::Write as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Seconds of a task aimed at where no --time is given.
 const USUAL_TIME_S: f64 = 3600.0;
@@ -86,12 +87,12 @@ pub(crate) struct Arguments {
     /// Disk of the nodes the tasks work on [default: SLURM_TMPDIR, or else the folder of shards]
     #[arg(long, value_name = "DIR")]
     scratch: Option<PathBuf>,
-    /// Seconds between publications: what a crashed node loses at most
-    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
-    publish_every: u64,
-    /// Computing time after which a single case ends as failed, in seconds
-    #[arg(long, value_name = "SECONDS")]
-    max_wall_time: Option<f64>,
+    /// Time between publications, as 90s or 2m: what a crashed node loses at most
+    #[arg(long, value_name = "TIME", default_value = "60s", value_parser = parse_duration)]
+    publish_every: Duration,
+    /// Computing time after which a single case ends as failed, as 90s, 15m or 2h
+    #[arg(long, value_name = "TIME", value_parser = parse_positive_duration)]
+    max_wall_time: Option<Duration>,
     /// Keep the layer at every sampled strain, as `sweep run` does
     #[arg(long)]
     trajectory: bool,
@@ -208,7 +209,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             .collect::<Result<_, _>>()?;
         write!(output.out, "{}\n\n{script}", words.join(" "))?;
     }
-    forecast(&campaign, &open, &job, output);
+    forecast(&campaign, &store, open.len(), &job, output)?;
     Ok(exit::DONE)
 }
 
@@ -424,7 +425,7 @@ fn usual_tasks(arguments: &Arguments, open: &[OpenCase], limit: usize) -> usize 
 fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
     let mut run = vec![
         "--publish-every".to_owned(),
-        arguments.publish_every.to_string(),
+        arguments.publish_every.as_secs_f64().to_string(),
     ];
     if let Some(scratch) = &arguments.scratch {
         let scratch = std::path::absolute(scratch)
@@ -435,14 +436,11 @@ fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
             })?;
         run.extend(["--scratch".to_owned(), scratch]);
     }
-    if let Some(seconds) = arguments.max_wall_time {
-        if !(seconds > 0.0 && seconds.is_finite()) {
-            return Err(Error::Argument {
-                argument: "--max-wall-time",
-                message: format!("a time above 0 seconds, not {seconds}"),
-            });
-        }
-        run.extend(["--max-wall-time".to_owned(), seconds.to_string()]);
+    if let Some(limit) = arguments.max_wall_time {
+        run.extend([
+            "--max-wall-time".to_owned(),
+            limit.as_secs_f64().to_string(),
+        ]);
     }
     for (given, name) in [
         (arguments.trajectory, "--trajectory"),
@@ -456,26 +454,36 @@ fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
 }
 
 /// Says how long it may take and how much memory a task needs.
-fn forecast(campaign: &Campaign, open: &[OpenCase], job: &Job, output: &Output<'_>) {
+fn forecast(
+    campaign: &Campaign,
+    store: &Store,
+    cases: usize,
+    job: &Job,
+    output: &Output<'_>,
+) -> Result<(), Error> {
     if output.quiet {
-        return;
+        return Ok(());
     }
-    let cost: f64 = open.iter().map(|case| case.cost).sum();
-    let (seconds_per_cost, memory) = plan::forecast(campaign, job.workers);
-    let time = seconds_per_cost.map_or_else(String::new, |seconds| {
-        let each = seconds * cost / (job.tasks * job.workers) as f64;
-        format!("about {} of computing per task, ", duration(each))
-    });
+    let (_, memory) = plan::forecast(campaign, job.workers, store)?;
+    let seconds = plan::remaining_s(store)?;
     note(
         output,
         &format!(
-            "{} cases in {} tasks of {} workers: {time}{} of memory each, if nodes are as fast as this machine",
-            open.len(),
+            "{cases} cases in {} tasks of {} workers: about {} of computing per task, {} of memory each, if nodes are as fast as \
+             this machine",
             job.tasks,
             job.workers,
+            duration(seconds / (job.tasks * job.workers) as f64),
             bytes(memory)
         ),
     );
+    if !campaign.rules.is_empty() {
+        note(
+            output,
+            "this is one wave: once it is merged, `sweep submit` submits the seeds that the precision still takes",
+        );
+    }
+    Ok(())
 }
 
 /// Says something on standard error.

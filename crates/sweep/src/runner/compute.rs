@@ -1,9 +1,10 @@
 //! One case from its claim to its end.
 
-use super::clock::{Clock, Spent};
 use super::{Shared, panics};
 use crate::campaign::Steps;
 use crate::case::{Case, State};
+use crate::clock::{Clock, Spent};
+use crate::costs;
 use crate::replay::replay;
 use crate::store::{Checkpoint, Claim, Failure, Finished, StoreError};
 use sd_core::simulation::{Flow, Frame};
@@ -112,6 +113,14 @@ impl Shared<'_> {
         let spent = run.record.before + clock.spent();
         let frames = std::mem::take(&mut run.record.frames);
         self.store().keep_frames(claim, &frames)?;
+        let state = match &outcome {
+            Ok(Ok(End::Done)) => "done",
+            Ok(Ok(End::Jammed)) => "jammed",
+            Ok(Ok(End::Stopped)) => "stopped",
+            Ok(Ok(End::Failed(_))) | Err(_) => "failed",
+            Ok(Err(_)) => "lost",
+        };
+        let steps = run.steps();
         let result = match outcome {
             Ok(Ok(end @ (End::Done | End::Jammed))) => {
                 let state = match end {
@@ -139,6 +148,14 @@ impl Shared<'_> {
                     resumed: run.record.resumed,
                 };
                 let kept = self.store().finish(claim, &finished);
+                if finished.resumed == 0 {
+                    // Another machine may have computed the beginning of one that was.
+                    costs::record(&costs::Record {
+                        params: claim.case.params.clone(),
+                        steps: finished.steps,
+                        cpu_s: finished.cpu_time_s,
+                    });
+                }
                 if matches!(state, State::Jammed) && kept.is_ok() {
                     self.progress.note(&format!(
                         "jammed at strain {:.3}: {}",
@@ -161,6 +178,7 @@ impl Shared<'_> {
             Err(message) => self.record_failure(claim, run, format!("panic: {message}"), None),
         };
         self.progress.end_case(worker, result.is_ok());
+        self.progress.ended(claim, state, steps, spent.cpu_s);
         result
     }
 

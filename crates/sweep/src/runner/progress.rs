@@ -1,7 +1,10 @@
 //! What a user sees of a run: bars on a terminal, a line now and then in a log, or nothing.
 
+mod event;
+
 use crate::case::Case;
 use crate::store::{Claim, Counts};
+use clap::ValueEnum;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sd_core::Params;
 use std::collections::VecDeque;
@@ -14,18 +17,35 @@ use std::time::{Duration, Instant};
 const PARTS: u64 = 10_000;
 /// Work of this last time is what the rest is estimated from.
 const WINDOW: Duration = Duration::from_mins(5);
+/// Time from lines of JSON to the next.
+const JSON_EVERY: Duration = Duration::from_secs(1);
 /// Time from one line in a log to the next.
 const LOG_EVERY: Duration = Duration::from_mins(1);
 
 /// How progress is shown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Style {
     /// Bars on a terminal.
     Bars,
     /// Lines in a log.
     Lines,
+    /// Lines of JSON.
+    Json,
     /// Nothing.
+    #[value(name = "none")]
     Quiet,
+}
+
+impl Style {
+    /// Says something on standard error, before or after a run. Nobody may read it, which is no reason to stop.
+    pub fn tell(self, text: &str) {
+        let line = match self {
+            Self::Bars | Self::Lines => text.to_owned(),
+            Self::Json => event::note(text),
+            Self::Quiet => return,
+        };
+        let _ = writeln!(std::io::stderr(), "{line}");
+    }
 }
 
 /// How far a campaign is.
@@ -64,6 +84,8 @@ struct Told {
 /// Progress of one worker. Its thread writes numbers only; the supervising thread draws.
 struct Worker {
     bar: ProgressBar,
+    /// Its case, for lines of JSON.
+    case: Mutex<Option<event::Case>>,
     /// Steps of its case done.
     steps: AtomicU64,
     /// Estimated cost of a step, as bits.
@@ -87,6 +109,8 @@ struct Overall {
     history: VecDeque<(Instant, f64)>,
     /// Last line in the log.
     logged: Instant,
+    /// Last lines of JSON.
+    told: Instant,
 }
 
 impl Progress {
@@ -111,6 +135,7 @@ impl Progress {
                 bar.set_style(styled("{bar:30} {percent:>3} %  {prefix}  {msg}"));
                 Worker {
                     bar,
+                    case: Mutex::new(None),
                     steps: AtomicU64::new(0),
                     step_cost: AtomicU64::new(0),
                     viscosity: AtomicU64::new(0),
@@ -131,6 +156,7 @@ impl Progress {
                 counts: Counts::default(),
                 history: VecDeque::new(),
                 logged: Instant::now(),
+                told: Instant::now(),
             }),
             told: Mutex::new(Vec::new()),
             log: Mutex::new(log),
@@ -171,6 +197,10 @@ impl Progress {
         put(&worker.step_cost, case.step_cost());
         put(&worker.time_step, case.params.time_step);
         put(&worker.viscosity, f64::NAN);
+        if self.style == Style::Json {
+            let mut place = worker.case.lock().unwrap_or_else(PoisonError::into_inner);
+            *place = Some(event::Case::of(claim, steps));
+        }
         worker.bar.reset();
         worker.bar.set_length(case.steps);
         worker.bar.set_prefix(case.label());
@@ -191,6 +221,7 @@ impl Progress {
         if let Some(worker) = self.workers.get(worker) {
             let cost = worker.cost();
             worker.steps.store(0, Ordering::Relaxed);
+            *worker.case.lock().unwrap_or_else(PoisonError::into_inner) = None;
             worker.bar.set_prefix("");
             worker.bar.set_message("");
             worker.bar.set_position(0);
@@ -230,6 +261,19 @@ impl Progress {
             campaign.message()
         };
         self.overall.set_message(message.clone());
+        if self.style == Style::Json {
+            let due = {
+                let mut campaign = self.campaign();
+                let due = campaign.told.elapsed() >= JSON_EVERY;
+                if due {
+                    campaign.told = Instant::now();
+                }
+                due
+            };
+            if due {
+                self.tell_standing();
+            }
+        }
         if self.style == Style::Lines {
             let due = {
                 let mut campaign = self.campaign();
@@ -292,8 +336,34 @@ impl Progress {
                 let _ = self.bars.println(text);
             }
             Style::Lines => self.line(text),
+            Style::Json => self.line(&event::note(text)),
             Style::Quiet => {}
         }
+    }
+
+    /// A case ended, in this state, after so many steps and seconds of processor.
+    pub(super) fn ended(&self, claim: &Claim, state: &str, steps: u64, cpu_time_s: f64) {
+        if self.style == Style::Json {
+            self.line(&event::ended(claim, state, steps, cpu_time_s));
+        }
+    }
+
+    /// Lines of JSON: one for every case under way, and one for the campaign.
+    fn tell_standing(&self) {
+        for worker in &self.workers {
+            let steps = worker.steps.load(Ordering::Relaxed);
+            let viscosity = f64::from_bits(worker.viscosity.load(Ordering::Relaxed));
+            let case = worker.case.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(case) = case.as_ref() {
+                self.line(&case.line(steps, viscosity));
+            }
+        }
+        let line = {
+            let campaign = self.campaign();
+            let left = campaign.left().map(|left| left.as_secs_f64());
+            event::campaign(&campaign.counts, campaign.fraction(), left)
+        };
+        self.line(&line);
     }
 
     /// Takes the bars away, and says how many failures were not told.
@@ -304,6 +374,9 @@ impl Progress {
                 "{} more runs failed as did {}",
                 told.more, told.label
             ));
+        }
+        if self.style == Style::Json {
+            self.tell_standing();
         }
         for worker in &self.workers {
             worker.bar.finish_and_clear();

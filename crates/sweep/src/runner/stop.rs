@@ -6,8 +6,8 @@ use super::RunnerError;
 use crate::exit;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use signal_hook::iterator::Signals;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// A signal this soon after the first is the same one again.
@@ -28,6 +28,27 @@ struct Asked {
     patient: bool,
     /// Whether the process is another program's, and never ended here.
     hosted: bool,
+    /// When the time given to the run is up.
+    deadline: OnceLock<Instant>,
+}
+
+/// Why a run stops.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// A signal.
+    Signal(i32),
+    /// The time given to it is up.
+    TimeLimit,
+}
+
+impl Reason {
+    /// The exit code that says so.
+    pub const fn exit_code(self) -> u8 {
+        match self {
+            Self::Signal(signal) => exit::stopped_by(signal),
+            Self::TimeLimit => exit::TIME_LIMIT,
+        }
+    }
 }
 
 impl Stop {
@@ -94,7 +115,7 @@ impl Stop {
                     let abort =
                         (first.is_err() && !is_echo) || !told.0.under_way.load(Ordering::SeqCst);
                     if abort && (!told.0.patient || signal == SIGINT) {
-                        Self::exit(signal);
+                        Self::exit(Reason::Signal(signal));
                     }
                     crate::store::shorten_lock_wait();
                 }
@@ -108,14 +129,35 @@ impl Stop {
         Some(self.0.signal.load(Ordering::SeqCst)).filter(|signal| *signal != 0)
     }
 
+    /// Why the run is to stop, if it is.
+    pub fn reason(&self) -> Option<Reason> {
+        let is_late = || {
+            self.0
+                .deadline
+                .get()
+                .is_some_and(|end| Instant::now() >= *end)
+        };
+        match self.signal() {
+            Some(signal) => Some(Reason::Signal(signal)),
+            None => is_late().then_some(Reason::TimeLimit),
+        }
+    }
+
+    /// Asks for a stop after this time from now; the first time given counts.
+    pub fn after(&self, time: Duration) {
+        if let Some(end) = Instant::now().checked_add(time) {
+            let _ = self.0.deadline.set(end);
+        }
+    }
+
     /// From now on there are cases to checkpoint, or none any more.
     pub(super) fn set_under_way(&self, under_way: bool) {
         self.0.under_way.store(under_way, Ordering::SeqCst);
     }
 
     /// Ends the program here and now. The store stands for this: what is not committed never was.
-    pub(super) fn exit(signal: i32) -> ! {
-        std::process::exit(exit::stopped_by(signal).into())
+    pub(super) fn exit(reason: Reason) -> ! {
+        std::process::exit(reason.exit_code().into())
     }
 }
 

@@ -1,11 +1,12 @@
 //! What `status` and `report` ask the store.
 
 use super::{Store, StoreError, count, process};
-use crate::case::State;
+use crate::case::{Case, State};
 use crate::statistics::Steadiness;
 use rusqlite::{Row, types::Type};
 use sd_core::Params;
 use serde::Serialize;
+use std::collections::HashMap;
 
 /// Cases of the grid by state.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -170,6 +171,71 @@ impl Store {
             [self.me()],
             |row| Ok((row.get(0)?, row.get(1)?)),
         ))
+    }
+
+    /// How far each case of the grid is, by its key: `None` of one that has ended, or else the share of it that is done.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub(crate) fn standing(&self) -> Result<HashMap<String, Option<f64>>, StoreError> {
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT key, CASE WHEN state IN ('pending', 'running') THEN min(1.0 * steps_done / steps, 1.0) END
+                 FROM cases WHERE position IS NOT NULL",
+            )
+            .and_then(|mut query| query.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?.collect());
+        self.read(rows)
+    }
+
+    /// Open cases of the grid, and the share of each that is left.
+    ///
+    /// # Errors
+    /// Trouble with the file, or an entry that cannot be read.
+    pub(crate) fn open_work(&self) -> Result<Vec<(Case, f64)>, StoreError> {
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT params, seed, steps, sample_stride, 1.0 - min(1.0 * steps_done / steps, 1.0) FROM cases
+                 WHERE position IS NOT NULL AND state IN ('pending', 'running')",
+            )
+            .and_then(|mut query| {
+                query
+                    .query_map([], |row| {
+                        let case = Case {
+                            params: params(row, 0)?,
+                            seed: count(row.get(1)?),
+                            steps: count(row.get(2)?),
+                            sample_stride: count(row.get(3)?),
+                        };
+                        Ok((case, row.get(4)?))
+                    })?
+                    .collect()
+            });
+        self.read(rows)
+    }
+
+    /// Parameters, steps and seconds of processor of runs that this build has computed on this machine, at most a few thousand.
+    ///
+    /// # Errors
+    /// Trouble with the file, or an entry that cannot be read.
+    pub(crate) fn measured_runs(&self) -> Result<Vec<(Params, u64, f64)>, StoreError> {
+        let rows = self
+            .connection
+            .prepare(
+                "SELECT c.params, e.steps, r.cpu_time_s FROM results r JOIN cases c ON c.id = r.case_id
+                 JOIN ends e ON e.case_id = c.id JOIN processes p ON p.id = r.process
+                 WHERE r.cpu_time_s > 0 AND p.host = ?1 AND p.build = ?2 ORDER BY r.finished_at DESC LIMIT 5000",
+            )
+            .and_then(|mut query| {
+                let here = (process::Identity::of_this_process().host, process::build());
+                query
+                    .query_map([here.0, here.1], |row| {
+                        Ok((params(row, 0)?, count(row.get(1)?), row.get(2)?))
+                    })?
+                    .collect()
+            });
+        self.read(rows)
     }
 
     /// Estimated cost of the failed cases of the grid, which are not computed again by themselves.

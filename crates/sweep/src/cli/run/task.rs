@@ -187,11 +187,7 @@ fn begin<'t>(
         store.retry_failed()?;
     }
     let task = Task {
-        publisher: Publisher::new(
-            work,
-            folder.join(file),
-            Duration::from_secs(arguments.publish_every),
-        ),
+        publisher: Publisher::new(work, folder.join(file), arguments.publish_every),
         cancelled: shard::cancel_mark(&folder, plan, &name.job),
         started_by,
         note,

@@ -6,11 +6,11 @@ use std::time::Instant;
 
 /// Seconds spent on a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Spent {
+pub(crate) struct Spent {
     /// By the wall.
-    pub(super) wall_s: f64,
+    pub(crate) wall_s: f64,
     /// By the processor.
-    pub(super) cpu_s: f64,
+    pub(crate) cpu_s: f64,
 }
 
 impl Add for Spent {
@@ -38,7 +38,7 @@ impl Clock {
     }
 
     /// Of all threads of this process together.
-    pub(super) fn of_process() -> Self {
+    pub(crate) fn of_process() -> Self {
         Self::of(ClockId::ProcessCPUTime)
     }
 
@@ -51,7 +51,7 @@ impl Clock {
     }
 
     /// Seconds by the wall.
-    pub(super) fn wall_s(&self) -> f64 {
+    pub(crate) fn wall_s(&self) -> f64 {
         self.begun.elapsed().as_secs_f64()
     }
 
@@ -61,7 +61,7 @@ impl Clock {
     }
 
     /// Both.
-    pub(super) fn spent(&self) -> Spent {
+    pub(crate) fn spent(&self) -> Spent {
         Spent {
             wall_s: self.wall_s(),
             cpu_s: self.cpu_s(),

@@ -1,0 +1,299 @@
+//! What is left to do of a campaign.
+
+use crate::axes::identity;
+use crate::campaign::Campaign;
+use crate::case::Case;
+use crate::costs::{Costs, Record};
+use crate::statistics::{Verdict, student_95};
+use crate::store::{PointState, Store, StoreError};
+use serde::Serialize;
+use std::collections::HashMap;
+
+/// Scatter between runs over their mean that is taken for granted where none is measured yet.
+const USUAL_SCATTER: f64 = 0.12;
+/// Seeds from which on it is not counted how many a precision takes.
+const MOST_SEEDS: usize = 100_000;
+/// Lengths of runs that are compared, over the length asked for.
+const LENGTHS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
+
+/// The runs of one point that are to be computed.
+#[derive(Debug)]
+pub(super) struct Point<'c> {
+    /// One of its cases.
+    pub(super) case: &'c Case,
+    /// All its runs, done or not.
+    pub(super) all: f64,
+    /// Runs that have not ended.
+    pub(super) open: f64,
+    /// What of these is done already, in runs.
+    done: f64,
+}
+
+impl Point<'_> {
+    /// What is left, in runs.
+    pub(super) fn runs(&self) -> f64 {
+        (self.open - self.done).max(0.0)
+    }
+}
+
+/// What is expected where a precision is asked for.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Expected {
+    /// Points at which it is.
+    pub(super) points: usize,
+    /// Of these, points that have it, or get no more seeds.
+    pub(super) settled: usize,
+    /// Fewest and most seeds there may be in all.
+    pub(super) at_least: usize,
+    pub(super) at_most: usize,
+    /// Seeds expected in all.
+    pub(super) seeds: usize,
+    /// Scatter between runs over their mean, measured where it could be.
+    pub(super) scatter: f64,
+    /// Whether it was measured.
+    pub(super) measured: bool,
+    /// Lengths of runs and the strain in all that the precision takes with each, over that of the length asked for; empty where
+    /// nothing is measured.
+    pub(super) lengths: Vec<Length>,
+}
+
+/// A length of runs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(super) struct Length {
+    /// Strain of a run.
+    pub(super) strain: f64,
+    /// Seeds the precision takes.
+    pub(super) seeds: usize,
+    /// Strain of all of them together, over that of the length asked for.
+    pub(super) work: f64,
+}
+
+/// What is left to do.
+#[derive(Debug)]
+pub(super) struct Work<'c> {
+    pub(super) points: Vec<Point<'c>>,
+    /// Runs that have ended.
+    pub(super) ended: usize,
+    pub(super) expected: Option<Expected>,
+}
+
+impl<'c> Work<'c> {
+    /// Of a campaign, as far as a store does not hold it.
+    pub(super) fn of(campaign: &'c Campaign, store: Option<&Store>) -> Result<Self, StoreError> {
+        let standing = match store {
+            Some(store) => store.standing()?,
+            None => HashMap::new(),
+        };
+        let mut points: Vec<Point<'c>> = Vec::new();
+        let mut place_of = HashMap::new();
+        let mut ended = 0;
+        let mut enter = |case: &'c Case, part: Option<f64>| {
+            let place = *place_of.entry(identity(&case.params)).or_insert_with(|| {
+                points.push(Point {
+                    case,
+                    all: 0.0,
+                    open: 0.0,
+                    done: 0.0,
+                });
+                points.len() - 1
+            });
+            let point = &mut points[place];
+            point.all += 1.0;
+            match part {
+                Some(part) => {
+                    point.open += 1.0;
+                    point.done += part;
+                }
+                None => ended += 1,
+            }
+        };
+        if store.is_some() {
+            for (key, case) in &campaign.cases {
+                if let Some(part) = standing.get(&key.to_string()) {
+                    enter(case, *part);
+                }
+            }
+        } else {
+            campaign
+                .certain()
+                .for_each(|(_, case)| enter(case, Some(0.0)));
+        }
+        let states = store
+            .map(Store::point_states)
+            .transpose()?
+            .unwrap_or_default();
+        let expected = expected(campaign, &states, store)?;
+        if let Some(expected) = &expected {
+            for (point, rule) in campaign.rules.iter().enumerate() {
+                let case = &campaign.cases[rule.cases.start].1;
+                let (counted, total) = seeds_of(point, rule.precision, &states, expected.scatter);
+                if let Some(place) = place_of.get(&identity(&case.params)) {
+                    let more = (total - counted.min(total)) as f64;
+                    points[*place].all += more;
+                    points[*place].open += more;
+                }
+            }
+        }
+        Ok(Self {
+            points,
+            ended,
+            expected,
+        })
+    }
+}
+
+/// Seeds of a point that count so far, and that will count at the end.
+fn seeds_of(
+    point: usize,
+    rule: crate::statistics::Precision,
+    states: &[PointState],
+    scatter: f64,
+) -> (usize, usize) {
+    match states.get(point) {
+        None => (rule.at_least.min(rule.at_most), rule.foreseen(scatter)),
+        Some(state) => {
+            let wanted = state.decision.wanted;
+            let foreseen = match state.decision.verdict {
+                Verdict::Open => rule
+                    .foreseen(scatter_of(state).unwrap_or(scatter))
+                    .max(wanted),
+                _ => wanted,
+            };
+            (wanted, foreseen)
+        }
+    }
+}
+
+/// Scatter between the runs of a point, over their mean, where it is measured.
+fn scatter_of(state: &PointState) -> Option<f64> {
+    let n = state.decision.complete as f64;
+    let width = state.decision.reached.filter(|width| width.is_finite())?;
+    Some(width * n.sqrt() / student_95(n - 1.0)?)
+}
+
+fn expected(
+    campaign: &Campaign,
+    states: &[PointState],
+    store: Option<&Store>,
+) -> Result<Option<Expected>, StoreError> {
+    let Some(first) = campaign.rules.first() else {
+        return Ok(None);
+    };
+    let scatters: Vec<f64> = states.iter().filter_map(scatter_of).collect();
+    let measured = !scatters.is_empty();
+    let scatter = crate::statistics::mean(&scatters).unwrap_or(USUAL_SCATTER);
+    let sum = |of: &dyn Fn(usize, crate::statistics::Precision) -> usize| {
+        let rules = campaign.rules.iter().enumerate();
+        rules.map(|(point, rule)| of(point, rule.precision)).sum()
+    };
+    let lengths = match store {
+        Some(store) if measured => lengths(campaign, store, first.precision)?,
+        _ => Vec::new(),
+    };
+    Ok(Some(Expected {
+        points: campaign.rules.len(),
+        settled: states
+            .iter()
+            .filter(|state| state.decision.verdict != Verdict::Open)
+            .count(),
+        at_least: sum(&|_, rule| rule.at_least.min(rule.at_most)),
+        at_most: sum(&|_, rule| rule.at_most),
+        seeds: sum(&|point, rule| seeds_of(point, rule, states, scatter).1),
+        scatter,
+        measured,
+        lengths,
+    }))
+}
+
+/// What runs of other lengths would take. The scatter between runs has a part that their lengths do not change, and one that falls
+/// with the number of independent samples of a run:
+/// ```text
+/// s² = b² + σ² τ/n
+/// ```
+fn lengths(
+    campaign: &Campaign,
+    store: &Store,
+    rule: crate::statistics::Precision,
+) -> Result<Vec<Length>, StoreError> {
+    let mut points: HashMap<_, Vec<(f64, f64, f64)>> = HashMap::new();
+    for run in store.point_runs()? {
+        if let (Some(mean), Some(steady), Some(discard)) =
+            (run.viscosity, run.steadiness, run.discard)
+            && run.samples > 0
+        {
+            let within = steady.variance * steady.correlation / run.samples as f64;
+            let of_point = points.entry(identity(&run.params)).or_default();
+            of_point.push((mean, within, discard));
+        }
+    }
+    let strain = campaign.protocol.strain;
+    // As many as it takes, whatever may be: runs of different lengths are compared.
+    let rule = crate::statistics::Precision {
+        at_most: MOST_SEEDS,
+        ..rule
+    };
+    let mut lengths: Vec<(f64, usize, f64)> = LENGTHS
+        .iter()
+        .map(|factor| (factor * strain, 0, 0.0))
+        .collect();
+    for runs in points.values().filter(|runs| runs.len() > 2) {
+        let part = |of: fn(&(f64, f64, f64)) -> f64| -> f64 {
+            runs.iter().map(of).sum::<f64>() / runs.len() as f64
+        };
+        let (mean, within, discard) = (part(|r| r.0), part(|r| r.1), part(|r| r.2));
+        let squares: f64 = runs.iter().map(|run| (run.0 - mean).powi(2)).sum();
+        let between = (squares / (runs.len() as f64 - 1.0) - within).max(0.0);
+        for (length, seeds, work) in &mut lengths {
+            if *length <= discard {
+                *work = f64::INFINITY;
+                continue;
+            }
+            let variance = between + within * (strain - discard) / (*length - discard);
+            let needed = rule.foreseen(variance.sqrt() / mean.abs());
+            *seeds += needed;
+            *work += needed as f64 * *length;
+        }
+    }
+    let asked = lengths
+        .iter()
+        .find(|(length, ..)| *length == strain)
+        .map_or(0.0, |l| l.2);
+    if asked <= 0.0 {
+        return Ok(Vec::new());
+    }
+    Ok(lengths
+        .into_iter()
+        .filter(|(.., work)| work.is_finite())
+        .map(|(strain, seeds, work)| Length {
+            strain,
+            seeds,
+            work: work / asked,
+        })
+        .collect())
+}
+
+/// Runs of a store that this build has measured on this machine.
+pub(super) fn measured(store: &Store) -> Result<Vec<Record>, StoreError> {
+    Ok(store
+        .measured_runs()?
+        .into_iter()
+        .map(|(params, steps, cpu_s)| Record {
+            params,
+            steps,
+            cpu_s,
+        })
+        .collect())
+}
+
+/// Seconds of processor that the open cases of a store take, judged by its own runs and those measured on this machine.
+pub(crate) fn remaining_s(store: &Store) -> Result<f64, StoreError> {
+    let mut costs = Costs::of_this_machine();
+    measured(store)?
+        .iter()
+        .for_each(|record| costs.learn(record));
+    let cost = costs.of_cases();
+    let open = store.open_work()?;
+    Ok(open
+        .iter()
+        .fold(0.0, |sum, (case, left)| sum + cost(case) * left))
+}

@@ -1,0 +1,261 @@
+//! What runs cost, in seconds of processor: known from runs measured on this machine with this build, and where none is near from
+//! a short run.
+//!
+//! Between measured runs the cost of a step is interpolated: its ratio to the rough estimate [`Case::step_cost`], which knows how
+//! methods grow with the number of spheres, is averaged with weights that fall as the fourth power of the distance in parameters.
+
+mod cache;
+mod pilot;
+
+pub(crate) use cache::record;
+pub(crate) use pilot::{Trial, trials};
+
+use crate::axes::{AXES, Identity, Value, identity};
+use crate::case::Case;
+use sd_core::{Method, Params};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+
+/// Distance in parameters up to which a measured run tells the cost of another one.
+pub(crate) const NEAR: f64 = 0.6;
+/// Distance up to which it still tells about what another one costs.
+pub(crate) const COMPARABLE: f64 = 1.0;
+/// Area fraction that no layer of discs exceeds by much.
+const CLOSEST: f64 = 0.86;
+/// Distance below which runs count as of one place.
+const CORE: f64 = 0.05;
+/// Points measured that are looked at, at most: the latest ones.
+const MOST_POINTS: usize = 600;
+
+/// A measured run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Record {
+    /// Its parameters.
+    pub(crate) params: Params,
+    /// Its steps.
+    pub(crate) steps: u64,
+    /// Seconds of processor.
+    pub(crate) cpu_s: f64,
+}
+
+/// What is known of one point.
+struct Known {
+    values: Vec<Option<Value>>,
+    method: Method,
+    /// Sum of the logarithms of cost over rough estimate, and the number of runs.
+    logarithms: f64,
+    runs: f64,
+}
+
+/// What a step costs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct StepCost {
+    /// Seconds of processor.
+    pub(crate) seconds: f64,
+    /// Distance to the nearest measured run; infinite where none is comparable.
+    pub(crate) distance: f64,
+}
+
+/// What is known of costs.
+#[derive(Default)]
+pub(crate) struct Costs {
+    known: Vec<Known>,
+    place_of: HashMap<Identity, usize>,
+}
+
+impl Costs {
+    /// Of the runs that this machine and this build have measured.
+    pub(crate) fn of_this_machine() -> Self {
+        let mut costs = Self::default();
+        for record in cache::records() {
+            costs.learn(&record);
+        }
+        costs
+    }
+
+    /// Takes note of a measured run.
+    pub(crate) fn learn(&mut self, record: &Record) {
+        let rough = rough_step(&record.params);
+        if record.steps == 0 || record.cpu_s <= 0.0 || rough <= 0.0 {
+            return;
+        }
+        let logarithm = (record.cpu_s / record.steps as f64 / rough).ln();
+        let known = &mut self.known;
+        let place = *self
+            .place_of
+            .entry(identity(&record.params))
+            .or_insert_with(|| {
+                known.push(Known {
+                    values: values(&record.params),
+                    method: Method::of(&record.params),
+                    logarithms: 0.0,
+                    runs: 0.0,
+                });
+                known.len() - 1
+            });
+        known[place].logarithms += logarithm;
+        known[place].runs += 1.0;
+    }
+
+    /// What a step of runs with these parameters costs.
+    pub(crate) fn step(&self, params: &Params) -> StepCost {
+        let (values, method, rough) = (values(params), Method::of(params), rough_step(params));
+        let (mut total, mut weights, mut nearest) = (0.0, 0.0, f64::INFINITY);
+        for known in self.known.iter().rev().take(MOST_POINTS) {
+            let Some(distance) = distance(&values, &known.values) else {
+                continue;
+            };
+            // Other methods grow in other ways with the number of spheres.
+            let distance = if known.method == method {
+                distance
+            } else {
+                distance + 1.0
+            };
+            let weight = known.runs / (distance.powi(4) + CORE.powi(4));
+            total += weight * known.logarithms / known.runs;
+            weights += weight;
+            nearest = nearest.min(distance);
+        }
+        let ratio = if weights > 0.0 {
+            (total / weights).exp()
+        } else {
+            1.0
+        };
+        StepCost {
+            seconds: rough * ratio,
+            distance: nearest,
+        }
+    }
+
+    /// What runs cost, one after the other, each point looked at once.
+    pub(crate) fn of_cases(&self) -> impl Fn(&Case) -> f64 {
+        let memory = std::cell::RefCell::new(HashMap::new());
+        move |case| {
+            let mut memory = memory.borrow_mut();
+            let step = *memory
+                .entry(identity(&case.params))
+                .or_insert_with(|| self.step(&case.params).seconds);
+            step * case.steps as f64
+        }
+    }
+}
+
+/// Seconds of a step on a common core, roughly.
+fn rough_step(params: &Params) -> f64 {
+    Case {
+        params: params.clone(),
+        seed: 0,
+        steps: 1,
+        sample_stride: 1,
+    }
+    .step_cost()
+}
+
+/// Values on all axes; `None` where they say nothing.
+fn values(params: &Params) -> Vec<Option<Value>> {
+    let value = |axis: &crate::axes::Axis| axis.means_something(params).then(|| axis.value(params));
+    AXES.iter().map(value).collect()
+}
+
+/// How far two points are apart, as far as costs go; `None` where they differ in a choice. Below 1 costs are about alike.
+fn distance(a: &[Option<Value>], b: &[Option<Value>]) -> Option<f64> {
+    let mut squares = 0.0;
+    for ((axis, a), b) in AXES.iter().zip(a).zip(b) {
+        let apart = match (a, b) {
+            (None, None) => 0.0,
+            (Some(Value::Word(a)), Some(Value::Word(b))) if a == b => 0.0,
+            (Some(Value::Word(_)), _) | (_, Some(Value::Word(_))) => return None,
+            // A value that means nothing here, and something there.
+            (None, Some(_)) | (Some(_), None) => 0.5,
+            (Some(a), Some(b)) => numbers_apart(axis.key, number(*a), number(*b)),
+        };
+        squares += apart * apart;
+    }
+    Some(squares.sqrt())
+}
+
+fn number(value: Value) -> f64 {
+    match value {
+        Value::Count(count) => count as f64,
+        Value::Number(number) => number,
+        Value::Word(_) => f64::NAN,
+    }
+}
+
+/// How far two numbers on an axis are apart, as far as costs go.
+fn numbers_apart(key: &str, a: f64, b: f64) -> f64 {
+    if a == b {
+        return 0.0;
+    }
+    let room = |area_fraction: f64| (CLOSEST - area_fraction).max(0.01);
+    match key {
+        // Contacts, and the work they make, grow fast with it.
+        "area_fraction" => (room(a) / room(b)).ln().abs() / 0.25,
+        _ if a > 0.0 && b > 0.0 && a.is_finite() && b.is_finite() && key != "shear_rate" => {
+            (a / b).ln().abs() / 0.7
+        }
+        // From 0 to infinity, the middle at 1.
+        _ => {
+            let squeezed = |x: f64| if x.is_finite() { x / (1.0 + x) } else { 1.0 };
+            (squeezed(a) - squeezed(b)).abs() / 0.7
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::params;
+
+    fn record(area_fraction: f64, spheres: usize, cpu_s: f64) -> Record {
+        Record {
+            params: Params {
+                area_fraction,
+                spheres,
+                ..params()
+            },
+            steps: 1000,
+            cpu_s,
+        }
+    }
+
+    #[test]
+    fn cost_at_a_measured_point_is_the_measured_one_and_between_points_it_lies_between() {
+        let mut costs = Costs::default();
+        assert_eq!(costs.step(&params()).distance, f64::INFINITY);
+        costs.learn(&record(0.65, 90, 2.0));
+        costs.learn(&record(0.75, 90, 8.0));
+        costs.learn(&record(0.75, 90, 8.0));
+        let at = |area_fraction| {
+            let params = record(area_fraction, 90, 0.0).params;
+            costs.step(&params)
+        };
+        assert!(
+            (at(0.65).seconds / 2e-3 - 1.0).abs() < 0.01,
+            "{:?}",
+            at(0.65)
+        );
+        assert!(
+            (at(0.75).seconds / 8e-3 - 1.0).abs() < 0.01,
+            "{:?}",
+            at(0.75)
+        );
+        let middle = at(0.7);
+        assert!((3e-3..7e-3).contains(&middle.seconds), "{middle:?}");
+        assert!(middle.distance > NEAR);
+        assert!(at(0.65).distance == 0.0);
+    }
+
+    #[test]
+    fn runs_that_differ_in_a_choice_tell_nothing() {
+        let mut costs = Costs::default();
+        costs.learn(&record(0.65, 90, 2.0));
+        let other = Params {
+            hydrodynamics: sd_core::Hydrodynamics::StokesianDynamics,
+            ..params()
+        };
+        assert_eq!(costs.step(&other).distance, f64::INFINITY);
+        let seconds = costs.step(&other).seconds;
+        assert!((seconds / rough_step(&other) - 1.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,93 @@
+//! Measured runs, kept in the user's cache: a file for every machine and build, a line of JSON for every run.
+//!
+//! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error.
+
+use super::Record;
+use crate::files::{cache_folder, write_whole};
+use crate::store;
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+/// Bytes from which on the older half is dropped.
+const LIMIT: u64 = 1 << 20;
+/// Steps of the shortest run that is kept: shorter ones are mostly their start.
+const LEAST_STEPS: u64 = 20;
+
+/// The file of this machine and this build; `None` without a home.
+fn place() -> Option<PathBuf> {
+    static PLACE: LazyLock<Option<PathBuf>> = LazyLock::new(|| {
+        let host = store::Identity::of_this_process().host;
+        let name = format!("costs-{}-{}.jsonl", host.replace('/', "-"), store::build());
+        Some(cache_folder()?.join(name))
+    });
+    PLACE.clone()
+}
+
+/// Keeps a measured run.
+pub(crate) fn record(record: &Record) {
+    if record.steps >= LEAST_STEPS
+        && let Some(place) = place()
+    {
+        // Without a cache the next plan measures again.
+        let _ = append(&place, record);
+    }
+}
+
+/// Appends a line, and drops old ones where there are too many.
+fn append(place: &std::path::Path, record: &Record) -> std::io::Result<()> {
+    if let Some(folder) = place.parent() {
+        std::fs::create_dir_all(folder)?;
+    }
+    if std::fs::metadata(place).is_ok_and(|file| file.len() > LIMIT) {
+        let text = std::fs::read_to_string(place)?;
+        let lines: Vec<&str> = text.lines().collect();
+        let kept = lines[lines.len() / 2..].join("\n") + "\n";
+        write_whole(place, |file| file.write_all(kept.as_bytes()))?;
+    }
+    let mut line = serde_json::to_vec(record)?;
+    line.push(b'\n');
+    // In one piece: several processes may append.
+    std::fs::OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(place)?
+        .write_all(&line)
+}
+
+/// All runs kept, the oldest first. Lines that cannot be read are left out.
+pub(super) fn records() -> Vec<Record> {
+    let text = place()
+        .and_then(|place| std::fs::read_to_string(place).ok())
+        .unwrap_or_default();
+    text.lines()
+        .filter_map(|line| serde_json::from_str(line).ok())
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn infinite_shear_rates_and_half_a_line_do_no_harm() {
+        let directory = tempfile::tempdir().unwrap();
+        let place = directory.path().join("deep/costs.jsonl");
+        let run = Record {
+            params: crate::test_support::params(),
+            steps: 100,
+            cpu_s: 1.5,
+        };
+        append(&place, &run).unwrap();
+        append(&place, &run).unwrap();
+        let text = std::fs::read_to_string(&place).unwrap();
+        let read = |text: &str| -> Vec<Record> {
+            let lines = text.lines();
+            lines
+                .filter_map(|line| serde_json::from_str(line).ok())
+                .collect()
+        };
+        assert_eq!(read(&text), [run.clone(), run.clone()]);
+        assert_eq!(read(&text[..text.len() - 9]), [run]);
+    }
+}
