@@ -6,8 +6,8 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::{
-    ContactLaws, ContactScheme, Hydrodynamics, NearFields, NormalLaw, Params, Simulation,
-    TangentialLaw,
+    ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, LeadingOrder, NearFields, NormalLaw,
+    Params, Simulation, StiffnessUnit, TangentialLaw,
 };
 
 /// Allocations in 200 steps after the first ones.
@@ -71,12 +71,31 @@ fn other_laws() -> Vec<ContactLaws> {
 
 #[test]
 fn steps_of_settled_runs_allocate_nothing() {
-    for hydrodynamics in [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics] {
+    for hydrodynamics in [
+        Hydrodynamics::BallMelrose,
+        Hydrodynamics::StokesianDynamics,
+        Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+    ] {
         for contact in [ContactScheme::Rigid, ContactScheme::Procedure] {
             let count = allocations(40, hydrodynamics, contact, 40);
             assert_eq!(count, 0, "{hydrodynamics:?}, {contact:?}");
         }
     }
+}
+
+#[test]
+fn springs_with_lubrication_allocate_nothing() {
+    let laws = ContactLaws {
+        stiffness_unit: StiffnessUnit::Flow,
+        onset: FrictionOnset::Reduced,
+        lubrication_gap: 0.0,
+        ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01)
+    };
+    let hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    assert_eq!(
+        allocations(40, hydrodynamics, ContactScheme::Laws(laws), 40),
+        0
+    );
 }
 
 #[test]

@@ -14,9 +14,9 @@ use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
-    ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField, Method,
-    NearFields, NormalLaw, Params, Resistance, Simulation, Snapshot, StageContact, StageSolver,
-    TangentialLaw,
+    ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField,
+    LeadingOrder, Method, NearFields, NormalLaw, Params, Resistance, Simulation, Snapshot,
+    StageContact, StageSolver, TangentialLaw,
 };
 
 /// Spheres from which on layers are held pair by pair.
@@ -89,11 +89,26 @@ fn sheared_on(mut snapshot: Snapshot, params: &Params, steps: u64) -> Layer {
 
 /// One stage of a layer, held pair by pair or factored.
 fn stage(layer: &Layer, laws: &Laws, lubrication_gap: f64, pairwise: bool) -> StageSolver {
+    stage_under(
+        Hydrodynamics::BallMelrose,
+        layer,
+        laws,
+        (lubrication_gap, pairwise),
+    )
+}
+
+/// The same under other hydrodynamics.
+fn stage_under(
+    hydrodynamics: Hydrodynamics,
+    layer: &Layer,
+    laws: &Laws,
+    (lubrication_gap, pairwise): (f64, bool),
+) -> StageSolver {
     let (radii, tables) = (&layer.snapshot.radii, NearFields::default());
     let mut resistance = if pairwise {
-        Resistance::new_pairwise(&layer.cell, radii, &tables, &[]).unwrap()
+        Resistance::new_pairwise(hydrodynamics, &layer.cell, radii, &tables, &[]).unwrap()
     } else {
-        Resistance::new(Hydrodynamics::BallMelrose, &layer.cell, radii, &tables).unwrap()
+        Resistance::new(hydrodynamics, &layer.cell, radii, &tables).unwrap()
     };
     if lubrication_gap > 0.0 {
         resistance.regularise(lubrication_gap, DEEPEST_OVERLAP);
@@ -263,6 +278,32 @@ fn every_law_gives_the_motion_and_forces_of_the_factored_layer() {
 }
 
 #[test]
+fn every_law_gives_the_same_under_lubrication_either_way() {
+    let hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    for size_ratio in [1.0, 1.4] {
+        let at = |welds: bool| Params {
+            size_ratio,
+            hydrodynamics,
+            area_fraction: if welds { 0.6 } else { 0.74 },
+            ..params(PAIRWISE, 0.0, 0.3)
+        };
+        let [loose, dense] = [true, false].map(|welds| sheared(&at(welds), 40));
+        for chosen in all_laws() {
+            let welds = chosen.tangential == TangentialLaw::StickRotate;
+            let chosen = ContactLaws {
+                lubrication_gap: 0.0,
+                ..chosen
+            };
+            let laws = Laws::new(&chosen, at(welds).surface());
+            let layer = if welds { &loose } else { &dense };
+            let [expected, found] = [false, true]
+                .map(|pairwise| stage_under(hydrodynamics, layer, &laws, (0.0, pairwise)));
+            compare(&found, &expected, [1e-7; 2], &(size_ratio, chosen));
+        }
+    }
+}
+
+#[test]
 fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
     let layer = sheared(&params(PAIRWISE, 0.75, 0.3), 40);
     let [dense, pairwise] = [false, true].map(|pairwise| {
@@ -294,7 +335,9 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
 fn an_iterated_far_field_refuses_the_procedure() {
     let layer = sheared(&params(40, 0.6, 0.3), 1);
     let (radii, tables) = (&layer.snapshot.radii, NearFields::default());
-    let near = Resistance::new_pairwise(&layer.cell, radii, &tables, &[]).unwrap();
+    let near =
+        Resistance::new_pairwise(Hydrodynamics::BallMelrose, &layer.cell, radii, &tables, &[])
+            .unwrap();
     let far = IterativeFarField::new(&layer.cell, radii, 1e-6).unwrap();
     let mut stage = StageSolver::with_far_field(near, far);
     stage.assemble(&layer.cell, &layer.centres).unwrap();
