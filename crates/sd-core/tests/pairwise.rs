@@ -110,7 +110,7 @@ fn stage_under(
     } else {
         Resistance::new(hydrodynamics, &layer.cell, radii, &tables).unwrap()
     };
-    if lubrication_gap > 0.0 {
+    if lubrication_gap > 0.0 || laws.is_soft() {
         resistance.regularise(lubrication_gap, DEEPEST_OVERLAP);
     }
     let mut stage = StageSolver::new(resistance);
@@ -242,16 +242,36 @@ fn all_laws() -> Vec<ContactLaws> {
 
 #[test]
 fn every_law_gives_the_motion_and_forces_of_the_factored_layer() {
+    laws_agree_under(Hydrodynamics::BallMelrose, 0.74);
+}
+
+#[test]
+fn every_law_does_so_under_lubrication() {
+    // Friction has several right solutions in dense layers, of which each way may find its own: at 0.74 one law of these does.
+    laws_agree_under(Hydrodynamics::Lubrication(LeadingOrder::USUAL), 0.68);
+}
+
+/// Compares both ways under every law, in layers that were sheared under it.
+fn laws_agree_under(hydrodynamics: Hydrodynamics, area_fraction: f64) {
     for size_ratio in [1.0, 1.4] {
         // Spheres that weld together jam far earlier than others.
         let at = |welds: bool| Params {
             size_ratio,
-            area_fraction: if welds { 0.6 } else { 0.74 },
+            hydrodynamics,
+            area_fraction: if welds { 0.6 } else { area_fraction },
             ..params(PAIRWISE, 0.0, 0.3)
         };
         let [loose, dense] = [true, false].map(|welds| sheared(&at(welds), 40));
         for chosen in all_laws() {
             let welds = chosen.tangential == TangentialLaw::StickRotate;
+            let chosen = ContactLaws {
+                // Leading-order lubrication has a regularisation of its own.
+                lubrication_gap: match hydrodynamics {
+                    Hydrodynamics::Lubrication(_) => 0.0,
+                    _ => chosen.lubrication_gap,
+                },
+                ..chosen
+            };
             let params = Params {
                 contact: ContactScheme::Laws(chosen),
                 time_step: 0.0025,
@@ -263,8 +283,8 @@ fn every_law_gives_the_motion_and_forces_of_the_factored_layer() {
             let layer = sheared_on(start, &params, 8);
             let laws = Laws::new(&chosen, params.surface());
             let gap = chosen.lubrication_gap;
-            let [expected, found] =
-                [false, true].map(|pairwise| stage(&layer, &laws, gap, pairwise));
+            let [expected, found] = [false, true]
+                .map(|pairwise| stage_under(hydrodynamics, &layer, &laws, (gap, pairwise)));
             let frictional = compare(&found, &expected, [1e-7; 2], &(size_ratio, chosen));
             let alone = chosen.normal == NormalLaw::ExponentialRepulsion;
             assert_eq!(frictional == 0, alone, "{chosen:?}");
@@ -273,32 +293,6 @@ fn every_law_gives_the_motion_and_forces_of_the_factored_layer() {
                 let off = (a.normal_force - b.normal_force).abs();
                 assert!(off < 1e-7 * params.critical_load(), "{off:e}");
             }
-        }
-    }
-}
-
-#[test]
-fn every_law_gives_the_same_under_lubrication_either_way() {
-    let hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
-    for size_ratio in [1.0, 1.4] {
-        let at = |welds: bool| Params {
-            size_ratio,
-            hydrodynamics,
-            area_fraction: if welds { 0.6 } else { 0.74 },
-            ..params(PAIRWISE, 0.0, 0.3)
-        };
-        let [loose, dense] = [true, false].map(|welds| sheared(&at(welds), 40));
-        for chosen in all_laws() {
-            let welds = chosen.tangential == TangentialLaw::StickRotate;
-            let chosen = ContactLaws {
-                lubrication_gap: 0.0,
-                ..chosen
-            };
-            let laws = Laws::new(&chosen, at(welds).surface());
-            let layer = if welds { &loose } else { &dense };
-            let [expected, found] = [false, true]
-                .map(|pairwise| stage_under(hydrodynamics, layer, &laws, (0.0, pairwise)));
-            compare(&found, &expected, [1e-7; 2], &(size_ratio, chosen));
         }
     }
 }

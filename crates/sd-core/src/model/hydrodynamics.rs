@@ -87,7 +87,7 @@ pub(super) static CUTOFF: Quantity = Quantity {
     unit: "1",
     meaning: "cutoff of lubrication; ξ = 2g/(a_i + a_j)",
     range: Range::above_to(0.0, 1.0),
-    note: "in ξ = 2g/(a_i + a_j), beyond which ln(1/ξ) is negative; the cell is wide enough for no more than 2",
+    note: "in ξ = 2g/(a_i + a_j): beyond 1 the logarithms are negative, and beyond 2 a cell may be too small for it",
     example: "0.5",
     logarithmic: false,
 };

@@ -219,7 +219,7 @@ pub static PARAMETERS: [Parameter; 21] = [
             quantity: &CUTOFF,
             default: Some(|_| LeadingOrder::USUAL.cutoff),
             get: |p| p.hydrodynamics.leading_order().map_or(0.0, |n| n.cutoff),
-            put: |p, value| p.hydrodynamics.change(|numbers| numbers.cutoff = value),
+            put: |p, value| p.hydrodynamics.change(|n| n.cutoff = value),
             without: Some(0.0),
             ..NEEDED
         }),
@@ -237,10 +237,7 @@ pub static PARAMETERS: [Parameter; 21] = [
                     .leading_order()
                     .map_or(0.0, |n| n.regularisation)
             },
-            put: |p, value| {
-                p.hydrodynamics
-                    .change(|numbers| numbers.regularisation = value)
-            },
+            put: |p, value| p.hydrodynamics.change(|n| n.regularisation = value),
             without: Some(0.0),
             ..NEEDED
         }),
