@@ -15,7 +15,8 @@ use crate::cli::Error;
 use crate::costs::{COMPARABLE, Costs, trials};
 use crate::exit;
 use crate::store::Store;
-use sd_core::{Hydrodynamics, Params};
+use sd_core::Params;
+use sd_core::model::Words as _;
 use serde::{Serialize, Serializer};
 use std::collections::{HashMap, HashSet};
 use std::num::NonZeroUsize;
@@ -113,8 +114,8 @@ enum Source {
 struct Kind {
     /// Number of spheres.
     spheres: usize,
-    /// Hydrodynamics.
-    hydrodynamics: Hydrodynamics,
+    /// Word of the hydrodynamics.
+    hydrodynamics: &'static str,
     /// Word of the contact scheme.
     contact: &'static str,
     /// Word of the tangential law.
@@ -274,12 +275,13 @@ fn kinds(
     for point in &work.points {
         let (p, steps) = (&point.case.params, point.case.steps);
         let (contact, tangential) = (word(p, "contact"), word(p, "tangential"));
+        let hydrodynamics = p.hydrodynamics.word();
         let place = *place_of
-            .entry((p.spheres, p.hydrodynamics, contact, tangential, steps))
+            .entry((p.spheres, hydrodynamics, contact, tangential, steps))
             .or_insert_with(|| {
                 kinds.push(Kind {
                     spheres: p.spheres,
-                    hydrodynamics: p.hydrodynamics,
+                    hydrodynamics,
                     contact,
                     tangential,
                     steps,

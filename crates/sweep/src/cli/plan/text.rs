@@ -3,7 +3,6 @@
 use super::{Kind, Plan, Source};
 use crate::cli::{Error, Output};
 use crate::format::{bytes, duration, significant};
-use sd_core::model::Words as _;
 use std::io::Write;
 
 /// Writes it.
@@ -75,7 +74,7 @@ fn write_kinds(kinds: &[Kind], width: Option<u16>, out: &mut dyn Write) -> Resul
         let mark = if kind.measured { "" } else { "≈ " };
         table.add_row([
             kind.spheres.to_string(),
-            kind.hydrodynamics.word().into(),
+            kind.hydrodynamics.into(),
             match kind.tangential {
                 "roll-slip" => kind.contact.into(),
                 other => format!("{}, {other}", kind.contact),
