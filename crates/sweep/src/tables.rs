@@ -63,15 +63,6 @@ pub fn make(ratios: &[f64], mut note: impl FnMut(&str)) -> Result<NearFields, Er
     Ok(tables)
 }
 
-/// The tables of those of these size ratios that are in the cache.
-pub fn cached(ratios: &[f64]) -> NearFields {
-    let mut tables = NearFields::default();
-    for table in ratios.iter().filter_map(|ratio| read(&place_of(*ratio)?)) {
-        tables.insert(table);
-    }
-    tables
-}
-
 /// Where the table of a size ratio is kept; `None` without a home.
 fn place_of(ratio: f64) -> Option<PathBuf> {
     let name = format!("near-field-{NEAR_FIELD_VERSION}-{:016x}", ratio.to_bits());

@@ -24,6 +24,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 use work::Work;
 
+/// Seconds of processor of a run of the program besides its cases: its start, the store, the report; measured.
+const PROGRAM_S: f64 = 0.15;
 /// Bytes of a stored sample, index included; measured.
 const SAMPLE_BYTES: f64 = 145.0;
 /// Bytes of a case without its samples; measured.
@@ -161,14 +163,13 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     Ok(exit::DONE)
 }
 
-/// Seconds of processor and bytes of memory that what is left of a campaign takes.
-pub(super) fn forecast(
-    campaign: &Campaign,
-    workers: usize,
-    store: &Store,
-) -> Result<(f64, f64), Error> {
-    let plan = make(campaign, workers, false, Some(store))?;
-    Ok((plan.computing_time_s, plan.memory_bytes))
+/// Bytes of memory of a program that computes so many of the cases of a campaign at a time.
+pub(super) fn memory_bytes(campaign: &Campaign, workers: usize) -> f64 {
+    let runs = campaign
+        .cases
+        .iter()
+        .map(|(_, case)| memory::run_bytes(&case.params));
+    memory::resident_bytes() + workers as f64 * runs.fold(0.0, f64::max)
 }
 
 /// Makes the plan of a campaign of which nothing is computed yet. Writes nothing.
@@ -206,9 +207,10 @@ fn make(
         .filter_map(|trial| Some((&trial.params, trial.outcome.as_ref().err()?)))
         .collect();
     let kinds = kinds(&work, &costs, &trials, &reasons);
+    let program_s = if kinds.is_empty() { 0.0 } else { PROGRAM_S };
     let computing_time_s = kinds
         .iter()
-        .fold(0.0, |sum, kind| sum + kind.computing_time_s);
+        .fold(program_s, |sum, kind| sum + kind.computing_time_s);
     let longest = work
         .points
         .iter()

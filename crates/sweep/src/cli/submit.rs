@@ -464,7 +464,7 @@ fn forecast(
     if output.quiet {
         return Ok(());
     }
-    let (_, memory) = plan::forecast(campaign, job.workers, store)?;
+    let memory = plan::memory_bytes(campaign, job.workers);
     let seconds = plan::remaining_s(store)?;
     note(
         output,
