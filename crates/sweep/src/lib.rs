@@ -26,6 +26,7 @@ pub mod cluster;
 mod costs;
 mod csv_rows;
 pub mod data;
+pub mod doubt;
 pub mod exit;
 mod files;
 pub mod format;
@@ -38,6 +39,7 @@ pub mod statistics;
 pub mod store;
 pub mod tables;
 pub mod trajectory;
+mod visible;
 
 #[cfg(test)]
 mod test_support;

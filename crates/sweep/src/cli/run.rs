@@ -3,7 +3,7 @@
 mod task;
 
 use super::Output;
-use super::place::store_of;
+use super::place::{say_warning, store_of};
 use crate::campaign::Campaign;
 use crate::cli::Error;
 use crate::costs::Costs;
@@ -52,7 +52,8 @@ pub(crate) struct Arguments {
     /// Compute failed cases again
     #[arg(long)]
     retry_failed: bool,
-    /// Computing time after which a single case ends as failed, as 90s, 15m or 2h
+    /// Computing time after which a single case ends as failed, as 90s, 15m or 2h [default: 50 times its estimate, half
+    /// an hour at least]
     #[arg(long, value_name = "TIME", value_parser = parse_positive_duration)]
     max_wall_time: Option<Duration>,
     /// Time after which the whole run checkpoints and stops, as 90s, 15m or 2h; the same command goes on
@@ -191,6 +192,7 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
         Store::open_read_only(other)?;
     }
     let mut store = Store::open(&path)?;
+    say_warning(&store);
     let adoption = store.adopt(&campaign)?;
     say_what_is_there(&campaign, &path, adoption, style);
     if !arguments.reuse.is_empty() {

@@ -490,6 +490,6 @@ fn forecast(
 fn note(output: &Output<'_>, text: &str) {
     if !output.quiet {
         // Nobody may read standard error.
-        let _ = writeln!(std::io::stderr(), "{text}");
+        let _ = writeln!(crate::visible::stderr(), "{text}");
     }
 }

@@ -15,9 +15,9 @@ use std::io::Write;
 /// A measured quantity: its heading and how its value is written.
 type Column = (&'static str, fn(&Point) -> String);
 
-/// Measured quantities, in the order of the columns; those about jammed and failed runs, precisions and strains discarded only
+/// Measured quantities, in the order of the columns; those about jammed, failed and doubtful runs, precisions and strains discarded only
 /// where there are some.
-const COLUMNS: [Column; 17] = [
+const COLUMNS: [Column; 18] = [
     ("runs", |p| p.seeds.to_string()),
     ("wanted", |p| p.seeds_wanted.to_string()),
     ("precision", |p| {
@@ -29,6 +29,7 @@ const COLUMNS: [Column; 17] = [
     ("discard", |p| number(p.discard, 3)),
     ("jammed", |p| p.jammed.to_string()),
     ("failed", |p| p.failed.to_string()),
+    ("doubtful", |p| p.doubtful.to_string()),
     ("viscosity", |p| interval(p.viscosity)),
     ("median", |p| number(p.viscosity_median, 4)),
     ("independent\nsamples", |p| number(p.effective_samples, 2)),
@@ -69,6 +70,19 @@ fn interval(estimate: Option<Estimate>) -> String {
         }) => format!("{} ± {}", significant(mean, 4), significant(width, 2)),
         Some(Estimate { mean, .. }) => significant(mean, 4),
     }
+}
+
+/// What is said of runs with doubtful numbers.
+pub(super) fn doubtful(report: &Report) -> String {
+    let what = if report.with_doubtful {
+        "averaged with the others, as --with-doubtful asks"
+    } else {
+        "not averaged; --with-doubtful averages them too"
+    };
+    format!(
+        "{} finished runs have doubtful numbers: {what}. `sweep show` says why",
+        report.doubtful
+    )
 }
 
 /// The programs of processes, each once.
@@ -128,6 +142,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
                 "discard" => auto,
                 "jammed" => c.jammed > 0,
                 "failed" => c.failed > 0,
+                "doubtful" => report.doubtful > 0,
                 _ => true,
             })
             .collect();
@@ -156,6 +171,9 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
              activated: of contacts; rolling: of activated ones.",
         )?;
         notes::write(report, &columns, out)?;
+    }
+    if report.doubtful > 0 {
+        writeln!(out, "{}", doubtful(report))?;
     }
     if report.computing > 0.0 {
         writeln!(

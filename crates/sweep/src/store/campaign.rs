@@ -1,6 +1,7 @@
 //! Taking a campaign file into its store.
 
 use super::asked::{self, Adoption, Asks};
+use super::checksum::{self, Kind};
 use super::order::{self, Priority};
 use super::{Store, StoreError, axis_columns, ends, integer, process, results, rules};
 use crate::axes::AXES;
@@ -46,9 +47,11 @@ impl Store {
         if !entry.differs {
             return Ok(());
         }
-        let shown =
-            super::schema::put_before(&self.connection, &["campaign", "cases", "results", "rules"])
-                .and_then(|()| entry.enter(&self.connection));
+        let shown = super::schema::put_before(
+            &self.connection,
+            &["campaign", "cases", "results", "checksums", "rules"],
+        )
+        .and_then(|()| entry.enter(&self.connection));
         self.read(shown)?;
         self.last_run_with = entry.other_version;
         Ok(())
@@ -180,6 +183,7 @@ impl<'c> Entry<'c> {
         for row in &self.rows {
             row.insert(connection)?;
         }
+        checksum::seal(connection, Kind::Campaign, 1)?;
         rules::enter(connection, self.campaign)?;
         // What failed beyond the strain that is asked for now may well get as far as that.
         results::reopen_failed(

@@ -146,7 +146,7 @@ fn seeds(
     let quantity = rule.quantity.name();
     connection
         .prepare_cached(&format!(
-            "SELECT c.id, c.state, c.position IS NOT NULL, c.cost, r.{quantity}
+            "SELECT c.id, c.state, c.position IS NOT NULL, c.cost, CASE WHEN coalesce(r.doubts, '') = '' THEN r.{quantity} END
              FROM cases c LEFT JOIN results r ON r.case_id = c.id WHERE c.point = ?1 ORDER BY c.reserve"
         ))?
         .query_map([point], |row| {

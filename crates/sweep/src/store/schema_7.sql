@@ -1,28 +1,16 @@
--- What schema 7 adds to schema 6: seeds that a precision decides on, computing time by the processor, and whether runs are steady.
+-- What schema 7 adds to schema 6: what tells damage, and the log of another store.
 
--- Points at which a precision is asked for.
-CREATE TABLE rules (
-    point     INTEGER PRIMARY KEY,
-    precision REAL NOT NULL,        -- half width of the 95 % interval over the mean
-    quantity  TEXT NOT NULL,        -- a column of results
-    at_least  INTEGER NOT NULL,
-    at_most   INTEGER NOT NULL
+-- Checksums of what is read back into tables and figures, each written with what it is of.
+CREATE TABLE checksums (
+    kind  TEXT NOT NULL,        -- campaign, process, result, end, samples, failure
+    id    INTEGER NOT NULL,     -- of the row, or of the case the rows belong to
+    value INTEGER NOT NULL,     -- the first 64 bits of a BLAKE3 hash of all values that are not NULL, with their names
+    PRIMARY KEY (kind, id)
+) WITHOUT ROWID;
+
+-- The last link of a chain that every change to the store makes longer by one: its own name and that of the link before. A
+-- write-ahead log whose links do not go on from the one in the file belongs to another store, or to another day of this one.
+CREATE TABLE log (
+    id   INTEGER PRIMARY KEY CHECK (id = 1),
+    link BLOB NOT NULL          -- a mark of 16 bytes, the link before (8 bytes), this link (8 bytes)
 );
-
--- The point of a case that such a rule decides on, and the position it has once its seed counts: until then that is NULL.
-ALTER TABLE cases ADD COLUMN point INTEGER;
-ALTER TABLE cases ADD COLUMN reserve INTEGER;
-CREATE INDEX cases_of_point ON cases (point, reserve) WHERE point IS NOT NULL;
--- What a case of such a point is worth per second, among cases of one rank: the dearest first.
-ALTER TABLE cases ADD COLUMN gain REAL NOT NULL DEFAULT 0.0;
-
--- Seconds of processor; NULL in runs finished under schema 6 or before.
-ALTER TABLE results ADD COLUMN cpu_time_s REAL;
--- Means of the viscosity over the four equal parts of the samples averaged, their variance, and how many samples apart two
--- count as independent.
-ALTER TABLE results ADD COLUMN viscosity_part_1 REAL;
-ALTER TABLE results ADD COLUMN viscosity_part_2 REAL;
-ALTER TABLE results ADD COLUMN viscosity_part_3 REAL;
-ALTER TABLE results ADD COLUMN viscosity_part_4 REAL;
-ALTER TABLE results ADD COLUMN viscosity_variance REAL;
-ALTER TABLE results ADD COLUMN viscosity_correlation REAL;
