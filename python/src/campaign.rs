@@ -178,7 +178,9 @@ impl Campaign {
         workers: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let workers = threads(workers)?;
-        let plan = py.detach(|| sweep::cli::plan(&self.0, workers));
+        let plan = py
+            .detach(|| sweep::cli::plan(&self.0, workers))
+            .map_err(raise)?;
         values::answer(py, &plan)
     }
 
