@@ -164,6 +164,8 @@ fn terminal_width() -> Option<u16> {
 #[derive(Debug, Clone, Copy)]
 pub struct ErrorRenderer {
     coloured: bool,
+    /// Columns it may take.
+    width: usize,
 }
 
 impl Cli {
@@ -177,14 +179,18 @@ impl Cli {
                     std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
                 }
             },
+            width: 100,
         }
     }
 }
 
 impl ErrorRenderer {
-    /// One without colours.
+    /// One without colours that leaves lines as long as they are.
     pub fn plain() -> Self {
-        Self { coloured: false }
+        Self {
+            coloured: false,
+            width: 10_000,
+        }
     }
 
     /// An error as a person reads it on standard error: what, where, and what is allowed.
@@ -196,7 +202,7 @@ impl ErrorRenderer {
         };
         let mut text = String::new();
         let rendered = miette::GraphicalReportHandler::new_themed(theme)
-            .with_width(100)
+            .with_width(self.width)
             .without_cause_chain()
             .render_report(&mut text, &Shown::of(error));
         match rendered {

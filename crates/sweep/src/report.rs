@@ -116,6 +116,7 @@ impl Report {
         let computing = runs.iter().filter_map(|run| run.wall_time_s).sum();
         let mut groups: Vec<Vec<PointRun>> = Vec::new();
         let mut place_of = HashMap::new();
+        let mut last: Option<usize> = None;
         let mut counts = Counts::default();
         let doubtful = runs.iter().filter(|run| run.is_doubtful()).count() as u64;
         for run in runs {
@@ -126,10 +127,15 @@ impl Report {
                 State::Jammed => &mut counts.jammed,
                 State::Failed => &mut counts.failed,
             } += 1;
-            let place = *place_of.entry(identity(&run.params)).or_insert_with(|| {
-                groups.push(Vec::new());
-                groups.len() - 1
-            });
+            // Runs of a point come one after the other.
+            let place = match last {
+                Some(last) if groups[last][0].params == run.params => last,
+                _ => *place_of.entry(identity(&run.params)).or_insert_with(|| {
+                    groups.push(Vec::new());
+                    groups.len() - 1
+                }),
+            };
+            last = Some(place);
             groups[place].push(run);
         }
         Ok(Self {

@@ -212,7 +212,12 @@ impl Store {
                  FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
                  WHERE c.position IS NOT NULL ORDER BY c.position",
             )
-            .and_then(|mut query| query.query_map([], point_run)?.collect());
+            .and_then(|mut query| {
+                let mut known = None;
+                query
+                    .query_map([], |row| point_run(row, &mut known))?
+                    .collect()
+            });
         self.read(rows)
     }
 
@@ -306,12 +311,20 @@ impl Store {
     }
 }
 
-/// One row of [`Store::point_runs`].
-fn point_run(row: &Row<'_>) -> Result<PointRun, rusqlite::Error> {
+/// Parameters with their text.
+type Known = Option<(String, Params)>;
+
+/// One row of [`Store::point_runs`]. Runs of a point come one after the other: their parameters are read once.
+fn point_run(row: &Row<'_>, known: &mut Known) -> Result<PointRun, rusqlite::Error> {
+    let text = row.get_ref(1)?.as_str()?;
+    let params = match known {
+        Some((last, params)) if last == text => params.clone(),
+        _ => known.insert((text.to_owned(), params(row, 1)?)).1.clone(),
+    };
     let state: String = row.get(3)?;
     Ok(PointRun {
         key: row.get(0)?,
-        params: params(row, 1)?,
+        params,
         seed: count(row.get(2)?),
         state: State::of(&state)
             .ok_or_else(|| Altered::error(format!("there is no state {state:?} of a case")))?,
