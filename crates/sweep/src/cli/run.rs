@@ -31,7 +31,7 @@ const WORKER_LIMIT: usize = 4096;
     after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/figure-11.toml --workers 8 --store /scratch/figure-11.sqlite\n  \
                   sweep run sweeps/figure-11.toml --reuse results/quickstart.sqlite\n  \
                   sweep run sweeps/figure-11.toml --priority shear_rate=inf --time-limit 2h\n  \
-                  sweep run sweeps/figure-11.toml --progress json --on-finish 'echo $SWEEP_OUTCOME'\n  \
+                  sweep run sweeps/figure-11.toml --progress json --on-finish ./tell-me.sh\n  \
                   sweep run sweeps/figure-11.toml --shard 3/24"
 )]
 pub(crate) struct Arguments {

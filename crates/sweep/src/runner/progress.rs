@@ -4,8 +4,8 @@ mod event;
 
 use crate::case::Case;
 use crate::store::{Claim, Counts};
-use clap::ValueEnum;
 use crate::visible::visible;
+use clap::ValueEnum;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sd_core::Params;
 use std::collections::VecDeque;

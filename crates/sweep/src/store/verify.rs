@@ -73,10 +73,19 @@ fn structure(connection: &Connection) -> Result<(), rusqlite::Error> {
 
 /// That every case has its key and a state there is, that the grid has no holes, and that whoever owns a case is there.
 fn cases(connection: &Connection) -> Result<(), rusqlite::Error> {
-    let mut query = connection.prepare(
-        "SELECT c.key, c.params, c.seed, c.steps, c.sample_stride, c.state, c.position,
-             c.state = 'running' AND NOT EXISTS (SELECT 1 FROM processes p WHERE p.id = c.owner) FROM cases c",
-    )?;
+    // Seeds that a precision may still take have their place, but no position yet. No store before schema 9 has any.
+    let position = if connection
+        .prepare("SELECT 1 FROM pragma_table_info('cases') WHERE name = 'reserve'")?
+        .exists([])?
+    {
+        "coalesce(c.reserve, c.position)"
+    } else {
+        "c.position"
+    };
+    let mut query = connection.prepare(&format!(
+        "SELECT c.key, c.params, c.seed, c.steps, c.sample_stride, c.state, {position},
+             c.state = 'running' AND NOT EXISTS (SELECT 1 FROM processes p WHERE p.id = c.owner) FROM cases c"
+    ))?;
     let mut rows = query.query([])?;
     let mut positions = Vec::new();
     while let Some(row) = rows.next()? {

@@ -188,14 +188,14 @@ fn complete_store_renamed_over_a_live_one_is_whole_afterwards_and_so_is_what_the
     let mut complete = open(other.path());
     complete.register(1).unwrap();
     for _ in 0..4 {
-        let claim = complete.claim().unwrap().unwrap();
+        let claim = complete.claim(1).unwrap().unwrap();
         complete.finish(&claim, &finished(State::Jammed)).unwrap();
     }
     complete.leave().unwrap();
     drop(complete);
     let mut live = open(directory.path());
     live.register(1).unwrap();
-    let claim = live.claim().unwrap().unwrap();
+    let claim = live.claim(1).unwrap().unwrap();
     live.finish(&claim, &finished(State::Done)).unwrap();
     let path = live.path().to_owned();
     std::fs::rename(other.path().join("small.sqlite"), &path).unwrap();

@@ -320,8 +320,9 @@ fn damage_anywhere_neither_crashes_nor_lets_wrong_numbers_through() {
             Err(other) => panic!("page {page}: {other}"),
         }
     }
+    // The list of tables takes five pages: without any of them nothing can be found.
     assert!(
-        saved_some > 5 && refused <= 4,
+        saved_some > 5 && refused <= 5,
         "{saved_some} saved, {refused} refused"
     );
 }
