@@ -1,6 +1,7 @@
 //! Who a process is, and whether another one still lives.
 
 use std::path::Path;
+use std::sync::LazyLock;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// A process on another host counts as dead once its heartbeat is this old.
@@ -127,10 +128,14 @@ pub(crate) fn now() -> i64 {
 
 /// Hash of the executable: two processes with the same one compute the same bits on the same machine.
 pub(crate) fn build() -> String {
-    std::env::current_exe()
-        .and_then(std::fs::read)
-        .map(|bytes| blake3::hash(&bytes).to_hex()[..16].to_owned())
-        .unwrap_or_default()
+    // A hundred megabytes with the lines for debuggers: read once.
+    static BUILD: LazyLock<String> = LazyLock::new(|| {
+        std::env::current_exe()
+            .and_then(std::fs::read)
+            .map(|bytes| blake3::hash(&bytes).to_hex()[..16].to_owned())
+            .unwrap_or_default()
+    });
+    BUILD.clone()
 }
 
 #[cfg(test)]

@@ -287,12 +287,15 @@ pub(super) fn measured(store: &Store) -> Result<Vec<Record>, StoreError> {
 
 /// Seconds of processor that the open cases of a store take, judged by its own runs and those measured on this machine.
 pub(crate) fn remaining_s(store: &Store) -> Result<f64, StoreError> {
+    let open = store.open_work()?;
+    if open.is_empty() {
+        return Ok(0.0);
+    }
     let mut costs = Costs::of_this_machine();
     measured(store)?
         .iter()
         .for_each(|record| costs.learn(record));
     let cost = costs.of_cases();
-    let open = store.open_work()?;
     Ok(open
         .iter()
         .fold(0.0, |sum, (case, left)| sum + cost(case) * left))
