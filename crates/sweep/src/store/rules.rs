@@ -3,6 +3,7 @@
 //! All seeds that a point may get are in the store from the beginning, without a position. The rule gives positions to those
 //! that count, whenever a case of the point ends, in the same transaction: what counts is a function of the results alone.
 
+use super::checksum::{self, Kind};
 use super::{Store, StoreError, count, integer};
 use crate::campaign::Campaign;
 use crate::statistics::{Decision, Measure, Outcome, Precision};
@@ -90,9 +91,11 @@ fn apply(connection: &Connection, point: i64, rule: &Precision) -> Result<(), ru
         gain if gain.is_finite() => gain / cost.max(1e-9),
         _ => 0.0,
     };
+    let mut changed = false;
     for (place, seed) in seeds.iter().enumerate() {
         let is_wanted = place < decision.wanted;
         let is_new = is_wanted && place >= decision.complete;
+        changed |= is_wanted != seed.is_wanted;
         if is_wanted != seed.is_wanted || is_new {
             connection
                 .prepare_cached(
@@ -100,6 +103,10 @@ fn apply(connection: &Connection, point: i64, rule: &Precision) -> Result<(), ru
                 )?
                 .execute(params![seed.id, is_wanted, gain])?;
         }
+    }
+    if changed {
+        // The number of runs is sealed with the campaign.
+        checksum::seal(connection, Kind::Campaign, 1)?;
     }
     Ok(())
 }
