@@ -616,13 +616,13 @@ impl ContactSolver {
         let solved = match &mut self.backend {
             Backend::Dense(system) => {
                 system.begin(resistance, problem, forces);
-                solver.solve_states(problem, &mut **system)
+                solver.solve_states(problem, &mut **system).0
             }
             Backend::Sparse(system) => {
                 system.start();
                 let driving = Driving::by(forces);
                 let mut on_network = OnNetwork::begin(resistance, system, problem, driving)?;
-                solver.solve_states(problem, &mut on_network)
+                solver.solve_states(problem, &mut on_network).0
             }
         };
         if !solved {

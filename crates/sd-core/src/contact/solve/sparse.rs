@@ -42,7 +42,7 @@ const MOST_ITERATIONS: usize = 40;
 /// Changes of the states that a factor outlives.
 const MOST_CHANGES: usize = 20;
 /// Iterations of a call beyond which a factor with other states is made anew.
-const PATIENT: usize = 4;
+const PATIENT: usize = 6;
 /// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
 const LEAST_FORCE: f64 = 6.0 * PI;
 /// Mobility of a contact, about, in 1/(mu·a).
@@ -84,7 +84,6 @@ struct Linear<'a> {
     network: &'a PairwiseResistance,
     problem: &'a Problem,
     states: &'a States,
-    compliance: f64,
 }
 
 impl SparseSystem {
@@ -109,12 +108,12 @@ impl SparseSystem {
 impl Linear<'_> {
     /// Compliance of a candidate.
     fn compliance(&self, k: usize) -> f64 {
-        self.problem.normal[k].compliance + self.compliance
+        self.problem.normal[k].compliance
     }
 
     /// Compliance of a row.
     fn row_compliance(&self, m: usize) -> f64 {
-        self.problem.tangential[m].compliance + self.compliance
+        self.problem.tangential[m].compliance
     }
 
     /// Friction over load of a sliding row of a closed candidate; 0 for others.
@@ -392,7 +391,6 @@ impl System for OnNetwork<'_> {
         &mut self,
         problem: &Problem,
         states: &States,
-        compliance: f64,
         last: bool,
         forces: &mut Forces,
     ) -> Option<Noise> {
@@ -400,7 +398,6 @@ impl System for OnNetwork<'_> {
             network: self.network,
             problem,
             states,
-            compliance,
         };
         let system = &mut *self.system;
         SparseSystem::follow(&linear, forces);
@@ -478,7 +475,7 @@ impl System for OnNetwork<'_> {
         std::mem::swap(&mut self.system.driving, &mut driving);
         let mut none = Forces::default();
         for _ in 0..8 {
-            let noise = self.solve(problem, &states, 0.0, true, &mut none);
+            let noise = self.solve(problem, &states, true, &mut none);
             if noise.is_none_or(|noise| noise.exact) {
                 break;
             }
