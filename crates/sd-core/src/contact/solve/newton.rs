@@ -19,8 +19,8 @@ const MOST_CALLS: u32 = 8;
 const DECISIONS: u32 = 10;
 /// Share of the rows that few contradictions are, as its inverse.
 const SETTLED: usize = 20;
-/// Systems without fewer contradictions after which only some are mended at a time, chosen by chance.
-const PATIENCE: u32 = 3;
+/// Systems without fewer contradictions after which another way is tried.
+const PATIENCE: u32 = 10;
 /// How well forces solve a problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Merit {
@@ -49,56 +49,9 @@ pub(crate) enum Outcome {
     },
 }
 
-/// Which contradictions are mended: all, or where that goes in circles some at random.
-struct Pace {
-    /// Fewest contradictions so far.
-    fewest: usize,
-    /// Systems without fewer ones that are still waited for.
-    patience: u32,
-    /// State of a generator whose numbers are the same on every machine, once chance decides.
-    chance: Option<u64>,
-}
-
-impl Pace {
-    /// Begins with all.
-    fn new() -> Self {
-        Self {
-            fewest: usize::MAX,
-            patience: PATIENCE,
-            chance: None,
-        }
-    }
-
-    /// Whether the next contradiction is mended: even chances, once chance decides.
-    fn draw(&mut self) -> bool {
-        self.chance.as_mut().is_none_or(|state| {
-            // Knuth's MMIX generator; its high bits are the good ones.
-            *state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            *state >> 63 == 1
-        })
-    }
-
-    /// After a system with so many contradictions.
-    fn after(&mut self, system: u32, contradictions: usize) {
-        if contradictions < self.fewest {
-            *self = Self {
-                fewest: contradictions,
-                ..Self::new()
-            };
-        } else {
-            self.patience = self.patience.saturating_sub(1);
-            if self.patience == 0 && self.chance.is_none() {
-                self.chance = Some(u64::from(system));
-            }
-        }
-    }
-}
-
 /// How a row of Newton steps ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Ended {
+pub(super) enum Ended {
     /// No state is contradicted.
     Solved,
     /// A candidate needs a tangential row.
@@ -129,7 +82,10 @@ pub(crate) struct BoxSolver {
     pub(crate) forces: Forces,
     /// Where a path has come to: forces, slack and slip of a problem on the way.
     pub(super) point: Forces,
-    /// On which rows friction acted to begin with.
+    /// Velocity at which contacts give way there, about.
+    pub(super) gives: f64,
+    /// Forces to begin with, and on which rows friction acted.
+    start: Forces,
     acts: Vec<bool>,
     /// Times that the set of contacts with friction may still be decided.
     deciding: u32,
@@ -141,7 +97,7 @@ impl BoxSolver {
         self.states.closed.reserve(candidates);
         self.states.grip.reserve(2 * candidates);
         self.acts.reserve(2 * candidates);
-        for forces in [&mut self.forces, &mut self.point] {
+        for forces in [&mut self.forces, &mut self.point, &mut self.start] {
             forces.normal.reserve(candidates);
             forces.slack.reserve(candidates);
             forces.tangential.reserve(2 * candidates);
@@ -159,6 +115,7 @@ impl BoxSolver {
         onset: Onset,
         mut refine: impl FnMut(&mut Problem, &Forces) -> usize,
     ) -> Outcome {
+        self.start.copy_from(&self.forces);
         self.acts.clear();
         self.acts
             .extend(problem.tangential.iter().map(|row| row.acts));
@@ -173,6 +130,7 @@ impl BoxSolver {
             for (row, &acts) in problem.tangential.iter_mut().zip(&self.acts) {
                 row.acts = acts;
             }
+            self.forces.copy_from(&self.start);
             for deciding in [self.deciding > 0, false] {
                 let (end, more) = self.find_path(problem, system);
                 systems += more;
@@ -214,14 +172,14 @@ impl BoxSolver {
     }
 
     /// Newton steps until no state is contradicted, and how many.
-    fn newton(
+    pub(super) fn newton(
         &mut self,
         problem: &mut Problem,
         system: &mut impl System,
         onset: Onset,
         refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
     ) -> (Ended, u32) {
-        let mut pace = Pace::new();
+        let (mut fewest, mut patience) = (usize::MAX, PATIENCE);
         let mut last = false;
         for count in 1..=MOST_SYSTEMS {
             let Some(noise) = system.solve(problem, &self.states, last, &mut self.forces) else {
@@ -231,7 +189,7 @@ impl BoxSolver {
             if deciding && onset.admits && self.lacks_row(problem, onset.critical_load) {
                 return (Ended::Admit, count);
             }
-            let mut found = refine(problem, &self.forces) + self.mend(problem, noise, &mut pace);
+            let mut found = refine(problem, &self.forces) + self.mend(problem, noise);
             if onset.smooth {
                 found += self.decide(problem, onset.critical_load, noise.force);
             } else if SETTLED * found <= problem.tangential.len()
@@ -246,8 +204,13 @@ impl BoxSolver {
                 return (Ended::Solved, count);
             }
             last = found == 0;
-            if found > 0 {
-                pace.after(count, found);
+            if found > 0 && found < fewest {
+                (fewest, patience) = (found, PATIENCE);
+            } else if found > 0 {
+                patience -= 1;
+                if patience == 0 {
+                    return (Ended::Failed, count);
+                }
             }
         }
         (Ended::Failed, MOST_SYSTEMS)
@@ -344,7 +307,7 @@ impl BoxSolver {
     }
 
     /// Counts the states that the forces at hand contradict, and changes them, all or some.
-    fn mend(&mut self, problem: &Problem, noise: Noise, pace: &mut Pace) -> usize {
+    fn mend(&mut self, problem: &Problem, noise: Noise) -> usize {
         let (forces, states) = (&self.forces, &mut self.states);
         let mut found = 0;
         for (k, closed) in states.closed.iter_mut().enumerate() {
@@ -357,7 +320,7 @@ impl BoxSolver {
             };
             if wrong {
                 found += 1;
-                *closed ^= pace.draw();
+                *closed ^= true;
             }
         }
         for (m, row) in problem.tangential.iter().enumerate() {
@@ -383,9 +346,7 @@ impl BoxSolver {
             };
             if next != grip {
                 found += 1;
-                if pace.draw() {
-                    states.grip[m] = next;
-                }
+                states.grip[m] = next;
             }
         }
         found

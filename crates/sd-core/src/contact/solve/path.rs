@@ -11,17 +11,18 @@
 //! have a solution, as it is not the gradient of anything; the layer is then jammed at that instant. What is left at hand are the
 //! forces at the beginning of the ray, and contacts that give way at λ.
 
-use super::newton::BoxSolver;
+use super::newton::{BoxSolver, Ended, Onset};
 use super::problem::{Forces, Grip, Problem, States, System, largest};
 
-/// Changes of state, over the number of candidates and rows, after which a path is given up.
-const MOST_CHANGES: usize = 6;
 /// Force, in mu·a²·rate, above which it grows without bound.
 const UNBOUNDED: f64 = 1e8;
 /// What a bound on friction is at most on the way.
 const MOST_FRICTION: f64 = 100.0;
 /// Spread of what is added to the slack of contacts: no two of them change at once.
 const SPREAD: f64 = 0.3;
+/// Share of what is added that Newton's method leaves, and how often at most.
+const PART: f64 = 0.3;
+const MOST_PARTS: u32 = 12;
 /// What slack and slip of the wrong sign are at the beginning of a path, in a·rate.
 const LEAST_SLACK: f64 = 0.01;
 
@@ -144,10 +145,17 @@ fn edges<'a>(problem: &'a Problem, states: &'a States) -> impl Iterator<Item = E
     normal.chain(tangential.flatten())
 }
 
-/// Numbers in [0, 1) that look random, the same on every machine.
-fn spread(number: usize) -> f64 {
+/// Numbers about 1 that look random, the same on every machine.
+fn weight(number: usize) -> f64 {
     // The golden ratio's multiples are spread evenly.
-    (0.618_033_988_749_894_9 * (number + 1) as f64).fract()
+    1.0 + SPREAD * (0.618_033_988_749_894_9 * (number + 1) as f64).fract()
+}
+
+/// Lets all contacts give way at a velocity.
+fn add_slack(problem: &mut Problem, velocity: f64) {
+    for (k, entry) in problem.normal.iter_mut().enumerate() {
+        entry.bias += velocity * weight(k);
+    }
 }
 
 impl BoxSolver {
@@ -164,7 +172,11 @@ impl BoxSolver {
         problem.friction = friction.min(MOST_FRICTION);
         self.begin_path(problem, system, begin);
         let (mut systems, mut crossed) = (0, None);
-        let most = MOST_CHANGES * (problem.normal.len() + problem.tangential.len());
+        if begin == Begin::Open {
+            systems += self.go_by_newton(problem, system);
+        }
+        let size = problem.normal.len() + problem.tangential.len();
+        let most = match begin { Begin::Here => 50 + size / 2, Begin::Open => 10 * size };
         let mut end = PathEnd::Lost;
         for _ in 0..most {
             let (solved, more) = self.solve_states(problem, system);
@@ -172,14 +184,12 @@ impl BoxSolver {
             if !solved {
                 break;
             }
-            match self.go(problem, &mut crossed) {
-                Some(at_end) => {
-                    end = at_end;
-                    break;
-                }
-                None => {}
+            if let Some(at_end) = self.go(problem, &mut crossed) {
+                end = at_end;
+                break;
             }
         }
+        if std::env::var_os("ZZ").is_some() { eprintln!("path {begin:?} {end:?} systems {systems} K {} M {} closed {} fmax {:.1e}", problem.normal.len(), problem.tangential.len(), self.states.closed.iter().filter(|c| **c).count(), largest(&self.point.normal)); }
         if end != PathEnd::Solved {
             self.forces.copy_from(&self.point);
             self.clip(problem);
@@ -202,12 +212,11 @@ impl BoxSolver {
         point.copy_from(forces);
         point.slack.clone_from(&forces.slack);
         point.slip.clone_from(&forces.slip);
-        let weight = |k: usize| 1.0 + SPREAD * spread(k);
         if begin == Begin::Open {
             let gives = point.slack.iter().enumerate();
-            let gives = gives.fold(0.0_f64, |most, (k, w)| most.max(-w / weight(k)));
+            self.gives = gives.fold(0.0_f64, |most, (k, w)| most.max(-w / weight(k)));
             for (k, slack) in point.slack.iter_mut().enumerate() {
-                *slack += gives * weight(k);
+                *slack += self.gives * weight(k);
             }
             return;
         }
@@ -226,6 +235,32 @@ impl BoxSolver {
                 *slip = 0.0;
             }
         }
+    }
+
+    /// Takes away what is added in large parts, as long as Newton's method finds the solution each time; how many systems it took.
+    fn go_by_newton(&mut self, problem: &mut Problem, system: &mut impl System) -> u32 {
+        let held = Onset {
+            critical_load: 0.0,
+            smooth: false,
+            admits: false,
+            deciding: false,
+        };
+        let mut systems = 0;
+        for _ in 0..MOST_PARTS {
+            let gives = self.gives * PART;
+            add_slack(problem, gives);
+            let (ended, more) = self.newton(problem, system, held, &mut |_, _| 0);
+            add_slack(problem, -gives);
+            systems += more;
+            if ended != Ended::Solved {
+                break;
+            }
+            self.gives = gives;
+            self.point.clone_from(&self.forces);
+        }
+        self.forces.copy_from(&self.point);
+        self.read_states(problem);
+        systems
     }
 
     /// Goes on towards the forces at hand, or away from them, to the first boundary, and crosses it; how the path ended, if it did.

@@ -98,7 +98,7 @@ pub(crate) struct States {
 }
 
 /// Forces, and the velocities that go with them.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 pub(crate) struct Forces {
     /// f of each candidate, in mu·a²·rate.
     pub(crate) normal: Vec<f64>,

@@ -173,6 +173,8 @@ fn solve(law: Law, network: &mut Network, given: &[f64]) -> (Problem, BoxSolver,
     let mut solver = BoxSolver::default();
     solver.states.closed.resize(count, true);
     solver.states.grip.resize(count, Grip::Stick);
+    solver.forces.normal.resize(count, 0.0);
+    solver.forces.tangential.resize(count, 0.0);
     let held = Onset {
         critical_load: 0.0,
         smooth: false,
