@@ -36,9 +36,19 @@ fn main() {
             stiffness: 10.0 * stiff,
             ..spring(StickSlide)
         }),
-        "rep" => ContactScheme::Laws(ContactLaws { normal: NormalLaw::ExponentialRepulsion, repulsion: 1.0, repulsion_length: 0.02, lubrication_gap: 0.001, ..ContactLaws::PAPER }),
+        "rep" => ContactScheme::Laws(ContactLaws {
+            normal: NormalLaw::ExponentialRepulsion,
+            repulsion: 1.0,
+            repulsion_length: 0.02,
+            lubrication_gap: 0.001,
+            ..ContactLaws::PAPER
+        }),
         "srot" => ContactScheme::Laws(spring(StickRotate)),
-        "hrep" => ContactScheme::Laws(ContactLaws { repulsion: 1.0, repulsion_length: 0.02, ..spring(StickSlide) }),
+        "hrep" => ContactScheme::Laws(ContactLaws {
+            repulsion: 1.0,
+            repulsion_length: 0.02,
+            ..spring(StickSlide)
+        }),
         _ => panic!(),
     };
     let p = Params {

@@ -161,14 +161,24 @@ impl BoxSolver {
         }
     }
 
-    /// Follows a path from the forces at hand, and one from none if that leads nowhere.
+    /// Follows paths, the shortest first, until one leads to the solution or shows that there is none.
     fn find_path(&mut self, problem: &mut Problem, system: &mut impl System) -> (PathEnd, u32) {
-        let (end, systems) = self.follow_path(problem, system, Begin::Here);
-        if end == PathEnd::Solved {
-            return (end, systems);
+        let (mut end, mut systems) = (PathEnd::Lost, 0);
+        for begin in [Begin::Here, Begin::Ahead, Begin::Open] {
+            let more;
+            (end, more) = self.follow_path(problem, system, begin);
+            systems += more;
+            // The ray of a path that does not begin without forces says nothing.
+            let at_end = match end {
+                PathEnd::Solved => true,
+                PathEnd::Ray => begin != Begin::Here,
+                PathEnd::Lost => false,
+            };
+            if at_end {
+                break;
+            }
         }
-        let (end, more) = self.follow_path(problem, system, Begin::Open);
-        (end, systems + more)
+        (end, systems)
     }
 
     /// Newton steps until no state is contradicted, and how many.
@@ -192,9 +202,7 @@ impl BoxSolver {
             let mut found = refine(problem, &self.forces) + self.mend(problem, noise);
             if onset.smooth {
                 found += self.decide(problem, onset.critical_load, noise.force);
-            } else if SETTLED * found <= problem.tangential.len()
-                && deciding
-            {
+            } else if SETTLED * found <= problem.tangential.len() && deciding {
                 // Not before, as forces of states that are contradicted say nothing about loads.
                 let changes = self.decide(problem, onset.critical_load, noise.force);
                 self.deciding -= u32::from(changes > 0);

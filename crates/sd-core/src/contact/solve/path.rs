@@ -14,15 +14,17 @@
 use super::newton::{BoxSolver, Ended, Onset};
 use super::problem::{Forces, Grip, Problem, States, System, largest};
 
+/// Changes of state after which a path from forces at hand is given up.
+const MOST_CHANGES: usize = 100;
 /// Force, in mu·a²·rate, above which it grows without bound.
 const UNBOUNDED: f64 = 1e8;
 /// What a bound on friction is at most on the way.
 const MOST_FRICTION: f64 = 100.0;
 /// Spread of what is added to the slack of contacts: no two of them change at once.
 const SPREAD: f64 = 0.3;
-/// Share of what is added that Newton's method leaves, and how often at most.
-const PART: f64 = 0.3;
-const MOST_PARTS: u32 = 12;
+/// Share of what is added that Newton's method leaves at a time: at first, and where it is no longer worth its while.
+const LEAST_LEFT: f64 = 0.2;
+const MOST_LEFT: f64 = 0.9;
 /// What slack and slip of the wrong sign are at the beginning of a path, in a·rate.
 const LEAST_SLACK: f64 = 0.01;
 
@@ -42,6 +44,8 @@ pub(super) enum PathEnd {
 pub(super) enum Begin {
     /// At the forces at hand.
     Here,
+    /// Without forces; Newton's method takes the first steps.
+    Ahead,
     /// Without forces.
     Open,
 }
@@ -172,11 +176,13 @@ impl BoxSolver {
         problem.friction = friction.min(MOST_FRICTION);
         self.begin_path(problem, system, begin);
         let (mut systems, mut crossed) = (0, None);
-        if begin == Begin::Open {
+        if begin == Begin::Ahead {
             systems += self.go_by_newton(problem, system);
         }
-        let size = problem.normal.len() + problem.tangential.len();
-        let most = match begin { Begin::Here => 50 + size / 2, Begin::Open => 10 * size };
+        let most = match begin {
+            Begin::Here => MOST_CHANGES,
+            Begin::Ahead | Begin::Open => 10 * (problem.normal.len() + problem.tangential.len()),
+        };
         let mut end = PathEnd::Lost;
         for _ in 0..most {
             let (solved, more) = self.solve_states(problem, system);
@@ -189,7 +195,6 @@ impl BoxSolver {
                 break;
             }
         }
-        if std::env::var_os("ZZ").is_some() { eprintln!("path {begin:?} {end:?} systems {systems} K {} M {} closed {} fmax {:.1e}", problem.normal.len(), problem.tangential.len(), self.states.closed.iter().filter(|c| **c).count(), largest(&self.point.normal)); }
         if end != PathEnd::Solved {
             self.forces.copy_from(&self.point);
             self.clip(problem);
@@ -201,7 +206,7 @@ impl BoxSolver {
 
     /// The first point, and its states.
     fn begin_path(&mut self, problem: &Problem, system: &mut impl System, begin: Begin) {
-        if begin == Begin::Open {
+        if begin != Begin::Here {
             self.forces.normal.fill(0.0);
             self.forces.tangential.fill(0.0);
         }
@@ -212,7 +217,7 @@ impl BoxSolver {
         point.copy_from(forces);
         point.slack.clone_from(&forces.slack);
         point.slip.clone_from(&forces.slip);
-        if begin == Begin::Open {
+        if begin != Begin::Here {
             let gives = point.slack.iter().enumerate();
             self.gives = gives.fold(0.0_f64, |most, (k, w)| most.max(-w / weight(k)));
             for (k, slack) in point.slack.iter_mut().enumerate() {
@@ -245,18 +250,21 @@ impl BoxSolver {
             admits: false,
             deciding: false,
         };
-        let mut systems = 0;
-        for _ in 0..MOST_PARTS {
-            let gives = self.gives * PART;
+        let (mut systems, mut left) = (0, LEAST_LEFT);
+        while left < MOST_LEFT && self.gives > LEAST_SLACK * LEAST_LEFT {
+            let gives = self.gives * left;
             add_slack(problem, gives);
             let (ended, more) = self.newton(problem, system, held, &mut |_, _| 0);
             add_slack(problem, -gives);
             systems += more;
-            if ended != Ended::Solved {
-                break;
+            if ended == Ended::Solved && !self.is_unbounded() {
+                self.gives = gives;
+                self.point.clone_from(&self.forces);
+            } else {
+                left = left.sqrt();
+                self.forces.copy_from(&self.point);
+                self.read_states(problem);
             }
-            self.gives = gives;
-            self.point.clone_from(&self.forces);
         }
         self.forces.copy_from(&self.point);
         self.read_states(problem);
@@ -268,7 +276,10 @@ impl BoxSolver {
         let (from, to) = (&self.point, &self.forces);
         let change = |edge: Edge| {
             let distance = edge.distance(problem, &self.states.grip, from);
-            [distance, edge.distance(problem, &self.states.grip, to) - distance]
+            [
+                distance,
+                edge.distance(problem, &self.states.grip, to) - distance,
+            ]
         };
         // What was crossed is left behind.
         let direction = crossed.map_or(1.0, |edge| change(edge)[1].signum());
@@ -293,7 +304,9 @@ impl BoxSolver {
         let share = direction * if direction > 0.0 { time.min(1.0) } else { time };
         let reach = |from: &[f64], to: &[f64]| {
             let pairs = from.iter().zip(to);
-            pairs.fold(0.0_f64, |most, (a, b)| most.max((a + share * (b - a)).abs()))
+            pairs.fold(0.0_f64, |most, (a, b)| {
+                most.max((a + share * (b - a)).abs())
+            })
         };
         if reach(&from.normal, &to.normal) > UNBOUNDED {
             return Some(PathEnd::Ray);

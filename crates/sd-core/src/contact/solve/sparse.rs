@@ -39,6 +39,8 @@ const SLOW: f64 = 1e-9;
 const LEAST_ROUNDING: f64 = 1e-14;
 /// Most iterations of one call.
 const MOST_ITERATIONS: usize = 40;
+/// Calls for the motion under given forces.
+const MOST_CALLS: u32 = 8;
 /// Changes of the states that a factor outlives.
 const MOST_CHANGES: usize = 20;
 /// Iterations of a call beyond which a factor with other states is made anew.
@@ -77,6 +79,10 @@ pub(crate) struct SparseSystem {
     correction: Vec<f64>,
     /// Forces on the spheres, `[3N]`.
     work: Vec<f64>,
+    /// What belongs to the motion under given forces: driving forces with those of contacts, contacts that are open, no forces.
+    given: [Vec<f64>; 2],
+    open: States,
+    none: Forces,
 }
 
 /// The spheres, contacts and what they do: all that the linear system is made of.
@@ -459,28 +465,35 @@ impl System for OnNetwork<'_> {
 
     fn measure(&mut self, problem: &Problem, forces: &mut Forces) {
         // The motion under these forces: no contact is closed, all forces are given.
-        let states = States {
-            closed: vec![false; problem.normal.len()],
-            grip: vec![Grip::Off; problem.tangential.len()],
-        };
-        let mut driving = self.system.driving.clone();
+        let mut open = std::mem::take(&mut self.system.open);
+        open.closed.clear();
+        open.closed.resize(problem.normal.len(), false);
+        open.grip.clear();
+        open.grip.resize(problem.tangential.len(), Grip::Off);
+        for (given, driving) in self.system.given.iter_mut().zip(&self.system.driving) {
+            given.clone_from(driving);
+        }
         for (entry, &f) in problem.normal.iter().zip(&forces.normal) {
-            for force in &mut driving {
-                entry.row.add(f, force);
+            for given in &mut self.system.given {
+                entry.row.add(f, given);
             }
         }
         for (entry, &t) in problem.tangential.iter().zip(&forces.tangential) {
-            entry.row.add(-t, &mut driving[0]);
+            entry.row.add(-t, &mut self.system.given[0]);
         }
-        std::mem::swap(&mut self.system.driving, &mut driving);
-        let mut none = Forces::default();
-        for _ in 0..8 {
-            let noise = self.solve(problem, &states, true, &mut none);
+        let exchange = |system: &mut SparseSystem| {
+            std::mem::swap(&mut system.driving, &mut system.given);
+        };
+        exchange(self.system);
+        let mut none = std::mem::take(&mut self.system.none);
+        for _ in 0..MOST_CALLS {
+            let noise = self.solve(problem, &open, true, &mut none);
             if noise.is_none_or(|noise| noise.exact) {
                 break;
             }
         }
-        self.system.driving = driving;
+        exchange(self.system);
+        (self.system.open, self.system.none) = (open, none);
         self.read(problem, forces);
     }
 
