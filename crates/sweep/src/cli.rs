@@ -2,6 +2,7 @@
 
 mod cancel;
 mod completions;
+mod convert;
 mod error;
 mod export;
 mod merge;
@@ -22,6 +23,9 @@ mod submit;
 mod verify;
 
 pub use error::Error;
+pub use plan::{Plan, plan};
+pub use scalars::named as named_scalars;
+pub use solve::{Input as InstantInput, InputError, configuration};
 
 use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
@@ -72,6 +76,7 @@ enum Command {
     Cancel(cancel::Arguments),
     Status(status::Arguments),
     Report(report::Arguments),
+    Convert(convert::Arguments),
     Show(show::Arguments),
     Export(export::Arguments),
     Serve(serve::Arguments),
@@ -121,6 +126,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Cancel(arguments) => cancel::execute(&arguments, &mut output),
         Command::Status(arguments) => status::execute(&arguments, &mut output),
         Command::Report(arguments) => report::execute(&arguments, &mut output),
+        Command::Convert(arguments) => convert::execute(&arguments, &mut output),
         Command::Show(arguments) => show::execute(&arguments, &mut output),
         Command::Export(arguments) => export::execute(&arguments, &mut output),
         Command::Serve(arguments) => serve::execute(&arguments, &mut output),
@@ -172,6 +178,11 @@ impl Cli {
 }
 
 impl ErrorRenderer {
+    /// One without colours.
+    pub fn plain() -> Self {
+        Self { coloured: false }
+    }
+
     /// An error as a person reads it on standard error: what, where, and what is allowed.
     pub fn explain(self, error: &Error) -> String {
         let theme = if self.coloured {

@@ -11,10 +11,10 @@ use crate::tables;
 use sd_core::cell::Cell;
 use sd_core::contact::ContactState;
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
-use sd_core::model::Words as _;
+use sd_core::model::Words;
 use sd_core::modes::{Background, Vec2};
-use sd_core::{Hydrodynamics, NearFields};
-use serde::{Deserialize, Serialize};
+use sd_core::{Hydrodynamics, LeadingOrder, NearFields};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ const RADIUS_LIMIT: usize = 10;
 /// Solve one instant of one configuration
 ///
 /// FILE is JSON: `centres` and `hydrodynamics`, and optionally `radii`, `cell`, `offset`, `background`, `forces`, `torques`,
-/// `contact`; docs/json.md has all of it. Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
+/// `lubrication`, `contact`; docs/json.md has all of it. Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example:\n  echo '{\"centres\": [[0, 0], [2.1, 0]], \"hydrodynamics\": \"ball-melrose\"}' | sweep solve - --json"
@@ -36,28 +36,63 @@ pub(crate) struct Arguments {
     file: PathBuf,
 }
 
-/// The configuration as it is written.
+/// A configuration as it is written, in JSON or by another program. Lengths in sphere radii, forces in mu·a²·rate.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Input {
+pub struct Input {
     /// Centres.
-    centres: Vec<[f64; 2]>,
+    pub centres: Vec<[f64; 2]>,
     /// Radii, default 1.
-    radii: Option<Vec<f64>>,
+    pub radii: Option<Vec<f64>>,
     /// Cell sides; none: unbounded.
     cell: Option<[f64; 2]>,
     /// Offset of the cell.
     offset: Option<f64>,
-    /// Hydrodynamics.
+    /// Hydrodynamics, by its word.
+    #[serde(deserialize_with = "by_word")]
     hydrodynamics: Hydrodynamics,
+    /// Numbers of leading-order lubrication, default the usual ones.
+    lubrication: Option<LeadingOrder>,
     /// Imposed flow, default simple shear.
     background: Option<Flow>,
     /// External forces, default 0.
-    forces: Option<Vec<[f64; 2]>>,
+    pub forces: Option<Vec<[f64; 2]>>,
     /// External torques, default 0.
-    torques: Option<Vec<f64>>,
+    pub torques: Option<Vec<f64>>,
     /// Contact problem, default none.
     contact: Option<Contact>,
+}
+
+/// A choice by its word.
+fn by_word<'de, D: Deserializer<'de>, T: Words>(deserializer: D) -> Result<T, D::Error> {
+    let word = String::deserialize(deserializer)?;
+    T::of_word(&word).ok_or_else(|| {
+        let known: Vec<String> = T::WORDS
+            .iter()
+            .map(|known| format!("{:?}", known.word))
+            .collect();
+        serde::de::Error::custom(format!(
+            "{word:?} is not known, expected {}",
+            known.join(" or ")
+        ))
+    })
+}
+
+/// Why an [`Input`] is no configuration.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum InputError {
+    /// A value that cannot be meant.
+    #[error("{field}: {message}")]
+    Value {
+        /// Name of the value.
+        field: &'static str,
+        /// What is wrong, and what is allowed.
+        message: String,
+    },
+    /// What the solver refuses.
+    #[error(transparent)]
+    Physics(#[from] sd_core::Error),
 }
 
 /// Imposed flow as it is written.
@@ -86,7 +121,10 @@ struct Strain {
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let bytes = read_limited(&arguments.file, INPUT_LIMIT)?;
     let (configuration, contact) = read(&arguments.file, &bytes)?;
-    let ratios = NearFields::ratios(&configuration.radii);
+    let mut ratios = NearFields::ratios(&configuration.radii);
+    if !configuration.hydrodynamics.needs_tables() {
+        ratios.clear();
+    }
     let tables = if ratios.iter().all(|ratio| (0.01..=100.0).contains(ratio)) {
         tables::make(&ratios, |_| ())?
     } else {
@@ -116,17 +154,39 @@ fn read(path: &Path, bytes: &[u8]) -> Result<(Configuration, ContactRequest), Er
             message: message.chars().take(400).collect(),
         }
     })?;
-    let refuse = |field, message: &str| {
-        Err(Error::Value {
+    configuration(input).map_err(|error| match error {
+        InputError::Value { field, message } => Error::Value {
             path: path.to_owned(),
+            field,
+            message,
+        },
+        InputError::Physics(error) => error.into(),
+    })
+}
+
+/// The configuration and the contact problem that an input means.
+///
+/// # Errors
+/// Lists of other lengths, more spheres or radii than can be computed, values without meaning or out of range.
+pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), InputError> {
+    let refuse = |field, message: &str| {
+        Err(InputError::Value {
             field,
             message: message.into(),
         })
     };
+    let hydrodynamics = match (input.hydrodynamics, input.lubrication) {
+        (Hydrodynamics::Lubrication(_), Some(numbers)) => Hydrodynamics::Lubrication(numbers),
+        (other, None) => other,
+        (other, Some(_)) => {
+            let word = other.word();
+            return refuse("lubrication", &format!("has no meaning under {word}"));
+        }
+    };
     let n = input.centres.len();
-    let most = input.hydrodynamics.most_spheres();
+    let most = hydrodynamics.most_spheres();
     if n > most {
-        let word = input.hydrodynamics.word();
+        let word = hydrodynamics.word();
         return refuse(
             "centres",
             &format!("{n} spheres, at most {most} under {word}"),
@@ -163,7 +223,7 @@ fn read(path: &Path, bytes: &[u8]) -> Result<(Configuration, ContactRequest), Er
     };
     let contact = match input.contact {
         None => ContactRequest::None,
-        Some(contact) => match contact.request() {
+        Some(contact) => match contact.request(hydrodynamics) {
             Ok(request) => request,
             Err((field, message)) => return refuse(field, &message),
         },
@@ -173,7 +233,7 @@ fn read(path: &Path, bytes: &[u8]) -> Result<(Configuration, ContactRequest), Er
         centres: vectors(input.centres),
         radii: input.radii.unwrap_or_else(|| vec![1.0; n]),
         cell,
-        hydrodynamics: input.hydrodynamics,
+        hydrodynamics,
         background: input
             .background
             .map_or(Background::SHEAR, |flow| Background {
