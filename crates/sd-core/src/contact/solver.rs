@@ -484,11 +484,12 @@ impl ContactSolver {
         let load = posed.laws.surface.critical_load;
         for row in rows {
             let contact = &self.list[row.contact];
-            row.acts = if deciding {
-                contact.normal_force > load
-            } else {
-                contact.friction_acts
-            };
+            row.acts = posed.laws.is_smooth()
+                || if deciding {
+                    contact.normal_force > load
+                } else {
+                    contact.friction_acts
+                };
         }
     }
 

@@ -6,7 +6,7 @@
 //! [`super::path`] finds the solution, or that there is none. What is accepted is measured: [`Merit`] vanishes exactly at a solution.
 //!
 //! On which contacts friction acts (f > F_crit) is decided anew for every solution until the set agrees with itself, or has been decided
-//! often enough: the law jumps there, and such a set need not exist. Where the law does not jump it is decided along with the states.
+//! often enough: the law jumps there, and such a set need not exist. Where the law does not jump there is nothing to decide.
 
 use super::path::{Begin, PathEnd};
 use super::problem::{Forces, Grip, Noise, Problem, States, System};
@@ -17,8 +17,8 @@ const MOST_SYSTEMS: u32 = 40;
 const MOST_CALLS: u32 = 8;
 /// Times that it is decided anew on which contacts friction acts.
 const DECISIONS: u32 = 10;
-/// Share of the rows that few contradictions are, as its inverse.
-const SETTLED: usize = 20;
+/// How exact forces must be for that, over the critical load.
+const CLOSE: f64 = 1e-3;
 /// Systems without fewer contradictions after which another way is tried.
 const PATIENCE: u32 = 10;
 /// How well forces solve a problem.
@@ -65,7 +65,7 @@ pub(super) enum Ended {
 pub(crate) struct Onset {
     /// Load above which friction acts.
     pub(crate) critical_load: f64,
-    /// Whether the set of contacts on which it acts follows the loads to the end: where the law does not jump there.
+    /// Whether it acts on every row, and the bound says how much: where the law does not jump.
     pub(crate) smooth: bool,
     /// Whether contacts without a tangential row get one once they are loaded.
     pub(crate) admits: bool,
@@ -119,7 +119,11 @@ impl BoxSolver {
         self.acts.clear();
         self.acts
             .extend(problem.tangential.iter().map(|row| row.acts));
-        self.deciding = if onset.deciding { DECISIONS } else { 0 };
+        self.deciding = if onset.deciding && !onset.smooth {
+            DECISIONS
+        } else {
+            0
+        };
         let (mut ended, mut systems) = self.newton(problem, system, onset, &mut refine);
         let mut jammed = false;
         if ended == Ended::Solved && self.is_unbounded() {
@@ -195,15 +199,17 @@ impl BoxSolver {
             let Some(noise) = system.solve(problem, &self.states, last, &mut self.forces) else {
                 return (Ended::Failed, count);
             };
-            let deciding = self.deciding > 0 || onset.smooth;
-            if deciding && onset.admits && self.lacks_row(problem, onset.critical_load) {
+            let deciding = self.deciding > 0;
+            if (deciding || onset.smooth)
+                && onset.admits
+                && self.lacks_row(problem, onset.critical_load)
+            {
                 return (Ended::Admit, count);
             }
             let mut found = refine(problem, &self.forces) + self.mend(problem, noise);
-            if onset.smooth {
-                found += self.decide(problem, onset.critical_load, noise.force);
-            } else if SETTLED * found <= problem.tangential.len() && deciding {
-                // Not before, as forces of states that are contradicted say nothing about loads.
+            if found == 0 && deciding && (noise.exact || noise.force < CLOSE * onset.critical_load)
+            {
+                // Only now, as forces of states that are contradicted say nothing about loads.
                 let changes = self.decide(problem, onset.critical_load, noise.force);
                 self.deciding -= u32::from(changes > 0);
                 found += changes;
@@ -239,7 +245,6 @@ impl BoxSolver {
     /// Lets friction act where the load is above the critical one, by more than `noise`; the number of changes.
     fn decide(&mut self, problem: &mut Problem, critical_load: f64, noise: f64) -> usize {
         let mut changes = 0;
-        let offset = problem.offset > 0.0;
         for (m, row) in problem.tangential.iter_mut().enumerate() {
             let excess = self.forces.normal[row.contact] - critical_load;
             let acts = excess > 0.0;
@@ -248,11 +253,7 @@ impl BoxSolver {
                 row.acts = acts;
                 if self.states.closed[row.contact] {
                     changes += 1;
-                    self.states.grip[m] = match acts {
-                        false => Grip::Off,
-                        true if offset => Grip::sliding(self.forces.slip[m]),
-                        true => Grip::Stick,
-                    };
+                    self.states.grip[m] = if acts { Grip::Stick } else { Grip::Off };
                 }
             }
         }
