@@ -24,6 +24,7 @@ pub mod cli;
 pub mod cluster;
 mod csv_rows;
 pub mod data;
+pub mod doubt;
 pub mod exit;
 mod files;
 pub mod format;
@@ -36,6 +37,7 @@ pub mod statistics;
 pub mod store;
 pub mod tables;
 pub mod trajectory;
+mod visible;
 
 #[cfg(test)]
 mod test_support;

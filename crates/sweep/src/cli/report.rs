@@ -34,6 +34,9 @@ pub(crate) struct Arguments {
     /// Only points with one of these values on an axis, by its key in the campaign file; of every output; may be repeated
     #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
     selection: Vec<String>,
+    /// Average runs with doubtful numbers too; they are counted in any case
+    #[arg(long)]
+    with_doubtful: bool,
     /// Write a tidy table, one row per point, `-` for standard output; units go to FILE.units.csv beside it
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -76,7 +79,7 @@ fn numeric_axis() -> impl TypedValueParser<Value = &'static Axis> {
 /// Writes the report.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let drawing = drawing(arguments)?;
-    let selection = Selection::parse(&arguments.selection)?;
+    let selection = Selection::parse(&arguments.selection)?.with_doubtful(arguments.with_doubtful);
     refuse_two_answers(arguments, output)?;
     let store = arguments.place.open(output)?;
     let report = Report::of(&store, &selection)?;
@@ -190,7 +193,7 @@ pub(super) fn format_of(path: &Path) -> Result<Format, Error> {
 /// Writes a file, or to standard output for `-`.
 pub(super) fn save(path: &Path, bytes: &[u8], output: &mut Output<'_>) -> Result<(), Error> {
     if path.as_os_str() == "-" {
-        return Ok(output.out.write_all(bytes)?);
+        return Ok(output.out.raw().write_all(bytes)?);
     }
     write_whole(path, |file| file.write_all(bytes)).map_err(|source| Error::Write {
         path: path.to_owned(),

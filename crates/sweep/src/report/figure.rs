@@ -165,7 +165,7 @@ pub fn outline(
     let along = drawing
         .along
         .unwrap_or_else(|| default_axis(report, drawing.kind));
-    let sketch = match drawing.kind {
+    let mut sketch = match drawing.kind {
         Kind::Viscosity => viscosity(report, along, drawing.quantity),
         Kind::NormalStress => of_points(report, along, "normal stress difference N₁", |p| {
             p.normal_stress_difference
@@ -180,6 +180,14 @@ pub fn outline(
         return Err(refused(
             "there are no results to draw yet; `sweep status` says how far the campaign is".into(),
         ));
+    }
+    if report.doubtful > 0 && drawing.kind != Kind::Trace {
+        let what = if report.with_doubtful {
+            "averaged too"
+        } else {
+            "left out"
+        };
+        sketch.x = format!("{} ({} doubtful runs {what})", sketch.x, report.doubtful);
     }
     let curves = sketch.lines.len();
     if curves > CURVES {

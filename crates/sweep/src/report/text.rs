@@ -12,11 +12,12 @@ use std::io::Write;
 /// A measured quantity: its heading and how its value is written.
 type Column = (&'static str, fn(&Point) -> String);
 
-/// Measured quantities, in the order of the columns; those about jammed and failed runs only where there are some.
-const COLUMNS: [Column; 13] = [
+/// Measured quantities, in the order of the columns; those about jammed, failed and doubtful runs only where there are some.
+const COLUMNS: [Column; 14] = [
     ("runs", |p| p.seeds.to_string()),
     ("jammed", |p| p.jammed.to_string()),
     ("failed", |p| p.failed.to_string()),
+    ("doubtful", |p| p.doubtful.to_string()),
     ("viscosity", |p| interval(p.viscosity)),
     ("median", |p| number(p.viscosity_median, 4)),
     ("stresslet\nviscosity", |p| interval(p.viscosity_stresslet)),
@@ -56,6 +57,19 @@ fn interval(estimate: Option<Estimate>) -> String {
         }) => format!("{} ± {}", significant(mean, 4), significant(width, 2)),
         Some(Estimate { mean, .. }) => significant(mean, 4),
     }
+}
+
+/// What is said of runs with doubtful numbers.
+pub(super) fn doubtful(report: &Report) -> String {
+    let what = if report.with_doubtful {
+        "averaged with the others, as --with-doubtful asks"
+    } else {
+        "not averaged; --with-doubtful averages them too"
+    };
+    format!(
+        "{} finished runs have doubtful numbers: {what}. `sweep show` says why",
+        report.doubtful
+    )
 }
 
 /// The programs of processes, each once.
@@ -111,6 +125,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             .filter(|(heading, _)| match *heading {
                 "jammed" => c.jammed > 0,
                 "failed" => c.failed > 0,
+                "doubtful" => report.doubtful > 0,
                 _ => true,
             })
             .collect();
@@ -135,6 +150,9 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
              activated: of contacts; rolling: of activated ones.",
             report.discard
         )?;
+    }
+    if report.doubtful > 0 {
+        writeln!(out, "{}", doubtful(report))?;
     }
     if report.computing > 0.0 {
         writeln!(

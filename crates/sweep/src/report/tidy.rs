@@ -47,6 +47,7 @@ pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), Report
         .filter(|column| match column.name {
             "jammed" => report.counts.jammed > 0,
             "failed" => report.counts.failed > 0,
+            "doubtful" => report.doubtful > 0,
             name => matters(name),
         })
         .collect();
@@ -63,6 +64,9 @@ pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), Report
             None => "–".into(),
         });
         writeln!(out, "| {} |", cells.collect::<Vec<_>>().join(" | "))?;
+    }
+    if report.doubtful > 0 {
+        writeln!(out, "\n{}", super::text::doubtful(report))?;
     }
     Ok(())
 }

@@ -1,9 +1,15 @@
 //! Samples of runs.
 
+use super::checksum::{self, Kind};
 use super::{count, integer};
 use rusqlite::{Connection, Row, Transaction, params};
 use sd_core::Sample;
 use sd_core::simulation::Counters;
+
+/// Whether a sample has the numbers that every row has. A viscosity that came out as none is kept as such.
+pub(crate) fn can_be_kept(sample: &Sample) -> bool {
+    sample.strain.is_finite() && sample.normal_velocity.is_finite()
+}
 
 /// Writes the samples of a case in place of any it had.
 pub(super) fn write_samples(
@@ -42,11 +48,24 @@ pub(super) fn write_samples(
             integer(s.counters.jammed_stages),
         ])?;
     }
-    Ok(())
+    checksum::seal(transaction, Kind::Samples, case)
 }
 
 /// The samples of a case before a step, or all of them, with their steps. What is not a number comes back as NaN.
+///
+/// # Errors
+/// Those of the query, and [`Altered`](checksum::Altered) if they are not what was written.
 pub(super) fn samples(
+    connection: &Connection,
+    case: i64,
+    before: Option<u64>,
+) -> Result<Vec<(u64, Sample)>, rusqlite::Error> {
+    checksum::check(connection, Kind::Samples, case)?;
+    unchecked(connection, case, before)
+}
+
+/// The same without a look at their checksum.
+pub(super) fn unchecked(
     connection: &Connection,
     case: i64,
     before: Option<u64>,
