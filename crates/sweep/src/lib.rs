@@ -21,6 +21,7 @@ pub mod runner;
 pub mod serve;
 pub mod statistics;
 pub mod store;
+mod stresses;
 pub mod tables;
 pub mod trajectory;
 

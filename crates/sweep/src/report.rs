@@ -13,6 +13,7 @@ mod text;
 mod tidy;
 
 pub(crate) use chart::chart;
+pub use columns::Columns;
 pub use error::ReportError;
 pub use figure::{Drawing, Format, Kind, Quantity, Trace, draw, draw_paths, traces};
 pub use json::write as write_json;
@@ -27,6 +28,7 @@ use crate::axes::identity;
 use crate::case::State;
 use crate::statistics::{Estimate, mean, median, ratio};
 use crate::store::{Counts, FailureGroup, PointRun, Provenance, Store};
+use crate::stresses::{COUNT, STRESSES};
 use sd_core::Params;
 use std::collections::HashMap;
 
@@ -40,6 +42,8 @@ pub struct Report {
     pub campaign: String,
     /// Which of its points it is about.
     pub selection: Selection,
+    /// Which columns its tables have.
+    pub columns: Columns,
     /// Their cases by state.
     pub counts: Counts,
     /// Strain discarded from every run.
@@ -73,6 +77,8 @@ pub struct Point {
     pub viscosity_stresslet: Option<Estimate>,
     /// First normal stress difference.
     pub normal_stress_difference: Option<Estimate>,
+    /// Components and parts of the stress, in the order of [`STRESSES`].
+    pub(crate) stresses: [Option<Estimate>; COUNT],
     /// Contacts per sphere over all samples of all runs, as are the fractions.
     pub contacts_per_sphere: Option<f64>,
     /// Activated contacts over contacts.
@@ -125,6 +131,7 @@ impl Report {
         Ok(Self {
             campaign: store.campaign_name()?,
             selection: selection.clone(),
+            columns: Columns::default(),
             counts,
             discard: store.protocol()?.discard,
             points: groups.iter().filter_map(|runs| Point::of(runs)).collect(),
@@ -145,6 +152,12 @@ fn selected_runs(store: &Store, selection: &Selection) -> Result<Vec<PointRun>, 
 }
 
 impl Point {
+    /// A component or part of the stress by its name.
+    fn stress(&self, name: &str) -> Option<Estimate> {
+        let place = STRESSES.iter().position(|column| column.name == name)?;
+        self.stresses[place]
+    }
+
     /// Of the runs of one point; `None` of none.
     fn of(runs: &[PointRun]) -> Option<Self> {
         let params = runs.first()?.params.clone();
@@ -164,6 +177,10 @@ impl Point {
             viscosity_median: median(values(|r| r.viscosity_median)),
             viscosity_stresslet: Estimate::of(&values(|r| r.viscosity_stresslet)),
             normal_stress_difference: Estimate::of(&values(|r| r.normal_stress_difference)),
+            stresses: std::array::from_fn(|place| {
+                let means: Vec<f64> = done.iter().filter_map(|run| run.stresses[place]).collect();
+                Estimate::of(&means)
+            }),
             contacts_per_sphere: ratio(contacts, sum(|r| r.samples) * params.spheres as f64),
             activated_fraction: ratio(activated, contacts),
             rolling_fraction: ratio(sum(|r| r.rolling), activated),

@@ -1,5 +1,6 @@
 //! From samples to the average of a run, and from runs to a mean with its error.
 
+use crate::stresses::{COUNT, STRESSES};
 use sd_core::Sample;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
@@ -110,6 +111,8 @@ pub struct Averages {
     pub viscosity_stresslet: Option<Distribution>,
     /// First normal stress difference.
     pub normal_stress_difference: Option<f64>,
+    /// Components and parts of the stress, in the order of [`STRESSES`].
+    pub(crate) stresses: [Option<f64>; COUNT],
     /// Dissipation.
     pub dissipation: Option<f64>,
     /// Contacts, summed over the samples.
@@ -139,6 +142,10 @@ impl Averages {
             viscosity: Distribution::of(values(|s| s.viscosity)),
             viscosity_stresslet: Distribution::of(values(|s| s.viscosity_stresslet)),
             normal_stress_difference: mean(&values(|s| s.normal_stress_difference)),
+            stresses: STRESSES.each_ref().map(|column| {
+                let values: Vec<f64> = kept.iter().map(|sample| column.read(sample)).collect();
+                mean(&values)
+            }),
             dissipation: mean(&values(|s| s.dissipation)),
             contacts: sum(|s| s.contacts),
             activated: sum(|s| s.activated),

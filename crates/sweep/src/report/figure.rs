@@ -27,6 +27,10 @@ pub enum Kind {
     Trace,
     /// First normal stress difference with 95 % intervals.
     NormalStress,
+    /// Second normal stress difference.
+    SecondNormalStress,
+    /// Particle pressure of contacts and repulsion.
+    ParticlePressure,
     /// Mean approach velocity of the pairs in contact.
     ApproachVelocity,
 }
@@ -151,6 +155,14 @@ pub fn draw(report: &Report, traces: &[Trace], drawing: Drawing) -> Result<Vec<u
         Kind::Viscosity => viscosity(report, along, drawing.quantity),
         Kind::NormalStress => of_points(report, along, "normal stress difference N₁", |p| {
             p.normal_stress_difference
+        }),
+        Kind::SecondNormalStress => {
+            of_points(report, along, "normal stress difference N₂", |p| {
+                p.stress("n2")
+            })
+        }
+        Kind::ParticlePressure => of_points(report, along, "particle pressure Π", |p| {
+            p.stress("particle_pressure")
         }),
         Kind::ApproachVelocity => of_points(report, along, "mean approach velocity", |p| {
             p.mean_approach_velocity.map(Estimate::bare)

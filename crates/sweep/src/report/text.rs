@@ -1,8 +1,8 @@
 //! The report for people: a table, and under it what its columns mean.
 
 use super::ReportError;
-use super::{Point, Report};
-use crate::axes::{AXES, Axis};
+use super::{Point, Report, columns};
+use crate::axes::{AXES, Axis, Value};
 use crate::format::{duration, significant};
 use crate::statistics::Estimate;
 use crate::store::Provenance;
@@ -58,6 +58,21 @@ fn interval(estimate: Option<Estimate>) -> String {
     }
 }
 
+/// A cell of a column that was asked for, with its interval if it has one.
+fn cell(column: &columns::Column, point: &Point) -> String {
+    let of = |column: &columns::Column, digits| match column.cell(point) {
+        Some(Value::Number(number)) => Some(significant(number, digits)),
+        Some(value) => Some(value.to_string()),
+        None => None,
+    };
+    let width = column.interval().and_then(|interval| of(&interval, 2));
+    match (of(column, 4), width) {
+        (Some(mean), Some(width)) => format!("{mean} ± {width}"),
+        (Some(mean), None) => mean,
+        (None, _) => "–".into(),
+    }
+}
+
 /// The programs of processes, each once.
 fn programs(processes: &[Provenance]) -> Vec<String> {
     let mut programs: Vec<String> = Vec::new();
@@ -106,7 +121,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             })
             .collect();
         writeln!(out, "{}", words.join(", "))?;
-        let measured: Vec<Column> = COLUMNS
+        let usual: Vec<Column> = COLUMNS
             .into_iter()
             .filter(|(heading, _)| match *heading {
                 "jammed" => c.jammed > 0,
@@ -116,17 +131,30 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             .collect();
         let mut table = table(width);
         let axes = columns.iter().map(|axis| axis.symbol.to_owned());
-        table.set_header(axes.chain(measured.iter().map(|column| column.0.to_owned())));
+        let headings: Vec<&str> = match report.columns.chosen() {
+            Some(chosen) => chosen.iter().map(|column| column.name).collect(),
+            None => usual.iter().map(|column| column.0).collect(),
+        };
+        table.set_header(axes.chain(headings.into_iter().map(str::to_owned)));
         for point in &report.points {
             let axes = columns
                 .iter()
                 .map(|axis| axis.value(&point.params).to_string());
-            table.add_row(axes.chain(measured.iter().map(|column| column.1(point))));
+            let cells: Vec<String> = match report.columns.chosen() {
+                Some(chosen) => chosen.iter().map(|column| cell(column, point)).collect(),
+                None => usual.iter().map(|column| column.1(point)).collect(),
+            };
+            table.add_row(axes.chain(cells));
         }
         for column in table.column_iter_mut() {
             column.set_cell_alignment(CellAlignment::Right);
         }
         writeln!(out, "{table}")?;
+        if let Some(chosen) = report.columns.chosen() {
+            for column in chosen {
+                writeln!(out, "{}: {}", column.name, column.meaning)?;
+            }
+        }
         writeln!(
             out,
             "viscosity: mean over runs ± half the 95 % Student interval, after a strain of {}; \

@@ -113,6 +113,7 @@ WITH points AS (
            END AS variance,
            min(r.viscosity) AS viscosity_minimum, max(r.viscosity) AS viscosity_maximum,
            avg(r.viscosity_stresslet) AS viscosity_stresslet, avg(r.normal_stress_difference) AS normal_stress_difference,
+           avg(r.n2) AS n2, avg(r.particle_pressure) AS particle_pressure,
            total(r.contacts) / nullif(total(r.samples) * c.spheres, 0) AS contacts_per_sphere,
            total(r.activated) / nullif(total(r.contacts), 0) AS activated_fraction,
            total(r.rolling) / nullif(total(r.activated), 0) AS rolling_fraction
@@ -128,7 +129,7 @@ SELECT {axes}, runs, viscosity,
             SELECT x FROM newton WHERE n = 60)
        ELSE variance END AS standard_error,
        viscosity_minimum, viscosity_maximum, viscosity_stresslet, normal_stress_difference, contacts_per_sphere,
-       activated_fraction, rolling_fraction
+       n2, particle_pressure, activated_fraction, rolling_fraction
 FROM points
 ORDER BY position"
     )

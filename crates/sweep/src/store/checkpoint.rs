@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// First bytes of every checkpoint.
 const MAGIC: [u8; 4] = *b"SWCP";
 /// Version of the format.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// Bytes before the content: magic, version, checksum.
 const HEADER: usize = 4 + 4 + 32;
 
@@ -41,6 +41,13 @@ pub enum Damage {
     /// The content cannot be read in spite of an agreeing checksum.
     #[error("unreadable content: {0}")]
     Content(postcard::Error),
+}
+
+impl Damage {
+    /// Whether an older program wrote it, which is no damage at all.
+    pub fn is_older(&self) -> bool {
+        matches!(self, Self::Version { found } if *found < VERSION)
+    }
 }
 
 impl Checkpoint {

@@ -6,7 +6,8 @@ use super::{Checkpoint, Damage, Store, StoreError, count, integer, process, samp
 use crate::campaign::Protocol;
 use crate::case::State;
 use crate::statistics::{Averages, Distribution};
-use rusqlite::{Connection, OptionalExtension, Row, Transaction, params};
+use crate::stresses::STRESSES;
+use rusqlite::{Connection, OptionalExtension, Row, ToSql, Transaction, params, params_from_iter};
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
 
@@ -283,6 +284,19 @@ fn write_averages(
             integer(averages.rolling),
             averages.approach,
         ])?;
+    let places: Vec<String> = STRESSES
+        .iter()
+        .zip(2..)
+        .map(|(column, place)| format!("{} = ?{place}", column.name))
+        .collect();
+    let case: &dyn ToSql = &case;
+    let means = averages.stresses.iter().map(|mean| mean as &dyn ToSql);
+    connection
+        .prepare_cached(&format!(
+            "UPDATE results SET {} WHERE case_id = ?1",
+            places.join(", ")
+        ))?
+        .execute(params_from_iter(std::iter::once(case).chain(means)))?;
     Ok(())
 }
 

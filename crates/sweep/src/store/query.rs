@@ -2,6 +2,7 @@
 
 use super::{Store, StoreError, count, process};
 use crate::case::State;
+use crate::stresses::{self, COUNT, STRESSES};
 use rusqlite::{Row, types::Type};
 use sd_core::Params;
 use serde::Serialize;
@@ -47,6 +48,8 @@ pub struct PointRun {
     pub viscosity_stresslet: Option<f64>,
     /// Mean first normal stress difference.
     pub normal_stress_difference: Option<f64>,
+    /// Means of the components and parts of the stress, in the order of [`STRESSES`].
+    pub(crate) stresses: [Option<f64>; COUNT],
     /// Samples averaged.
     pub samples: u64,
     /// Sum of contacts over them.
@@ -182,15 +185,16 @@ impl Store {
     pub fn point_runs(&self) -> Result<Vec<PointRun>, StoreError> {
         let rows = self
             .connection
-            .prepare(
+            .prepare(&format!(
                 "SELECT c.key, c.params, c.seed, c.state, r.viscosity, r.viscosity_median, r.viscosity_stresslet,
                      coalesce(r.samples, 0), coalesce(r.contacts, 0), coalesce(r.activated, 0),
                      coalesce(r.rolling, 0), coalesce(r.approach, 0.0), r.minimum_gap, coalesce(r.stages, 0),
                      coalesce(r.unconverged_stages, 0), r.worst_residual, r.wall_time_s,
-                     r.normal_stress_difference, coalesce(r.jammed_stages, 0)
+                     r.normal_stress_difference, coalesce(r.jammed_stages, 0), {}
                  FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
                  WHERE c.position IS NOT NULL ORDER BY c.position",
-            )
+                stresses::names(STRESSES.iter(), "r.")
+            ))
             .and_then(|mut query| query.query_map([], point_run)?.collect());
         self.read(rows)
     }
@@ -288,7 +292,12 @@ impl Store {
 /// One row of [`Store::point_runs`].
 fn point_run(row: &Row<'_>) -> Result<PointRun, rusqlite::Error> {
     let state: String = row.get(3)?;
+    let mut stresses = [None; COUNT];
+    for (stress, column) in stresses.iter_mut().zip(19..) {
+        *stress = row.get(column)?;
+    }
     Ok(PointRun {
+        stresses,
         key: row.get(0)?,
         params: params(row, 1)?,
         seed: count(row.get(2)?),

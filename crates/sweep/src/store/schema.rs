@@ -17,7 +17,7 @@ struct Migration {
 }
 
 /// All versions; the first one makes a new store.
-const MIGRATIONS: [Migration; 6] = [
+const MIGRATIONS: [Migration; 7] = [
     Migration::of_tables(include_str!("schema.sql")),
     Migration::of_tables(include_str!("schema_2.sql")),
     Migration::of_tables(include_str!("schema_3.sql")),
@@ -28,6 +28,7 @@ const MIGRATIONS: [Migration; 6] = [
         content: without_strain_in_keys,
     },
     Migration::of_tables(include_str!("schema_6.sql")),
+    Migration::of_tables(include_str!("schema_7.sql")),
 ];
 
 /// Version of the schema this program reads and writes.
