@@ -79,6 +79,7 @@
 //!     hydrodynamics: Hydrodynamics::BallMelrose,
 //!     contact: ContactScheme::Rigid,
 //!     time_step: 0.005,
+//!     ..Params::UNWRITTEN
 //! };
 //! let mut layer = Simulation::new(&params, 1, &NearFields::default())?;
 //! for _ in 0..20 {

@@ -129,6 +129,16 @@ impl StressWork {
     }
 }
 
+impl Stress {
+    /// The stress of a layer that is sheared in that sense, 1 or −1: positive where it resists.
+    pub(crate) fn along(mut self, direction: f64) -> Self {
+        self.components.shear = self.components.shear.scaled(direction);
+        self.viscosity = 1.0 + self.components.shear.total();
+        self.viscosity_stresslet = 1.0 + self.components.shear.hydrodynamic;
+        self
+    }
+}
+
 impl StressComponents {
     /// Adds a tensor `[xx, yy, xy]` with that zz to one part of every component.
     fn add(&mut self, [xx, yy, xy]: [f64; 3], zz: f64, part: fn(&mut StressParts) -> &mut f64) {

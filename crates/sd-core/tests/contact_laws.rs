@@ -483,6 +483,7 @@ fn params(contact: ContactScheme) -> Params {
         hydrodynamics: Hydrodynamics::BallMelrose,
         contact,
         time_step: 0.005,
+        ..Params::UNWRITTEN
     }
 }
 

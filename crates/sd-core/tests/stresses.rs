@@ -29,6 +29,7 @@ fn params() -> Params {
             ..ContactLaws::linear_spring(1e4, TangentialLaw::Coulomb, 0.01)
         }),
         time_step: 0.005,
+        ..Params::UNWRITTEN
     }
 }
 

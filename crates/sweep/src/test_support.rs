@@ -16,6 +16,7 @@ pub(crate) fn params() -> Params {
         hydrodynamics: Hydrodynamics::BallMelrose,
         contact: ContactScheme::Rigid,
         time_step: 0.005,
+        ..Params::UNWRITTEN
     }
 }
 

@@ -140,7 +140,19 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
             because: Some(because),
         })
     };
-    if laws.is_soft() && (params.shear_rate == 0.0 || params.shear_rate.is_infinite()) {
+    if params.direction.abs() != 1.0 {
+        return refuse(
+            "direction",
+            params.direction.to_string(),
+            "is no sense of the shear",
+            "1 or -1".into(),
+            "direction",
+        );
+    }
+    if laws.is_soft()
+        && params.shear_stress.is_none()
+        && (params.shear_rate == 0.0 || params.shear_rate.is_infinite())
+    {
         return refuse(
             "shear_rate",
             params.shear_rate.to_string(),

@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
 use crate::geometry::neighbours::NeighbourList;
-use crate::model::{Params, Refusal, Words as _};
+use crate::model::{DEEPEST_OVERLAP, Params, Refusal, StartLayer, Words as _};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
@@ -22,6 +22,9 @@ const SCATTERS: u32 = 3;
 /// Shakes tried with each of these gaps.
 const SHAKES: u32 = 100;
 
+/// Share by which radii and cell of a layer that is given may differ from those of the parameters: files have single precision.
+const SAME: f64 = 1e-5;
+
 /// Radii, centres and cell of a layer at strain 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
@@ -29,8 +32,121 @@ pub struct Start {
     pub radii: Vec<f64>,
     /// Centres, in a, inside the cell.
     pub centres: Vec<Vec2>,
+    /// Orientations, in radians.
+    pub orientations: Vec<f64>,
     /// Side of the square cell, in a.
     pub side: f64,
+}
+
+/// Brings a layer that is given into the form in which a run with these parameters begins with it: radii and cell are those of the
+/// parameters to the last digit, the largest spheres come first, and centres lie in the cell.
+///
+/// # Errors
+/// [`Refusal`] of a layer of another number of spheres, other radii, another cell, or with spheres nearer than the contact law can hold.
+pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
+    let refuse = |value: String, problem: String, allowed: String| -> Result<StartLayer, Error> {
+        Err(Refusal {
+            key: "start",
+            value,
+            problem,
+            allowed,
+            because: None,
+        }
+        .into())
+    };
+    let n = given.centres.len();
+    if n != params.spheres || given.radii.len() != n || given.orientations.len() != n {
+        return refuse(
+            format!("a layer of {n} spheres"),
+            format!("does not go with `spheres` = {}", params.spheres),
+            "a layer of that number of spheres".into(),
+        );
+    }
+    let (radii, side) = radii_and_side(params)?;
+    if (given.side - side).abs() > SAME * side {
+        return refuse(
+            format!("a layer in a cell of side {}", given.side),
+            format!(
+                "does not go with `area_fraction` = {}",
+                params.area_fraction
+            ),
+            format!("a square cell of side {side} for these spheres"),
+        );
+    }
+    let numbers = given.centres.as_flattened().iter();
+    let numbers = numbers.chain(&given.orientations).chain([&given.offset]);
+    if !numbers.copied().all(f64::is_finite) {
+        return refuse(
+            "a layer".into(),
+            "has centres, angles or an offset that are not finite".into(),
+            "finite numbers".into(),
+        );
+    }
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|&i, &j| given.radii[j].total_cmp(&given.radii[i]));
+    if let Some((&sphere, radius)) = order
+        .iter()
+        .zip(&radii)
+        .find(|(sphere, radius)| !((given.radii[**sphere] - **radius).abs() <= SAME * **radius))
+    {
+        return refuse(
+            format!("a layer with a sphere of radius {}", given.radii[sphere]),
+            format!(
+                "does not go with `size_ratio` = {} and `large_fraction` = {}",
+                params.size_ratio, params.large_fraction
+            ),
+            format!("radius {radius} in its place, in units of the mean radius"),
+        );
+    }
+    let cell = Cell::periodic(side, side, given.offset)?;
+    let centres: Vec<Vec2> = order
+        .iter()
+        .map(|&sphere| {
+            cell.wrap(Vec2::new(
+                given.centres[sphere][0],
+                given.centres[sphere][1],
+            ))
+        })
+        .collect();
+    let laws = params.contact.laws();
+    // What soft contacts are given up at; rigid ones begin with spheres that do not touch but by their roughness.
+    let least = if laws.is_soft() {
+        -DEEPEST_OVERLAP
+    } else {
+        0.0
+    };
+    let mut neighbours = NeighbourList::default();
+    neighbours.find(&cell, &centres, &radii, 3.0);
+    let nearest = neighbours
+        .pairs()
+        .iter()
+        .min_by(|a, b| a.gap.total_cmp(&b.gap));
+    if let Some(pair) = nearest
+        && pair.gap <= least
+    {
+        return refuse(
+            format!(
+                "a layer in which spheres {} and {} have a gap of {:.3e}",
+                order[pair.i], order[pair.j], pair.gap
+            ),
+            "has spheres that overlap".into(),
+            format!("gaps above {least} under this contact law"),
+        );
+    }
+    let offset = match cell {
+        Cell::Periodic { offset, .. } => offset,
+        Cell::Unbounded => 0.0,
+    };
+    Ok(StartLayer {
+        side,
+        offset,
+        orientations: order
+            .iter()
+            .map(|&sphere| given.orientations[sphere])
+            .collect(),
+        centres: centres.iter().map(|x| [x.x, x.y]).collect(),
+        radii,
+    })
 }
 
 /// Area fraction of the densest packing of equal discs, π/√12.
@@ -67,7 +183,7 @@ pub fn check(params: &Params) -> Result<(), Error> {
     }
     // Spheres that, with the roughness around them, cover more than discs can.
     let growth = (1.0 + 0.5 * params.roughness).powi(2);
-    if params.area_fraction * growth > CLOSE_PACKED {
+    if params.start.is_none() && params.area_fraction * growth > CLOSE_PACKED {
         return refuse(
             "area_fraction",
             params.area_fraction.to_string(),
@@ -94,7 +210,10 @@ pub fn check(params: &Params) -> Result<(), Error> {
     let Err(Error::CellTooSmall { side, needed, .. }) =
         Cell::periodic(side, side, 0.0)?.check_range(&[largest])
     else {
-        return Ok(());
+        return match &params.start {
+            Some(given) => fit(given, params).map(|_| ()),
+            None => Ok(()),
+        };
     };
     let least = (needed * needed * params.area_fraction / (PI * mean_square)).ceil();
     refuse(
@@ -150,6 +269,29 @@ pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
     Ok((radii, side))
 }
 
+/// The layer a run begins with: the one that is given, or else the one that the seed makes.
+///
+/// # Errors
+/// Those of [`fit`] and [`layer`].
+pub fn first_layer(params: &Params, seed: u64) -> Result<Start, Error> {
+    let Some(given) = &params.start else {
+        return layer(params, seed);
+    };
+    let StartLayer {
+        side,
+        radii,
+        centres,
+        orientations,
+        ..
+    } = fit(given, params)?;
+    Ok(Start {
+        radii,
+        centres: centres.iter().map(|x| Vec2::new(x[0], x[1])).collect(),
+        orientations,
+        side,
+    })
+}
+
 /// Makes the layer, which depends on the parameters and the seed alone (`ChaCha8`).
 ///
 /// # Errors
@@ -183,6 +325,7 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
             if gap >= params.roughness {
                 let centres = packing.centres.iter().map(|&x| cell.wrap(x)).collect();
                 return Ok(Start {
+                    orientations: vec![0.0; packing.radii.len()],
                     radii: packing.radii,
                     centres,
                     side,
@@ -336,6 +479,7 @@ mod tests {
             hydrodynamics: Hydrodynamics::BallMelrose,
             contact: ContactScheme::Rigid,
             time_step: 0.005,
+            ..Params::UNWRITTEN
         }
     }
 

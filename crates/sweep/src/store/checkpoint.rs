@@ -119,6 +119,7 @@ mod tests {
             hydrodynamics: Hydrodynamics::BallMelrose,
             contact: ContactScheme::Procedure,
             time_step: 0.005,
+            ..Params::UNWRITTEN
         };
         let mut layer = Simulation::new(&params, 3, &NearFields::default()).unwrap();
         for _ in 0..20 {

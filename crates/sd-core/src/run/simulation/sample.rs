@@ -18,6 +18,8 @@ pub struct Sample {
     pub normal_stress_difference: f64,
     /// All components of the stress by their causes, in mu·rate; the viscosity is `1 + shear.total()`.
     pub stress: StressComponents,
+    /// Γ = 6π/F_crit: what is imposed, or what the imposed stress leaves at this instant.
+    pub shear_rate: f64,
     /// v'Rv / (V rate), in mu·rate.
     pub dissipation: f64,
     /// Pairs with a normal contact force.

@@ -10,7 +10,7 @@ use crate::run::start;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`Snapshot`].
-pub const SNAPSHOT_VERSION: u32 = 2;
+pub const SNAPSHOT_VERSION: u32 = 3;
 
 /// All that the next step needs. Restored with the same parameters, a run goes on with the same bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -34,6 +34,10 @@ pub struct Snapshot {
     /// them.
     #[serde(default)]
     pub near_pairs: Vec<PairKey>,
+    /// F_crit at the last stage, in mu·a²·rate, where the stress is imposed; forces of tangential springs belong to it. `None` before the
+    /// first stage, and where the rate is imposed.
+    #[serde(default)]
+    pub critical_load: Option<f64>,
     /// Counters.
     pub counters: Counters,
 }
@@ -128,6 +132,12 @@ impl Snapshot {
             && self.orientations.iter().all(|x| x.is_finite());
         if !finite {
             return refuse("not all numbers are finite");
+        }
+        if self
+            .critical_load
+            .is_some_and(|load| !(load > 0.0 && load.is_finite()))
+        {
+            return refuse("a critical load that is none");
         }
         let (radii, side) = start::radii_and_side(params)?;
         if self.radii != radii || self.side.to_bits() != side.to_bits() {
