@@ -143,6 +143,15 @@ impl Axis {
 }
 
 impl Value {
+    /// What it is.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::Word(_) => Kind::Word,
+            Self::Count(_) => Kind::Count,
+            Self::Number(_) => Kind::Number,
+        }
+    }
+
     /// Order of values of one axis.
     pub fn order(&self, other: &Self) -> std::cmp::Ordering {
         match (self, other) {

@@ -22,6 +22,9 @@ mod submit;
 mod verify;
 
 pub use error::Error;
+pub use plan::{Plan, plan};
+pub use scalars::named as named_scalars;
+pub use solve::{Input as InstantInput, InputError, configuration};
 
 use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
@@ -172,6 +175,11 @@ impl Cli {
 }
 
 impl ErrorRenderer {
+    /// One without colours.
+    pub fn plain() -> Self {
+        Self { coloured: false }
+    }
+
     /// An error as a person reads it on standard error: what, where, and what is allowed.
     pub fn explain(self, error: &Error) -> String {
         let theme = if self.coloured {

@@ -6,13 +6,13 @@ use std::io::{self, Write};
 ///
 /// # Errors
 /// Output that cannot be written, with the kind of error the system gave.
-pub(crate) fn write<H, R, C>(
+pub(crate) fn write<'n, H, R, C>(
     header: H,
     rows: impl IntoIterator<Item = R>,
     out: &mut dyn Write,
 ) -> io::Result<()>
 where
-    H: IntoIterator<Item = &'static str>,
+    H: IntoIterator<Item = &'n str>,
     R: IntoIterator<Item = C>,
     C: AsRef<[u8]>,
 {

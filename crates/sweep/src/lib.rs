@@ -4,6 +4,18 @@
 //! state of every case in the [`store`], and a [`report`] averages what the store holds. The store is the only memory:
 //! a process may die at any line, and the next one goes on. On a cluster a scheduler of the [`cluster`] starts tasks that compute slices of the
 //! campaign in stores of their own, published as shards and merged into the one store.
+//!
+//! # From another program
+//! The Python package calls the same functions as the commands do, and holds none of their work:
+//! ```text
+//! campaign::Campaign                  a campaign file, or the text of one
+//! cli::{plan, InstantInput, …}        what plan, solve and scalars read and answer
+//! runner::compute_campaign            run: with runner::{Stop, Progress, Options}
+//! store::StoreSource                  opened for reading, for report::Report, Store::samples, Store::frames, Store::runs
+//! report::outline                     a figure, to be drawn elsewhere
+//! data::DataColumn                    what tables are made of
+//! Error, cli::ErrorRenderer           the same words, and the kind of trouble by its exit code
+//! ```
 
 pub mod axes;
 pub mod campaign;
@@ -11,6 +23,7 @@ pub mod case;
 pub mod cli;
 pub mod cluster;
 mod csv_rows;
+pub mod data;
 pub mod exit;
 mod files;
 pub mod format;

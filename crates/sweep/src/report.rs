@@ -15,7 +15,9 @@ mod tidy;
 pub(crate) use chart::chart;
 pub use columns::Columns;
 pub use error::ReportError;
-pub use figure::{Drawing, Format, Kind, Quantity, Trace, draw, draw_paths, traces};
+pub use figure::{
+    Drawing, Format, Kind, Outline, Quantity, Trace, draw, draw_paths, outline, traces,
+};
 pub use json::write as write_json;
 pub use page::{PageHost, data, movie, page};
 pub use parquet::parquet;
@@ -26,6 +28,7 @@ pub use tidy::{write_csv, write_markdown, write_units};
 
 use crate::axes::identity;
 use crate::case::State;
+use crate::data::{Cells, DataColumn};
 use crate::statistics::{Estimate, mean, median, ratio};
 use crate::store::{Counts, FailureGroup, PointRun, Provenance, Store};
 use crate::stresses::{COUNT, STRESSES};
@@ -140,6 +143,24 @@ impl Report {
             provenance: store.provenance()?,
         })
     }
+}
+
+/// The points as a table, with the columns of every other form of it.
+pub fn point_table(report: &Report) -> Vec<DataColumn> {
+    columns::columns()
+        .map(|column| {
+            let mut cells = Cells::with_capacity(column.content(), report.points.len());
+            for point in &report.points {
+                cells.push(column.cell(point));
+            }
+            DataColumn {
+                name: column.name.into(),
+                unit: column.unit,
+                meaning: column.meaning,
+                cells,
+            }
+        })
+        .collect()
 }
 
 /// All runs of the points selected, in the order of the campaign file.

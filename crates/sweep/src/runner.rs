@@ -7,11 +7,12 @@ mod progress;
 mod stop;
 
 pub use error::RunnerError;
-pub use progress::{Progress, Style};
+pub use progress::{Progress, Standing, Style};
 pub use stop::Stop;
 
-use crate::campaign::Protocol;
+use crate::campaign::{Campaign, Protocol};
 use crate::store::{Store, StoreError};
+use crate::tables;
 use sd_core::NearFields;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -70,11 +71,24 @@ struct Shared<'r> {
     working: AtomicUsize,
 }
 
-/// Computes all cases that can be had; returns when none is left, or after a signal.
+/// Computes what a store lacks of the campaign it has taken in: first the tables that its spheres need, then all its cases.
+///
+/// Returns when no case is left that can be had, or after a signal. Cases that fail are no error: they are in the store.
 ///
 /// # Errors
-/// Trouble with the store, threads the system would not give. Cases that fail are no error: they are in the store.
-pub fn run(
+/// Trouble with the store, threads the system would not give, sizes of spheres that no table can be made for.
+pub fn compute_campaign(
+    store: &mut Store,
+    campaign: &Campaign,
+    options: Options<'_>,
+) -> Result<(), RunnerError> {
+    let ratios = tables::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
+    let tables = tables::make(&ratios, |text| options.progress.note(text))?;
+    run(store, &campaign.protocol, &tables, options)
+}
+
+/// Computes all cases that can be had; returns when none is left, or after a signal.
+fn run(
     store: &mut Store,
     protocol: &Protocol,
     tables: &NearFields,
@@ -233,7 +247,7 @@ impl<'r> Shared<'r> {
                     });
                     Instant::now()
                 });
-                if since.elapsed() > GRACE {
+                if since.elapsed() > GRACE && self.stop.may_abandon() {
                     self.progress
                         .note("a step takes too long: its case goes on from its last checkpoint");
                     // Given back here, so that what the abandoned threads may still write no longer counts.

@@ -21,6 +21,7 @@ mod prune;
 mod query;
 mod reading;
 mod results;
+mod runs;
 mod salvage;
 mod samples;
 mod schema;

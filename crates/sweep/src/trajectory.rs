@@ -3,7 +3,10 @@
 //! Stored numbers have single precision: seven digits are more than a picture needs, and gaps are stored themselves, not
 //! as differences of positions. What decides a run is never read back from a frame.
 
-use crate::csv_rows;
+mod tables;
+
+pub use tables::{contact_table, sphere_table};
+
 use sd_core::contact::ContactState;
 use sd_core::simulation::{Frame, FrameContact};
 use serde::{Deserialize, Serialize};
@@ -182,91 +185,10 @@ pub fn write_extxyz(frame: &Frame, out: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-/// Columns of the table of spheres: lengths in a, angles in radians, stresslets in mu·a³·rate.
-const SPHERE_COLUMNS: [&str; 10] = [
-    "step",
-    "strain",
-    "sphere",
-    "x",
-    "y",
-    "radius",
-    "orientation",
-    "stresslet_xx",
-    "stresslet_yy",
-    "stresslet_xy",
-];
-/// Columns of the table of contacts: lengths in a, forces in mu·a²·rate.
-const CONTACT_COLUMNS: [&str; 10] = [
-    "step",
-    "strain",
-    "i",
-    "j",
-    "normal_x",
-    "normal_y",
-    "gap",
-    "normal_force",
-    "tangential_force",
-    "state",
-];
-
-/// Writes the spheres of frames, each with its step, as a table with a row per sphere and frame.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_spheres<'f>(
-    frames: impl IntoIterator<Item = (u64, &'f Frame)>,
-    out: &mut dyn Write,
-) -> io::Result<()> {
-    let rows = frames.into_iter().flat_map(|(step, frame)| {
-        (0..frame.centres.len()).map(move |sphere| {
-            let ([x, y], [xx, yy, xy]) = (frame.centres[sphere], frame.stresslets[sphere]);
-            [
-                step.to_string(),
-                frame.strain.to_string(),
-                sphere.to_string(),
-                x.to_string(),
-                y.to_string(),
-                frame.radii[sphere].to_string(),
-                frame.orientations[sphere].to_string(),
-                xx.to_string(),
-                yy.to_string(),
-                xy.to_string(),
-            ]
-        })
-    });
-    csv_rows::write(SPHERE_COLUMNS, rows, out)
-}
-
-/// Writes the contacts of frames, each with its step, as a table with a row per contact and frame.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_contacts<'f>(
-    frames: impl IntoIterator<Item = (u64, &'f Frame)>,
-    out: &mut dyn Write,
-) -> io::Result<()> {
-    let rows = frames.into_iter().flat_map(|(step, frame)| {
-        frame.contacts.iter().map(move |c| {
-            [
-                step.to_string(),
-                frame.strain.to_string(),
-                c.i.to_string(),
-                c.j.to_string(),
-                c.normal[0].to_string(),
-                c.normal[1].to_string(),
-                c.gap.to_string(),
-                c.normal_force.to_string(),
-                c.tangential_force.to_string(),
-                STATES[usize::from(state_number(c.state))].to_owned(),
-            ]
-        })
-    });
-    csv_rows::write(CONTACT_COLUMNS, rows, out)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::write_csv;
 
     fn frame() -> Frame {
         Frame {
@@ -315,7 +237,7 @@ mod tests {
     fn tables_have_a_row_per_sphere_and_per_contact() {
         let frame = frame();
         let mut spheres = Vec::new();
-        write_spheres([(25, &frame), (50, &frame)], &mut spheres).unwrap();
+        write_csv(&sphere_table(&[(25, &frame), (50, &frame)]), &mut spheres).unwrap();
         assert_eq!(
             String::from_utf8(spheres).unwrap(),
             "step,strain,sphere,x,y,radius,orientation,stresslet_xx,stresslet_yy,stresslet_xy\n\
@@ -325,7 +247,7 @@ mod tests {
              50,0.5,1,3.5,2,1.5,-0.25,0,0.5,19\n"
         );
         let mut contacts = Vec::new();
-        write_contacts([(25, &frame)], &mut contacts).unwrap();
+        write_csv(&contact_table(&[(25, &frame)]), &mut contacts).unwrap();
         assert_eq!(
             String::from_utf8(contacts).unwrap(),
             "step,strain,i,j,normal_x,normal_y,gap,normal_force,tangential_force,state\n\

@@ -51,7 +51,24 @@ pub struct Passed {
 ///
 /// # Errors
 /// Parameters out of range; spheres that overlap at the start or do not pass.
+#[expect(
+    clippy::missing_panics_doc,
+    reason = "they go on for as long as it takes"
+)]
 pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
+    let passed = pass_while(passing, tables, || true)?;
+    Ok(passed.expect("they go on for as long as it takes"))
+}
+
+/// As [`pass`], for as long as `go_on`, which is asked before every step, says so; `None` once it does not.
+///
+/// # Errors
+/// As [`pass`].
+pub fn pass_while(
+    passing: &Passing,
+    tables: &NearFields,
+    mut go_on: impl FnMut() -> bool,
+) -> Result<Option<Passed>, Error> {
     check(passing)?;
     let radii = [1.0, passing.size_ratio];
     let cell = Cell::Unbounded;
@@ -78,6 +95,9 @@ pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
     let mut path = vec![row(time, &state, contact)];
     let mut minimum_gap = state.centres[1].x.exp();
     for step in 0..MOST_STEPS {
+        if !go_on() {
+            return Ok(None);
+        }
         let mut advance = |from: &State, dt: f64| {
             let mut to = from.clone();
             let mut memory_after = memory.clone();
@@ -125,13 +145,13 @@ pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
         minimum_gap = minimum_gap.min(state.centres[1].x.exp());
         path.push(row(time, &state, contact));
         if last {
-            return Ok(Passed {
+            return Ok(Some(Passed {
                 final_offset: state.centres[0].y,
                 rotation_degrees: [0, 1].map(|i| state.orientations[i].to_degrees()),
                 minimum_gap,
                 time,
                 path,
-            });
+            }));
         }
     }
     Err(Error::OutOfRange {

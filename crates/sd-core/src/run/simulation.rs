@@ -476,6 +476,26 @@ impl Simulation {
         self.steps as f64 * self.params.time_step
     }
 
+    /// Centres, in a, in the cell of the strain reached.
+    pub fn centres(&self) -> &[Vec2] {
+        &self.state.centres
+    }
+
+    /// Orientations, in radians.
+    pub fn orientations(&self) -> &[f64] {
+        &self.state.orientations
+    }
+
+    /// Radii, in a.
+    pub fn radii(&self) -> &[f64] {
+        self.stage.resistance.radii()
+    }
+
+    /// Side of the square cell, in a.
+    pub fn side(&self) -> f64 {
+        self.side
+    }
+
     /// Counters so far.
     pub fn counters(&self) -> &Counters {
         &self.counters

@@ -110,18 +110,19 @@ impl Error {
     pub fn exit_code(&self) -> u8 {
         use sd_core::Error as Physics;
         match self {
-            Self::Physics(
+            Self::Physics(error) | Self::Runner(RunnerError::Tables(error)) => match error {
                 Physics::OutOfRange { .. }
                 | Physics::Refused(_)
                 | Physics::Length { .. }
                 | Physics::NoSpheres
                 | Physics::Overlap { .. }
                 | Physics::CellTooSmall { .. }
-                | Physics::BadPair { .. },
-            ) => exit::BAD_INPUT,
-            Self::Physics(_)
-            | Self::Serve(ServeError::Start { .. })
-            | Self::Runner(RunnerError::Start { .. }) => exit::FAILED,
+                | Physics::BadPair { .. } => exit::BAD_INPUT,
+                _ => exit::FAILED,
+            },
+            Self::Serve(ServeError::Start { .. }) | Self::Runner(RunnerError::Start { .. }) => {
+                exit::FAILED
+            }
             Self::Output(_)
             | Self::Report(ReportError::Output(_))
             | Self::Serve(ServeError::Output(_) | ServeError::Report(ReportError::Output(_))) => {

@@ -3,10 +3,11 @@
 use super::Output;
 use super::place::StoreArguments;
 use crate::cli::Error;
+use crate::data::write_csv;
 use crate::exit;
 use crate::files::write_whole;
 use crate::store::StoredFrame;
-use crate::trajectory::{write_contacts, write_extxyz, write_spheres};
+use crate::trajectory::{contact_table, sphere_table, write_extxyz};
 use sd_core::simulation::Frame;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -56,7 +57,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         Some(path) => {
             to_file(path, |out| spheres(&frames, arguments.format, out))?;
             to_file(&path.with_extension("contacts.csv"), |out| {
-                write_contacts(with_steps(&frames), out)
+                write_csv(&contact_table(&with_steps(&frames)), out)
             })?;
             if output.json {
                 output.json(&serde_json::json!({"key": key, "frames": frames.len()}))?;
@@ -74,13 +75,13 @@ fn spheres(frames: &[StoredFrame], form: Form, out: &mut dyn Write) -> std::io::
         Form::Extxyz => frames
             .iter()
             .try_for_each(|kept| write_extxyz(&kept.frame, out)),
-        Form::Csv => write_spheres(with_steps(frames), out),
+        Form::Csv => write_csv(&sphere_table(&with_steps(frames)), out),
     }
 }
 
 /// The frames as tables have them.
-fn with_steps(frames: &[StoredFrame]) -> impl Iterator<Item = (u64, &Frame)> {
-    frames.iter().map(|kept| (kept.step, &kept.frame))
+fn with_steps(frames: &[StoredFrame]) -> Vec<(u64, &Frame)> {
+    frames.iter().map(|kept| (kept.step, &kept.frame)).collect()
 }
 
 fn to_file(

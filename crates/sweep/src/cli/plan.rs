@@ -47,9 +47,9 @@ pub(crate) struct Arguments {
     workers: Option<NonZeroUsize>,
 }
 
-/// The answer.
-#[derive(Serialize)]
-struct Plan {
+/// What a campaign would do.
+#[derive(Debug, Serialize)]
+pub struct Plan {
     /// Name of the campaign.
     campaign: String,
     /// Number of runs.
@@ -82,7 +82,7 @@ fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
 }
 
 /// Runs that cost the same.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 struct Kind {
     /// Number of spheres.
     spheres: usize,
@@ -143,8 +143,8 @@ pub(super) fn forecast(campaign: &Campaign, workers: usize) -> (Option<f64>, f64
     (seconds, plan.memory_bytes)
 }
 
-/// Makes the plan.
-fn plan(campaign: &Campaign, workers: usize) -> Plan {
+/// Makes the plan: measures a few steps of each kind of run, and writes nothing.
+pub fn plan(campaign: &Campaign, workers: usize) -> Plan {
     let mut kinds = kinds(campaign);
     calibrate(&mut kinds);
     let computing_time_s = kinds

@@ -89,12 +89,12 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         ..Report::of(&store, &selection)?
     };
     let mut files = false;
-    if let (Some(path), Some(drawing)) = (&arguments.figure, drawing) {
+    if let (Some(path), Some((drawing, format))) = (&arguments.figure, drawing) {
         let traces = match drawing.kind {
             Kind::Trace => traces(&store, &selection, &arguments.case)?,
             _ => Vec::new(),
         };
-        save(path, &draw(&report, &traces, drawing)?, output)?;
+        save(path, &draw(&report, &traces, drawing, format)?, output)?;
         files = true;
     }
     if let Some(path) = &arguments.csv {
@@ -152,7 +152,7 @@ fn refuse_two_answers(arguments: &Arguments, output: &Output<'_>) -> Result<(), 
 }
 
 /// The figure asked for, if one is.
-fn drawing(arguments: &Arguments) -> Result<Option<Drawing>, Error> {
+fn drawing(arguments: &Arguments) -> Result<Option<(Drawing, Format)>, Error> {
     let Some(path) = &arguments.figure else {
         return Ok(None);
     };
@@ -174,12 +174,12 @@ fn drawing(arguments: &Arguments) -> Result<Option<Drawing>, Error> {
             "it names runs in time, so only --kind trace has it",
         );
     }
-    Ok(Some(Drawing {
+    let drawing = Drawing {
         kind: arguments.kind,
         quantity: arguments.quantity.unwrap_or_default(),
         along: arguments.along,
-        format: format_of(path)?,
-    }))
+    };
+    Ok(Some((drawing, format_of(path)?)))
 }
 
 /// The format a figure's file name asks for.

@@ -10,7 +10,6 @@ use crate::exit;
 use crate::format::bytes;
 use crate::runner::{self, Options, Progress, Stop, Style};
 use crate::store::{Adoption, Inventory, Store, network_file_system};
-use crate::tables;
 use std::io::{IsTerminal, Write as _};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -244,8 +243,5 @@ fn compute(
         stop: conditions.stop,
         progress: &progress,
     };
-    let ratios = tables::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
-    let tables = tables::make(&ratios, |text| progress.note(text))?;
-    let protocol = &campaign.protocol;
-    Ok(runner::run(store, protocol, &tables, options)?)
+    Ok(runner::compute_campaign(store, campaign, options)?)
 }

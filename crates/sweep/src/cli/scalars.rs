@@ -3,7 +3,7 @@
 use super::Output;
 use crate::cli::Error;
 use crate::exit;
-use sd_core::two_sphere::scalars;
+use sd_core::two_sphere::{Scalars, scalars};
 use serde_json::json;
 
 /// Print the resistance functions of two spheres
@@ -20,10 +20,9 @@ pub(crate) struct Arguments {
     separation: f64,
 }
 
-/// Writes the functions.
-pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let s = scalars(arguments.size_ratio, arguments.separation)?;
-    let named = [
+/// The functions by their published names: of a sphere's own motion, and of the other's.
+pub fn named(s: &Scalars) -> [(&'static str, [f64; 2]); 10] {
+    [
         ("XA", s.x_a),
         ("YA", s.y_a),
         ("YB", s.y_b),
@@ -34,7 +33,12 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         ("XM", s.x_m),
         ("YM", s.y_m),
         ("ZM", s.z_m),
-    ];
+    ]
+}
+
+/// Writes the functions.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let named = named(&scalars(arguments.size_ratio, arguments.separation)?);
     if output.json {
         let mut object = json!({
             "size_ratio": arguments.size_ratio,

@@ -36,14 +36,14 @@ pub(crate) struct Arguments {
     file: PathBuf,
 }
 
-/// The configuration as it is written.
+/// A configuration as it is written, in JSON or by another program. Lengths in sphere radii, forces in mu·a²·rate.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Input {
+pub struct Input {
     /// Centres.
-    centres: Vec<[f64; 2]>,
+    pub centres: Vec<[f64; 2]>,
     /// Radii, default 1.
-    radii: Option<Vec<f64>>,
+    pub radii: Option<Vec<f64>>,
     /// Cell sides; none: unbounded.
     cell: Option<[f64; 2]>,
     /// Offset of the cell.
@@ -53,11 +53,28 @@ struct Input {
     /// Imposed flow, default simple shear.
     background: Option<Flow>,
     /// External forces, default 0.
-    forces: Option<Vec<[f64; 2]>>,
+    pub forces: Option<Vec<[f64; 2]>>,
     /// External torques, default 0.
-    torques: Option<Vec<f64>>,
+    pub torques: Option<Vec<f64>>,
     /// Contact problem, default none.
     contact: Option<Contact>,
+}
+
+/// Why an [`Input`] is no configuration.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum InputError {
+    /// A value that cannot be meant.
+    #[error("{field}: {message}")]
+    Value {
+        /// Name of the value.
+        field: &'static str,
+        /// What is wrong, and what is allowed.
+        message: String,
+    },
+    /// What the solver refuses.
+    #[error(transparent)]
+    Physics(#[from] sd_core::Error),
 }
 
 /// Imposed flow as it is written.
@@ -116,9 +133,23 @@ fn read(path: &Path, bytes: &[u8]) -> Result<(Configuration, ContactRequest), Er
             message: message.chars().take(400).collect(),
         }
     })?;
-    let refuse = |field, message: &str| {
-        Err(Error::Value {
+    configuration(input).map_err(|error| match error {
+        InputError::Value { field, message } => Error::Value {
             path: path.to_owned(),
+            field,
+            message,
+        },
+        InputError::Physics(error) => error.into(),
+    })
+}
+
+/// The configuration and the contact problem that an input means.
+///
+/// # Errors
+/// Lists of other lengths, more spheres or radii than can be computed, values without meaning or out of range.
+pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), InputError> {
+    let refuse = |field, message: &str| {
+        Err(InputError::Value {
             field,
             message: message.into(),
         })

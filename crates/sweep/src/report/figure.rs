@@ -1,8 +1,10 @@
 //! What a figure shows: points as curves, or runs in time.
 
 mod log_axis;
+mod outline;
 mod render;
 
+pub use outline::Outline;
 pub use render::Format;
 
 use super::ReportError;
@@ -12,7 +14,8 @@ use crate::axes::{AXES, Axis, identity};
 use crate::statistics::Estimate;
 use crate::store::{PointRun, Store};
 use log_axis::LogAxis;
-use render::{CURVES, render};
+use outline::CURVES;
+use render::render;
 use sd_core::Params;
 
 /// What a figure shows.
@@ -59,8 +62,6 @@ pub struct Drawing {
     pub quantity: Quantity,
     /// Its horizontal axis; `None` for Γ where it varies, for contacts ν where that does.
     pub along: Option<&'static Axis>,
-    /// How it is written.
-    pub format: Format,
 }
 
 /// One run in time.
@@ -147,7 +148,24 @@ pub fn traces(
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
-pub fn draw(report: &Report, traces: &[Trace], drawing: Drawing) -> Result<Vec<u8>, ReportError> {
+pub fn draw(
+    report: &Report,
+    traces: &[Trace],
+    drawing: Drawing,
+    format: Format,
+) -> Result<Vec<u8>, ReportError> {
+    render(&outline(report, traces, drawing)?, format).map_err(refused)
+}
+
+/// The same figure, to be drawn by another program.
+///
+/// # Errors
+/// [`ReportError::Argument`] if there is nothing to draw, or too much.
+pub fn outline(
+    report: &Report,
+    traces: &[Trace],
+    drawing: Drawing,
+) -> Result<Outline, ReportError> {
     let along = drawing
         .along
         .unwrap_or_else(|| default_axis(report, drawing.kind));
@@ -170,12 +188,8 @@ pub fn draw(report: &Report, traces: &[Trace], drawing: Drawing) -> Result<Vec<u
         Kind::Contacts => contacts(report, along),
         Kind::Trace => in_time(traces),
     };
-    let refuse = |message: String| ReportError::Argument {
-        argument: "--figure",
-        message,
-    };
     if sketch.lines.iter().all(|line| line.points.is_empty()) {
-        return Err(refuse(
+        return Err(refused(
             "there are no results to draw yet; `sweep status` says how far the campaign is".into(),
         ));
     }
@@ -190,11 +204,19 @@ pub fn draw(report: &Report, traces: &[Trace], drawing: Drawing) -> Result<Vec<u
         } else {
             ""
         };
-        return Err(refuse(format!(
+        return Err(refused(format!(
             "{curves}{more} curves, and at most {CURVES} can be told apart: {how}"
         )));
     }
-    render(&sketch, drawing.format).map_err(refuse)
+    Ok(Outline::of(&sketch))
+}
+
+/// The error about a figure.
+fn refused(message: String) -> ReportError {
+    ReportError::Argument {
+        argument: "--figure",
+        message,
+    }
 }
 
 /// Draws the paths of spheres that pass: the centres of the first and the second, in a.
@@ -217,10 +239,7 @@ pub fn draw_paths(paths: [Vec<(f64, f64)>; 2], format: Format) -> Result<Vec<u8>
         y: "y / a",
         ..Sketch::default()
     };
-    render(&sketch, format).map_err(|message| ReportError::Argument {
-        argument: "--figure",
-        message,
-    })
+    render(&Outline::of(&sketch), format).map_err(refused)
 }
 
 /// The axis of a figure if the user names none: the first that varies.

@@ -17,6 +17,9 @@ pub enum RunnerError {
         /// What the system said.
         reason: String,
     },
+    /// The tables of two spheres could not be made.
+    #[error("{0}")]
+    Tables(#[from] sd_core::Error),
     /// The store failed.
     #[error(transparent)]
     #[diagnostic(transparent)]

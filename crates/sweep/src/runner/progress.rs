@@ -28,6 +28,17 @@ pub enum Style {
     Quiet,
 }
 
+/// How far a campaign is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Standing {
+    /// Share of its work that is done, 0 to 1.
+    pub fraction: f64,
+    /// Its cases by state, as of the last look into the store.
+    pub counts: Counts,
+    /// The same in words, with the time left.
+    pub message: String,
+}
+
 /// Progress of all cases and of each worker.
 pub struct Progress {
     style: Style,
@@ -233,6 +244,16 @@ impl Progress {
             if due {
                 self.line(&message);
             }
+        }
+    }
+
+    /// How far the campaign is, as it was last drawn.
+    pub fn standing(&self) -> Standing {
+        let campaign = self.campaign();
+        Standing {
+            fraction: campaign.fraction(),
+            counts: campaign.counts,
+            message: campaign.message(),
         }
     }
 

@@ -26,6 +26,8 @@ struct Asked {
     under_way: AtomicBool,
     /// Whether signals never end the process by themselves.
     patient: bool,
+    /// Whether the process is another program's, and never ended here.
+    hosted: bool,
 }
 
 impl Stop {
@@ -47,6 +49,24 @@ impl Stop {
             patient: true,
             ..Asked::default()
         })
+    }
+
+    /// For a program that listens to signals itself and says when to stop; it is never ended by this.
+    pub fn by_hand() -> Self {
+        Self(Arc::new(Asked {
+            hosted: true,
+            ..Asked::default()
+        }))
+    }
+
+    /// Asks for a stop, as this signal would.
+    pub fn ask(&self, signal: i32) {
+        let _ = (self.0.signal).compare_exchange(0, signal, Ordering::SeqCst, Ordering::SeqCst);
+    }
+
+    /// Whether a step that takes too long after a signal may be abandoned, which ends the process.
+    pub(super) fn may_abandon(&self) -> bool {
+        !self.0.hosted
     }
 
     /// Listens from now on.
@@ -96,5 +116,21 @@ impl Stop {
     /// Ends the program here and now. The store stands for this: what is not committed never was.
     pub(super) fn exit(signal: i32) -> ! {
         std::process::exit(exit::stopped_by(signal).into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_by_hand_says_its_first_signal_and_ends_no_process() {
+        let stop = Stop::by_hand();
+        assert_eq!(stop.signal(), None);
+        stop.ask(SIGINT);
+        stop.ask(SIGTERM);
+        assert_eq!(stop.signal(), Some(SIGINT));
+        assert!(!stop.may_abandon());
+        assert!(Stop::default().may_abandon());
     }
 }

@@ -87,11 +87,15 @@ pub(super) fn cells(params: &Params) -> impl Iterator<Item = types::Value> {
     })
 }
 
-/// The view of runs: what each is and what came out of it; nothing came out yet of one that waits to go on.
+/// The view of runs.
 fn runs() -> String {
+    format!("CREATE VIEW runs AS\n{}", runs_query())
+}
+
+/// All runs: what each is and what came out of it; nothing came out yet of one that waits to go on.
+pub(super) fn runs_query() -> String {
     format!(
-        "CREATE VIEW runs AS
-SELECT c.key, c.state, {}, c.seed, r.*
+        "SELECT c.key, c.state, {}, c.seed, r.*
 FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
 WHERE c.position IS NOT NULL
 ORDER BY c.position",

@@ -180,11 +180,11 @@ impl Store {
             .unwrap_or(samples))
     }
 
-    /// Strain and viscosity of a case at its samples so far.
+    /// Samples of a case so far, with their steps.
     ///
     /// # Errors
     /// Trouble with the file.
-    pub fn trace(&self, key: &str) -> Result<Vec<(f64, f64)>, StoreError> {
+    pub fn samples(&self, key: &str) -> Result<Vec<(u64, Sample)>, StoreError> {
         let found: Option<(i64, i64)> = self.read(
             self.connection
                 .query_row("SELECT id, steps FROM cases WHERE key = ?1", [key], |row| {
@@ -192,11 +192,19 @@ impl Store {
                 })
                 .optional(),
         )?;
-        let samples = match found {
-            Some((id, asked)) => self.samples_so_far(id, count(asked))?,
-            None => Vec::new(),
-        };
-        Ok(samples
+        match found {
+            Some((id, asked)) => self.samples_so_far(id, count(asked)),
+            None => Ok(Vec::new()),
+        }
+    }
+
+    /// Strain and viscosity of a case at its samples so far.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn trace(&self, key: &str) -> Result<Vec<(f64, f64)>, StoreError> {
+        Ok(self
+            .samples(key)?
             .into_iter()
             .map(|(_, sample)| (sample.strain, sample.viscosity))
             .filter(|(_, viscosity)| viscosity.is_finite())

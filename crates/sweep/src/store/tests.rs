@@ -7,6 +7,7 @@ use std::path::Path;
 
 mod length;
 mod merge;
+mod runs;
 mod trouble;
 mod versions;
 

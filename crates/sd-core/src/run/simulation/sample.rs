@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Relative viscosity above which the layer counts as jammed for the moment.
 pub const JAM_VISCOSITY: f64 = 1e4;
 /// What is measured at the first stage of a step.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Sample {
     /// Strain at which it was taken.
     pub strain: f64,

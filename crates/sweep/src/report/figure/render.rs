@@ -1,6 +1,6 @@
-//! A sketch drawn for print: 85 mm wide, the colours of Okabe and Ito, a marker of its own for each curve.
+//! Figures drawn by the program itself.
 
-use super::Sketch;
+use super::outline::{Curve, Marker, Outline, Straight};
 use kuva::backend::png::PngBackend;
 use kuva::backend::svg::SvgBackend;
 use kuva::plot::legend::LegendPosition;
@@ -12,31 +12,8 @@ use kuva::render::plots::Plot;
 use kuva::render::render::render_multiple;
 use std::sync::Arc;
 
-/// Width of a column, 85 mm, in pixels of 1/96 inch.
-const WIDTH: f64 = 321.0;
-/// Height of a figure without its legend.
-const HEIGHT: f64 = 255.0;
-/// Height of an entry of the legend.
-const LEGEND_LINE: f64 = 18.0;
 /// Dots of a PNG per pixel: 576 per inch.
 const PNG_SCALE: f32 = 6.0;
-/// Curves of one figure at most: as many as there are colours and markers that can be told apart.
-pub(super) const CURVES: usize = 8;
-/// Okabe and Ito's colours, dark ones first, their yellow last: it is hard to see on white.
-const COLOURS: [&str; CURVES] = [
-    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9", "#F0E442",
-];
-/// A marker for each colour.
-const MARKERS: [MarkerShape; CURVES] = [
-    MarkerShape::Circle,
-    MarkerShape::Square,
-    MarkerShape::Triangle,
-    MarkerShape::Diamond,
-    MarkerShape::TriangleDown,
-    MarkerShape::Plus,
-    MarkerShape::Cross,
-    MarkerShape::Star,
-];
 
 /// How a figure is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,129 +24,107 @@ pub enum Format {
     Png,
 }
 
-/// Whether a vertical axis is logarithmic: all positive, and more than a decade.
-fn is_logarithmic(sketch: &Sketch) -> bool {
-    let values = || {
-        sketch
-            .lines
-            .iter()
-            .flat_map(|line| &line.points)
-            .map(|p| p.1)
-    };
-    let (low, high) = (
-        values().fold(f64::INFINITY, f64::min),
-        values().fold(f64::NEG_INFINITY, f64::max),
-    );
-    low > 0.0 && high > 10.0 * low
-}
-
-/// The shapes of a sketch, and how many of its lines have an entry in the legend.
-fn shapes(sketch: &Sketch, logarithmic: bool) -> (Vec<Plot>, f64) {
-    let mut plots = Vec::new();
-    let mut labelled: f64 = 0.0;
-    for line in sketch.lines.iter().filter(|line| !line.points.is_empty()) {
-        let colour = COLOURS[line.style % CURVES];
-        let places = line.points.iter().map(|p| (p.0, p.1));
-        let mut path = LinePlot::new().with_data(places.clone()).with_color(colour);
-        path = path.with_stroke_width(if line.plain { 0.8 } else { 1.2 });
-        if line.plain && !line.label.is_empty() {
-            path = path.with_legend(line.label.clone());
+impl Marker {
+    fn shape(self) -> MarkerShape {
+        match self {
+            Self::Circle => MarkerShape::Circle,
+            Self::Square => MarkerShape::Square,
+            Self::Triangle => MarkerShape::Triangle,
+            Self::Diamond => MarkerShape::Diamond,
+            Self::TriangleDown => MarkerShape::TriangleDown,
+            Self::Plus => MarkerShape::Plus,
+            Self::Cross => MarkerShape::Cross,
+            Self::Star => MarkerShape::Star,
         }
-        plots.push(Plot::Line(path));
-        if !line.plain {
-            let bars = line.points.iter().map(|&(_, mean, half)| {
-                let half = half.unwrap_or(0.0);
-                // An interval that reaches below zero has no lower end on a logarithmic axis.
-                let lower = if logarithmic {
-                    half.min(0.99 * mean)
-                } else {
-                    half
-                };
-                (lower, half)
-            });
-            let mut marks = ScatterPlot::new()
-                .with_data(places)
-                .with_color(colour)
-                .with_size(3.0)
-                .with_marker(MARKERS[line.style % CURVES]);
-            if line.points.iter().any(|point| point.2.is_some()) {
-                marks = marks.with_y_err_asymmetric(bars);
-            }
-            if !line.label.is_empty() {
-                marks = marks.with_legend(line.label.clone());
-            }
-            plots.push(Plot::Scatter(marks));
-        }
-        labelled += f64::from(u8::from(!line.label.is_empty()));
     }
-    (plots, labelled)
 }
 
-/// Draws a sketch.
-pub(super) fn render(sketch: &Sketch, format: Format) -> Result<Vec<u8>, String> {
-    let logarithmic = is_logarithmic(sketch);
-    // The raster backend takes dashes in dots, not in pixels.
+/// The shapes of a curve.
+fn shapes(curve: &Curve) -> Vec<Plot> {
+    let places = curve.points.iter().map(|p| (p.0, p.1));
+    let mut path = LinePlot::new()
+        .with_data(places.clone())
+        .with_color(curve.colour)
+        .with_stroke_width(curve.width);
+    let Some(marker) = curve.marker else {
+        if !curve.label.is_empty() {
+            path = path.with_legend(curve.label.clone());
+        }
+        return vec![Plot::Line(path)];
+    };
+    let mut marks = ScatterPlot::new()
+        .with_data(places)
+        .with_color(curve.colour)
+        .with_size(curve.marker_size)
+        .with_marker(marker.shape());
+    if curve.has_intervals {
+        marks = marks.with_y_err_asymmetric(curve.points.iter().map(|p| (p.2, p.3)));
+    }
+    if !curve.label.is_empty() {
+        marks = marks.with_legend(curve.label.clone());
+    }
+    vec![Plot::Line(path), Plot::Scatter(marks)]
+}
+
+/// Adds straight lines. The raster backend takes dashes in dots, not in pixels: `scale` of them.
+fn with_lines(
+    layout: Layout,
+    lines: &Straight,
+    scale: f32,
+    line: fn(f64) -> ReferenceLine,
+) -> Layout {
+    let [dash, gap] = lines.dashes.map(|length| length * f64::from(scale));
+    lines.places.iter().fold(layout, |layout, place| {
+        layout.with_reference_line(
+            line(*place)
+                .with_color(lines.colour)
+                .with_stroke_width(lines.width)
+                .with_dasharray(format!("{dash} {gap}")),
+        )
+    })
+}
+
+/// Draws a figure.
+pub(super) fn render(outline: &Outline, format: Format) -> Result<Vec<u8>, String> {
     let scale = match format {
         Format::Svg => 1.0,
         Format::Png => PNG_SCALE,
     };
-    let dashes = |lengths: [f32; 2]| format!("{} {}", lengths[0] * scale, lengths[1] * scale);
-    let (plots, labelled) = shapes(sketch, logarithmic);
-    // A column of entries below the axis, with room of its own.
-    let legend = LEGEND_LINE * labelled + if labelled > 0.0 { 10.0 } else { 0.0 };
-    let height = HEIGHT + legend;
+    let plots: Vec<Plot> = outline.lines.iter().flat_map(shapes).collect();
+    let (height, legend) = (outline.height, outline.legend_height);
     let mut layout = Layout::auto_from_plots(&plots)
-        .with_width(WIDTH)
+        .with_width(outline.width)
         .with_height(height)
         .with_force_margins_y(10.0, 44.0 + legend)
         .with_legend_position(LegendPosition::Custom(44.0, height - legend + 4.0))
-        .with_x_label(sketch.x.clone())
+        .with_x_label(outline.x.label.clone())
         .with_x_label_offset(0.0, -legend)
-        .with_y_label(sketch.y)
-        .with_label_size(11)
-        .with_tick_size(10)
-        .with_body_size(10)
+        .with_y_label(outline.y.label)
+        .with_label_size(outline.label_size)
+        .with_tick_size(outline.tick_size)
+        .with_body_size(outline.tick_size)
         .with_show_grid(false)
         .with_box_axes()
         .with_legend_box(false);
-    if logarithmic {
+    if outline.y.logarithmic {
         layout = layout.with_log_y();
-    } else if sketch
-        .lines
-        .iter()
-        .flat_map(|l| &l.points)
-        .all(|p| p.1 >= 0.0)
-    {
+    } else if outline.y.from_zero {
         layout = layout.with_y_axis_min(0.0);
     }
-    if let Some(log) = sketch.log {
-        let left = log.low - if log.zero { 1.4 } else { 0.4 };
-        let right = log.high + if log.infinite { 1.4 } else { 0.4 };
-        let crowded = right - left > 8.5;
+    if let Some(decades) = &outline.x.decades {
+        let ticks = decades.ticks.clone();
+        let tick = move |place: f64| {
+            let near = ticks.iter().find(|tick| (tick.0 - place).abs() < 0.25);
+            near.map_or_else(String::new, |tick| tick.1.clone())
+        };
         layout = layout
-            .with_x_axis_min(left)
-            .with_x_axis_max(right)
-            .with_x_tick_step(if crowded { 2.0 } else { 1.0 })
-            .with_x_tick_format(TickFormat::Custom(Arc::new(move |place| log.tick(place))));
-        for (drawn, break_at) in [(log.zero, log.low - 0.5), (log.infinite, log.high + 0.5)] {
-            if drawn {
-                layout = layout.with_reference_line(
-                    ReferenceLine::vertical(break_at)
-                        .with_color("#bbbbbb")
-                        .with_stroke_width(0.8)
-                        .with_dasharray(dashes([1.0, 3.0])),
-                );
-            }
-        }
+            .with_x_axis_min(decades.left)
+            .with_x_axis_max(decades.right)
+            .with_x_tick_step(decades.step)
+            .with_x_tick_format(TickFormat::Custom(Arc::new(tick)));
+        layout = with_lines(layout, &decades.breaks, scale, ReferenceLine::vertical);
     }
-    for &height in &sketch.dashed {
-        layout = layout.with_reference_line(
-            ReferenceLine::horizontal(height)
-                .with_color("#555555")
-                .with_stroke_width(0.9)
-                .with_dasharray(dashes([6.0, 4.0])),
-        );
-    }
+    layout = with_lines(layout, &outline.dashed, scale, ReferenceLine::horizontal);
     let scene = render_multiple(plots, layout);
     match format {
         Format::Svg => Ok(SvgBackend::new().render_scene(&scene).into_bytes()),

@@ -1,0 +1,167 @@
+//! Tables as whole columns, for programs that take them so, and the numbers of a record as a row of one.
+
+mod fields;
+
+pub use fields::{Field, Unfit, fields};
+
+use crate::axes::{Kind, Value};
+use crate::csv_rows;
+use std::borrow::Cow;
+use std::io::{self, Write};
+
+/// A word in a table.
+pub type Word = Cow<'static, str>;
+
+/// A column of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DataColumn {
+    /// Its name.
+    pub name: Word,
+    /// Its unit; `1` where there is none, nothing for words and where it is not known.
+    pub unit: &'static str,
+    /// Its meaning; empty where its name says it.
+    pub meaning: &'static str,
+    /// What is in it.
+    pub cells: Cells,
+}
+
+/// The cells of a column; `None` where there is nothing.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Cells {
+    /// Words.
+    Word(Vec<Option<Word>>),
+    /// Whole numbers.
+    Count(Vec<Option<i64>>),
+    /// Numbers, possibly infinite.
+    Number(Vec<Option<f64>>),
+}
+
+impl Cells {
+    /// None yet, with room for so many.
+    pub fn with_capacity(kind: Kind, rows: usize) -> Self {
+        match kind {
+            Kind::Word => Self::Word(Vec::with_capacity(rows)),
+            Kind::Count => Self::Count(Vec::with_capacity(rows)),
+            Kind::Number => Self::Number(Vec::with_capacity(rows)),
+        }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Word(cells) => cells.len(),
+            Self::Count(cells) => cells.len(),
+            Self::Number(cells) => cells.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Adds a cell. A whole number among others becomes one of them; what is of another kind leaves the cell empty, as does what
+    /// is not a number.
+    pub fn push(&mut self, value: Option<Value>) {
+        match self {
+            Self::Word(cells) => cells.push(match value {
+                Some(Value::Word(word)) => Some(Cow::Borrowed(word)),
+                _ => None,
+            }),
+            Self::Count(cells) => cells.push(match value {
+                Some(Value::Count(count)) => Some(i64::try_from(count).unwrap_or(i64::MAX)),
+                _ => None,
+            }),
+            Self::Number(cells) => cells.push(match value {
+                Some(Value::Number(number)) if !number.is_nan() => Some(number),
+                Some(Value::Count(count)) => Some(count as f64),
+                _ => None,
+            }),
+        }
+    }
+
+    /// A cell as text; empty where there is nothing.
+    pub fn text(&self, row: usize) -> String {
+        match self {
+            Self::Word(cells) => cells[row].clone().unwrap_or_default().into_owned(),
+            Self::Count(cells) => cells[row].map_or_else(String::new, |count| count.to_string()),
+            Self::Number(cells) => cells[row].map_or_else(String::new, |number| number.to_string()),
+        }
+    }
+}
+
+impl DataColumn {
+    /// A column without cells yet, of which nothing is known but its name.
+    pub fn named(name: impl Into<Word>, kind: Kind, rows: usize) -> Self {
+        Self {
+            name: name.into(),
+            unit: "",
+            meaning: "",
+            cells: Cells::with_capacity(kind, rows),
+        }
+    }
+}
+
+/// Writes a table as comma-separated values: a header row of names, then a row each, with nothing where there is nothing.
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn write_csv(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
+    let rows = table.first().map_or(0, |column| column.cells.len());
+    let names = table.iter().map(|column| column.name.as_ref());
+    let rows = (0..rows).map(|row| table.iter().map(move |column| column.cells.text(row)));
+    csv_rows::write(names, rows, out)
+}
+
+/// A table of records that all have the same fields, each with a number of its own in the first column. `like` stands for what the
+/// records are where there are none.
+///
+/// # Errors
+/// [`Unfit`] if a record has something that is no cell.
+pub fn numbered<R: serde::Serialize>(
+    number: &'static str,
+    records: &[(u64, R)],
+    like: &R,
+) -> Result<Vec<DataColumn>, Unfit> {
+    let rows = records.len();
+    let mut numbers = DataColumn::named(number, Kind::Count, rows);
+    let mut columns: Vec<DataColumn> = fields(like)?
+        .into_iter()
+        .map(|field| DataColumn::named(field.name, field.value.kind(), rows))
+        .collect();
+    for (place, record) in records {
+        numbers.cells.push(Some(Value::Count(*place)));
+        for (column, field) in columns.iter_mut().zip(fields(record)?) {
+            column.cells.push(Some(field.value));
+        }
+    }
+    columns.insert(0, numbers);
+    Ok(columns)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sd_core::Sample;
+
+    #[test]
+    fn samples_are_a_table_with_the_columns_of_the_store() {
+        let sample = Sample {
+            viscosity: f64::NAN,
+            minimum_gap: f64::INFINITY,
+            contacts: 7,
+            ..Sample::default()
+        };
+        let table = numbered("step", &[(40, sample)], &sample).unwrap();
+        let cells = |name: &str| &table.iter().find(|c| c.name == name).unwrap().cells;
+        assert_eq!(*cells("step"), Cells::Count(vec![Some(40)]));
+        assert_eq!(*cells("contacts"), Cells::Count(vec![Some(7)]));
+        assert_eq!(*cells("viscosity"), Cells::Number(vec![None]));
+        let infinite = Cells::Number(vec![Some(f64::INFINITY)]);
+        assert_eq!(*cells("minimum_gap"), infinite);
+        assert_eq!(*cells("minimum_gap_so_far"), infinite);
+        let none = numbered("step", &[], &sample).unwrap();
+        assert_eq!(none.len(), table.len());
+        assert!(none.iter().all(|column| column.cells.is_empty()));
+    }
+}

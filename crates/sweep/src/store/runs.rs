@@ -1,0 +1,79 @@
+//! The runs of a campaign as a table, with all that the store knows of their results.
+
+use super::axis_columns::runs_query;
+use super::{Store, StoreError};
+use crate::axes::Kind;
+use crate::data::{Cells, DataColumn, Word};
+use rusqlite::Connection;
+use rusqlite::types::{FromSqlError, Type, ValueRef};
+use std::collections::HashMap;
+
+impl Store {
+    /// All runs of the campaign in its order, a row each: the columns of the view `runs`, by their names.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn runs(&self) -> Result<Vec<DataColumn>, StoreError> {
+        self.read(columns_of(&self.connection, &runs_query()))
+    }
+}
+
+/// What a statement finds, column by column.
+fn columns_of(connection: &Connection, query: &str) -> Result<Vec<DataColumn>, rusqlite::Error> {
+    let kinds = declared_kinds(connection)?;
+    let mut statement = connection.prepare(query)?;
+    let mut columns: Vec<DataColumn> = statement
+        .column_names()
+        .map(|name| {
+            let kind = kinds.get(name).copied().unwrap_or(Kind::Number);
+            DataColumn::named(name.to_owned(), kind, 0)
+        })
+        .collect();
+    let mut rows = statement.query([])?;
+    while let Some(row) = rows.next()? {
+        for (place, column) in columns.iter_mut().enumerate() {
+            let cell = row.get_ref(place)?;
+            push(&mut column.cells, cell).map_err(|error| {
+                rusqlite::Error::FromSqlConversionFailure(place, cell.data_type(), Box::new(error))
+            })?;
+        }
+    }
+    Ok(columns)
+}
+
+/// Adds a cell as the store has it.
+fn push(cells: &mut Cells, value: ValueRef<'_>) -> Result<(), FromSqlError> {
+    let is_null = value.data_type() == Type::Null;
+    match cells {
+        Cells::Word(cells) => {
+            let word = value.as_str_or_null()?;
+            cells.push(word.map(|word| Word::Owned(word.to_owned())));
+        }
+        Cells::Count(cells) => cells.push(value.as_i64_or_null()?),
+        Cells::Number(cells) => cells.push(match value {
+            // SQLite keeps a number without a fraction as a whole one where a column does not say what it holds.
+            ValueRef::Integer(whole) => Some(whole as f64),
+            _ if is_null => None,
+            other => Some(other.as_f64()?),
+        }),
+    }
+    Ok(())
+}
+
+/// What the columns of cases and results are declared to hold.
+fn declared_kinds(connection: &Connection) -> Result<HashMap<String, Kind>, rusqlite::Error> {
+    connection
+        .prepare(
+            "SELECT name, type FROM pragma_table_info('results') UNION SELECT name, type FROM pragma_table_info('cases')",
+        )?
+        .query_map([], |row| {
+            let declared: String = row.get(1)?;
+            let kind = match declared.as_str() {
+                "TEXT" => Kind::Word,
+                "INTEGER" => Kind::Count,
+                _ => Kind::Number,
+            };
+            Ok((row.get(0)?, kind))
+        })?
+        .collect()
+}

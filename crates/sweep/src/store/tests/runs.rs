@@ -1,0 +1,57 @@
+//! The runs of a campaign as a table.
+
+use super::*;
+use crate::axes::{AXES, Kind};
+use crate::data::{Cells, DataColumn};
+
+/// The column of this name.
+fn column<'t>(table: &'t [DataColumn], name: &str) -> &'t Cells {
+    &table
+        .iter()
+        .find(|column| column.name == name)
+        .unwrap()
+        .cells
+}
+
+#[test]
+fn runs_have_all_axes_and_results_whatever_became_of_them() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    store.finish(&claim, &finished(State::Done)).unwrap();
+    let table = store.runs().unwrap();
+    assert!(table.iter().all(|column| column.cells.len() == 4));
+    for axis in AXES.iter() {
+        let kind = match column(&table, axis.key) {
+            Cells::Word(_) => Kind::Word,
+            Cells::Count(_) => Kind::Count,
+            Cells::Number(_) => Kind::Number,
+        };
+        assert_eq!(kind, axis.kind(), "{}", axis.key);
+    }
+    let Cells::Word(states) = column(&table, "state") else {
+        panic!("states are words");
+    };
+    let done: Vec<usize> = (0..4)
+        .filter(|row| states[*row].as_deref() == Some("done"))
+        .collect();
+    assert_eq!(done.len(), 1);
+    let Cells::Number(viscosities) = column(&table, "viscosity") else {
+        panic!("viscosities are numbers");
+    };
+    let of_view: f64 = store
+        .connection
+        .query_row(
+            "SELECT viscosity FROM runs WHERE state = 'done'",
+            [],
+            |row| row.get(0),
+        )
+        .unwrap();
+    assert_eq!(viscosities[done[0]], Some(of_view));
+    assert_eq!(viscosities.iter().flatten().count(), 1);
+    let Cells::Number(rates) = column(&table, "shear_rate") else {
+        panic!("shear rates are numbers");
+    };
+    assert_eq!(rates[2], Some(f64::INFINITY));
+}
