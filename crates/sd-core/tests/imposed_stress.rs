@@ -243,6 +243,7 @@ fn reversed_shear_is_the_mirror_image() {
         radii: end.radii.clone(),
         centres: end.centres.iter().map(|x| [sign * x[0], x[1]]).collect(),
         orientations: end.orientations.iter().map(|angle| sign * angle).collect(),
+        springs: Vec::new(),
     };
     let from = |start, direction| Params {
         start: Some(Box::new(start)),
@@ -269,28 +270,27 @@ fn reversed_shear_is_the_mirror_image() {
 
 #[test]
 fn run_that_begins_with_the_end_of_another_goes_on_as_that_does() {
-    let all = at_rate(
-        &params(rigid(TangentialLaw::Coulomb, FrictionOnset::CriticalLoad)),
-        10.0,
-    );
-    let (_, mut whole) = run(&all, 9, 60);
-    let end = whole.snapshot();
-    let start = sd_core::model::StartLayer {
-        side: end.side,
-        offset: whole.offset_at(whole.strain()),
-        radii: end.radii.clone(),
-        centres: end.centres.clone(),
-        orientations: end.orientations.clone(),
-    };
-    let second = Params {
-        start: Some(Box::new(start)),
-        ..all.clone()
-    };
-    let (samples, _) = run(&second, 9, 20);
-    for sample in samples {
-        let on = whole.step().unwrap();
-        assert!((sample.viscosity / on.viscosity - 1.0).abs() < 1e-6);
-        assert_eq!(sample.contacts, on.contacts);
+    let springs = soft(TangentialLaw::StickSlide, FrictionOnset::Reduced, 0.0);
+    for contact in [
+        rigid(TangentialLaw::Coulomb, FrictionOnset::CriticalLoad),
+        springs,
+    ] {
+        for at_stress in [params(contact), at_rate(&params(contact), 10.0)] {
+            let (_, mut whole) = run(&at_stress, 9, 60);
+            let layer = whole.snapshot().layer(&at_stress);
+            assert_eq!(layer.springs.is_empty(), contact != springs);
+            let second = Params {
+                start: Some(Box::new(layer)),
+                ..at_stress.clone()
+            };
+            let (samples, _) = run(&second, 9, 20);
+            for sample in samples {
+                let on = whole.step().unwrap();
+                let difference = (sample.viscosity / on.viscosity - 1.0).abs();
+                assert!(difference < 1e-5, "{contact:?}: {difference:.1e}");
+                assert_eq!(sample.contacts, on.contacts);
+            }
+        }
     }
 }
 

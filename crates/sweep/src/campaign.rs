@@ -4,6 +4,7 @@ mod error;
 mod grid;
 mod protocol;
 mod reader;
+mod start;
 
 pub use crate::protocol::{Protocol, Steps};
 pub use error::{CampaignError, Fault};
@@ -74,13 +75,14 @@ impl Campaign {
         })
     }
 
-    /// Reads the text of a campaign file; `file` names it in errors.
+    /// Reads the text of a campaign file; `file` names it in errors, and its folder is where relative paths in it begin.
     ///
     /// # Errors
     /// All that is wrong with it, the first fault in front.
     pub fn parse(file: &str, text: String) -> Result<Self, CampaignError> {
         let mut problems = Vec::new();
-        let (name, protocol, cases) = parse(&text, &mut problems);
+        let folder = Path::new(file).parent().unwrap_or(Path::new(""));
+        let (name, protocol, cases) = parse(&text, folder, &mut problems);
         match error::in_file(problems, file, &text) {
             Some(fault) => Err(fault.into()),
             None => Ok(Self {
@@ -112,7 +114,7 @@ impl Campaign {
 type Cases = Vec<(CaseKey, Case)>;
 
 /// Reads the parts of a campaign, and notes what is wrong with them.
-fn parse(text: &str, problems: &mut Vec<Problem>) -> (String, Protocol, Cases) {
+fn parse(text: &str, folder: &Path, problems: &mut Vec<Problem>) -> (String, Protocol, Cases) {
     let nothing = || (String::new(), Protocol::default(), Vec::new());
     let document = match DeTable::parse(text) {
         Ok(document) => document,
@@ -155,7 +157,7 @@ fn parse(text: &str, problems: &mut Vec<Problem>) -> (String, Protocol, Cases) {
         }
     };
     let grids = grids(&top, problems);
-    let cases = lay_out(&grids, &protocol, problems);
+    let cases = lay_out(&grids, &protocol, folder, problems);
     (name, protocol.protocol, cases)
 }
 
@@ -190,12 +192,13 @@ fn grids<'t>(top: &Table<'t>, problems: &mut Vec<Problem>) -> Vec<(Range<usize>,
 fn lay_out(
     tables: &[(Range<usize>, &DeTable<'_>)],
     protocol: &Written,
+    folder: &Path,
     problems: &mut Vec<Problem>,
 ) -> Cases {
     let mut total = 0_u64;
     let mut grids = Vec::with_capacity(tables.len());
     for (span, entries) in tables {
-        let grid = Grid::read(entries, span.clone(), protocol, problems);
+        let grid = Grid::read((entries, span.clone()), protocol, folder, problems);
         total = total.saturating_add(grid.len());
         // Before the next grid is read: a count of seeds is short in the file and long in memory.
         if total > CASE_LIMIT {

@@ -101,9 +101,13 @@ impl Case {
     /// The case in a few words, for progress and errors.
     pub fn label(&self) -> String {
         let p = &self.params;
+        let shear = match p.shear_stress {
+            Some(stress) => format!("σ*={stress}"),
+            None => format!("Γ={}", p.shear_rate),
+        };
         format!(
-            "c={} ν={} h={} Γ={} N={} seed {}",
-            p.area_fraction, p.friction, p.roughness, p.shear_rate, p.spheres, self.seed
+            "c={} ν={} h={} {shear} N={} seed {}",
+            p.area_fraction, p.friction, p.roughness, p.spheres, self.seed
         )
     }
 }

@@ -26,7 +26,7 @@ pub(crate) use text::table;
 pub use text::write as write_text;
 pub use tidy::{write_csv, write_markdown, write_units};
 
-use crate::axes::identity;
+use crate::axes::{Axis, identity};
 use crate::case::State;
 use crate::data::{Cells, DataColumn};
 use crate::statistics::{Estimate, mean, median, ratio};
@@ -34,6 +34,7 @@ use crate::store::{Counts, FailureGroup, PointRun, Provenance, Store};
 use crate::stresses::{COUNT, STRESSES};
 use sd_core::Params;
 use std::collections::HashMap;
+use std::f64::consts::PI;
 
 /// Failures listed in a report.
 const FAILURES_SHOWN: usize = 10;
@@ -173,6 +174,40 @@ fn selected_runs(store: &Store, selection: &Selection) -> Result<Vec<PointRun>, 
 }
 
 impl Point {
+    /// Γ: imposed, or that of the mean viscosity where the stress is imposed.
+    pub(crate) fn shear_rate(&self) -> Option<f64> {
+        match self.params.shear_stress {
+            None => Some(self.params.shear_rate),
+            Some(stress) => self.viscosity.map(|eta| 6.0 * PI * stress / eta.mean),
+        }
+    }
+
+    /// σ*: imposed, or that of the mean viscosity where the rate is imposed.
+    fn shear_stress(&self) -> Option<Estimate> {
+        match self.params.shear_stress {
+            Some(stress) => Some(Estimate::bare(stress)),
+            None => {
+                let factor = self.params.shear_rate / (6.0 * PI);
+                self.viscosity.map(|eta| Estimate {
+                    mean: factor * eta.mean,
+                    standard_error: eta.standard_error.map(|error| factor * error),
+                    ci95: eta.ci95.map(|width| factor * width),
+                })
+            }
+        }
+    }
+
+    /// Its place along an axis: what was measured where rate or stress follow; not a number where nothing was.
+    fn place(&self, axis: &Axis) -> f64 {
+        if axis.is_shear_rate() {
+            self.shear_rate().unwrap_or(f64::NAN)
+        } else if axis.is_shear_stress() {
+            self.shear_stress().map_or(f64::NAN, |stress| stress.mean)
+        } else {
+            axis.number(&self.params)
+        }
+    }
+
     /// A component or part of the stress by its name.
     fn stress(&self, name: &str) -> Option<Estimate> {
         let place = STRESSES.iter().position(|column| column.name == name)?;

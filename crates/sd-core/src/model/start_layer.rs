@@ -16,6 +16,9 @@ pub struct StartLayer {
     pub centres: Vec<[f64; 2]>,
     /// Orientations, in radians.
     pub orientations: Vec<f64>,
+    /// Stretches of tangential springs, in a, of pairs (i, j) with i < j, ordered; others are unstretched.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub springs: Vec<(u32, u32, f64)>,
 }
 
 impl StartLayer {
@@ -29,7 +32,9 @@ impl StartLayer {
         ];
         // FNV-1a, by Fowler, Noll & Vo, over the bits of all numbers.
         let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-        for value in scalars.iter().chain(lists.into_iter().flatten()) {
+        let stretches = self.springs.iter().map(|spring| &spring.2);
+        let lists = lists.into_iter().flatten().chain(stretches);
+        for value in scalars.iter().chain(lists) {
             for byte in value.to_bits().to_le_bytes() {
                 hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
             }
@@ -50,13 +55,15 @@ mod tests {
             radii: vec![1.0, 1.0],
             centres: vec![[0.0, 0.0], [3.0, 0.0]],
             orientations: vec![0.0, 0.0],
+            springs: vec![(0, 1, 1e-3)],
         };
-        let mut others = vec![layer.clone(); 5];
+        let mut others = vec![layer.clone(); 6];
         others[0].side = 11.0;
         others[1].offset = 1.5;
         others[2].radii[1] = 0.9;
         others[3].centres[1][1] = 1e-9;
         others[4].orientations[0] = 0.1;
+        others[5].springs[0].2 = 2e-3;
         for other in others {
             assert_ne!(other.number(), layer.number());
         }

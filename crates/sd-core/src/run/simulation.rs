@@ -90,6 +90,9 @@ impl Simulation {
     pub fn new(params: &Params, seed: u64, tables: &NearFields) -> Result<Self, Error> {
         params.validate()?;
         let start = start::first_layer(params, seed)?;
+        let mut memory = SchemeMemory::new(&params.contact);
+        let drive = Drive::new(params, None);
+        memory.stretch(&start.springs, drive.laws(params).tangential_stiffness);
         let snapshot = Snapshot {
             version: SNAPSHOT_VERSION,
             steps: 0,
@@ -97,7 +100,7 @@ impl Simulation {
             side: start.side,
             centres: start.centres.iter().map(|x| [x.x, x.y]).collect(),
             orientations: start.orientations,
-            memory: SchemeMemory::new(&params.contact),
+            memory,
             near_pairs: Vec::new(),
             critical_load: None,
             counters: Counters::default(),
@@ -138,7 +141,7 @@ impl Simulation {
                     stepper = Stepper::Rosenbrock(Rosenbrock::default());
                 }
                 Scheme::Laws {
-                    laws: Box::new(Laws::new(choice, drive.surface(params))),
+                    laws: Box::new(drive.laws(params)),
                     first: Vec::with_capacity(3 * params.spheres),
                 }
             }

@@ -34,6 +34,8 @@ pub struct Start {
     pub centres: Vec<Vec2>,
     /// Orientations, in radians.
     pub orientations: Vec<f64>,
+    /// Stretches of tangential springs, in a, by pair.
+    pub springs: Vec<(u32, u32, f64)>,
     /// Side of the square cell, in a.
     pub side: f64,
 }
@@ -133,6 +135,13 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
             format!("gaps above {least} under this contact law"),
         );
     }
+    let Some(springs) = reordered(&given.springs, &order) else {
+        return refuse(
+            "a layer".into(),
+            "has springs of spheres that are not there, or of no finite stretch".into(),
+            format!("pairs of sphere numbers below {n}"),
+        );
+    };
     let offset = match cell {
         Cell::Periodic { offset, .. } => offset,
         Cell::Unbounded => 0.0,
@@ -146,7 +155,27 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
             .collect(),
         centres: centres.iter().map(|x| [x.x, x.y]).collect(),
         radii,
+        springs,
     })
+}
+
+/// Springs with the numbers that spheres have in another order; `None` where a sphere is not there or a stretch is not finite.
+fn reordered(springs: &[(u32, u32, f64)], order: &[usize]) -> Option<Vec<(u32, u32, f64)>> {
+    let place = |sphere: u32| {
+        let old = usize::try_from(sphere).ok()?;
+        u32::try_from(order.iter().position(|&other| other == old)?).ok()
+    };
+    let mut all = Vec::with_capacity(springs.len());
+    for &(i, j, stretch) in springs {
+        let (i, j) = (place(i)?, place(j)?);
+        if i == j || !stretch.is_finite() {
+            return None;
+        }
+        // The slip of a pair is the same seen from either sphere.
+        all.push((i.min(j), i.max(j), stretch));
+    }
+    all.sort_unstable_by_key(|spring| (spring.0, spring.1));
+    Some(all)
 }
 
 /// Area fraction of the densest packing of equal discs, π/√12.
@@ -282,9 +311,11 @@ pub fn first_layer(params: &Params, seed: u64) -> Result<Start, Error> {
         radii,
         centres,
         orientations,
+        springs,
         ..
     } = fit(given, params)?;
     Ok(Start {
+        springs,
         radii,
         centres: centres.iter().map(|x| Vec2::new(x[0], x[1])).collect(),
         orientations,
@@ -326,6 +357,7 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
                 let centres = packing.centres.iter().map(|&x| cell.wrap(x)).collect();
                 return Ok(Start {
                     orientations: vec![0.0; packing.radii.len()],
+                    springs: Vec::new(),
                     radii: packing.radii,
                     centres,
                     side,

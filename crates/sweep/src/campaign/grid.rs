@@ -3,17 +3,20 @@
 use super::CASE_LIMIT;
 use super::error::Problem;
 use super::protocol::Written;
-use super::reader::{Located, Table, Values, nearest, of_axis, values, whole};
+use super::reader::{Located, Table, Values, nearest, of_axis, values, whole, wrong_type};
 use crate::axes::{AXES, Axis, Unmade, Value, params_of};
 use crate::case::Case;
-use sd_core::model::{Form, Range, Refusal};
+use sd_core::model::{Form, Range, Refusal, StartLayer};
 use sd_core::{Params, start};
 use std::ops;
+use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// The key of the seeds: what a grid has besides the axes.
 const SEEDS: &str = "seeds";
+/// The key of the layer that runs begin with.
+const START: &str = "start";
 
 /// The values of one grid.
 #[derive(Debug)]
@@ -23,6 +26,8 @@ pub(super) struct Grid {
     /// Values of each axis; `None` where nothing is written.
     axes: Vec<Option<Values>>,
     seeds: Vec<u64>,
+    /// The layer that all its runs begin with, if one is given.
+    start: Option<Located<Box<StartLayer>>>,
     /// Whether all that is written could be read.
     pub(super) is_whole: bool,
 }
@@ -36,9 +41,9 @@ type Combination<'g> = Vec<Option<&'g Located<Value>>>;
 impl Grid {
     /// Reads a grid and checks the range of every value in it. The protocol's values count where the grid has none.
     pub(super) fn read(
-        entries: &DeTable<'_>,
-        span: ops::Range<usize>,
+        (entries, span): (&DeTable<'_>, ops::Range<usize>),
         protocol: &Written,
+        folder: &Path,
         problems: &mut Vec<Problem>,
     ) -> Self {
         let known: Vec<&str> = AXES.iter().map(|axis| axis.key).chain([SEEDS]).collect();
@@ -47,6 +52,8 @@ impl Grid {
         let axes: Vec<Option<Values>> = AXES
             .iter()
             .map(|axis| match table.get(axis.key) {
+                // A layer, which is no number.
+                Some(_) if axis.key == START => None,
                 Some(written) => values(written, axis.key, problems, |value| of_axis(value, axis)),
                 None => protocol.value_of(axis),
             })
@@ -57,7 +64,21 @@ impl Grid {
             problems.extend(table.missing(SEEDS, "8"));
             Vec::new()
         };
+        let start = table
+            .get(START)
+            .and_then(|written| start_layer(written, folder, problems));
+        if let (Some(start), [_, _, ..]) = (&start, seeds.as_slice()) {
+            problems.push(
+                Problem::at(
+                    &start.span,
+                    "every seed would give the same run: the layer is in the file",
+                    "`seeds = 1` with a start layer",
+                )
+                .labelled("no seed makes this layer"),
+            );
+        }
         Self {
+            start,
             is_whole: table.is_known && problems.len() == before,
             span,
             axes,
@@ -127,7 +148,10 @@ impl Grid {
                 .map(|written| written.map(|written| written.value))
                 .collect();
             let params = match params_of(&values) {
-                Ok(params) => params,
+                Ok(params) => Params {
+                    start: self.start.as_ref().map(|start| start.value.clone()),
+                    ..params
+                },
                 Err(unmade) => {
                     for problem in self.unmade(combination, unmade) {
                         self.note(problem, &mut new);
@@ -246,7 +270,8 @@ impl Grid {
             allowed,
             because,
         } = refusal;
-        let written = place(combination, key);
+        let start = self.start.as_ref().filter(|_| *key == START);
+        let written = place(combination, key).or(start.map(|start| &start.span));
         let problem = Problem::at(
             written.unwrap_or(&self.span),
             format!("`{key}` = {value} {problem}"),
@@ -296,11 +321,40 @@ fn example(axis: &Axis) -> String {
         Form::Number(number) => number.quantity.note,
         Form::Choice(_) => "",
     };
+    let or = if axis.is_shear_rate() {
+        ", or impose the stress: `shear_stress = [0.1, 1.0, 10.0]`"
+    } else {
+        ""
+    };
     let example = format!("add for example `{} = {}`", axis.key, axis.example);
     if note.is_empty() {
-        example
+        format!("{example}{or}")
     } else {
-        format!("{example} ({note})")
+        format!("{example} ({note}){or}")
+    }
+}
+
+/// The layer of a file that is named.
+fn start_layer(
+    written: &Spanned<DeValue<'_>>,
+    folder: &Path,
+    problems: &mut Vec<Problem>,
+) -> Option<Located<Box<StartLayer>>> {
+    let span = written.span();
+    let DeValue::String(name) = written.get_ref() else {
+        let allowed = "`start` is the name of a file, from the folder of this one";
+        problems.push(wrong_type(written, START, allowed));
+        return None;
+    };
+    match super::start::read(&folder.join(name.as_ref())) {
+        Ok(layer) => Some(Located {
+            value: Box::new(layer),
+            span,
+        }),
+        Err([message, allowed]) => {
+            problems.push(Problem::at(&span, message, allowed).labelled("this file"));
+            None
+        }
     }
 }
 

@@ -100,6 +100,9 @@ impl Column {
     /// Its cell of a point; `None` if nothing was measured.
     pub(super) fn cell(&self, point: &Point) -> Option<Value> {
         match self.content {
+            // What is not imposed follows from the other.
+            Content::Axis(axis) if axis.is_shear_rate() => number(point.shear_rate()),
+            Content::Axis(axis) if axis.is_shear_stress() => number(point.params.shear_stress),
             Content::Axis(axis) => Some(axis.value(&point.params)),
             Content::Count(read) => Some(Value::Count(read(point))),
             Content::Number(read) => number(read(point)),

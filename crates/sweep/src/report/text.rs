@@ -137,9 +137,11 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
         };
         table.set_header(axes.chain(headings.into_iter().map(str::to_owned)));
         for point in &report.points {
-            let axes = columns
-                .iter()
-                .map(|axis| axis.value(&point.params).to_string());
+            let axes = columns.iter().map(|axis| match point.params.shear_stress {
+                Some(_) if axis.is_shear_rate() => number(point.shear_rate(), 4),
+                None if axis.is_shear_stress() => "–".into(),
+                _ => axis.value(&point.params).to_string(),
+            });
             let cells: Vec<String> = match report.columns.chosen() {
                 Some(chosen) => chosen.iter().map(|column| cell(column, point)).collect(),
                 None => usual.iter().map(|column| column.1(point)).collect(),
@@ -150,6 +152,16 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             column.set_cell_alignment(CellAlignment::Right);
         }
         writeln!(out, "{table}")?;
+        if report
+            .points
+            .iter()
+            .any(|p| p.params.shear_stress.is_some())
+        {
+            writeln!(
+                out,
+                "σ*: imposed shear stress in F_crit/a²; Γ is then 6π σ*/viscosity. Runs that jam bear that stress at rest."
+            )?;
+        }
         if let Some(chosen) = report.columns.chosen() {
             for column in chosen {
                 writeln!(out, "{}: {}", column.name, column.meaning)?;

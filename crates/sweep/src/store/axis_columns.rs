@@ -29,6 +29,7 @@ pub(super) fn bring_up_to_date(connection: &Connection) -> Result<(), rusqlite::
     // A program that does not know an axis leaves its column empty.
     let empty: Vec<String> = AXES
         .iter()
+        .filter(|axis| !axis.is_of_shear() || new.iter().any(|new| new.key == axis.key))
         .map(|axis| format!("{} IS NULL", axis.key))
         .collect();
     let cases: Vec<(i64, String)> = connection
@@ -81,6 +82,8 @@ pub(super) fn names(before: &str) -> String {
 /// What the columns of a case hold.
 pub(super) fn cells(params: &Params) -> impl Iterator<Item = types::Value> {
     AXES.iter().map(|axis| match axis.value(params) {
+        // Either the rate is imposed or the stress.
+        _ if axis.is_of_shear() && !axis.means_something(params) => types::Value::Null,
         Value::Word(word) => types::Value::Text(word.into()),
         Value::Count(count) => types::Value::Integer(super::integer(count)),
         Value::Number(number) => types::Value::Real(number),

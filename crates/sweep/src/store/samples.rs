@@ -9,9 +9,9 @@ use sd_core::simulation::Counters;
 /// Columns of a sample before those of the stresses, which are made from their declarations.
 const COLUMNS: &str = "case_id, step, strain, viscosity, viscosity_stresslet, normal_stress_difference, dissipation, contacts, activated, \
      rolling, slipping, normal_velocity, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, \
-     minimum_gap_so_far, jam_events, jammed_steps, jammed_steps_running, jammed_stages";
+     minimum_gap_so_far, jam_events, jammed_steps, jammed_steps_running, jammed_stages, shear_rate";
 /// How many these are.
-const COLUMN_COUNT: usize = 22;
+const COLUMN_COUNT: usize = 23;
 
 /// Writes the samples of a case in place of any it had.
 pub(super) fn write_samples(
@@ -49,6 +49,7 @@ pub(super) fn write_samples(
             &integer(s.counters.jammed_steps),
             &integer(s.counters.jammed_steps_running),
             &integer(s.counters.jammed_stages),
+            &s.shear_rate,
         ];
         let parts: Vec<f64> = stresses::parts().map(|column| column.read(s)).collect();
         let parts = parts.iter().map(|part| part as &dyn ToSql);
@@ -83,6 +84,7 @@ pub(super) fn samples(
                     viscosity_stresslet: number(row, 4)?,
                     normal_stress_difference: number(row, 5)?,
                     stress,
+                    shear_rate: number(row, 22)?,
                     dissipation: number(row, 6)?,
                     contacts: row.get(7)?,
                     activated: row.get(8)?,

@@ -1,4 +1,5 @@
--- What schema 7 adds to schema 6: normal stress differences, particle pressure, and all stresses by their causes, in mu·rate.
+-- What schema 7 adds to schema 6: normal stress differences, particle pressure, and all stresses by their causes, in mu·rate;
+-- and the shear rate at every sample, which follows from the stress where that is imposed.
 
 ALTER TABLE samples ADD COLUMN shear_hydrodynamic REAL;
 ALTER TABLE samples ADD COLUMN shear_normal_contact REAL;
@@ -14,6 +15,7 @@ ALTER TABLE samples ADD COLUMN n2_tangential_contact REAL;
 ALTER TABLE samples ADD COLUMN n2_repulsion REAL;
 ALTER TABLE samples ADD COLUMN particle_pressure_normal_contact REAL;
 ALTER TABLE samples ADD COLUMN particle_pressure_repulsion REAL;
+ALTER TABLE samples ADD COLUMN shear_rate REAL;
 
 ALTER TABLE results ADD COLUMN n1 REAL;
 ALTER TABLE results ADD COLUMN n2 REAL;

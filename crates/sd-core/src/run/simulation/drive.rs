@@ -79,6 +79,11 @@ impl Drive {
         }
     }
 
+    /// The contact laws at that critical load.
+    pub(super) fn laws(&self, params: &Params) -> Laws {
+        Laws::new(params.contact.laws(), self.surface(params))
+    }
+
     /// Roughness, friction and critical load.
     pub(super) fn surface(&self, params: &Params) -> Surface {
         match *self {
@@ -210,12 +215,12 @@ impl Simulation {
             *load = new;
             *begun = true;
         }
-        let surface = self.drive.surface(&self.params);
+        let new_laws = self.drive.laws(&self.params);
         if let (Scheme::Laws { laws, .. }, SchemeMemory::Laws(memory)) =
             (&mut self.scheme, &mut self.memory)
         {
             let before = laws.tangential_stiffness;
-            **laws = Laws::new(self.params.contact.laws(), surface);
+            **laws = new_laws;
             if before > 0.0 {
                 // A spring keeps its stretch, not its force in units of the flow.
                 let factor = laws.tangential_stiffness / before;

@@ -1,11 +1,12 @@
 //! All that a run needs to go on.
 
 use super::Counters;
+use super::drive::Drive;
 use crate::contact::ContactMemory;
 use crate::contact::procedure::ContactList;
 use crate::error::Error;
 use crate::geometry::pair::PairKey;
-use crate::model::{ContactScheme, Params};
+use crate::model::{ContactScheme, Params, StartLayer};
 use crate::run::start;
 use serde::{Deserialize, Serialize};
 
@@ -69,6 +70,18 @@ impl SchemeMemory {
         }
     }
 
+    /// Stretches tangential springs of this stiffness; under laws without any, nothing happens.
+    pub(super) fn stretch(&mut self, stretches: &[(u32, u32, f64)], stiffness: f64) {
+        if let Self::Laws(memory) = self
+            && stiffness > 0.0
+        {
+            let forces = stretches
+                .iter()
+                .map(|&(i, j, stretch)| (i, j, stiffness * stretch));
+            memory.springs.0.extend(forces);
+        }
+    }
+
     /// Room for that many contacts.
     pub(super) fn reserve(&mut self, contacts: usize) {
         match self {
@@ -109,6 +122,31 @@ impl SchemeMemory {
 }
 
 impl Snapshot {
+    /// The layer as another run may begin with it. `params` are those of the run that was left here.
+    pub fn layer(&self, params: &Params) -> StartLayer {
+        let strain = self.steps as f64 * params.time_step;
+        let before = params.start.as_ref().map_or(0.0, |start| start.offset);
+        let stiffness = Drive::new(params, self.critical_load)
+            .laws(params)
+            .tangential_stiffness;
+        let springs = match &self.memory {
+            SchemeMemory::Laws(memory) if stiffness > 0.0 => memory.springs.0.as_slice(),
+            SchemeMemory::Laws(_) | SchemeMemory::Procedure { .. } => &[],
+        };
+        let offset = before + params.direction * strain * self.side;
+        StartLayer {
+            side: self.side,
+            offset: offset - self.side * (offset / self.side + 0.5).floor(),
+            radii: self.radii.clone(),
+            centres: self.centres.clone(),
+            orientations: self.orientations.clone(),
+            springs: springs
+                .iter()
+                .map(|&(i, j, force)| (i, j, force / stiffness))
+                .collect(),
+        }
+    }
+
     /// Refuses what cannot be a snapshot of a run with these parameters.
     pub(super) fn check(&self, params: &Params) -> Result<(), Error> {
         let refuse = |reason| Err(Error::Snapshot { reason });
