@@ -20,6 +20,7 @@
 pub mod axes;
 pub mod campaign;
 pub mod case;
+mod checkpoint;
 pub mod cli;
 pub mod cluster;
 mod csv_rows;

@@ -6,7 +6,6 @@
 mod asked;
 mod axis_columns;
 mod campaign;
-mod checkpoint;
 mod claims;
 mod ends;
 mod entries;
@@ -29,8 +28,8 @@ mod source;
 mod story;
 mod submissions;
 
+pub use crate::checkpoint::{Checkpoint, Damage};
 pub use asked::{Adoption, Inventory};
-pub use checkpoint::{Checkpoint, Damage};
 pub use claims::{Claim, DEATH_LIMIT};
 pub use error::StoreError;
 pub use failures::FailureGroup;

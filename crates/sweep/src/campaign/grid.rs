@@ -1,9 +1,9 @@
 //! One `[[grid]]`: the product of its axes.
 
-use super::CASE_LIMIT;
 use super::error::Problem;
 use super::protocol::Written;
 use super::reader::{Located, Table, Values, nearest, of_axis, values, whole, wrong_type};
+use super::{CASE_LIMIT, ends_of_runs};
 use crate::axes::{AXES, Axis, Unmade, Value, params_of};
 use crate::case::Case;
 use sd_core::model::{Form, Range, Refusal, StartLayer};
@@ -27,7 +27,7 @@ pub(super) struct Grid {
     axes: Vec<Option<Values>>,
     seeds: Vec<u64>,
     /// The layer that all its runs begin with, if one is given.
-    start: Option<Located<Box<StartLayer>>>,
+    start: Option<Located<Start>>,
     /// Whether all that is written could be read.
     pub(super) is_whole: bool,
 }
@@ -67,7 +67,16 @@ impl Grid {
         let start = table
             .get(START)
             .and_then(|written| start_layer(written, folder, problems));
-        if let (Some(start), [_, _, ..]) = (&start, seeds.as_slice()) {
+        if let (
+            Some(
+                start @ Located {
+                    value: Start::File(_),
+                    ..
+                },
+            ),
+            [_, _, ..],
+        ) = (&start, seeds.as_slice())
+        {
             problems.push(
                 Problem::at(
                     &start.span,
@@ -148,10 +157,7 @@ impl Grid {
                 .map(|written| written.map(|written| written.value))
                 .collect();
             let params = match params_of(&values) {
-                Ok(params) => Params {
-                    start: self.start.as_ref().map(|start| start.value.clone()),
-                    ..params
-                },
+                Ok(params) => params,
                 Err(unmade) => {
                     for problem in self.unmade(combination, unmade) {
                         self.note(problem, &mut new);
@@ -163,13 +169,17 @@ impl Grid {
             for (means, axis) in meaning.iter_mut().zip(AXES.iter()) {
                 *means |= axis.means_something(&params);
             }
-            match self.check(combination, &params, protocol) {
-                Err(problem) => self.note(problem, &mut new),
-                Ok(()) => {
-                    for seed in &self.seeds {
-                        let case = Case::new(params.clone(), *seed, &protocol.protocol);
-                        take(case, &mut new);
+            for seed in &self.seeds {
+                let checked = self.begun(&params, *seed).and_then(|params| {
+                    self.check(combination, &params, protocol)?;
+                    Ok(params)
+                });
+                match checked {
+                    Err(problem) => {
+                        self.note(problem, &mut new);
+                        break;
                     }
+                    Ok(params) => take(Case::new(params, *seed, &protocol.protocol), &mut new),
                 }
             }
         });
@@ -188,6 +198,32 @@ impl Grid {
             }
         }
         problems.append(&mut new);
+    }
+
+    /// The parameters of the run with that seed: with the layer it begins with, if one is given.
+    fn begun(&self, params: &Params, seed: u64) -> Result<Params, Problem> {
+        let layer = match &self.start {
+            None => None,
+            Some(start) => match &start.value {
+                Start::File(layer) => Some(layer),
+                Start::Runs(layers) => match layers.iter().find(|layer| layer.0 == seed) {
+                    Some((_, layer)) => Some(layer),
+                    None => {
+                        let seeds: Vec<String> =
+                            layers.iter().map(|layer| layer.0.to_string()).collect();
+                        return Err(Problem::at(
+                            &start.span,
+                            format!("no finished run of that point has seed {seed}"),
+                            format!("`seeds` among those of that point: {}", seeds.join(", ")),
+                        ));
+                    }
+                },
+            },
+        };
+        Ok(Params {
+            start: layer.cloned(),
+            ..params.clone()
+        })
     }
 
     /// Calls for every combination of values, the last axis changing first.
@@ -334,28 +370,100 @@ fn example(axis: &Axis) -> String {
     }
 }
 
-/// The layer of a file that is named.
+/// What the runs of a grid begin with.
+#[derive(Debug)]
+enum Start {
+    /// The layer of a file, all of them.
+    File(Box<StartLayer>),
+    /// The end of the run with the same seed at a point of another store; by seed.
+    Runs(Vec<(u64, Box<StartLayer>)>),
+}
+
+/// The layer of a file that is named, or the ends of the runs of a point.
 fn start_layer(
     written: &Spanned<DeValue<'_>>,
     folder: &Path,
     problems: &mut Vec<Problem>,
-) -> Option<Located<Box<StartLayer>>> {
+) -> Option<Located<Start>> {
     let span = written.span();
-    let DeValue::String(name) = written.get_ref() else {
-        let allowed = "`start` is the name of a file, from the folder of this one";
-        problems.push(wrong_type(written, START, allowed));
-        return None;
+    let found = match written.get_ref() {
+        DeValue::String(name) => super::start::read(&folder.join(name.as_ref()))
+            .map(|layer| Start::File(Box::new(layer))),
+        DeValue::Table(entries) => {
+            let (store, point) = point_of(entries, &span, problems)?;
+            ends_of_runs::layers(&folder.join(store), &point).map(|layers| {
+                let boxed = layers
+                    .into_iter()
+                    .map(|(seed, layer)| (seed, Box::new(layer)));
+                Start::Runs(boxed.collect())
+            })
+        }
+        _ => {
+            let allowed = "`start` is the name of a file, or { store = \"FILE\", point = { KEY = VALUE, .. } }";
+            problems.push(wrong_type(written, START, allowed));
+            return None;
+        }
     };
-    match super::start::read(&folder.join(name.as_ref())) {
-        Ok(layer) => Some(Located {
-            value: Box::new(layer),
-            span,
-        }),
+    match found {
+        Ok(value) => Some(Located { value, span }),
         Err([message, allowed]) => {
-            problems.push(Problem::at(&span, message, allowed).labelled("this file"));
+            problems.push(Problem::at(&span, message, allowed).labelled("begins here"));
             None
         }
     }
+}
+
+/// A store, and values that tell one of its points; `None` if something is wrong with them.
+fn point_of<'t>(
+    entries: &'t DeTable<'t>,
+    span: &ops::Range<usize>,
+    problems: &mut Vec<Problem>,
+) -> Option<(&'t str, Vec<(&'static Axis, Value)>)> {
+    let before = problems.len();
+    let table = Table::new(entries, span.clone(), START, &["store", "point"], problems);
+    let store = match table
+        .get("store")
+        .map(|written| (written, written.get_ref()))
+    {
+        Some((_, DeValue::String(name))) => Some(name.as_ref()),
+        Some((written, _)) => {
+            problems.push(wrong_type(
+                written,
+                "store",
+                "`store` is the name of a file",
+            ));
+            None
+        }
+        None => {
+            problems.extend(table.missing("store", "\"results/first.sqlite\""));
+            None
+        }
+    };
+    let mut point = Vec::new();
+    match table
+        .get("point")
+        .map(|written| (written, written.get_ref()))
+    {
+        None => {}
+        Some((written, DeValue::Table(values))) => {
+            let known: Vec<&str> = AXES.iter().map(|axis| axis.key).collect();
+            let values_of = Table::new(values, written.span(), "point", &known, problems);
+            for axis in AXES.iter() {
+                match values_of.get(axis.key).map(|value| of_axis(value, axis)) {
+                    None => {}
+                    Some(Ok(value)) => point.push((axis, value)),
+                    Some(Err(problem)) => problems.push(problem),
+                }
+            }
+        }
+        Some((written, _)) => {
+            let allowed = "`point` is a table of values: { shear_stress = 1.0, friction = 0.5 }";
+            problems.push(wrong_type(written, "point", allowed));
+        }
+    }
+    (problems.len() == before)
+        .then(|| store.map(|store| (store, point)))
+        .flatten()
 }
 
 /// The seeds: a count n stands for 1, 2, … n; a list for itself.
