@@ -244,6 +244,7 @@ fn reversed_shear_is_the_mirror_image() {
         centres: end.centres.iter().map(|x| [sign * x[0], x[1]]).collect(),
         orientations: end.orientations.iter().map(|angle| sign * angle).collect(),
         springs: Vec::new(),
+        origin: None,
     };
     let from = |start, direction| Params {
         start: Some(Box::new(start)),

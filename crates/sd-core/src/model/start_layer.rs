@@ -19,11 +19,18 @@ pub struct StartLayer {
     /// Stretches of tangential springs, in a, of pairs (i, j) with i < j, ordered; others are unstretched.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub springs: Vec<(u32, u32, f64)>,
+    /// A number above 0 for all layers of the same origin, such as the ends of all runs of a point: runs that begin with them are runs of
+    /// one point as well. `None`: the layer stands for itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<u32>,
 }
 
 impl StartLayer {
-    /// A number that names it in tables: of 32 bits, the same for the same layer, and above 0.
+    /// A number that names it in tables, of 32 bits and above 0: that of its origin, or one that follows from all that it is.
     pub fn number(&self) -> u64 {
+        if let Some(origin) = self.origin {
+            return origin.into();
+        }
         let scalars = [self.side, self.offset];
         let lists = [
             self.radii.as_slice(),
@@ -56,6 +63,7 @@ mod tests {
             centres: vec![[0.0, 0.0], [3.0, 0.0]],
             orientations: vec![0.0, 0.0],
             springs: vec![(0, 1, 1e-3)],
+            origin: None,
         };
         let mut others = vec![layer.clone(); 6];
         others[0].side = 11.0;
@@ -69,5 +77,7 @@ mod tests {
         }
         assert_eq!(layer.clone().number(), layer.number());
         assert!(layer.number() > 0 && layer.number() < 1 << 32);
+        let origin = Some(7);
+        assert_eq!(StartLayer { origin, ..layer }.number(), 7);
     }
 }

@@ -156,6 +156,7 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
         centres: centres.iter().map(|x| [x.x, x.y]).collect(),
         radii,
         springs,
+        origin: given.origin,
     })
 }
 

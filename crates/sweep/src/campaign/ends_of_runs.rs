@@ -62,7 +62,11 @@ pub(super) fn layers(
     }
     runs.iter()
         .map(|run| match Checkpoint::decode(&run.state) {
-            Ok(end) => Ok((run.seed, end.snapshot.layer(&run.params))),
+            Ok(end) => {
+                let layer = end.snapshot.layer(&run.params);
+                let origin = Some(origin(&run.params, end.snapshot.steps));
+                Ok((run.seed, StartLayer { origin, ..layer }))
+            }
             Err(damage) => Err([
                 format!(
                     "the last state of the run with seed {} in {} cannot be used: {damage}",
@@ -73,6 +77,21 @@ pub(super) fn layers(
             ]),
         })
         .collect()
+}
+
+/// A number for the ends of all runs of a point, whatever their seeds.
+fn origin(params: &Params, steps: u64) -> u32 {
+    let before = params.start.as_ref().map_or(0, |start| start.number());
+    let point = Params {
+        start: None,
+        ..params.clone()
+    };
+    let mut hasher = blake3::Hasher::new();
+    let written = serde_json::to_writer(&mut hasher, &(point, before, steps));
+    debug_assert!(written.is_ok(), "numbers and names always have JSON");
+    let mut number = [0; 4];
+    number.copy_from_slice(&hasher.finalize().as_bytes()[..4]);
+    u32::from_le_bytes(number).max(1)
 }
 
 /// All finished runs of the campaign of a store that have a last state.

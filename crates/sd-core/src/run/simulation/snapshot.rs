@@ -140,6 +140,7 @@ impl Snapshot {
             radii: self.radii.clone(),
             centres: self.centres.clone(),
             orientations: self.orientations.clone(),
+            origin: None,
             springs: springs
                 .iter()
                 .map(|&(i, j, force)| (i, j, force / stiffness))
