@@ -198,7 +198,7 @@ pub fn outline(
         Kind::FlowCurve => of_points(
             report,
             along,
-            "shear stress σ* a²/F_crit",
+            "shear stress σ* (F_crit/a²)",
             Point::shear_stress,
         ),
         Kind::ApproachVelocity => of_points(report, along, "mean approach velocity", |p| {

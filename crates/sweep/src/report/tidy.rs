@@ -45,7 +45,10 @@ pub fn write_units(report: &Report, out: &mut dyn Write) -> Result<(), ReportErr
 /// Output that cannot be written.
 pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let matters = |name| {
-        Axis::of_key(name).is_none_or(|axis| axis.matters(report.points.iter().map(|p| &p.params)))
+        // The rate that follows from an imposed stress is a result.
+        Axis::of_key(name).is_none_or(|axis| {
+            axis.is_shear_rate() || axis.matters(report.points.iter().map(|p| &p.params))
+        })
     };
     let is_chosen = report.columns.chosen().is_some();
     let columns: Vec<Column> = columns_of(report)

@@ -252,7 +252,8 @@ pub static PARAMETERS: [Parameter; 21] = [
     },
     Parameter {
         has_meaning: |p| p.shear_stress.is_none(),
-        needs: Some(|| "to impose the rate, without `shear_stress`".into()),
+        needs: Some(|| "`shear_rate` in place of `shear_stress`: one of them is imposed".into()),
+        is_shown: |p| p.shear_stress.is_none(),
         form: Form::Number(Number {
             quantity: &SHEAR_RATE,
             get: |p| p.shear_rate,
