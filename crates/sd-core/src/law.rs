@@ -10,12 +10,14 @@ pub mod normal;
 pub mod onset;
 pub mod quantity;
 pub mod repulsion;
+pub mod stiffness_unit;
 pub mod tangential;
 mod words;
 
 pub use normal::NormalLaw;
 pub use onset::FrictionOnset;
 pub use quantity::{Quantity, Range};
+pub use stiffness_unit::StiffnessUnit;
 pub use tangential::{Halt, TangentialLaw};
 pub(crate) use words::words;
 pub use words::{Word, Words};

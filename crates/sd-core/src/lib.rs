@@ -21,6 +21,7 @@
 //! ```text
 //! (F, T, S~) = R (v, −E)                           R grand resistance, symmetric positive definite      hydrodynamics::resistance
 //! R = R_far + Σ_pairs [R2B − R2B∞]                 Stokesian Dynamics; Ball-Melrose: isolated drag for R_far
+//! R = isolated drag + Σ_pairs singular terms       leading-order lubrication                           hydrodynamics::two_sphere
 //! R_far = M⁻¹, its uniform mode at no cost         M mobility of the periodic layer                     hydrodynamics::far_field
 //! R2B                                              two spheres, any gap and size ratio                  hydrodynamics::two_sphere
 //! f ≥ 0, w = C v + b + κ f ≥ 0, f w = 0            normal forces, w what the gap gains beyond h         contact
@@ -109,7 +110,8 @@ pub use hydrodynamics::iterative::IterativeFarField;
 pub use hydrodynamics::resistance::{NearFields, PairwiseResistance, Resistance};
 pub use hydrodynamics::two_sphere;
 pub use model::{
-    ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NormalLaw, Params, TangentialLaw,
+    ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, LeadingOrder, NormalLaw, Params,
+    StiffnessUnit, TangentialLaw,
 };
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::steppers::rosenbrock::{self, Rosenbrock};

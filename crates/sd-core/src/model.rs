@@ -3,37 +3,25 @@
 //! Reading, checking and printing of parameters, here and in the programs that use this crate, follow from that table.
 
 mod contact_laws;
+mod hydrodynamics;
 mod parameters;
+mod published_units;
 mod start_layer;
 mod surface;
 
 pub use crate::error::Refusal;
-pub use crate::law::{FrictionOnset, NormalLaw, Quantity, Range, TangentialLaw, Word, Words};
-pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP, LUBRICATION_SHARE};
+pub use crate::law::{
+    FrictionOnset, NormalLaw, Quantity, Range, StiffnessUnit, TangentialLaw, Word, Words,
+};
+pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP};
+pub use hydrodynamics::{Hydrodynamics, LeadingOrder};
 pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
+pub use published_units::PublishedUnits;
 pub use start_layer::StartLayer;
 pub use surface::Surface;
 
 use crate::error::Error;
 use serde::{Deserialize, Serialize};
-
-crate::law::words! {
-    /// How the grand resistance matrix is made.
-    Hydrodynamics {
-        StokesianDynamics = "stokesian-dynamics", "Far-field mobility of the periodic layer plus near-field pair terms.";
-        BallMelrose = "ball-melrose", "Isolated drag plus near-field pair terms.";
-    }
-}
-
-impl Hydrodynamics {
-    /// Most spheres of a layer or configuration: full matrices of the far field take a gigabyte for so many.
-    pub const fn most_spheres(self) -> usize {
-        match self {
-            Self::StokesianDynamics => 2_000,
-            Self::BallMelrose => 10_000,
-        }
-    }
-}
 
 /// How touching spheres are kept apart.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -124,7 +112,7 @@ fn half() -> f64 {
 }
 
 impl Params {
-    /// What parameters are before any is written: the paper's laws one by one, and numbers that are none.
+    /// What parameters are before any is written: choices that hold the numbers of every other, and numbers that are none.
     pub const UNWRITTEN: Self = Self {
         spheres: 0,
         area_fraction: f64::NAN,
@@ -133,7 +121,7 @@ impl Params {
         shear_rate: f64::NAN,
         size_ratio: 1.0,
         large_fraction: 0.5,
-        hydrodynamics: Hydrodynamics::StokesianDynamics,
+        hydrodynamics: Hydrodynamics::Lubrication(LeadingOrder::USUAL),
         contact: ContactScheme::Laws(ContactLaws::PAPER),
         time_step: f64::NAN,
         shear_stress: None,

@@ -6,8 +6,8 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::{
-    ContactLaws, ContactScheme, Hydrodynamics, NearFields, NormalLaw, Params, Simulation,
-    TangentialLaw,
+    ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, LeadingOrder, NearFields, NormalLaw,
+    Params, Simulation, StiffnessUnit, TangentialLaw,
 };
 
 /// Allocations in 200 steps after the first ones.
@@ -78,6 +78,24 @@ fn steps_of_settled_runs_allocate_nothing() {
             assert_eq!(count, 0, "{hydrodynamics:?}, {contact:?}");
         }
     }
+    // The procedure lets spheres overlap sooner under it.
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    assert_eq!(allocations(40, lubrication, ContactScheme::Rigid, 40), 0);
+}
+
+#[test]
+fn springs_with_lubrication_allocate_nothing() {
+    let laws = ContactLaws {
+        stiffness_unit: StiffnessUnit::Flow,
+        onset: FrictionOnset::Reduced,
+        lubrication_gap: 0.0,
+        ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01)
+    };
+    let hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    assert_eq!(
+        allocations(40, hydrodynamics, ContactScheme::Laws(laws), 40),
+        0
+    );
 }
 
 #[test]

@@ -126,7 +126,9 @@ impl Record {
     fn methods(&self) -> Vec<Method> {
         match (self.params.contact, self.params.hydrodynamics) {
             (ContactScheme::Procedure, _) => vec![Method::Dense],
-            (_, Hydrodynamics::BallMelrose) => vec![Method::Dense, Method::Pairwise],
+            (_, Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_)) => {
+                vec![Method::Dense, Method::Pairwise]
+            }
             // Near jamming the iteration may settle on another set of contacts with friction.
             (_, Hydrodynamics::StokesianDynamics) if self.params.area_fraction <= 0.6 => {
                 vec![Method::Dense, Method::Iterated]
@@ -144,7 +146,12 @@ impl Record {
             }
             resistance
         };
-        let near = || regular(Resistance::new_pairwise(cell, &radii, &tables, &[]).unwrap());
+        let near = || {
+            regular(
+                Resistance::new_pairwise(self.params.hydrodynamics, cell, &radii, &tables, &[])
+                    .unwrap(),
+            )
+        };
         match method {
             Method::Dense => {
                 let dense = Resistance::new(self.params.hydrodynamics, cell, &radii, &tables);

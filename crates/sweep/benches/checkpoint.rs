@@ -4,7 +4,8 @@
 #![expect(clippy::print_stderr, reason = "the share is what this bench is for")]
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use sd_core::{Hydrodynamics, NearFields, Simulation};
+use sd_core::model::Words as _;
+use sd_core::{NearFields, Simulation};
 use std::time::{Duration, Instant};
 use sweep::campaign::Campaign;
 use sweep::store::{Checkpoint, Store};
@@ -43,10 +44,7 @@ fn checkpoint(criterion: &mut Criterion) {
         .checkpoint_stride();
     while let Some(claim) = store.claim().expect("cases") {
         let p = &claim.case.params;
-        let name = match p.hydrodynamics {
-            Hydrodynamics::BallMelrose => "ball-melrose",
-            Hydrodynamics::StokesianDynamics => "stokesian-dynamics",
-        };
+        let name = p.hydrodynamics.word();
         let mut layer = Simulation::new(p, 1, &NearFields::default()).expect("a layer");
         let sample = layer.step().expect("a step");
         let record = Checkpoint {

@@ -84,7 +84,9 @@ impl Case {
             // Sparse; contacts of a small layer take fewer systems.
             (Method::Pairwise, _) => 1e-5 * n * (n / 400.0).sqrt().min(1.0),
             // Dense in the contacts alone.
-            (Method::Dense, Hydrodynamics::BallMelrose) => 2e-6 * n + 3.3e-8 * n * n,
+            (Method::Dense, Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_)) => {
+                2e-6 * n + 3.3e-8 * n * n
+            }
         };
         // Solves of a stage until it bears the stress, where that is imposed.
         let solves = |most: f64| {

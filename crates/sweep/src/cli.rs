@@ -2,6 +2,7 @@
 
 mod cancel;
 mod completions;
+mod convert;
 mod error;
 mod export;
 mod merge;
@@ -75,6 +76,7 @@ enum Command {
     Cancel(cancel::Arguments),
     Status(status::Arguments),
     Report(report::Arguments),
+    Convert(convert::Arguments),
     Show(show::Arguments),
     Export(export::Arguments),
     Serve(serve::Arguments),
@@ -124,6 +126,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Cancel(arguments) => cancel::execute(&arguments, &mut output),
         Command::Status(arguments) => status::execute(&arguments, &mut output),
         Command::Report(arguments) => report::execute(&arguments, &mut output),
+        Command::Convert(arguments) => convert::execute(&arguments, &mut output),
         Command::Show(arguments) => show::execute(&arguments, &mut output),
         Command::Export(arguments) => export::execute(&arguments, &mut output),
         Command::Serve(arguments) => serve::execute(&arguments, &mut output),

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, Error> {
     let mut seen = std::collections::HashSet::new();
     let mut all: Vec<f64> = Vec::new();
-    for p in params.filter(|p| p.size_ratio > 1.0) {
+    for p in params.filter(|p| p.size_ratio > 1.0 && p.hydrodynamics.needs_tables()) {
         let kind = (
             p.spheres,
             p.size_ratio.to_bits(),

@@ -352,8 +352,8 @@ fn help_is_what_it_was() {
     let directory = tempfile::tempdir().unwrap();
     let mut all = String::new();
     for subcommand in [
-        "", "plan", "run", "submit", "merge", "cancel", "status", "report", "show", "export",
-        "serve", "replay", "prune", "salvage", "verify", "solve", "scalars", "pair",
+        "", "plan", "run", "submit", "merge", "cancel", "status", "report", "convert", "show",
+        "export", "serve", "replay", "prune", "salvage", "verify", "solve", "scalars", "pair",
     ] {
         let mut command = sweep(directory.path());
         command.env("COLUMNS", "100");

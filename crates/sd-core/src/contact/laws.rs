@@ -59,7 +59,7 @@ impl Laws {
         let load = surface.critical_load;
         let springs = choice.normal.is_spring();
         let stiffness = if springs {
-            choice.stiffness * load
+            choice.stiffness * choice.stiffness_unit.force(load)
         } else {
             f64::INFINITY
         };

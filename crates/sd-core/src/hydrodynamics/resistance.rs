@@ -4,11 +4,12 @@
 //! (F, T, S~) = R (v, −E),   v = (U − u∞, Ω − Ω∞)
 //! Stokesian Dynamics:  R = R_far + Σ_pairs [R2B − R2B_inf]
 //! Ball-Melrose:        R = diag(6π a, 8π a³, (20/3)π a³) + Σ_pairs [R2B − R2B_inf]
+//! Lubrication:         R = diag(6π a, 8π a³, (20/3)π a³) + Σ_pairs of the leading singular terms of R2B, see `two_sphere::leading_order`
 //! ```
 //!
-//! Every pair term is positive semidefinite, so R is positive definite in both. Pairs count up to
+//! Every pair term is positive semidefinite, so R is positive definite in all. Pairs count up to
 //! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count at any distance and are
-//! then exact under Stokesian Dynamics. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
+//! then exact under Stokesian Dynamics. Under lubrication they have terms up to its cutoff only. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
 //!
 //! `R_FU` is held in one of three forms: full with the far field in it, within a skyline, or pair by pair without a factor.
 
@@ -32,7 +33,7 @@ use dense::DenseResistance;
 use nalgebra::Vector3;
 pub use pairwise::PairwiseResistance;
 use skyline::SkylineResistance;
-use tables::PairTables;
+use tables::NearTerms;
 
 pub use tables::NearFields;
 
@@ -40,16 +41,16 @@ pub use tables::NearFields;
 enum Form {
     /// Stokesian Dynamics, full and factored.
     Dense(Box<DenseResistance>),
-    /// Ball-Melrose, factored within a skyline.
+    /// Ball-Melrose or lubrication, factored within a skyline.
     Skyline(Box<SkylineResistance>),
-    /// Ball-Melrose, pair by pair.
+    /// Ball-Melrose or lubrication, pair by pair.
     Pairwise(Box<PairwiseResistance>),
 }
 
 /// Grand resistance at one set of positions, with its workspace.
 pub struct Resistance {
     radii: Vec<f64>,
-    tables: PairTables,
+    near: NearTerms,
     /// Range of the pair sum in s'.
     range: f64,
     /// Gap below which near-field terms are those of this gap, in a.
@@ -77,10 +78,13 @@ impl Resistance {
             Hydrodynamics::StokesianDynamics => {
                 Self::new_dense(cell, radii, tables, FarField::DEFAULT_TOLERANCE)
             }
-            Hydrodynamics::BallMelrose => Self::with_form(cell, radii, tables, || {
-                let skyline = SkylineResistance::new(radii.len());
-                Ok(Form::Skyline(Box::new(skyline)))
-            }),
+            Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => {
+                let near = NearTerms::new(hydrodynamics, radii, tables)?;
+                Self::with_form(cell, radii, near, || {
+                    let skyline = SkylineResistance::new(radii.len());
+                    Ok(Form::Skyline(Box::new(skyline)))
+                })
+            }
         }
     }
 
@@ -94,26 +98,30 @@ impl Resistance {
         tables: &NearFields,
         tolerance: f64,
     ) -> Result<Self, Error> {
-        Self::with_form(cell, radii, tables, || {
+        let near = NearTerms::new(Hydrodynamics::StokesianDynamics, radii, tables)?;
+        Self::with_form(cell, radii, near, || {
             let far_field = FarField::new(cell, radii, tolerance)?;
             Ok(Form::Dense(Box::new(DenseResistance::new(far_field))))
         })
     }
 
-    /// As [`Resistance::new`] for Ball-Melrose hydrodynamics, with `R_FU` held as a [`PairwiseResistance`] in place of a factor: O(N),
-    /// for many spheres.
+    /// As [`Resistance::new`] with `R_FU` held as a [`PairwiseResistance`] in place of a factor: O(N), for many spheres.
+    ///
+    /// Under Stokesian Dynamics it is that of Ball-Melrose, on top of which the far field is iterated.
     ///
     /// `pattern_pairs`: pairs of the near part's pattern where a run goes on, ordered; else empty.
     ///
     /// # Errors
     /// Those of [`Resistance::new`]; [`Error::OutOfMemory`].
     pub fn new_pairwise(
+        hydrodynamics: Hydrodynamics,
         cell: &Cell,
         radii: &[f64],
         tables: &NearFields,
         pattern_pairs: &[PairKey],
     ) -> Result<Self, Error> {
-        Self::with_form(cell, radii, tables, || {
+        let near = NearTerms::new(hydrodynamics, radii, tables)?;
+        Self::with_form(cell, radii, near, || {
             let pairwise = PairwiseResistance::new(radii.len(), pattern_pairs)?;
             Ok(Form::Pairwise(Box::new(pairwise)))
         })
@@ -123,14 +131,13 @@ impl Resistance {
     fn with_form(
         cell: &Cell,
         radii: &[f64],
-        tables: &NearFields,
+        near: NearTerms,
         form: impl FnOnce() -> Result<Form, Error>,
     ) -> Result<Self, Error> {
         if radii.is_empty() {
             return Err(Error::NoSpheres);
         }
         cell.check_range(radii)?;
-        let tables = PairTables::new(radii, tables)?;
         let range = if *cell == Cell::Unbounded && radii.len() == 2 {
             f64::INFINITY
         } else {
@@ -138,7 +145,7 @@ impl Resistance {
         };
         Ok(Self {
             radii: radii.to_vec(),
-            tables,
+            near,
             range,
             lubrication_gap: 0.0,
             neighbours: NeighbourList::new(radii.len()),
@@ -171,7 +178,7 @@ impl Resistance {
             .update(cell, centres, &self.radii, self.range)?;
         let (radii, pairs) = (&self.radii, self.neighbours.pairs());
         let (least, terms) = (self.lubrication_gap, &mut self.terms);
-        pair_terms::evaluate(&self.tables, radii, pairs, least, terms);
+        self.near.evaluate(radii, pairs, least, terms);
         match &mut self.form {
             Form::Dense(dense) => dense.assemble(cell, centres, pairs, terms),
             Form::Skyline(skyline) => {
@@ -280,9 +287,8 @@ impl Resistance {
     /// Inverse slip mobility K of the pair, alone in unbounded fluid, in mu·a.
     pub fn slip_resistance(&self, pair: &Neighbours) -> f64 {
         let gap = pair.gap.max(self.lubrication_gap);
-        self.tables
-            .of(pair.i, pair.j)
-            .slip_resistance(self.radii[pair.i], self.radii[pair.j], gap)
+        self.near
+            .slip_resistance([pair.i, pair.j], &self.radii, gap)
     }
 
     /// Forces `R_FE e` with which the background strain `(e1, e2, e3)` drives the spheres, `[3N]`.

@@ -7,17 +7,20 @@
 //!
 //! - `series`: the functions at one separation, from coupled multipoles; 1e-11, with rounding 1e-9 at ξ = 1e-3
 //! - `near_contact`: singular terms and fitted remainder, for smaller gaps
+//! - `leading_order`: the singular terms alone, softened, as leading-order lubrication has them
 //! - `pair_frame`: the 34 independent entries of a pair matrix
 //! - `table`: [`NearField`], 0.2 µs per pair
 //! - `pair_term`: [`PairTerm`], its result in the frame of the layer
 
 mod equal_spheres;
+mod leading_order;
 mod near_contact;
 mod pair_frame;
 mod pair_term;
 mod series;
 mod table;
 
+pub(crate) use leading_order::LeadingOrderPair;
 pub use pair_frame::PairMatrix;
 pub use pair_term::{PairTerm, PairVector};
 pub use table::{NEAR_FIELD_VERSION, NearField};
@@ -105,7 +108,7 @@ fn ordered(size_ratio: f64) -> (f64, bool) {
 }
 
 /// The size ratio, if it is within range.
-fn check_size_ratio(size_ratio: f64) -> Result<f64, Error> {
+pub(crate) fn check_size_ratio(size_ratio: f64) -> Result<f64, Error> {
     if (0.01..=100.0).contains(&size_ratio) {
         Ok(size_ratio)
     } else {

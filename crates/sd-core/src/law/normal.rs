@@ -74,14 +74,14 @@ impl NormalLaw {
     }
 }
 
-/// Stiffness k of springs, in units in which it is a property of the material while Γ varies.
+/// Stiffness k of springs, in units chosen by [`super::StiffnessUnit`].
 pub static STIFFNESS: Quantity = Quantity {
     key: "stiffness",
     symbol: "k",
-    unit: "F_crit/a",
+    unit: "F/a",
     meaning: "stiffness k of contacts; inf is rigid",
     range: Range::above(0.0),
-    note: "in F_crit/a; inf is rigid",
+    note: "in F_crit/a, or 6 pi mu a rate where `stiffness_unit` = \"flow\"; inf is rigid",
     example: "1e4",
     logarithmic: true,
 };

@@ -22,6 +22,16 @@ impl Range {
         }
     }
 
+    /// From `low` to below `high`.
+    pub const fn from_below(low: f64, high: f64) -> Self {
+        Self {
+            low,
+            high,
+            low_belongs: true,
+            high_belongs: false,
+        }
+    }
+
     /// Above `low`, infinity included.
     pub const fn above(low: f64) -> Self {
         Self::above_to(low, f64::INFINITY)
@@ -148,6 +158,12 @@ mod tests {
                 "above 0 and below 0.5",
                 vec![0.4],
                 vec![0.0, 0.5],
+            ),
+            (
+                Range::from_below(0.0, 0.5),
+                "from 0 to below 0.5",
+                vec![0.0, 0.4],
+                vec![-1e-300, 0.5],
             ),
             (
                 Range::above(0.0),

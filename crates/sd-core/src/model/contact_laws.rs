@@ -1,14 +1,16 @@
 //! Contact laws other than the rigid ones of the paper: what is chosen, in the units it is chosen in.
 
 use super::parameters;
-use super::{ContactScheme, Params, Refusal, Surface, infinite};
+use super::{ContactScheme, Hydrodynamics, Params, Refusal, Surface, infinite};
 use crate::error::Error;
 use crate::law::tangential::stick_slide::USUAL_STIFFNESS;
-use crate::law::{FrictionOnset, NormalLaw, TangentialLaw};
+use crate::law::{FrictionOnset, NormalLaw, StiffnessUnit, TangentialLaw};
 use serde::{Deserialize, Serialize};
 
 /// Lubrication is held constant below this share of the roughness height unless said otherwise.
-pub const LUBRICATION_SHARE: f64 = 0.1;
+const LUBRICATION_SHARE: f64 = 0.1;
+/// Lubrication between smooth spheres is held constant below this gap, in a, unless said otherwise.
+const SMOOTH_LUBRICATION_GAP: f64 = 1e-3;
 /// Overlap of two surfaces, in a, at which a layer of soft spheres is given up: its springs do not carry the load.
 pub const DEEPEST_OVERLAP: f64 = 0.2;
 
@@ -22,19 +24,40 @@ pub struct ContactLaws {
     pub tangential: TangentialLaw,
     /// How friction begins.
     pub onset: FrictionOnset,
-    /// k, in F_crit/a (Hertz: F_crit/a^(3/2)), above 0; infinite exactly where the normal law has none.
+    /// What the stiffness is in units of.
+    #[serde(
+        default = "by_critical_load",
+        skip_serializing_if = "is_by_critical_load"
+    )]
+    pub stiffness_unit: StiffnessUnit,
+    /// k, in F/a (Hertz: F/a^(3/2)) with F the force of the unit, above 0; infinite exactly where the normal law has none.
     #[serde(with = "infinite")]
     pub stiffness: f64,
     /// Tangential stiffness over k, above 0, for [`TangentialLaw::StickSlide`]; 0 under other laws.
     pub tangential_stiffness: f64,
     /// Dashpot of a spring, in mu·a, from 0.
     pub dashpot: f64,
-    /// Gap below which lubrication is held constant, in a, above 0 and at most h; 0 (nowhere) with rigid asperities alone.
+    /// Gap below which lubrication is held constant, in a, above 0 and at most h unless h is 0; 0 (nowhere) with rigid asperities alone,
+    /// and where lubrication has a regularisation of its own.
     pub lubrication_gap: f64,
     /// F0 of the repulsion, in F_crit, from 0.
     pub repulsion: f64,
     /// Decay length l of the repulsion, in a, above 0; 0 without repulsion.
     pub repulsion_length: f64,
+}
+
+/// Default of [`ContactLaws::stiffness_unit`].
+fn by_critical_load() -> StiffnessUnit {
+    StiffnessUnit::CriticalLoad
+}
+
+/// Whether the unit is the default, which is left out so that cases of before keep their keys.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "the signature serde asks for"
+)]
+fn is_by_critical_load(unit: &StiffnessUnit) -> bool {
+    *unit == by_critical_load()
 }
 
 impl ContactLaws {
@@ -43,6 +66,7 @@ impl ContactLaws {
         normal: NormalLaw::Rigid,
         tangential: TangentialLaw::RollSlip,
         onset: FrictionOnset::CriticalLoad,
+        stiffness_unit: StiffnessUnit::CriticalLoad,
         stiffness: f64::INFINITY,
         tangential_stiffness: 0.0,
         dashpot: 0.0,
@@ -62,9 +86,24 @@ impl ContactLaws {
             } else {
                 0.0
             },
-            lubrication_gap: LUBRICATION_SHARE * roughness,
+            lubrication_gap: Self::usual_lubrication_gap(roughness),
             ..Self::PAPER
         }
+    }
+
+    /// Gap below which lubrication is held constant at a roughness height unless said otherwise, in a.
+    pub fn usual_lubrication_gap(roughness: f64) -> f64 {
+        if roughness > 0.0 {
+            LUBRICATION_SHARE * roughness
+        } else {
+            SMOOTH_LUBRICATION_GAP
+        }
+    }
+
+    /// Whether something is in units of the critical load, which must then be above 0 and finite.
+    pub fn needs_critical_load(&self) -> bool {
+        let springs = self.normal.is_spring() && self.stiffness_unit == StiffnessUnit::CriticalLoad;
+        springs || self.repulsion > 0.0
     }
 
     /// Whether forces depend on the gaps, so that steps must resolve or outlast them.
@@ -72,19 +111,20 @@ impl ContactLaws {
         self.normal != NormalLaw::Rigid || self.repulsion > 0.0
     }
 
-    /// Checks ranges and which laws go together, for spheres with this surface.
+    /// Checks ranges and which laws go together, for spheres with this surface under these hydrodynamics.
     ///
     /// # Errors
     /// [`Error::Refused`] names the first value refused and what is allowed.
-    pub fn validate(&self, surface: &Surface) -> Result<(), Error> {
+    pub fn validate(&self, surface: &Surface, hydrodynamics: Hydrodynamics) -> Result<(), Error> {
         let load = surface.critical_load;
-        if self.is_soft() && !(load > 0.0 && load.is_finite()) {
+        if self.needs_critical_load() && !(load > 0.0 && load.is_finite()) {
             return Err(Refusal {
                 key: "critical_load",
                 value: load.to_string(),
-                problem: "has no meaning under soft laws".into(),
-                allowed: "above 0 and finite where stiffness and repulsion are in units of it: with an infinite one they \
-                          are infinite, which is `rigid`, and with 0 nothing holds the spheres apart"
+                problem: "has no meaning under these soft laws".into(),
+                allowed: "above 0 and finite where stiffness or repulsion are in units of it: with an infinite one they \
+                          are infinite, which is `rigid`, and with 0 nothing holds the spheres apart; a stiffness may be \
+                          in units of the flow"
                     .into(),
                 because: Some("contact"),
             }
@@ -95,6 +135,7 @@ impl ContactLaws {
             roughness: surface.roughness,
             friction: surface.friction,
             shear_rate: 6.0 * std::f64::consts::PI / load,
+            hydrodynamics,
             contact: ContactScheme::Laws(*self),
             ..Params::UNWRITTEN
         })?;

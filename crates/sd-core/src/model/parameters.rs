@@ -149,16 +149,29 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
             "direction",
         );
     }
-    if laws.is_soft()
+    if laws.normal == NormalLaw::Rigid && params.roughness == 0.0 {
+        return refuse(
+            "roughness",
+            params.roughness.to_string(),
+            "leaves rigid contacts no gap to hold",
+            "above 0 and below 0.5 there; springs may have 0: then the surfaces themselves touch and overlap"
+                .into(),
+            "contact",
+        );
+    }
+    if let Some(numbers) = params.hydrodynamics.leading_order() {
+        numbers.check()?;
+    }
+    if laws.needs_critical_load()
         && params.shear_stress.is_none()
         && (params.shear_rate == 0.0 || params.shear_rate.is_infinite())
     {
         return refuse(
             "shear_rate",
             params.shear_rate.to_string(),
-            "has no meaning under soft laws",
+            "has no meaning under soft laws in units of F_crit",
             "above 0 and finite: stiffness and repulsion are in units of F_crit = 6 pi/shear_rate, which is infinite at 0 \
-             and zero at inf; give rigid contacts a grid of their own there"
+             and zero at inf; give rigid contacts a grid of their own there, or springs the `stiffness_unit` = \"flow\""
                 .into(),
             "contact",
         );
@@ -172,7 +185,7 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
             "contact",
         );
     }
-    if laws.lubrication_gap > params.roughness {
+    if laws.lubrication_gap > params.roughness && params.roughness > 0.0 {
         return refuse(
             "lubrication_gap",
             laws.lubrication_gap.to_string(),

@@ -52,7 +52,7 @@ pub enum ContactRequest {
     Laws {
         /// The laws, in the units of the solver.
         laws: Laws,
-        /// Gap below which lubrication is held constant, in a; 0: nowhere, and surfaces may not overlap.
+        /// Gap below which lubrication is held constant, in a; 0: nowhere, and surfaces may not overlap unless the hydrodynamics admit it.
         lubrication_gap: f64,
         /// How far contact forces look ahead, in strain.
         time_span: f64,
@@ -139,7 +139,7 @@ fn move_under(
             springs,
             ..
         } => {
-            check_surface(&laws.surface)?;
+            check_surface(&laws.surface, laws.normal.is_rigid())?;
             in_range(
                 time_span.is_finite() && *time_span > 0.0,
                 "contact.time_span",
@@ -158,7 +158,7 @@ fn move_under(
             stage.solve(background, external, contact)?;
         }
         ContactRequest::Procedure { surface } => {
-            check_surface(surface)?;
+            check_surface(surface, true)?;
             stage.solve(background, external, StageContact::None)?;
             let mut listed = ContactList::default();
             listed.add_approaching(
@@ -207,7 +207,9 @@ pub fn solve(
     );
     let method = Method::of_instant(*hydrodynamics, cell, radii, procedure);
     let mut stage = method.solver(*hydrodynamics, cell, radii, tables, &[])?;
-    if let ContactRequest::Laws {
+    if hydrodynamics.admits_overlap() {
+        stage.resistance.regularise(0.0, f64::INFINITY);
+    } else if let ContactRequest::Laws {
         lubrication_gap, ..
     } = request
         && *lubrication_gap > 0.0
@@ -270,6 +272,9 @@ fn check(configuration: &Configuration) -> Result<(), Error> {
             });
         }
     }
+    if let Some(numbers) = configuration.hydrodynamics.leading_order() {
+        numbers.check()?;
+    }
     let b = &configuration.background;
     let groups = [
         (
@@ -302,18 +307,18 @@ fn check(configuration: &Configuration) -> Result<(), Error> {
     Ok(())
 }
 
-/// Refuses a surface with a value out of range.
-fn check_surface(surface: &Surface) -> Result<(), Error> {
+/// Refuses a surface with a value out of range; rigid contacts must have a roughness.
+fn check_surface(surface: &Surface, rigid: bool) -> Result<(), Error> {
     let Surface {
         roughness,
         friction,
         critical_load,
     } = *surface;
     in_range(
-        roughness > 0.0 && roughness < 0.5,
+        (roughness > 0.0 || !rigid && roughness == 0.0) && roughness < 0.5,
         "contact.roughness",
         roughness,
-        "above 0 and below 0.5",
+        "above 0 and below 0.5; 0 for soft contacts only",
     )?;
     in_range(
         (0.0..=10.0).contains(&friction),

@@ -63,9 +63,15 @@ impl Method {
         let iterates = spheres >= LEAST_ITERATED && area_fraction <= DENSEST_ITERATED;
         match hydrodynamics {
             _ if procedure => Self::Dense,
-            Hydrodynamics::BallMelrose if spheres >= LEAST_PAIRWISE => Self::Pairwise,
+            Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_)
+                if spheres >= LEAST_PAIRWISE =>
+            {
+                Self::Pairwise
+            }
             Hydrodynamics::StokesianDynamics if iterates => Self::Iterated,
-            Hydrodynamics::BallMelrose | Hydrodynamics::StokesianDynamics => Self::Dense,
+            Hydrodynamics::BallMelrose
+            | Hydrodynamics::Lubrication(_)
+            | Hydrodynamics::StokesianDynamics => Self::Dense,
         }
     }
 
@@ -83,7 +89,8 @@ impl Method {
         tables: &NearFields,
         pattern_pairs: &[PairKey],
     ) -> Result<StageSolver, Error> {
-        let pairwise = || Resistance::new_pairwise(cell, radii, tables, pattern_pairs);
+        let pairwise =
+            || Resistance::new_pairwise(hydrodynamics, cell, radii, tables, pattern_pairs);
         Ok(match self {
             Self::Dense => StageSolver::new(Resistance::new(hydrodynamics, cell, radii, tables)?),
             Self::Pairwise => StageSolver::new(pairwise()?),
@@ -110,7 +117,7 @@ pub fn memory_bytes(params: &Params) -> f64 {
         Method::Dense => {
             let near = 9.0 + 9.0 + 6.75;
             let far = match params.hydrodynamics {
-                Hydrodynamics::BallMelrose => 0.0,
+                Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => 0.0,
                 Hydrodynamics::StokesianDynamics => 36.0 + 2.0 * 9.0,
             };
             8.0 * (near + far) * n * n + 8192.0 * n

@@ -228,7 +228,14 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
 #[test]
 fn motion_without_contacts_held_pair_by_pair_is_that_of_the_factor() {
     let (cell, centres, radii) = sheared(&params(150, 1.0));
-    let mut near = Resistance::new_pairwise(&cell, &radii, &NearFields::default(), &[]).unwrap();
+    let mut near = Resistance::new_pairwise(
+        Hydrodynamics::BallMelrose,
+        &cell,
+        &radii,
+        &NearFields::default(),
+        &[],
+    )
+    .unwrap();
     near.update(&cell, &centres).unwrap();
     let (strain, mut forces) = (Background::SHEAR.strain(), vec![0.0; 450]);
     near.background_forces(&strain, &mut forces);
@@ -282,7 +289,9 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
             };
             let dense = solve(StageSolver::new(dense_resistance(&cell, &radii)));
             let tables = NearFields::default();
-            let near = Resistance::new_pairwise(&cell, &radii, &tables, &[]).unwrap();
+            let near =
+                Resistance::new_pairwise(Hydrodynamics::BallMelrose, &cell, &radii, &tables, &[])
+                    .unwrap();
             let far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
             let iterated = solve(StageSolver::with_far_field(near, far));
             let error = relative_difference(dense.velocities(), iterated.velocities());

@@ -185,6 +185,29 @@ fn every_error_shows_the_place_and_says_what_is_allowed() {
             "shear_rate = [0, 0.1, inf]",
             "shear_rate = 1\ncontact = \"exponential-repulsion\"\nrepulsion = 0",
         ),
+        ("roughness = 0.01", "roughness = 0"),
+        (
+            "shear_rate = [0, 0.1, inf]",
+            "shear_rate = [0, 1]\ncontact = \"linear-spring\"\nstiffness = 1e4\nstiffness_unit = \"flow\"\nrepulsion = 1",
+        ),
+        ("seeds = 4", "stiffness_unit = \"flow\"\nseeds = 4"),
+        ("seeds = 4", "lubrication_cutoff = 0.5\nseeds = 4"),
+        (
+            "hydrodynamics = \"ball-melrose\"",
+            "hydrodynamics = \"lubrication\"\nlubrication_cutoff = 20",
+        ),
+        (
+            "hydrodynamics = \"ball-melrose\"",
+            "hydrodynamics = \"lubrication\"\nlubrication_cutoff = 1\nlubrication_regularisation = 0.01",
+        ),
+        (
+            "hydrodynamics = \"ball-melrose\"",
+            "hydrodynamics = \"lubrication\"\nlubrication_regularisation = [0.001, 0]",
+        ),
+        (
+            "hydrodynamics = \"ball-melrose\"",
+            "hydrodynamics = \"lubrication\"\ncontact = \"linear-spring\"\nstiffness = 1e4\nstiffness_unit = \"flow\"\nlubrication_gap = 0.001",
+        ),
         ("seeds = 4", "seeds = 4\nseeds = 5"),
         ("[[grid]]", "[[grid"),
         (
@@ -195,6 +218,35 @@ fn every_error_shows_the_place_and_says_what_is_allowed() {
         writeln!(all, "{from:?} → {to:?}\n{}", complaint(from, to)).unwrap();
     }
     insta::assert_snapshot!(all);
+}
+
+#[test]
+fn lubrication_and_units_of_stiffness_are_read_and_equal_physics_is_one_case() {
+    let grid = "hydrodynamics = [\"ball-melrose\", \"lubrication\"]\nlubrication_cutoff = [0.3, 0.5]\n\
+                contact = [\"rigid\", \"linear-spring\"]\nstiffness = 1e4\nstiffness_unit = \"flow\"\ntangential = \"coulomb\"";
+    let text = GOOD
+        .replace("hydrodynamics = \"ball-melrose\"", grid)
+        .replace("seeds = 4", "seeds = 1")
+        .replace("friction = [0.0, 0.3]", "friction = 0.3")
+        .replace("[0, 0.1, inf]", "[0.1, inf]");
+    let campaign = parse_text(&text).unwrap();
+    // Of two shear rates: Ball-Melrose rigid and soft, lubrication with two cutoffs, each rigid and soft.
+    assert_eq!(campaign.cases.len(), 2 * (2 + 4));
+    for (_, case) in &campaign.cases {
+        let p = &case.params;
+        let lubrication = p.hydrodynamics.leading_order();
+        assert!(lubrication.is_none_or(|n| n.regularisation == 1e-3));
+        let soft = p.contact.laws().normal.is_spring();
+        let gap = if soft && lubrication.is_none() {
+            0.1 * p.roughness
+        } else {
+            0.0
+        };
+        assert_eq!(p.contact.laws().lubrication_gap, gap);
+        let text = serde_json::to_string(p).unwrap();
+        assert_eq!(text.contains("flow"), soft, "{text}");
+        assert_eq!(serde_json::from_str::<sd_core::Params>(&text).unwrap(), *p);
+    }
 }
 
 #[test]

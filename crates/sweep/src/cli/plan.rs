@@ -9,7 +9,7 @@ use crate::exit;
 use crate::format::{bytes, duration, significant};
 use crate::tables;
 use sd_core::model::Words as _;
-use sd_core::{Hydrodynamics, NearFields, Params, Simulation, memory_bytes};
+use sd_core::{NearFields, Params, Simulation, memory_bytes};
 use serde::{Serialize, Serializer};
 use std::collections::{HashMap, HashSet};
 use std::num::NonZeroUsize;
@@ -86,8 +86,8 @@ fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
 struct Kind {
     /// Number of spheres.
     spheres: usize,
-    /// Hydrodynamics.
-    hydrodynamics: Hydrodynamics,
+    /// Word of the hydrodynamics.
+    hydrodynamics: &'static str,
     /// Word of the contact scheme.
     contact: &'static str,
     /// Word of the tangential law.
@@ -189,12 +189,13 @@ fn kinds(campaign: &Campaign) -> Vec<Kind> {
         let p = &case.params;
         let contact = word(p, "contact");
         let tangential = word(p, "tangential");
+        let hydrodynamics = p.hydrodynamics.word();
         let place = *place_of
-            .entry((p.spheres, p.hydrodynamics, contact, tangential, case.steps))
+            .entry((p.spheres, hydrodynamics, contact, tangential, case.steps))
             .or_insert_with(|| {
                 kinds.push(Kind {
                     spheres: p.spheres,
-                    hydrodynamics: p.hydrodynamics,
+                    hydrodynamics,
                     contact,
                     tangential,
                     steps: case.steps,
@@ -247,7 +248,7 @@ fn calibrate(kinds: &mut [Kind]) {
             Err(error) => kind.reason = Some(error.to_string()),
         }
     }
-    let measured: Vec<(Hydrodynamics, f64, f64)> = kinds
+    let measured: Vec<(&str, f64, f64)> = kinds
         .iter()
         .filter_map(|k| Some((k.hydrodynamics, k.example.step_cost(), k.step_s?)))
         .collect();
@@ -259,7 +260,7 @@ fn calibrate(kinds: &mut [Kind]) {
             .filter(|(hydrodynamics, ..)| *hydrodynamics == kind.hydrodynamics)
             .chain(&measured)
             .max_by(|a, b| {
-                let same = |k: &&(Hydrodynamics, f64, f64)| k.0 == kind.hydrodynamics;
+                let same = |k: &&(&str, f64, f64)| k.0 == kind.hydrodynamics;
                 same(a).cmp(&same(b)).then(a.1.total_cmp(&b.1))
             });
         kind.step_s = nearest.map(|(_, known, seconds)| seconds * cost / known);
@@ -342,7 +343,7 @@ fn write_text(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
         let mark = if kind.measured { "" } else { "≈ " };
         kinds.add_row([
             kind.spheres.to_string(),
-            kind.hydrodynamics.word().into(),
+            kind.hydrodynamics.into(),
             match kind.tangential {
                 "roll-slip" => kind.contact.into(),
                 other => format!("{}, {other}", kind.contact),

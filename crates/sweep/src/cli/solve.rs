@@ -11,10 +11,10 @@ use crate::tables;
 use sd_core::cell::Cell;
 use sd_core::contact::ContactState;
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
-use sd_core::model::Words as _;
+use sd_core::model::Words;
 use sd_core::modes::{Background, Vec2};
-use sd_core::{Hydrodynamics, NearFields, StressComponents};
-use serde::{Deserialize, Serialize};
+use sd_core::{Hydrodynamics, LeadingOrder, NearFields, StressComponents};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ const RADIUS_LIMIT: usize = 10;
 /// Solve one instant of one configuration
 ///
 /// FILE is JSON: `centres` and `hydrodynamics`, and optionally `radii`, `cell`, `offset`, `background`, `forces`, `torques`,
-/// `contact`; docs/json.md has all of it. Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
+/// `lubrication`, `contact`; docs/json.md has all of it. Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example:\n  echo '{\"centres\": [[0, 0], [2.1, 0]], \"hydrodynamics\": \"ball-melrose\"}' | sweep solve - --json"
@@ -48,8 +48,11 @@ pub struct Input {
     cell: Option<[f64; 2]>,
     /// Offset of the cell.
     offset: Option<f64>,
-    /// Hydrodynamics.
+    /// Hydrodynamics, by its word.
+    #[serde(deserialize_with = "by_word")]
     hydrodynamics: Hydrodynamics,
+    /// Numbers of leading-order lubrication, default the usual ones.
+    lubrication: Option<LeadingOrder>,
     /// Imposed flow, default simple shear.
     background: Option<Flow>,
     /// External forces, default 0.
@@ -58,6 +61,21 @@ pub struct Input {
     pub torques: Option<Vec<f64>>,
     /// Contact problem, default none.
     contact: Option<Contact>,
+}
+
+/// A choice by its word.
+fn by_word<'de, D: Deserializer<'de>, T: Words>(deserializer: D) -> Result<T, D::Error> {
+    let word = String::deserialize(deserializer)?;
+    T::of_word(&word).ok_or_else(|| {
+        let known: Vec<String> = T::WORDS
+            .iter()
+            .map(|known| format!("{:?}", known.word))
+            .collect();
+        serde::de::Error::custom(format!(
+            "{word:?} is not known, expected {}",
+            known.join(" or ")
+        ))
+    })
 }
 
 /// Why an [`Input`] is no configuration.
@@ -103,7 +121,10 @@ struct Strain {
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let bytes = read_limited(&arguments.file, INPUT_LIMIT)?;
     let (configuration, contact) = read(&arguments.file, &bytes)?;
-    let ratios = NearFields::ratios(&configuration.radii);
+    let mut ratios = NearFields::ratios(&configuration.radii);
+    if !configuration.hydrodynamics.needs_tables() {
+        ratios.clear();
+    }
     let tables = if ratios.iter().all(|ratio| (0.01..=100.0).contains(ratio)) {
         tables::make(&ratios, |_| ())?
     } else {
@@ -154,10 +175,18 @@ pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), In
             message: message.into(),
         })
     };
+    let hydrodynamics = match (input.hydrodynamics, input.lubrication) {
+        (Hydrodynamics::Lubrication(_), Some(numbers)) => Hydrodynamics::Lubrication(numbers),
+        (other, None) => other,
+        (other, Some(_)) => {
+            let word = other.word();
+            return refuse("lubrication", &format!("has no meaning under {word}"));
+        }
+    };
     let n = input.centres.len();
-    let most = input.hydrodynamics.most_spheres();
+    let most = hydrodynamics.most_spheres();
     if n > most {
-        let word = input.hydrodynamics.word();
+        let word = hydrodynamics.word();
         return refuse(
             "centres",
             &format!("{n} spheres, at most {most} under {word}"),
@@ -194,7 +223,7 @@ pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), In
     };
     let contact = match input.contact {
         None => ContactRequest::None,
-        Some(contact) => match contact.request() {
+        Some(contact) => match contact.request(hydrodynamics) {
             Ok(request) => request,
             Err((field, message)) => return refuse(field, &message),
         },
@@ -204,7 +233,7 @@ pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), In
         centres: vectors(input.centres),
         radii: input.radii.unwrap_or_else(|| vec![1.0; n]),
         cell,
-        hydrodynamics: input.hydrodynamics,
+        hydrodynamics,
         background: input
             .background
             .map_or(Background::SHEAR, |flow| Background {

@@ -1,32 +1,9 @@
 //! The near-field terms of all pairs in range, and what they add to matrices and vectors.
 
-use super::tables::PairTables;
 use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::dense::Matrix;
-use crate::linalg::simd::vectorised;
 use nalgebra::{SVector, Vector3};
-
-/// Puts the terms of all pairs into `terms`; below the gap `least` they are those at that gap.
-pub(super) fn evaluate(
-    tables: &PairTables,
-    radii: &[f64],
-    pairs: &[Neighbours],
-    least: f64,
-    terms: &mut Vec<PairTerm>,
-) {
-    terms.clear();
-    vectorised(
-        #[inline(always)]
-        || {
-            for pair in pairs {
-                let (i, j) = (pair.i, pair.j);
-                let table = tables.of(i, j);
-                terms.push(table.evaluate(radii[i], radii[j], pair.gap.max(least)));
-            }
-        },
-    );
-}
 
 /// Adds the terms to the lower triangle of `R_FU`; `row` is the first row of a sphere there.
 pub(super) fn add_to_matrix(

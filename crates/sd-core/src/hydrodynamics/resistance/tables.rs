@@ -1,7 +1,10 @@
-//! Near-field tables: of any size ratios, shared between runs, and of the pairs of sizes in one layer.
+//! Where near-field terms come from: tables of any size ratios, shared between runs, and the terms of the pairs of sizes in one layer.
 
 use crate::error::Error;
-use crate::hydrodynamics::two_sphere::NearField;
+use crate::geometry::pair::Neighbours;
+use crate::hydrodynamics::two_sphere::{LeadingOrderPair, NearField, PairTerm, check_size_ratio};
+use crate::linalg::simd::vectorised;
+use crate::model::Hydrodynamics;
 use std::sync::Arc;
 
 /// Near-field tables by size ratio, shared between runs.
@@ -50,21 +53,21 @@ fn same_ratio(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-12 * a
 }
 
-/// The near-field table of each pair of sizes that a set of spheres has.
-pub(super) struct PairTables {
-    /// Table of each pair of sizes, row by row.
-    tables: Vec<Arc<NearField>>,
+/// Something for each pair of sizes that a set of spheres has.
+pub(super) struct BySizes<T> {
+    /// Of each pair of sizes, row by row.
+    pairs: Vec<T>,
     /// Number of the size of each sphere, from the smallest.
     sizes: Vec<usize>,
     size_count: usize,
 }
 
-impl PairTables {
-    /// Picks the tables for spheres of the given radii; those that `tables` lacks are made here, which costs seconds per size ratio.
-    ///
-    /// # Errors
-    /// [`Error::OutOfRange`] for a size ratio outside 0.01 to 100.
-    pub(super) fn new(radii: &[f64], tables: &NearFields) -> Result<Self, Error> {
+impl<T> BySizes<T> {
+    /// Makes it for every pair of sizes in order.
+    fn new(
+        radii: &[f64],
+        mut make: impl FnMut([f64; 2]) -> Result<T, Error>,
+    ) -> Result<Self, Error> {
         let mut distinct: Vec<f64> = radii.to_vec();
         distinct.sort_by(f64::total_cmp);
         distinct.dedup();
@@ -72,32 +75,101 @@ impl PairTables {
             .iter()
             .map(|a| distinct.partition_point(|b| b < a))
             .collect();
-        let mut known = tables.clone();
-        let equal = Arc::new(NearField::equal_spheres());
-        let mut of_pairs = Vec::with_capacity(distinct.len() * distinct.len());
+        let mut pairs = Vec::with_capacity(distinct.len() * distinct.len());
         for &a in &distinct {
             for &b in &distinct {
-                let ratio = a.max(b) / a.min(b);
-                if a == b {
-                    of_pairs.push(Arc::clone(&equal));
-                    continue;
-                }
-                if !known.contains(ratio) {
-                    known.insert(NearField::new(ratio)?);
-                }
-                of_pairs.extend(known.find(ratio).cloned());
+                pairs.push(make([a, b])?);
             }
         }
         Ok(Self {
-            tables: of_pairs,
+            pairs,
             sizes,
             size_count: distinct.len(),
         })
     }
 
-    /// The table of spheres i and j.
+    /// That of spheres i and j.
     #[inline(always)]
-    pub(super) fn of(&self, i: usize, j: usize) -> &NearField {
-        &self.tables[self.size_count * self.sizes[i] + self.sizes[j]]
+    fn of(&self, i: usize, j: usize) -> &T {
+        &self.pairs[self.size_count * self.sizes[i] + self.sizes[j]]
+    }
+}
+
+/// Where the near-field terms of pairs come from.
+pub(super) enum NearTerms {
+    /// Exact pairs without their far field, from tables.
+    Exact(BySizes<Arc<NearField>>),
+    /// Leading-order lubrication.
+    LeadingOrder(BySizes<LeadingOrderPair>),
+}
+
+impl NearTerms {
+    /// The terms of spheres of the given radii; tables that `tables` lacks are made here, which costs seconds per size ratio.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a size ratio outside 0.01 to 100.
+    pub(super) fn new(
+        hydrodynamics: Hydrodynamics,
+        radii: &[f64],
+        tables: &NearFields,
+    ) -> Result<Self, Error> {
+        if let Some(&numbers) = hydrodynamics.leading_order() {
+            let pairs = BySizes::new(radii, |radii| {
+                check_size_ratio(radii[1] / radii[0])?;
+                Ok(LeadingOrderPair::new(radii, numbers))
+            })?;
+            return Ok(Self::LeadingOrder(pairs));
+        }
+        let mut known = tables.clone();
+        let equal = Arc::new(NearField::equal_spheres());
+        let pairs = BySizes::new(radii, |[a, b]| {
+            let ratio = a.max(b) / a.min(b);
+            if a == b {
+                return Ok(Arc::clone(&equal));
+            }
+            if let Some(table) = known.find(ratio) {
+                return Ok(Arc::clone(table));
+            }
+            let table = Arc::new(NearField::new(ratio)?);
+            known.tables.push(Arc::clone(&table));
+            Ok(table)
+        })?;
+        Ok(Self::Exact(pairs))
+    }
+
+    /// Puts the terms of all pairs into `terms`; below the gap `least` they are those at that gap.
+    pub(super) fn evaluate(
+        &self,
+        radii: &[f64],
+        pairs: &[Neighbours],
+        least: f64,
+        terms: &mut Vec<PairTerm>,
+    ) {
+        terms.clear();
+        vectorised(
+            #[inline(always)]
+            || match self {
+                Self::Exact(tables) => {
+                    for pair in pairs {
+                        let (i, j) = (pair.i, pair.j);
+                        let gap = pair.gap.max(least);
+                        terms.push(tables.of(i, j).evaluate(radii[i], radii[j], gap));
+                    }
+                }
+                Self::LeadingOrder(leading) => {
+                    for pair in pairs {
+                        terms.push(leading.of(pair.i, pair.j).evaluate(pair.gap.max(least)));
+                    }
+                }
+            },
+        );
+    }
+
+    /// Inverse slip mobility K of spheres i and j, alone in unbounded fluid, in mu·a.
+    pub(super) fn slip_resistance(&self, [i, j]: [usize; 2], radii: &[f64], gap: f64) -> f64 {
+        match self {
+            Self::Exact(tables) => tables.of(i, j).slip_resistance(radii[i], radii[j], gap),
+            Self::LeadingOrder(leading) => leading.of(i, j).slip_resistance(gap),
+        }
     }
 }

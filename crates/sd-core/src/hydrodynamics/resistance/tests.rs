@@ -15,7 +15,7 @@ fn a_spring_pulls_its_two_spheres_whichever_way_the_resistance_is_held() {
     let tables = NearFields::default();
     let ball_melrose = Hydrodynamics::BallMelrose;
     let mut factored = Resistance::new(ball_melrose, &cell, &radii, &tables).unwrap();
-    let mut pairwise = Resistance::new_pairwise(&cell, &radii, &tables, &[]).unwrap();
+    let mut pairwise = Resistance::new_pairwise(ball_melrose, &cell, &radii, &tables, &[]).unwrap();
     let forces: Vec<f64> = (0..12).map(|k| (1.3 * f64::from(k)).sin()).collect();
     factored.assemble(&cell, &centres).unwrap();
     pairwise.assemble(&cell, &centres).unwrap();

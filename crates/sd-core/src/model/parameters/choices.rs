@@ -2,7 +2,7 @@
 
 use crate::error::Refusal;
 use crate::law::{NormalLaw, TangentialLaw, Word, Words};
-use crate::model::{ContactLaws, ContactScheme, Params};
+use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, Params};
 
 /// Word for the paper's steps in the place of a normal law.
 const PROCEDURE: Word = Word {
@@ -90,6 +90,16 @@ pub(super) fn put_contact(params: &mut Params, word: &str) -> Result<(), Refusal
     Ok(())
 }
 
+pub(super) fn put_hydrodynamics(params: &mut Params, word: &str) -> Result<(), Refusal> {
+    let mut chosen = params.hydrodynamics;
+    read(&mut chosen, "hydrodynamics", word)?;
+    // The numbers of a choice may have been written before its word.
+    if chosen.place() != params.hydrodynamics.place() {
+        params.hydrodynamics = chosen;
+    }
+    Ok(())
+}
+
 pub(super) fn put_tangential(params: &mut Params, word: &str) -> Result<(), Refusal> {
     if word == FRICTIONLESS.word {
         params.friction = 0.0;
@@ -135,6 +145,15 @@ pub(super) fn is_soft(params: &Params) -> bool {
     params.contact.laws().is_soft()
 }
 
+/// Whether lubrication is held constant below a gap: soft surfaces touch, and nothing else keeps it finite.
+pub(super) fn has_lubrication_gap(params: &Params) -> bool {
+    is_soft(params) && !params.hydrodynamics.admits_overlap()
+}
+
+pub(super) fn has_leading_order(params: &Params) -> bool {
+    params.hydrodynamics.leading_order().is_some()
+}
+
 pub(super) fn has_spring(params: &Params) -> bool {
     params.contact.laws().normal.is_spring()
 }
@@ -166,6 +185,16 @@ pub(super) fn needs_spring() -> String {
         "a spring: `contact` = {}",
         words_where(NormalLaw::is_spring)
     )
+}
+
+pub(super) fn needs_leading_order() -> String {
+    let choice = words_where(|choice: Hydrodynamics| choice.leading_order().is_some());
+    format!("`hydrodynamics` = {choice}")
+}
+
+pub(super) fn needs_lubrication_gap() -> String {
+    let others = words_where(|choice: Hydrodynamics| !choice.admits_overlap());
+    format!("a soft law (a spring or a repulsion) and `hydrodynamics` = {others}")
 }
 
 pub(super) fn needs_tangential_spring() -> String {

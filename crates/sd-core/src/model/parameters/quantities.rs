@@ -56,8 +56,8 @@ pub(super) static ROUGHNESS: Quantity = Quantity {
     symbol: "h",
     unit: "a",
     meaning: "roughness height h",
-    range: Range::between(0.0, 0.5),
-    note: "",
+    range: Range::from_below(0.0, 0.5),
+    note: "0 for springs and repulsion only",
     example: "0.01",
     logarithmic: false,
 };
@@ -81,7 +81,7 @@ pub(super) static LUBRICATION_GAP: Quantity = Quantity {
     unit: "a",
     meaning: "gap below which lubrication is constant",
     range: Range::between(0.0, 0.5),
-    note: "in a, at most the roughness",
+    note: "in a, at most the roughness if there is any",
     example: "0.001",
     logarithmic: false,
 };

@@ -1,8 +1,9 @@
 //! The table of parameters.
 
 use super::choices::{
-    alone, contact_word, contact_words, has_chosen_laws, has_spring, has_tangential_spring,
-    is_mixed, is_soft, needs_repulsion, needs_spring, needs_tangential_spring, put_contact,
+    alone, contact_word, contact_words, has_chosen_laws, has_leading_order, has_lubrication_gap,
+    has_spring, has_tangential_spring, is_mixed, needs_leading_order, needs_lubrication_gap,
+    needs_repulsion, needs_spring, needs_tangential_spring, put_contact, put_hydrodynamics,
     put_law, put_spheres, put_tangential, read, repels, rubs, tangential_words,
 };
 use super::quantities::{
@@ -13,14 +14,15 @@ use super::{Choice, Form, Number, Parameter};
 use crate::law::normal::{DASHPOT, STIFFNESS};
 use crate::law::repulsion::{REPULSION, REPULSION_ALONE, REPULSION_LENGTH, USUAL_LENGTH};
 use crate::law::tangential::stick_slide::{TANGENTIAL_STIFFNESS, USUAL_STIFFNESS};
-use crate::law::{FrictionOnset, Quantity, Words as _};
-use crate::model::{ContactScheme, Hydrodynamics, LUBRICATION_SHARE};
+use crate::law::{FrictionOnset, Quantity, StiffnessUnit, Words as _};
+use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
+use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, LeadingOrder};
 
 /// All parameters of a run, in the order of columns and of nested loops.
 ///
 /// A choice stands above the numbers that have a meaning under it. Values are therefore put into [`crate::Params`] from the last
 /// entry to the first.
-pub static PARAMETERS: [Parameter; 21] = [
+pub static PARAMETERS: [Parameter; 24] = [
     Parameter {
         key: "hydrodynamics",
         symbol: "hydrodynamics",
@@ -29,7 +31,7 @@ pub static PARAMETERS: [Parameter; 21] = [
             words: || Hydrodynamics::WORDS.to_vec(),
             default: "stokesian-dynamics",
             get: |p| p.hydrodynamics.word(),
-            put: |p, word| read(&mut p.hydrodynamics, "hydrodynamics", word),
+            put: put_hydrodynamics,
         }),
         ..CHOICE
     },
@@ -71,6 +73,24 @@ pub static PARAMETERS: [Parameter; 21] = [
             get: |p| p.contact.laws().onset.word(),
             put: |p, word| match p.contact.chosen_laws() {
                 Some(laws) => read(&mut laws.onset, "friction_onset", word),
+                None => Ok(()),
+            },
+        }),
+        ..CHOICE
+    },
+    Parameter {
+        key: "stiffness_unit",
+        symbol: "k unit",
+        meaning: "what stiffnesses are in units of",
+        has_meaning: has_spring,
+        needs: Some(needs_spring),
+        is_shown: |p| p.contact.laws().stiffness_unit != StiffnessUnit::CriticalLoad,
+        form: Form::Choice(Choice {
+            words: || StiffnessUnit::WORDS.to_vec(),
+            default: "critical-load",
+            get: |p| p.contact.laws().stiffness_unit.word(),
+            put: |p, word| match p.contact.chosen_laws() {
+                Some(laws) => read(&mut laws.stiffness_unit, "stiffness_unit", word),
                 None => Ok(()),
             },
         }),
@@ -179,17 +199,49 @@ pub static PARAMETERS: [Parameter; 21] = [
         ..number(&DASHPOT)
     },
     Parameter {
-        has_meaning: is_soft,
-        needs: Some(|| "a soft law: a spring or a repulsion".into()),
-        is_shown: is_soft,
+        has_meaning: has_lubrication_gap,
+        needs: Some(needs_lubrication_gap),
+        is_shown: has_lubrication_gap,
         form: Form::Number(Number {
             quantity: &LUBRICATION_GAP,
-            default: Some(|p| LUBRICATION_SHARE * p.roughness),
+            default: Some(|p| ContactLaws::usual_lubrication_gap(p.roughness)),
             get: |p| p.contact.laws().lubrication_gap,
             put: |p, value| put_law(p, |laws| laws.lubrication_gap = value),
             ..OF_LAWS
         }),
         ..number(&LUBRICATION_GAP)
+    },
+    Parameter {
+        has_meaning: has_leading_order,
+        needs: Some(needs_leading_order),
+        is_shown: has_leading_order,
+        form: Form::Number(Number {
+            quantity: &CUTOFF,
+            default: Some(|_| LeadingOrder::USUAL.cutoff),
+            get: |p| p.hydrodynamics.leading_order().map_or(0.0, |n| n.cutoff),
+            put: |p, value| p.hydrodynamics.change(|n| n.cutoff = value),
+            without: Some(0.0),
+            ..NEEDED
+        }),
+        ..number(&CUTOFF)
+    },
+    Parameter {
+        has_meaning: has_leading_order,
+        needs: Some(needs_leading_order),
+        is_shown: has_leading_order,
+        form: Form::Number(Number {
+            quantity: &REGULARISATION,
+            default: Some(|_| LeadingOrder::USUAL.regularisation),
+            get: |p| {
+                p.hydrodynamics
+                    .leading_order()
+                    .map_or(0.0, |n| n.regularisation)
+            },
+            put: |p, value| p.hydrodynamics.change(|n| n.regularisation = value),
+            without: Some(0.0),
+            ..NEEDED
+        }),
+        ..number(&REGULARISATION)
     },
     Parameter {
         has_meaning: |p| !matches!(p.contact, ContactScheme::Procedure),

@@ -1,10 +1,10 @@
 //! The contact problem of `sweep solve`, as it is written.
 
-use sd_core::ContactLaws;
 use sd_core::contact::Surface;
 use sd_core::contact::laws::Laws;
 use sd_core::contact::warm_start::SpringForces;
 use sd_core::instant::ContactRequest;
+use sd_core::{ContactLaws, Hydrodynamics};
 use serde::Deserialize;
 
 /// Most pairs listed.
@@ -70,7 +70,10 @@ impl Spring {
 
 impl Contact {
     /// The contact problem, or the value that does not belong to it and what is allowed.
-    pub(super) fn request(self) -> Result<ContactRequest, (&'static str, String)> {
+    pub(super) fn request(
+        self,
+        hydrodynamics: Hydrodynamics,
+    ) -> Result<ContactRequest, (&'static str, String)> {
         let scheme = self.scheme;
         let stray = |names: &[(&'static str, bool)]| {
             names
@@ -144,7 +147,7 @@ impl Contact {
                 if scheme == Scheme::Rigid {
                     return Ok(ContactRequest::rigid(surface, time_span));
                 }
-                self.laws(surface, time_span)
+                self.laws(surface, hydrodynamics, time_span)
             }
         }
     }
@@ -153,12 +156,13 @@ impl Contact {
     fn laws(
         self,
         surface: Surface,
+        hydrodynamics: Hydrodynamics,
         time_span: f64,
     ) -> Result<ContactRequest, (&'static str, String)> {
         let laws = self
             .laws
             .ok_or(("contact.laws", "scheme laws needs it".into()))?;
-        laws.validate(&surface)
+        laws.validate(&surface, hydrodynamics)
             .map_err(|error| ("contact.laws", error.to_string()))?;
         let springs = self.springs.unwrap_or_default();
         if springs.len() > PAIR_LIMIT {

@@ -19,6 +19,74 @@ fn example_of_the_interface_is_read() {
 }
 
 #[test]
+fn overlapping_spheres_are_solved_under_lubrication() {
+    let with = |more: &str| {
+        let text = format!(
+            r#"{{"centres": [[0.0, 0.0], [1.99, 0.0], [4.0, 0.3]], "cell": [12.5, 12.5], "offset": 3.1{more}}}"#
+        );
+        let (configuration, contact) = read(Path::new("-"), text.as_bytes())?;
+        Ok::<_, Error>(solve(&configuration, &contact, &NearFields::default())?)
+    };
+    let word = r#", "hydrodynamics": "lubrication""#;
+    let usual = with(word).unwrap();
+    let numbers = |n: &str| with(&format!("{word}, \"lubrication\": {n}"));
+    assert_eq!(numbers("{}").unwrap(), usual);
+    assert_eq!(
+        numbers(r#"{"cutoff": 0.5, "regularisation": 1e-3}"#).unwrap(),
+        usual
+    );
+    // The third sphere is near the second only: a cutoff below their gap leaves it alone.
+    let alone = numbers(r#"{"cutoff": 0.02}"#).unwrap();
+    assert_ne!(alone, usual);
+    assert!(alone.disturbances[2].iter().all(|v| v.abs() < 1e-12));
+    assert_ne!(numbers(r#"{"regularisation": 0.01}"#).unwrap(), usual);
+    for (more, said) in [
+        (r#", "hydrodynamics": "ball-melrose""#.to_owned(), "overlap"),
+        (
+            r#", "hydrodynamics": "lubrification""#.to_owned(),
+            "lubrication",
+        ),
+        (
+            r#", "hydrodynamics": "ball-melrose", "lubrication": {}"#.to_owned(),
+            "has no meaning under ball-melrose",
+        ),
+        (
+            format!(r#"{word}, "lubrication": {{"cutoff": 20}}"#),
+            "lubrication_cutoff = 20",
+        ),
+        (
+            format!(r#"{word}, "lubrication": {{"cut": 0.5}}"#),
+            "unknown field",
+        ),
+    ] {
+        let error = with(&more).unwrap_err().to_string();
+        assert!(error.contains(said), "{more}: {error}");
+    }
+}
+
+#[test]
+fn springs_between_smooth_spheres_are_solved_and_rigid_ones_refused() {
+    let with = |roughness: &str, laws: &str| {
+        let text = format!(
+            r#"{{"centres": [[0.0, 0.0], [1.999, 0.0]], "hydrodynamics": "lubrication", "forces": [[5, 0], [-5, 0]],
+            "contact": {{"roughness": {roughness}, "friction": 0.3, "critical_load": 0, {laws}}}}}"#
+        );
+        let (configuration, contact) = read(Path::new("-"), text.as_bytes())?;
+        Ok::<_, Error>(solve(&configuration, &contact, &NearFields::default())?)
+    };
+    let spring = r#""scheme": "laws", "laws": {"normal": "linear-spring", "tangential": "stick-slide", "onset": "critical-load",
+        "stiffness_unit": "flow", "stiffness": 1000, "tangential_stiffness": 0.5, "dashpot": 0, "lubrication_gap": 0,
+        "repulsion": 0, "repulsion_length": 0}"#;
+    let solved = with("0", spring).unwrap();
+    let c = solved.contacts[0];
+    let ahead = 0.001 - 0.005 * c.normal_velocity;
+    let expected = 1000.0 * 6.0 * std::f64::consts::PI * ahead;
+    assert!((c.normal_force - expected).abs() < 1e-8, "{c:?} {expected}");
+    let error = with("0", r#""scheme": "rigid""#).unwrap_err().to_string();
+    assert!(error.contains("roughness"), "{error}");
+}
+
+#[test]
 fn strange_input_is_refused_with_its_place() {
     let start = r#"{"centres": [[0, 0]], "hydrodynamics": "ball-melrose""#;
     let all: Vec<String> = [

@@ -1,0 +1,205 @@
+//! The choice of hydrodynamics, with the numbers that one of them has.
+
+use crate::error::Refusal;
+use crate::law::{Quantity, Range, Word, Words};
+use serde::{Deserialize, Serialize};
+
+/// How the grand resistance matrix is made.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Hydrodynamics {
+    /// Far-field mobility of the periodic layer plus near-field pair terms.
+    StokesianDynamics,
+    /// Isolated drag plus near-field pair terms.
+    BallMelrose,
+    /// Isolated drag plus the leading singular terms of near pairs.
+    Lubrication(LeadingOrder),
+}
+
+/// Numbers of [`Hydrodynamics::Lubrication`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LeadingOrder {
+    /// ξ below which a pair has a term, above 0; with δ at most 1, where the logarithm ends.
+    #[serde(default = "usual_cutoff")]
+    pub cutoff: f64,
+    /// δ, which is added to ξ in the terms, above 0.
+    #[serde(default = "usual_regularisation")]
+    pub regularisation: f64,
+}
+
+impl LeadingOrder {
+    /// What published simulations use.
+    pub const USUAL: Self = Self {
+        cutoff: 0.5,
+        regularisation: 1e-3,
+    };
+
+    /// Checks that both numbers are in range, and go together.
+    pub(crate) fn check(&self) -> Result<(), Refusal> {
+        let refuse = |quantity: &Quantity, value: f64, problem: &str, allowed, because| {
+            Err(Refusal {
+                key: quantity.key,
+                value: value.to_string(),
+                problem: problem.into(),
+                allowed,
+                because,
+            })
+        };
+        for (quantity, value) in [
+            (&CUTOFF, self.cutoff),
+            (&REGULARISATION, self.regularisation),
+        ] {
+            if !quantity.range.contains(value) {
+                return refuse(quantity, value, "is out of range", quantity.allowed(), None);
+            }
+        }
+        if self.cutoff + self.regularisation > 1.0 {
+            return refuse(
+                &CUTOFF,
+                self.cutoff,
+                "is too far with the regularisation added",
+                format!(
+                    "at most {}, as logarithms are negative beyond",
+                    1.0 - self.regularisation
+                ),
+                Some(REGULARISATION.key),
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Default of [`LeadingOrder::cutoff`].
+fn usual_cutoff() -> f64 {
+    LeadingOrder::USUAL.cutoff
+}
+
+/// Default of [`LeadingOrder::regularisation`].
+fn usual_regularisation() -> f64 {
+    LeadingOrder::USUAL.regularisation
+}
+
+/// ξ of the farthest pairs that have a term.
+pub(super) static CUTOFF: Quantity = Quantity {
+    key: "lubrication_cutoff",
+    symbol: "ξ_max",
+    unit: "1",
+    meaning: "cutoff of lubrication; ξ = 2g/(a_i + a_j)",
+    range: Range::above_to(0.0, 1.0),
+    note: "in ξ = 2g/(a_i + a_j): beyond 1 the logarithms are negative, and beyond 2 a cell may be too small for it",
+    example: "0.5",
+    logarithmic: false,
+};
+
+/// δ.
+pub(super) static REGULARISATION: Quantity = Quantity {
+    key: "lubrication_regularisation",
+    symbol: "δ",
+    unit: "1",
+    meaning: "regularisation of lubrication; δ is added to ξ",
+    range: Range::above_to(0.0, 0.5),
+    note: "added to ξ = 2g/(a_i + a_j)",
+    example: "1e-3",
+    logarithmic: true,
+};
+
+impl Words for Hydrodynamics {
+    /// With the numbers that are usual.
+    const ALL: &'static [Self] = &[
+        Self::StokesianDynamics,
+        Self::BallMelrose,
+        Self::Lubrication(LeadingOrder::USUAL),
+    ];
+    const WORDS: &'static [Word] = &[
+        Word {
+            word: "stokesian-dynamics",
+            meaning: "Far-field mobility of the periodic layer plus near-field pair terms.",
+        },
+        Word {
+            word: "ball-melrose",
+            meaning: "Isolated drag plus near-field pair terms.",
+        },
+        Word {
+            word: "lubrication",
+            meaning: "Isolated drag plus the leading singular terms of near pairs.",
+        },
+    ];
+
+    fn place(self) -> usize {
+        match self {
+            Self::StokesianDynamics => 0,
+            Self::BallMelrose => 1,
+            Self::Lubrication(_) => 2,
+        }
+    }
+}
+
+impl Hydrodynamics {
+    /// Most spheres of a layer or configuration: full matrices of the far field take a gigabyte for so many.
+    pub const fn most_spheres(self) -> usize {
+        match self {
+            Self::StokesianDynamics => 2_000,
+            Self::BallMelrose | Self::Lubrication(_) => 10_000,
+        }
+    }
+
+    /// The numbers of leading-order lubrication.
+    pub const fn leading_order(&self) -> Option<&LeadingOrder> {
+        match self {
+            Self::StokesianDynamics | Self::BallMelrose => None,
+            Self::Lubrication(numbers) => Some(numbers),
+        }
+    }
+
+    /// Changes the numbers of leading-order lubrication; nothing under other hydrodynamics.
+    pub(super) fn change(&mut self, change: impl FnOnce(&mut LeadingOrder)) {
+        if let Self::Lubrication(numbers) = self {
+            change(numbers);
+        }
+    }
+
+    /// Whether the resistance stays finite where surfaces overlap.
+    pub const fn admits_overlap(&self) -> bool {
+        self.leading_order().is_some()
+    }
+
+    /// Whether pair terms are read from tables, which take a second for every size ratio.
+    pub const fn needs_tables(&self) -> bool {
+        self.leading_order().is_none()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_and_json_belong_together() {
+        for (choice, word) in Hydrodynamics::ALL.iter().zip(Hydrodynamics::WORDS) {
+            assert_eq!(choice.word(), word.word);
+            assert_eq!(Hydrodynamics::of_word(word.word), Some(*choice));
+            let json = serde_json::to_value(choice).unwrap();
+            let written = match choice {
+                Hydrodynamics::Lubrication(numbers) => {
+                    serde_json::json!({ word.word: {"cutoff": numbers.cutoff, "regularisation": 0.001} })
+                }
+                _ => word.word.into(),
+            };
+            assert_eq!(json, written);
+            assert_eq!(
+                serde_json::from_value::<Hydrodynamics>(json).unwrap(),
+                *choice
+            );
+        }
+    }
+
+    #[test]
+    fn another_cutoff_is_the_same_word() {
+        let other = Hydrodynamics::Lubrication(LeadingOrder {
+            cutoff: 0.2,
+            ..LeadingOrder::USUAL
+        });
+        assert_eq!(other.word(), "lubrication");
+    }
+}

@@ -1,0 +1,116 @@
+//! `sweep convert`.
+
+use super::Output;
+use super::place::StoreArguments;
+use crate::axes::{AXES, Axis};
+use crate::cli::Error;
+use crate::exit;
+use crate::format::significant;
+use crate::report::{Point, Report, Selection};
+use sd_core::model::PublishedUnits;
+use serde::Serialize;
+
+/// Print results in the units of published soft-sphere simulations
+///
+/// Lengths by the radius of the small spheres, a layer one small radius thick, viscosities without the stresslets of isolated spheres;
+/// docs/published-models.md has the formulas. Reads only.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: sweep convert sweeps/quickstart.toml --where shear_rate=0.1,inf")]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    place: StoreArguments,
+    /// Only points with one of these values on an axis, by its key in the campaign file; may be repeated
+    #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
+    selection: Vec<String>,
+}
+
+/// A point in their units.
+#[derive(Serialize)]
+struct Converted {
+    /// Its values on the axes, in our units.
+    #[serde(flatten)]
+    axes: serde_json::Map<String, serde_json::Value>,
+    /// Runs averaged.
+    seeds: u64,
+    /// Mean radius over that of the small spheres.
+    mean_radius: f64,
+    /// Their rate; `null` where it is infinite.
+    published_shear_rate: Option<f64>,
+    /// Their stress, likewise.
+    published_shear_stress: Option<f64>,
+    /// Their viscosity, and half the width of its 95 % interval.
+    published_viscosity: Option<f64>,
+    published_viscosity_ci95: Option<f64>,
+}
+
+impl Converted {
+    fn of(point: &Point) -> Self {
+        let units = PublishedUnits::of(&point.params);
+        let rate = point.params.shear_rate;
+        let viscosity = point.viscosity.as_ref();
+        let axes = AXES.iter().map(|axis| {
+            let value = serde_json::to_value(axis.value(&point.params));
+            (axis.key.to_owned(), value.unwrap_or_default())
+        });
+        Self {
+            axes: axes.collect(),
+            seeds: point.seeds,
+            mean_radius: units.mean_radius,
+            published_shear_rate: Some(units.shear_rate(rate)).filter(|rate| rate.is_finite()),
+            published_shear_stress: viscosity
+                .map(|v| units.shear_stress(v.mean, rate))
+                .filter(|stress| stress.is_finite()),
+            published_viscosity: viscosity.map(|v| units.viscosity(v.mean)),
+            published_viscosity_ci95: viscosity.and_then(|v| Some(units.difference(v.ci95?))),
+        }
+    }
+}
+
+/// Writes the points.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let selection = Selection::parse(&arguments.selection)?;
+    let store = arguments.place.open(output)?;
+    let report = Report::of(&store, &selection)?;
+    let points: Vec<Converted> = report.points.iter().map(Converted::of).collect();
+    if output.json {
+        output.json(&serde_json::json!({"campaign": report.campaign, "points": points}))?;
+        return Ok(exit::DONE);
+    }
+    let varied: Vec<&Axis> = AXES
+        .iter()
+        .filter(|axis| {
+            axis.is_shear_rate() || axis.varies(report.points.iter().map(|point| &point.params))
+        })
+        .collect();
+    let mut table = crate::report::table(output.width);
+    let axes = varied.iter().map(|axis| axis.symbol.to_owned());
+    let theirs = ["runs", "Γ'", "σ'", "η'"].map(str::to_owned);
+    table.set_header(axes.chain(theirs));
+    let number = |value: Option<f64>, digits| {
+        value.map_or_else(|| "–".into(), |value| significant(value, digits))
+    };
+    for (point, converted) in report.points.iter().zip(&points) {
+        let mut viscosity = number(converted.published_viscosity, 4);
+        if let Some(width) = converted.published_viscosity_ci95 {
+            viscosity = format!("{viscosity} ± {}", significant(width, 2));
+        }
+        let axes = varied
+            .iter()
+            .map(|axis| axis.value(&point.params).to_string());
+        table.add_row(axes.chain([
+            converted.seeds.to_string(),
+            number(converted.published_shear_rate, 4),
+            number(converted.published_shear_stress, 4),
+            viscosity,
+        ]));
+    }
+    let out = &mut *output.out;
+    writeln!(out, "{}", report.campaign)?;
+    writeln!(out, "{table}")?;
+    writeln!(
+        out,
+        "Γ': rate, 6π μ a_s² × rate / F_crit; σ': shear stress, in F_crit/a_s²; η': viscosity of a layer one a_s thick, without the stresslets of\n\
+         isolated spheres, ± half the 95 % Student interval. a_s: radius of the small spheres. Axes before them are ours."
+    )?;
+    Ok(exit::DONE)
+}
