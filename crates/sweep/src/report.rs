@@ -184,17 +184,15 @@ impl Point {
 
     /// σ*: imposed, or that of the mean viscosity where the rate is imposed.
     fn shear_stress(&self) -> Option<Estimate> {
-        match self.params.shear_stress {
-            Some(stress) => Some(Estimate::bare(stress)),
-            None => {
-                let factor = self.params.shear_rate / (6.0 * PI);
-                self.viscosity.map(|eta| Estimate {
-                    mean: factor * eta.mean,
-                    standard_error: eta.standard_error.map(|error| factor * error),
-                    ci95: eta.ci95.map(|width| factor * width),
-                })
-            }
+        if let Some(stress) = self.params.shear_stress {
+            return Some(Estimate::bare(stress));
         }
+        let factor = self.params.shear_rate / (6.0 * PI);
+        self.viscosity.map(|eta| Estimate {
+            mean: factor * eta.mean,
+            standard_error: eta.standard_error.map(|error| factor * error),
+            ci95: eta.ci95.map(|width| factor * width),
+        })
     }
 
     /// Its place along an axis: what was measured where rate or stress follow; not a number where nothing was.

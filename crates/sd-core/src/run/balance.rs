@@ -33,13 +33,11 @@ pub(super) enum Next {
 pub(super) struct Balance {
     /// σ*.
     stress: f64,
-    /// Load and h where friction is too strong (h > 0), and where it is too weak.
-    low: Option<[f64; 2]>,
-    high: Option<[f64; 2]>,
-    /// The load tried before.
+    /// Largest load at which h > 0, and smallest at which h < 0.
+    low: Option<f64>,
+    high: Option<f64>,
+    /// The load tried before, and its h.
     last: Option<[f64; 2]>,
-    /// Width of the bracket, as a ratio, when it was last looked at.
-    width: f64,
 }
 
 impl Balance {
@@ -49,7 +47,6 @@ impl Balance {
             low: None,
             high: None,
             last: None,
-            width: f64::INFINITY,
         }
     }
 
@@ -68,32 +65,42 @@ impl Balance {
             let slope = (excess - excess_before) / (load - before);
             (slope < 0.0).then(|| load - excess / slope)
         });
+        // Secants that do not bring h down wait for a narrower bracket.
+        let slow = self
+            .last
+            .is_some_and(|[_, before]| excess.abs() > 0.5 * before.abs());
         self.last = Some([load, excess]);
         if excess > 0.0 {
-            self.low = Some([load, excess]);
+            self.low = Some(load);
         } else {
-            self.high = Some([load, excess]);
+            self.high = Some(load);
         }
         let guess = secant.unwrap_or(load + excess);
         Next::Try(match (self.low, self.high) {
-            (Some([low, _]), Some([high, _])) => {
-                let width = high / low;
-                let slow = width.ln() > 0.5 * self.width.ln();
-                self.width = width;
+            (Some(low), Some(high)) => {
                 if guess > low && guess < high && !slow {
                     guess
                 } else {
                     (low * high).sqrt()
                 }
             }
-            (Some([low, _]), None) => {
+            (Some(low), None) => {
                 if low >= self.load_of(CEILING * JAM_VISCOSITY) {
                     return Next::AtRest;
                 }
                 // The guess of an unbracketed search is often a little short.
                 guess.clamp(low * (1.0 + 2.0 * CLOSE), STRIDE * low)
             }
-            (None, Some([high, _])) => guess.clamp(high / STRIDE, high * (1.0 - 2.0 * CLOSE)),
+            (None, Some(high)) => {
+                // The load that this viscosity needs is a fair guess from however far above.
+                let needed = self.load_of(viscosity);
+                let least = if needed > 0.0 {
+                    needed.min(high / STRIDE)
+                } else {
+                    high / STRIDE
+                };
+                guess.clamp(least, high * (1.0 - 2.0 * CLOSE))
+            }
             (None, None) => unreachable!("one side was just found"),
         })
     }
@@ -132,7 +139,7 @@ mod tests {
             let (load, count) = search(stress, from, viscosity);
             let load = load.unwrap();
             assert!((viscosity(load) / (stress * load) - 1.0).abs() < 1e-9);
-            assert!(count < 16, "{count} at {stress}");
+            assert!(count < 12, "{count} at {stress}");
         }
     }
 

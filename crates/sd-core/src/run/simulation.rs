@@ -172,7 +172,12 @@ impl Simulation {
             stage,
             stepper,
             stress: StressWork::default(),
-            listed_before: ContactList::default(),
+            listed_before: match &params.contact {
+                ContactScheme::Procedure => ContactList {
+                    pairs: Vec::with_capacity(most),
+                },
+                ContactScheme::Rigid | ContactScheme::Laws(_) => ContactList::default(),
+            },
             frame: None,
         })
     }

@@ -206,9 +206,8 @@ impl Grid {
             None => None,
             Some(start) => match &start.value {
                 Start::File(layer) => Some(layer),
-                Start::Runs(layers) => match layers.iter().find(|layer| layer.0 == seed) {
-                    Some((_, layer)) => Some(layer),
-                    None => {
+                Start::Runs(layers) => {
+                    let Some((_, layer)) = layers.iter().find(|layer| layer.0 == seed) else {
                         let seeds: Vec<String> =
                             layers.iter().map(|layer| layer.0.to_string()).collect();
                         return Err(Problem::at(
@@ -216,8 +215,9 @@ impl Grid {
                             format!("no finished run of that point has seed {seed}"),
                             format!("`seeds` among those of that point: {}", seeds.join(", ")),
                         ));
-                    }
-                },
+                    };
+                    Some(layer)
+                }
             },
         };
         Ok(Params {
