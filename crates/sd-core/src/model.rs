@@ -232,6 +232,35 @@ mod tests {
     }
 
     #[test]
+    fn a_step_over_which_contacts_cannot_be_followed_is_refused() {
+        let with = |roughness, time_step| Params {
+            roughness,
+            time_step,
+            ..params()
+        };
+        for (roughness, time_step) in [(0.01, 0.1), (1e-4, 0.02), (1e-6, 0.002)] {
+            with(roughness, time_step).validate().unwrap();
+        }
+        for (roughness, time_step) in [(1e-4, 0.05), (1e-6, 0.005), (1e-3, 0.1)] {
+            let error = with(roughness, time_step).validate().unwrap_err();
+            assert!(error.to_string().contains("too long"), "{error}");
+        }
+        let soft = |time_step| Params {
+            contact: ContactScheme::Laws(ContactLaws {
+                normal: crate::law::NormalLaw::LinearSpring,
+                stiffness: 1e4,
+                lubrication_gap: 1e-3,
+                ..ContactLaws::PAPER
+            }),
+            shear_rate: 1.0,
+            ..with(0.01, time_step)
+        };
+        soft(0.025).validate().unwrap();
+        let error = soft(0.05).validate().unwrap_err();
+        assert!(error.to_string().contains("soft contacts"), "{error}");
+    }
+
+    #[test]
     fn nan_is_refused_everywhere() {
         let nan = f64::NAN;
         for bad in [

@@ -468,6 +468,27 @@ fn free_approach_meets_the_spring_without_overshoot() {
     }
 }
 
+#[test]
+fn friction_at_every_contact_needs_no_load() {
+    // A contact below the critical load: with friction only where none is asked for.
+    let light = |onset| {
+        let choice = ContactLaws {
+            onset,
+            ..ContactLaws::linear_spring(1e4, TangentialLaw::Coulomb, 0.01)
+        };
+        let surface = Surface {
+            roughness: 0.01,
+            friction: 0.5,
+            critical_load: 100.0,
+        };
+        let c = solved(&pair(0.00999, 5.0, 1.0), &Laws::new(&choice, surface), 0.01).contacts[0];
+        assert!(c.normal_force > 0.0 && c.normal_force < 100.0, "{c:?}");
+        c.state == ContactState::Frictionless
+    };
+    assert!(light(FrictionOnset::CriticalLoad) && light(FrictionOnset::Reduced));
+    assert!(!light(FrictionOnset::Contact));
+}
+
 /// A small dense layer of two sizes.
 fn params(contact: ContactScheme) -> Params {
     // Spheres that weld together jam far earlier than others.
@@ -516,6 +537,14 @@ fn schemes() -> Vec<ContactScheme> {
             ..ContactLaws::linear_spring(1e4, tangential, 0.01)
         })
     };
+    let at_every_contact = || {
+        ContactScheme::Laws(ContactLaws {
+            onset: FrictionOnset::Contact,
+            repulsion: 1.0,
+            repulsion_length: 0.02,
+            ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01)
+        })
+    };
     vec![
         rigid(TangentialLaw::Coulomb),
         rigid(TangentialLaw::StickRotate),
@@ -531,6 +560,7 @@ fn schemes() -> Vec<ContactScheme> {
             TangentialLaw::RollSlip,
         ),
         repelling(NormalLaw::LinearSpring, 1e4, TangentialLaw::StickSlide),
+        at_every_contact(),
         repelling(NormalLaw::Rigid, f64::INFINITY, TangentialLaw::Coulomb),
     ]
 }
@@ -559,7 +589,7 @@ fn layers_keep_their_laws_under_every_choice() {
                 touching += 1;
                 rubbing += u32::from(c.tangential_force != 0.0);
                 let beyond = match laws.onset {
-                    FrictionOnset::CriticalLoad => c.normal_force,
+                    FrictionOnset::CriticalLoad | FrictionOnset::Contact => c.normal_force,
                     FrictionOnset::Reduced => (c.normal_force - load).max(0.0),
                 };
                 assert!(c.normal_force > 0.0);

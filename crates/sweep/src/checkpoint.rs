@@ -1,5 +1,6 @@
 //! The format of a checkpoint: versioned, checksummed, all that the rest of the run and its result need.
 
+use sd_core::simulation::Counters;
 use sd_core::{Sample, Snapshot};
 use serde::{Deserialize, Serialize};
 
@@ -38,6 +39,9 @@ pub enum Damage {
     /// The checksum does not agree.
     #[error("torn or corrupt: the checksum does not agree")]
     Checksum,
+    /// A number in it is none.
+    #[error("not all numbers are finite")]
+    Numbers,
     /// The content cannot be read in spite of an agreeing checksum.
     #[error("unreadable content: {0}")]
     Content(postcard::Error),
@@ -48,6 +52,11 @@ impl Damage {
     pub fn is_older(&self) -> bool {
         matches!(self, Self::Version { found } if *found < VERSION)
     }
+}
+
+/// Whether a sample has the numbers that every row has. A viscosity that came out as none is kept as such.
+pub(crate) fn can_be_kept(sample: &Sample) -> bool {
+    sample.strain.is_finite() && sample.normal_velocity.is_finite()
 }
 
 impl Checkpoint {
@@ -86,7 +95,27 @@ impl Checkpoint {
         if blake3::hash(content).as_bytes() != checksum {
             return Err(Damage::Checksum);
         }
-        postcard::from_bytes(content).map_err(Damage::Content)
+        let checkpoint: Self = postcard::from_bytes(content).map_err(Damage::Content)?;
+        if checkpoint.has_numbers() {
+            Ok(checkpoint)
+        } else {
+            Err(Damage::Numbers)
+        }
+    }
+
+    /// Whether what must be a number is one.
+    fn has_numbers(&self) -> bool {
+        let counters = |c: &Counters| {
+            !(c.worst_residual.is_nan()
+                || c.worst_friction_error.is_nan()
+                || c.minimum_gap.is_nan())
+        };
+        self.wall_time_s.is_finite()
+            && counters(&self.snapshot.counters)
+            && self
+                .samples
+                .iter()
+                .all(|(_, sample)| can_be_kept(sample) && counters(&sample.counters))
     }
 }
 
@@ -155,6 +184,26 @@ mod tests {
     fn round_trip_keeps_every_bit() {
         let bytes = checkpoint().encode().unwrap();
         assert_eq!(Checkpoint::decode(&bytes).unwrap(), checkpoint());
+    }
+
+    #[test]
+    fn what_is_no_number_in_a_forged_one_is_noticed() {
+        let forge: [fn(&mut Checkpoint); 5] = [
+            |c| c.wall_time_s = f64::NAN,
+            |c| c.samples[1].1.strain = f64::INFINITY,
+            |c| c.samples[0].1.normal_velocity = f64::NAN,
+            |c| c.samples[0].1.counters.worst_residual = f64::NAN,
+            |c| c.snapshot.counters.minimum_gap = f64::NAN,
+        ];
+        for forge in forge {
+            let mut forged = checkpoint();
+            forge(&mut forged);
+            let bytes = forged.encode().unwrap();
+            assert_eq!(Checkpoint::decode(&bytes), Err(Damage::Numbers));
+        }
+        let mut sound = checkpoint();
+        sound.samples[0].1.minimum_gap = f64::INFINITY;
+        assert!(Checkpoint::decode(&sound.encode().unwrap()).is_ok());
     }
 
     #[test]

@@ -17,6 +17,7 @@ mod salvage;
 mod scalars;
 mod serve;
 mod show;
+mod shown;
 mod solve;
 mod status;
 mod submit;
@@ -27,8 +28,10 @@ pub use plan::{Plan, plan};
 pub use scalars::named as named_scalars;
 pub use solve::{Input as InstantInput, InputError, configuration};
 
+use crate::visible::{TextOutput, Visible, visible};
 use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
+use shown::Shown;
 use std::io::{IsTerminal, Write};
 
 /// Campaigns of Stokesian Dynamics: sheared layers of rough, frictional spheres.
@@ -92,7 +95,7 @@ enum Command {
 
 /// Where output goes, and how.
 pub(crate) struct Output<'o> {
-    pub(crate) out: &'o mut dyn Write,
+    pub(crate) out: &'o mut dyn TextOutput,
     pub(crate) json: bool,
     pub(crate) quiet: bool,
     /// Columns of the terminal; `None` if it is none.
@@ -112,8 +115,9 @@ impl Output<'_> {
 /// # Errors
 /// Whatever stood in the way; [`Error::exit_code`] is the exit code then.
 pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
+    let mut visible = Visible::new(out);
     let mut output = Output {
-        out,
+        out: &mut visible,
         json: cli.json,
         quiet: cli.quiet,
         width: terminal_width(),
@@ -160,6 +164,8 @@ fn terminal_width() -> Option<u16> {
 #[derive(Debug, Clone, Copy)]
 pub struct ErrorRenderer {
     coloured: bool,
+    /// Columns it may take.
+    width: usize,
 }
 
 impl Cli {
@@ -173,14 +179,18 @@ impl Cli {
                     std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
                 }
             },
+            width: 100,
         }
     }
 }
 
 impl ErrorRenderer {
-    /// One without colours.
+    /// One without colours that leaves lines as long as they are.
     pub fn plain() -> Self {
-        Self { coloured: false }
+        Self {
+            coloured: false,
+            width: 10_000,
+        }
     }
 
     /// An error as a person reads it on standard error: what, where, and what is allowed.
@@ -192,12 +202,12 @@ impl ErrorRenderer {
         };
         let mut text = String::new();
         let rendered = miette::GraphicalReportHandler::new_themed(theme)
-            .with_width(100)
+            .with_width(self.width)
             .without_cause_chain()
-            .render_report(&mut text, error);
+            .render_report(&mut text, &Shown::of(error));
         match rendered {
             Ok(()) => text,
-            Err(_) => error.to_string(),
+            Err(_) => visible(&error.to_string()).into_owned(),
         }
     }
 }

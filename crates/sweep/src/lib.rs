@@ -25,6 +25,7 @@ pub mod cli;
 pub mod cluster;
 mod csv_rows;
 pub mod data;
+pub mod doubt;
 pub mod exit;
 mod files;
 pub mod format;
@@ -38,6 +39,7 @@ pub mod store;
 mod stresses;
 pub mod tables;
 pub mod trajectory;
+mod visible;
 
 #[cfg(test)]
 mod test_support;

@@ -50,6 +50,10 @@ pub struct Report {
     pub columns: Columns,
     /// Their cases by state.
     pub counts: Counts,
+    /// Finished runs among them whose numbers are doubtful.
+    pub doubtful: u64,
+    /// Whether these are averaged all the same.
+    pub with_doubtful: bool,
     /// Strain discarded from every run.
     pub discard: f64,
     /// The points in the order of the file.
@@ -73,6 +77,8 @@ pub struct Point {
     pub jammed: u64,
     /// Runs that failed.
     pub failed: u64,
+    /// Finished runs whose numbers are doubtful: counted, and averaged only if that was asked for.
+    pub doubtful: u64,
     /// Viscosity in full: mean over the runs of their means.
     pub viscosity: Option<Estimate>,
     /// Median over the runs of their medians.
@@ -117,7 +123,9 @@ impl Report {
         let computing = runs.iter().filter_map(|run| run.wall_time_s).sum();
         let mut groups: Vec<Vec<PointRun>> = Vec::new();
         let mut place_of = HashMap::new();
+        let mut last: Option<usize> = None;
         let mut counts = Counts::default();
+        let doubtful = runs.iter().filter(|run| run.is_doubtful()).count() as u64;
         for run in runs {
             *match run.state {
                 State::Pending => &mut counts.pending,
@@ -126,10 +134,15 @@ impl Report {
                 State::Jammed => &mut counts.jammed,
                 State::Failed => &mut counts.failed,
             } += 1;
-            let place = *place_of.entry(identity(&run.params)).or_insert_with(|| {
-                groups.push(Vec::new());
-                groups.len() - 1
-            });
+            // Runs of a point come one after the other.
+            let place = match last {
+                Some(last) if groups[last][0].params == run.params => last,
+                _ => *place_of.entry(identity(&run.params)).or_insert_with(|| {
+                    groups.push(Vec::new());
+                    groups.len() - 1
+                }),
+            };
+            last = Some(place);
             groups[place].push(run);
         }
         Ok(Self {
@@ -138,7 +151,12 @@ impl Report {
             columns: Columns::default(),
             counts,
             discard: store.protocol()?.discard,
-            points: groups.iter().filter_map(|runs| Point::of(runs)).collect(),
+            points: groups
+                .iter()
+                .filter_map(|runs| Point::of(runs, selection.with_doubtful))
+                .collect(),
+            doubtful,
+            with_doubtful: selection.with_doubtful,
             failures,
             computing,
             provenance: store.provenance()?,
@@ -212,10 +230,13 @@ impl Point {
         self.stresses[place]
     }
 
-    /// Of the runs of one point; `None` of none.
-    fn of(runs: &[PointRun]) -> Option<Self> {
+    /// Of the runs of one point, doubtful ones averaged too or not; `None` of none.
+    fn of(runs: &[PointRun], with_doubtful: bool) -> Option<Self> {
         let params = runs.first()?.params.clone();
-        let done: Vec<&PointRun> = runs.iter().filter(|r| r.state == State::Done).collect();
+        let done: Vec<&PointRun> = runs
+            .iter()
+            .filter(|run| run.is_sound() || (with_doubtful && run.is_doubtful()))
+            .collect();
         let values = |quantity: fn(&PointRun) -> Option<f64>| -> Vec<f64> {
             done.iter().filter_map(|run| quantity(run)).collect()
         };
@@ -227,6 +248,7 @@ impl Point {
             seeds: done.len() as u64,
             jammed: runs.iter().filter(|r| r.state == State::Jammed).count() as u64,
             failed: runs.iter().filter(|r| r.state == State::Failed).count() as u64,
+            doubtful: runs.iter().filter(|r| r.is_doubtful()).count() as u64,
             viscosity: Estimate::of(&values(|r| r.viscosity)),
             viscosity_median: median(values(|r| r.viscosity_median)),
             viscosity_stresslet: Estimate::of(&values(|r| r.viscosity_stresslet)),

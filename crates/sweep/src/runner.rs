@@ -24,6 +24,10 @@ const TICK: Duration = Duration::from_millis(100);
 const LOOK: Duration = Duration::from_secs(2);
 /// Time from one heartbeat to the next.
 const HEARTBEAT: Duration = Duration::from_secs(10);
+/// How long all threads wait for other processes before the user is told for whom, and then between one time and the next.
+const WAIT_UNTOLD: Duration = Duration::from_secs(5);
+/// The same once it was told.
+const WAIT_TOLD: Duration = Duration::from_mins(5);
 /// How long a step in progress may go on after a signal before it is abandoned for its last checkpoint.
 const GRACE: Duration = Duration::from_secs(10);
 
@@ -42,7 +46,7 @@ pub struct Options<'o> {
     pub workers: usize,
     /// Threads, at least as many: those without a case share the large factorizations of the others.
     pub threads: usize,
-    /// Computing time after which a single case ends as failed.
+    /// Computing time after which a single case ends as failed; without one, many times what it is expected to take.
     pub wall_limit: Option<Duration>,
     /// Keep a frame of the layer with every sample.
     pub trajectory: bool,
@@ -69,6 +73,8 @@ struct Shared<'r> {
     /// The first trouble with the store: all stop.
     trouble: Mutex<Option<StoreError>>,
     working: AtomicUsize,
+    /// Threads with a case; the others wait for cases of other processes.
+    computing: AtomicUsize,
 }
 
 /// Computes what a store lacks of the campaign it has taken in: first the tables that its spheres need, then all its cases.
@@ -131,6 +137,7 @@ fn run_in(
         progress,
         trouble: Mutex::new(None),
         working: AtomicUsize::new(options.workers),
+        computing: AtomicUsize::new(0),
     };
     pool.in_place_scope(|scope| {
         for worker in 0..options.workers {
@@ -187,7 +194,12 @@ impl<'r> Shared<'r> {
         while !self.stopping() {
             let claim = self.store().claim();
             let result = match claim {
-                Ok(Some(claim)) => self.compute(worker, &claim),
+                Ok(Some(claim)) => {
+                    self.computing.fetch_add(1, Ordering::AcqRel);
+                    let result = self.compute(worker, &claim);
+                    self.computing.fetch_sub(1, Ordering::AcqRel);
+                    result
+                }
                 Ok(None) => match self.anything_left() {
                     Ok(true) => {
                         std::thread::sleep(TICK * 2);
@@ -219,6 +231,8 @@ impl<'r> Shared<'r> {
     fn supervise(&self) {
         let (mut looked, mut beaten) = (Instant::now(), Instant::now());
         let mut stopped: Option<Instant> = None;
+        // When at least one thread computed last, and how long after that the user is told what is waited for.
+        let (mut busy, mut patience) = (Instant::now(), WAIT_UNTOLD);
         while self.working.load(Ordering::Acquire) > 0 {
             std::thread::sleep(TICK);
             if beaten.elapsed() >= HEARTBEAT {
@@ -234,6 +248,14 @@ impl<'r> Shared<'r> {
                 }
                 if let Some(observer) = self.options.observer {
                     observer.look(self.progress);
+                }
+            }
+            if self.computing.load(Ordering::Acquire) > 0 {
+                (busy, patience) = (Instant::now(), WAIT_UNTOLD);
+            } else if busy.elapsed() >= patience {
+                patience += WAIT_TOLD;
+                if let Err(error) = self.say_what_is_waited_for() {
+                    self.give_up(error);
                 }
             }
             self.progress.draw();
@@ -261,6 +283,20 @@ impl<'r> Shared<'r> {
                 }
             }
         }
+    }
+
+    /// Says for which processes all threads wait.
+    fn say_what_is_waited_for(&self) -> Result<(), StoreError> {
+        for process in self.store().processes()? {
+            self.progress.note(&format!(
+                "waiting for {} runs of process {} on {}, last heard of {} ago; they go on here once it is gone",
+                process.running,
+                process.pid,
+                process.host,
+                crate::format::duration(process.silent_s)
+            ));
+        }
+        Ok(())
     }
 
     /// Frees the cases of dead processes, and sees how far all are. The store must still hold what this process computes.

@@ -11,16 +11,33 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use hyper::server::conn::http1;
+use hyper::service::{Service as _, service_fn};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Mutex;
+use tokio::task::AbortHandle;
 
 /// How long an answer about the store is given again.
 const FRESH: Duration = Duration::from_secs(1);
 /// Frames of a movie at most.
 const FRAMES: usize = 120;
+/// Connections at a time. With more, those that have asked for nothing yet are let go, the oldest first.
+const CONNECTIONS: usize = 24;
+/// Readers of the store at a time; each has a few files open.
+const READERS: usize = 4;
+/// How long a connection may take to say what it asks for.
+const ASKING: Duration = Duration::from_secs(5);
+/// How long it may take to ask and to be answered in all.
+const ANSWERING: Duration = Duration::from_mins(2);
+/// How long the server waits where there is no file descriptor or no place for another connection.
+const PAUSE: Duration = Duration::from_millis(20);
 
 /// Why there is no live page, or no answer to a request.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -70,10 +87,11 @@ pub fn serve(
     };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
+        .max_blocking_threads(READERS)
         .build()
         .map_err(start("a server"))?;
-    runtime.block_on(async {
-        let listener = tokio::net::TcpListener::bind(address)
+    let result = runtime.block_on(async {
+        let listener = TcpListener::bind(address)
             .await
             .map_err(start("a server at this address (--listen chooses another)"))?;
         let mut terminate =
@@ -86,13 +104,72 @@ pub fn serve(
                 _ = terminate.recv() => {}
             }
         };
-        let served = axum::serve(listener, routes(source)).into_future();
+        let routes = routes(source);
         // Open connections are let go: a reader loses nothing.
         tokio::select! {
-            result = served => result.map_err(start("a server")),
-            () = stopped => Ok(()),
+            () = accept(&listener, &routes) => {}
+            () = stopped => {}
         }
-    })
+        Ok(())
+    });
+    // A reader may be waiting for the store: nobody waits for it.
+    runtime.shutdown_background();
+    result
+}
+
+/// A connection that was accepted.
+struct Open {
+    handle: AbortHandle,
+    /// Whether it has asked for something.
+    asked: Arc<AtomicBool>,
+}
+
+/// Accepts connections without end.
+async fn accept(listener: &TcpListener, routes: &Router) {
+    let mut open: Vec<Open> = Vec::new();
+    loop {
+        let Ok((stream, _)) = listener.accept().await else {
+            // As when there is no descriptor left: some connection ends soon.
+            tokio::time::sleep(PAUSE).await;
+            continue;
+        };
+        loop {
+            open.retain(|connection| !connection.handle.is_finished());
+            if open.len() < CONNECTIONS {
+                break;
+            }
+            let idle = open
+                .iter()
+                .position(|connection| !connection.asked.load(Ordering::Relaxed));
+            match idle {
+                Some(oldest) => open.remove(oldest).handle.abort(),
+                None => tokio::time::sleep(PAUSE).await,
+            }
+        }
+        let asked = Arc::new(AtomicBool::new(false));
+        let answered = converse(stream, routes.clone(), Arc::clone(&asked));
+        open.push(Open {
+            handle: tokio::spawn(answered).abort_handle(),
+            asked,
+        });
+    }
+}
+
+/// Reads one request of a connection and answers it, within limits of time.
+async fn converse(stream: TcpStream, routes: Router, asked: Arc<AtomicBool>) {
+    let routes = TowerToHyperService::new(routes);
+    let service = service_fn(move |request| {
+        asked.store(true, Ordering::Relaxed);
+        routes.call(request)
+    });
+    let connection = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(ASKING)
+        // An idle connection would take the place of one that asks.
+        .keep_alive(false)
+        .serve_connection(TokioIo::new(stream), service);
+    // Whoever asked has gone, or takes too long: there is nobody to tell.
+    let _ = tokio::time::timeout(ANSWERING, connection).await;
 }
 
 fn routes(source: StoreSource) -> Router {

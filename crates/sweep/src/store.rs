@@ -6,12 +6,15 @@
 mod asked;
 mod axis_columns;
 mod campaign;
+mod checksum;
 mod claims;
 mod ends;
 mod entries;
 mod error;
 mod failures;
 mod frames;
+mod guard;
+mod log;
 mod merge;
 mod place;
 mod process;
@@ -27,7 +30,9 @@ mod schema;
 mod source;
 mod story;
 mod submissions;
+mod verify;
 
+pub(crate) use crate::checkpoint::can_be_kept;
 pub use crate::checkpoint::{Checkpoint, Damage};
 pub use asked::{Adoption, Inventory};
 pub use claims::{Claim, DEATH_LIMIT};
@@ -44,13 +49,14 @@ pub use provenance::Provenance;
 pub use query::{Counts, FailureLine, PointRun, ProcessLine, Replay};
 pub(crate) use reading::snapshot;
 pub use results::{Failure, Finished};
-pub use salvage::{Salvaged, salvage};
+pub use salvage::{Salvaged, salvage, salvage_in_place};
 pub use source::StoreSource;
 pub use story::{Attempt, Origin, Story};
 pub use submissions::{OpenCase, SliceState, Submission, TaskName};
+pub use verify::accept_changes;
 
 use asked::Asks;
-use place::{FileIdentity, refuse_folder};
+use place::{Files, Loss, name_new, set_aside};
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
 use schema::{Kind, bring_up_to_date, identify, version_of};
@@ -76,8 +82,10 @@ static STOP_ASKED: AtomicBool = AtomicBool::new(false);
 pub struct Store {
     connection: Connection,
     path: PathBuf,
-    /// That file, as it was when it was opened for writing.
-    file: Option<FileIdentity>,
+    /// Its files, as they were when it was opened for writing.
+    files: Option<Files>,
+    /// What is to be said to whoever opened it: changes that are lost with a damaged log.
+    warning: Option<String>,
     /// This process, once it works on the store.
     process: Option<Registered>,
     /// The task of a scheduler this process works for.
@@ -101,13 +109,14 @@ impl Store {
     /// # Errors
     /// A path that cannot be written, a file that is no store, or one of another schema. Such files are not touched.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        refuse_folder(path)?;
+        guard::refuse_other_than_files(path)?;
         if let Some(parent) = path.parent() {
             std::fs::create_dir_all(parent).map_err(|source| StoreError::Unwritable {
                 path: path.to_owned(),
                 source,
             })?;
         }
+        let warning = log::check(path)?;
         let connection = Connection::open_with_flags(
             path,
             OpenFlags::SQLITE_OPEN_READ_WRITE
@@ -118,7 +127,8 @@ impl Store {
         let mut store = Self {
             connection,
             path: path.to_owned(),
-            file: FileIdentity::of(path),
+            files: None,
+            warning,
             process: None,
             task: None,
             asks: None,
@@ -128,11 +138,19 @@ impl Store {
             Setup::Sqlite(error) => StoreError::sqlite(path, error, false),
             Setup::Refused(error) => error,
         })?;
+        store.files = Some(Files::of(path));
+        store.verify()?;
         Ok(store)
+    }
+
+    /// What is to be said to whoever opened it: that its log is damaged, and what was lost with that.
+    pub fn warning(&self) -> Option<&str> {
+        self.warning.as_deref()
     }
 
     /// Makes or checks the schema, and sets the connection up.
     fn set_up(&mut self) -> Result<(), Setup> {
+        guard::distrust(&self.connection)?;
         self.connection.busy_handler(Some(wait_for_lock))?;
         match identify(&self.connection)? {
             Kind::Ours(1..=schema::VERSION) | Kind::Empty => {}
@@ -143,6 +161,11 @@ impl Store {
                 }));
             }
         }
+        if !guard::has_plain_tables(&self.connection)? {
+            return Err(Setup::Refused(StoreError::NotAStore {
+                path: self.path.clone(),
+            }));
+        }
         self.use_write_ahead_log()?;
         self.connection.pragma_update(None, "synchronous", "FULL")?;
         self.connection.pragma_update(None, "foreign_keys", true)?;
@@ -151,7 +174,11 @@ impl Store {
             .transaction_with_behavior(TransactionBehavior::Immediate)?;
         // Looked at again under the lock: another process may have made it meanwhile.
         match version_of(&transaction)? {
-            schema::VERSION => axis_columns::bring_up_to_date(&transaction)?,
+            schema::VERSION => {
+                if axis_columns::bring_up_to_date(&transaction)? {
+                    log::go_on(&transaction)?;
+                }
+            }
             0..schema::VERSION => bring_up_to_date(&transaction)?,
             found => {
                 drop(transaction);
@@ -206,35 +233,44 @@ impl Store {
             .transaction_with_behavior(TransactionBehavior::Immediate)
             .and_then(|transaction| {
                 let value = work(&transaction)?;
+                log::go_on(&transaction)?;
                 transaction.commit()?;
                 Ok(value)
             });
         result.map_err(|error| StoreError::sqlite(&self.path, error, under_way))
     }
 
-    /// That the file is still the one that was opened: what is written to another one would be lost.
+    /// That the files are still those that were opened: what is written to others would be lost.
     fn check_place(&self) -> Result<(), StoreError> {
-        match FileIdentity::of(&self.path) {
-            found if found == self.file => Ok(()),
-            found => Err(StoreError::Gone {
+        match self.loss() {
+            None => Ok(()),
+            Some(loss) => Err(StoreError::Gone {
                 path: self.path.clone(),
-                what: if found.is_some() { "replaced" } else { "deleted" },
+                what: loss.words(),
                 advice: "finished results were in it: restore it from a copy, or give the same command again to begin anew"
                     .into(),
             }),
         }
     }
 
-    /// Saves all that a store holds whose file was deleted or replaced under way, as the system keeps the file itself
-    /// for as long as it is open. Gives the error back with word of it.
+    /// What became of its files.
+    fn loss(&self) -> Option<Loss> {
+        self.files.as_ref().and_then(Files::loss)
+    }
+
+    /// Saves all that a store holds whose files were deleted or replaced under way, as the system keeps the files themselves
+    /// for as long as they are open, and puts it in its place unless something else is there now. Gives the error back with
+    /// word of it. Other errors are given back as they are.
     pub(crate) fn rescue(&mut self, error: StoreError) -> StoreError {
-        let StoreError::Gone { path, what, .. } = error else {
+        // A query may have met a missing log before we looked.
+        let Some(loss) = self.loss() else {
             return error;
         };
         // The log beside the name may be another store's by now: closing must not touch it.
         let _ = self
             .connection
             .set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true);
+        let path = self.path.clone();
         if let Some(parent) = path.parent() {
             let _ = std::fs::create_dir_all(parent);
         }
@@ -243,16 +279,49 @@ impl Store {
             .connection
             .execute("VACUUM INTO ?1", [to.to_string_lossy()]);
         let advice = match saved {
-            Ok(_) => format!(
-                "all it held is saved in {to}: `mv {to} {}`, and give the same command again",
-                path.display(),
-                to = to.display()
+            Ok(_) => self.put_back(loss, &to),
+            Err(error) => format!(
+                "what it held could not be saved ({error}): `sweep salvage {} --in-place` keeps all that is whole, or restore it \
+                 from a copy",
+                path.display()
             ),
-            Err(error) => {
-                format!("what it held could not be saved ({error}): restore it from a copy")
+        };
+        StoreError::Gone {
+            path,
+            what: loss.words(),
+            advice,
+        }
+    }
+
+    /// Gives a rescued store the name of the lost one, if it is free, or if what has it is the file of this store without its
+    /// log. Says what the user can do now.
+    fn put_back(&self, loss: Loss, rescued: &Path) -> String {
+        let path = &self.path;
+        let placed = match loss {
+            Loss::Replaced => None,
+            Loss::Deleted => {
+                // Our own log without its file; all of it is in what was rescued.
+                if self.files.as_ref().is_some_and(Files::has_own_log) {
+                    let _ = std::fs::remove_file(reading::log_of(path));
+                }
+                Some(set_aside(path).and_then(|()| name_new(rescued, path)))
+            }
+            Loss::LogDeleted | Loss::LogReplaced | Loss::LogCut => {
+                Some(set_aside(path).and_then(|()| std::fs::rename(rescued, path)))
             }
         };
-        StoreError::Gone { path, what, advice }
+        match placed {
+            Some(Ok(())) => {
+                "all it held was saved and put back in its place; give the same command again"
+                    .into()
+            }
+            Some(Err(_)) | None => format!(
+                "all it held is saved in {rescued}: `sweep run CAMPAIGN.toml --store {} --reuse {rescued}` takes it over into \
+                 what is there now",
+                path.display(),
+                rescued = rescued.display()
+            ),
+        }
     }
 
     /// Turns an error of a query into one of the store.

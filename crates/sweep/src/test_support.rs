@@ -1,6 +1,6 @@
 //! Made-up samples and snapshots for the tests of what stands around the physics.
 
-use sd_core::simulation::{Counters, SNAPSHOT_VERSION};
+use sd_core::simulation::{Counters, Frame, FrameContact, SNAPSHOT_VERSION};
 use sd_core::{ContactScheme, Hydrodynamics, Params, Sample, Snapshot, StressComponents};
 
 /// Parameters of the paper's layer.
@@ -70,4 +70,26 @@ pub(crate) fn snapshot(steps: u64) -> Snapshot {
         "counters": counters(),
     }))
     .unwrap()
+}
+
+/// A frame of two spheres in contact.
+pub(crate) fn frame() -> Frame {
+    Frame {
+        strain: 0.5,
+        side: 8.0,
+        offset: -2.0,
+        radii: vec![1.0, 1.5],
+        centres: vec![[1.0, 2.0], [3.5, 2.0]],
+        orientations: vec![0.0, -0.25],
+        stresslets: vec![[1.0, -1.0, 20.5], [0.0, 0.5, 19.0]],
+        contacts: vec![FrameContact {
+            i: 0,
+            j: 1,
+            normal: [1.0, 0.0],
+            gap: 0.0078125,
+            normal_force: 12.5,
+            tangential_force: -2.0,
+            state: sd_core::contact::ContactState::Slipping,
+        }],
+    }
 }

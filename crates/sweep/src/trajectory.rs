@@ -189,27 +189,7 @@ pub fn write_extxyz(frame: &Frame, out: &mut dyn Write) -> io::Result<()> {
 mod tests {
     use super::*;
     use crate::data::write_csv;
-
-    fn frame() -> Frame {
-        Frame {
-            strain: 0.5,
-            side: 8.0,
-            offset: -2.0,
-            radii: vec![1.0, 1.5],
-            centres: vec![[1.0, 2.0], [3.5, 2.0]],
-            orientations: vec![0.0, -0.25],
-            stresslets: vec![[1.0, -1.0, 20.5], [0.0, 0.5, 19.0]],
-            contacts: vec![FrameContact {
-                i: 0,
-                j: 1,
-                normal: [1.0, 0.0],
-                gap: 0.0078125,
-                normal_force: 12.5,
-                tangential_force: -2.0,
-                state: ContactState::Slipping,
-            }],
-        }
-    }
+    use crate::test_support::frame;
 
     #[test]
     fn frame_comes_back() {

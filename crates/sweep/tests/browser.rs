@@ -178,6 +178,7 @@ fn hostile_text_is_shown_and_not_obeyed() {
         )
         .unwrap();
     drop(store);
+    sweep::store::accept_changes(&at.join("s.sqlite")).unwrap();
     sweep(at, &["report", "s.sqlite", "--page", "p.html"]);
     let address = format!("file://{}", at.join("p.html").display());
     let (document, console) = visit(browser, at, &address);

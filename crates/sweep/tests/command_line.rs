@@ -235,7 +235,7 @@ fn output_that_cannot_be_written_ends_with_3_and_one_nobody_reads_with_the_code_
     );
     assert_eq!(
         shell("sweep report small.toml --csv /dev/full 2> /dev/null; echo $?"),
-        "2\n"
+        "3\n"
     );
 }
 

@@ -62,8 +62,46 @@ fn stdout(directory: &Path, arguments: &[&str]) -> String {
 
 /// The store as it might be after a bad night.
 fn spoilt(directory: &Path, statements: &str) {
-    let store = rusqlite::Connection::open(directory.join("s.sqlite")).unwrap();
+    let path = directory.join("s.sqlite");
+    let store = rusqlite::Connection::open(&path).unwrap();
     store.execute_batch(statements).unwrap();
+    drop(store);
+    sweep::store::accept_changes(&path).unwrap();
+}
+
+/// Gives every case the key of the parameters it has now.
+fn named_anew(directory: &Path) {
+    let path = directory.join("s.sqlite");
+    let store = rusqlite::Connection::open(&path).unwrap();
+    let cases: Vec<(i64, String, i64, i64)> = store
+        .prepare("SELECT id, params, seed, sample_stride FROM cases")
+        .unwrap()
+        .query_map([], |row| {
+            Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
+        })
+        .unwrap()
+        .collect::<Result<_, _>>()
+        .unwrap();
+    for (id, params, seed, sample_stride) in cases {
+        let case = sweep::case::Case {
+            params: serde_json::from_str(&params).unwrap(),
+            seed: seed.unsigned_abs(),
+            steps: 1,
+            sample_stride: sample_stride.unsigned_abs(),
+        };
+        store
+            .execute(
+                "UPDATE cases SET key = ?2, params = ?3 WHERE id = ?1",
+                (
+                    id,
+                    case.key().to_string(),
+                    serde_json::to_string(&case.params).unwrap(),
+                ),
+            )
+            .unwrap();
+    }
+    drop(store);
+    sweep::store::accept_changes(&path).unwrap();
 }
 
 #[test]
@@ -287,7 +325,10 @@ fn stores_without_results_give_sensible_output() {
         (failed.as_str(), 0),
         (pending, 0),
         (no_grid, 0),
-        ("DELETE FROM campaign; DELETE FROM results", 2),
+        (
+            "DELETE FROM campaign; DELETE FROM results; UPDATE cases SET state = 'pending'",
+            2,
+        ),
     ] {
         let directory = directory();
         let at = directory.path();
@@ -439,6 +480,7 @@ fn time_steps_and_sizes_set_curves_apart() {
         at,
         "UPDATE cases SET time_step = 0.01, params = json_set(params, '$.time_step', 0.01) WHERE friction > 0.2",
     );
+    named_anew(at);
     let text = stdout(at, &["report", "s.sqlite"]);
     assert!(text.contains("Δt"), "a column of its own: {text}");
     let draw = |more: &[&str]| {

@@ -28,7 +28,7 @@ const LEAST_OVERLAP: f64 = 1e-13;
 /// Chosen laws, in the units of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Laws {
-    /// Roughness, friction, critical load.
+    /// Roughness, friction, and the load above which friction acts.
     pub surface: Surface,
     /// What presses.
     pub normal: NormalForce,
@@ -64,7 +64,10 @@ impl Laws {
             f64::INFINITY
         };
         Self {
-            surface,
+            surface: Surface {
+                critical_load: choice.onset.threshold(load),
+                ..surface
+            },
             normal: NormalForce {
                 law: choice.normal,
                 stiffness,
@@ -103,7 +106,7 @@ impl Laws {
     pub(super) fn offset(&self) -> f64 {
         match self.onset {
             FrictionOnset::Reduced if self.friction().is_finite() => self.surface.critical_load,
-            FrictionOnset::CriticalLoad | FrictionOnset::Reduced => 0.0,
+            FrictionOnset::CriticalLoad | FrictionOnset::Reduced | FrictionOnset::Contact => 0.0,
         }
     }
 

@@ -114,7 +114,51 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
     for parameter in &PARAMETERS {
         parameter.check(params)?;
     }
-    check_together(params)
+    check_together(params)?;
+    check_step(params)
+}
+
+/// Longest step under soft laws: from about twice as much on, stresslet viscosities came out negative.
+const LONGEST_SOFT_STEP: f64 = 0.025;
+
+/// Refuses a step over which contacts cannot be followed.
+///
+/// ```text
+/// two spheres in contact that move straight on for a strain Δt, across their line of centres, part by about Δt²/4
+/// ```
+///
+/// Under rigid laws that must be less than the roughness height, or contacts are made and lost by the step alone.
+fn check_step(params: &Params) -> Result<(), Refusal> {
+    let step = params.time_step;
+    let refuse = |problem: &str, allowed, because| {
+        Err(Refusal {
+            key: "time_step",
+            value: step.to_string(),
+            problem: problem.into(),
+            allowed,
+            because: Some(because),
+        })
+    };
+    if params.contact.laws().is_soft() {
+        // Springs push back whatever a step brings too close: what counts is how stiff they are.
+        if step <= LONGEST_SOFT_STEP {
+            return Ok(());
+        }
+        return refuse(
+            "is too long for soft contacts",
+            format!("at most {LONGEST_SOFT_STEP}"),
+            "contact",
+        );
+    }
+    let longest = 2.0 * params.roughness.sqrt();
+    if step > longest {
+        return refuse(
+            "is too long for gaps of this roughness",
+            format!("at most 2 √roughness = {longest:.4}"),
+            "roughness",
+        );
+    }
+    Ok(())
 }
 
 /// Checks the numbers of the contact laws, and that they go together.

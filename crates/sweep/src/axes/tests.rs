@@ -196,7 +196,9 @@ hydrodynamics = "ball-melrose"
             "DROP VIEW runs; DROP VIEW viscosity_vs_shear_rate; ALTER TABLE cases DROP COLUMN small_fraction",
         )
         .unwrap();
+        drop(sql);
         drop(Store::open(&path).unwrap());
+        let sql = rusqlite::Connection::open(&path).unwrap();
         let sum: f64 = sql
             .query_row("SELECT sum(small_fraction) FROM runs", [], |row| row.get(0))
             .unwrap();

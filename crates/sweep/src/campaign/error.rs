@@ -1,5 +1,6 @@
 //! Errors that show the place in the campaign file.
 
+use crate::visible::{visible, visible_in_place};
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use std::fmt::Display;
 use std::io;
@@ -171,7 +172,8 @@ impl Problem {
             message: self.message,
             allowed,
             labels,
-            source_code: shown.then(|| NamedSource::new(file, text.to_owned())),
+            source_code: shown
+                .then(|| NamedSource::new(visible(file), visible_in_place(text).into_owned())),
             others: Vec::new(),
         }
     }

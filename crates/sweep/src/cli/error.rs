@@ -2,7 +2,7 @@
 
 use crate::campaign::CampaignError;
 use crate::cluster::SchedulerError;
-use crate::cluster::shard::ShardError;
+use crate::cluster::shard::{ShardError, no_room};
 use crate::exit;
 use crate::report::ReportError;
 use crate::runner::RunnerError;
@@ -135,6 +135,7 @@ impl Error {
                 ServeError::Store(error) | ServeError::Report(ReportError::Store(error)),
             ) if error.is_of_the_store() => exit::STORE,
             Self::Shard(error) if error.is_of_the_disk() => exit::STORE,
+            Self::Write { path, source } if no_room(source, path) => exit::STORE,
             _ => exit::BAD_INPUT,
         }
     }

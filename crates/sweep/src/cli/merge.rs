@@ -1,7 +1,7 @@
 //! `sweep merge`.
 
 use super::Output;
-use super::place::StoreArguments;
+use super::place::{StoreArguments, say_warning};
 use crate::campaign::Campaign;
 use crate::cli::Error;
 use crate::cluster::shard::{self, ShardError};
@@ -63,6 +63,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         all
     };
     let mut store = open(&path, &shards)?;
+    say_warning(&store);
     let merged = store.merge(&shards, arguments.allow_mixed_versions)?;
     let answer = Answer {
         merged,
@@ -92,10 +93,15 @@ pub(super) fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ShardError> {
         .collect())
 }
 
-/// Opens the store; a new one gets the campaign of the first shard that can be read.
+/// Opens the store; a new one, or one whose first merge was ended before it had a campaign, gets that of the first shard that
+/// can be read.
 fn open(path: &Path, shards: &[PathBuf]) -> Result<Store, Error> {
     if path.exists() {
-        return Ok(Store::open(path)?);
+        let store = Store::open(path)?;
+        match store.campaign_name() {
+            Err(StoreError::NoCampaign { .. }) => {}
+            known => return Ok(known.map(|_| store)?),
+        }
     }
     let mut first = None;
     for shard in shards {
@@ -103,7 +109,10 @@ fn open(path: &Path, shards: &[PathBuf]) -> Result<Store, Error> {
             Ok(text) => {
                 let campaign = Campaign::parse(&shard.display().to_string(), text)?;
                 let mut store = Store::open(path)?;
-                store.adopt(&campaign)?;
+                // Another first merge may have been faster.
+                if matches!(store.campaign_name(), Err(StoreError::NoCampaign { .. })) {
+                    store.adopt(&campaign)?;
+                }
                 return Ok(store);
             }
             Err(error) => first = first.or(Some(error)),

@@ -46,6 +46,7 @@ impl StoreArguments {
     /// Opens the store for reading, and says so if it was last run with another version of the campaign file given.
     pub(crate) fn open(&self, output: &Output<'_>) -> Result<Store, Error> {
         let store = self.find()?.open()?;
+        say_warning(&store);
         say_last_run(&store, output);
         Ok(store)
     }
@@ -70,6 +71,14 @@ fn whole(path: &Path) -> Result<PathBuf, Error> {
     })
 }
 
+/// Says on standard error what whoever opened a store must know, wanted or not: changes that are lost with a damaged log.
+pub(super) fn say_warning(store: &Store) {
+    if let Some(warning) = store.warning() {
+        // Nobody may read standard error.
+        let _ = writeln!(crate::visible::stderr(), "warning: {warning}");
+    }
+}
+
 /// Says on standard error that a store was last run with another version of the campaign file than the one it is shown for.
 pub(super) fn say_last_run(store: &Store, output: &Output<'_>) {
     let Some(file) = store.last_run_with().filter(|_| !output.quiet) else {
@@ -77,7 +86,7 @@ pub(super) fn say_last_run(store: &Store, output: &Output<'_>) {
     };
     // Nobody may read standard error.
     let _ = writeln!(
-        std::io::stderr(),
+        crate::visible::stderr(),
         "the store {} was last run with another version of the campaign, of {}: shown is what the file given asks for",
         store.path().display(),
         file.display()

@@ -89,7 +89,7 @@ fn confirmed(runs: u64, size: &str, path: &std::path::Path) -> Result<bool, Erro
             ),
         });
     }
-    let mut to = std::io::stderr();
+    let mut to = crate::visible::stderr();
     write!(
         to,
         "Remove {runs} runs, about {size}, from {}? They are not asked for any more, and would have to be computed again. [y/N] ",

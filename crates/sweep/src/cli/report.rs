@@ -38,6 +38,9 @@ pub(crate) struct Arguments {
     /// Only these columns besides the axes, in tables of every kind; names are those of the CSV file
     #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
     columns: Vec<String>,
+    /// Average runs with doubtful numbers too; they are counted in any case
+    #[arg(long)]
+    with_doubtful: bool,
     /// Write a tidy table, one row per point, `-` for standard output; units go to FILE.units.csv beside it
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -80,7 +83,7 @@ fn numeric_axis() -> impl TypedValueParser<Value = &'static Axis> {
 /// Writes the report.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let drawing = drawing(arguments)?;
-    let selection = Selection::parse(&arguments.selection)?;
+    let selection = Selection::parse(&arguments.selection)?.with_doubtful(arguments.with_doubtful);
     let columns = Columns::named(&arguments.columns)?;
     refuse_two_answers(arguments, output)?;
     let store = arguments.place.open(output)?;
@@ -198,7 +201,7 @@ pub(super) fn format_of(path: &Path) -> Result<Format, Error> {
 /// Writes a file, or to standard output for `-`.
 pub(super) fn save(path: &Path, bytes: &[u8], output: &mut Output<'_>) -> Result<(), Error> {
     if path.as_os_str() == "-" {
-        return Ok(output.out.write_all(bytes)?);
+        return Ok(output.out.raw().write_all(bytes)?);
     }
     write_whole(path, |file| file.write_all(bytes)).map_err(|source| Error::Write {
         path: path.to_owned(),

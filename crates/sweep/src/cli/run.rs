@@ -3,7 +3,7 @@
 mod task;
 
 use super::Output;
-use super::place::store_of;
+use super::place::{say_warning, store_of};
 use crate::campaign::Campaign;
 use crate::cli::Error;
 use crate::exit;
@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     /// Compute failed cases again
     #[arg(long)]
     retry_failed: bool,
-    /// Computing time after which a single case ends as failed, in seconds
+    /// Computing time after which a single case ends as failed, in seconds [default: 50 times its estimate, half an hour at least]
     #[arg(long, value_name = "SECONDS")]
     max_wall_time: Option<f64>,
     /// Another campaign's store: take its runs of the same parameters, steps and seeds in place of computing them again. May be
@@ -112,7 +112,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     if let Some(network) = network_file_system(&path).filter(|_| !output.quiet) {
         // Nobody may read standard error; the run goes on all the same.
         let _ = writeln!(
-            std::io::stderr(),
+            crate::visible::stderr(),
             "warning: {} is on a network file system ({network}), where several machines cannot safely share a store: run it \
              from one machine only, or choose a local disk with --store FILE",
             path.display()
@@ -122,6 +122,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         Store::open_read_only(other)?;
     }
     let mut store = Store::open(&path)?;
+    say_warning(&store);
     let adoption = store.adopt(&campaign)?;
     if !output.quiet {
         say_what_is_there(&campaign, &path, adoption);
@@ -166,7 +167,7 @@ fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption) {
         orphan_bytes,
     } = adoption.inventory;
     // Nobody may read standard error; the run goes on all the same.
-    let mut to = std::io::stderr();
+    let mut to = crate::visible::stderr();
     if adoption.changed {
         let _ = writeln!(
             to,
@@ -194,7 +195,7 @@ fn reuse(store: &mut Store, others: &[PathBuf], output: &Output<'_>) -> Result<(
         return Ok(());
     }
     // Nobody may read standard error; the run goes on all the same.
-    let mut to = std::io::stderr();
+    let mut to = crate::visible::stderr();
     let _ = writeln!(
         to,
         "taken over: {} runs, {} failures, {} checkpoints",

@@ -47,7 +47,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         if !address.ip().is_loopback() && !output.quiet {
             // Nobody may read standard error: the page is served all the same.
             let _ = writeln!(
-                std::io::stderr(),
+                crate::visible::stderr(),
                 "warning: {address} is not loopback: whoever reaches it can read the results of {name}"
             );
         }

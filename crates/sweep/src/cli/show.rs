@@ -97,6 +97,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             story.frames
         )?;
     }
+    for doubt in &story.doubts {
+        writeln!(out, "its numbers are doubtful, and not averaged: {doubt}")?;
+    }
     if let Some(origin) = &story.origin {
         writeln!(out, "computed on {} by {}", origin.host, origin.program())?;
     }

@@ -3,7 +3,7 @@
 mod tasks;
 
 use super::Output;
-use super::place::StoreArguments;
+use super::place::{StoreArguments, say_warning};
 use crate::cli::Error;
 use crate::cluster::shard;
 use crate::exit;
@@ -52,6 +52,7 @@ struct Status {
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
     let (path, store) = (&source.path, source.open()?);
+    say_warning(&store);
     let (total, done) = store.work()?;
     let shards: Vec<PathBuf> = shard::published(&shard::folder_of(path))
         .into_iter()

@@ -482,6 +482,6 @@ fn forecast(campaign: &Campaign, open: &[OpenCase], job: &Job, output: &Output<'
 fn note(output: &Output<'_>, text: &str) {
     if !output.quiet {
         // Nobody may read standard error.
-        let _ = writeln!(std::io::stderr(), "{text}");
+        let _ = writeln!(crate::visible::stderr(), "{text}");
     }
 }

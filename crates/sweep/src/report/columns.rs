@@ -206,10 +206,11 @@ fn ci95(estimate: Option<Estimate>) -> Option<f64> {
 
 /// What was measured.
 #[rustfmt::skip]
-const MEASURED: [Column; 19] = [
+const MEASURED: [Column; 20] = [
     column("seeds", "1", "runs averaged", Content::Count(|p| p.seeds)),
     column("jammed", "1", "runs that ended jammed: not averaged", Content::Count(|p| p.jammed)),
     column("failed", "1", "runs that failed: not averaged", Content::Count(|p| p.failed)),
+    column("doubtful", "1", "finished runs with doubtful numbers: averaged only if asked for", Content::Count(|p| p.doubtful)),
     column("viscosity", "mu", "viscosity in full, mean over runs of their means in time", Content::Number(|p| mean(p.viscosity))).labelled("viscosity"),
     column("viscosity_ci95", "mu", "half width of its 95 % Student interval", Content::Number(|p| ci95(p.viscosity))),
     column("viscosity_median", "mu", "median over runs of their medians in time", Content::Number(|p| p.viscosity_median)).labelled("median viscosity"),

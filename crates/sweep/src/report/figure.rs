@@ -212,6 +212,14 @@ pub fn outline(
             "there are no results to draw yet; `sweep status` says how far the campaign is".into(),
         ));
     }
+    if report.doubtful > 0 && drawing.kind != Kind::Trace {
+        let what = if report.with_doubtful {
+            "averaged too"
+        } else {
+            "left out"
+        };
+        sketch.x = format!("{} ({} doubtful runs {what})", sketch.x, report.doubtful);
+    }
     let curves = sketch.lines.len();
     if curves > CURVES {
         let how = match drawing.kind {

@@ -28,6 +28,8 @@ struct Cases {
     failed: u64,
     /// To do, or under way.
     pending: u64,
+    /// Of those done, runs with doubtful numbers.
+    doubtful: u64,
 }
 
 /// A point as an object: the columns of the tables by name, `null` where nothing was measured.
@@ -51,6 +53,7 @@ pub fn write(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
             jammed: report.counts.jammed,
             failed: report.counts.failed,
             pending: report.counts.pending + report.counts.running,
+            doubtful: report.doubtful,
         },
         points: report.points.iter().map(Row).collect(),
     };

@@ -63,6 +63,10 @@ struct Data<'r> {
     axes: Vec<AxisData>,
     /// Quantities that curves can show.
     quantities: Vec<QuantityData>,
+    /// Finished runs with doubtful numbers.
+    doubtful: u64,
+    /// Whether these are averaged with the others.
+    with_doubtful: bool,
     /// Points, with the names of `sweep report --json`.
     points: Vec<Row<'r>>,
     /// Runs.
@@ -167,6 +171,7 @@ pub fn data(store: &Store, selection: &Selection, host: PageHost) -> Result<Stri
         let trace = thinned(&store.trace(&run.key)?, points_each);
         runs.push(json!({
             "point": point, "key": run.key, "seed": run.seed, "state": run.state,
+            "doubts": run.doubts.iter().map(|doubt| doubt.name()).collect::<Vec<_>>(),
             "viscosity": run.viscosity, "wall_time_s": run.wall_time_s, "trace": trace,
         }));
         if last_filmed != Some(point) && filmed.len() < MOVIES && store.frame_count(&run.key)? > 1 {
@@ -198,6 +203,8 @@ pub fn data(store: &Store, selection: &Selection, host: PageHost) -> Result<Stri
         quantities: quantities()
             .map(|(key, label)| QuantityData { key, label })
             .collect(),
+        doubtful: report.doubtful,
+        with_doubtful: report.with_doubtful,
         points: report.points.iter().map(Row).collect(),
         runs,
         movies,

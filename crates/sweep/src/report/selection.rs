@@ -10,6 +10,8 @@ use std::fmt;
 pub struct Selection {
     /// Axes and the values wanted on them.
     wanted: Vec<(&'static Axis, Vec<Wanted>)>,
+    /// Whether runs with doubtful numbers are averaged as well.
+    pub(super) with_doubtful: bool,
 }
 
 /// A value as it was asked for.
@@ -51,6 +53,15 @@ impl Selection {
             }
         }
         Ok(selection)
+    }
+
+    /// The same points; runs with doubtful numbers are averaged with the others, or are not.
+    #[must_use]
+    pub fn with_doubtful(self, with_doubtful: bool) -> Self {
+        Self {
+            with_doubtful,
+            ..self
+        }
     }
 
     /// Whether all points are meant.

@@ -12,11 +12,12 @@ use std::io::Write;
 /// A measured quantity: its heading and how its value is written.
 type Column = (&'static str, fn(&Point) -> String);
 
-/// Measured quantities, in the order of the columns; those about jammed and failed runs only where there are some.
-const COLUMNS: [Column; 13] = [
+/// Measured quantities, in the order of the columns; those about jammed, failed and doubtful runs only where there are some.
+const COLUMNS: [Column; 14] = [
     ("runs", |p| p.seeds.to_string()),
     ("jammed", |p| p.jammed.to_string()),
     ("failed", |p| p.failed.to_string()),
+    ("doubtful", |p| p.doubtful.to_string()),
     ("viscosity", |p| interval(p.viscosity)),
     ("median", |p| number(p.viscosity_median, 4)),
     ("stresslet\nviscosity", |p| interval(p.viscosity_stresslet)),
@@ -73,6 +74,39 @@ fn cell(column: &columns::Column, point: &Point) -> String {
     }
 }
 
+/// What is said of runs with doubtful numbers.
+pub(super) fn doubtful(report: &Report) -> String {
+    let what = if report.with_doubtful {
+        "averaged with the others, as --with-doubtful asks"
+    } else {
+        "not averaged; --with-doubtful averages them too"
+    };
+    format!(
+        "{} finished runs have doubtful numbers: {what}. `sweep show` says why",
+        report.doubtful
+    )
+}
+
+/// What is said of an imposed stress and of columns that were asked for.
+fn explain(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+    if report
+        .points
+        .iter()
+        .any(|p| p.params.shear_stress.is_some())
+    {
+        writeln!(
+            out,
+            "σ*: imposed shear stress in F_crit/a²; Γ is then 6π σ*/viscosity. Runs that jam bear that stress at rest."
+        )?;
+    }
+    if let Some(chosen) = report.columns.chosen() {
+        for column in chosen {
+            writeln!(out, "{}: {}", column.name, column.meaning)?;
+        }
+    }
+    Ok(())
+}
+
 /// The programs of processes, each once.
 fn programs(processes: &[Provenance]) -> Vec<String> {
     let mut programs: Vec<String> = Vec::new();
@@ -126,6 +160,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             .filter(|(heading, _)| match *heading {
                 "jammed" => c.jammed > 0,
                 "failed" => c.failed > 0,
+                "doubtful" => report.doubtful > 0,
                 _ => true,
             })
             .collect();
@@ -152,21 +187,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             column.set_cell_alignment(CellAlignment::Right);
         }
         writeln!(out, "{table}")?;
-        if report
-            .points
-            .iter()
-            .any(|p| p.params.shear_stress.is_some())
-        {
-            writeln!(
-                out,
-                "σ*: imposed shear stress in F_crit/a²; Γ is then 6π σ*/viscosity. Runs that jam bear that stress at rest."
-            )?;
-        }
-        if let Some(chosen) = report.columns.chosen() {
-            for column in chosen {
-                writeln!(out, "{}: {}", column.name, column.meaning)?;
-            }
-        }
+        explain(report, out)?;
         writeln!(
             out,
             "viscosity: mean over runs ± half the 95 % Student interval, after a strain of {}; \
@@ -175,6 +196,9 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
              activated: of contacts; rolling: of activated ones.",
             report.discard
         )?;
+    }
+    if report.doubtful > 0 {
+        writeln!(out, "{}", doubtful(report))?;
     }
     if report.computing > 0.0 {
         writeln!(

@@ -58,6 +58,7 @@ pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), Report
             _ if is_chosen && Axis::of_key(column.name).is_none() => true,
             "jammed" => report.counts.jammed > 0,
             "failed" => report.counts.failed > 0,
+            "doubtful" => report.doubtful > 0,
             name => matters(name),
         })
         .collect();
@@ -74,6 +75,9 @@ pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), Report
             None => "–".into(),
         });
         writeln!(out, "| {} |", cells.collect::<Vec<_>>().join(" | "))?;
+    }
+    if report.doubtful > 0 {
+        writeln!(out, "\n{}", super::text::doubtful(report))?;
     }
     Ok(())
 }

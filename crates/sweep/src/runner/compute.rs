@@ -4,13 +4,18 @@ use super::{Shared, panics};
 use crate::campaign::Steps;
 use crate::case::{Case, State};
 use crate::replay::replay;
-use crate::store::{Checkpoint, Claim, Failure, Finished, StoreError};
+use crate::store::{Checkpoint, Claim, Failure, Finished, StoreError, can_be_kept};
 use sd_core::simulation::{Flow, Frame};
 use sd_core::{Sample, Simulation, Snapshot};
 use std::time::{Duration, Instant};
 
 /// Computing time between checkpoints is at least this many times what the last one cost: under 1 % goes to them.
 const CHECKPOINT_SHARE: u32 = 100;
+
+/// How many times what it is expected to take a case may be computed for, unless the user says how long.
+const WALL_FACTOR: f64 = 50.0;
+/// Cases are computed for at least this long: estimates of short ones say little.
+const LEAST_WALL_LIMIT: Duration = Duration::from_mins(30);
 
 /// A run under way. Outside the part that may panic, so that what was computed is there afterwards.
 #[derive(Default)]
@@ -45,11 +50,53 @@ enum End {
     Failed(Cause),
 }
 
+/// Computing time after which a case ends as failed.
+#[derive(Clone, Copy)]
+struct WallLimit {
+    seconds: f64,
+    /// Whether nobody chose it.
+    is_default: bool,
+}
+
+impl WallLimit {
+    /// The one chosen, or else many times what the case is expected to take.
+    fn of(chosen: Option<Duration>, case: &Case) -> Self {
+        chosen.map_or_else(
+            || Self {
+                seconds: (WALL_FACTOR * case.cost()).max(LEAST_WALL_LIMIT.as_secs_f64()),
+                is_default: true,
+            },
+            |chosen| Self {
+                seconds: chosen.as_secs_f64(),
+                is_default: false,
+            },
+        )
+    }
+
+    /// What a case is told that took longer.
+    fn message(self) -> String {
+        if self.is_default {
+            format!(
+                "took longer than {} of computing, {WALL_FACTOR} times what it was expected to take; \
+                 `sweep run --retry-failed --max-wall-time SECONDS` gives it longer",
+                crate::format::duration(self.seconds)
+            )
+        } else {
+            format!(
+                "took longer than the {} s of computing a case may take",
+                self.seconds
+            )
+        }
+    }
+}
+
 enum Cause {
     /// The solver said so.
     Physics(sd_core::Error),
     /// It took longer than allowed.
-    WallTime(f64),
+    WallTime(WallLimit),
+    /// What was measured is no number.
+    NoNumber,
 }
 
 impl Run {
@@ -216,6 +263,7 @@ impl Shared<'_> {
                 Err(error) => return Ok(End::Failed(Cause::Physics(error))),
             },
         };
+        let limit = WallLimit::of(self.options.wall_limit, case);
         let checkpoint_stride = self.protocol_of(case).checkpoint_stride();
         let mut kept = Instant::now();
         let mut cost = Duration::ZERO;
@@ -244,16 +292,17 @@ impl Shared<'_> {
                 Ok(sample) => sample,
                 Err(error) => return Ok(End::Failed(Cause::Physics(error))),
             };
+            if !can_be_kept(&sample) {
+                return Ok(End::Failed(Cause::NoNumber));
+            }
             if sampled {
                 record.samples.push((step, sample));
             }
             self.progress
                 .step(worker, simulation.steps(), sample.viscosity);
             let wall_time_s = record.wall_time_before_s + begun.elapsed().as_secs_f64();
-            if let Some(limit) = self.options.wall_limit
-                && wall_time_s > limit.as_secs_f64()
-            {
-                return Ok(End::Failed(Cause::WallTime(limit.as_secs_f64())));
+            if wall_time_s > limit.seconds {
+                return Ok(End::Failed(Cause::WallTime(limit)));
             }
             if simulation.steps().is_multiple_of(checkpoint_stride)
                 && simulation.steps() < case.steps
@@ -281,9 +330,9 @@ impl Shared<'_> {
                 };
                 self.record_failure(claim, run, message, Some(error))
             }
-            Cause::WallTime(limit) => {
-                let message =
-                    format!("took longer than the {limit} s of computing a case may take");
+            Cause::WallTime(limit) => self.record_failure(claim, run, limit.message(), None),
+            Cause::NoNumber => {
+                let message = "what was measured is not a number".to_owned();
                 self.record_failure(claim, run, message, None)
             }
         }

@@ -2,6 +2,7 @@
 
 use crate::case::Case;
 use crate::store::Counts;
+use crate::visible::visible;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sd_core::Params;
 use std::collections::VecDeque;
@@ -289,6 +290,7 @@ impl Progress {
 
     /// Something the user should know, above the bars or in the log.
     pub fn note(&self, text: &str) {
+        let text = &*visible(text);
         match self.style {
             Style::Bars => {
                 // Lost if the terminal is gone, like the bars.

@@ -6,7 +6,6 @@ use crate::campaign::Campaign;
 use rusqlite::{Connection, OptionalExtension, Row, params};
 use serde::Serialize;
 use std::path::PathBuf;
-use std::time::Duration;
 
 /// About what a run takes in the store without its samples, in bytes; measured.
 const CASE_BYTES: u32 = 1200;
@@ -45,7 +44,6 @@ impl Asks {
         me: i64,
     ) -> Result<Option<Opponent>, rusqlite::Error> {
         let here = Identity::of_this_process();
-        let now = process::now();
         let others: Vec<(Identity, i64, String)> = connection
             .prepare_cached(
                 "SELECT host, boot, namespace, pid, start, heartbeat, file FROM processes
@@ -63,8 +61,7 @@ impl Asks {
             })?
             .collect::<Result<_, _>>()?;
         let alive = |(identity, heartbeat, _): &(Identity, i64, String)| {
-            let silence = Duration::from_millis(count(now - heartbeat));
-            here.judge(identity, silence) == Life::Alive
+            here.judge(identity, process::silence(*heartbeat)) == Life::Alive
         };
         Ok(others
             .into_iter()

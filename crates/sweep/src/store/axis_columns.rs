@@ -8,8 +8,9 @@ use crate::axes::{AXES, Axis, Kind, Value};
 use rusqlite::{Connection, OptionalExtension, types};
 use sd_core::Params;
 
-/// Adds the columns that are missing, and makes the views anew where they are not those of today.
-pub(super) fn bring_up_to_date(connection: &Connection) -> Result<(), rusqlite::Error> {
+/// Adds the columns that are missing, and makes the views anew where they are not those of today. Says whether anything was
+/// changed.
+pub(super) fn bring_up_to_date(connection: &Connection) -> Result<bool, rusqlite::Error> {
     let known: Vec<String> = connection
         .prepare("SELECT name FROM pragma_table_info('cases')")?
         .query_map([], |row| row.get(0))?
@@ -48,6 +49,7 @@ pub(super) fn bring_up_to_date(connection: &Connection) -> Result<(), rusqlite::
         "UPDATE cases SET {} WHERE id = ?1",
         places.join(", ")
     ))?;
+    let mut changed = !new.is_empty() || !cases.is_empty();
     for (case, text) in cases {
         // Parameters that cannot be read are complained about when they are needed.
         if let Ok(params) = serde_json::from_str::<Params>(&text) {
@@ -65,9 +67,10 @@ pub(super) fn bring_up_to_date(connection: &Connection) -> Result<(), rusqlite::
             .optional()?;
         if made.as_deref() != Some(text.as_str()) {
             connection.execute_batch(&format!("DROP VIEW IF EXISTS {name}; {text}"))?;
+            changed = true;
         }
     }
-    Ok(())
+    Ok(changed)
 }
 
 /// Names of the columns, each with a table's name before it.
@@ -109,26 +112,30 @@ ORDER BY c.position",
 /// The view of points: one row for all finished runs that differ only in their seed.
 fn curves() -> String {
     let (axes, of_cases) = (names(""), names("c."));
+    let sound = "FILTER (WHERE coalesce(r.doubts, '') = '')";
     format!(
         "CREATE VIEW viscosity_vs_shear_rate AS
 -- The 95 % interval is viscosity ± t × standard_error, t of Student's distribution with runs - 1 degrees of freedom.
 WITH points AS (
-    SELECT min(c.position) AS position, {of_cases}, count(r.viscosity) AS runs,
-           avg(r.viscosity) AS viscosity,
-           CASE WHEN count(r.viscosity) > 1 THEN
-               max(avg(r.viscosity * r.viscosity) - avg(r.viscosity) * avg(r.viscosity), 0.0) / (count(r.viscosity) - 1)
+    SELECT min(c.position) AS position, {of_cases}, count(r.viscosity) {sound} AS runs,
+           count(*) FILTER (WHERE r.doubts != '') AS doubtful,
+           avg(r.viscosity) {sound} AS viscosity,
+           CASE WHEN count(r.viscosity) {sound} > 1 THEN
+               max(avg(r.viscosity * r.viscosity) {sound} - avg(r.viscosity) {sound} * avg(r.viscosity) {sound}, 0.0)
+                   / (count(r.viscosity) {sound} - 1)
            END AS variance,
-           min(r.viscosity) AS viscosity_minimum, max(r.viscosity) AS viscosity_maximum,
-           avg(r.viscosity_stresslet) AS viscosity_stresslet, avg(r.normal_stress_difference) AS normal_stress_difference,
-           avg(r.n2) AS n2, avg(r.particle_pressure) AS particle_pressure,
-           total(r.contacts) / nullif(total(r.samples) * c.spheres, 0) AS contacts_per_sphere,
-           total(r.activated) / nullif(total(r.contacts), 0) AS activated_fraction,
-           total(r.rolling) / nullif(total(r.activated), 0) AS rolling_fraction
+           min(r.viscosity) {sound} AS viscosity_minimum, max(r.viscosity) {sound} AS viscosity_maximum,
+           avg(r.viscosity_stresslet) {sound} AS viscosity_stresslet,
+           avg(r.normal_stress_difference) {sound} AS normal_stress_difference,
+           avg(r.n2) {sound} AS n2, avg(r.particle_pressure) {sound} AS particle_pressure,
+           total(r.contacts) {sound} / nullif(total(r.samples) {sound} * c.spheres, 0) AS contacts_per_sphere,
+           total(r.activated) {sound} / nullif(total(r.contacts) {sound}, 0) AS activated_fraction,
+           total(r.rolling) {sound} / nullif(total(r.activated) {sound}, 0) AS rolling_fraction
     FROM cases c JOIN results r ON r.case_id = c.id
     WHERE c.position IS NOT NULL AND c.state = 'done'
     GROUP BY {of_cases}
 )
-SELECT {axes}, runs, viscosity,
+SELECT {axes}, runs, doubtful, viscosity,
        -- Square root by Newton's method: not every SQLite has one built in.
        CASE WHEN variance > 0.0 THEN
            (WITH RECURSIVE newton (n, x) AS (

@@ -1,6 +1,7 @@
 //! Taking a campaign file into its store.
 
 use super::asked::{self, Adoption, Asks};
+use super::checksum::{self, Kind};
 use super::{Store, StoreError, axis_columns, ends, integer, process, results};
 use crate::axes::AXES;
 use crate::campaign::{Campaign, Protocol};
@@ -46,8 +47,11 @@ impl Store {
         if !entry.differs {
             return Ok(());
         }
-        let shown = super::schema::put_before(&self.connection, &["campaign", "cases", "results"])
-            .and_then(|()| entry.enter(&self.connection));
+        let shown = super::schema::put_before(
+            &self.connection,
+            &["campaign", "cases", "results", "checksums"],
+        )
+        .and_then(|()| entry.enter(&self.connection));
         self.read(shown)?;
         self.last_run_with = entry.other_version;
         Ok(())
@@ -179,6 +183,7 @@ impl<'c> Entry<'c> {
         for row in &self.rows {
             row.insert(connection)?;
         }
+        checksum::seal(connection, Kind::Campaign, 1)?;
         // What failed beyond the strain that is asked for now may well get as far as that.
         results::reopen_failed(
             connection,

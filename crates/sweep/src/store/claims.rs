@@ -1,17 +1,21 @@
 //! Claims and checkpoints: the life of a running case.
 
+use super::checksum::{self, Kind};
 use super::process::{self, Identity, Life};
 use super::{Checkpoint, Damage, Registered, Store, StoreError, count, integer};
 use crate::case::{Case, PHYSICS_VERSION};
 use crate::replay::replay;
 use rusqlite::{Connection, OptionalExtension, Transaction, params};
-use std::time::Duration;
 
 /// A case whose processes died so many times in a row, with no new checkpoint between, counts as failed: most likely it
 /// kills them.
 pub const DEATH_LIMIT: u32 = 5;
 /// After so many deaths in a row a case waits until there is no other.
 const SUSPECT: u32 = 3;
+
+/// What is true of a case under way whose owner is not there.
+const OF_NOBODY: &str =
+    "state = 'running' AND NOT EXISTS (SELECT 1 FROM processes p WHERE p.id = cases.owner)";
 
 /// A case this process owns.
 #[derive(Debug)]
@@ -67,7 +71,9 @@ impl Store {
                     asks.as_ref().map(|asks| &asks.hash),
                 ],
             )?;
-            Ok(Some(transaction.last_insert_rowid()))
+            let id = transaction.last_insert_rowid();
+            checksum::seal(transaction, Kind::Process, id)?;
+            Ok(Some(id))
         })?;
         let Some(id) = registered else {
             return self.check_campaign();
@@ -145,19 +151,28 @@ impl Store {
             owners
                 .into_iter()
                 .filter(|(_, owner, heartbeat)| {
-                    let silence = Duration::from_millis(count(process::now() - heartbeat));
-                    identity.judge(owner, silence) == Life::Dead
+                    identity.judge(owner, process::silence(*heartbeat)) == Life::Dead
                 })
                 // A machine that went down is no fault of the case.
                 .map(|(id, owner, _)| (id, owner.boot == identity.boot))
                 .collect()
         };
+        let nobody: bool = self.read(
+            self.connection
+                .prepare_cached(&format!("SELECT 1 FROM cases WHERE {OF_NOBODY}"))
+                .and_then(|mut query| query.exists([])),
+        )?;
         // A look without the lock first: nearly always there is nothing to do.
-        if dead(self.read(owners(&self.connection))?).is_empty() {
+        if !nobody && dead(self.read(owners(&self.connection))?).is_empty() {
             return Ok(0);
         }
         self.write(|transaction| {
-            let mut freed = 0;
+            let mut freed = transaction.execute(
+                &format!(
+                    "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?1 WHERE {OF_NOBODY}"
+                ),
+                [process::now()],
+            )?;
             for (process, blame) in dead(owners(transaction)?) {
                 if blame {
                     transaction.execute(
@@ -170,6 +185,37 @@ impl Store {
             }
             Ok(freed)
         })
+    }
+
+    /// A process that is still at work on the store, as far as can be seen: its number and its host.
+    pub(super) fn worker(&self) -> Option<(u32, String)> {
+        let here = Identity::of_this_process();
+        let mut query = self
+            .connection
+            .prepare(
+                "SELECT host, boot, namespace, pid, start, heartbeat FROM processes WHERE ended_at IS NULL",
+            )
+            .ok()?;
+        let mut rows = query.query([]).ok()?;
+        // What cannot be read any more is no process.
+        while let Ok(Some(row)) = rows.next() {
+            let process = || -> Result<_, rusqlite::Error> {
+                let identity = Identity {
+                    host: row.get(0)?,
+                    boot: row.get(1)?,
+                    namespace: row.get(2)?,
+                    pid: row.get(3)?,
+                    start: row.get(4)?,
+                };
+                Ok((identity, row.get::<_, i64>(5)?))
+            };
+            if let Ok((process, heartbeat)) = process()
+                && here.judge(&process, process::silence(heartbeat)) == Life::Alive
+            {
+                return Some((process.pid, process.host));
+            }
+        }
+        None
     }
 
     /// Claims the next case: one that was begun before any that was not.
@@ -297,7 +343,7 @@ impl Store {
                 "UPDATE ends SET state = NULL WHERE case_id = ?1",
                 [claim.id],
             )?;
-            Ok(())
+            checksum::seal(transaction, Kind::End, claim.id)
         })
     }
 
@@ -378,6 +424,7 @@ fn quarantine(transaction: &Transaction<'_>, process: i64) -> Result<usize, rusq
                 process::now(),
             ],
         )?;
+        checksum::seal(transaction, Kind::Failure, transaction.last_insert_rowid())?;
         transaction.execute(
             "UPDATE cases SET state = 'failed', owner = NULL, changed_at = ?2 WHERE id = ?1",
             params![id, process::now()],

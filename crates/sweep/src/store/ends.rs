@@ -2,9 +2,11 @@
 //!
 //! A run is computed once: its beginning is the run of less strain, and from its last state it goes on to more.
 
+use super::checksum::{self, Kind};
 use super::{Checkpoint, Damage, Store, StoreError, count, integer, process, samples};
 use crate::campaign::Protocol;
 use crate::case::State;
+use crate::doubt::Doubt;
 use crate::statistics::{Averages, Distribution};
 use crate::stresses::STRESSES;
 use rusqlite::{Connection, OptionalExtension, Row, ToSql, Transaction, params, params_from_iter};
@@ -49,7 +51,7 @@ impl RunEnd<'_> {
                 integer(counters.jammed_stages),
                 self.state,
             ])?;
-        Ok(())
+        checksum::seal(transaction, Kind::End, case)
     }
 }
 
@@ -145,6 +147,7 @@ impl Computed {
         {
             return Ok(());
         }
+        checksum::check(connection, Kind::End, self.id)?;
         let samples = samples::samples(connection, self.id, Some(steps))?;
         let averages = Averages::of(&samples, discard);
         write_averages(connection, self.id, discard, &averages, self.params.spheres)?;
@@ -153,7 +156,7 @@ impl Computed {
             .prepare_cached(
                 "UPDATE results SET minimum_gap = ?2, stages = ?3, unconverged_stages = ?4, worst_residual = ?5,
                      worst_friction_error = ?6, jam_events = ?7, jammed_strain = ?8, final_strain = ?9,
-                     jammed_stages = ?10
+                     jammed_stages = ?10, doubts = ?11
                  WHERE case_id = ?1",
             )?
             .execute(params![
@@ -167,6 +170,7 @@ impl Computed {
                 counters.jammed_steps as f64 * self.params.time_step,
                 steps as f64 * self.params.time_step,
                 integer(counters.jammed_stages),
+                doubts(&self.params, &counters, &samples, discard),
             ])?;
         connection
             .prepare_cached(
@@ -178,7 +182,7 @@ impl Computed {
                 integer(steps),
                 process::now()
             ])?;
-        Ok(())
+        checksum::seal(connection, Kind::Result, self.id)
     }
 
     /// Counters of the first `steps` of them: of a run cut short those of its last sample.
@@ -200,6 +204,39 @@ impl Computed {
             .execute(params![self.id, integer(end), process::now()])?;
         Ok(())
     }
+}
+
+/// Names of the rules that a run of these samples broke, of which the first steps are discarded.
+fn doubts(params: &Params, counters: &Counters, samples: &[(u64, Sample)], discard: u64) -> String {
+    let averaged: Vec<&Sample> = samples
+        .iter()
+        .filter(|(step, _)| *step >= discard)
+        .map(|(_, sample)| sample)
+        .collect();
+    Doubt::write(&Doubt::of(params, counters, &averaged))
+}
+
+/// Judges the results that no program has judged yet.
+pub(super) fn judge_all(connection: &Connection) -> Result<(), rusqlite::Error> {
+    for case in Computed::of(
+        connection,
+        "c.state IN ('done', 'jammed') AND r.doubts IS NULL",
+    )? {
+        let samples = samples::unchecked(connection, case.id, Some(case.steps_done))?;
+        let counters = case.counters_at(case.steps_done, &samples);
+        connection
+            .prepare_cached("UPDATE results SET doubts = ?2 WHERE case_id = ?1")?
+            .execute(params![
+                case.id,
+                doubts(
+                    &case.params,
+                    &counters,
+                    &samples,
+                    case.discarded.unwrap_or(0)
+                )
+            ])?;
+    }
+    Ok(())
 }
 
 /// Gives every case of the grid that was computed to an end the state and the result the protocol asks for. Cases under way
@@ -311,6 +348,9 @@ impl Store {
                 .prepare_cached("SELECT state FROM ends WHERE case_id = ?1 AND state IS NOT NULL")
                 .and_then(|mut query| query.query_row([case], |row| row.get(0)).optional()),
         )?;
+        if state.is_some() {
+            self.read(checksum::check(&self.connection, Kind::End, case))?;
+        }
         let mut end = match state.map(|state| Checkpoint::decode(&state)) {
             Some(Ok(end)) => end,
             other => return Ok(other),

@@ -1,8 +1,12 @@
 //! Entries of another store, read one by one and checked as far as they can be: what salvage and merge trust.
 
-use super::samples::{samples, write_samples};
-use super::schema::CaseRow;
+use super::axis_columns;
+use super::checksum::{self, Kind};
+use super::guard::{Column, columns_of};
+use super::samples::{unchecked, write_samples};
+use super::schema::{self, CaseRow};
 use super::{Checkpoint, count, integer};
+use crate::axes::AXES;
 use crate::case::Case;
 use crate::statistics::Averages;
 use crate::stresses::STRESSES;
@@ -12,7 +16,10 @@ use rusqlite::{Connection, OptionalExtension, Transaction, params_from_iter};
 /// One row: names of columns and values.
 pub(super) type Entry = Vec<(String, Value)>;
 
-/// A row by its number.
+/// A row by its number, in the columns that our own table has, whatever others there are.
+///
+/// # Errors
+/// Those of the query, and a value of a type that its column cannot have.
 pub(super) fn entry(
     old: &Connection,
     table: &str,
@@ -22,23 +29,43 @@ pub(super) fn entry(
     let mut query = old.prepare_cached(&format!(
         "SELECT * FROM {table} WHERE {column} = ?1 LIMIT 1"
     ))?;
-    let names: Vec<String> = query.column_names().map(String::from).collect();
+    let found: Vec<(usize, &Column)> = columns_of(table)
+        .iter()
+        .filter_map(|known| Some((query.column_index(&known.name).ok()?, known)))
+        .collect();
     query
         .query_row([id], |row| {
-            names
+            found
                 .iter()
-                .enumerate()
-                .map(|(column, name)| Ok((name.clone(), row.get(column)?)))
+                .map(|(place, known)| {
+                    let value: Value = row.get(*place)?;
+                    if known.takes(&value) {
+                        Ok((known.name.clone(), value))
+                    } else {
+                        Err(rusqlite::Error::InvalidColumnType(
+                            *place,
+                            known.name.clone(),
+                            value.data_type(),
+                        ))
+                    }
+                })
                 .collect()
         })
         .optional()
 }
 
+/// Writes a row in place of the one with the same key. Its columns are those of [`entry`]: names of ours, never another store's.
 pub(super) fn put(
     transaction: &Transaction<'_>,
     table: &str,
     entry: &Entry,
 ) -> Result<(), rusqlite::Error> {
+    debug_assert!(
+        entry
+            .iter()
+            .all(|(name, _)| columns_of(table).iter().any(|own| own.name == *name)),
+        "only columns of ours"
+    );
     let names: Vec<&str> = entry.iter().map(|(name, _)| name.as_str()).collect();
     let places = vec!["?"; names.len()].join(", ");
     transaction
@@ -75,7 +102,7 @@ pub(super) fn text<'e>(entry: &'e Entry, name: &str) -> Option<&'e str> {
 }
 
 /// Takes out of the row of a process what it asks for, which means nothing in another store.
-pub(super) fn without_wishes(process: &mut Entry) {
+fn without_wishes(process: &mut Entry) {
     process.retain(|(name, _)| name != "file" && name != "asks");
 }
 
@@ -96,12 +123,17 @@ pub(super) fn trusted_case(entry: &mut Entry) -> Option<Case> {
         sample_stride: count(whole(entry, "sample_stride")?),
     };
     let case = described.case()?;
+    // Columns for other programs follow from the parameters, whatever the other store has in them.
+    let of_axes: Vec<Value> = axis_columns::cells(&case.params).collect();
     let key = case.key().to_string();
     if described.key != key {
         if described.key_of_today()? != key {
             return None;
         }
         set(entry, "key", key);
+    }
+    for (axis, value) in AXES.iter().zip(of_axes) {
+        set(entry, axis.key, value);
     }
     Some(case)
 }
@@ -155,7 +187,7 @@ pub(super) fn computed_run(old: &Connection, id: i64, row: &Entry, case: &Case) 
         Ok(None) if !is_finished => return Found::Nothing,
         _ => return Found::Untrusted,
     };
-    trusted_run(old, id, end, case).map_or(Found::Untrusted, |run| Found::Run(Box::new(run)))
+    trusted_run(old, id, row, end, case).map_or(Found::Untrusted, |run| Found::Run(Box::new(run)))
 }
 
 /// The row of the end of a run. Where there is none, as in a store of schema 4 or before, or it is damaged, what the result
@@ -167,7 +199,7 @@ fn end_of(
     case: &Case,
 ) -> Result<Option<Entry>, rusqlite::Error> {
     if let Ok(Some(end)) = entry(old, "ends", "case_id", id) {
-        return Ok(Some(end));
+        return whole_row(old, Kind::End, id).map(|()| Some(end));
     }
     let state = text(row, "state").unwrap_or_default();
     if !matches!(state, "done" | "jammed") {
@@ -213,10 +245,19 @@ fn whole_steps(strain: f64, case: &Case) -> i64 {
 }
 
 /// A run whose samples are whole and give the averages of its result to the last bit.
-fn trusted_run(old: &Connection, id: i64, end: Entry, case: &Case) -> Option<ComputedRun> {
+fn trusted_run(
+    old: &Connection,
+    id: i64,
+    row: &Entry,
+    end: Entry,
+    case: &Case,
+) -> Option<ComputedRun> {
     let result = entry(old, "results", "case_id", id).ok()??;
     let steps = count(whole(&end, "steps")?);
-    let mut samples = samples(old, id, None).ok()?;
+    let mut samples = samples_of(old, id).ok()?;
+    if matches!(text(row, "state"), Some("done" | "jammed")) {
+        whole_row(old, Kind::Result, id).ok()?;
+    }
     // Of a run that failed on its way on there are more.
     samples.retain(|(step, _)| *step < steps);
     let in_order = samples
@@ -267,6 +308,102 @@ fn trusted_run(old: &Connection, id: i64, end: Entry, case: &Case) -> Option<Com
     })
 }
 
+/// The row of a process without its number, or a stand-in if it cannot be read or is not what was written.
+pub(super) fn process(old: &Connection, id: i64) -> Entry {
+    let found = whole_row(old, Kind::Process, id).and_then(|()| entry(old, "processes", "id", id));
+    if let Ok(Some(mut process)) = found {
+        process.retain(|(name, _)| name != "id");
+        without_wishes(&mut process);
+        return process;
+    }
+    let words = ["boot", "namespace", "start", "version", "build"];
+    let counts = [
+        "pid",
+        "started_at",
+        "heartbeat",
+        "physics_version",
+        "threads",
+    ];
+    let unknown = ("host", Value::Text("unknown".into()));
+    std::iter::once(unknown)
+        .chain(words.map(|name| (name, Value::Text(String::new()))))
+        .chain(counts.map(|name| (name, Value::Integer(0))))
+        .map(|(name, value)| (name.to_owned(), value))
+        .collect()
+}
+
+/// Makes sure that a row is what was written, in a store that has checksums.
+fn whole_row(old: &Connection, kind: Kind, id: i64) -> Result<(), rusqlite::Error> {
+    if schema::version_of(old)? < schema::FIRST_WITH_CHECKSUMS {
+        return Ok(());
+    }
+    checksum::check_if_there(old, kind, id)
+}
+
+/// The samples of a case, if they are what was written as far as the store can tell.
+pub(super) fn samples_of(
+    old: &Connection,
+    id: i64,
+) -> Result<Vec<(u64, sd_core::Sample)>, rusqlite::Error> {
+    whole_row(old, Kind::Samples, id)?;
+    unchecked(old, id, None)
+}
+
+/// Takes over the frames of a case that are whole and not there yet, into the case `to`. Frames of one step are the same,
+/// whoever computed them. Says how many were whole, and how many could not be read.
+pub(super) fn take_frames(
+    old: &Connection,
+    id: i64,
+    transaction: &Transaction<'_>,
+    to: i64,
+) -> Result<(u64, u64), rusqlite::Error> {
+    let (mut whole, mut damaged) = (0, 0);
+    let (steps, is_all) = steps_of_frames(old, id);
+    damaged += u64::from(!is_all);
+    for step in steps {
+        let frame: Result<(f64, Vec<u8>), _> = old
+            .prepare_cached("SELECT strain, data FROM frames WHERE case_id = ?1 AND step = ?2")
+            .and_then(|mut query| {
+                query.query_row([id, step], |row| Ok((row.get(0)?, row.get(1)?)))
+            });
+        match frame {
+            Ok((strain, data)) if crate::trajectory::decode(&data).is_some() => {
+                transaction
+                    .prepare_cached("INSERT OR IGNORE INTO frames VALUES (?1, ?2, ?3, ?4)")?
+                    .execute(rusqlite::params![to, step, strain, data])?;
+                whole += 1;
+            }
+            _ => damaged += 1,
+        }
+    }
+    Ok((whole, damaged))
+}
+
+/// Steps of the frames of a case, and whether these are all that can be there.
+fn steps_of_frames(old: &Connection, id: i64) -> (Vec<i64>, bool) {
+    // A store of the first schema has no frames.
+    let Ok(mut query) =
+        old.prepare_cached("SELECT step FROM frames WHERE case_id = ?1 ORDER BY step")
+    else {
+        return (Vec::new(), true);
+    };
+    let Ok(mut rows) = query.query([id]) else {
+        return (Vec::new(), false);
+    };
+    let mut steps = Vec::new();
+    loop {
+        match rows.next() {
+            Ok(None) => return (steps, true),
+            Ok(Some(row)) => match row.get(0) {
+                Ok(step) => steps.push(step),
+                Err(_) => return (steps, false),
+            },
+            // Those before a damaged page are whole.
+            Err(_) => return (steps, false),
+        }
+    }
+}
+
 /// Whether the last state of a run, if it was kept, is whole and of its last step.
 fn last_state_fits(end: &Entry, steps: u64) -> bool {
     match get(end, "state") {
@@ -303,6 +440,7 @@ impl ComputedRun {
         set(&mut self.end, "case_id", case);
         put(transaction, "results", &self.result)?;
         put(transaction, "ends", &self.end)?;
+        checksum::seal(transaction, Kind::End, case)?;
         write_samples(transaction, case, &self.samples)
     }
 }
@@ -315,7 +453,11 @@ pub(super) fn failures(old: &Connection, id: i64) -> Result<Vec<Entry>, rusqlite
         .query_map([id], |row| row.get(0))?
         .collect::<Result<_, _>>()?;
     ids.into_iter()
-        .filter_map(|id| entry(old, "failures", "id", id).transpose())
+        .filter_map(|id| {
+            let failure =
+                whole_row(old, Kind::Failure, id).and_then(|()| entry(old, "failures", "id", id));
+            failure.transpose()
+        })
         .collect()
 }
 

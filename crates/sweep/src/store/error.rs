@@ -1,5 +1,6 @@
 //! What can be wrong with a store.
 
+use super::checksum::Altered;
 use super::place::{is_full, reason_against};
 use rusqlite::ErrorCode;
 use std::io;
@@ -24,6 +25,38 @@ pub enum StoreError {
     Folder {
         /// The folder.
         path: PathBuf,
+    },
+    /// A pipe, a device or a socket where a store is meant.
+    #[error("{} is not a file, and so no store", path.display())]
+    #[diagnostic(help("name a store, such as results/quickstart.sqlite"))]
+    NotAFile {
+        /// What is there.
+        path: PathBuf,
+    },
+    /// A store with the log of another one beside it, or of another day of its own.
+    #[error("the log {} does not belong to {}: it was written for another store, or before this file was put there", log.display(), path.display())]
+    #[diagnostic(help(
+        "nothing was changed; `sweep salvage {} --in-place` leaves the log out, and sets the old files aside",
+        path.display()
+    ))]
+    ForeignLog {
+        /// The store.
+        path: PathBuf,
+        /// The log.
+        log: PathBuf,
+    },
+    /// A store in which something is not what was written.
+    #[error("{} is damaged: {what}", path.display())]
+    #[diagnostic(help(
+        "nothing was changed; `sweep salvage {} --in-place` keeps all that is whole and sets the old files aside; what is lost \
+         is computed again by `sweep run`, with the same digits",
+        path.display()
+    ))]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What was found.
+        what: String,
     },
     /// The file or its directory cannot be written.
     #[error("cannot write a store at {}: {source}", path.display())]
@@ -98,7 +131,7 @@ pub enum StoreError {
         path.display(), theirs.display(), ours.display()
     )]
     #[diagnostic(help(
-        "finished results are safe; give the same command again once the other one has ended, or give this campaign another \
+        "what is finished stays in it; give the same command again once the other one has ended, or give this campaign another \
          `name` or another --store FILE"
     ))]
     Displaced {
@@ -127,6 +160,19 @@ pub enum StoreError {
         /// Those of the store.
         known: String,
     },
+    /// A store that is to be moved while a process works on it.
+    #[error("process {pid} on {host} works on {}", path.display())]
+    #[diagnostic(help(
+        "nothing was changed; end that process first, or save into another file with --to NEW"
+    ))]
+    InUse {
+        /// The store.
+        path: PathBuf,
+        /// The process.
+        pid: u32,
+        /// Its host.
+        host: String,
+    },
     /// A file system without what several processes need to share a file.
     #[error("{}: this file system cannot keep a write-ahead log", path.display())]
     #[diagnostic(help("put the store on a local disk with --store FILE"))]
@@ -140,7 +186,7 @@ pub enum StoreError {
     Gone {
         /// The file.
         path: PathBuf,
-        /// `deleted` or `replaced`.
+        /// What was done to it.
         what: &'static str,
         /// What can be done.
         advice: String,
@@ -224,6 +270,12 @@ pub enum StoreError {
 impl StoreError {
     /// Makes sense of an error of `SQLite`.
     pub(super) fn sqlite(path: &Path, source: rusqlite::Error, under_way: bool) -> Self {
+        if let Some(altered) = Altered::in_error(&source) {
+            return Self::Damaged {
+                path: path.to_owned(),
+                what: altered.to_string(),
+            };
+        }
         let path = path.to_owned();
         let code = source.sqlite_error_code().map(|code| match code {
             // The index of the log, for one, can then not be made.
@@ -246,23 +298,29 @@ impl StoreError {
             }
             Some(ErrorCode::ReadOnly) => (
                 "the file or its directory is read-only".into(),
-                "finished results stay readable; make it writable, or choose another place with --store FILE",
+                "it can be read all the same; make it writable, or choose another place with --store FILE",
             ),
             Some(ErrorCode::DiskFull) => (
                 "the disk is full, or the quota on it used up".into(),
-                "finished results are safe; make room and give the same command again",
+                "make room and give the same command again: it goes on from the last change that was written",
             ),
             Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => (
                 "another program holds the lock".into(),
                 "close programs that write to this file, and give the same command again",
             ),
-            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => (
-                "the file is damaged".into(),
-                "`sweep salvage FILE --to NEW` saves all that can be read; what is lost is computed again",
+            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => {
+                return Self::Damaged {
+                    path,
+                    what: source.to_string(),
+                };
+            }
+            Some(ErrorCode::OperationInterrupted) => (
+                "reading it takes longer than a store of this size can take".into(),
+                "it may be no store of sweep, or lie on a disk that hardly answers",
             ),
             _ => (
                 source.to_string(),
-                "finished results are safe; give the same command again",
+                "give the same command again; if that does not help, `sweep salvage FILE --in-place` keeps all that is whole",
             ),
         };
         Self::Trouble {
@@ -278,7 +336,11 @@ impl StoreError {
     /// Whether the store failed, and not the command: it struck while cases were being computed, or may pass by itself.
     pub fn is_of_the_store(&self) -> bool {
         match self {
-            Self::ClaimLost { .. } | Self::Gone { .. } | Self::Displaced { .. } => true,
+            Self::ClaimLost { .. }
+            | Self::Gone { .. }
+            | Self::Displaced { .. }
+            | Self::Damaged { .. }
+            | Self::ForeignLog { .. } => true,
             Self::Trouble {
                 under_way, passing, ..
             } => *under_way || *passing,

@@ -9,7 +9,7 @@ mod shards;
 
 use super::entries::entry;
 use super::process::now;
-use super::{Store, StoreError, count, ends};
+use super::{Store, StoreError, count, ends, integer};
 use crate::campaign::Protocol;
 use case::Merging;
 use rusqlite::params;
@@ -215,8 +215,11 @@ impl Store {
         let before = merged.clone();
         let written = self.write(|transaction| {
             let ids: Result<Vec<i64>, _> = old
-                .prepare("SELECT id FROM cases ORDER BY id")
-                .and_then(|mut query| query.query_map([], |row| row.get(0))?.collect());
+                .prepare("SELECT id FROM cases ORDER BY id LIMIT ?1")
+                .and_then(|mut query| {
+                    let most = 4 * integer(crate::campaign::CASE_LIMIT);
+                    query.query_map([most], |row| row.get(0))?.collect()
+                });
             let mut merging = Merging {
                 old,
                 transaction,

@@ -1,7 +1,9 @@
 //! Where a store lies: whether its file is still the one that was opened, whether there is room, on what it is stored.
 
 use super::StoreError;
-use std::path::Path;
+use super::reading::log_of;
+use std::cell::Cell;
+use std::path::{Path, PathBuf};
 
 /// Less room than this on the disk, in bytes, and a write that failed counts as failed for want of it.
 const ROOM: u64 = 256 << 10;
@@ -23,6 +25,125 @@ impl FileIdentity {
             device: file.dev(),
             number: file.ino(),
         })
+    }
+}
+
+/// The files of a store as they were when it was opened for writing.
+#[derive(Debug)]
+pub(super) struct Files {
+    path: PathBuf,
+    database: Option<FileIdentity>,
+    log: Option<FileIdentity>,
+    /// The largest log seen: while somebody has it open a log never becomes shorter.
+    log_size: Cell<u64>,
+}
+
+/// What became of the files of an open store.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Loss {
+    /// There is no file of its name any more.
+    Deleted,
+    /// Another file has its name.
+    Replaced,
+    /// Its log was deleted.
+    LogDeleted,
+    /// Another log has the name of its own.
+    LogReplaced,
+    /// The end of its log was cut off.
+    LogCut,
+}
+
+impl Loss {
+    /// What was done to the store, to go with "it was".
+    pub(super) const fn words(self) -> &'static str {
+        match self {
+            Self::Deleted => "deleted",
+            Self::Replaced => "replaced",
+            Self::LogDeleted => "robbed of its log",
+            Self::LogReplaced => "given another log",
+            Self::LogCut => "robbed of the end of its log",
+        }
+    }
+}
+
+impl Files {
+    /// Of a store that was just opened.
+    pub(super) fn of(path: &Path) -> Self {
+        let log = log_of(path);
+        Self {
+            database: FileIdentity::of(path),
+            log: FileIdentity::of(&log),
+            log_size: Cell::new(size(&log)),
+            path: path.to_owned(),
+        }
+    }
+
+    /// Whether the log is still the one that was opened.
+    pub(super) fn has_own_log(&self) -> bool {
+        self.log.is_some() && FileIdentity::of(&log_of(&self.path)) == self.log
+    }
+
+    /// What became of them, if they are not what they were. What is written after that would be lost.
+    pub(super) fn loss(&self) -> Option<Loss> {
+        match FileIdentity::of(&self.path) {
+            None => return Some(Loss::Deleted),
+            found if found != self.database => return Some(Loss::Replaced),
+            Some(_) => {}
+        }
+        let log = log_of(&self.path);
+        match FileIdentity::of(&log) {
+            _ if self.log.is_none() => return None,
+            None => return Some(Loss::LogDeleted),
+            found if found != self.log => return Some(Loss::LogReplaced),
+            Some(_) => {}
+        }
+        let size = size(&log);
+        if size < self.log_size.get() {
+            return Some(Loss::LogCut);
+        }
+        self.log_size.set(size);
+        None
+    }
+}
+
+/// The length of a file, 0 if there is none.
+fn size(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |file| file.len())
+}
+
+/// Moves what lies beside the name of a store, such as a log, out of the way of a file that is to have that name; nothing is
+/// deleted.
+pub(super) fn set_aside(path: &Path) -> std::io::Result<()> {
+    let index = with_suffix(path, "-shm");
+    for beside in [log_of(path), with_suffix(path, "-journal")] {
+        if beside.exists() {
+            let mut name = beside.clone().into_os_string();
+            name.push(format!(".set-aside-{}", std::process::id()));
+            std::fs::rename(&beside, name)?;
+        }
+    }
+    // The index of a log is made anew from the log.
+    match std::fs::remove_file(index) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// A path with something after it.
+pub(super) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    PathBuf::from(name)
+}
+
+/// Gives a file a name that no other file has.
+pub(super) fn name_new(from: &Path, to: &Path) -> std::io::Result<()> {
+    // A link is made only if the name is free; not every file system has links.
+    match std::fs::hard_link(from, to) {
+        Ok(()) => std::fs::remove_file(from),
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Err(error),
+        Err(_) if to.exists() => Err(std::io::ErrorKind::AlreadyExists.into()),
+        Err(_) => std::fs::rename(from, to),
     }
 }
 

@@ -105,6 +105,17 @@ fn read(path: &str) -> String {
         .unwrap_or_default()
 }
 
+/// How long ago a heartbeat was. One that lies so far ahead of the clock that it would keep its process alive without end is as
+/// good as none.
+pub(super) fn silence(heartbeat: i64) -> Duration {
+    let since = now().saturating_sub(heartbeat);
+    let ahead = Duration::from_millis(since.min(0).unsigned_abs());
+    if ahead > HEARTBEAT_LIMIT {
+        return Duration::MAX;
+    }
+    Duration::from_millis(u64::try_from(since).unwrap_or(0))
+}
+
 /// Milliseconds since 1970.
 pub(crate) fn now() -> i64 {
     SystemTime::now()
@@ -138,6 +149,17 @@ mod tests {
             };
             assert_eq!(me.judge(&earlier, Duration::ZERO), Life::Dead);
         }
+    }
+
+    #[test]
+    fn a_heartbeat_from_the_future_is_as_good_as_none() {
+        let hours = |hours: i64| now() + 3_600_000 * hours;
+        assert!(silence(hours(24)) > HEARTBEAT_LIMIT);
+        assert!(silence(i64::MAX) > HEARTBEAT_LIMIT);
+        assert!(silence(hours(-1)) > HEARTBEAT_LIMIT);
+        assert!(silence(i64::MIN) > HEARTBEAT_LIMIT);
+        // Clocks of two machines may differ by seconds.
+        assert_eq!(silence(now() + 5000), Duration::ZERO);
     }
 
     #[test]

@@ -29,20 +29,24 @@ impl Store {
                 |row| row.get(0).map(count),
             )?;
             let orphans = "position IS NULL AND state != 'running'";
+            let of_orphans = format!("case_id IN (SELECT id FROM cases WHERE {orphans})");
+            transaction.execute(
+                &format!(
+                    "DELETE FROM checksums WHERE kind IN ('result', 'end', 'samples') AND id IN
+                         (SELECT id FROM cases WHERE {orphans})
+                         OR kind = 'failure' AND id IN (SELECT id FROM failures WHERE {of_orphans})"
+                ),
+                [],
+            )?;
             for table in TABLES {
-                transaction.execute(
-                    &format!(
-                        "DELETE FROM {table} WHERE case_id IN (SELECT id FROM cases WHERE {orphans})"
-                    ),
-                    [],
-                )?;
+                transaction.execute(&format!("DELETE FROM {table} WHERE {of_orphans}"), [])?;
             }
             transaction.execute(&format!("DELETE FROM cases WHERE {orphans}"), [])?;
             Ok(removed)
         })?;
         self.read(
             self.connection
-                .execute_batch("VACUUM; PRAGMA wal_checkpoint(TRUNCATE)"),
+                .execute_batch("VACUUM; PRAGMA wal_checkpoint(RESTART)"),
         )?;
         Ok(removed)
     }

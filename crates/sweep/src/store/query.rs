@@ -1,7 +1,9 @@
 //! What `status` and `report` ask the store.
 
+use super::checksum::Altered;
 use super::{Store, StoreError, count, process};
 use crate::case::State;
+use crate::doubt::Doubt;
 use crate::stresses::{self, COUNT, STRESSES};
 use rusqlite::{Row, types::Type};
 use sd_core::Params;
@@ -66,6 +68,8 @@ pub struct PointRun {
     pub stages: u64,
     /// Of these, unconverged ones.
     pub unconverged_stages: u64,
+    /// Why its numbers are doubtful, if they are.
+    pub doubts: Vec<Doubt>,
     /// Contact problems without a solution.
     pub jammed_stages: u64,
     /// Worst residual of the run.
@@ -121,6 +125,18 @@ pub struct ProcessLine {
     pub running: u64,
 }
 
+impl PointRun {
+    /// Whether it is finished, and broke a rule.
+    pub fn is_doubtful(&self) -> bool {
+        self.state == State::Done && !self.doubts.is_empty()
+    }
+
+    /// Whether it is finished, and counts in averages.
+    pub fn is_sound(&self) -> bool {
+        self.state == State::Done && self.doubts.is_empty()
+    }
+}
+
 impl Store {
     /// Cases of the grid by state.
     ///
@@ -138,12 +154,17 @@ impl Store {
             });
         let mut counts = Counts::default();
         for (state, number) in self.read(rows)? {
-            let place = match state.as_str() {
-                "done" => &mut counts.done,
-                "jammed" => &mut counts.jammed,
-                "failed" => &mut counts.failed,
-                "running" => &mut counts.running,
-                _ => &mut counts.pending,
+            let place = match State::of(&state) {
+                Some(State::Done) => &mut counts.done,
+                Some(State::Jammed) => &mut counts.jammed,
+                Some(State::Failed) => &mut counts.failed,
+                Some(State::Running) => &mut counts.running,
+                Some(State::Pending) => &mut counts.pending,
+                None => {
+                    return self.read(Err(Altered::error(format!(
+                        "there is no state {state:?} of a case"
+                    ))));
+                }
             };
             *place = count(number);
         }
@@ -190,12 +211,17 @@ impl Store {
                      coalesce(r.samples, 0), coalesce(r.contacts, 0), coalesce(r.activated, 0),
                      coalesce(r.rolling, 0), coalesce(r.approach, 0.0), r.minimum_gap, coalesce(r.stages, 0),
                      coalesce(r.unconverged_stages, 0), r.worst_residual, r.wall_time_s,
-                     r.normal_stress_difference, coalesce(r.jammed_stages, 0), {}
+                     r.normal_stress_difference, coalesce(r.jammed_stages, 0), coalesce(r.doubts, ''), {}
                  FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
                  WHERE c.position IS NOT NULL ORDER BY c.position",
                 stresses::names(STRESSES.iter(), "r.")
             ))
-            .and_then(|mut query| query.query_map([], point_run)?.collect());
+            .and_then(|mut query| {
+                let mut known = None;
+                query
+                    .query_map([], |row| point_run(row, &mut known))?
+                    .collect()
+            });
         self.read(rows)
     }
 
@@ -289,25 +315,33 @@ impl Store {
     }
 }
 
-/// One row of [`Store::point_runs`].
-fn point_run(row: &Row<'_>) -> Result<PointRun, rusqlite::Error> {
+/// Parameters with their text.
+type Known = Option<(String, Params)>;
+
+/// One row of [`Store::point_runs`]. Runs of a point come one after the other: their parameters are read once.
+fn point_run(row: &Row<'_>, known: &mut Known) -> Result<PointRun, rusqlite::Error> {
+    let text = row.get_ref(1)?.as_str()?;
+    let params = match known {
+        Some((last, params)) if last == text => params.clone(),
+        _ => known.insert((text.to_owned(), params(row, 1)?)).1.clone(),
+    };
     let state: String = row.get(3)?;
     let mut stresses = [None; COUNT];
-    for (stress, column) in stresses.iter_mut().zip(19..) {
+    for (stress, column) in stresses.iter_mut().zip(20..) {
         *stress = row.get(column)?;
+    }
+    // Programs of schema 8 and before knew N1 by its other name only.
+    let n1 = STRESSES.iter().position(|column| column.name == "n1");
+    if let Some(n1) = n1.map(|place| &mut stresses[place]) {
+        *n1 = n1.or(row.get(17)?);
     }
     Ok(PointRun {
         stresses,
         key: row.get(0)?,
-        params: params(row, 1)?,
+        params,
         seed: count(row.get(2)?),
-        state: match state.as_str() {
-            "done" => State::Done,
-            "jammed" => State::Jammed,
-            "failed" => State::Failed,
-            "running" => State::Running,
-            _ => State::Pending,
-        },
+        state: State::of(&state)
+            .ok_or_else(|| Altered::error(format!("there is no state {state:?} of a case")))?,
         viscosity: row.get(4)?,
         viscosity_median: row.get(5)?,
         viscosity_stresslet: row.get(6)?,
@@ -323,6 +357,7 @@ fn point_run(row: &Row<'_>) -> Result<PointRun, rusqlite::Error> {
         wall_time_s: row.get(16)?,
         normal_stress_difference: row.get(17)?,
         jammed_stages: count(row.get(18)?),
+        doubts: Doubt::read(&row.get::<_, String>(19)?),
     })
 }
 

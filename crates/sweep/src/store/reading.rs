@@ -1,9 +1,10 @@
 //! Opening a store to read it: while others write, without write access, on a full disk.
 
-use super::place::{is_full, refuse_folder};
+use super::place::is_full;
 use super::schema::{self, Kind, identify};
-use super::{Store, StoreError, wait_for_lock};
+use super::{Store, StoreError, guard, log, wait_for_lock};
 use crate::campaign::Campaign;
+use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -19,6 +20,7 @@ impl Store {
     pub fn open_read_only(path: &Path) -> Result<Self, StoreError> {
         let store = Self::open_as_it_is(path)?;
         store.read(schema::show_up_to_date(&store.connection))?;
+        store.verify()?;
         Ok(store)
     }
 
@@ -35,45 +37,62 @@ impl Store {
 
     /// Opens a store for reading only, in the schema it has.
     fn open_as_it_is(path: &Path) -> Result<Self, StoreError> {
-        refuse_folder(path)?;
-        if !path.exists() {
-            return Err(StoreError::Missing {
-                path: path.to_owned(),
-            });
+        Self::refuse_what_is_none(path)?;
+        let warning = log::check(path)?;
+        let mut store = Self::open_or_copy(path, false)?;
+        store.warning = warning;
+        Ok(store)
+    }
+
+    /// Refuses what is no file, or not there.
+    fn refuse_what_is_none(path: &Path) -> Result<(), StoreError> {
+        guard::refuse_other_than_files(path)?;
+        if path.exists() {
+            return Ok(());
         }
-        match Self::read_only(path, None, false) {
-            // Without write access to the directory SQLite cannot make its index of the log; without a log it needs none.
-            Err(StoreError::Trouble { ref source, .. })
-                if matches!(
-                    source.sqlite_error_code(),
-                    Some(ErrorCode::CannotOpen | ErrorCode::ReadOnly)
-                ) && !log_of(path).exists() =>
-            {
-                Self::read_only(path, Some("immutable=1"), false)
-            }
-            // Nor can it on a full disk; a copy elsewhere can be read.
-            Err(error @ StoreError::Trouble { passing: true, .. }) if is_full(path) => {
-                Self::read_copy(path).map_err(|_| error)
-            }
-            other => other,
+        Err(StoreError::Missing {
+            path: path.to_owned(),
+        })
+    }
+
+    /// Opens for reading in one of the ways there are: as others do who write to it; without a log, as a file that never
+    /// changes; with one that cannot be read where it is, as a copy.
+    fn open_or_copy(path: &Path, damaged: bool) -> Result<Self, StoreError> {
+        let error = match Self::read_only(path, None, damaged) {
+            // SQLite makes an index of the log beside it: it cannot without write access, on a read-only disk or a full one.
+            Err(error) if needs_another_way(&error) || is_full(path) => error,
+            other => return other,
+        };
+        if log_of(path).exists() {
+            Self::read_copy(path, damaged).map_err(|_| error)
+        } else {
+            Self::read_only(path, Some("immutable=1"), damaged).map_err(|_| error)
         }
     }
 
     /// Opens a copy, in memory or among the temporary files, of a store nobody writes to. The copy has no name any more
     /// when this returns.
-    fn read_copy(path: &Path) -> Result<Self, StoreError> {
+    fn read_copy(path: &Path, damaged: bool) -> Result<Self, StoreError> {
         let failed = |source| StoreError::Unwritable {
             path: path.to_owned(),
             source,
         };
         let mut last = std::io::Error::other("no place for a copy");
         for place in [PathBuf::from("/dev/shm"), std::env::temp_dir()] {
-            let directory = place.join(format!("sweep-copy-{}", std::process::id()));
-            let copied = copy_unchanged(path, &directory);
-            let store = copied.map(|copy| Self::read_only(&copy, None, false));
-            let _ = std::fs::remove_dir_all(&directory);
+            let directory = tempfile::Builder::new()
+                .prefix("sweep-copy-")
+                .tempdir_in(place);
+            let store = directory.and_then(|directory| {
+                let copy = copy_unchanged(path, directory.path())?;
+                Ok(Self::read_only(&copy, None, damaged))
+            });
             match store {
-                Ok(store) => return store,
+                Ok(store) => {
+                    return store.map(|mut store| {
+                        path.clone_into(&mut store.path);
+                        store
+                    });
+                }
                 Err(error) => last = error,
             }
         }
@@ -86,18 +105,26 @@ impl Store {
         if log_of(path).exists() {
             Self::open_as_it_is(path)
         } else {
+            Self::refuse_what_is_none(path)?;
             Self::read_only(path, Some("immutable=1"), false)
         }
     }
 
-    /// Opens a damaged store for what can be read of it.
+    /// Opens a damaged store for what can be read of it. A log that is not its own is left out.
     pub(super) fn open_damaged(path: &Path) -> Result<Self, StoreError> {
-        if !path.exists() {
-            return Err(StoreError::Missing {
-                path: path.to_owned(),
-            });
+        Self::refuse_what_is_none(path)?;
+        match log::check(path) {
+            Ok(warning) => {
+                let mut store = Self::open_or_copy(path, true)?;
+                store.warning = warning;
+                Ok(store)
+            }
+            Err(error) => {
+                let mut store = Self::read_only(path, Some("immutable=1"), true)?;
+                store.warning = Some(format!("{error}; it is left out"));
+                Ok(store)
+            }
         }
-        Self::read_only(path, None, true)
     }
 
     /// Opens for reading with options of the `SQLite` URI.
@@ -106,24 +133,22 @@ impl Store {
         let failed = |error| StoreError::sqlite(path, error, false);
         let mut connection = match options {
             None => Connection::open_with_flags(path, flags),
-            Some(options) => {
-                let escaped = path
-                    .to_string_lossy()
-                    .replace('%', "%25")
-                    .replace('?', "%3f")
-                    .replace('#', "%23");
-                Connection::open_with_flags(
-                    format!("file:{escaped}?{options}"),
-                    flags | OpenFlags::SQLITE_OPEN_URI,
-                )
-            }
+            Some(options) => Connection::open_with_flags(
+                address(path, options),
+                flags | OpenFlags::SQLITE_OPEN_URI,
+            ),
         }
         .map_err(failed)?;
         connection
             .busy_handler(Some(wait_for_lock))
             .map_err(failed)?;
+        guard::limit_time(&mut connection, path).map_err(failed)?;
+        guard::distrust(&connection).map_err(failed)?;
         if damaged {
             // Otherwise a file shorter than it says is refused as a whole.
+            connection
+                .set_db_config(DbConfig::SQLITE_DBCONFIG_DEFENSIVE, false)
+                .map_err(failed)?;
             connection
                 .pragma_update(None, "writable_schema", true)
                 .map_err(failed)?;
@@ -131,7 +156,8 @@ impl Store {
         let store = Self {
             connection,
             path: path.to_owned(),
-            file: None,
+            files: None,
+            warning: None,
             process: None,
             task: None,
             asks: None,
@@ -139,6 +165,11 @@ impl Store {
         };
         match identify(&store.connection).map_err(failed)? {
             Kind::Ours(1..=schema::VERSION) => {
+                if !guard::has_plain_tables(&store.connection).map_err(failed)? {
+                    return Err(StoreError::NotAStore {
+                        path: path.to_owned(),
+                    });
+                }
                 // Tables of the connection alone refer to others in the file, and take no room on its disk.
                 store
                     .connection
@@ -170,10 +201,30 @@ pub(crate) fn snapshot(path: &Path, to: &Path) -> Result<(), StoreError> {
         .map_err(|error| StoreError::sqlite(to, error, true))
 }
 
-/// Copies a database and its log, neither of which may change meanwhile, into a new directory of our own.
+/// Whether `SQLite` could not open a file for reading only because it wanted to write beside it.
+fn needs_another_way(error: &StoreError) -> bool {
+    match error {
+        StoreError::Unwritable { .. } => true,
+        StoreError::Trouble { source, .. } => matches!(
+            source.sqlite_error_code(),
+            Some(ErrorCode::CannotOpen | ErrorCode::ReadOnly | ErrorCode::DiskFull)
+        ),
+        _ => false,
+    }
+}
+
+/// The address of a file with options, as `SQLite` reads it.
+pub(super) fn address(path: &Path, options: &str) -> String {
+    let escaped = path
+        .to_string_lossy()
+        .replace('%', "%25")
+        .replace('?', "%3f")
+        .replace('#', "%23");
+    format!("file:{escaped}?{options}")
+}
+
+/// Copies a database and its log, neither of which may change meanwhile, into a directory of our own.
 fn copy_unchanged(path: &Path, directory: &Path) -> io::Result<PathBuf> {
-    use std::os::unix::fs::DirBuilderExt as _;
-    std::fs::DirBuilder::new().mode(0o700).create(directory)?;
     let copy = directory.join("store.sqlite");
     let state = || -> io::Result<_> {
         let one = |path: &Path| {

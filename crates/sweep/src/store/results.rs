@@ -1,5 +1,6 @@
 //! Results and failures: what is left of a run.
 
+use super::checksum::{self, Kind};
 use super::claims::{Claim, drop_checkpoints};
 use super::ends::{self, RunEnd};
 use super::samples::write_samples;
@@ -121,6 +122,11 @@ impl Store {
                     process::now(),
                 ],
             )?;
+            checksum::seal(
+                transaction,
+                Kind::Failure,
+                transaction.last_insert_rowid(),
+            )?;
             drop_checkpoints(transaction, claim.id)?;
             Ok(true)
         })?;
@@ -133,12 +139,19 @@ impl Store {
     /// Trouble with the file.
     pub fn retry_failed(&mut self) -> Result<usize, StoreError> {
         self.write(|transaction| {
-            transaction.execute(
-                "DELETE FROM samples WHERE case_id IN
-                     (SELECT id FROM cases WHERE state = 'failed' AND position IS NOT NULL)
-                     AND step >= coalesce((SELECT steps FROM ends e WHERE e.case_id = samples.case_id), 0)",
-                [],
-            )?;
+            let failed: Vec<i64> = transaction
+                .prepare("SELECT id FROM cases WHERE state = 'failed' AND position IS NOT NULL")?
+                .query_map([], |row| row.get(0))?
+                .collect::<Result<_, _>>()?;
+            for case in failed {
+                checksum::check(transaction, Kind::Samples, case)?;
+                transaction.execute(
+                    "DELETE FROM samples WHERE case_id = ?1
+                         AND step >= coalesce((SELECT steps FROM ends e WHERE e.case_id = samples.case_id), 0)",
+                    [case],
+                )?;
+                checksum::seal(transaction, Kind::Samples, case)?;
+            }
             reopen_failed(transaction, "position IS NOT NULL")
         })
     }

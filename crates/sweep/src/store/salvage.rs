@@ -1,23 +1,28 @@
 //! Saving what a damaged store holds: entry by entry into a new store, each checked as far as it can be.
 
+use super::checksum::{self, Kind};
 use super::ends::{settle, settle_all};
 use super::entries::{
-    Entry, Found, checkpoint, computed_run, entry, failures, place, put, set, text, trusted_case,
-    whole, without_wishes,
+    Entry, Found, checkpoint, computed_run, entry, failures, place, process, put, samples_of, set,
+    take_frames, text, trusted_case, whole,
 };
+use super::place::{name_new, set_aside, with_suffix};
+use super::samples::write_samples;
 use super::{Store, StoreError, integer};
 use crate::campaign::Campaign;
 use rusqlite::{Connection, Transaction, params};
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What was saved.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Salvaged {
     /// Results that are whole.
     pub results: u64,
     /// Samples of them.
     pub samples: u64,
+    /// Frames of runs.
+    pub frames: u64,
     /// Cases that failed.
     pub failures: u64,
     /// Runs under way with a whole checkpoint.
@@ -26,12 +31,16 @@ pub struct Salvaged {
     pub unreadable: u64,
     /// Cases to be computed.
     pub pending: u64,
+    /// What is to be said of the damaged store: a log that was left out, or cannot be read to its end.
+    pub warning: Option<String>,
+    /// Where the damaged store is now, if the new one took its place.
+    pub set_aside: Option<PathBuf>,
 }
 
 /// Saves into the new file `to` all that can be read of the store `from`, which is only read.
 ///
-/// A result is taken over if its case still has its key, all its samples are there, and their averages are the stored ones
-/// to the last bit. Everything else of the grid is pending in the new store.
+/// A result is taken over if its case still has its key, all its samples are there, its checksums agree, and its averages are
+/// those of its samples to the last bit. Everything else of the grid is pending in the new store.
 ///
 /// # Errors
 /// [`StoreError::Hopeless`] if not even the list of tables or no campaign can be read, [`StoreError::Exists`], and trouble
@@ -46,28 +55,91 @@ pub fn salvage(
             path: to.to_owned(),
         });
     }
-    let old = Store::open_damaged(from).map_err(|error| match error {
-        StoreError::Trouble { what, .. } => StoreError::Hopeless {
-            path: from.to_owned(),
-            reason: what,
-            advice: "restore it from a copy, or run the campaign into another --store",
-        },
+    let (saved, draft) = into_draft(from, to, campaign)?;
+    // A log left behind by another store of that name would be taken for its own.
+    placed(
+        to,
+        set_aside(to).and_then(|()| name_new(&draft, to)),
+        &draft,
+    )?;
+    Ok(saved)
+}
+
+/// The same in the place of the damaged store, which is kept under another name with all that lies beside it.
+///
+/// # Errors
+/// As [`salvage`].
+pub fn salvage_in_place(path: &Path, campaign: Option<&Campaign>) -> Result<Salvaged, StoreError> {
+    if let Ok(old) = Store::open_damaged(path)
+        && let Some((pid, host)) = old.worker()
+    {
+        return Err(StoreError::InUse {
+            path: path.to_owned(),
+            pid,
+            host,
+        });
+    }
+    let (mut saved, draft) = into_draft(path, path, campaign)?;
+    let aside = path.with_extension(format!("set-aside-{}.sqlite", std::process::id()));
+    let moved = || -> std::io::Result<()> {
+        std::fs::rename(path, &aside)?;
+        let log = super::reading::log_of(path);
+        if log.exists() {
+            std::fs::rename(log, super::reading::log_of(&aside))?;
+        }
+        set_aside(path)?;
+        name_new(&draft, path)
+    };
+    placed(path, moved(), &draft)?;
+    saved.set_aside = Some(aside);
+    Ok(saved)
+}
+
+/// Turns the error of giving the new store its name into one of the store.
+fn placed(path: &Path, result: std::io::Result<()>, draft: &Path) -> Result<(), StoreError> {
+    result.map_err(|source| {
+        let _ = std::fs::remove_file(draft);
+        if source.kind() == std::io::ErrorKind::AlreadyExists {
+            return StoreError::Exists {
+                path: path.to_owned(),
+            };
+        }
+        StoreError::Unwritable {
+            path: path.to_owned(),
+            source,
+        }
+    })
+}
+
+/// Saves into a new file beside `to`, which has its name only once it is whole.
+fn into_draft(
+    from: &Path,
+    to: &Path,
+    campaign: Option<&Campaign>,
+) -> Result<(Salvaged, PathBuf), StoreError> {
+    let mut old = Store::open_damaged(from).map_err(|error| match error {
+        StoreError::Trouble { what, .. } | StoreError::Damaged { what, .. } => {
+            StoreError::Hopeless {
+                path: from.to_owned(),
+                reason: what,
+                advice: "restore it from a copy, or run the campaign into another --store",
+            }
+        }
         other => other,
     })?;
     let campaign = match campaign {
         Some(campaign) => campaign.clone(),
         None => campaign_of(&old)?,
     };
-    // The new file has its name only once it is whole.
-    let draft = to.with_extension(format!("part-{}", std::process::id()));
-    let saved = save(&old.connection, &draft, &campaign);
-    match saved {
-        Ok(saved) => std::fs::rename(&draft, to)
-            .map(|()| saved)
-            .map_err(|source| StoreError::Unwritable {
-                path: to.to_owned(),
-                source,
-            }),
+    let draft = with_suffix(to, &format!(".part-{}", std::process::id()));
+    for stale in ["", "-wal", "-shm"] {
+        let _ = std::fs::remove_file(with_suffix(&draft, stale));
+    }
+    match save(&old.connection, &draft, &campaign) {
+        Ok(mut saved) => {
+            saved.warning = old.warning.take();
+            Ok((saved, draft))
+        }
         Err(error) => {
             let _ = std::fs::remove_file(&draft);
             Err(error)
@@ -106,6 +178,11 @@ fn save(old: &Connection, to: &Path, campaign: &Campaign) -> Result<Salvaged, St
         settle_all(transaction, &campaign.protocol)
     })?;
     saved.pending = new.counts()?.pending;
+    // Nothing of it is in a log any more when it gets its name.
+    new.read(
+        new.connection
+            .execute_batch("PRAGMA wal_checkpoint(TRUNCATE)"),
+    )?;
     Ok(saved)
 }
 
@@ -149,6 +226,7 @@ fn save_case(
             settle(transaction, new_id, run.discarded())?;
             saved.results += 1;
             saved.samples += run.samples.len() as u64;
+            save_frames(old, id, transaction, new_id, saved)?;
         }
         Found::Untrusted => saved.unreadable += 1,
         Found::Nothing => {}
@@ -162,6 +240,14 @@ fn save_case(
                     take_process(old, transaction, &failure)?;
                     set(&mut failure, "case_id", new_id);
                     put(transaction, "failures", &failure)?;
+                    checksum::seal(transaction, Kind::Failure, transaction.last_insert_rowid())?;
+                }
+                if !has_end {
+                    match samples_of(old, id) {
+                        Ok(samples) => write_samples(transaction, new_id, &samples)?,
+                        Err(_) => saved.unreadable += 1,
+                    }
+                    save_frames(old, id, transaction, new_id, saved)?;
                 }
                 transaction.execute(
                     "UPDATE cases SET state = 'failed', steps_done = ?2 WHERE id = ?1",
@@ -189,12 +275,28 @@ fn save_case(
             }
             if steps > 0 {
                 saved.checkpoints += 1;
+                let new_id = place(transaction, row)?;
+                save_frames(old, id, transaction, new_id, saved)?;
             } else if !has_end {
                 saved.unreadable += 1;
             }
         }
         _ => {}
     }
+    Ok(())
+}
+
+/// Saves the frames of a case that are whole.
+fn save_frames(
+    old: &Connection,
+    id: i64,
+    transaction: &Transaction<'_>,
+    to: i64,
+    saved: &mut Salvaged,
+) -> Result<(), rusqlite::Error> {
+    let (whole, damaged) = take_frames(old, id, transaction, to)?;
+    saved.frames += whole;
+    saved.unreadable += damaged;
     Ok(())
 }
 
@@ -211,18 +313,8 @@ fn take_process(
     if known {
         return Ok(());
     }
-    if let Ok(Some(mut process)) = entry(old, "processes", "id", id) {
-        without_wishes(&mut process);
-        if put(transaction, "processes", &process).is_ok() {
-            return Ok(());
-        }
-    }
-    transaction
-            .execute(
-                "INSERT INTO processes (id, host, boot, namespace, pid, start, started_at, heartbeat, version,
-                     physics_version, build, threads)
-                 VALUES (?1, 'unknown', '', '', 0, '', 0, 0, '', 0, '', 0)",
-                [id],
-            )
-            .map(|_| ())
+    let mut process = process(old, id);
+    process.push(("id".to_owned(), id.into()));
+    put(transaction, "processes", &process)?;
+    checksum::seal(transaction, Kind::Process, id)
 }

@@ -1,5 +1,6 @@
 //! Samples of runs.
 
+use super::checksum::{self, Kind};
 use super::{count, integer};
 use crate::stresses;
 use rusqlite::{Connection, Row, ToSql, Transaction, params_from_iter};
@@ -12,7 +13,6 @@ const COLUMNS: &str = "case_id, step, strain, viscosity, viscosity_stresslet, no
      minimum_gap_so_far, jam_events, jammed_steps, jammed_steps_running, jammed_stages, shear_rate";
 /// How many these are.
 const COLUMN_COUNT: usize = 23;
-
 /// Writes the samples of a case in place of any it had.
 pub(super) fn write_samples(
     transaction: &Transaction<'_>,
@@ -55,11 +55,24 @@ pub(super) fn write_samples(
         let parts = parts.iter().map(|part| part as &dyn ToSql);
         insert.execute(params_from_iter(fixed.into_iter().chain(parts)))?;
     }
-    Ok(())
+    checksum::seal(transaction, Kind::Samples, case)
 }
 
 /// The samples of a case before a step, or all of them, with their steps. What is not a number comes back as NaN.
+///
+/// # Errors
+/// Those of the query, and [`Altered`](checksum::Altered) if they are not what was written.
 pub(super) fn samples(
+    connection: &Connection,
+    case: i64,
+    before: Option<u64>,
+) -> Result<Vec<(u64, Sample)>, rusqlite::Error> {
+    checksum::check(connection, Kind::Samples, case)?;
+    unchecked(connection, case, before)
+}
+
+/// The same without a look at their checksum.
+pub(super) fn unchecked(
     connection: &Connection,
     case: i64,
     before: Option<u64>,

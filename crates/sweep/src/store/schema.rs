@@ -1,7 +1,7 @@
 //! The schema of a store: its versions one after the other, and how an older store is brought up to date, in its file or
 //! for a reader that may not write to it.
 
-use super::{Store, StoreError, axis_columns, count};
+use super::{Store, StoreError, axis_columns, checksum, count, ends, log};
 use crate::case::{Case, PHYSICS_VERSION};
 use rusqlite::{Connection, params};
 use std::collections::HashMap;
@@ -16,8 +16,11 @@ struct Migration {
     content: fn(&Connection) -> Result<(), rusqlite::Error>,
 }
 
+/// The first version of the schema with checksums.
+pub(super) const FIRST_WITH_CHECKSUMS: i32 = 7;
+
 /// All versions; the first one makes a new store.
-const MIGRATIONS: [Migration; 7] = [
+const MIGRATIONS: [Migration; 9] = [
     Migration::of_tables(include_str!("schema.sql")),
     Migration::of_tables(include_str!("schema_2.sql")),
     Migration::of_tables(include_str!("schema_3.sql")),
@@ -28,7 +31,12 @@ const MIGRATIONS: [Migration; 7] = [
         content: without_strain_in_keys,
     },
     Migration::of_tables(include_str!("schema_6.sql")),
-    Migration::of_tables(include_str!("schema_7.sql")),
+    Migration {
+        tables: include_str!("schema_7.sql"),
+        content: log::begin,
+    },
+    Migration::of_tables(include_str!("schema_8.sql")),
+    Migration::of_tables(include_str!("schema_9.sql")),
 ];
 
 /// Version of the schema this program reads and writes.
@@ -91,13 +99,32 @@ fn missing(version: i32) -> &'static [Migration] {
 
 /// Brings a database up to date, or makes its tables.
 pub(super) fn bring_up_to_date(connection: &Connection) -> Result<(), rusqlite::Error> {
-    for migration in missing(version_of(connection)?) {
+    let version = version_of(connection)?;
+    check_before(connection, version)?;
+    for migration in missing(version) {
         connection.execute_batch(migration.tables)?;
         (migration.content)(connection)?;
     }
     axis_columns::bring_up_to_date(connection)?;
+    ends::judge_all(connection)?;
+    checksum::seal_all(connection)?;
+    // The chain of a store that had none begins with all of this.
+    if version >= FIRST_WITH_CHECKSUMS {
+        log::go_on(connection)?;
+    }
     connection.pragma_update(None, "application_id", APPLICATION_ID)?;
     connection.pragma_update(None, "user_version", VERSION)
+}
+
+/// Checksums of a store are written anew where its tables change: what they were of must be whole then.
+fn check_before(connection: &Connection, version: i32) -> Result<(), rusqlite::Error> {
+    if version < FIRST_WITH_CHECKSUMS {
+        return Ok(());
+    }
+    for kind in checksum::KINDS {
+        checksum::check_all(connection, kind)?;
+    }
+    Ok(())
 }
 
 /// Lets a reader see a store of an older schema as one of today. Nothing is written to it: what differs is put into tables
@@ -107,16 +134,19 @@ pub(super) fn show_up_to_date(connection: &Connection) -> Result<(), rusqlite::E
     if version >= VERSION {
         return Ok(());
     }
+    check_before(connection, version)?;
     for table in tables_of_today()? {
         let there = columns(connection, &table.name)?;
-        // Keys of cases change with the content.
-        if there != table.columns || table.name == "cases" {
+        // Keys of cases change with the content, and checksums with the columns.
+        if there != table.columns || matches!(table.name.as_str(), "cases" | "checksums") {
             table.put_before(connection, &there)?;
         }
     }
     missing(version)
         .iter()
-        .try_for_each(|migration| (migration.content)(connection))
+        .try_for_each(|migration| (migration.content)(connection))?;
+    ends::judge_all(connection)?;
+    checksum::seal_all(connection)
 }
 
 /// Lets a connection that only reads change some tables for itself.
@@ -133,11 +163,21 @@ pub(super) fn put_before(connection: &Connection, names: &[&str]) -> Result<(), 
 }
 
 /// A table as it is made today.
-struct Table {
-    name: String,
+pub(super) struct Table {
+    pub(super) name: String,
     /// The statement that makes it.
     statement: String,
     columns: Vec<String>,
+    /// Types of the columns, as they are declared.
+    types: Vec<String>,
+}
+
+impl Table {
+    /// Its columns with their types.
+    pub(super) fn columns_with_types(&self) -> impl Iterator<Item = (&str, &str)> {
+        let types = self.types.iter().map(String::as_str);
+        self.columns.iter().map(String::as_str).zip(types)
+    }
 }
 
 impl Table {
@@ -164,7 +204,7 @@ impl Table {
 }
 
 /// The tables of a new store.
-fn tables_of_today() -> Result<Vec<Table>, rusqlite::Error> {
+pub(super) fn tables_of_today() -> Result<Vec<Table>, rusqlite::Error> {
     let new = Connection::open_in_memory()?;
     bring_up_to_date(&new)?;
     let tables: Vec<(String, String)> = new
@@ -176,6 +216,10 @@ fn tables_of_today() -> Result<Vec<Table>, rusqlite::Error> {
         .map(|(name, statement)| {
             Ok(Table {
                 columns: columns(&new, &name)?,
+                types: new
+                    .prepare("SELECT type FROM pragma_table_info(?1, 'main') ORDER BY cid")?
+                    .query_map([&name], |row| row.get(0))?
+                    .collect::<Result<_, _>>()?,
                 name,
                 statement,
             })
@@ -307,6 +351,22 @@ impl CaseRow<'_> {
         Some(hash(&format!(
             r#"{{"physics":{physics},"params":{params},"seed":{seed},"sample_stride":{sample_stride}}}"#
         )))
+    }
+
+    /// Whether its key is the one its contents give, under the physics of today or any before.
+    pub(super) fn has_its_key(&self) -> bool {
+        let Self {
+            params,
+            seed,
+            sample_stride,
+            ..
+        } = self;
+        let of_physics = |physics: u32| {
+            hash(&format!(
+                r#"{{"physics":{physics},"params":{params},"seed":{seed},"sample_stride":{sample_stride}}}"#
+            )) == self.key
+        };
+        (1..=PHYSICS_VERSION).rev().any(of_physics) || self.key_of_today().is_some()
     }
 
     pub(super) fn case(&self) -> Option<Case> {

@@ -1,39 +1,16 @@
--- What schema 7 adds to schema 6: normal stress differences, particle pressure, and all stresses by their causes, in mu·rate;
--- and the shear rate at every sample, which follows from the stress where that is imposed.
+-- What schema 7 adds to schema 6: what tells damage, and the log of another store.
 
-ALTER TABLE samples ADD COLUMN shear_hydrodynamic REAL;
-ALTER TABLE samples ADD COLUMN shear_normal_contact REAL;
-ALTER TABLE samples ADD COLUMN shear_tangential_contact REAL;
-ALTER TABLE samples ADD COLUMN shear_repulsion REAL;
-ALTER TABLE samples ADD COLUMN n1_hydrodynamic REAL;
-ALTER TABLE samples ADD COLUMN n1_normal_contact REAL;
-ALTER TABLE samples ADD COLUMN n1_tangential_contact REAL;
-ALTER TABLE samples ADD COLUMN n1_repulsion REAL;
-ALTER TABLE samples ADD COLUMN n2_hydrodynamic REAL;
-ALTER TABLE samples ADD COLUMN n2_normal_contact REAL;
-ALTER TABLE samples ADD COLUMN n2_tangential_contact REAL;
-ALTER TABLE samples ADD COLUMN n2_repulsion REAL;
-ALTER TABLE samples ADD COLUMN particle_pressure_normal_contact REAL;
-ALTER TABLE samples ADD COLUMN particle_pressure_repulsion REAL;
-ALTER TABLE samples ADD COLUMN shear_rate REAL;
+-- Checksums of what is read back into tables and figures, each written with what it is of.
+CREATE TABLE checksums (
+    kind  TEXT NOT NULL,        -- campaign, process, result, end, samples, failure
+    id    INTEGER NOT NULL,     -- of the row, or of the case the rows belong to
+    value INTEGER NOT NULL,     -- the first 64 bits of a BLAKE3 hash of all values that are not NULL, with their names
+    PRIMARY KEY (kind, id)
+) WITHOUT ROWID;
 
-ALTER TABLE results ADD COLUMN n1 REAL;
-ALTER TABLE results ADD COLUMN n2 REAL;
-ALTER TABLE results ADD COLUMN particle_pressure REAL;
-ALTER TABLE results ADD COLUMN shear_hydrodynamic REAL;
-ALTER TABLE results ADD COLUMN shear_normal_contact REAL;
-ALTER TABLE results ADD COLUMN shear_tangential_contact REAL;
-ALTER TABLE results ADD COLUMN shear_repulsion REAL;
-ALTER TABLE results ADD COLUMN n1_hydrodynamic REAL;
-ALTER TABLE results ADD COLUMN n1_normal_contact REAL;
-ALTER TABLE results ADD COLUMN n1_tangential_contact REAL;
-ALTER TABLE results ADD COLUMN n1_repulsion REAL;
-ALTER TABLE results ADD COLUMN n2_hydrodynamic REAL;
-ALTER TABLE results ADD COLUMN n2_normal_contact REAL;
-ALTER TABLE results ADD COLUMN n2_tangential_contact REAL;
-ALTER TABLE results ADD COLUMN n2_repulsion REAL;
-ALTER TABLE results ADD COLUMN particle_pressure_normal_contact REAL;
-ALTER TABLE results ADD COLUMN particle_pressure_repulsion REAL;
-
--- Known before by another name.
-UPDATE results SET n1 = normal_stress_difference;
+-- The last link of a chain that every change to the store makes longer by one: its own name and that of the link before. A
+-- write-ahead log whose links do not go on from the one in the file belongs to another store, or to another day of this one.
+CREATE TABLE log (
+    id   INTEGER PRIMARY KEY CHECK (id = 1),
+    link BLOB NOT NULL          -- a mark of 16 bytes, the link before (8 bytes), this link (8 bytes)
+);

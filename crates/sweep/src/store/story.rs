@@ -3,6 +3,7 @@
 use super::provenance::program;
 use super::query::params;
 use super::{Store, StoreError, count, ends, samples};
+use crate::doubt::Doubt;
 use rusqlite::{OptionalExtension, Row};
 use sd_core::{Params, Sample};
 use serde::Serialize;
@@ -26,6 +27,8 @@ pub struct Story {
     pub steps_done: u64,
     /// Times it was begun anew.
     pub attempts: u64,
+    /// Why its numbers are doubtful, if they are.
+    pub doubts: Vec<String>,
     /// Seconds of computing, once it has ended well.
     pub wall_time_s: Option<f64>,
     /// Times it went on from a checkpoint.
@@ -134,7 +137,7 @@ impl Store {
                 .query_row(
                     "SELECT c.id, c.key, c.position, c.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
                          r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
-                         coalesce(r.finished_at, p.heartbeat)
+                         coalesce(r.finished_at, p.heartbeat), CASE WHEN c.state = 'done' THEN coalesce(r.doubts, '') ELSE '' END
                      FROM cases c LEFT JOIN results r ON r.case_id = c.id
                      LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
                          (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
@@ -243,6 +246,10 @@ fn case(row: &Row<'_>) -> Result<Found, rusqlite::Error> {
         steps: count(row.get(6)?),
         steps_done: count(row.get(7)?),
         attempts: count(row.get(8)?),
+        doubts: Doubt::read(&row.get::<_, String>(16)?)
+            .into_iter()
+            .map(Doubt::meaning)
+            .collect(),
         wall_time_s: row.get(9)?,
         resumed: row.get::<_, Option<i64>>(10)?.map(count),
         origin,

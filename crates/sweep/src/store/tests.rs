@@ -5,7 +5,11 @@ use crate::test_support::{counters, sample, snapshot};
 use rusqlite::params;
 use std::path::Path;
 
+mod damage;
+mod doubts;
+mod hostile;
 mod length;
+mod logs;
 mod merge;
 mod runs;
 mod trouble;

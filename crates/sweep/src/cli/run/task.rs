@@ -109,7 +109,7 @@ pub(super) fn execute(
     let note = move |text: &str| {
         if !quiet {
             // Nobody may read standard error.
-            let _ = writeln!(std::io::stderr(), "{text}");
+            let _ = writeln!(crate::visible::stderr(), "{text}");
         }
     };
     let plan = restrict(arguments, part, &mut campaign)?;

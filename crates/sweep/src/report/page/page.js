@@ -145,7 +145,7 @@ function plot() {
     for (const p of drawn) {
       const cx = X(x.place(p.x)), cy = Y(p.y);
       const group = draw('g', { class: chosen === p.index ? 'point chosen' : 'point', tabindex: number++ ? '-1' : '0', role: 'button', 'data-index': p.index });
-      const text = `${curve.label}\n${AXIS[along].symbol} = ${show(p.x)}\n${QUANTITIES[quantity]} ${show(p.y)}${p.half !== null ? ` ± ${show(p.half)}` : ''}\n${p.point.seeds} runs${p.point.jammed ? `, ${p.point.jammed} jammed` : ''}${p.point.failed ? `, ${p.point.failed} failed` : ''}`;
+      const text = `${curve.label}\n${AXIS[along].symbol} = ${show(p.x)}\n${QUANTITIES[quantity]} ${show(p.y)}${p.half !== null ? ` ± ${show(p.half)}` : ''}\n${p.point.seeds} runs${p.point.jammed ? `, ${p.point.jammed} jammed` : ''}${p.point.failed ? `, ${p.point.failed} failed` : ''}${p.point.doubtful ? `, ${p.point.doubtful} doubtful` : ''}`;
       group.setAttribute('aria-label', text.replaceAll('\n', ', '));
       if (p.half) {
         const upper = Y(p.y + p.half), lower = Y(Math.max(p.y - p.half, y.low));
@@ -286,10 +286,10 @@ function words() {
   document.title = `${data.campaign} · sweep`;
   $('name').textContent = data.campaign;
   const eta = data.eta_s !== null && data.eta_s !== undefined ? `, about ${data.eta_s < 90 ? Math.round(data.eta_s) + ' s' : data.eta_s < 5400 ? Math.round(data.eta_s / 60) + ' min' : (data.eta_s / 3600).toFixed(1) + ' h'} left` : '';
-  $('summary').textContent = `${c.done} of ${total} runs done, ${c.jammed} jammed, ${c.failed} failed, ${c.running} running, ${c.pending} pending${eta}. Strain discarded: ${data.discard}.${data.selection ? ` Only where ${data.selection}.` : ''}`;
+  $('summary').textContent = `${c.done} of ${total} runs done, ${c.jammed} jammed, ${c.failed} failed, ${c.running} running, ${c.pending} pending${eta}. Strain discarded: ${data.discard}.${data.selection ? ` Only where ${data.selection}.` : ''}${data.doubtful ? ` ${data.doubtful} finished runs have doubtful numbers${data.with_doubtful ? ', averaged with the others' : ', not averaged'}.` : ''}`;
   $('progress').value = data.work_done;
   const axes = varying();
-  const columns = (axes.length ? axes : ['area_fraction', 'shear_rate']).map(a => [AXIS[a].symbol, p => show(p[a])]).concat([['runs', p => p.seeds], ['jammed', p => p.jammed], ['failed', p => p.failed]], Object.entries(QUANTITIES).map(([q, name]) => [name, p => show(p[q]) + (p[q + '_ci95'] != null ? ` ± ${show(+p[q + '_ci95'].toPrecision(2))}` : '')]));
+  const columns = (axes.length ? axes : ['area_fraction', 'shear_rate']).map(a => [AXIS[a].symbol, p => show(p[a])]).concat([['runs', p => p.seeds], ['jammed', p => p.jammed], ['failed', p => p.failed], ['doubtful', p => p.doubtful]], Object.entries(QUANTITIES).map(([q, name]) => [name, p => show(p[q]) + (p[q + '_ci95'] != null ? ` ± ${show(+p[q + '_ci95'].toPrecision(2))}` : '')]));
   const head = make('tr');
   for (const [name] of columns) head.append(make('th', { scope: 'col' }, name));
   $('points').replaceChildren(head, ...data.points.map(p => { const row = make('tr'); for (const [, cell] of columns) row.append(make('td', {}, cell(p))); return row; }));

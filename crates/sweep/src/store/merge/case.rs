@@ -2,12 +2,14 @@
 
 use super::difference::difference;
 use super::{MergeMode, Merged};
+use crate::store::checksum::{self, Kind};
 use crate::store::ends::settle;
 use crate::store::entries::{
-    ComputedRun, Entry, Found, checkpoint, computed_run, entry, failures, place, put, set, text,
-    trusted_case, whole, without_wishes,
+    ComputedRun, Entry, Found, checkpoint, computed_run, failures, place, process, put, samples_of,
+    set, take_frames, text, trusted_case, whole,
 };
 use crate::store::process::now;
+use crate::store::samples::write_samples;
 use crate::store::{count, integer};
 use rusqlite::types::Value;
 use rusqlite::{Connection, OptionalExtension, Transaction, params};
@@ -132,7 +134,7 @@ impl Merging<'_> {
     ) -> Result<(), rusqlite::Error> {
         self.take_process(&mut run.result)?;
         run.write(self.transaction, known.id)?;
-        self.take_frames(known, id)?;
+        self.frames(known, id)?;
         if known.steps <= integer(run.steps) {
             crate::store::claims::drop_checkpoints(self.transaction, known.id)?;
         }
@@ -176,6 +178,7 @@ impl Merging<'_> {
                 ours.steps
             ))
         } else {
+            checksum::check(self.transaction, Kind::Samples, known.id)?;
             difference(
                 (self.old, id, run.steps),
                 (self.transaction, known.id, ours.steps),
@@ -186,7 +189,7 @@ impl Merging<'_> {
                 self.take_run(known, id, run)?;
                 self.merged.results += 1;
             } else {
-                self.take_frames(known, id)?;
+                self.frames(known, id)?;
                 self.merged.duplicates += 1;
             }
             return Ok(());
@@ -262,11 +265,15 @@ impl Merging<'_> {
                 ])?;
             if !there {
                 put(self.transaction, "failures", &failure)?;
+                let new = self.transaction.last_insert_rowid();
+                checksum::seal(self.transaction, Kind::Failure, new)?;
                 taken = true;
             }
         }
         if taken {
             self.merged.failures += 1;
+            self.take_samples(known, id)?;
+            self.frames(known, id)?;
             if known.state == "pending" {
                 crate::store::claims::drop_checkpoints(self.transaction, known.id)?;
                 self.transaction.execute(
@@ -297,7 +304,7 @@ impl Merging<'_> {
             set(&mut checkpoint, "case_id", known.id);
             put(self.transaction, "checkpoints", &checkpoint)?;
         }
-        self.take_frames(known, id)?;
+        self.frames(known, id)?;
         self.transaction.execute(
             "UPDATE cases SET steps_done = ?2, deaths = 0, changed_at = ?3 WHERE id = ?1",
             params![known.id, steps, now()],
@@ -306,20 +313,24 @@ impl Merging<'_> {
         Ok(())
     }
 
-    /// Takes over frames the store does not have. Frames of one step are the same, whoever computed them.
-    fn take_frames(&self, known: &Known, id: i64) -> Result<(), rusqlite::Error> {
-        let read = "SELECT step, strain, data FROM frames WHERE case_id = ?1";
-        let Ok(mut read) = self.old.prepare_cached(read) else {
-            // A store of the first schema has none.
-            return Ok(());
-        };
-        let mut rows = read.query([id])?;
-        while let Some(row) = rows.next()? {
-            let (step, strain, data): (i64, f64, Vec<u8>) = (row.get(0)?, row.get(1)?, row.get(2)?);
-            self.transaction
-                .prepare_cached("INSERT OR IGNORE INTO frames VALUES (?1, ?2, ?3, ?4)")?
-                .execute(params![known.id, step, strain, data])?;
+    /// Takes over the samples of a failed run, unless the store has those of one that was computed to an end.
+    fn take_samples(&mut self, known: &Known, id: i64) -> Result<(), rusqlite::Error> {
+        match samples_of(self.old, id) {
+            Ok(samples) if known.end.is_none() => {
+                write_samples(self.transaction, known.id, &samples)
+            }
+            Ok(_) => Ok(()),
+            Err(_) => {
+                self.merged.unreadable += 1;
+                Ok(())
+            }
         }
+    }
+
+    /// Takes over frames the store does not have.
+    fn frames(&mut self, known: &Known, id: i64) -> Result<(), rusqlite::Error> {
+        let (_, damaged) = take_frames(self.old, id, self.transaction, known.id)?;
+        self.merged.unreadable += damaged;
         Ok(())
     }
 
@@ -330,10 +341,7 @@ impl Merging<'_> {
             set(named, "process", *here);
             return Ok(*here);
         }
-        let mut process = entry(self.old, "processes", "id", there)?
-            .ok_or(rusqlite::Error::QueryReturnedNoRows)?;
-        process.retain(|(name, _)| name != "id");
-        without_wishes(&mut process);
+        let process = process(self.old, there);
         let value = |name: &str| {
             let found = process.iter().find(|(known, _)| known == name);
             found.map_or(Value::Null, |(_, value)| value.clone())
@@ -360,7 +368,9 @@ impl Merging<'_> {
             here
         } else {
             put(self.transaction, "processes", &process)?;
-            self.transaction.last_insert_rowid()
+            let new = self.transaction.last_insert_rowid();
+            checksum::seal(self.transaction, Kind::Process, new)?;
+            new
         };
         self.processes.insert(there, here);
         set(named, "process", here);

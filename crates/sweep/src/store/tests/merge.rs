@@ -19,6 +19,7 @@ fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
         .connection
         .execute("UPDATE processes SET host = ?1", [name])
         .unwrap();
+    checksum::seal(&store.connection, checksum::Kind::Process, store.me()).unwrap();
     (store, path)
 }
 

@@ -206,8 +206,13 @@ fn store_deleted_or_replaced_is_noticed_and_what_it_held_is_saved() {
             panic!("another error");
         };
         drop(store);
-        let saved = path.with_extension(format!("rescued-{}.sqlite", std::process::id()));
-        assert!(advice.contains(&saved.display().to_string()), "{advice}");
+        let saved = if replace {
+            path.with_extension(format!("rescued-{}.sqlite", std::process::id()))
+        } else {
+            path.clone()
+        };
+        let word = if replace { "--reuse" } else { "put back" };
+        assert!(advice.contains(word), "{advice}");
         let counts = Store::open(&saved).unwrap().counts().unwrap();
         assert_eq!((counts.done, counts.failed, counts.pending), (1, 1, 2));
         if let Some(newcomer) = newcomer {
@@ -229,8 +234,8 @@ fn whole_store_is_salvaged_whole() {
         samples: 50,
         failures: 1,
         checkpoints: 1,
-        unreadable: 0,
         pending: 2,
+        ..Salvaged::default()
     };
     assert_eq!(saved, expected);
     let new = Store::open_read_only(&to).unwrap();

@@ -1,0 +1,67 @@
+//! Errors as they may be shown: nothing in their texts is obeyed by a terminal, and their colours are ours.
+
+use crate::visible::visible;
+use miette::{Diagnostic, LabeledSpan, Severity, SourceCode};
+use std::fmt;
+
+/// An error whose texts are [`visible`]. Excerpts are made so where they are cut out of their files.
+#[derive(Debug)]
+pub(super) struct Shown<'e> {
+    error: &'e dyn Diagnostic,
+    related: Vec<Shown<'e>>,
+}
+
+impl<'e> Shown<'e> {
+    pub(super) fn of(error: &'e dyn Diagnostic) -> Self {
+        Self {
+            error,
+            related: error
+                .related()
+                .map(|related| related.map(Self::of).collect())
+                .unwrap_or_default(),
+        }
+    }
+}
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&visible(&self.error.to_string()))
+    }
+}
+
+impl std::error::Error for Shown<'_> {}
+
+impl Diagnostic for Shown<'_> {
+    fn severity(&self) -> Option<Severity> {
+        self.error.severity()
+    }
+
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        let help = self.error.help()?.to_string();
+        Some(Box::new(visible(&help).into_owned()))
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        self.error.source_code()
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let labels = self.error.labels()?;
+        Some(Box::new(labels.map(|label| {
+            let text = label.label().map(|text| visible(text).into_owned());
+            let span = *label.inner();
+            if label.primary() {
+                LabeledSpan::new_primary_with_span(text, span)
+            } else {
+                LabeledSpan::new_with_span(text, span)
+            }
+        })))
+    }
+
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
+        if self.related.is_empty() {
+            return None;
+        }
+        Some(Box::new(self.related.iter().map(|other| other as _)))
+    }
+}

@@ -1,0 +1,229 @@
+//! When the numbers of a finished run are doubtful: they came out, and are kept, but are not averaged as if they were good.
+//!
+//! The rules are declared here alone, each with its threshold and the reason for it; the store keeps which of them a run
+//! broke, and tables, figures and the page count such runs.
+
+use crate::statistics::{mean, ratio};
+use sd_core::simulation::Counters;
+use sd_core::{ContactScheme, Params, Sample};
+
+/// Share of contact problems that may be left unconverged. Sound runs near jamming have 1 to 2.5 %.
+const UNCONVERGED: f64 = 0.05;
+/// Largest residual of a contact problem, in a·rate. Over a step of 0.005 a contact then misses its condition by 5e-4 a, a
+/// twentieth of a usual roughness height; sound runs stay below 1e-6.
+const RESIDUAL: f64 = 0.1;
+/// Smallest gap under rigid contacts, over the roughness height: rough surfaces then overlap by three quarters of it. Steps
+/// hold gaps at half of it or more where they can; the worst of the published runs comes to 0.35.
+const HELD: f64 = 0.25;
+/// Share of the mean viscosity that one sample may carry: without it the mean would be less than half of what it is.
+const CARRIED: f64 = 0.5;
+/// Fewest samples of which one may be blamed for the mean.
+const FEW: usize = 10;
+
+/// Why a run is doubtful.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Doubt {
+    /// Too many contact problems did not converge.
+    Unconverged,
+    /// A contact problem was left far from solved.
+    Residual,
+    /// Rough surfaces overlap under rigid contacts.
+    Overlap,
+    /// A viscosity that no suspension has.
+    BelowOne,
+    /// One sample carries the mean.
+    OneSample,
+}
+
+impl Doubt {
+    /// All rules.
+    pub const ALL: [Self; 5] = [
+        Self::Unconverged,
+        Self::Residual,
+        Self::Overlap,
+        Self::BelowOne,
+        Self::OneSample,
+    ];
+
+    /// Its name in the store and in tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unconverged => "unconverged",
+            Self::Residual => "residual",
+            Self::Overlap => "overlap",
+            Self::BelowOne => "below-one",
+            Self::OneSample => "one-sample",
+        }
+    }
+
+    /// What was found, in words.
+    pub fn meaning(self) -> String {
+        match self {
+            Self::Unconverged => format!(
+                "more than {} % of the contact problems did not converge",
+                100.0 * UNCONVERGED
+            ),
+            Self::Residual => format!("a contact problem was left with a residual above {RESIDUAL}"),
+            Self::Overlap => format!(
+                "a gap fell below {HELD} of the roughness height under rigid contacts"
+            ),
+            Self::BelowOne => "the mean viscosity is below 1, the stresslet viscosity below 0, or a viscosity below 0 came up \
+                 under contacts that store no energy"
+                .into(),
+            Self::OneSample => format!(
+                "one sample carries more than {} % of the mean viscosity",
+                100.0 * CARRIED
+            ),
+        }
+    }
+
+    /// Those named in a text, separated by commas; names that there are not are passed over.
+    pub fn read(names: &str) -> Vec<Self> {
+        names
+            .split(',')
+            .filter_map(|name| Self::ALL.into_iter().find(|doubt| doubt.name() == name))
+            .collect()
+    }
+
+    /// As [`Doubt::read`] reads them.
+    pub fn write(doubts: &[Self]) -> String {
+        let names: Vec<&str> = doubts.iter().map(|doubt| doubt.name()).collect();
+        names.join(",")
+    }
+
+    /// The rules that a finished run broke: `counters` of all of it, `samples` from the discarded strain on.
+    pub fn of(params: &Params, counters: &Counters, samples: &[&Sample]) -> Vec<Self> {
+        Self::ALL
+            .into_iter()
+            .filter(|rule| rule.is_broken(params, counters, samples))
+            .collect()
+    }
+
+    fn is_broken(self, params: &Params, counters: &Counters, samples: &[&Sample]) -> bool {
+        let mean_of = |quantity: fn(&Sample) -> f64| {
+            mean(
+                &samples
+                    .iter()
+                    .map(|sample| quantity(sample))
+                    .collect::<Vec<_>>(),
+            )
+        };
+        match self {
+            Self::Unconverged => {
+                counters.unconverged_stages as f64 > UNCONVERGED * counters.stages as f64
+            }
+            Self::Residual => counters.worst_residual > RESIDUAL,
+            Self::Overlap => is_rigid(params) && counters.minimum_gap < HELD * params.roughness,
+            Self::BelowOne => {
+                mean_of(|sample| sample.viscosity).is_some_and(|mean| mean < 1.0)
+                    || mean_of(|sample| sample.viscosity_stresslet).is_some_and(|mean| mean < 0.0)
+                    || (!stores_energy(params)
+                        && samples.iter().any(|sample| sample.viscosity < 0.0))
+            }
+            Self::OneSample => {
+                let sizes = || samples.iter().map(|sample| sample.viscosity.abs());
+                let largest = sizes().fold(0.0, f64::max);
+                samples.len() >= FEW
+                    && ratio(largest, sizes().sum()).is_none_or(|share| share > CARRIED)
+            }
+        }
+    }
+}
+
+/// Whether contacts do not give way. The paper's steps hold no gaps, and say so in their smallest gap.
+fn is_rigid(params: &Params) -> bool {
+    match &params.contact {
+        ContactScheme::Rigid => true,
+        ContactScheme::Procedure => false,
+        ContactScheme::Laws(laws) => !laws.is_soft(),
+    }
+}
+
+/// Whether springs or a repulsion can give back work: then a viscosity may fall below 0 for a moment.
+fn stores_energy(params: &Params) -> bool {
+    match &params.contact {
+        ContactScheme::Rigid | ContactScheme::Procedure => false,
+        ContactScheme::Laws(laws) => laws.is_soft() || laws.repulsion > 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::{counters, params, sample};
+
+    fn samples() -> Vec<Sample> {
+        (0..50).map(|n| sample(f64::from(n) * 0.02)).collect()
+    }
+
+    fn doubts(params: &Params, counters: &Counters, samples: &[Sample]) -> Vec<Doubt> {
+        Doubt::of(params, counters, &samples.iter().collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn sound_runs_break_no_rule() {
+        assert_eq!(doubts(&params(), &counters(), &samples()), []);
+        // As bad as the worst of the published runs.
+        let near_jamming = Counters {
+            stages: 10_000,
+            unconverged_stages: 250,
+            worst_residual: 1.4e-7,
+            minimum_gap: 0.0035,
+            ..counters()
+        };
+        let mut spiky = samples();
+        spiky[7].viscosity = 300.0;
+        assert_eq!(doubts(&params(), &near_jamming, &spiky), []);
+        assert_eq!(doubts(&params(), &counters(), &[]), []);
+    }
+
+    #[test]
+    fn each_rule_is_broken_by_what_it_is_about() {
+        let with = |change: fn(&mut Counters)| {
+            let mut changed = counters();
+            change(&mut changed);
+            doubts(&params(), &changed, &samples())
+        };
+        assert_eq!(
+            with(|c| (c.stages, c.unconverged_stages) = (3351, 3283)),
+            [Doubt::Unconverged]
+        );
+        assert_eq!(with(|c| c.worst_residual = 0.2), [Doubt::Residual]);
+        assert_eq!(with(|c| c.minimum_gap = 0.002), [Doubt::Overlap]);
+        let changed = |change: fn(&mut Vec<Sample>)| {
+            let mut changed = samples();
+            change(&mut changed);
+            doubts(&params(), &counters(), &changed)
+        };
+        assert_eq!(changed(|s| s[3].viscosity = 1e6), [Doubt::OneSample]);
+        assert_eq!(changed(|s| s[3].viscosity = -20.0), [Doubt::BelowOne]);
+        assert_eq!(
+            changed(|s| s.iter_mut().for_each(|s| s.viscosity = 0.9)),
+            [Doubt::BelowOne]
+        );
+        assert_eq!(
+            changed(|s| s.iter_mut().for_each(|s| s.viscosity_stresslet = -562.0)),
+            [Doubt::BelowOne]
+        );
+    }
+
+    #[test]
+    fn the_paper_s_steps_may_lose_their_gaps() {
+        let procedure = Params {
+            contact: ContactScheme::Procedure,
+            ..params()
+        };
+        let closed = Counters {
+            minimum_gap: 1e-5,
+            ..counters()
+        };
+        assert_eq!(doubts(&procedure, &closed, &samples()), []);
+    }
+
+    #[test]
+    fn names_are_read_as_they_are_written() {
+        for doubts in [vec![], vec![Doubt::Overlap], Doubt::ALL.to_vec()] {
+            assert_eq!(Doubt::read(&Doubt::write(&doubts)), doubts);
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! Runs with doubtful numbers: kept, counted, and not averaged unless asked for.
+
+use super::*;
+use crate::doubt::Doubt;
+use crate::report::{Report, Selection, write_csv, write_json, write_markdown, write_text};
+
+/// A store with a sound and a doubtful run of each point.
+fn half_doubtful(directory: &Path) -> Store {
+    let mut store = open(directory);
+    store.register(1).unwrap();
+    for number in 0..4 {
+        let claim = store.claim().unwrap().unwrap();
+        let mut run = finished(State::Done);
+        if number % 2 == 1 {
+            run.samples[40].1.viscosity = 1e6;
+            run.counters.unconverged_stages = 39;
+        }
+        store.finish(&claim, &run).unwrap();
+    }
+    store.leave().unwrap();
+    store
+}
+
+#[test]
+fn doubtful_runs_are_counted_and_averaged_only_if_asked_for() {
+    let directory = tempfile::tempdir().unwrap();
+    let store = half_doubtful(directory.path());
+    let runs = store.point_runs().unwrap();
+    let doubts: Vec<_> = runs.iter().filter(|run| run.is_doubtful()).collect();
+    assert_eq!(doubts.len(), 2);
+    assert_eq!(doubts[0].doubts, [Doubt::Unconverged, Doubt::OneSample]);
+    let sound = Report::of(&store, &Selection::default()).unwrap();
+    assert_eq!((sound.doubtful, sound.counts.done), (2, 4));
+    let selection = Selection::default().with_doubtful(true);
+    let all = Report::of(&store, &selection).unwrap();
+    let (averaged, doubtful): (u64, u64) = sound.points.iter().fold((0, 0), |(a, d), point| {
+        (a + point.seeds, d + point.doubtful)
+    });
+    assert_eq!((averaged, doubtful), (2, 2));
+    assert_eq!(all.points.iter().map(|point| point.seeds).sum::<u64>(), 4);
+    let highest = |report: &Report| {
+        let means = report.points.iter().filter_map(|p| p.viscosity);
+        means.map(|estimate| estimate.mean).fold(0.0, f64::max)
+    };
+    assert!(highest(&sound) < 10.0 && highest(&all) > 1e4);
+    for (report, word) in [(&sound, "not averaged"), (&all, "averaged with the others")] {
+        let mut text = Vec::new();
+        write_text(report, None, &mut text).unwrap();
+        write_markdown(report, &mut text).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        assert_eq!(
+            text.matches("2 finished runs have doubtful numbers")
+                .count(),
+            2
+        );
+        assert!(text.contains(word), "{text}");
+        let mut csv = Vec::new();
+        write_csv(report, &mut csv).unwrap();
+        assert!(String::from_utf8(csv).unwrap().contains(",doubtful,"));
+        let mut json = Vec::new();
+        write_json(report, &mut json).unwrap();
+        let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
+        assert_eq!(json["cases"]["doubtful"], 2);
+    }
+    let figure = |report| {
+        let drawing = crate::report::Drawing {
+            kind: crate::report::Kind::Viscosity,
+            quantity: crate::report::Quantity::Viscosity,
+            along: None,
+        };
+        let format = crate::report::Format::Svg;
+        String::from_utf8(crate::report::draw(report, &[], drawing, format).unwrap()).unwrap()
+    };
+    assert!(figure(&sound).contains("2 doubtful runs left out"));
+    assert!(figure(&all).contains("2 doubtful runs averaged too"));
+}
+
+#[test]
+fn view_for_other_programs_leaves_doubtful_runs_out_and_counts_them() {
+    let directory = tempfile::tempdir().unwrap();
+    let store = half_doubtful(directory.path());
+    let other = rusqlite::Connection::open(store.path()).unwrap();
+    let (runs, doubtful, highest): (i64, i64, f64) = other
+        .query_row(
+            "SELECT sum(runs), sum(doubtful), max(viscosity) FROM viscosity_vs_shear_rate",
+            [],
+            |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
+        )
+        .unwrap();
+    assert_eq!((runs, doubtful), (2, 2));
+    assert!(highest < 10.0);
+}
+
+#[test]
+fn runs_of_older_programs_are_judged_when_their_store_is_read_or_opened() {
+    let directory = tempfile::tempdir().unwrap();
+    let store = half_doubtful(directory.path());
+    let path = store.path().to_owned();
+    drop(store);
+    rusqlite::Connection::open(&path)
+        .unwrap()
+        .execute_batch(
+            "DROP VIEW runs; DROP VIEW viscosity_vs_shear_rate; ALTER TABLE results DROP COLUMN doubts;
+             DROP TABLE checksums; DROP TABLE log; PRAGMA user_version = 6",
+        )
+        .unwrap();
+    let doubtful = |store: &Store| {
+        let runs = store.point_runs().unwrap();
+        runs.iter().filter(|run| run.is_doubtful()).count()
+    };
+    assert_eq!(doubtful(&Store::open_read_only(&path).unwrap()), 2);
+    assert_eq!(doubtful(&Store::open(&path).unwrap()), 2);
+    assert_eq!(doubtful(&Store::open_read_only(&path).unwrap()), 2);
+}

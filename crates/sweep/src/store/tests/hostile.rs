@@ -1,0 +1,272 @@
+//! Stores made to do harm: nothing in them is carried out, waited for or taken at its word.
+
+use super::*;
+use crate::case::State;
+
+/// A shard of the campaign with one result, and its file.
+fn shard(directory: &Path) -> std::path::PathBuf {
+    let folder = directory.join("shard");
+    std::fs::create_dir(&folder).unwrap();
+    let mut store = open(&folder);
+    store.register(1).unwrap();
+    let claim = store.claim().unwrap().unwrap();
+    let mut run = finished(State::Done);
+    for (number, (step, _)) in (0_u64..).zip(&mut run.samples) {
+        *step = number * claim.case.sample_stride;
+    }
+    store.finish(&claim, &run).unwrap();
+    let path = store.path().to_owned();
+    drop(store);
+    path
+}
+
+/// A store with two results of its own.
+fn own(directory: &Path) -> Store {
+    let mut store = open(directory);
+    store.register(1).unwrap();
+    let first = store.claim().unwrap().unwrap();
+    for _ in 0..2 {
+        let claim = store.claim().unwrap().unwrap();
+        store.finish(&claim, &finished(State::Done)).unwrap();
+    }
+    store.release(&first).unwrap();
+    store
+}
+
+fn craft(path: &Path, statements: &str) {
+    rusqlite::Connection::open(path)
+        .unwrap()
+        .execute_batch(statements)
+        .unwrap();
+}
+
+fn viscosities(store: &Store) -> Vec<Option<f64>> {
+    let runs = store.point_runs().unwrap();
+    runs.iter().map(|run| run.viscosity).collect()
+}
+
+#[test]
+fn names_of_columns_in_a_shard_are_never_sql() {
+    let evil = r#"ALTER TABLE TABLE_ ADD COLUMN "seed) VALUES (1); UPDATE results SET viscosity = 666; --" INTEGER DEFAULT 1;
+        ALTER TABLE TABLE_ ADD COLUMN "x = (UPDATE results SET viscosity = 666)" DEFAULT 2"#;
+    let directory = tempfile::tempdir().unwrap();
+    let path = shard(directory.path());
+    let mut store = own(directory.path());
+    let before = viscosities(&store);
+    for table in [
+        "cases",
+        "processes",
+        "results",
+        "ends",
+        "checkpoints",
+        "failures",
+    ] {
+        craft(&path, &evil.replace("TABLE_", table));
+    }
+    // An upsert in place of a value: what the names did before.
+    craft(
+        &path,
+        r#"ALTER TABLE results ADD COLUMN "samples) SELECT * FROM results WHERE 1 ON CONFLICT DO UPDATE SET viscosity = 666 --" DEFAULT 3"#,
+    );
+    let merged = store.merge(std::slice::from_ref(&path), true).unwrap();
+    let after = viscosities(&store);
+    for (before, after) in before.iter().zip(&after) {
+        assert!(before.is_none() || before == after, "{before:?} {after:?}");
+        assert_ne!(*after, Some(666.0));
+    }
+    assert_eq!(merged.damaged, [], "columns of no meaning do no harm");
+    let reused = store.reuse(std::slice::from_ref(&path)).unwrap();
+    assert_eq!(reused.damaged, []);
+    let to = directory.path().join("new.sqlite");
+    salvage(&path, &to, None).unwrap();
+    assert!(!viscosities(&Store::open_read_only(&to).unwrap()).contains(&Some(666.0)));
+}
+
+#[test]
+fn views_virtual_tables_and_computed_columns_are_no_store() {
+    for statements in [
+        "DROP VIEW runs; DROP VIEW viscosity_vs_shear_rate; ALTER TABLE cases RENAME TO c; CREATE VIEW cases AS
+             WITH RECURSIVE n (id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n) SELECT n.id, c.* FROM n, c",
+        "DROP VIEW runs; DROP VIEW viscosity_vs_shear_rate; DROP TABLE campaign; CREATE VIEW campaign AS
+             WITH RECURSIVE n (id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n) SELECT max(id) AS id, 'small' AS name FROM n",
+        "ALTER TABLE samples ADD COLUMN more AS (hex(zeroblob(100000000)))",
+        "DROP VIEW runs; DROP VIEW viscosity_vs_shear_rate; DROP TABLE frames; CREATE VIRTUAL TABLE frames USING rtree(id, a, b)",
+    ] {
+        let directory = tempfile::tempdir().unwrap();
+        let path = shard(directory.path());
+        craft(&path, &format!("PRAGMA legacy_alter_table = ON; {statements}"));
+        let begun = Instant::now();
+        let mut store = own(directory.path());
+        for refused in [Store::open(&path).err(), Store::open_read_only(&path).err()] {
+            assert!(
+                matches!(
+                    refused,
+                    Some(StoreError::NotAStore { .. } | StoreError::Damaged { .. })
+                ),
+                "{statements}: {refused:?}"
+            );
+        }
+        let merged = store.merge(std::slice::from_ref(&path), true).unwrap();
+        assert_eq!((merged.damaged.len(), merged.results), (1, 0), "{statements}");
+        assert!(salvage(&path, &directory.path().join("new.sqlite"), None).is_err());
+        assert!(begun.elapsed() < Duration::from_secs(20), "{statements}");
+    }
+}
+
+#[test]
+fn triggers_of_a_store_do_nothing() {
+    let directory = tempfile::tempdir().unwrap();
+    let store = own(directory.path());
+    let (path, before) = (store.path().to_owned(), viscosities(&store));
+    drop(store);
+    craft(
+        &path,
+        "CREATE TRIGGER evil AFTER UPDATE ON processes BEGIN UPDATE results SET viscosity = 666; END;
+         CREATE TRIGGER worse AFTER INSERT ON processes BEGIN UPDATE results SET viscosity = 666; END",
+    );
+    let mut store = Store::open(&path).unwrap();
+    store.register(1).unwrap();
+    store.heartbeat().unwrap();
+    assert_eq!(viscosities(&store), before);
+}
+
+#[test]
+fn values_of_types_that_no_store_has_are_not_taken_over() {
+    for statement in [
+        "UPDATE cases SET cost = 'much'",
+        "UPDATE results SET wall_time_s = x'00ff'",
+        "UPDATE results SET resumed = 'often'",
+        "UPDATE samples SET contacts = 'some'",
+    ] {
+        let directory = tempfile::tempdir().unwrap();
+        let path = shard(directory.path());
+        craft(&path, statement);
+        let mut store = own(directory.path());
+        let merged = store.merge(std::slice::from_ref(&path), true).unwrap();
+        assert_eq!(merged.results, 0, "{statement}");
+        assert_eq!(
+            merged.unreadable + merged.damaged.len() as u64,
+            1,
+            "{statement}"
+        );
+        store.verify().unwrap();
+    }
+}
+
+#[test]
+fn pipe_is_refused_at_once() {
+    let directory = tempfile::tempdir().unwrap();
+    let pipe = directory.path().join("pipe.sqlite");
+    rustix::fs::mknodat(
+        rustix::fs::CWD,
+        &pipe,
+        rustix::fs::FileType::Fifo,
+        rustix::fs::Mode::from_raw_mode(0o600),
+        0,
+    )
+    .unwrap();
+    for refused in [
+        Store::open(&pipe).err(),
+        Store::open_read_only(&pipe).err(),
+        salvage(&pipe, &directory.path().join("new.sqlite"), None).err(),
+    ] {
+        assert!(
+            matches!(refused, Some(StoreError::NotAFile { .. })),
+            "{refused:?}"
+        );
+    }
+    let mut store = own(directory.path());
+    let merged = store.merge(std::slice::from_ref(&pipe), true).unwrap();
+    assert_eq!(merged.damaged.len(), 1);
+    assert!(Store::open_read_only(Path::new("/dev/zero")).is_err());
+}
+
+#[test]
+fn failed_runs_bring_their_samples_and_frames() {
+    let directory = tempfile::tempdir().unwrap();
+    let folder = directory.path().join("shard");
+    std::fs::create_dir(&folder).unwrap();
+    let mut shard = open(&folder);
+    shard.register(1).unwrap();
+    let claim = shard.claim().unwrap().unwrap();
+    shard
+        .keep_frames(&claim, &[(20, crate::test_support::frame())])
+        .unwrap();
+    let failure = Failure {
+        error: "spheres 1 and 2 overlap".into(),
+        step: 37,
+        pair: None,
+        gap: None,
+        snapshot: None,
+        samples: vec![(0, sample(0.0)), (4, sample(0.02))],
+    };
+    shard.fail(&claim, &failure).unwrap();
+    let path = shard.path().to_owned();
+    drop(shard);
+    let mut store = open(directory.path());
+    let merged = store.merge(std::slice::from_ref(&path), true).unwrap();
+    assert_eq!(merged.failures, 1);
+    let story = store.story(&claim.key).unwrap();
+    assert_eq!((story.samples.len(), story.frames), (2, 1));
+    let to = directory.path().join("new.sqlite");
+    let saved = salvage(&path, &to, None).unwrap();
+    assert_eq!((saved.failures, saved.frames, saved.unreadable), (1, 1, 0));
+    let story = Store::open_read_only(&to)
+        .unwrap()
+        .story(&claim.key)
+        .unwrap();
+    assert_eq!((story.samples.len(), story.frames), (2, 1));
+}
+
+#[test]
+fn first_merge_that_was_ended_early_can_be_given_again() {
+    // See also the command, which adopts the campaign of the shards; here that a store without a campaign is told as such.
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("new.sqlite");
+    drop(Store::open(&path).unwrap());
+    let store = Store::open(&path).unwrap();
+    assert!(matches!(
+        store.campaign_name(),
+        Err(StoreError::NoCampaign { .. })
+    ));
+}
+
+/// A whole shard, and what a store is after its merge.
+static SHARD: std::sync::LazyLock<Vec<u8>> = std::sync::LazyLock::new(|| {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::read(shard(directory.path())).unwrap()
+});
+
+/// How many shards are damaged where other properties have so many cases: each takes a hundred times as long.
+fn some(cases: u32) -> proptest::test_runner::Config {
+    proptest::test_runner::Config::with_cases(cases.div_ceil(64))
+}
+
+proptest::proptest! {
+    #![proptest_config(some(proptest::test_runner::Config::default().cases))]
+    #[test]
+    fn damaged_shards_crash_no_merge_and_bring_nothing_that_was_not_computed(
+        at in proptest::prelude::any::<usize>(),
+        put in proptest::collection::vec(proptest::prelude::any::<u8>(), 1..40),
+    ) {
+        let directory = tempfile::tempdir().unwrap();
+        let mut bytes = SHARD.clone();
+        let at = at % bytes.len();
+        for (place, byte) in bytes[at..].iter_mut().zip(put) {
+            *place = byte;
+        }
+        let path = directory.path().join("damaged.sqlite");
+        std::fs::write(&path, bytes).unwrap();
+        let mut store = open(directory.path());
+        let _ = store.merge(std::slice::from_ref(&path), true);
+        store.verify().unwrap();
+        for run in store.point_runs().unwrap() {
+            let is_right = run.viscosity.is_none_or(|viscosity| {
+                let samples = finished(State::Done).samples;
+                let mean = crate::statistics::Averages::of(&samples, 100).viscosity.unwrap().mean;
+                (viscosity - mean).abs() < 1e-12
+            });
+            proptest::prop_assert!(is_right, "{:?}", run.viscosity);
+        }
+    }
+}

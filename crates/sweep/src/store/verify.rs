@@ -1,0 +1,141 @@
+//! Whether a store is what was written, as far as tables and figures are made of it.
+
+use super::checksum::{Altered, Kind, check_all, seal_all};
+use super::schema::CaseRow;
+use super::{Store, StoreError, count, integer, log};
+use crate::case::State;
+use rusqlite::{Connection, TransactionBehavior};
+use std::path::Path;
+
+/// Largest file that is read from beginning to end for a look at its structure, in bytes: this takes less than half a second.
+const CHEAP: i64 = 64 << 20;
+
+impl Store {
+    /// Makes sure that the grid, the results in it and what else is shown of them are what was written.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`], and trouble with the file.
+    pub(super) fn verify(&self) -> Result<(), StoreError> {
+        let begins = self.connection.is_autocommit();
+        // All of it is of one moment: others may write meanwhile.
+        let begun = if begins {
+            self.connection.execute_batch("BEGIN")
+        } else {
+            Ok(())
+        };
+        let result = begun.and_then(|()| {
+            structure(&self.connection)?;
+            cases(&self.connection)?;
+            rows(&self.connection)
+        });
+        let ended = if begins {
+            self.connection.execute_batch("ROLLBACK")
+        } else {
+            Ok(())
+        };
+        self.read(result.and(ended))
+    }
+}
+
+/// Takes what a store holds now for what was written: for whoever changed it by other means than this program, and means it.
+///
+/// # Errors
+/// Trouble with the file.
+pub fn accept_changes(path: &Path) -> Result<(), StoreError> {
+    let accepted = || -> Result<(), rusqlite::Error> {
+        let mut connection = Connection::open(path)?;
+        let transaction = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
+        transaction.execute("DELETE FROM checksums", [])?;
+        seal_all(&transaction)?;
+        log::go_on(&transaction)?;
+        transaction.commit()
+    };
+    accepted().map_err(|error| StoreError::sqlite(path, error, false))
+}
+
+/// That no page is out of its place, where a look at all of them is cheap.
+fn structure(connection: &Connection) -> Result<(), rusqlite::Error> {
+    let size: i64 = connection.query_row(
+        "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size",
+        [],
+        |row| row.get(0),
+    )?;
+    if size > CHEAP {
+        return Ok(());
+    }
+    let found: String = connection.query_row("PRAGMA main.quick_check(1)", [], |row| row.get(0))?;
+    if found == "ok" {
+        Ok(())
+    } else {
+        Err(Altered::error(found.trim().replace('\n', " ")))
+    }
+}
+
+/// That every case has its key and a state there is, that the grid has no holes, and that whoever owns a case is there.
+fn cases(connection: &Connection) -> Result<(), rusqlite::Error> {
+    let mut query = connection.prepare(
+        "SELECT c.key, c.params, c.seed, c.steps, c.sample_stride, c.state, c.position,
+             c.state = 'running' AND NOT EXISTS (SELECT 1 FROM processes p WHERE p.id = c.owner) FROM cases c",
+    )?;
+    let mut rows = query.query([])?;
+    let mut positions = Vec::new();
+    while let Some(row) = rows.next()? {
+        let (key, params): (String, String) = (row.get(0)?, row.get(1)?);
+        let case = CaseRow {
+            key: &key,
+            params: &params,
+            seed: count(row.get(2)?),
+            steps: count(row.get(3)?),
+            sample_stride: count(row.get(4)?),
+        };
+        if !case.has_its_key() {
+            return Err(Altered::error(format!(
+                "the parameters of case {key} are not those it was named for"
+            )));
+        }
+        let state: String = row.get(5)?;
+        if State::of(&state).is_none() {
+            return Err(Altered::error(format!(
+                "case {key} is in the state {state:?}, which there is not"
+            )));
+        }
+        if row.get(7)? {
+            return Err(Altered::error(format!(
+                "case {key} is owned by a process that is not there"
+            )));
+        }
+        positions.extend(row.get::<_, Option<i64>>(6)?);
+    }
+    positions.sort_unstable();
+    if positions
+        .iter()
+        .copied()
+        .eq(0..integer(positions.len() as u64))
+    {
+        Ok(())
+    } else {
+        Err(Altered::error("a case of the grid is missing"))
+    }
+}
+
+/// That rows are what was written, and that there is one for every case that has ended.
+fn rows(connection: &Connection) -> Result<(), rusqlite::Error> {
+    check_all(connection, Kind::Campaign)?;
+    let results = check_all(connection, Kind::Result)?;
+    check_all(connection, Kind::Process)?;
+    check_all(connection, Kind::Failure)?;
+    let (finished, failed): (i64, i64) = connection.query_row(
+        "SELECT count(*) FILTER (WHERE c.state IN ('done', 'jammed')),
+             count(*) FILTER (WHERE c.state = 'failed' AND NOT EXISTS (SELECT 1 FROM failures f WHERE f.case_id = c.id))
+         FROM cases c",
+        [],
+        |row| Ok((row.get(0)?, row.get(1)?)),
+    )?;
+    if count(finished) != results {
+        return Err(Altered::error("a case is finished, and has no result"));
+    }
+    if failed > 0 {
+        return Err(Altered::error("a case has failed, and does not say why"));
+    }
+    Ok(())
+}

@@ -1,0 +1,34 @@
+"""Stokesian Dynamics of sheared layers of rough, frictional spheres.
+
+Physics: `scalars`, `solve`, `pair`, `Layer`. Campaigns: `Campaign`, `Store`, `Table`.
+Units everywhere: mean sphere radius a, viscosity mu and shear rate are 1.
+"""
+
+from ._core import (
+    Campaign,
+    Layer,
+    Passed,
+    SimulationError,
+    Solution,
+    Store,
+    StoreError,
+    Table,
+    pair,
+    scalars,
+    solve,
+)
+from ._core import __VERSION__ as __version__
+
+__all__ = [
+    "Campaign",
+    "Layer",
+    "Passed",
+    "SimulationError",
+    "Solution",
+    "Store",
+    "StoreError",
+    "Table",
+    "pair",
+    "scalars",
+    "solve",
+]

@@ -1,0 +1,214 @@
+"""Stokesian Dynamics of sheared layers of rough, frictional spheres."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_Numbers: TypeAlias = NDArray[np.float64]
+_File: TypeAlias = str | PathLike[str]
+_Hydrodynamics: TypeAlias = str
+
+__version__: str
+__all__ = [
+    "Campaign",
+    "Layer",
+    "Passed",
+    "SimulationError",
+    "Solution",
+    "Store",
+    "StoreError",
+    "Table",
+    "pair",
+    "scalars",
+    "solve",
+]
+
+class SimulationError(RuntimeError):
+    """A computation that was begun could not be finished."""
+
+class StoreError(OSError):
+    """The store failed."""
+
+def scalars(size_ratio: float, separation: ArrayLike) -> dict[str, _Numbers]:
+    """Resistance functions of two spheres, each an array of shape (..., 2)."""
+
+def solve(
+    centres: ArrayLike,
+    *,
+    radii: ArrayLike | None = None,
+    cell: Sequence[float] | None = None,
+    offset: float | None = None,
+    hydrodynamics: _Hydrodynamics | None = "stokesian-dynamics",
+    background: Mapping[str, Any] | None = None,
+    forces: ArrayLike | None = None,
+    torques: ArrayLike | None = None,
+    contact: Mapping[str, Any] | None = None,
+    **more: Any,
+) -> Solution:
+    """Solve one instant of one configuration."""
+
+def pair(
+    size_ratio: float = 1.0,
+    *,
+    roughness: float = 0.05,
+    friction: float = 0.0,
+    contact: bool = True,
+    offset: float = 0.25,
+    start: float = 5.0,
+    time_step: float = 0.05,
+) -> Passed:
+    """Drive two spheres past each other."""
+
+@final
+class Solution:
+    """Motion, stresslets and contacts of a configuration."""
+
+    @property
+    def velocity_disturbance(self) -> _Numbers: ...
+    @property
+    def angular_velocity_disturbance(self) -> _Numbers: ...
+    @property
+    def stresslet_xx(self) -> _Numbers: ...
+    @property
+    def stresslet_yy(self) -> _Numbers: ...
+    @property
+    def stresslet_xy(self) -> _Numbers: ...
+    @property
+    def viscosity(self) -> float | None: ...
+    @property
+    def viscosity_stresslet(self) -> float | None: ...
+    @property
+    def dissipation(self) -> float | None: ...
+    @property
+    def computing_time_s(self) -> float: ...
+    @property
+    def contacts(self) -> NDArray[np.void]: ...
+
+@final
+class Passed:
+    """How two spheres passed each other."""
+
+    @property
+    def final_offset(self) -> float: ...
+    @property
+    def rotation_degrees(self) -> _Numbers: ...
+    @property
+    def minimum_gap(self) -> float: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def path(self) -> _Numbers: ...
+
+@final
+class Layer:
+    """A layer of rough spheres under shear."""
+
+    def __new__(cls, params: Mapping[str, Any], seed: int) -> Layer: ...
+    @staticmethod
+    def from_snapshot(params: Mapping[str, Any], snapshot: bytes) -> Layer: ...
+    @property
+    def params(self) -> dict[str, Any]: ...
+    @property
+    def seed(self) -> int | None: ...
+    @property
+    def steps(self) -> int: ...
+    @property
+    def strain(self) -> float: ...
+    @property
+    def computing_time_s(self) -> float: ...
+    @property
+    def side(self) -> float: ...
+    @property
+    def radii(self) -> _Numbers: ...
+    @property
+    def positions(self) -> _Numbers: ...
+    @property
+    def orientations(self) -> _Numbers: ...
+    @property
+    def stresslets(self) -> _Numbers: ...
+    @property
+    def contacts(self) -> NDArray[np.void]: ...
+    @property
+    def flow(self) -> Literal["flowing", "jammed"]: ...
+    def step(self) -> dict[str, float]: ...
+    def shear(self, strain: float, *, every: int = 1) -> list[dict[str, float]]: ...
+    def sample(self) -> dict[str, float]: ...
+    def snapshot(self) -> bytes: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Table:
+    """A table that pandas, polars and pyarrow take as it is."""
+
+    def __arrow_c_stream__(self, requested_schema: Any = None) -> Any: ...
+    def __arrow_c_schema__(self) -> Any: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, column: str, /) -> NDArray[Any]: ...
+    @property
+    def columns(self) -> list[str]: ...
+    @property
+    def units(self) -> dict[str, str]: ...
+    @property
+    def meanings(self) -> dict[str, str]: ...
+    def to_pandas(self) -> Any: ...
+
+@final
+class Campaign:
+    """A campaign: a grid of layers, each sheared with several seeds."""
+
+    def __new__(
+        cls,
+        name: str,
+        *,
+        protocol: Mapping[str, Any] | None = None,
+        grid: Iterable[Mapping[str, Any]] | None = None,
+        **axes: Any,
+    ) -> Campaign: ...
+    @staticmethod
+    def from_toml(path: _File) -> Campaign: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def default_store(self) -> Path: ...
+    def __len__(self) -> int: ...
+    def plan(self, *, workers: int | None = None) -> dict[str, Any]: ...
+    def run(
+        self,
+        store: _File | None = None,
+        *,
+        workers: int | None = None,
+        progress: bool | Callable[[float, str], object] | None = True,
+        retry_failed: bool = False,
+        trajectory: bool = False,
+    ) -> Store: ...
+    def store(self, path: _File | None = None) -> Store: ...
+
+@final
+class Store:
+    """The store of a campaign: all that was computed."""
+
+    def __new__(cls, path: _File) -> Store: ...
+    @property
+    def path(self) -> Path: ...
+    def counts(self) -> dict[str, int]: ...
+    def points(self, *, where: Mapping[str, Any] | None = None) -> Table: ...
+    def runs(self) -> Table: ...
+    def samples(self, case: str | int) -> Table: ...
+    def frames(self, case: str | int, *, every: int = 1) -> Table: ...
+    def contacts(self, case: str | int, *, every: int = 1) -> Table: ...
+    def plot(
+        self,
+        kind: str = "viscosity",
+        *,
+        quantity: str | None = None,
+        along: str | None = None,
+        where: Mapping[str, Any] | None = None,
+        cases: Sequence[str] | None = None,
+        ax: Any = None,
+    ) -> Any: ...

@@ -1,0 +1,38 @@
+"""What a user sees of a run: a bar in a notebook or a terminal, a function of their own, or nothing."""
+
+
+class _Bar:
+    """A bar of tqdm, which chooses the form that suits the place."""
+
+    def __init__(self):
+        from tqdm.auto import tqdm
+
+        self._bar = tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {desc}", leave=True)
+
+    def update(self, fraction, message):
+        self._bar.n = fraction
+        self._bar.set_description_str(message)
+
+    def close(self):
+        self._bar.close()
+
+
+class _Told:
+    """A function that is told how far the run is."""
+
+    def __init__(self, function):
+        self.update = function
+
+    def close(self):
+        pass
+
+
+def bar(progress):
+    """What `Campaign.run(progress=...)` asks for; None is True."""
+    if progress is None or progress is True:
+        return _Bar()
+    if progress is False:
+        return _Told(lambda fraction, message: None)
+    if callable(progress):
+        return _Told(progress)
+    raise TypeError(f"progress: {type(progress).__name__} came: True, False, or a function of a fraction and a text")

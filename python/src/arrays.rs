@@ -1,0 +1,140 @@
+//! Arrays of numpy: read strictly, and made.
+
+use numpy::ndarray::{ArrayView1, ArrayView2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PyTuple};
+use sd_core::contact::ContactState;
+use sweep::trajectory::{STATES, state_number};
+
+/// What arrays of numbers may hold.
+const NUMBERS: &str = "float64, or whole numbers and narrower floats, which are converted";
+
+/// Reads an array `[N, 2]`, whatever its strides.
+pub(crate) fn pairs(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
+    let rows = |array: ArrayView2<'_, f64>| {
+        let rows = array.rows().into_iter();
+        rows.map(|row| [row[0], row[1]]).collect()
+    };
+    let array = with_numbers(name, given, "[N, 2]")?;
+    match array.cast::<PyArray2<f64>>() {
+        Ok(array) => {
+            let array = array.try_readonly()?;
+            match array.as_array() {
+                view if view.ncols() == 2 => Ok(rows(view)),
+                _ => Err(wrong_shape(name, array.as_any(), "[N, 2]")),
+            }
+        }
+        Err(_) => Err(wrong_shape(name, &array, "[N, 2]")),
+    }
+}
+
+/// Reads an array `[N]`, whatever its strides.
+pub(crate) fn numbers(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    let array = with_numbers(name, given, "[N]")?;
+    let Ok(array) = array.cast::<PyArray1<f64>>() else {
+        return Err(wrong_shape(name, &array, "[N]"));
+    };
+    let array = array.try_readonly()?;
+    let view: ArrayView1<'_, f64> = array.as_array();
+    Ok(view.iter().copied().collect())
+}
+
+/// An array of float64 of any shape, made from what is like one.
+pub(crate) fn with_numbers<'py>(
+    name: &str,
+    given: &Bound<'py, PyAny>,
+    shape: &str,
+) -> PyResult<Bound<'py, PyAny>> {
+    if given.cast::<PyArray2<f64>>().is_ok() || given.cast::<PyArray1<f64>>().is_ok() {
+        return Ok(given.clone());
+    }
+    let numpy = given.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (given,)).map_err(|error| {
+        PyValueError::new_err(format!(
+            "{name}: no array {shape} can be made of it: {}",
+            error.value(given.py())
+        ))
+    })?;
+    let dtype = array.getattr("dtype")?;
+    let kind: String = dtype.getattr("kind")?.extract()?;
+    let bytes: usize = dtype.getattr("itemsize")?.extract()?;
+    if !["i", "u", "f"].contains(&kind.as_str()) || bytes > 8 {
+        return Err(PyTypeError::new_err(format!(
+            "{name}: an array of dtype {dtype} came: an array {shape} of {NUMBERS}"
+        )));
+    }
+    array.call_method1("astype", ("float64",))
+}
+
+fn wrong_shape(name: &str, array: &Bound<'_, PyAny>, shape: &str) -> PyErr {
+    let found = array
+        .getattr("shape")
+        .map_or_else(|_| "another".into(), |shape| shape.to_string());
+    PyValueError::new_err(format!("{name}: an array of shape {found} came: {shape}"))
+}
+
+/// An array `[N, 2]`.
+pub(crate) fn of_pairs(
+    py: Python<'_>,
+    rows: impl ExactSizeIterator<Item = [f64; 2]>,
+) -> PyResult<Py<PyArray2<f64>>> {
+    let n = rows.len();
+    let flat: Vec<f64> = rows.flatten().collect();
+    Ok(PyArray1::from_vec(py, flat).reshape([n, 2])?.unbind())
+}
+
+/// An array `[N]`.
+pub(crate) fn of_numbers(
+    py: Python<'_>,
+    values: impl IntoIterator<Item = f64>,
+) -> Py<PyArray1<f64>> {
+    PyArray1::from_vec(py, values.into_iter().collect()).unbind()
+}
+
+/// A record of a structured array, as bytes.
+#[derive(Default)]
+pub(crate) struct Records(Vec<u8>);
+
+impl Records {
+    pub(crate) fn whole(&mut self, value: i64) {
+        self.0.extend_from_slice(&value.to_ne_bytes());
+    }
+
+    /// Numbers of spheres.
+    pub(crate) fn sphere(&mut self, value: usize) {
+        self.whole(i64::try_from(value).unwrap_or(i64::MAX));
+    }
+
+    pub(crate) fn number(&mut self, value: f64) {
+        self.0.extend_from_slice(&value.to_ne_bytes());
+    }
+
+    /// What a contact does: twelve characters of four bytes.
+    pub(crate) fn state(&mut self, state: ContactState) {
+        let word = STATES[usize::from(state_number(state))];
+        for place in 0..12 {
+            let character = word.chars().nth(place).map_or(0, u32::from);
+            self.0.extend_from_slice(&character.to_ne_bytes());
+        }
+    }
+
+    /// The structured array of these fields: name, type, and for several values of it how many.
+    pub(crate) fn array<'py>(
+        self,
+        py: Python<'py>,
+        fields: &[(&str, &str, usize)],
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let list = PyList::empty(py);
+        for (name, kind, many) in fields {
+            if *many == 1 {
+                list.append((name, kind))?;
+            } else {
+                list.append((name, kind, PyTuple::new(py, [many])?))?;
+            }
+        }
+        let dtype = py.import("numpy")?.call_method1("dtype", (list,))?;
+        PyArray1::from_vec(py, self.0).call_method1("view", (dtype,))
+    }
+}

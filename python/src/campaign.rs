@@ -1,0 +1,379 @@
+//! Campaigns: read, planned, run.
+
+use crate::errors::raise;
+use crate::store::Store;
+use crate::two_spheres::LOOK;
+use crate::values;
+use pyo3::exceptions::{PyRuntimeWarning, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sd_core::Params;
+use std::ffi::CString;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use sweep::axes::Axis;
+use sweep::runner::{Options, Progress, Standing, Stop, Style, compute_campaign};
+use sweep::store::{Store as OpenStore, StoreSource, network_file_system};
+use toml::{Table, Value};
+
+/// Most threads; more are a slip of the keyboard.
+const WORKER_LIMIT: usize = 4096;
+/// SIGINT, which Ctrl-C sends.
+const INTERRUPT: i32 = 2;
+
+/// A campaign: a grid of layers, each sheared with several seeds.
+///
+/// Parameters
+/// ----------
+/// name : str
+///     a-z, 0-9 and -; also the name of the store.
+/// protocol : dict, optional
+///     What `[protocol]` of a campaign file has: `strain`, `discard`, `sample_every`, `checkpoint_every`, `time_step`.
+/// grid : list of dict, optional
+///     What each `[[grid]]` has. In place of it the axes of a single one may be keywords: ``friction=[0.1, 0.5], seeds=4, ...``
+#[pyclass(frozen, module = "sheared_layers")]
+pub(crate) struct Campaign(sweep::campaign::Campaign);
+
+/// The parameters of the one layer that a dictionary describes, read as the grid of a campaign file is, and what it says besides the axes.
+pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Params, Table)> {
+    let mut grid = values::table(params)?;
+    let besides = grid.iter().filter(|(key, _)| Axis::of_key(key).is_none());
+    let besides = besides
+        .map(|(key, value)| (key.clone(), value.clone()))
+        .collect();
+    if grid.contains_key("seeds") {
+        return Err(PyTypeError::new_err(
+            "params: `seeds` came: the seed of a layer is an argument of its own",
+        ));
+    }
+    let several = grid.iter().find(|(_, value)| value.is_array());
+    if let Some((key, _)) = several {
+        return Err(PyValueError::new_err(format!(
+            "params: `{key}` has several values: a layer has one; several are a campaign"
+        )));
+    }
+    let mut protocol = Table::new();
+    if let Some(step) = grid.get("time_step").and_then(Value::as_float)
+        && step > 0.0
+        && step <= 1.0
+    {
+        // Lengths that any time step divides; nothing of them concerns a layer that is sheared by hand.
+        for key in ["strain", "sample_every", "checkpoint_every"] {
+            protocol.insert(key.into(), step.into());
+        }
+        protocol.insert("discard".into(), 0.0.into());
+    }
+    let seed = i64::try_from(seed)
+        .map_err(|_| PyValueError::new_err(format!("seed: {seed} is out of range: below 2^63")))?;
+    grid.insert("seeds".into(), vec![seed].into());
+    let text = text_of("layer", protocol, vec![Value::Table(grid)])?;
+    let campaign = sweep::campaign::Campaign::parse("params", text).map_err(raise)?;
+    match campaign.cases.as_slice() {
+        [(_, case)] => Ok((case.params.clone(), besides)),
+        cases => Err(PyValueError::new_err(format!(
+            "params: {} layers: one is wanted",
+            cases.len()
+        ))),
+    }
+}
+
+/// The text of a campaign file.
+fn text_of(name: &str, protocol: Table, grid: Vec<Value>) -> PyResult<String> {
+    let mut file = Table::new();
+    file.insert("name".into(), name.into());
+    if !protocol.is_empty() {
+        file.insert("protocol".into(), protocol.into());
+    }
+    file.insert("grid".into(), grid.into());
+    toml::to_string(&file).map_err(|error| PyValueError::new_err(error.to_string()))
+}
+
+#[pymethods]
+impl Campaign {
+    #[new]
+    #[pyo3(signature = (name, *, protocol=None, grid=None, **axes))]
+    fn new(
+        name: &Bound<'_, PyAny>,
+        protocol: Option<&Bound<'_, PyAny>>,
+        grid: Option<&Bound<'_, PyAny>>,
+        axes: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let grids = match (grid, axes) {
+            (None, Some(axes)) => vec![Value::Table(values::table(axes)?)],
+            (None, None) => Vec::new(),
+            (Some(grid), None) => match values::value("grid", grid)? {
+                Some(Value::Array(grids)) => grids,
+                Some(other) => vec![other],
+                None => Vec::new(),
+            },
+            (Some(_), Some(axes)) => {
+                return Err(PyTypeError::new_err(format!(
+                    "{} came beside `grid`: axes are keywords, or `grid` has them all",
+                    axes.keys()
+                )));
+            }
+        };
+        let name = values::text("name", name)?;
+        let protocol = match protocol {
+            Some(protocol) => values::table(&values::dict("protocol", protocol)?)?,
+            None => Table::new(),
+        };
+        let text = text_of(&name, protocol, grids)?;
+        let campaign = sweep::campaign::Campaign::parse("campaign", text).map_err(raise)?;
+        let file = std::path::absolute(format!("{name}.toml"))?;
+        Ok(Self(sweep::campaign::Campaign { file, ..campaign }))
+    }
+
+    /// The campaign of a file.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or path
+    #[staticmethod]
+    fn from_toml(path: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let path = values::file("path", path)?;
+        sweep::campaign::Campaign::read(&path)
+            .map(Self)
+            .map_err(raise)
+    }
+
+    /// Its name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// The text of its file. Written to NAME.toml, it is the same campaign for the command line.
+    #[getter]
+    fn text(&self) -> &str {
+        &self.0.text
+    }
+
+    /// Where its store is unless another place is given.
+    #[getter]
+    fn default_store(&self) -> PathBuf {
+        self.0.default_store()
+    }
+
+    /// Number of runs.
+    fn __len__(&self) -> usize {
+        self.0.cases.len()
+    }
+
+    /// What it would do: axes, number of runs, time on this machine, disk, memory. Writes nothing; takes a second or two.
+    ///
+    /// Parameters
+    /// ----------
+    /// workers : int, optional
+    ///     Runs computed at a time; the cores of the machine.
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    ///     As `sweep plan --json` has it.
+    #[pyo3(signature = (*, workers=None))]
+    fn plan<'py>(
+        &self,
+        py: Python<'py>,
+        workers: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let workers = threads(workers)?;
+        let plan = py.detach(|| sweep::cli::plan(&self.0, workers));
+        values::answer(py, &plan)
+    }
+
+    /// Compute what the store lacks of it. What is there already is not computed again.
+    ///
+    /// Ctrl-C checkpoints after the steps under way; the same call goes on with the same bits. The command line, or another notebook, may
+    /// compute or read the same store at the same time.
+    ///
+    /// Parameters
+    /// ----------
+    /// store : str or path, optional
+    ///     The store; `default_store`.
+    /// workers : int, optional
+    ///     Runs computed at a time; the cores of the machine.
+    /// progress : bool or callable
+    ///     True shows a bar, in a notebook or a terminal; a callable is called with the share done, 0 to 1, and a text.
+    /// retry_failed : bool
+    ///     Compute failed runs again.
+    /// trajectory : bool
+    ///     Keep the layer at every sampled strain, for `Store.frames`.
+    ///
+    /// Returns
+    /// -------
+    /// Store
+    #[pyo3(
+        signature = (store=None, *, workers=None, progress=None, retry_failed=None, trajectory=None),
+        text_signature = "($self, store=None, *, workers=None, progress=True, retry_failed=False, trajectory=False)"
+    )]
+    fn run(
+        &self,
+        py: Python<'_>,
+        store: Option<&Bound<'_, PyAny>>,
+        workers: Option<&Bound<'_, PyAny>>,
+        progress: Option<&Bound<'_, PyAny>>,
+        retry_failed: Option<&Bound<'_, PyAny>>,
+        trajectory: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Store> {
+        let path = self.place("store", store)?;
+        let wanted = Wanted {
+            workers: threads(workers)?,
+            retry_failed: values::flag("retry_failed", retry_failed, false)?,
+            trajectory: values::flag("trajectory", trajectory, false)?,
+        };
+        if let Some(network) = network_file_system(&path) {
+            warn(
+                py,
+                &format!(
+                    "{} is on a network file system ({network}), where several machines cannot safely share a store: run it from one machine only, \
+                 or choose a local disk",
+                    path.display()
+                ),
+            )?;
+        }
+        let bar = py
+            .import("sheared_layers._progress")?
+            .call_method1("bar", (progress,))?
+            .unbind();
+        let computed = compute(py, &self.0, &path, wanted, &bar);
+        let done = Store::of(StoreSource {
+            path,
+            campaign: Some(self.0.clone()),
+        });
+        if computed.is_ok() {
+            bar.call_method1(py, "update", (1.0, done.standing()?))?;
+        }
+        bar.call_method0(py, "close")?;
+        computed?;
+        if let Some(words) = done.failures()? {
+            warn(py, &words)?;
+        }
+        Ok(done)
+    }
+
+    /// Its store, which shows what this campaign asks for, done or not.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or path, optional
+    ///     The store; `default_store`.
+    #[pyo3(signature = (path=None))]
+    fn store(&self, path: Option<&Bound<'_, PyAny>>) -> PyResult<Store> {
+        Store::opened(StoreSource {
+            path: self.place("path", path)?,
+            campaign: Some(self.0.clone()),
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Campaign({:?}, {} runs)", self.0.name, self.0.cases.len())
+    }
+}
+
+impl Campaign {
+    fn place(&self, name: &str, store: Option<&Bound<'_, PyAny>>) -> PyResult<PathBuf> {
+        let store = store.map_or_else(
+            || Ok(self.0.default_store()),
+            |store| values::file(name, store),
+        )?;
+        Ok(std::path::absolute(store)?)
+    }
+}
+
+/// What a run is to do.
+#[derive(Clone, Copy)]
+struct Wanted {
+    workers: usize,
+    retry_failed: bool,
+    trajectory: bool,
+}
+
+/// Computes a campaign in threads of its own, while this one looks for Ctrl-C and moves the bar.
+fn compute(
+    py: Python<'_>,
+    campaign: &sweep::campaign::Campaign,
+    path: &std::path::Path,
+    wanted: Wanted,
+    bar: &Py<PyAny>,
+) -> PyResult<()> {
+    let stop = Stop::by_hand();
+    let workers = wanted.workers.min(campaign.cases.len().max(1));
+    let progress = Progress::new(Style::Quiet, workers, Box::new(std::io::sink()));
+    let work = || -> Result<(), sweep::Error> {
+        let mut store = OpenStore::open(path)?;
+        store.adopt(campaign)?;
+        if wanted.retry_failed {
+            store.retry_failed()?;
+        }
+        let counts = store.counts()?;
+        if counts.pending + counts.running > 0 {
+            let options = Options {
+                workers,
+                threads: wanted.workers,
+                wall_limit: None,
+                trajectory: wanted.trajectory,
+                observer: None,
+                stop: &stop,
+                progress: &progress,
+            };
+            compute_campaign(&mut store, campaign, options)?;
+        }
+        Ok(store.check_campaign()?)
+    };
+    let mut interrupted: Option<PyErr> = None;
+    let done = py.detach(|| {
+        std::thread::scope(|scope| {
+            let working = scope.spawn(work);
+            while !working.is_finished() {
+                std::thread::sleep(LOOK);
+                if interrupted.is_some() {
+                    continue;
+                }
+                let Standing {
+                    fraction,
+                    counts,
+                    message,
+                } = progress.standing();
+                let looked = Python::attach(|py| {
+                    py.check_signals()?;
+                    // Nothing is known before the store was read.
+                    if counts.total() > 0 {
+                        bar.call_method1(py, "update", (fraction, message))?;
+                    }
+                    Ok(())
+                });
+                if let Err(error) = looked {
+                    stop.ask(INTERRUPT);
+                    interrupted = Some(error);
+                }
+            }
+            working.join()
+        })
+    });
+    match (done, interrupted) {
+        (_, Some(interrupt)) => Err(interrupt),
+        (Ok(done), None) => done.map_err(raise),
+        (Err(panic), None) => std::panic::resume_unwind(panic),
+    }
+}
+
+/// Number of threads.
+fn threads(given: Option<&Bound<'_, PyAny>>) -> PyResult<usize> {
+    let Some(given) = given else {
+        return Ok(std::thread::available_parallelism().map_or(1, NonZeroUsize::get));
+    };
+    usize::try_from(values::count("workers", given)?)
+        .ok()
+        .filter(|workers| (1..=WORKER_LIMIT).contains(workers))
+        .ok_or_else(|| {
+            PyValueError::new_err(format!(
+                "workers: {given} is out of range: 1 to {WORKER_LIMIT}"
+            ))
+        })
+}
+
+fn warn(py: Python<'_>, words: &str) -> PyResult<()> {
+    let words = CString::new(words.replace('\0', " "))?;
+    PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &words, 1)
+}

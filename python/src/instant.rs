@@ -1,0 +1,257 @@
+//! One instant of one configuration.
+
+use crate::arrays::{Records, numbers, of_numbers, of_pairs, pairs};
+use crate::errors::raise;
+use crate::values;
+use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sd_core::contact::Contact;
+use sd_core::{NearFields, instant};
+use serde::Deserialize as _;
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+use sweep::cli::{InputError, InstantInput, configuration};
+
+/// Most size ratios whose tables are kept.
+const MOST_TABLES: usize = 100;
+
+/// Tables of unequal spheres that were needed so far, and their size ratios.
+static TABLES: Mutex<(Vec<f64>, Option<NearFields>)> = Mutex::new((Vec::new(), None));
+
+/// The tables that spheres of these radii need: those at hand, from the cache of the user, or solved.
+pub(crate) fn tables_of(py: Python<'_>, radii: &[f64]) -> PyResult<NearFields> {
+    let ratios = NearFields::ratios(radii);
+    // Those out of range are refused by name where they are used.
+    if ratios.iter().any(|ratio| !(0.01..=100.0).contains(ratio)) {
+        return Ok(NearFields::default());
+    }
+    py.detach(|| {
+        let mut known = TABLES.lock().unwrap_or_else(PoisonError::into_inner);
+        let (made_for, tables) = &mut *known;
+        let made = tables.get_or_insert_default();
+        if ratios.iter().all(|ratio| made.contains(*ratio)) {
+            return Ok(made.clone());
+        }
+        if made_for.len() > MOST_TABLES {
+            made_for.clear();
+        }
+        made_for.extend(ratios);
+        *made = sweep::tables::make(made_for, |_| ())?;
+        Ok(made.clone())
+    })
+    .map_err(|error: sd_core::Error| raise(error))
+}
+
+/// Motion, stresslets and contacts of a configuration. Units: radius a, viscosity mu and shear rate are 1.
+#[pyclass(frozen, module = "sheared_layers")]
+pub(crate) struct Solution {
+    /// Velocities minus the background flow at the own centre: array [N, 2].
+    #[pyo3(get)]
+    velocity_disturbance: Py<PyArray2<f64>>,
+    /// Angular velocities minus that of the background: array [N].
+    #[pyo3(get)]
+    angular_velocity_disturbance: Py<PyArray1<f64>>,
+    /// xx of the stresslets: array [N].
+    #[pyo3(get)]
+    stresslet_xx: Py<PyArray1<f64>>,
+    /// yy of the stresslets: array [N].
+    #[pyo3(get)]
+    stresslet_yy: Py<PyArray1<f64>>,
+    /// xy of the stresslets: array [N].
+    #[pyo3(get)]
+    stresslet_xy: Py<PyArray1<f64>>,
+    /// Relative viscosity in full; None in unbounded fluid, as are the next two.
+    #[pyo3(get)]
+    viscosity: Option<f64>,
+    /// Relative viscosity from the stresslets alone.
+    #[pyo3(get)]
+    viscosity_stresslet: Option<f64>,
+    /// v'Rv over volume and shear rate.
+    #[pyo3(get)]
+    dissipation: Option<f64>,
+    /// Seconds the computation itself took, without what came before and after it.
+    #[pyo3(get)]
+    computing_time_s: f64,
+    contacts: Vec<Contact>,
+}
+
+#[pymethods]
+impl Solution {
+    /// All candidate pairs, force 0 included: structured array with i, j, image [2], gap, normal [2], normal_force, tangential_force,
+    /// normal_velocity, slip_velocity, state.
+    #[getter]
+    fn contacts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let mut records = Records::default();
+        for contact in &self.contacts {
+            records.sphere(contact.pair.i);
+            records.sphere(contact.pair.j);
+            records.whole(contact.pair.image[0].into());
+            records.whole(contact.pair.image[1].into());
+            for number in [
+                contact.pair.gap,
+                contact.pair.normal.x,
+                contact.pair.normal.y,
+                contact.normal_force,
+                contact.tangential_force,
+                contact.normal_velocity,
+                contact.slip_velocity,
+            ] {
+                records.number(number);
+            }
+            records.state(contact.state);
+        }
+        records.array(
+            py,
+            &[
+                ("i", "i8", 1),
+                ("j", "i8", 1),
+                ("image", "i8", 2),
+                ("gap", "f8", 1),
+                ("normal", "f8", 2),
+                ("normal_force", "f8", 1),
+                ("tangential_force", "f8", 1),
+                ("normal_velocity", "f8", 1),
+                ("slip_velocity", "f8", 1),
+                ("state", "U12", 1),
+            ],
+        )
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let viscosity = match self.viscosity {
+            Some(viscosity) => format!("viscosity={viscosity:?}"),
+            None => "unbounded fluid".into(),
+        };
+        format!(
+            "Solution({} spheres, {} candidate pairs, {viscosity})",
+            self.stresslet_xy.bind(py).len(),
+            self.contacts.len()
+        )
+    }
+}
+
+/// Solve one instant of one configuration: who moves how, and who bears which force.
+///
+/// Lengths in sphere radii, forces in viscosity times radius squared times shear rate. Arrays of whole numbers and of narrower floats are
+/// converted; any strides will do.
+///
+/// Parameters
+/// ----------
+/// centres : array [N, 2]
+/// radii : array [N], optional
+///     1 each.
+/// cell : (float, float), optional
+///     Sides of the periodic cell; none is unbounded fluid.
+/// offset : float, optional
+///     Offset of the cell above, with `cell`; 0.
+/// hydrodynamics : str
+///     "stokesian-dynamics", "ball-melrose", or "lubrication", whose numbers may be given as `lubrication`.
+/// background : dict, optional
+///     {"rate_of_strain": {"xx": 0, "yy": 0, "xy": 0.5}, "angular_velocity": -0.5}, simple shear, is the default.
+/// forces : array [N, 2], optional
+/// torques : array [N], optional
+///     External ones; 0.
+/// contact : dict, optional
+///     {"scheme": "none"}; "listed" with "pairs"; "rigid" or "procedure" with "roughness", "friction", "critical_load" and "time_span" of
+///     rigid contacts; "laws" with these and "laws".
+/// **more
+///     Whatever else a file of `sweep solve` may have.
+///
+/// Returns
+/// -------
+/// Solution
+#[pyfunction]
+#[pyo3(signature = (
+    centres, *, radii=None, cell=None, offset=None, hydrodynamics=None, background=None, forces=None, torques=None, contact=None, **more
+), text_signature = "(centres, *, radii=None, cell=None, offset=None, hydrodynamics='stokesian-dynamics', background=None, forces=None, torques=None, contact=None, **more)")]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "keywords of Python, each with a default"
+)]
+pub(crate) fn solve(
+    py: Python<'_>,
+    centres: &Bound<'_, PyAny>,
+    radii: Option<&Bound<'_, PyAny>>,
+    cell: Option<&Bound<'_, PyAny>>,
+    offset: Option<&Bound<'_, PyAny>>,
+    hydrodynamics: Option<&Bound<'_, PyAny>>,
+    background: Option<&Bound<'_, PyAny>>,
+    forces: Option<&Bound<'_, PyAny>>,
+    torques: Option<&Bound<'_, PyAny>>,
+    contact: Option<&Bound<'_, PyAny>>,
+    more: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Solution> {
+    let mut written = more.map(values::table).transpose()?.unwrap_or_default();
+    for (name, given) in [
+        ("cell", cell),
+        ("offset", offset),
+        ("hydrodynamics", hydrodynamics),
+        ("background", background),
+        ("contact", contact),
+    ] {
+        if let Some(value) = given
+            .map(|given| values::value(name, given))
+            .transpose()?
+            .flatten()
+        {
+            written.insert(name.into(), value);
+        }
+    }
+    written
+        .entry("hydrodynamics")
+        .or_insert_with(|| "stokesian-dynamics".into());
+    // Read as arrays below.
+    written.insert("centres".into(), toml::Value::Array(Vec::new()));
+    let mut input = InstantInput::deserialize(written).map_err(|error| unreadable(&error))?;
+    input.centres = pairs("centres", centres)?;
+    input.radii = radii.map(|given| numbers("radii", given)).transpose()?;
+    input.forces = forces.map(|given| pairs("forces", given)).transpose()?;
+    input.torques = torques.map(|given| numbers("torques", given)).transpose()?;
+    let (configuration, request) = configuration(input).map_err(|error| match error {
+        InputError::Physics(error) => raise(error),
+        other => PyValueError::new_err(other.to_string()),
+    })?;
+    let tables = if configuration.hydrodynamics.needs_tables() {
+        tables_of(py, &configuration.radii)?
+    } else {
+        NearFields::default()
+    };
+    let (solved, computing_time_s) = py.detach(|| {
+        let begun = Instant::now();
+        let solved = instant::solve(&configuration, &request, &tables);
+        (solved, begun.elapsed().as_secs_f64())
+    });
+    let solved = solved.map_err(raise)?;
+    let stresslets = || (0..solved.stresslets.len()).map(|i| solved.stresslet(i));
+    let stress = solved.stress.as_ref();
+    Ok(Solution {
+        velocity_disturbance: of_pairs(py, solved.disturbances.iter().map(|v| [v[0], v[1]]))?,
+        angular_velocity_disturbance: of_numbers(py, solved.disturbances.iter().map(|v| v[2])),
+        stresslet_xx: of_numbers(py, stresslets().map(|s| s.0)),
+        stresslet_yy: of_numbers(py, stresslets().map(|s| s.1)),
+        stresslet_xy: of_numbers(py, stresslets().map(|s| s.2)),
+        viscosity: stress.map(|s| s.viscosity),
+        viscosity_stresslet: stress.map(|s| s.viscosity_stresslet),
+        dissipation: stress.map(|s| s.dissipation),
+        computing_time_s,
+        contacts: solved.contacts,
+    })
+}
+
+/// The exception for keywords that say something else than they should.
+fn unreadable(error: &toml::de::Error) -> PyErr {
+    let words = error.to_string();
+    let words: Vec<&str> = words
+        .lines()
+        .map(str::trim)
+        .filter(|line| !line.is_empty())
+        .collect();
+    let words = words.join(" ");
+    if error.message().starts_with("unknown field") {
+        PyTypeError::new_err(words)
+    } else {
+        PyValueError::new_err(words)
+    }
+}

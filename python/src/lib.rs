@@ -1,0 +1,48 @@
+//! The physics and the campaigns of this repository for Python.
+//!
+//! Nothing is computed here: `sd_core` and `sweep` do all the work, and this crate turns what comes from Python into what they take,
+//! and their answers and errors into what Python has. What belongs to numpy, Arrow or the keywords of Python stands here and nowhere else.
+//! ```text
+//! errors      errors of the program as exceptions, with the same words
+//! values      keywords as values of the campaign file's form, and back
+//! arrays      numpy arrays in and out, structured ones for contacts
+//! two_spheres scalars, pair
+//! instant     solve
+//! layer       a layer under shear, step by step
+//! table       a table of the program as Arrow
+//! campaign    campaigns: plan, run
+//! store       stores: points, runs, samples, frames, outlines of figures
+//! ```
+
+mod arrays;
+mod campaign;
+mod errors;
+mod instant;
+mod layer;
+mod store;
+mod table;
+mod two_spheres;
+mod values;
+
+/// The compiled part of `sheared_layers`.
+#[pyo3::pymodule]
+mod _core {
+    #[pymodule_export]
+    use crate::campaign::Campaign;
+    #[pymodule_export]
+    use crate::errors::{SimulationError, StoreError};
+    #[pymodule_export]
+    use crate::instant::{Solution, solve};
+    #[pymodule_export]
+    use crate::layer::Layer;
+    #[pymodule_export]
+    use crate::store::Store;
+    #[pymodule_export]
+    use crate::table::Table;
+    #[pymodule_export]
+    use crate::two_spheres::{Passed, pair, scalars};
+
+    /// Version of the package.
+    #[pymodule_export]
+    const __VERSION__: &str = env!("CARGO_PKG_VERSION");
+}

@@ -1,0 +1,339 @@
+//! Stores, read while anybody writes to them.
+
+use crate::errors::raise;
+use crate::table::Table;
+use crate::values;
+use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PyTuple};
+use sd_core::Sample;
+use sd_core::simulation::Frame;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use sweep::axes::{AXES, Axis};
+use sweep::campaign::Campaign;
+use sweep::data::numbered;
+use sweep::report::{Drawing, Kind, Report, Selection, outline, point_table, traces};
+use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
+use sweep::trajectory::{contact_table, sphere_table};
+
+/// The store of a campaign: all that was computed.
+///
+/// Every call reads what the store holds at that moment, while the command line or another notebook may go on writing to it.
+///
+/// Parameters
+/// ----------
+/// path : str or path
+///     The store; or a campaign file, whose name ends with .toml, for what that asks of its usual store.
+#[pyclass(frozen, module = "sheared_layers")]
+pub(crate) struct Store(StoreSource);
+
+impl Store {
+    pub(crate) fn of(source: StoreSource) -> Self {
+        Self(source)
+    }
+
+    /// A store that can be read.
+    pub(crate) fn opened(source: StoreSource) -> PyResult<Self> {
+        source.open().map_err(raise)?;
+        Ok(Self(source))
+    }
+
+    fn open(&self) -> PyResult<OpenStore> {
+        self.0.open().map_err(raise)
+    }
+
+    /// Reads what the store holds, while other threads of Python go on.
+    fn read<T: Send>(
+        &self,
+        py: Python<'_>,
+        read: impl Send + FnOnce(&OpenStore) -> Result<T, sweep::Error>,
+    ) -> PyResult<T> {
+        py.detach(|| {
+            let store = self.0.open()?;
+            read(&store)
+        })
+        .map_err(|error: sweep::Error| raise(error))
+    }
+
+    /// How many runs are done, in words.
+    pub(crate) fn standing(&self) -> PyResult<String> {
+        let counts = self.open()?.counts().map_err(raise)?;
+        let ended = counts.done + counts.jammed + counts.failed;
+        Ok(format!("{ended} of {} cases", counts.total()))
+    }
+
+    /// How many runs failed, and why the first of them did, if any did.
+    pub(crate) fn failures(&self) -> PyResult<Option<String>> {
+        let store = self.open()?;
+        let counts = store.counts().map_err(raise)?;
+        let first = store.failures(1).map_err(raise)?;
+        Ok(first.first().map(|first| {
+            format!(
+                "{} of {} runs failed; the first, {}: {}",
+                counts.failed,
+                counts.total(),
+                &first.key[..8],
+                first.error
+            )
+        }))
+    }
+
+    fn kept_frames(&self, py: Python<'_>, case: &str, every: usize) -> PyResult<Vec<StoredFrame>> {
+        self.read(py, |store| {
+            let key = store.key_of(case)?;
+            Ok(store.frames(&key, every)?)
+        })
+    }
+}
+
+#[pymethods]
+impl Store {
+    #[new]
+    fn new(path: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let path = values::file("path", path)?;
+        if path
+            .extension()
+            .is_some_and(|extension| extension == "toml")
+        {
+            let campaign = Campaign::read(&path).map_err(raise)?;
+            return Self::opened(StoreSource {
+                path: campaign.default_store(),
+                campaign: Some(campaign),
+            });
+        }
+        Self::opened(StoreSource {
+            path: std::path::absolute(path)?,
+            campaign: None,
+        })
+    }
+
+    /// Its file.
+    #[getter]
+    fn path(&self) -> PathBuf {
+        self.0.path.clone()
+    }
+
+    /// Runs by state: done, jammed, failed, running, pending.
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let counts = self.read(py, |store| Ok(store.counts()?))?;
+        values::answer(py, &counts)
+    }
+
+    /// The points of the campaign, averaged over seeds: the table that `sweep report --parquet` writes, a row a point.
+    ///
+    /// Parameters
+    /// ----------
+    /// where : dict, optional
+    ///     Only points with these values: ``{"friction": 0.3, "shear_rate": [0.1, math.inf]}``.
+    #[pyo3(signature = (*, r#where=None))]
+    fn points(&self, py: Python<'_>, r#where: Option<&Bound<'_, PyAny>>) -> PyResult<Table> {
+        let selection = selection(r#where)?;
+        let columns = self.read(py, |store| Ok(point_table(&Report::of(store, &selection)?)))?;
+        Table::of(columns)
+    }
+
+    /// The runs of the campaign, a row each: key, state, axes, seed, and what came out of each.
+    fn runs(&self, py: Python<'_>) -> PyResult<Table> {
+        Table::of(self.read(py, |store| Ok(store.runs()?))?)
+    }
+
+    /// The samples of a run in time; of one that is computed now, up to its last checkpoint.
+    ///
+    /// Parameters
+    /// ----------
+    /// case : str or int
+    ///     The beginning of its key, or its number in the campaign file, from 1.
+    fn samples(&self, py: Python<'_>, case: &Bound<'_, PyAny>) -> PyResult<Table> {
+        let case = name_of(case)?;
+        let samples = self.read(py, |store| Ok(store.samples(&store.key_of(&case)?)?))?;
+        let columns = numbered("step", &samples, &Sample::default())
+            .map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
+        Table::of(columns)
+    }
+
+    /// The spheres of a run at its kept strains, a row for each sphere and strain. Frames are kept by ``run(trajectory=True)``.
+    ///
+    /// Parameters
+    /// ----------
+    /// case : str or int
+    ///     The beginning of its key, or its number in the campaign file, from 1.
+    /// every : int
+    ///     Every how many of them.
+    #[pyo3(signature = (case, *, every=None), text_signature = "($self, case, *, every=1)")]
+    fn frames(
+        &self,
+        py: Python<'_>,
+        case: &Bound<'_, PyAny>,
+        every: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Table> {
+        let kept = self.kept_frames(py, &name_of(case)?, values::stride(every)?)?;
+        Table::of(sphere_table(&with_steps(&kept)))
+    }
+
+    /// The contacts of the same frames, a row for each contact and strain.
+    #[pyo3(signature = (case, *, every=None), text_signature = "($self, case, *, every=1)")]
+    fn contacts(
+        &self,
+        py: Python<'_>,
+        case: &Bound<'_, PyAny>,
+        every: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Table> {
+        let kept = self.kept_frames(py, &name_of(case)?, values::stride(every)?)?;
+        Table::of(contact_table(&with_steps(&kept)))
+    }
+
+    /// Draw the results with matplotlib, with the look of `sweep report --figure`.
+    ///
+    /// Parameters
+    /// ----------
+    /// kind : str
+    ///     "viscosity", "contacts", "trace", "normal-stress", "approach-velocity".
+    /// quantity : str, optional
+    ///     Of kind "viscosity": "viscosity", "viscosity_stresslet" or "viscosity_median".
+    /// along : str, optional
+    ///     The axis it runs along; the shear rate where it varies.
+    /// where : dict, optional
+    ///     Only these points, as in `points`.
+    /// cases : list of str, optional
+    ///     Of kind "trace": the runs, by the beginnings of their keys.
+    /// ax : matplotlib axes, optional
+    ///     Where to draw; a new figure.
+    ///
+    /// Returns
+    /// -------
+    /// matplotlib axes
+    #[pyo3(
+        signature = (kind=None, *, quantity=None, along=None, r#where=None, cases=None, ax=None),
+        text_signature = "($self, kind='viscosity', *, quantity=None, along=None, where=None, cases=None, ax=None)"
+    )]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keywords of Python, each with a default"
+    )]
+    fn plot<'py>(
+        &self,
+        py: Python<'py>,
+        kind: Option<&Bound<'py, PyAny>>,
+        quantity: Option<&Bound<'py, PyAny>>,
+        along: Option<&Bound<'py, PyAny>>,
+        r#where: Option<&Bound<'py, PyAny>>,
+        cases: Option<&Bound<'py, PyAny>>,
+        ax: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let drawing = Drawing {
+            kind: word("kind", kind)?,
+            quantity: word("quantity", quantity)?,
+            along: along.map(axis).transpose()?,
+        };
+        let selection = selection(r#where)?;
+        let cases = match cases {
+            Some(cases) => values::texts("cases", cases)?,
+            None => Vec::new(),
+        };
+        let outline = self.read(py, |store| {
+            let report = Report::of(store, &selection)?;
+            let traces = match drawing.kind {
+                Kind::Trace => traces(store, &selection, &cases)?,
+                _ => Vec::new(),
+            };
+            Ok(outline(&report, &traces, drawing)?)
+        })?;
+        py.import("sheared_layers._plot")?
+            .call_method1("draw", (values::answer(py, &outline)?, ax))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let counts = self.read(py, |store| Ok(store.counts()?))?;
+        Ok(format!(
+            "Store({}, {} of {} runs done)",
+            self.0.path.display(),
+            counts.done + counts.jammed,
+            counts.total()
+        ))
+    }
+}
+
+fn with_steps(frames: &[StoredFrame]) -> Vec<(u64, &Frame)> {
+    frames.iter().map(|kept| (kept.step, &kept.frame)).collect()
+}
+
+/// A case as the command line names it.
+fn name_of(case: &Bound<'_, PyAny>) -> PyResult<String> {
+    if let Ok(key) = case.extract::<String>() {
+        return Ok(key);
+    }
+    match case.extract::<usize>().map(NonZeroUsize::new) {
+        Ok(Some(number)) => Ok(number.to_string()),
+        _ => Err(PyTypeError::new_err(format!(
+            "case: {} came: the beginning of a key, or the number of a run, from 1",
+            values::shown(case)
+        ))),
+    }
+}
+
+/// The points meant by a dictionary.
+fn selection(given: Option<&Bound<'_, PyAny>>) -> PyResult<Selection> {
+    let given = given
+        .map(|given| values::dict("where", given))
+        .transpose()?;
+    let mut texts = Vec::new();
+    for (key, value) in given.iter().flatten() {
+        let key = key.str()?.to_string();
+        let values: Vec<Bound<'_, PyAny>> = if value.cast::<PyList>().is_ok()
+            || value.cast::<PyTuple>().is_ok()
+            || value.hasattr("tolist")?
+        {
+            let several = py_list(&value)?;
+            several.iter().collect()
+        } else {
+            vec![value]
+        };
+        let values: Vec<String> = values
+            .iter()
+            .map(|value| value.str().map(|text| text.to_string()))
+            .collect::<PyResult<_>>()?;
+        texts.push(format!("{key}={}", values.join(",")));
+    }
+    Selection::parse(&texts).map_err(raise)
+}
+
+/// A list, a tuple, an array or a scalar of numpy as a list.
+fn py_list<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyList>> {
+    let plain = if value.hasattr("tolist")? {
+        value.call_method0("tolist")?
+    } else {
+        value.clone()
+    };
+    match plain.try_iter() {
+        Ok(entries) => PyList::new(value.py(), entries.collect::<PyResult<Vec<_>>>()?),
+        Err(_) => PyList::new(value.py(), [plain]),
+    }
+}
+
+/// A choice by its word, as the command line has it.
+fn word<T: clap::ValueEnum + Default>(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<T> {
+    let Some(given) = given else {
+        return Ok(T::default());
+    };
+    let given = values::text(name, given)?;
+    T::from_str(&given, false).map_err(|_| {
+        let known = T::value_variants().iter();
+        let known: Vec<String> = known
+            .filter_map(T::to_possible_value)
+            .map(|value| format!("{:?}", value.get_name()))
+            .collect();
+        PyValueError::new_err(format!("{name}: {given:?} came: {}", known.join(", ")))
+    })
+}
+
+/// An axis that a figure can run along.
+fn axis(given: &Bound<'_, PyAny>) -> PyResult<&'static Axis> {
+    let given = values::text("along", given)?;
+    let found = Axis::of_key(&given).filter(|axis| axis.is_numeric());
+    found.ok_or_else(|| {
+        let known = AXES.iter().filter(|axis| axis.is_numeric());
+        let known: Vec<&str> = known.map(|axis| axis.key).collect();
+        PyValueError::new_err(format!("along: {given:?} came: {}", known.join(", ")))
+    })
+}

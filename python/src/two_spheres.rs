@@ -1,0 +1,179 @@
+//! Two spheres: their resistance functions, and one driven past the other.
+
+use crate::arrays::with_numbers;
+use crate::errors::raise;
+use crate::instant::tables_of;
+use crate::values;
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sd_core::pair::{Passing, pass_while};
+use std::time::{Duration, Instant};
+use sweep::cli::named_scalars;
+
+/// Time from one look for Ctrl-C to the next.
+pub(crate) const LOOK: Duration = Duration::from_millis(50);
+
+/// Resistance functions of two spheres, normalised as in Kim & Karrila.
+///
+/// Parameters
+/// ----------
+/// size_ratio : float
+///     Radius of the second sphere over that of the first, 0.01 to 100.
+/// separation : float or array of floats
+///     s' = 2 r / (a1 + a2), above 2.
+///
+/// Returns
+/// -------
+/// dict
+///     For each of XA, YA, YB, YC, XG, YG, YH, XM, YM, ZM an array of shape ``(..., 2)``: the shape of `separation`, and the function of
+///     the sphere's own motion (11) and of the other's (12). A in 6 pi mu a1; B, G in 4 pi mu a1^2; C, H in 8 pi mu a1^3; M in
+///     (20/3) pi mu a1^3.
+#[pyfunction]
+pub(crate) fn scalars<'py>(
+    py: Python<'py>,
+    size_ratio: &Bound<'py, PyAny>,
+    separation: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let size_ratio = values::number("size_ratio", size_ratio)?;
+    let array = with_numbers("separation", separation, "of separations")?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    let flat = array.call_method1("reshape", (-1,))?;
+    let flat = flat.cast::<PyArray1<f64>>()?.try_readonly()?;
+    let separations: Vec<f64> = flat.as_array().iter().copied().collect();
+    let mut values = Vec::with_capacity(separations.len());
+    for separation in separations {
+        let found = py.detach(|| sd_core::two_sphere::scalars(size_ratio, separation));
+        values.push(named_scalars(&found.map_err(raise)?));
+        py.check_signals()?;
+    }
+    let names = named_scalars(&sd_core::two_sphere::scalars(1.0, 3.0).map_err(raise)?);
+    let answer = PyDict::new(py);
+    for (place, (name, _)) in names.iter().enumerate() {
+        let column: Vec<f64> = values.iter().flat_map(|of_all| of_all[place].1).collect();
+        let mut shape = shape.clone();
+        shape.push(2);
+        let column = PyArray1::from_vec(py, column).call_method1("reshape", (shape,))?;
+        answer.set_item(name, column)?;
+    }
+    Ok(answer)
+}
+
+/// How two spheres passed each other.
+#[pyclass(frozen, module = "sheared_layers")]
+pub(crate) struct Passed {
+    /// y of the first sphere at the end, in radii of the first.
+    #[pyo3(get)]
+    final_offset: f64,
+    /// Rotation of each sphere, in degrees, anticlockwise: array [2].
+    #[pyo3(get)]
+    rotation_degrees: Py<PyArray1<f64>>,
+    /// Smallest gap met.
+    #[pyo3(get)]
+    minimum_gap: f64,
+    /// Time taken, in mu a^2 / force.
+    #[pyo3(get)]
+    time: f64,
+    /// t, x1, y1, theta1, x2, y2, theta2 at each step: array [steps, 7], angles in radians.
+    #[pyo3(get)]
+    path: Py<PyArray2<f64>>,
+}
+
+#[pymethods]
+impl Passed {
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!(
+            "Passed(final_offset={:?}, minimum_gap={:?}, time={:?}, path=array [{}, 7])",
+            self.final_offset,
+            self.minimum_gap,
+            self.time,
+            self.path.bind(py).shape()[0]
+        )
+    }
+}
+
+/// Drive two spheres past each other.
+///
+/// Unbounded fluid, radii 1 and `size_ratio`, forces +1 and -1 along x from (-start, offset) and (start, -offset), critical load 0, until
+/// the first is as far ahead as it was behind. Lengths in radii of the first sphere.
+///
+/// Parameters
+/// ----------
+/// size_ratio : float
+///     Radius of the second sphere, 0.01 to 100.
+/// roughness, friction : float
+///     Roughness height, above 0 and below 0.5; friction coefficient, 0 to 10.
+/// contact : bool
+///     False for smooth spheres, of which `roughness` and `friction` say nothing.
+/// offset, start : float
+///     Half the offset of the paths, and half the distance along x, at the start.
+/// time_step : float
+///     In mu a^2 / force.
+///
+/// Returns
+/// -------
+/// Passed
+#[pyfunction]
+#[pyo3(
+    signature = (size_ratio=None, *, roughness=None, friction=None, contact=None, offset=None, start=None, time_step=None),
+    text_signature = "(size_ratio=1.0, *, roughness=0.05, friction=0.0, contact=True, offset=0.25, start=5.0, time_step=0.05)"
+)]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "keywords of Python, each with a default"
+)]
+pub(crate) fn pair<'py>(
+    py: Python<'py>,
+    size_ratio: Option<&Bound<'py, PyAny>>,
+    roughness: Option<&Bound<'py, PyAny>>,
+    friction: Option<&Bound<'py, PyAny>>,
+    contact: Option<&Bound<'py, PyAny>>,
+    offset: Option<&Bound<'py, PyAny>>,
+    start: Option<&Bound<'py, PyAny>>,
+    time_step: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Passed> {
+    let number = |name, given: Option<&Bound<'py, PyAny>>, default| {
+        given.map_or(Ok(default), |given| values::number(name, given))
+    };
+    let size_ratio = number("size_ratio", size_ratio, 1.0)?;
+    let surface = (
+        number("roughness", roughness, 0.05)?,
+        number("friction", friction, 0.0)?,
+    );
+    let passing = Passing {
+        size_ratio,
+        contact: values::flag("contact", contact, true)?.then_some(surface),
+        offset: number("offset", offset, 0.25)?,
+        start: number("start", start, 5.0)?,
+        time_step: number("time_step", time_step, 0.05)?,
+    };
+    let tables = tables_of(py, &[1.0, size_ratio])?;
+    let mut interrupted = None;
+    let passed = py.detach(|| {
+        let mut looked = Instant::now();
+        pass_while(&passing, &tables, || {
+            if looked.elapsed() < LOOK {
+                return true;
+            }
+            looked = Instant::now();
+            interrupted = Python::attach(|py| py.check_signals().err());
+            interrupted.is_none()
+        })
+    });
+    if let Some(interrupt) = interrupted {
+        return Err(interrupt);
+    }
+    let passed = passed
+        .map_err(raise)?
+        .expect("only an interrupt stops them, and there was none");
+    let path: Vec<f64> = passed.path.iter().flatten().copied().collect();
+    Ok(Passed {
+        final_offset: passed.final_offset,
+        rotation_degrees: PyArray1::from_vec(py, passed.rotation_degrees.to_vec()).unbind(),
+        minimum_gap: passed.minimum_gap,
+        time: passed.time,
+        path: PyArray1::from_vec(py, path)
+            .reshape([passed.path.len(), 7])?
+            .unbind(),
+    })
+}

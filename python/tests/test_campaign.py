@@ -1,0 +1,247 @@
+"""Campaigns: the same as those of the command line, on the same store."""
+
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from conftest import PARAMS, PROTOCOL, SWEEP, command, refused, small_campaign
+
+import sheared_layers as sl
+
+
+def write(campaign, folder):
+    path = folder / f"{campaign.name}.toml"
+    path.write_text(campaign.text)
+    return path
+
+
+def test_keywords_are_the_campaign_of_a_file(tmp_path):
+    made = small_campaign()
+    read = sl.Campaign.from_toml(write(made, tmp_path))
+    assert (read.name, len(read), read.text) == (made.name, len(made), made.text) == ("small", 4, read.text)
+    as_list = sl.Campaign(
+        "small",
+        protocol=PROTOCOL,
+        grid=[{**PARAMS, "shear_rate": np.array([0.1, math.inf]), "seeds": np.int64(2)}],
+    )
+    assert as_list.text == made.text
+    assert read.default_store == tmp_path / "results/small.sqlite"
+
+
+def test_the_command_line_gives_the_same_results_to_the_bit(store, tmp_path):
+    file = write(small_campaign(), tmp_path)
+    there = command("run", file, "--store", tmp_path / "there.sqlite", "--quiet")
+    points = store.points()
+    assert len(points) == len(there["points"]) == 2
+    skipped = {"wall_time_s", "cpu_time_s"}
+    for name in points.columns:
+        theirs = [point[name] for point in there["points"]]
+        if name in skipped or name not in there["points"][0]:
+            continue
+        mine = [None if isinstance(v, float) and math.isnan(v) else v for v in points[name].tolist()]
+        assert mine == [math.inf if value == "inf" else value for value in theirs], name
+    with_store = command("report", store.path)
+    assert with_store["points"][0]["viscosity"] == points["viscosity"][0]
+
+
+def test_the_command_line_goes_on_where_python_was(tmp_path):
+    campaign = small_campaign()
+    path = tmp_path / "shared.sqlite"
+    campaign.run(path, progress=False)
+    more = small_campaign(seeds=3)
+    file = write(more, tmp_path)
+    command("run", file, "--store", path, "--quiet")
+    store = more.store(path)
+    assert store.counts()["done"] == 6
+    assert sorted(set(store.points()["seeds"])) == [3]
+
+
+def test_both_compute_one_store_at_the_same_time(tmp_path):
+    campaign = small_campaign(seeds=6)
+    path = tmp_path / "shared.sqlite"
+    file = write(campaign, tmp_path)
+    other = subprocess.Popen([SWEEP, "run", file, "--store", path, "--quiet"], stdout=subprocess.DEVNULL)
+    store = campaign.run(path, progress=False, workers=1)
+    assert other.wait() == 0
+    assert store.counts() == {"done": 12, "jammed": 0, "failed": 0, "running": 0, "pending": 0}
+
+
+def test_a_store_is_read_while_another_thread_runs_it(tmp_path):
+    campaign = small_campaign(seeds=6)
+    path = tmp_path / "shared.sqlite"
+    running = threading.Thread(target=lambda: campaign.run(path, progress=False))
+    running.start()
+    seen = []
+    while running.is_alive():
+        if path.exists():
+            try:
+                seen.append(campaign.store(path).counts()["done"])
+            except ValueError:  # not a store yet: the very first moment
+                pass
+    running.join()
+    assert seen == sorted(seen) and campaign.store(path).counts()["done"] == 12
+
+
+def test_plan_is_that_of_the_command(tmp_path):
+    campaign = small_campaign()
+    plan = campaign.plan(workers=2)
+    there = command("plan", write(campaign, tmp_path), "--workers", 2)
+    assert plan.keys() == there.keys()
+    for name in ["campaign", "cases", "points", "axes", "workers", "disk_bytes"]:
+        assert plan[name] == there[name], name
+
+
+def test_progress_is_told_and_the_bar_is_drawn(tmp_path, capsys):
+    told = []
+    small_campaign(seeds=8).run(tmp_path / "a.sqlite", progress=lambda fraction, text: told.append((fraction, text)))
+    assert all(0 <= fraction <= 1 and "cases" in text for fraction, text in told)
+    assert told[-1] == (1.0, "16 of 16 cases") and told == sorted(told, key=lambda at: at[0])
+    small_campaign().run(tmp_path / "b.sqlite", progress=True)
+    assert "4 of 4 cases" in capsys.readouterr().err
+
+
+INTERRUPTED = """
+import sys, sheared_layers as sl
+try:
+    sl.Campaign.from_toml(sys.argv[1]).run(sys.argv[2], progress=lambda fraction, text: print("at work", flush=True))
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def is_at_work(campaign, path):
+    """Whether a run is computed in the store."""
+    try:
+        return campaign.store(path).counts()["running"] > 0
+    except (FileNotFoundError, ValueError):  # not there, or not a store yet
+        return False
+
+
+def test_an_interrupted_run_goes_on_with_the_same_bits(tmp_path):
+    long = sl.Campaign("long", protocol={**PROTOCOL, "strain": 20.0}, seeds=2, **PARAMS)
+    short = sl.Campaign("long", protocol=PROTOCOL, seeds=2, **PARAMS)
+    file, path = write(long, tmp_path), tmp_path / "long.sqlite"
+    running = subprocess.Popen([sys.executable, "-c", INTERRUPTED, file, path], stdout=subprocess.PIPE, text=True)
+    while not is_at_work(long, path):
+        running.stdout.readline()
+    time.sleep(0.3)
+    running.send_signal(signal.SIGINT)
+    begun = time.monotonic()
+    rest = running.stdout.read()
+    assert running.wait() == 0 and rest.endswith("interrupted\n")
+    assert time.monotonic() - begun < 5
+    counts = long.store(path).counts()
+    assert counts["pending"] == 2 and counts["running"] == 0 and counts["failed"] == 0
+    # Half of what it was: what was computed serves, whether it is more or less than is asked for now.
+    here = short.run(path, progress=False).points()
+    there = short.run(tmp_path / "other.sqlite", progress=False).points()
+    for name in ["viscosity", "viscosity_stresslet", "minimum_gap", "contacts_per_sphere"]:
+        np.testing.assert_array_equal(here[name], there[name], name)
+
+
+STEPPING = """
+import sheared_layers as sl, os, signal, threading
+layer = sl.Layer({}, 1)
+threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+try:
+    layer.shear(1e4)
+except KeyboardInterrupt:
+    print(layer.steps, len(layer.positions))
+    layer.step()
+    print(layer.steps)
+threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+try:
+    sl.pair(time_step=1e-6)
+except KeyboardInterrupt:
+    print("pair")
+"""
+
+
+def test_ctrl_c_stops_at_the_next_step():
+    done = subprocess.run(
+        [sys.executable, "-c", STEPPING.format(PARAMS)], capture_output=True, text=True, timeout=60, check=True
+    )
+    steps, more, pair = done.stdout.split("\n")[:3]
+    assert int(more) == int(steps.split()[0]) + 1 and int(more) > 1 and pair == "pair"
+
+
+def test_failed_runs_are_a_warning(tmp_path):
+    # A budget of memory or time cannot be had here, so the failure of a run is written into the store.
+    import sqlite3
+
+    campaign = small_campaign()
+    path = tmp_path / "failed.sqlite"
+    campaign.run(path, progress=False)
+    with sqlite3.connect(path) as connection:
+        connection.execute("UPDATE cases SET state = 'failed' WHERE position = 0")
+        connection.execute(
+            "INSERT INTO failures (case_id, attempt, error, step, strain, process, failed_at)"
+            " SELECT id, 1, 'it fell over', 3, 0.1, 1, 0 FROM cases WHERE position = 0"
+        )
+    with pytest.warns(RuntimeWarning, match="1 of 4 runs failed.*it fell over"):
+        store = campaign.run(path, progress=False)
+    assert store.counts()["failed"] == 1
+    assert campaign.run(path, progress=False, retry_failed=True).counts()["done"] == 4
+
+
+@pytest.mark.parametrize(
+    ("call", "kind", "words"),
+    [
+        (lambda: sl.Campaign("Big Name", seeds=1, **PARAMS), ValueError, ["name", "a-z"]),
+        (lambda: sl.Campaign("a", seeds=1, **{**PARAMS, "friction": [0.1, -2]}), ValueError, ["friction", "-2", "0 to 10"]),
+        (lambda: sl.Campaign("a", seeds=0, **PARAMS), ValueError, ["seeds"]),
+        (lambda: sl.Campaign("a", **PARAMS), ValueError, ["seeds"]),
+        (lambda: sl.Campaign("a", seeds=1, fricton=0.3, **PARAMS), ValueError, ["fricton", "friction"]),
+        (lambda: sl.Campaign("a", protocol={"stran": 1.0}, seeds=1, **PARAMS), ValueError, ["stran", "strain"]),
+        (lambda: sl.Campaign("a", protocol={"strain": "long"}, seeds=1, **PARAMS), ValueError, ["strain"]),
+        (lambda: sl.Campaign("a", protocol=3, seeds=1, **PARAMS), TypeError, ["protocol"]),
+        (lambda: sl.Campaign("a", seeds={1, 2}, **PARAMS), TypeError, ["seeds", "{1, 2}", "a list"]),
+        (lambda: sl.Campaign("a", grid=[PARAMS], seeds=1), TypeError, ["seeds", "grid"]),
+        (lambda: sl.Campaign("a", grid=[]), ValueError, ["grid"]),
+        (lambda: sl.Campaign("a"), ValueError, ["grid"]),
+        (lambda: sl.Campaign(), TypeError, ["name"]),
+        (lambda: sl.Campaign.from_toml("nowhere.toml"), FileNotFoundError, ["nowhere.toml"]),
+        (lambda: sl.Campaign.from_toml(os.devnull), ValueError, ["name"]),
+        (lambda: sl.Store("nowhere.sqlite"), FileNotFoundError, ["nowhere.sqlite"]),
+        (lambda: sl.Store(__file__), ValueError, ["test_campaign.py"]),
+        (lambda: sl.Store(3), TypeError, ["path"]),
+        (lambda: small_campaign().plan(workers=0), ValueError, ["workers", "0", "1 to 4096"]),
+        (lambda: small_campaign().run("x.sqlite", workers=10**6), ValueError, ["workers", "1 to 4096"]),
+        (lambda: small_campaign().run("x.sqlite", workers="all"), TypeError, ["workers"]),
+        (lambda: small_campaign().run("x.sqlite", progress=3), TypeError, ["progress", "int"]),
+        (lambda: small_campaign().run("x.sqlite", jobs=3), TypeError, ["jobs"]),
+    ],
+)
+def test_bad_input_is_named_and_writes_nothing(call, kind, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(kind) as raised:
+        call()
+    for word in words:
+        assert word in str(raised.value), raised.value
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_errors_have_the_words_of_the_command(tmp_path):
+    file = tmp_path / "bad.toml"
+    file.write_text(small_campaign().text.replace("friction = 0.5", "friction = -0.5"))
+    with pytest.raises(ValueError) as raised:
+        sl.Campaign.from_toml(file)
+    # The command breaks lines where the terminal ends.
+    there, here = (re.sub(r"[\s│]", "", text) for text in (refused("plan", file), str(raised.value)))
+    assert here in there
+
+
+def test_an_error_of_the_callback_ends_the_run(tmp_path):
+    def broken(fraction, text):
+        raise ZeroDivisionError("mine")
+
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        small_campaign(seeds=50).run(tmp_path / "a.sqlite", progress=broken)
+    assert small_campaign(seeds=50).store(tmp_path / "a.sqlite").counts()["running"] == 0

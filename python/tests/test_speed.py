@@ -1,0 +1,102 @@
+"""What the package costs above the program itself. Least times of several tries, since the machine may be busy."""
+
+import re
+import sqlite3
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from conftest import PARAMS
+
+import sheared_layers as sl
+
+
+def test_solving_costs_twenty_microseconds_more_than_the_solver():
+    layer = sl.Layer({**PARAMS, "spheres": 90}, 1)
+    centres, side = layer.positions.copy(), layer.side
+    contact = {"scheme": "rigid", "roughness": 0.01, "friction": 0.5, "critical_load": 1.9}
+
+    def overhead():
+        begun = time.perf_counter()
+        solved = sl.solve(centres, cell=(side, side), hydrodynamics="ball-melrose", contact=contact)
+        return time.perf_counter() - begun - solved.computing_time_s
+
+    least = min(overhead() for _ in range(300))
+    print(f"\nsolve of 90 spheres: {1e6 * least:.1f} us above the solver")
+    assert least < 20e-6
+
+
+@pytest.mark.parametrize("hydrodynamics", ["ball-melrose", "stokesian-dynamics"])
+def test_a_step_costs_less_than_a_hundredth_more(hydrodynamics):
+    layer = sl.Layer({**PARAMS, "spheres": 90, "hydrodynamics": hydrodynamics}, 1)
+
+    def share():
+        begun, computed = time.perf_counter(), layer.computing_time_s
+        layer.step()
+        took, computed = time.perf_counter() - begun, layer.computing_time_s - computed
+        return (took - computed) / computed
+
+    least = min(share() for _ in range(60))
+    print(f"\nstep of 90 spheres, {hydrodynamics}: {100 * least:.2f} % above the solver")
+    assert least < 0.01
+
+
+def test_importing_takes_fifty_milliseconds():
+    def once():
+        done = subprocess.run(
+            [sys.executable, "-X", "importtime", "-c", "import sheared_layers"], capture_output=True, text=True, check=True
+        )
+        assert "numpy" not in done.stderr
+        return int(re.search(r"\|\s*(\d+) \| sheared_layers$", done.stderr, re.MULTILINE)[1])
+
+    least = min(once() for _ in range(5))
+    print(f"\nimport: {least / 1e3:.1f} ms")
+    assert least < 50_000
+
+
+@pytest.fixture(scope="module")
+def large_store(tmp_path_factory):
+    """A store of 100 000 finished runs: a few computed, and the others with results like theirs."""
+    path = tmp_path_factory.mktemp("large") / "large.sqlite"
+    axes = {**PARAMS, "friction": np.linspace(0.0, 1.0, 50), "shear_rate": np.geomspace(0.01, 100.0, 50)}
+    campaign = sl.Campaign("large", protocol={"strain": 0.02, "discard": 0.0, "sample_every": 0.005}, seeds=40, **axes)
+    assert len(campaign) == 100_000
+
+    def stop(fraction, text):
+        if path.exists() and path.stat().st_size > 1e7 and campaign.store(path).counts()["done"] > 10:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        campaign.run(path, progress=stop)
+    with sqlite3.connect(path) as connection:
+        columns = [row[1] for row in connection.execute("PRAGMA table_info(results)")][1:]
+        names = ", ".join(columns)
+        connection.execute(
+            f"INSERT INTO results (case_id, {names}) SELECT c.id, {', '.join('r.' + name for name in columns)}"
+            " FROM cases c, (SELECT * FROM results LIMIT 1) r WHERE c.id NOT IN (SELECT case_id FROM results)"
+        )
+        connection.execute("UPDATE cases SET state = 'done', owner = NULL")
+    return sl.Store(path)
+
+
+def test_points_of_a_hundred_thousand_runs_take_half_a_second(large_store):
+    def once():
+        # Computing time, which a busy machine does not change; nothing is waited for.
+        begun = time.process_time()
+        points = large_store.points()
+        took = time.process_time() - begun
+        assert len(points) == 2500 and set(points["seeds"]) == {40}
+        return took
+
+    least = min(once() for _ in range(3))
+    print(f"\npoints of 100 000 runs: {least:.3f} s")
+    assert least < 0.5
+
+
+def test_runs_of_a_hundred_thousand_are_a_table(large_store):
+    begun = time.perf_counter()
+    runs = large_store.runs()
+    print(f"\n100 000 runs: {time.perf_counter() - begun:.3f} s")
+    assert len(runs) == 100_000
