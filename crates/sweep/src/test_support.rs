@@ -45,7 +45,7 @@ pub(crate) fn sample(strain: f64) -> Sample {
         viscosity_stresslet: 4.5,
         normal_stress_difference: -0.3,
         stress: stress(),
-        shear_rate: f64::INFINITY,
+        shear_rate: 10.0,
         dissipation: 6.0,
         contacts: 60,
         activated: 30,

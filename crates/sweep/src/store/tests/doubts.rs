@@ -97,12 +97,15 @@ fn runs_of_older_programs_are_judged_when_their_store_is_read_or_opened() {
     let store = half_doubtful(directory.path());
     let path = store.path().to_owned();
     drop(store);
+    let newer = include_str!("../schema_9.sql")
+        .replace(" ADD COLUMN", " DROP COLUMN")
+        .replace(" REAL;", ";");
     rusqlite::Connection::open(&path)
         .unwrap()
-        .execute_batch(
-            "DROP VIEW runs; DROP VIEW viscosity_vs_shear_rate; ALTER TABLE results DROP COLUMN doubts;
+        .execute_batch(&format!(
+            "DROP VIEW runs; DROP VIEW viscosity_vs_shear_rate; {newer} ALTER TABLE results DROP COLUMN doubts;
              DROP TABLE checksums; DROP TABLE log; PRAGMA user_version = 6",
-        )
+        ))
         .unwrap();
     let doubtful = |store: &Store| {
         let runs = store.point_runs().unwrap();

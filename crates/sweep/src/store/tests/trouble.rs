@@ -319,7 +319,8 @@ fn damage_anywhere_neither_crashes_nor_lets_wrong_numbers_through() {
         }
     }
     assert!(
-        saved_some > 5 && refused <= 4,
+        // Since schema 9 the list of tables takes a page more.
+        saved_some > 5 && refused <= 5,
         "{saved_some} saved, {refused} refused"
     );
 }
