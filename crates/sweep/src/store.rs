@@ -298,7 +298,13 @@ impl Store {
     fn put_back(&self, loss: Loss, rescued: &Path) -> String {
         let path = &self.path;
         let placed = match loss {
-            Loss::Replaced => None,
+            Loss::Replaced => {
+                // Our own log is none of the file that has the name now, which could not be opened beside it.
+                if self.files.as_ref().is_some_and(Files::has_own_log) {
+                    let _ = set_aside(path);
+                }
+                None
+            }
             Loss::Deleted => {
                 // Our own log without its file; all of it is in what was rescued.
                 if self.files.as_ref().is_some_and(Files::has_own_log) {

@@ -211,3 +211,75 @@ fn store_somebody_works_on_is_not_moved_by_salvage() {
     store.leave().unwrap();
     salvage_in_place(store.path(), None).unwrap();
 }
+
+/// A whole store, and the tables made of it.
+static WHOLE: std::sync::LazyLock<(Vec<u8>, String)> = std::sync::LazyLock::new(|| {
+    let directory = tempfile::tempdir().unwrap();
+    let store = ended(directory.path());
+    let path = store.path().to_owned();
+    drop(store);
+    let tables = tables(&path).unwrap();
+    (std::fs::read(path).unwrap(), tables)
+});
+
+/// All that a report says of a store.
+fn tables(path: &Path) -> Result<String, crate::report::ReportError> {
+    let store = Store::open_read_only(path)?;
+    let report = crate::report::Report::of(&store, &crate::report::Selection::default())?;
+    let mut tables = Vec::new();
+    crate::report::write_text(&report, None, &mut tables)?;
+    crate::report::write_json(&report, &mut tables)?;
+    Ok(String::from_utf8(tables).unwrap())
+}
+
+/// One of the ways in which a file is damaged.
+fn damaged(whole: &[u8], way: u8, at: usize, other: usize, put: &[u8]) -> Vec<u8> {
+    const PAGE: usize = 4096;
+    let mut bytes = whole.to_vec();
+    let (at, other) = (at % bytes.len(), other % bytes.len());
+    let page = at / PAGE * PAGE;
+    match way % 4 {
+        0 => {
+            for (place, byte) in bytes[at..].iter_mut().zip(put) {
+                *place = *byte;
+            }
+        }
+        1 => bytes[page..page + PAGE].fill(put[0]),
+        2 => bytes.copy_within(page..page + PAGE, other / PAGE * PAGE),
+        _ => bytes.truncate(at),
+    }
+    bytes
+}
+
+/// How many files are damaged where other properties have so many cases: each takes a hundred times as long.
+fn some(cases: u32) -> proptest::test_runner::Config {
+    proptest::test_runner::Config::with_cases(cases.div_ceil(32))
+}
+
+proptest::proptest! {
+    #![proptest_config(some(proptest::test_runner::Config::default().cases))]
+    #[test]
+    fn random_damage_crashes_no_reader_and_gives_no_other_table(
+        way in proptest::prelude::any::<u8>(),
+        at in proptest::prelude::any::<usize>(),
+        other in proptest::prelude::any::<usize>(),
+        put in proptest::collection::vec(proptest::prelude::any::<u8>(), 1..20),
+    ) {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("damaged.sqlite");
+        std::fs::write(&path, damaged(&WHOLE.0, way, at, other, &put)).unwrap();
+        if let Ok(tables) = tables(&path) {
+            proptest::prop_assert_eq!(&tables, &WHOLE.1);
+        }
+        // What is saved of it is whole: nothing but what was computed.
+        let to = directory.path().join("saved.sqlite");
+        if salvage(&path, &to, Some(&campaign(CAMPAIGN))).is_ok() {
+            let saved = Store::open_read_only(&to).unwrap();
+            let right = finished(State::Done).samples;
+            let right = crate::statistics::Averages::of(&right, 100).viscosity.unwrap().mean;
+            for run in saved.point_runs().unwrap() {
+                proptest::prop_assert!(run.viscosity.is_none_or(|v| (v - right).abs() < 1e-12));
+            }
+        }
+    }
+}

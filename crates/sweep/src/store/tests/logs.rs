@@ -182,6 +182,36 @@ fn log_taken_away_replaced_or_cut_under_a_live_process_is_noticed_before_its_end
 }
 
 #[test]
+fn complete_store_renamed_over_a_live_one_is_whole_afterwards_and_so_is_what_the_live_one_held() {
+    let directory = tempfile::tempdir().unwrap();
+    let other = tempfile::tempdir().unwrap();
+    let mut complete = open(other.path());
+    complete.register(1).unwrap();
+    for _ in 0..4 {
+        let claim = complete.claim().unwrap().unwrap();
+        complete.finish(&claim, &finished(State::Jammed)).unwrap();
+    }
+    complete.leave().unwrap();
+    drop(complete);
+    let mut live = open(directory.path());
+    live.register(1).unwrap();
+    let claim = live.claim().unwrap().unwrap();
+    live.finish(&claim, &finished(State::Done)).unwrap();
+    let path = live.path().to_owned();
+    std::fs::rename(other.path().join("small.sqlite"), &path).unwrap();
+    let error = live.heartbeat().unwrap_err();
+    let StoreError::Gone { advice, .. } = live.rescue(error) else {
+        panic!("another error");
+    };
+    kill(live);
+    assert!(advice.contains("--reuse"), "{advice}");
+    let counts = Store::open(&path).unwrap().counts().unwrap();
+    assert_eq!((counts.jammed, counts.done), (4, 0));
+    let rescued = path.with_extension(format!("rescued-{}.sqlite", std::process::id()));
+    assert_eq!(done(&rescued), 1);
+}
+
+#[test]
 fn deleted_store_is_put_back_and_its_own_log_does_not_touch_it() {
     // With and without the log left behind, which is what `rm NAME.sqlite` does.
     for leave_log in [true, false] {
