@@ -239,7 +239,7 @@ fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
     .success();
     let text = String::from_utf8(output.get_output().stdout.clone()).unwrap();
     assert!(
-        text.contains("particle_pressure") && text.contains("σ*") && !text.contains("stresslet"),
+        text.contains("particle_pressure") && text.contains("σ*") && !text.contains("approach"),
         "{text}"
     );
     // Sheared on from there, and back: seed by seed.
