@@ -138,6 +138,12 @@ fn rows(connection: &Connection) -> Result<(), rusqlite::Error> {
         [],
         |row| Ok((row.get(0)?, row.get(1)?)),
     )?;
+    let nobody: bool = connection
+        .prepare("SELECT 1 FROM results WHERE process NOT IN (SELECT id FROM processes)")?
+        .exists([])?;
+    if nobody {
+        return Err(Altered::error("a result of a process that is not there"));
+    }
     if count(finished) != results {
         return Err(Altered::error("a case is finished, and has no result"));
     }
