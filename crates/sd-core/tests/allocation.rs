@@ -37,7 +37,7 @@ fn allocations(
     }
     let mut contacts = 0;
     let info = allocation_counter::measure(|| {
-        for _ in 0..200 {
+        for _ in 0..150 {
             contacts += simulation.step().unwrap().contacts;
         }
     });

@@ -183,7 +183,7 @@ fn near_jamming_every_stage_is_converged_or_counted() {
 fn a_step_in_which_spheres_would_overlap_is_halved() {
     let jamming = Params {
         spheres: 40,
-        area_fraction: 0.82,
+        area_fraction: 0.80,
         shear_rate: 100.0,
         time_step: 0.01,
         ..params()

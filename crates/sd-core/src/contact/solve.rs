@@ -24,6 +24,7 @@
 
 pub(crate) mod dense;
 pub(crate) mod newton;
+mod path;
 pub(crate) mod problem;
 pub(crate) mod sparse;
 

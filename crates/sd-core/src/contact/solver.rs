@@ -484,11 +484,12 @@ impl ContactSolver {
         let load = posed.laws.surface.critical_load;
         for row in rows {
             let contact = &self.list[row.contact];
-            row.acts = if deciding {
-                contact.normal_force > load
-            } else {
-                contact.friction_acts
-            };
+            row.acts = posed.laws.is_smooth()
+                || if deciding {
+                    contact.normal_force > load
+                } else {
+                    contact.friction_acts
+                };
         }
     }
 
@@ -616,13 +617,13 @@ impl ContactSolver {
         let solved = match &mut self.backend {
             Backend::Dense(system) => {
                 system.begin(resistance, problem, forces);
-                solver.solve_states(problem, &mut **system)
+                solver.solve_states(problem, &mut **system).0
             }
             Backend::Sparse(system) => {
                 system.start();
                 let driving = Driving::by(forces);
                 let mut on_network = OnNetwork::begin(resistance, system, problem, driving)?;
-                solver.solve_states(problem, &mut on_network)
+                solver.solve_states(problem, &mut on_network).0
             }
         };
         if !solved {

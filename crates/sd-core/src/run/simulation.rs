@@ -34,7 +34,7 @@ const HELD_SHARE: f64 = 0.5;
 pub enum Flow {
     /// The layer flows.
     Flowing,
-    /// The layer stayed above [`JAM_VISCOSITY`] for [`JAM_STRAIN`].
+    /// The layer stayed above [`JAM_VISCOSITY`] for [`JAM_STRAIN`], or flows only by overlaps that its contacts do not admit.
     Jammed,
 }
 
@@ -185,8 +185,8 @@ impl Simulation {
         self.stepper = stepper;
         self.state = state;
         if matches!(result, Err(Error::Overlap { .. }))
-            && self.counters.jammed_stages > jammed
             && let Some(sample) = sample
+            && (self.counters.jammed_stages > jammed || self.is_crushed(&sample))
         {
             // There is no motion that the contacts admit: the layer stays where it is.
             self.counters.jammed_steps_running = self.jam_steps();
@@ -206,6 +206,13 @@ impl Simulation {
             *x = cell.wrap(*x);
         }
         Ok(sample)
+    }
+
+    /// Whether springs cannot hold the spheres of a layer apart that has as many contacts as a rigid one: three per sphere, where friction
+    /// acts, make a network that bears any load. Harder springs would not let it flow.
+    fn is_crushed(&self, sample: &Sample) -> bool {
+        matches!(&self.scheme, Scheme::Laws { laws, .. } if laws.is_soft())
+            && 2 * sample.contacts as usize >= 3 * self.params.spheres
     }
 
     /// Moves the state over `dt`; where a gap falls too low on the way, in two halves, each halved at most `halvings - 1` times. What then

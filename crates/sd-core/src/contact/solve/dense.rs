@@ -205,7 +205,7 @@ fn fill(
 
 impl DenseSystem {
     /// The linear system of the states, put into the solver, and its right-hand side.
-    fn pose(&mut self, problem: &Problem, states: &States, compliance: f64) {
+    fn pose(&mut self, problem: &Problem, states: &States) {
         let [active, sticking] = &mut self.unknowns;
         let [order, row_order] = &self.order;
         active.clear();
@@ -221,7 +221,7 @@ impl DenseSystem {
             for (entry, &a) in target.iter_mut().zip(active.iter()) {
                 *entry = normal[a];
             }
-            target[column] += problem.normal[order[b]].compliance + compliance;
+            target[column] += problem.normal[order[b]].compliance;
             for (entry, &s) in target[first..].iter_mut().zip(sticking.iter()) {
                 *entry = tangential[s];
             }
@@ -239,7 +239,7 @@ impl DenseSystem {
                     *entry = own[r];
                 }
             }
-            target[first + column] += problem.tangential[row_order[s]].compliance + compliance;
+            target[first + column] += problem.tangential[row_order[s]].compliance;
         }
         self.solution.clear();
         self.solution.extend(
@@ -317,11 +317,10 @@ impl System for DenseSystem {
         &mut self,
         problem: &Problem,
         states: &States,
-        compliance: f64,
         _: bool,
         forces: &mut Forces,
     ) -> Option<Noise> {
-        self.pose(problem, states, compliance);
+        self.pose(problem, states);
         if self.solver.solve(&mut self.solution).is_err()
             || !self.solution.iter().all(|x| x.is_finite())
         {

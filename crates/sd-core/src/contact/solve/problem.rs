@@ -98,7 +98,7 @@ pub(crate) struct States {
 }
 
 /// Forces, and the velocities that go with them.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 pub(crate) struct Forces {
     /// f of each candidate, in mu·a²·rate.
     pub(crate) normal: Vec<f64>,
@@ -143,7 +143,7 @@ pub(crate) struct Noise {
 
 /// The linear algebra behind a problem: how forces of contacts move contacts.
 pub(crate) trait System {
-    /// Forces (of either sign) that the states give with `compliance` besides the entries' own, and their slack and slip without it.
+    /// Forces (of either sign) that the states give, with their slack and slip.
     ///
     /// `last`: whether these states are expected to be the last, so that the forces had better be as exact as they can. `None` where the
     /// states have no solution.
@@ -151,7 +151,6 @@ pub(crate) trait System {
         &mut self,
         problem: &Problem,
         states: &States,
-        compliance: f64,
         last: bool,
         forces: &mut Forces,
     ) -> Option<Noise>;

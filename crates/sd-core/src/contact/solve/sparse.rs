@@ -39,10 +39,12 @@ const SLOW: f64 = 1e-9;
 const LEAST_ROUNDING: f64 = 1e-14;
 /// Most iterations of one call.
 const MOST_ITERATIONS: usize = 40;
+/// Calls for the motion under given forces.
+const MOST_CALLS: u32 = 8;
 /// Changes of the states that a factor outlives.
 const MOST_CHANGES: usize = 20;
 /// Iterations of a call beyond which a factor with other states is made anew.
-const PATIENT: usize = 4;
+const PATIENT: usize = 6;
 /// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
 const LEAST_FORCE: f64 = 6.0 * PI;
 /// Mobility of a contact, about, in 1/(mu·a).
@@ -77,6 +79,10 @@ pub(crate) struct SparseSystem {
     correction: Vec<f64>,
     /// Forces on the spheres, `[3N]`.
     work: Vec<f64>,
+    /// What belongs to the motion under given forces: driving forces with those of contacts, contacts that are open, no forces.
+    given: [Vec<f64>; 2],
+    open: States,
+    none: Forces,
 }
 
 /// The spheres, contacts and what they do: all that the linear system is made of.
@@ -84,7 +90,6 @@ struct Linear<'a> {
     network: &'a PairwiseResistance,
     problem: &'a Problem,
     states: &'a States,
-    compliance: f64,
 }
 
 impl SparseSystem {
@@ -109,12 +114,12 @@ impl SparseSystem {
 impl Linear<'_> {
     /// Compliance of a candidate.
     fn compliance(&self, k: usize) -> f64 {
-        self.problem.normal[k].compliance + self.compliance
+        self.problem.normal[k].compliance
     }
 
     /// Compliance of a row.
     fn row_compliance(&self, m: usize) -> f64 {
-        self.problem.tangential[m].compliance + self.compliance
+        self.problem.tangential[m].compliance
     }
 
     /// Friction over load of a sliding row of a closed candidate; 0 for others.
@@ -392,7 +397,6 @@ impl System for OnNetwork<'_> {
         &mut self,
         problem: &Problem,
         states: &States,
-        compliance: f64,
         last: bool,
         forces: &mut Forces,
     ) -> Option<Noise> {
@@ -400,7 +404,6 @@ impl System for OnNetwork<'_> {
             network: self.network,
             problem,
             states,
-            compliance,
         };
         let system = &mut *self.system;
         SparseSystem::follow(&linear, forces);
@@ -462,28 +465,35 @@ impl System for OnNetwork<'_> {
 
     fn measure(&mut self, problem: &Problem, forces: &mut Forces) {
         // The motion under these forces: no contact is closed, all forces are given.
-        let states = States {
-            closed: vec![false; problem.normal.len()],
-            grip: vec![Grip::Off; problem.tangential.len()],
-        };
-        let mut driving = self.system.driving.clone();
+        let mut open = std::mem::take(&mut self.system.open);
+        open.closed.clear();
+        open.closed.resize(problem.normal.len(), false);
+        open.grip.clear();
+        open.grip.resize(problem.tangential.len(), Grip::Off);
+        for (given, driving) in self.system.given.iter_mut().zip(&self.system.driving) {
+            given.clone_from(driving);
+        }
         for (entry, &f) in problem.normal.iter().zip(&forces.normal) {
-            for force in &mut driving {
-                entry.row.add(f, force);
+            for given in &mut self.system.given {
+                entry.row.add(f, given);
             }
         }
         for (entry, &t) in problem.tangential.iter().zip(&forces.tangential) {
-            entry.row.add(-t, &mut driving[0]);
+            entry.row.add(-t, &mut self.system.given[0]);
         }
-        std::mem::swap(&mut self.system.driving, &mut driving);
-        let mut none = Forces::default();
-        for _ in 0..8 {
-            let noise = self.solve(problem, &states, 0.0, true, &mut none);
+        let exchange = |system: &mut SparseSystem| {
+            std::mem::swap(&mut system.driving, &mut system.given);
+        };
+        exchange(self.system);
+        let mut none = std::mem::take(&mut self.system.none);
+        for _ in 0..MOST_CALLS {
+            let noise = self.solve(problem, &open, true, &mut none);
             if noise.is_none_or(|noise| noise.exact) {
                 break;
             }
         }
-        self.system.driving = driving;
+        exchange(self.system);
+        (self.system.open, self.system.none) = (open, none);
         self.read(problem, forces);
     }
 

@@ -51,7 +51,6 @@ impl System for Network {
         &mut self,
         problem: &Problem,
         states: &States,
-        compliance: f64,
         _: bool,
         forces: &mut Forces,
     ) -> Option<Noise> {
@@ -65,7 +64,7 @@ impl System for Network {
                     matrix[(k, l)] += self.normal[(k, l)];
                     matrix[(k, count + l)] = -self.coupling[(l, k)];
                 }
-                matrix[(k, k)] += problem.normal[k].compliance + compliance;
+                matrix[(k, k)] += problem.normal[k].compliance;
                 rhs[k] = -problem.normal[k].bias;
             }
             let row = count + k;
@@ -76,7 +75,7 @@ impl System for Network {
                         matrix[(row, l)] = self.coupling[(k, l)];
                         matrix[(row, count + l)] -= self.tangential[(k, l)];
                     }
-                    matrix[(row, row)] -= problem.tangential[k].compliance + compliance;
+                    matrix[(row, row)] -= problem.tangential[k].compliance;
                     rhs[row] = -problem.tangential[k].shift;
                 }
                 grip if states.closed[k] => {
@@ -174,6 +173,8 @@ fn solve(law: Law, network: &mut Network, given: &[f64]) -> (Problem, BoxSolver,
     let mut solver = BoxSolver::default();
     solver.states.closed.resize(count, true);
     solver.states.grip.resize(count, Grip::Stick);
+    solver.forces.normal.resize(count, 0.0);
+    solver.forces.tangential.resize(count, 0.0);
     let held = Onset {
         critical_load: 0.0,
         smooth: false,

@@ -1,0 +1,335 @@
+//! The solution at the end of a path, where guessing what contacts do goes in circles.
+//!
+//! All forces at hand solve a problem whose slack and slip have something added. What is added is taken away along a line: while no contact
+//! changes what it does, forces, slack and slip move straight to those that Newton's method would take at once. Here they stop where the
+//! first contact changes (opens, closes, begins or ceases to slide), and go on from there, forwards or, where the contact would not move
+//! into its new state, backwards. No state is ever contradicted, no two points of the path are the same, and so it ends: this is Lemke's
+//! method (Cottle, Pang & Stone, *The Linear Complementarity Problem*, 1992), in the form of Cao & Ferris (Math. Oper. Res. 21, 1996).
+//!
+//! Begun without any force, by contacts that all give way at the velocity λ that they need, the path can end in a ray: forces that grow
+//! without bound, within the bounds of friction and against each other, while contacts do not give way any less. Coulomb's problem need not
+//! have a solution, as it is not the gradient of anything; the layer is then jammed at that instant. What is left at hand are the
+//! forces at the beginning of the ray, and contacts that give way at λ.
+
+use super::newton::{BoxSolver, Ended, Onset};
+use super::problem::{Forces, Grip, Problem, States, System, largest};
+
+/// Changes of state after which a path from forces at hand is given up.
+const MOST_CHANGES: usize = 100;
+/// Force, in mu·a²·rate, above which it grows without bound.
+const UNBOUNDED: f64 = 1e8;
+/// What a bound on friction is at most on the way.
+const MOST_FRICTION: f64 = 100.0;
+/// Spread of what is added to the slack of contacts: no two of them change at once.
+const SPREAD: f64 = 0.3;
+/// Share of what is added that Newton's method leaves at a time: at first, and where it is no longer worth its while.
+const LEAST_LEFT: f64 = 0.2;
+const MOST_LEFT: f64 = 0.9;
+/// What slack and slip of the wrong sign are at the beginning of a path, in a·rate.
+const LEAST_SLACK: f64 = 0.01;
+
+/// How a path ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PathEnd {
+    /// At the solution.
+    Solved,
+    /// In a ray.
+    Ray,
+    /// Nowhere: too long, or where the states have no solution.
+    Lost,
+}
+
+/// Where a path begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Begin {
+    /// At the forces at hand.
+    Here,
+    /// Without forces; Newton's method takes the first steps.
+    Ahead,
+    /// Without forces.
+    Open,
+}
+
+/// A boundary between two states of a contact, named by what happens there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Edge {
+    /// The force of a closed candidate vanishes.
+    Opens(usize),
+    /// The slack of an open candidate vanishes.
+    Closes(usize),
+    /// The load of a row falls to the offset.
+    Unloads(usize),
+    /// The load of a row rises above the offset.
+    Loads(usize),
+    /// The force of a sticking row reaches its bound, positive or negative.
+    Slides(usize, Grip),
+    /// The slip of a sliding row vanishes.
+    Sticks(usize),
+}
+
+impl Edge {
+    /// How far a state is from this boundary of it.
+    fn distance(self, problem: &Problem, grip: &[Grip], forces: &Forces) -> f64 {
+        let load = |m: usize| forces.normal[problem.tangential[m].contact] - problem.offset;
+        match self {
+            Self::Opens(k) => forces.normal[k],
+            Self::Closes(k) => forces.slack[k],
+            Self::Unloads(m) => load(m),
+            Self::Loads(m) => -load(m),
+            Self::Slides(m, to) => problem.friction * load(m) - to.sign() * forces.tangential[m],
+            Self::Sticks(m) => grip[m].sign() * forces.slip[m],
+        }
+    }
+
+    /// Crosses the boundary; which one it is from the other side.
+    fn cross(self, problem: &Problem, states: &mut States, forces: &Forces) -> Self {
+        let rows = |k: usize| {
+            let rows = problem.tangential.iter().enumerate();
+            rows.filter(move |(_, row)| row.contact == k)
+        };
+        match self {
+            Self::Opens(k) => {
+                states.closed[k] = false;
+                rows(k).for_each(|(m, _)| states.grip[m] = Grip::Off);
+                Self::Closes(k)
+            }
+            Self::Closes(k) => {
+                states.closed[k] = true;
+                for (m, row) in rows(k) {
+                    if row.acts && problem.offset == 0.0 {
+                        states.grip[m] = Grip::sliding(forces.slip[m]);
+                    }
+                }
+                Self::Opens(k)
+            }
+            Self::Unloads(m) => {
+                states.grip[m] = Grip::Off;
+                Self::Loads(m)
+            }
+            Self::Loads(m) => {
+                states.grip[m] = Grip::sliding(forces.slip[m]);
+                Self::Unloads(m)
+            }
+            Self::Slides(m, to) => {
+                states.grip[m] = to;
+                Self::Sticks(m)
+            }
+            Self::Sticks(m) => {
+                let from = states.grip[m];
+                states.grip[m] = Grip::Stick;
+                Self::Slides(m, from)
+            }
+        }
+    }
+}
+
+/// The boundaries of all states.
+fn edges<'a>(problem: &'a Problem, states: &'a States) -> impl Iterator<Item = Edge> + 'a {
+    let normal = states.closed.iter().enumerate();
+    let normal = normal.map(|(k, &closed)| {
+        if closed {
+            Edge::Opens(k)
+        } else {
+            Edge::Closes(k)
+        }
+    });
+    let rows = problem.tangential.iter().enumerate();
+    let rows = rows.filter(|(_, row)| row.acts && states.closed[row.contact]);
+    let tangential = rows.flat_map(|(m, _)| {
+        let unloads = (problem.offset > 0.0).then_some(Edge::Unloads(m));
+        match states.grip[m] {
+            Grip::Off => [(problem.offset > 0.0).then_some(Edge::Loads(m)), None],
+            Grip::Stick => [
+                Some(Edge::Slides(m, Grip::Plus)),
+                Some(Edge::Slides(m, Grip::Minus)),
+            ],
+            Grip::Plus | Grip::Minus => [Some(Edge::Sticks(m)), unloads],
+        }
+    });
+    normal.chain(tangential.flatten())
+}
+
+/// Numbers about 1 that look random, the same on every machine.
+fn weight(number: usize) -> f64 {
+    // The golden ratio's multiples are spread evenly.
+    1.0 + SPREAD * (0.618_033_988_749_894_9 * (number + 1) as f64).fract()
+}
+
+/// Lets all contacts give way at a velocity.
+fn add_slack(problem: &mut Problem, velocity: f64) {
+    for (k, entry) in problem.normal.iter_mut().enumerate() {
+        entry.bias += velocity * weight(k);
+    }
+}
+
+impl BoxSolver {
+    /// Follows a path to the solution, with friction on the rows where it acts now; how it ended, and how many systems it took.
+    ///
+    /// The forces left at hand are those of the last point, with the slack and slip that belong to them.
+    pub(super) fn follow_path(
+        &mut self,
+        problem: &mut Problem,
+        system: &mut impl System,
+        begin: Begin,
+    ) -> (PathEnd, u32) {
+        let friction = problem.friction;
+        problem.friction = friction.min(MOST_FRICTION);
+        self.begin_path(problem, system, begin);
+        let (mut systems, mut crossed) = (0, None);
+        if begin == Begin::Ahead {
+            systems += self.go_by_newton(problem, system);
+        }
+        let most = match begin {
+            Begin::Here => MOST_CHANGES,
+            Begin::Ahead | Begin::Open => 10 * (problem.normal.len() + problem.tangential.len()),
+        };
+        let mut end = PathEnd::Lost;
+        for _ in 0..most {
+            let (solved, more) = self.solve_states(problem, system);
+            systems += more;
+            if !solved {
+                break;
+            }
+            if let Some(at_end) = self.go(problem, &mut crossed) {
+                end = at_end;
+                break;
+            }
+        }
+        if end != PathEnd::Solved {
+            self.forces.copy_from(&self.point);
+            self.clip(problem);
+            system.measure(problem, &mut self.forces);
+        }
+        problem.friction = friction;
+        (end, systems)
+    }
+
+    /// The first point, and its states.
+    fn begin_path(&mut self, problem: &Problem, system: &mut impl System, begin: Begin) {
+        if begin != Begin::Here {
+            self.forces.normal.fill(0.0);
+            self.forces.tangential.fill(0.0);
+        }
+        self.clip(problem);
+        self.read_states(problem);
+        system.measure(problem, &mut self.forces);
+        let (point, forces) = (&mut self.point, &self.forces);
+        point.copy_from(forces);
+        point.slack.clone_from(&forces.slack);
+        point.slip.clone_from(&forces.slip);
+        if begin != Begin::Here {
+            let gives = point.slack.iter().enumerate();
+            self.gives = gives.fold(0.0_f64, |most, (k, w)| most.max(-w / weight(k)));
+            for (k, slack) in point.slack.iter_mut().enumerate() {
+                *slack += self.gives * weight(k);
+            }
+            return;
+        }
+        for (k, slack) in point.slack.iter_mut().enumerate() {
+            *slack = if self.states.closed[k] {
+                0.0
+            } else {
+                slack.max(LEAST_SLACK * weight(k))
+            };
+        }
+        for (m, slip) in point.slip.iter_mut().enumerate() {
+            let sign = self.states.grip[m].sign();
+            if sign != 0.0 {
+                *slip = sign * (sign * *slip).max(LEAST_SLACK * weight(m));
+            } else if self.states.grip[m] == Grip::Stick {
+                *slip = 0.0;
+            }
+        }
+    }
+
+    /// Takes away what is added in large parts, as long as Newton's method finds the solution each time; how many systems it took.
+    fn go_by_newton(&mut self, problem: &mut Problem, system: &mut impl System) -> u32 {
+        let held = Onset {
+            critical_load: 0.0,
+            smooth: false,
+            admits: false,
+            deciding: false,
+        };
+        let (mut systems, mut left) = (0, LEAST_LEFT);
+        while left < MOST_LEFT && self.gives > LEAST_SLACK * LEAST_LEFT {
+            let gives = self.gives * left;
+            add_slack(problem, gives);
+            let (ended, more) = self.newton(problem, system, held, &mut |_, _| 0);
+            add_slack(problem, -gives);
+            systems += more;
+            if ended == Ended::Solved && !self.is_unbounded() {
+                self.gives = gives;
+                self.point.clone_from(&self.forces);
+            } else {
+                left = left.sqrt();
+                self.forces.copy_from(&self.point);
+                self.read_states(problem);
+            }
+        }
+        self.forces.copy_from(&self.point);
+        self.read_states(problem);
+        systems
+    }
+
+    /// Goes on towards the forces at hand, or away from them, to the first boundary, and crosses it; how the path ended, if it did.
+    fn go(&mut self, problem: &Problem, crossed: &mut Option<Edge>) -> Option<PathEnd> {
+        let (from, to) = (&self.point, &self.forces);
+        let change = |edge: Edge| {
+            let distance = edge.distance(problem, &self.states.grip, from);
+            [
+                distance,
+                edge.distance(problem, &self.states.grip, to) - distance,
+            ]
+        };
+        // What was crossed is left behind.
+        let direction = crossed.map_or(1.0, |edge| change(edge)[1].signum());
+        let mut first: Option<(Edge, [f64; 2])> = None;
+        for edge in edges(problem, &self.states) {
+            if *crossed == Some(edge) {
+                continue;
+            }
+            let [distance, change] = change(edge);
+            let speed = -direction * change;
+            if speed > 0.0 {
+                let time = distance.max(0.0) / speed;
+                if first.is_none_or(|(_, [t, s])| time < t || time == t && speed > s) {
+                    first = Some((edge, [time, speed]));
+                }
+            }
+        }
+        let time = first.map_or(f64::INFINITY, |(_, [time, _])| time);
+        if direction < 0.0 && time.is_infinite() {
+            return Some(PathEnd::Lost);
+        }
+        let share = direction * if direction > 0.0 { time.min(1.0) } else { time };
+        let reach = |from: &[f64], to: &[f64]| {
+            let pairs = from.iter().zip(to);
+            pairs.fold(0.0_f64, |most, (a, b)| {
+                most.max((a + share * (b - a)).abs())
+            })
+        };
+        if reach(&from.normal, &to.normal) > UNBOUNDED {
+            return Some(PathEnd::Ray);
+        }
+        if share >= 1.0 {
+            return Some(PathEnd::Solved);
+        }
+        let step = |from: &mut [f64], to: &[f64]| {
+            for (a, b) in from.iter_mut().zip(to) {
+                *a += share * (b - *a);
+            }
+        };
+        step(&mut self.point.normal, &to.normal);
+        step(&mut self.point.tangential, &to.tangential);
+        step(&mut self.point.slack, &to.slack);
+        step(&mut self.point.slip, &to.slip);
+        let (edge, _) = first?;
+        *crossed = Some(edge.cross(problem, &mut self.states, &self.point));
+        None
+    }
+
+    /// Whether forces are at hand that only the compliance of rigid contacts bounds.
+    pub(super) fn is_unbounded(&self) -> bool {
+        largest(&self.forces.normal) > UNBOUNDED
+    }
+}
