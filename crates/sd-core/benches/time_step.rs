@@ -292,6 +292,7 @@ fn params(time_step: f64) -> Params {
         hydrodynamics: Hydrodynamics::BallMelrose,
         contact: ContactScheme::Rigid,
         time_step,
+        ..Params::UNWRITTEN
     }
 }
 

@@ -17,7 +17,8 @@ pub(crate) fn main() -> Result<(), Error> {
         large_fraction: 0.5,
         hydrodynamics: Hydrodynamics::BallMelrose,
         contact: ContactScheme::Rigid,
-        time_step: 0.005, // strain
+        time_step: 0.005, // strain,
+        ..Params::UNWRITTEN
     };
     let mut layer = Simulation::new(&params, 1, &NearFields::default())?;
     let samples = (0..100)

@@ -14,7 +14,7 @@
 //! | `g, ξ, s'` | gap `r − a_i − a_j`; `2g/(a_i + a_j)`; `2r/(a_i + a_j) = 2 + ξ` |
 //! | `n, t` | unit vector from i to j; `t = (−n_y, n_x)` |
 //! | `c, h, ν, Γ` | area fraction, roughness height, friction coefficient, dimensionless shear rate `6π/F_crit` |
-//! | `η, N1` | relative viscosity, first normal stress difference |
+//! | `η, N1, N2, Π` | relative viscosity, normal stress differences, particle pressure |
 //!
 //! # Equations
 //! Each stands with its derivation's source, signs and limits at the top of the module named at the right.
@@ -55,7 +55,7 @@
 //! contact         forces between rough surfaces. laws: the entries of a law at a stage; solver: the pairs that take part; solve: the
 //!                 one contact problem, its states, and its dense and sparse linear algebra; procedure: the paper's steps, apart
 //! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
-//! stress          viscosity, normal stress difference, energy balance
+//! stress          viscosity, normal stress differences, particle pressure, each by its causes; energy balance
 //! run             start: the first layer; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
 //!                 pair: two spheres alone; verify: known results, computed anew
 //! ```
@@ -80,6 +80,7 @@
 //!     hydrodynamics: Hydrodynamics::BallMelrose,
 //!     contact: ContactScheme::Rigid,
 //!     time_step: 0.005,
+//!     ..Params::UNWRITTEN
 //! };
 //! let mut layer = Simulation::new(&params, 1, &NearFields::default())?;
 //! for _ in 0..20 {
@@ -117,7 +118,7 @@ pub use run::steppers::rosenbrock::{self, Rosenbrock};
 pub use run::steppers::{RungeKutta, Stage, State};
 pub use run::{instant, pair, simulation, start, verify};
 pub use stage::{Contact as StageContact, Method, StageSolver, memory_bytes};
-pub use stress::{Stress, StressWork};
+pub use stress::{Stress, StressComponents, StressParts, StressWork};
 
 #[cfg(test)]
 mod tests;

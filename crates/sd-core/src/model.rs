@@ -6,6 +6,7 @@ mod contact_laws;
 mod hydrodynamics;
 mod parameters;
 mod published_units;
+mod start_layer;
 mod surface;
 
 pub use crate::error::Refusal;
@@ -16,6 +17,7 @@ pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP};
 pub use hydrodynamics::{Hydrodynamics, LeadingOrder};
 pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
 pub use published_units::PublishedUnits;
+pub use start_layer::StartLayer;
 pub use surface::Surface;
 
 use crate::error::Error;
@@ -64,7 +66,7 @@ pub struct Params {
     pub roughness: f64,
     /// Friction coefficient ν.
     pub friction: f64,
-    /// Dimensionless shear rate Γ = 6π/F_crit: 0 means friction never acts, ∞ that it always does.
+    /// Dimensionless shear rate Γ = 6π/F_crit: 0 means friction never acts, ∞ that it always does. 0 where the stress is imposed.
     #[serde(with = "infinite")]
     pub shear_rate: f64,
     /// Radius of the large spheres over that of the small; 1 is monodisperse.
@@ -79,11 +81,29 @@ pub struct Params {
     pub contact: ContactScheme,
     /// Time step in strain.
     pub time_step: f64,
+    /// Imposed shear stress σ* = σ a²/F_crit, above 0; `None` where the rate is imposed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shear_stress: Option<f64>,
+    /// Sense of the shear: 1, or −1 for a layer that is sheared the other way.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub direction: f64,
+    /// The layer a run begins with; `None`: the one that its seed makes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<Box<StartLayer>>,
 }
 
 /// Default of [`Params::size_ratio`].
 fn one() -> f64 {
     1.0
+}
+
+/// Whether a value is the default, which is left out so that cases of before keep their keys.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "the signature serde asks for"
+)]
+fn is_one(value: &f64) -> bool {
+    *value == one()
 }
 
 /// Default of [`Params::large_fraction`].
@@ -104,9 +124,18 @@ impl Params {
         hydrodynamics: Hydrodynamics::Lubrication(LeadingOrder::USUAL),
         contact: ContactScheme::Laws(ContactLaws::PAPER),
         time_step: f64::NAN,
+        shear_stress: None,
+        direction: 1.0,
+        start: None,
     };
 
-    /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite at Γ = 0.
+    /// Whether friction can act in the run at all: neither is its coefficient 0 nor the rate that of the lower plateau.
+    pub fn rubs(&self) -> bool {
+        self.friction != 0.0 && (self.shear_stress.is_some() || self.shear_rate != 0.0)
+    }
+
+    /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite at Γ = 0. Where the
+    /// stress is imposed it is found at every stage, and this says nothing.
     pub fn critical_load(&self) -> f64 {
         6.0 * std::f64::consts::PI / self.shear_rate.abs()
     }
@@ -192,6 +221,7 @@ mod tests {
             hydrodynamics: Hydrodynamics::BallMelrose,
             contact: ContactScheme::Rigid,
             time_step: 0.005,
+            ..Params::UNWRITTEN
         }
     }
 

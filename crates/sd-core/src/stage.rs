@@ -63,6 +63,8 @@ pub struct StageSolver {
     velocities: Vec<f64>,
     /// Far field iterated on top of a pairwise Ball-Melrose resistance.
     far: Option<Box<IterativeFarField>>,
+    /// Whether friction acts where it did in the solve before, whatever the loads.
+    holds_friction: bool,
 }
 
 impl StageSolver {
@@ -76,6 +78,7 @@ impl StageSolver {
             forces: vec![0.0; n],
             velocities: vec![0.0; n],
             far: None,
+            holds_friction: false,
         }
     }
 
@@ -85,6 +88,11 @@ impl StageSolver {
             far: Some(Box::new(far)),
             ..Self::new(pairwise)
         }
+    }
+
+    /// From now on friction acts where it did in the last solve, until it is let go: solves are then of the same positions as that one.
+    pub(crate) fn hold_friction(&mut self, holds: bool) {
+        self.holds_friction = holds;
     }
 
     /// Begins a step: what is known from stages before is forgotten, but for what [`ContactMemory`] holds. Results then depend on positions
@@ -210,13 +218,15 @@ impl StageSolver {
                 };
                 match &mut self.far {
                     Some(far) => {
-                        contacts.begin(&posed, memory);
+                        if !self.holds_friction {
+                            contacts.begin(&posed, memory);
+                        }
                         let mut map = ContactMap {
                             posed,
                             contacts,
                             memory,
                             quality: Quality::default(),
-                            changes: 0,
+                            changes: if self.holds_friction { MOST_CHANGES } else { 0 },
                         };
                         let strain = background.strain();
                         far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
@@ -224,6 +234,9 @@ impl StageSolver {
                         contacts.take_motion(velocities);
                         contacts.keep_springs(&posed, &mut memory.springs);
                         Ok(quality)
+                    }
+                    None if self.holds_friction => {
+                        contacts.solve_held(&posed, Driving::by(forces), memory, velocities)
                     }
                     None => contacts.solve(&posed, Driving::by(forces), memory, velocities),
                 }

@@ -1,18 +1,66 @@
-//! Viscosity, normal stress difference, energy balance.
+//! All stresses of the layer by their causes, energy balance.
 //!
 //! ```text
-//! η = 1 + (Σ S_xy + Σ_k S^C_k,xy)/(V rate),    S^C_xy = −r f n_x n_y + (r/2) F_t (n_x² − n_y²)
-//! N1 = Σ (S_xx − S_yy)/V,                      S^C_xx − S^C_yy = −r f (n_x² − n_y²) − 2 r F_t n_x n_y
-//! V (η − 1) = v'Rv − Σ f v_n + Σ F_t u_t       (exact: an identity of the solution)
+//! Σ = (Σ_i S_i + Σ_k S^C_k)/V,              S^C = −r f n n + (r/2) F_t (n t + t n)
+//! η = 1 + Σ_xy/rate,    N1 = Σ_xx − Σ_yy,    N2 = Σ_yy − Σ_zz,    Π = −(1/3) trace Σ
+//! V (η − 1) = v'Rv − Σ f v_n + Σ F_t u_t     (exact: an identity of the solution)
 //! ```
 //!
-//! V = 2 ⟨a⟩ A is the volume of the layer. The contact stress is the symmetric first moment of the contact forces,
-//! `−r f n n + (r/2) F_t (n t + t n)`: each sphere feels the force at its end of the line of centres.
+//! V = 2 ⟨a⟩ A is the volume of the layer. The contact stress is the symmetric first moment of the contact forces: each sphere feels the
+//! force at its end of the line of centres. Both n and t lie in the plane, so that contacts have no zz; that of stresslets is
+//! −(S_xx + S_yy), since they are traceless. The hydrodynamic part of the particle pressure Π needs the trace functions of Jeffrey, Morris &
+//! Brady, Phys. Fluids A 5, 2317 (1993), and is left out: Π is that of contacts and repulsion alone.
+//!
+//! Each component is the sum of four parts: hydrodynamic, from the stresslets; normal and tangential contact forces; repulsion.
 
 use crate::contact::{Contact, ContactState};
 use crate::geometry::modes::{Background, strain_tensor};
 use crate::stage::StageSolver;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// One component of the stress by what causes it, in mu·rate.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct StressParts {
+    /// From the stresslets.
+    pub hydrodynamic: f64,
+    /// From the normal contact forces.
+    pub normal_contact: f64,
+    /// From the tangential contact forces.
+    pub tangential_contact: f64,
+    /// From the repulsion.
+    pub repulsion: f64,
+}
+
+impl StressParts {
+    /// The component itself.
+    pub fn total(&self) -> f64 {
+        self.hydrodynamic + self.normal_contact + self.tangential_contact + self.repulsion
+    }
+
+    /// All parts times a number.
+    fn scaled(self, factor: f64) -> Self {
+        Self {
+            hydrodynamic: self.hydrodynamic * factor,
+            normal_contact: self.normal_contact * factor,
+            tangential_contact: self.tangential_contact * factor,
+            repulsion: self.repulsion * factor,
+        }
+    }
+}
+
+/// The components of the bulk stress, each by what causes it, in mu·rate.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct StressComponents {
+    /// Shear stress that the spheres add to that of the fluid, Σ_xy.
+    pub shear: StressParts,
+    /// First normal stress difference Σ_xx − Σ_yy.
+    pub n1: StressParts,
+    /// Second normal stress difference Σ_yy − Σ_zz.
+    pub n2: StressParts,
+    /// Particle pressure −(1/3) trace Σ, without its hydrodynamic part, which is 0 here.
+    pub particle_pressure: StressParts,
+}
 
 /// Bulk stress of the layer at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,8 +69,8 @@ pub struct Stress {
     pub viscosity: f64,
     /// η without the contact stress, (20) of the paper to the letter.
     pub viscosity_stresslet: f64,
-    /// N1, contact stress included, in mu·rate.
-    pub normal_stress_difference: f64,
+    /// All components by their causes, in mu·rate.
+    pub components: StressComponents,
     /// v'Rv/(V rate), in mu·rate.
     pub dissipation: f64,
 }
@@ -57,36 +105,71 @@ impl StressWork {
         let power = self.update(stage, background);
         let radii = stage.resistance.radii();
         let volume = 2.0 * area * radii.iter().sum::<f64>() / radii.len() as f64;
-        let (mut shear, mut difference) = (0.0, 0.0);
+        let mut sums = StressComponents::default();
         for s in &self.stresslets {
             let (xx, yy, xy) = strain_tensor(s);
-            shear += xy;
-            difference += xx - yy;
+            sums.add([xx, yy, xy], -(xx + yy), |parts| &mut parts.hydrodynamic);
         }
-        let (mut contact_shear, mut contact_difference) = (0.0, 0.0);
-        for c in stage.contacts.list.iter().chain(&stage.repelled.pairs) {
-            let (shear, difference) = contact_stress(c);
-            contact_shear += shear;
-            contact_difference += difference;
+        for c in &stage.contacts.list {
+            sums.add(normal_stress(c), 0.0, |parts| &mut parts.normal_contact);
+            sums.add(tangential_stress(c), 0.0, |parts| {
+                &mut parts.tangential_contact
+            });
         }
+        for c in &stage.repelled.pairs {
+            sums.add(normal_stress(c), 0.0, |parts| &mut parts.repulsion);
+        }
+        let components = sums.scaled(volume.recip());
         Stress {
-            viscosity: 1.0 + (shear + contact_shear) / volume,
-            viscosity_stresslet: 1.0 + shear / volume,
-            normal_stress_difference: (difference + contact_difference) / volume,
+            viscosity: 1.0 + components.shear.total(),
+            viscosity_stresslet: 1.0 + components.shear.hydrodynamic,
+            components,
             dissipation: power / volume,
         }
     }
 }
 
-/// `S^C_xy` and `S^C_xx − S^C_yy` of one contact, in mu·a³·rate.
-fn contact_stress(c: &Contact) -> (f64, f64) {
-    let (n, r) = (c.pair.normal, c.pair.distance);
-    let (f, f_t) = (c.normal_force, c.tangential_force);
-    let (product, difference) = (n.x * n.y, n.x * n.x - n.y * n.y);
-    (
-        -r * f * product + 0.5 * r * f_t * difference,
-        -r * f * difference - 2.0 * r * f_t * product,
-    )
+impl Stress {
+    /// The stress of a layer that is sheared in that sense, 1 or −1: positive where it resists.
+    pub(crate) fn along(mut self, direction: f64) -> Self {
+        self.components.shear = self.components.shear.scaled(direction);
+        self.viscosity = 1.0 + self.components.shear.total();
+        self.viscosity_stresslet = 1.0 + self.components.shear.hydrodynamic;
+        self
+    }
+}
+
+impl StressComponents {
+    /// Adds a tensor `[xx, yy, xy]` with that zz to one part of every component.
+    fn add(&mut self, [xx, yy, xy]: [f64; 3], zz: f64, part: fn(&mut StressParts) -> &mut f64) {
+        *part(&mut self.shear) += xy;
+        *part(&mut self.n1) += xx - yy;
+        *part(&mut self.n2) += yy - zz;
+        *part(&mut self.particle_pressure) -= (xx + yy + zz) / 3.0;
+    }
+
+    /// All parts of all components times a number.
+    fn scaled(self, factor: f64) -> Self {
+        Self {
+            shear: self.shear.scaled(factor),
+            n1: self.n1.scaled(factor),
+            n2: self.n2.scaled(factor),
+            particle_pressure: self.particle_pressure.scaled(factor),
+        }
+    }
+}
+
+/// −r f n n as `[xx, yy, xy]`, in mu·a³·rate.
+fn normal_stress(c: &Contact) -> [f64; 3] {
+    let (n, moment) = (c.pair.normal, -c.pair.distance * c.normal_force);
+    [moment * n.x * n.x, moment * n.y * n.y, moment * n.x * n.y]
+}
+
+/// (r/2) F_t (n t + t n) as `[xx, yy, xy]`, in mu·a³·rate.
+fn tangential_stress(c: &Contact) -> [f64; 3] {
+    let (n, moment) = (c.pair.normal, c.pair.distance * c.tangential_force);
+    let product = moment * n.x * n.y;
+    [-product, product, 0.5 * moment * (n.x * n.x - n.y * n.y)]
 }
 
 /// Numbers of contacts by state, and their mean normal velocity.

@@ -30,6 +30,7 @@ fn allocations(
         hydrodynamics,
         contact,
         time_step: 0.005,
+        ..Params::UNWRITTEN
     };
     let mut simulation = Simulation::new(&params, 3, &NearFields::default()).unwrap();
     while simulation.steps() < steps {

@@ -504,6 +504,7 @@ fn params(contact: ContactScheme) -> Params {
         hydrodynamics: Hydrodynamics::BallMelrose,
         contact,
         time_step: 0.005,
+        ..Params::UNWRITTEN
     }
 }
 

@@ -24,6 +24,7 @@ fn params() -> Params {
         hydrodynamics: Hydrodynamics::BallMelrose,
         contact: ContactScheme::Rigid,
         time_step: 0.005,
+        ..Params::UNWRITTEN
     }
 }
 
@@ -345,6 +346,8 @@ fn order_in_time_is_four() {
             Vec2::new(2.2, 0.4),
             Vec2::new(0.9, 2.3),
         ],
+        orientations: vec![0.0; 3],
+        springs: Vec::new(),
         side: 20.0,
     };
     let end = |steps: u32| shear(&start, at_start(&start), 0.0, 0.2 / f64::from(steps), steps);

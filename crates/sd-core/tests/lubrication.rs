@@ -187,6 +187,7 @@ fn params(contact: ContactScheme) -> Params {
         hydrodynamics: LUBRICATION,
         contact,
         time_step: 0.005,
+        ..Params::UNWRITTEN
     }
 }
 

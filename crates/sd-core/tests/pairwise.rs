@@ -36,6 +36,7 @@ fn params(spheres: usize, area_fraction: f64, friction: f64) -> Params {
         hydrodynamics: Hydrodynamics::BallMelrose,
         contact: ContactScheme::Rigid,
         time_step: 0.01,
+        ..Params::UNWRITTEN
     }
 }
 

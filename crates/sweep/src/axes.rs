@@ -123,6 +123,16 @@ impl Axis {
         self.key == "shear_rate"
     }
 
+    /// Whether it is the axis of imposed shear stresses.
+    pub fn is_shear_stress(&self) -> bool {
+        self.key == "shear_stress"
+    }
+
+    /// Whether it says how the shear is imposed: by its rate or by its stress.
+    pub fn is_of_shear(&self) -> bool {
+        self.is_shear_rate() || self.is_shear_stress()
+    }
+
     /// Whether a table of these parameters names it.
     pub fn matters<'p>(&self, params: impl Iterator<Item = &'p Params>) -> bool {
         let mut params = params;

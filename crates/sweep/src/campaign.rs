@@ -1,10 +1,12 @@
 //! The campaign file: read, validated with spans in its errors, and laid out as cases.
 
+mod ends_of_runs;
 mod error;
 mod grid;
 mod protocol;
 mod reader;
 mod seeds;
+mod start;
 
 pub use crate::protocol::{Discard, Protocol, Steps};
 pub use error::{CampaignError, Fault};
@@ -87,13 +89,14 @@ impl Campaign {
         })
     }
 
-    /// Reads the text of a campaign file; `file` names it in errors.
+    /// Reads the text of a campaign file; `file` names it in errors, and its folder is where relative paths in it begin.
     ///
     /// # Errors
     /// All that is wrong with it, the first fault in front.
     pub fn parse(file: &str, text: String) -> Result<Self, CampaignError> {
         let mut problems = Vec::new();
-        let (name, protocol, cases, rules) = parse(&text, &mut problems);
+        let folder = Path::new(file).parent().unwrap_or(Path::new(""));
+        let (name, protocol, cases, rules) = parse(&text, folder, &mut problems);
         match error::in_file(problems, file, &text) {
             Some(fault) => Err(fault.into()),
             None => Ok(Self {
@@ -145,7 +148,11 @@ impl Campaign {
 type Cases = Vec<(CaseKey, Case)>;
 
 /// Reads the parts of a campaign, and notes what is wrong with them.
-fn parse(text: &str, problems: &mut Vec<Problem>) -> (String, Protocol, Cases, Vec<PointRule>) {
+fn parse(
+    text: &str,
+    folder: &Path,
+    problems: &mut Vec<Problem>,
+) -> (String, Protocol, Cases, Vec<PointRule>) {
     let nothing = || (String::new(), Protocol::default(), Vec::new(), Vec::new());
     let document = match DeTable::parse(text) {
         Ok(document) => document,
@@ -188,7 +195,7 @@ fn parse(text: &str, problems: &mut Vec<Problem>) -> (String, Protocol, Cases, V
         }
     };
     let grids = grids(&top, problems);
-    let (cases, rules) = lay_out(&grids, &protocol, problems);
+    let (cases, rules) = lay_out(&grids, &protocol, folder, problems);
     (name, protocol.protocol, cases, rules)
 }
 
@@ -223,12 +230,13 @@ fn grids<'t>(top: &Table<'t>, problems: &mut Vec<Problem>) -> Vec<(Range<usize>,
 fn lay_out(
     tables: &[(Range<usize>, &DeTable<'_>)],
     protocol: &Written,
+    folder: &Path,
     problems: &mut Vec<Problem>,
 ) -> (Cases, Vec<PointRule>) {
     let mut total = 0_u64;
     let mut grids = Vec::with_capacity(tables.len());
     for (span, entries) in tables {
-        let grid = Grid::read(entries, span.clone(), protocol, problems);
+        let grid = Grid::read((entries, span.clone()), protocol, folder, problems);
         total = total.saturating_add(grid.len());
         // Before the next grid is read: a count of seeds is short in the file and long in memory.
         if total > CASE_LIMIT {

@@ -20,6 +20,7 @@
 pub mod axes;
 pub mod campaign;
 pub mod case;
+mod checkpoint;
 pub mod cli;
 mod clock;
 pub mod cluster;
@@ -37,6 +38,7 @@ pub mod runner;
 pub mod serve;
 pub mod statistics;
 pub mod store;
+mod stresses;
 pub mod tables;
 pub mod trajectory;
 mod visible;

@@ -7,9 +7,10 @@ use serde_json::json;
 
 /// The input of `sweep solve` for one state of a layer.
 pub(crate) fn replay(p: &Params, snapshot: &Snapshot) -> String {
+    let load = snapshot.critical_load.unwrap_or(p.critical_load());
     // At Γ = 0 the load is infinite, which JSON cannot say; without friction it does not matter.
-    let (friction, load) = if p.critical_load().is_finite() {
-        (p.friction, p.critical_load())
+    let (friction, load) = if load.is_finite() {
+        (p.friction, load)
     } else {
         (0.0, 0.0)
     };
@@ -35,11 +36,17 @@ pub(crate) fn replay(p: &Params, snapshot: &Snapshot) -> String {
             }
         }
     }
+    let at_start = p.start.as_ref().map_or(0.0, |start| start.offset);
+    let strain = snapshot.steps as f64 * p.time_step;
     json!({
         "centres": snapshot.centres,
         "radii": snapshot.radii,
         "cell": [snapshot.side, snapshot.side],
-        "offset": snapshot.steps as f64 * p.time_step * snapshot.side,
+        "offset": at_start + p.direction * strain * snapshot.side,
+        "background": {
+            "rate_of_strain": {"xx": 0.0, "yy": 0.0, "xy": 0.5 * p.direction},
+            "angular_velocity": -0.5 * p.direction,
+        },
         "hydrodynamics": p.hydrodynamics,
         "contact": contact,
     })

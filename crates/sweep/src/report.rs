@@ -14,6 +14,7 @@ mod text;
 mod tidy;
 
 pub(crate) use chart::chart;
+pub use columns::Columns;
 pub use error::ReportError;
 pub use figure::{
     Drawing, Format, Kind, Outline, Quantity, Trace, draw, draw_paths, outline, traces,
@@ -26,7 +27,7 @@ pub(crate) use text::table;
 pub use text::write as write_text;
 pub use tidy::{write_csv, write_markdown, write_units};
 
-use crate::axes::identity;
+use crate::axes::{Axis, identity};
 use crate::campaign::Discard;
 use crate::case::State;
 use crate::data::{Cells, DataColumn};
@@ -34,8 +35,10 @@ use crate::statistics::{
     Decision, Drift, Estimate, Measure, Precision, mean, median, ratio, relative_half_width,
 };
 use crate::store::{Counts, FailureGroup, PointRun, Provenance, Store};
+use crate::stresses::{COUNT, STRESSES};
 use sd_core::Params;
 use std::collections::HashMap;
+use std::f64::consts::PI;
 
 /// Failures listed in a report.
 const FAILURES_SHOWN: usize = 10;
@@ -47,6 +50,8 @@ pub struct Report {
     pub campaign: String,
     /// Which of its points it is about.
     pub selection: Selection,
+    /// Which columns its tables have.
+    pub columns: Columns,
     /// Their cases by state.
     pub counts: Counts,
     /// Finished runs among them whose numbers are doubtful.
@@ -88,6 +93,8 @@ pub struct Point {
     pub viscosity_stresslet: Option<Estimate>,
     /// First normal stress difference.
     pub normal_stress_difference: Option<Estimate>,
+    /// Components and parts of the stress, in the order of [`STRESSES`].
+    pub(crate) stresses: [Option<Estimate>; COUNT],
     /// Contacts per sphere over all samples of all runs, as are the fractions.
     pub contacts_per_sphere: Option<f64>,
     /// Activated contacts over contacts.
@@ -183,6 +190,7 @@ impl Report {
         Ok(Self {
             campaign: store.campaign_name()?,
             selection: selection.clone(),
+            columns: Columns::default(),
             counts,
             discard: protocol.discard,
             points,
@@ -224,6 +232,44 @@ fn selected_runs(store: &Store, selection: &Selection) -> Result<Vec<PointRun>, 
 }
 
 impl Point {
+    /// Γ: imposed, or that of the mean viscosity where the stress is imposed.
+    pub(crate) fn shear_rate(&self) -> Option<f64> {
+        match self.params.shear_stress {
+            None => Some(self.params.shear_rate),
+            Some(stress) => self.viscosity.map(|eta| 6.0 * PI * stress / eta.mean),
+        }
+    }
+
+    /// σ*: imposed, or that of the mean viscosity where the rate is imposed.
+    fn shear_stress(&self) -> Option<Estimate> {
+        if let Some(stress) = self.params.shear_stress {
+            return Some(Estimate::bare(stress));
+        }
+        let factor = self.params.shear_rate / (6.0 * PI);
+        self.viscosity.map(|eta| Estimate {
+            mean: factor * eta.mean,
+            standard_error: eta.standard_error.map(|error| factor * error),
+            ci95: eta.ci95.map(|width| factor * width),
+        })
+    }
+
+    /// Its place along an axis: what was measured where rate or stress follow; not a number where nothing was.
+    fn place(&self, axis: &Axis) -> f64 {
+        if axis.is_shear_rate() {
+            self.shear_rate().unwrap_or(f64::NAN)
+        } else if axis.is_shear_stress() {
+            self.shear_stress().map_or(f64::NAN, |stress| stress.mean)
+        } else {
+            axis.number(&self.params)
+        }
+    }
+
+    /// A component or part of the stress by its name.
+    fn stress(&self, name: &str) -> Option<Estimate> {
+        let place = STRESSES.iter().position(|column| column.name == name)?;
+        self.stresses[place]
+    }
+
     /// Of the runs of one point, doubtful ones averaged too or not; `None` of none.
     fn of(runs: &[PointRun], with_doubtful: bool) -> Option<Self> {
         let params = runs.first()?.params.clone();
@@ -253,6 +299,10 @@ impl Point {
             viscosity_median: median(values(|r| r.viscosity_median)),
             viscosity_stresslet: Estimate::of(&values(|r| r.viscosity_stresslet)),
             normal_stress_difference: Estimate::of(&values(|r| r.normal_stress_difference)),
+            stresses: std::array::from_fn(|place| {
+                let means: Vec<f64> = done.iter().filter_map(|run| run.stresses[place]).collect();
+                Estimate::of(&means)
+            }),
             contacts_per_sphere: ratio(contacts, sum(|r| r.samples) * params.spheres as f64),
             activated_fraction: ratio(activated, contacts),
             rolling_fraction: ratio(sum(|r| r.rolling), activated),

@@ -6,6 +6,7 @@ mod stopping;
 pub use steady::{Drift, Steadiness, correlation_samples, mser_5};
 pub use stopping::{Decision, Measure, Outcome, Precision, Verdict, relative_half_width};
 
+use crate::stresses::{COUNT, STRESSES};
 use sd_core::Sample;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
@@ -128,6 +129,8 @@ pub struct Averages {
     pub viscosity_stresslet: Option<Distribution>,
     /// First normal stress difference.
     pub normal_stress_difference: Option<f64>,
+    /// Components and parts of the stress, in the order of [`STRESSES`].
+    pub(crate) stresses: [Option<f64>; COUNT],
     /// Dissipation.
     pub dissipation: Option<f64>,
     /// Contacts, summed over the samples.
@@ -159,6 +162,10 @@ impl Averages {
             viscosity: Distribution::of(values(|s| s.viscosity)),
             viscosity_stresslet: Distribution::of(values(|s| s.viscosity_stresslet)),
             normal_stress_difference: mean(&values(|s| s.normal_stress_difference)),
+            stresses: STRESSES.each_ref().map(|column| {
+                let values: Vec<f64> = kept.iter().map(|sample| column.read(sample)).collect();
+                mean(&values)
+            }),
             dissipation: mean(&values(|s| s.dissipation)),
             contacts: sum(|s| s.contacts),
             activated: sum(|s| s.activated),

@@ -6,7 +6,6 @@
 mod asked;
 mod axis_columns;
 mod campaign;
-mod checkpoint;
 mod checksum;
 mod claims;
 mod ends;
@@ -35,8 +34,9 @@ mod story;
 mod submissions;
 mod verify;
 
+pub(crate) use crate::checkpoint::can_be_kept;
+pub use crate::checkpoint::{Checkpoint, Damage};
 pub use asked::{Adoption, Inventory};
-pub use checkpoint::{Checkpoint, Damage};
 pub use claims::{Claim, DEATH_LIMIT};
 pub use error::StoreError;
 pub use failures::FailureGroup;
@@ -54,7 +54,6 @@ pub(crate) use reading::snapshot;
 pub use results::{Failure, Finished};
 pub use rules::PointState;
 pub use salvage::{Salvaged, salvage, salvage_in_place};
-pub(crate) use samples::can_be_kept;
 pub use source::StoreSource;
 pub use story::{Attempt, Origin, Story};
 pub use submissions::{OpenCase, SliceState, Submission, TaskName};

@@ -1,7 +1,7 @@
 //! Made-up samples and snapshots for the tests of what stands around the physics.
 
 use sd_core::simulation::{Counters, Frame, FrameContact, SNAPSHOT_VERSION};
-use sd_core::{ContactScheme, Hydrodynamics, Params, Sample, Snapshot};
+use sd_core::{ContactScheme, Hydrodynamics, Params, Sample, Snapshot, StressComponents};
 
 /// Parameters of the paper's layer.
 pub(crate) fn params() -> Params {
@@ -16,6 +16,7 @@ pub(crate) fn params() -> Params {
         hydrodynamics: Hydrodynamics::BallMelrose,
         contact: ContactScheme::Rigid,
         time_step: 0.005,
+        ..Params::UNWRITTEN
     }
 }
 
@@ -31,6 +32,11 @@ pub(crate) fn counters() -> Counters {
     }
 }
 
+/// Plausible components of the stress.
+fn stress() -> StressComponents {
+    crate::stresses::of_parts((0..14).map(|n| 0.25 * f64::from(n) - 1.0))
+}
+
 /// A plausible sample.
 pub(crate) fn sample(strain: f64) -> Sample {
     Sample {
@@ -38,6 +44,8 @@ pub(crate) fn sample(strain: f64) -> Sample {
         viscosity: 7.0 + strain.sin(),
         viscosity_stresslet: 4.5,
         normal_stress_difference: -0.3,
+        stress: stress(),
+        shear_rate: 10.0,
         dissipation: 6.0,
         contacts: 60,
         activated: 30,

@@ -167,3 +167,95 @@ fn runs_of_another_campaign_are_taken_over() {
     .code(2);
     assert!(!nowhere.path().join("results").exists());
 }
+
+#[test]
+fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
+    let imposed = CAMPAIGN.replace("shear_rate = [0.1, inf]", "shear_stress = [0.3, 3.0]");
+    let directory = directory_with(&imposed);
+    let at = directory.path();
+    sweep(at, &["run", "small.toml", "--quiet"]).success();
+    let output = sweep(at, &["report", "small.toml", "--json"]).success();
+    let report: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
+    let points = report["points"].as_array().unwrap();
+    assert_eq!(points.len(), 2);
+    let number = |point: &serde_json::Value, name: &str| point[name].as_f64().unwrap();
+    for (point, stress) in points.iter().zip([0.3, 3.0]) {
+        assert_eq!(number(point, "shear_stress"), stress);
+        let rate = 6.0 * std::f64::consts::PI * stress / number(point, "viscosity");
+        assert!((number(point, "shear_rate") / rate - 1.0).abs() < 1e-12);
+        for name in [
+            "n1",
+            "n2",
+            "particle_pressure",
+            "n1_ci95",
+            "shear_tangential_contact",
+        ] {
+            assert!(point[name].is_number(), "{name}");
+        }
+        let parts = [
+            "shear_hydrodynamic",
+            "shear_normal_contact",
+            "shear_tangential_contact",
+            "shear_repulsion",
+        ];
+        let sum: f64 = parts.iter().map(|part| number(point, part)).sum();
+        assert!((1.0 + sum - number(point, "viscosity")).abs() < 1e-12);
+        assert_eq!(
+            number(point, "n1"),
+            number(point, "normal_stress_difference")
+        );
+    }
+    let store = rusqlite::Connection::open(at.join("results/small.sqlite")).unwrap();
+    let worst: f64 = store
+        .query_row(
+            "SELECT max(abs(s.viscosity * s.shear_rate / (6 * 3.141592653589793 * c.shear_stress) - 1))
+             FROM samples s JOIN cases c ON c.id = s.case_id",
+            [],
+            |row| row.get(0),
+        )
+        .unwrap();
+    assert!(worst < 1e-9, "{worst}");
+    for figure in [
+        ["flow.svg", "--kind", "flow-curve"],
+        ["eta.svg", "--along", "shear_stress"],
+        ["pressure.svg", "--kind", "particle-pressure"],
+    ] {
+        let [file, option, value] = figure;
+        sweep(
+            at,
+            &["report", "small.toml", "--figure", file, option, value],
+        )
+        .success();
+        assert!(
+            std::fs::read_to_string(at.join(file))
+                .unwrap()
+                .contains("<svg")
+        );
+    }
+    let output = sweep(
+        at,
+        &["report", "small.toml", "--columns", "n2,particle_pressure"],
+    )
+    .success();
+    let text = String::from_utf8(output.get_output().stdout.clone()).unwrap();
+    assert!(
+        text.contains("particle_pressure") && text.contains("σ*") && !text.contains("approach"),
+        "{text}"
+    );
+    // Sheared on from there, and back: seed by seed.
+    let second = imposed
+        .replace("\"small\"", "\"second\"")
+        .replace("[0.3, 3.0]", "1.0\ndirection = [1, -1]\nstart = { store = \"results/small.sqlite\", point = { shear_stress = 3.0 } }");
+    std::fs::write(at.join("second.toml"), second).unwrap();
+    sweep(at, &["run", "second.toml", "--quiet"]).success();
+    let output = sweep(at, &["report", "second.toml", "--json"]).success();
+    let report: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
+    assert_eq!(report["cases"]["done"], 4);
+    // Each run begins with a layer of its own; those of one direction are a point all the same.
+    let points = report["points"].as_array().unwrap();
+    assert_eq!(points.len(), 2);
+    for point in points {
+        assert_eq!(point["seeds"], 2);
+        assert!(point["start"].as_u64().unwrap() > 0);
+    }
+}

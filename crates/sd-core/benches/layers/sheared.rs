@@ -29,6 +29,7 @@ pub(crate) fn params(spheres: usize, area_fraction: f64, hydrodynamics: Hydrodyn
         hydrodynamics,
         contact: ContactScheme::Rigid,
         time_step: TIME_STEP,
+        ..Params::UNWRITTEN
     }
 }
 

@@ -110,6 +110,7 @@ impl ContactSolver {
             for (k, contact) in self.list.iter_mut().enumerate() {
                 if contact.normal_force > surface.critical_load {
                     contact.slip_resistance = resistance.slip_resistance(&contact.pair);
+                    contact.friction_acts = true;
                     self.problem.tangential.push(problem::Tangential {
                         contact: k,
                         row: contact.slip_row(),

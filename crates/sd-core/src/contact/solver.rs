@@ -150,6 +150,35 @@ impl ContactSolver {
         Ok(quality)
     }
 
+    /// Solves the stage that was solved last once more, under laws with other numbers: friction acts where it did then.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`].
+    pub(crate) fn solve_held(
+        &mut self,
+        posed: &Posed<'_>,
+        driving: Driving<'_>,
+        memory: &mut ContactMemory,
+        velocities: &mut [f64],
+    ) -> Result<Quality, Error> {
+        let (quality, _) = self.evaluate(posed, driving, memory, false, velocities)?;
+        self.keep_springs(posed, &mut memory.springs);
+        Ok(quality)
+    }
+
+    /// Whether friction would act on the same contacts above another critical load.
+    pub(crate) fn acts_alike(&self, load: f64) -> bool {
+        self.list
+            .iter()
+            .all(|contact| contact.friction_acts == (contact.normal_force > load))
+    }
+
+    /// Brings the forces of tangential springs into another unit.
+    pub(crate) fn rescale_springs(&mut self, springs: &mut SpringForces, factor: f64) {
+        springs.rescale(factor);
+        self.stretches.rescale(factor);
+    }
+
     /// Takes the positions of a stage, and its first candidates.
     pub(crate) fn begin(&mut self, posed: &Posed<'_>, memory: &ContactMemory) {
         if let Backend::Sparse(system) = &mut self.backend {
@@ -342,7 +371,7 @@ impl ContactSolver {
             // Rows cost a dense system much: the solution says who needs one. The few others cost less now than later.
             let all = sparse || 10 * loaded >= 9 * self.list.len();
             self.add_rows(posed, memory, deciding, |_, contact| {
-                all || contact.normal_force > load
+                all || contact.normal_force > load || contact.friction_acts && !deciding
             });
         }
         let solver = &mut self.solver;

@@ -23,6 +23,14 @@ impl Stretches {
         self.entries.reserve(contacts);
     }
 
+    /// Brings all forces into another unit.
+    pub(crate) fn rescale(&mut self, factor: f64) {
+        for (_, spring) in &mut self.entries {
+            spring.start *= factor;
+            spring.first *= factor;
+        }
+    }
+
     /// The spring of a pair, unstretched if it had none.
     fn of(&self, contact: &Contact) -> TangentialSpring {
         self.entries

@@ -56,6 +56,13 @@ impl SpringForces {
         found.map_or(0.0, |at| self.0[at].2)
     }
 
+    /// Brings all forces into another unit.
+    pub(crate) fn rescale(&mut self, factor: f64) {
+        for entry in &mut self.0 {
+            entry.2 *= factor;
+        }
+    }
+
     /// Remembers a spring; pairs come in order.
     pub(crate) fn keep(&mut self, contact: &Contact, force: f64) {
         let (i, j) = contact.pair.key();

@@ -81,6 +81,16 @@ impl Background {
         xy: 0.5,
         angular_velocity: -0.5,
     };
+    /// Simple shear in the sense of `direction`: 1 as [`Background::SHEAR`], −1 the other way.
+    pub fn shear(direction: f64) -> Self {
+        Self {
+            xx: 0.0,
+            yy: 0.0,
+            xy: 0.5 * direction,
+            angular_velocity: -0.5 * direction,
+        }
+    }
+
     /// Fluid at rest.
     pub const QUIESCENT: Self = Self {
         xx: 0.0,

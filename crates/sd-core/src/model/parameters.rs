@@ -184,6 +184,15 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
             because: Some(because),
         })
     };
+    if params.direction.abs() != 1.0 {
+        return refuse(
+            "direction",
+            params.direction.to_string(),
+            "is no sense of the shear",
+            "1 or -1".into(),
+            "direction",
+        );
+    }
     if laws.normal == NormalLaw::Rigid && params.roughness == 0.0 {
         return refuse(
             "roughness",
@@ -197,7 +206,10 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
     if let Some(numbers) = params.hydrodynamics.leading_order() {
         numbers.check()?;
     }
-    if laws.needs_critical_load() && (params.shear_rate == 0.0 || params.shear_rate.is_infinite()) {
+    if laws.needs_critical_load()
+        && params.shear_stress.is_none()
+        && (params.shear_rate == 0.0 || params.shear_rate.is_infinite())
+    {
         return refuse(
             "shear_rate",
             params.shear_rate.to_string(),

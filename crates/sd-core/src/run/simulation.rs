@@ -1,5 +1,6 @@
 //! One run: a layer sheared step by step.
 
+mod drive;
 mod frame;
 mod sample;
 mod snapshot;
@@ -9,7 +10,8 @@ pub use sample::{Counters, JAM_VISCOSITY, Sample};
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 
 use crate::contact::laws::{Laws, Phase, Span};
-use crate::contact::most_contacts;
+use crate::contact::procedure::ContactList;
+use crate::contact::{Quality, most_contacts};
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
@@ -21,6 +23,7 @@ use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Stage, State, Stepper};
 use crate::stage::{Contact, Method, StageSolver};
 use crate::stress::{ContactCounts, StressWork};
+use drive::{Drive, Pass};
 use serde::{Deserialize, Serialize};
 
 /// A layer that stays jammed for this strain ends as jammed.
@@ -62,12 +65,19 @@ pub struct Simulation {
     /// Where the spheres were at the start of the step.
     before: State,
     scheme: Scheme,
+    drive: Drive,
+    /// The background flow.
+    background: Background,
+    /// Offset of the cell at strain 0, in a.
+    offset: f64,
     /// What contacts remember.
     memory: SchemeMemory,
     counters: Counters,
     stage: StageSolver,
     stepper: Stepper,
     stress: StressWork,
+    /// Pairs that the procedure listed before the stage under way was solved.
+    listed_before: ContactList,
     /// The frame of the first stage, while one is asked for.
     frame: Option<Box<Frame>>,
 }
@@ -79,17 +89,20 @@ impl Simulation {
     /// Parameters out of range, a cell too small, an area fraction that cannot be packed.
     pub fn new(params: &Params, seed: u64, tables: &NearFields) -> Result<Self, Error> {
         params.validate()?;
-        let start = start::layer(params, seed)?;
-        let n = start.radii.len();
+        let start = start::first_layer(params, seed)?;
+        let mut memory = SchemeMemory::new(&params.contact);
+        let drive = Drive::new(params, None);
+        memory.stretch(&start.springs, drive.laws(params).tangential_stiffness);
         let snapshot = Snapshot {
             version: SNAPSHOT_VERSION,
             steps: 0,
             radii: start.radii,
             side: start.side,
             centres: start.centres.iter().map(|x| [x.x, x.y]).collect(),
-            orientations: vec![0.0; n],
-            memory: SchemeMemory::new(&params.contact),
+            orientations: start.orientations,
+            memory,
             near_pairs: Vec::new(),
+            critical_load: None,
             counters: Counters::default(),
         };
         Self::from_snapshot(params, snapshot, tables)
@@ -117,6 +130,7 @@ impl Simulation {
             &snapshot.near_pairs,
         )?;
         let mut stepper = Stepper::default();
+        let drive = Drive::new(params, snapshot.critical_load);
         let scheme = match &params.contact {
             ContactScheme::Procedure => Scheme::Procedure,
             ContactScheme::Rigid | ContactScheme::Laws(_) => {
@@ -127,7 +141,7 @@ impl Simulation {
                     stepper = Stepper::Rosenbrock(Rosenbrock::default());
                 }
                 Scheme::Laws {
-                    laws: Box::new(Laws::new(choice, params.surface())),
+                    laws: Box::new(drive.laws(params)),
                     first: Vec::with_capacity(3 * params.spheres),
                 }
             }
@@ -147,11 +161,23 @@ impl Simulation {
             },
             before: State::default(),
             scheme,
+            drive,
+            background: Background::shear(params.direction),
+            offset: match &params.start {
+                Some(start) => start.offset,
+                None => 0.0,
+            },
             memory: snapshot.memory,
             counters: snapshot.counters,
             stage,
             stepper,
             stress: StressWork::default(),
+            listed_before: match &params.contact {
+                ContactScheme::Procedure => ContactList {
+                    pairs: Vec::with_capacity(most),
+                },
+                ContactScheme::Rigid | ContactScheme::Laws(_) => ContactList::default(),
+            },
             frame: None,
         })
     }
@@ -272,51 +298,16 @@ impl Simulation {
         velocities: &mut [f64],
         sample: &mut Option<Sample>,
     ) -> Result<(), Error> {
-        let background = Background::SHEAR;
         let cell = self.cell_at(stage.time)?;
-        let solver = &mut self.stage;
         if stage.number == 0 {
             // A run that is resumed here then has the same bits.
-            solver.begin_step();
+            self.stage.begin_step();
         }
-        solver.assemble(&cell, centres)?;
-        let quality = match (&mut self.scheme, &mut self.memory) {
-            (Scheme::Laws { laws, first }, SchemeMemory::Laws(memory)) => {
-                let phase = match (laws.is_soft(), stage.number) {
-                    (false, _) => Phase::Alone,
-                    (true, 0) => Phase::First,
-                    (true, _) => Phase::Second,
-                };
-                let span = Span {
-                    time: stage.span,
-                    phase,
-                    first,
-                };
-                let contact = Contact::Laws { laws, span, memory };
-                let quality = solver.solve(&background, &[], contact)?;
-                if phase == Phase::First {
-                    first.clear();
-                    first.extend_from_slice(solver.velocities());
-                }
-                quality
-            }
-            (_, SchemeMemory::Procedure { listed, velocities }) => {
-                if stage.number == 0 && !velocities.is_empty() {
-                    listed.add_approaching(
-                        &solver.resistance,
-                        &background,
-                        self.params.roughness,
-                        velocities,
-                    );
-                }
-                let surface = self.params.surface();
-                let contact = Contact::Procedure { surface, listed };
-                solver.solve(&background, &[], contact)?
-            }
-            (Scheme::Procedure, SchemeMemory::Laws(_)) => {
-                unreachable!("snapshots are checked against the parameters")
-            }
+        let quality = match &self.drive {
+            Drive::Rate => self.solve(stage, &cell, centres, Pass::First)?,
+            Drive::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
         };
+        let (background, solver) = (self.background, &self.stage);
         let minimum_gap = solver.closest().map_or(f64::INFINITY, |pair| pair.gap);
         let counters = &mut self.counters;
         counters.stages += 1;
@@ -331,7 +322,8 @@ impl Simulation {
             counters.minimum_gap = counters.minimum_gap.min(minimum_gap);
             let stress = self
                 .stress
-                .stress(solver, &background, self.side * self.side);
+                .stress(solver, &background, self.side * self.side)
+                .along(self.params.direction);
             counters.count_jam(stress.viscosity, quality.jammed);
             if let Some(frame) = &mut self.frame {
                 frame.solved(&self.stress.stresslets, &solver.contacts.list);
@@ -341,7 +333,9 @@ impl Simulation {
                 strain: stage.time,
                 viscosity: stress.viscosity,
                 viscosity_stresslet: stress.viscosity_stresslet,
-                normal_stress_difference: stress.normal_stress_difference,
+                normal_stress_difference: stress.components.n1.total(),
+                stress: stress.components,
+                shear_rate: self.drive.shear_rate(&self.params),
                 dissipation: stress.dissipation,
                 contacts: counts.contacts,
                 activated: counts.activated,
@@ -365,6 +359,74 @@ impl Simulation {
         Ok(())
     }
 
+    /// The contact problem of a stage and its motion.
+    fn solve(
+        &mut self,
+        stage: Stage,
+        cell: &Cell,
+        centres: &[Vec2],
+        pass: Pass,
+    ) -> Result<Quality, Error> {
+        let (background, solver) = (self.background, &mut self.stage);
+        if pass == Pass::First {
+            solver.assemble(cell, centres)?;
+        }
+        let surface = self.drive.surface(&self.params);
+        match (&mut self.scheme, &mut self.memory) {
+            (Scheme::Laws { laws, first }, SchemeMemory::Laws(memory)) => {
+                let phase = match (laws.is_soft(), stage.number) {
+                    (false, _) => Phase::Alone,
+                    (true, 0) => Phase::First,
+                    (true, _) => Phase::Second,
+                };
+                let span = Span {
+                    time: stage.span,
+                    phase,
+                    first,
+                };
+                let contact = Contact::Laws { laws, span, memory };
+                let quality = if pass == Pass::First {
+                    solver.solve(&background, &[], contact)?
+                } else if laws.repulsion.is_some() {
+                    // Its slope is a part of the matrix that was factored.
+                    solver.assemble(cell, centres)?;
+                    solver.solve(&background, &[], contact)?
+                } else {
+                    solver.solve_again(&background, contact)?
+                };
+                if phase == Phase::First {
+                    first.clear();
+                    first.extend_from_slice(solver.velocities());
+                }
+                Ok(quality)
+            }
+            (_, SchemeMemory::Procedure { listed, velocities }) => {
+                if pass == Pass::First {
+                    if stage.number == 0 && !velocities.is_empty() {
+                        let roughness = self.params.roughness;
+                        listed.add_approaching(
+                            &solver.resistance,
+                            &background,
+                            roughness,
+                            velocities,
+                        );
+                    }
+                    self.listed_before.pairs.clone_from(&listed.pairs);
+                    let contact = Contact::Procedure { surface, listed };
+                    solver.solve(&background, &[], contact)
+                } else {
+                    // A solve drops pairs from the list.
+                    listed.pairs.clone_from(&self.listed_before.pairs);
+                    let contact = Contact::Procedure { surface, listed };
+                    solver.solve_again(&background, contact)
+                }
+            }
+            (Scheme::Procedure, SchemeMemory::Laws(_)) => {
+                unreachable!("snapshots are checked against the parameters")
+            }
+        }
+    }
+
     /// Disturbance velocities of the step as a whole, at its mean positions, which the procedure needs.
     fn keep_mean_velocities(&mut self, dt: f64) {
         let SchemeMemory::Procedure { velocities, .. } = &mut self.memory else {
@@ -373,7 +435,7 @@ impl Simulation {
         let Stepper::RungeKutta(method) = &self.stepper else {
             return;
         };
-        let background = Background::SHEAR;
+        let background = self.background;
         velocities.clear();
         velocities.extend_from_slice(method.mean());
         for (u, x) in velocities.chunks_exact_mut(3).zip(&self.state.centres) {
@@ -387,7 +449,16 @@ impl Simulation {
 
     /// The cell at a strain.
     fn cell_at(&self, strain: f64) -> Result<Cell, Error> {
-        Cell::periodic(self.side, self.side, strain * self.side)
+        let travelled = self.params.direction * strain * self.side;
+        Cell::periodic(self.side, self.side, self.offset + travelled)
+    }
+
+    /// Offset of the upper image cell at a strain, wrapped.
+    pub fn offset_at(&self, strain: f64) -> f64 {
+        match self.cell_at(strain) {
+            Ok(Cell::Periodic { offset, .. }) => offset,
+            Ok(Cell::Unbounded) | Err(_) => 0.0,
+        }
     }
 
     /// Whether the layer still flows after the steps done.
@@ -462,6 +533,7 @@ impl Simulation {
             orientations: self.state.orientations.clone(),
             memory: self.memory.clone(),
             near_pairs: self.near_pairs(),
+            critical_load: self.drive.critical_load(),
             counters: self.counters,
         }
     }

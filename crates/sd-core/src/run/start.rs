@@ -4,11 +4,15 @@
 //! 2006) until no overlap is left. The margin is the largest of a few that fits, so that dilute layers do not start with
 //! crowds of pairs just at h. Dense layers that get stuck are shaken and relaxed again, ever more gently.
 
+mod given;
+
+pub use given::fit;
+
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
 use crate::geometry::neighbours::NeighbourList;
-use crate::model::{Params, Refusal, Words as _};
+use crate::model::{Params, Refusal, StartLayer, Words as _};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
@@ -29,6 +33,10 @@ pub struct Start {
     pub radii: Vec<f64>,
     /// Centres, in a, inside the cell.
     pub centres: Vec<Vec2>,
+    /// Orientations, in radians.
+    pub orientations: Vec<f64>,
+    /// Stretches of tangential springs, in a, by pair.
+    pub springs: Vec<(u32, u32, f64)>,
     /// Side of the square cell, in a.
     pub side: f64,
 }
@@ -67,7 +75,7 @@ pub fn check(params: &Params) -> Result<(), Error> {
     }
     // Spheres that, with the roughness around them, cover more than discs can.
     let growth = (1.0 + 0.5 * params.roughness).powi(2);
-    if params.area_fraction * growth > CLOSE_PACKED {
+    if params.start.is_none() && params.area_fraction * growth > CLOSE_PACKED {
         return refuse(
             "area_fraction",
             params.area_fraction.to_string(),
@@ -94,7 +102,10 @@ pub fn check(params: &Params) -> Result<(), Error> {
     let Err(Error::CellTooSmall { side, needed, .. }) =
         Cell::periodic(side, side, 0.0)?.check_range(&[largest])
     else {
-        return Ok(());
+        return match &params.start {
+            Some(given) => fit(given, params).map(|_| ()),
+            None => Ok(()),
+        };
     };
     let least = (needed * needed * params.area_fraction / (PI * mean_square)).ceil();
     refuse(
@@ -150,6 +161,31 @@ pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
     Ok((radii, side))
 }
 
+/// The layer a run begins with: the one that is given, or else the one that the seed makes.
+///
+/// # Errors
+/// Those of [`fit`] and [`layer`].
+pub fn first_layer(params: &Params, seed: u64) -> Result<Start, Error> {
+    let Some(given) = &params.start else {
+        return layer(params, seed);
+    };
+    let StartLayer {
+        side,
+        radii,
+        centres,
+        orientations,
+        springs,
+        ..
+    } = fit(given, params)?;
+    Ok(Start {
+        springs,
+        radii,
+        centres: centres.iter().map(|x| Vec2::new(x[0], x[1])).collect(),
+        orientations,
+        side,
+    })
+}
+
 /// Makes the layer, which depends on the parameters and the seed alone (`ChaCha8`).
 ///
 /// # Errors
@@ -183,6 +219,8 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
             if gap >= params.roughness {
                 let centres = packing.centres.iter().map(|&x| cell.wrap(x)).collect();
                 return Ok(Start {
+                    orientations: vec![0.0; packing.radii.len()],
+                    springs: Vec::new(),
                     radii: packing.radii,
                     centres,
                     side,
@@ -336,6 +374,7 @@ mod tests {
             hydrodynamics: Hydrodynamics::BallMelrose,
             contact: ContactScheme::Rigid,
             time_step: 0.005,
+            ..Params::UNWRITTEN
         }
     }
 

@@ -1,16 +1,21 @@
 //! One `[[grid]]`: the product of its axes.
 
+use super::ends_of_runs;
 use super::error::Problem;
 use super::protocol::Written;
-use super::reader::{Located, Table, Values, nearest, of_axis, values};
+use super::reader::{Located, Table, Values, nearest, of_axis, values, wrong_type};
 use super::seeds::{SEEDS, Seeds};
 use crate::axes::{AXES, Axis, Unmade, Value, params_of};
 use crate::case::Case;
-use sd_core::model::{Form, Refusal};
+use sd_core::model::{Form, Refusal, StartLayer};
 use sd_core::{Params, start};
 use std::ops;
+use std::path::Path;
 use toml::Spanned;
-use toml::de::DeTable;
+use toml::de::{DeTable, DeValue};
+
+/// The key of the layer that runs begin with.
+const START: &str = "start";
 
 /// The values of one grid.
 #[derive(Debug)]
@@ -20,6 +25,8 @@ pub(super) struct Grid {
     /// Values of each axis; `None` where nothing is written.
     axes: Vec<Option<Values>>,
     pub(super) seeds: Seeds,
+    /// The layer that all its runs begin with, if one is given.
+    start: Option<Located<Start>>,
     /// Whether all that is written could be read.
     pub(super) is_whole: bool,
 }
@@ -33,9 +40,9 @@ type Combination<'g> = Vec<Option<&'g Located<Value>>>;
 impl Grid {
     /// Reads a grid and checks the range of every value in it. The protocol's values count where the grid has none.
     pub(super) fn read(
-        entries: &DeTable<'_>,
-        span: ops::Range<usize>,
+        (entries, span): (&DeTable<'_>, ops::Range<usize>),
         protocol: &Written,
+        folder: &Path,
         problems: &mut Vec<Problem>,
     ) -> Self {
         let known: Vec<&str> = AXES.iter().map(|axis| axis.key).chain([SEEDS]).collect();
@@ -44,6 +51,8 @@ impl Grid {
         let axes: Vec<Option<Values>> = AXES
             .iter()
             .map(|axis| match table.get(axis.key) {
+                // A layer, which is no number.
+                Some(_) if axis.key == START => None,
                 Some(written) => values(written, axis.key, problems, |value| of_axis(value, axis)),
                 None => protocol.value_of(axis),
             })
@@ -54,7 +63,28 @@ impl Grid {
             problems.extend(table.missing(SEEDS, "8"));
             Seeds::List(Vec::new())
         };
+        let start = table
+            .get(START)
+            .and_then(|written| start_layer(written, folder, problems));
+        if let Some(
+            start @ Located {
+                value: Start::File(_),
+                ..
+            },
+        ) = &start
+            && seeds.most() > 1
+        {
+            problems.push(
+                Problem::at(
+                    &start.span,
+                    "every seed would give the same run: the layer is in the file",
+                    "`seeds = 1` with a start layer",
+                )
+                .labelled("no seed makes this layer"),
+            );
+        }
         Self {
+            start,
             is_whole: table.is_known && problems.len() == before,
             span,
             axes,
@@ -137,13 +167,17 @@ impl Grid {
             for (means, axis) in meaning.iter_mut().zip(AXES.iter()) {
                 *means |= axis.means_something(&params);
             }
-            match self.check(combination, &params, protocol) {
-                Err(problem) => self.note(problem, &mut new),
-                Ok(()) => {
-                    for seed in self.seeds.all() {
-                        let case = Case::new(params.clone(), seed, &protocol.protocol);
-                        take(case, &mut new);
+            for seed in self.seeds.all() {
+                let checked = self.begun(&params, seed).and_then(|params| {
+                    self.check(combination, &params, protocol)?;
+                    Ok(params)
+                });
+                match checked {
+                    Err(problem) => {
+                        self.note(problem, &mut new);
+                        break;
                     }
+                    Ok(params) => take(Case::new(params, seed, &protocol.protocol), &mut new),
                 }
             }
         });
@@ -162,6 +196,32 @@ impl Grid {
             }
         }
         problems.append(&mut new);
+    }
+
+    /// The parameters of the run with that seed: with the layer it begins with, if one is given.
+    fn begun(&self, params: &Params, seed: u64) -> Result<Params, Problem> {
+        let layer = match &self.start {
+            None => None,
+            Some(start) => match &start.value {
+                Start::File(layer) => Some(layer),
+                Start::Runs(layers) => {
+                    let Some((_, layer)) = layers.iter().find(|layer| layer.0 == seed) else {
+                        let seeds: Vec<String> =
+                            layers.iter().map(|layer| layer.0.to_string()).collect();
+                        return Err(Problem::at(
+                            &start.span,
+                            format!("no finished run of that point has seed {seed}"),
+                            format!("`seeds` among those of that point: {}", seeds.join(", ")),
+                        ));
+                    };
+                    Some(layer)
+                }
+            },
+        };
+        Ok(Params {
+            start: layer.cloned(),
+            ..params.clone()
+        })
     }
 
     /// Calls for every combination of values, the last axis changing first.
@@ -244,7 +304,8 @@ impl Grid {
             allowed,
             because,
         } = refusal;
-        let written = place(combination, key);
+        let start = self.start.as_ref().filter(|_| *key == START);
+        let written = place(combination, key).or(start.map(|start| &start.span));
         let problem = Problem::at(
             written.unwrap_or(&self.span),
             format!("`{key}` = {value} {problem}"),
@@ -294,10 +355,111 @@ fn example(axis: &Axis) -> String {
         Form::Number(number) => number.quantity.note,
         Form::Choice(_) => "",
     };
+    let or = if axis.is_shear_rate() {
+        ", or impose the stress: `shear_stress = [0.1, 1.0, 10.0]`"
+    } else {
+        ""
+    };
     let example = format!("add for example `{} = {}`", axis.key, axis.example);
     if note.is_empty() {
-        example
+        format!("{example}{or}")
     } else {
-        format!("{example} ({note})")
+        format!("{example} ({note}){or}")
     }
+}
+
+/// What the runs of a grid begin with.
+#[derive(Debug)]
+enum Start {
+    /// The layer of a file, all of them.
+    File(Box<StartLayer>),
+    /// The end of the run with the same seed at a point of another store; by seed.
+    Runs(Vec<(u64, Box<StartLayer>)>),
+}
+
+/// The layer of a file that is named, or the ends of the runs of a point.
+fn start_layer(
+    written: &Spanned<DeValue<'_>>,
+    folder: &Path,
+    problems: &mut Vec<Problem>,
+) -> Option<Located<Start>> {
+    let span = written.span();
+    let found = match written.get_ref() {
+        DeValue::String(name) => super::start::read(&folder.join(name.as_ref()))
+            .map(|layer| Start::File(Box::new(layer))),
+        DeValue::Table(entries) => {
+            let (store, point) = point_of(entries, &span, problems)?;
+            ends_of_runs::layers(&folder.join(store), &point).map(|layers| {
+                let boxed = layers
+                    .into_iter()
+                    .map(|(seed, layer)| (seed, Box::new(layer)));
+                Start::Runs(boxed.collect())
+            })
+        }
+        _ => {
+            let allowed = "`start` is the name of a file, or { store = \"FILE\", point = { KEY = VALUE, .. } }";
+            problems.push(wrong_type(written, START, allowed));
+            return None;
+        }
+    };
+    match found {
+        Ok(value) => Some(Located { value, span }),
+        Err([message, allowed]) => {
+            problems.push(Problem::at(&span, message, allowed).labelled("begins here"));
+            None
+        }
+    }
+}
+
+/// A store, and values that tell one of its points; `None` if something is wrong with them.
+fn point_of<'t>(
+    entries: &'t DeTable<'t>,
+    span: &ops::Range<usize>,
+    problems: &mut Vec<Problem>,
+) -> Option<(&'t str, Vec<(&'static Axis, Value)>)> {
+    let before = problems.len();
+    let table = Table::new(entries, span.clone(), START, &["store", "point"], problems);
+    let store = match table
+        .get("store")
+        .map(|written| (written, written.get_ref()))
+    {
+        Some((_, DeValue::String(name))) => Some(name.as_ref()),
+        Some((written, _)) => {
+            problems.push(wrong_type(
+                written,
+                "store",
+                "`store` is the name of a file",
+            ));
+            None
+        }
+        None => {
+            problems.extend(table.missing("store", "\"results/first.sqlite\""));
+            None
+        }
+    };
+    let mut point = Vec::new();
+    match table
+        .get("point")
+        .map(|written| (written, written.get_ref()))
+    {
+        None => {}
+        Some((written, DeValue::Table(values))) => {
+            let known: Vec<&str> = AXES.iter().map(|axis| axis.key).collect();
+            let values_of = Table::new(values, written.span(), "point", &known, problems);
+            for axis in AXES.iter() {
+                match values_of.get(axis.key).map(|value| of_axis(value, axis)) {
+                    None => {}
+                    Some(Ok(value)) => point.push((axis, value)),
+                    Some(Err(problem)) => problems.push(problem),
+                }
+            }
+        }
+        Some((written, _)) => {
+            let allowed = "`point` is a table of values: { shear_stress = 1.0, friction = 0.5 }";
+            problems.push(wrong_type(written, "point", allowed));
+        }
+    }
+    (problems.len() == before)
+        .then(|| store.map(|store| (store, point)))
+        .flatten()
 }

@@ -381,3 +381,120 @@ fn all_faults_of_a_file_are_shown_at_once() {
     assert_eq!(shown.matches("has no `roughness`").count(), 1, "{shown}");
     assert_eq!(shown.matches("  × ").count(), faults.len(), "{shown}");
 }
+
+/// A grid at imposed stress.
+fn imposed(more: &str) -> String {
+    GOOD.replace(
+        "shear_rate = [0, 0.1, inf]",
+        &format!("shear_stress = [0.5, 2.0]\n{more}"),
+    )
+}
+
+#[test]
+fn stress_is_imposed_in_place_of_the_rate() {
+    let campaign = parse_text(&imposed("")).unwrap();
+    assert_eq!(campaign.cases.len(), 2 * 2 * 4);
+    let (_, case) = &campaign.cases[4];
+    assert_eq!(case.params.shear_stress, Some(2.0));
+    let text = serde_json::to_string(&case.params).unwrap();
+    assert!(text.contains("\"shear_stress\":2.0"), "{text}");
+    let backwards = parse_text(&imposed("direction = -1")).unwrap();
+    assert_ne!(backwards.cases[0].0, campaign.cases[0].0);
+    assert_eq!(backwards.cases[0].1.params.direction, -1.0);
+}
+
+#[test]
+fn faults_of_imposed_stress_and_of_start_layers_have_their_line() {
+    let directory = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(directory.path().join(name), text).unwrap();
+    let layer = |centres: &str, radii: &str, side: f64| {
+        format!("{{\"centres\": {centres}, \"radii\": {radii}, \"cell\": [{side}, {side}]}}")
+    };
+    let one = "spheres = 1\narea_fraction = 0.01\nfriction = 0.3\nroughness = 0.01\nshear_rate = 1\nseeds = 1";
+    let two = one
+        .replace("spheres = 1", "spheres = 2")
+        .replace("0.01\nf", "0.05\nf");
+    let side = (2.0 * std::f64::consts::PI / 0.05).sqrt();
+    write(
+        "one.json",
+        &layer("[[1, 2]]", "[1]", (std::f64::consts::PI / 0.01).sqrt()),
+    );
+    write("wide.json", &layer("[[1, 2]]", "[1]", 20.0));
+    write("sizes.json", &layer("[[0, 0], [5, 0]]", "[1.2, 0.8]", side));
+    write("overlap.json", &layer("[[0, 0], [1.9, 0]]", "[1, 1]", side));
+    write("good.json", &layer("[[0, 0], [5, 0]]", "[1, 1]", side));
+    let grid = |lines: &str, start: &str| {
+        format!(
+            "name = \"x\"\n[[grid]]\nhydrodynamics = \"ball-melrose\"\nstart = {start}\n{lines}\n"
+        )
+    };
+    let parse = |text: &str| {
+        let file = directory.path().join("x.toml").display().to_string();
+        Campaign::parse(&file, text.into()).map_err(|error| {
+            let mut shown = String::new();
+            miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
+                .render_report(&mut shown, &error)
+                .unwrap();
+            shown
+        })
+    };
+    let good = parse(&grid(&two, "\"good.json\"")).unwrap();
+    let start = good.cases[0].1.params.start.as_ref().unwrap();
+    assert_eq!(start.centres.len(), 2);
+    write("moved.json", &layer("[[0, 0], [5.5, 0]]", "[1, 1]", side));
+    let moved = parse(&grid(&two, "\"moved.json\"")).unwrap();
+    assert_ne!(moved.cases[0].0, good.cases[0].0, "the layer is in the key");
+    for (text, line, part) in [
+        (
+            grid(&two, "\"one.json\""),
+            4,
+            "a layer of 1 spheres does not go with `spheres` = 2",
+        ),
+        (
+            grid(one, "\"wide.json\""),
+            4,
+            "does not go with `area_fraction` = 0.01",
+        ),
+        (
+            grid(&two, "\"sizes.json\""),
+            4,
+            "radius 1.2 does not go with `size_ratio` = 1",
+        ),
+        (
+            grid(&two, "\"overlap.json\""),
+            4,
+            "spheres 0 and 1 have a gap of -1.000e-1",
+        ),
+        (grid(&two, "\"nowhere.json\""), 4, "cannot be read"),
+        (grid(&two, "3"), 4, "`start` cannot be of type integer"),
+        (grid(&two, "{ point = {} }"), 4, "has no `store`"),
+        (
+            grid(&two, "{ store = \"nowhere.sqlite\" }"),
+            4,
+            "there is no such file",
+        ),
+        (
+            grid(&two.replace("seeds = 1", "seeds = 2"), "\"good.json\""),
+            4,
+            "every seed would give the same run",
+        ),
+        (
+            imposed("shear_rate = 1"),
+            10,
+            "`shear_rate` has no meaning in this grid",
+        ),
+        (
+            imposed("").replace("0.5, 2.0", "0, 2.0"),
+            9,
+            "`shear_stress` = 0 is out of range",
+        ),
+        (imposed("direction = 0.5"), 10, "is no sense of the shear"),
+    ] {
+        let error = parse(&text).unwrap_err();
+        assert!(error.contains(part), "{part}: {error}");
+        let shown = error
+            .lines()
+            .any(|shown| shown.trim_start().starts_with(&format!("{line} │")));
+        assert!(shown, "line {line}: {error}");
+    }
+}

@@ -7,8 +7,8 @@ use crate::cli::Error;
 use crate::exit;
 use crate::files::write_whole;
 use crate::report::{
-    Drawing, Format, Kind, PageHost, Quantity, Report, Selection, draw, page, parquet, traces,
-    write_csv, write_json, write_markdown, write_text, write_units,
+    Columns, Drawing, Format, Kind, PageHost, Quantity, Report, Selection, draw, page, parquet,
+    traces, write_csv, write_json, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -23,6 +23,7 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json\n  \
                   sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
                   sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --markdown -\n  \
+                  sweep report sweeps/quickstart.toml --columns viscosity,n1,n2,particle_pressure,shear_tangential_contact\n  \
                   sweep report results/figure-11.sqlite --figure contacts.png --kind contacts --where shear_rate=inf\n  \
                   sweep report results/figure-15.sqlite --figure dense.svg --quantity viscosity_median --where area_fraction=0.8\n\n\
                   The store is a SQLite file with two views for other programs, `viscosity_vs_shear_rate` (a row per point) and\n\
@@ -34,6 +35,9 @@ pub(crate) struct Arguments {
     /// Only points with one of these values on an axis, by its key in the campaign file; of every output; may be repeated
     #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
     selection: Vec<String>,
+    /// Only these columns besides the axes, in tables of every kind; names are those of the CSV file
+    #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
+    columns: Vec<String>,
     /// Average runs with doubtful numbers too; they are counted in any case
     #[arg(long)]
     with_doubtful: bool,
@@ -80,9 +84,13 @@ fn numeric_axis() -> impl TypedValueParser<Value = &'static Axis> {
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let drawing = drawing(arguments)?;
     let selection = Selection::parse(&arguments.selection)?.with_doubtful(arguments.with_doubtful);
+    let columns = Columns::named(&arguments.columns)?;
     refuse_two_answers(arguments, output)?;
     let store = arguments.place.open(output)?;
-    let report = Report::of(&store, &selection)?;
+    let report = Report {
+        columns,
+        ..Report::of(&store, &selection)?
+    };
     let mut files = false;
     if let (Some(path), Some((drawing, format))) = (&arguments.figure, drawing) {
         let traces = match drawing.kind {
@@ -98,7 +106,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         save(path, &bytes, output)?;
         if path.as_os_str() != "-" {
             bytes.clear();
-            write_units(&mut bytes)?;
+            write_units(&report, &mut bytes)?;
             save(&path.with_extension("units.csv"), &bytes, output)?;
         }
         files = true;

@@ -13,7 +13,7 @@ use sd_core::contact::ContactState;
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::model::Words;
 use sd_core::modes::{Background, Vec2};
-use sd_core::{Hydrodynamics, LeadingOrder, NearFields};
+use sd_core::{Hydrodynamics, LeadingOrder, NearFields, StressComponents};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -267,6 +267,12 @@ struct Answer {
     viscosity_stresslet: Option<f64>,
     /// v'Rv over volume and rate.
     dissipation: Option<f64>,
+    /// First and second normal stress difference, and the particle pressure of contacts and repulsion.
+    n1: Option<f64>,
+    n2: Option<f64>,
+    particle_pressure: Option<f64>,
+    /// The same and the shear stress, each by its causes.
+    stress: Option<StressComponents>,
     /// All candidate pairs.
     contacts: Vec<Pair>,
 }
@@ -311,6 +317,10 @@ impl From<&SolvedConfiguration> for Answer {
             viscosity: stress.map(|s| s.viscosity),
             viscosity_stresslet: stress.map(|s| s.viscosity_stresslet),
             dissipation: stress.map(|s| s.dissipation),
+            n1: stress.map(|s| s.components.n1.total()),
+            n2: stress.map(|s| s.components.n2.total()),
+            particle_pressure: stress.map(|s| s.components.particle_pressure.total()),
+            stress: stress.map(|s| s.components),
             contacts: instant
                 .contacts
                 .iter()
@@ -386,6 +396,12 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
         ("viscosity", instant.viscosity),
         ("stresslet viscosity", instant.viscosity_stresslet),
         ("dissipation", instant.dissipation),
+        ("N1", instant.n1),
+        ("N2", instant.n2),
+        (
+            "particle pressure of contacts and repulsion",
+            instant.particle_pressure,
+        ),
     ] {
         if let Some(value) = value {
             writeln!(output.out, "{name} {}", digits(value))?;

@@ -1,8 +1,9 @@
 //! The columns of all tables: the axes of the campaign, then what was measured.
 
-use super::Point;
+use super::{Point, Report, ReportError};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::statistics::Estimate;
+use crate::stresses::STRESSES;
 
 /// A column: a name for machines, a unit, a meaning, and a cell for every point.
 #[derive(Debug, Clone, Copy)]
@@ -28,6 +29,52 @@ enum Content {
     Count(fn(&Point) -> u64),
     /// Numbers; `None` where there is none.
     Number(fn(&Point) -> Option<f64>),
+    /// A component or part of the stress, by its place in [`STRESSES`].
+    Stress(usize),
+    /// Half the width of its interval.
+    StressInterval(usize),
+}
+
+/// Which columns tables have besides the axes. The default is all of them, or in tables for people the usual ones.
+#[derive(Debug, Clone, Default)]
+pub struct Columns(Option<Vec<Column>>);
+
+impl Columns {
+    /// The columns with these names, in this order; none is the default.
+    ///
+    /// # Errors
+    /// [`ReportError::Argument`] on a name that no column has.
+    pub fn named(names: &[String]) -> Result<Self, ReportError> {
+        if names.is_empty() {
+            return Ok(Self::default());
+        }
+        let mut chosen: Vec<Column> = Vec::new();
+        for name in names {
+            let name = name.trim().replace('-', "_");
+            let Some(column) = measured().find(|column| column.name == name) else {
+                if AXES.iter().any(|axis| axis.key == name) {
+                    continue;
+                }
+                let known: Vec<&str> = measured().map(|column| column.name).collect();
+                return Err(ReportError::Argument {
+                    argument: "--columns",
+                    message: format!(
+                        "no column is called {name:?}; besides the axes there are {}",
+                        known.join(", ")
+                    ),
+                });
+            };
+            if !chosen.iter().any(|known| known.name == column.name) {
+                chosen.push(column);
+            }
+        }
+        Ok(Self(Some(chosen)))
+    }
+
+    /// The columns that were chosen; `None` by default.
+    pub(super) fn chosen(&self) -> Option<&[Column]> {
+        self.0.as_deref()
+    }
 }
 
 impl Column {
@@ -46,29 +93,87 @@ impl Column {
         match self.content {
             Content::Axis(axis) => axis.kind(),
             Content::Count(_) => Kind::Count,
-            Content::Number(_) => Kind::Number,
+            Content::Number(_) | Content::Stress(_) | Content::StressInterval(_) => Kind::Number,
         }
     }
 
     /// Its cell of a point; `None` if nothing was measured.
     pub(super) fn cell(&self, point: &Point) -> Option<Value> {
         match self.content {
+            // What is not imposed follows from the other.
+            Content::Axis(axis) if axis.is_shear_rate() => number(point.shear_rate()),
+            Content::Axis(axis) if axis.is_shear_stress() => number(point.params.shear_stress),
             Content::Axis(axis) => Some(axis.value(&point.params)),
             Content::Count(read) => Some(Value::Count(read(point))),
-            Content::Number(read) => read(point).filter(|n| !n.is_nan()).map(Value::Number),
+            Content::Number(read) => number(read(point)),
+            Content::Stress(place) => number(mean(point.stresses[place])),
+            Content::StressInterval(place) => number(ci95(point.stresses[place])),
         }
     }
+
+    /// Whether tables for people leave it out unless it is asked for.
+    pub(super) fn is_detail(&self) -> bool {
+        match self.content {
+            Content::Stress(place) => STRESSES[place].is_part() || STRESSES[place].name == "n1",
+            Content::StressInterval(_) => true,
+            _ => false,
+        }
+    }
+
+    /// The column with the half width of its interval, if there is one.
+    pub(super) fn interval(&self) -> Option<Self> {
+        let name = format!("{}_ci95", self.name);
+        measured().find(|column| column.name == name)
+    }
+}
+
+/// A number that is one.
+fn number(value: Option<f64>) -> Option<Value> {
+    value.filter(|n| !n.is_nan()).map(Value::Number)
 }
 
 /// All columns.
 pub(super) fn columns() -> impl Iterator<Item = Column> {
-    AXES.iter().map(Column::of_axis).chain(MEASURED)
+    AXES.iter().map(Column::of_axis).chain(measured())
+}
+
+/// The columns that tables of a report have.
+pub(super) fn columns_of(report: &Report) -> Vec<Column> {
+    match report.columns.chosen() {
+        Some(chosen) => {
+            let axes = AXES.iter().map(Column::of_axis);
+            axes.chain(chosen.iter().copied()).collect()
+        }
+        None => columns().collect(),
+    }
+}
+
+/// All columns but those of the axes.
+fn measured() -> impl Iterator<Item = Column> {
+    let stresses = STRESSES.iter().enumerate().flat_map(|(place, stress)| {
+        let mean = column(
+            stress.name,
+            "mu rate",
+            stress.meaning,
+            Content::Stress(place),
+        );
+        let width = Content::StressInterval(place);
+        [
+            mean.labelled(stress.meaning),
+            column(
+                stress.interval,
+                "mu rate",
+                "half width of its 95 % interval",
+                width,
+            ),
+        ]
+    });
+    MEASURED.into_iter().chain(stresses)
 }
 
 /// Measured quantities that curves can show: their columns and labels.
 pub(super) fn quantities() -> impl Iterator<Item = (&'static str, &'static str)> {
-    MEASURED
-        .iter()
+    measured()
         .filter(|column| !column.label.is_empty())
         .map(|column| (column.name, column.label))
 }

@@ -18,6 +18,9 @@ use outline::CURVES;
 use render::render;
 use sd_core::Params;
 
+/// Style of the crosses of jammed layers.
+const JAMMED_STYLE: usize = 6;
+
 /// What a figure shows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Kind {
@@ -30,6 +33,12 @@ pub enum Kind {
     Trace,
     /// First normal stress difference with 95 % intervals.
     NormalStress,
+    /// Second normal stress difference.
+    SecondNormalStress,
+    /// Particle pressure of contacts and repulsion.
+    ParticlePressure,
+    /// Shear stress σ* against shear rate Γ, whichever of them is imposed.
+    FlowCurve,
     /// Mean approach velocity of the pairs in contact.
     ApproachVelocity,
 }
@@ -82,6 +91,8 @@ struct Line {
     style: usize,
     /// Without markers.
     plain: bool,
+    /// Whether its points are joined.
+    joined: bool,
 }
 
 /// What a figure is made of.
@@ -165,11 +176,31 @@ pub fn outline(
     let along = drawing
         .along
         .unwrap_or_else(|| default_axis(report, drawing.kind));
+    if drawing.kind == Kind::FlowCurve && !along.is_shear_rate() {
+        return Err(ReportError::Argument {
+            argument: "--along",
+            message: "a flow curve is stress against rate: it runs along shear_rate".into(),
+        });
+    }
     let mut sketch = match drawing.kind {
         Kind::Viscosity => viscosity(report, along, drawing.quantity),
         Kind::NormalStress => of_points(report, along, "normal stress difference N₁", |p| {
             p.normal_stress_difference
         }),
+        Kind::SecondNormalStress => {
+            of_points(report, along, "normal stress difference N₂", |p| {
+                p.stress("n2")
+            })
+        }
+        Kind::ParticlePressure => of_points(report, along, "particle pressure Π", |p| {
+            p.stress("particle_pressure")
+        }),
+        Kind::FlowCurve => of_points(
+            report,
+            along,
+            "shear stress σ* (F_crit/a²)",
+            Point::shear_stress,
+        ),
         Kind::ApproachVelocity => of_points(report, along, "mean approach velocity", |p| {
             p.mean_approach_velocity.map(Estimate::bare)
         }),
@@ -204,6 +235,8 @@ pub fn outline(
             "{curves}{more} curves, and at most {CURVES} can be told apart: {how}"
         )));
     }
+    let crosses = jammed(report, along, drawing.kind, &sketch);
+    sketch.lines.extend(crosses);
     Ok(Outline::of(&sketch))
 }
 
@@ -229,6 +262,7 @@ pub fn draw_paths(paths: [Vec<(f64, f64)>; 2], format: Format) -> Result<Vec<u8>
                 points: path.into_iter().map(|(x, y)| (x, y, None)).collect(),
                 style,
                 plain: true,
+                joined: true,
             })
             .collect(),
         x: "x / a".into(),
@@ -240,12 +274,19 @@ pub fn draw_paths(paths: [Vec<(f64, f64)>; 2], format: Format) -> Result<Vec<u8>
 
 /// The axis of a figure if the user names none: the first that varies.
 fn default_axis(report: &Report, kind: Kind) -> &'static Axis {
-    let first = if kind == Kind::Contacts {
-        "friction"
-    } else {
-        "shear_rate"
+    let first = match kind {
+        Kind::Contacts => "friction",
+        // Stress against rate, whichever is imposed.
+        Kind::FlowCurve => return Axis::of_key("shear_rate").unwrap_or(&AXES[0]),
+        _ => "shear_rate",
     };
-    let order = [first, "shear_rate", "area_fraction", "friction"];
+    let order = [
+        first,
+        "shear_stress",
+        "shear_rate",
+        "area_fraction",
+        "friction",
+    ];
     let mut order: Vec<&Axis> = order.into_iter().filter_map(Axis::of_key).collect();
     order.extend(AXES.iter().filter(|axis| axis.is_numeric()));
     order
@@ -284,6 +325,7 @@ fn in_time(traces: &[Trace]) -> Sketch {
                 points: trace.points.iter().map(|&(x, y)| (x, y, None)).collect(),
                 style,
                 plain: true,
+                joined: true,
             }
         })
         .collect();
@@ -301,14 +343,22 @@ fn axis(report: &Report, along: &Axis) -> Option<LogAxis> {
     let values: Vec<f64> = report
         .points
         .iter()
-        .map(|p| along.number(&p.params))
+        .map(|p| p.place(along))
+        // Layers that bear their stress at rest stand at a rate of 0.
+        .chain(
+            report
+                .points
+                .iter()
+                .filter(|p| along.is_shear_rate() && bears(p))
+                .map(|_| 0.0),
+        )
         .collect();
     along.is_logarithmic().then(|| LogAxis::of(&values))
 }
 
 /// Place of a point.
 fn place(log: Option<LogAxis>, along: &Axis, point: &Point) -> f64 {
-    let value = along.number(&point.params);
+    let value = point.place(along);
     log.map_or(value, |log| log.place(value))
 }
 
@@ -327,6 +377,42 @@ fn viscosity(report: &Report, along: &Axis, quantity: Quantity) -> Sketch {
         sketch.dashed = dilute(report.points.iter().map(|point| &point.params));
     }
     sketch
+}
+
+/// Whether runs of it ended jammed under an imposed stress.
+fn bears(point: &Point) -> bool {
+    point.params.shear_stress.is_some() && point.jammed > 0
+}
+
+/// Crosses for the points with runs that jammed under an imposed stress: at a rate of 0 in a flow curve, above all that flows among
+/// viscosities.
+fn jammed(report: &Report, along: &Axis, kind: Kind, sketch: &Sketch) -> Option<Line> {
+    let heights = sketch.lines.iter().flat_map(|line| &line.points);
+    let top = 1.5
+        * heights
+            .map(|point| point.1)
+            .fold(f64::NEG_INFINITY, f64::max);
+    let jammed = report.points.iter().filter(|point| bears(point));
+    let points: Vec<(f64, f64, Option<f64>)> = jammed
+        .filter_map(|point| {
+            let stress = point.params.shear_stress?;
+            let (x, height) = match kind {
+                Kind::FlowCurve => (0.0, stress),
+                Kind::Viscosity if along.is_shear_rate() => (0.0, top),
+                Kind::Viscosity => (point.place(along), top),
+                _ => return None,
+            };
+            Some((sketch.log.map_or(x, |log| log.place(x)), height, None))
+        })
+        .collect();
+    let is_drawn = !points.is_empty() && points.iter().all(|point| point.1.is_finite());
+    is_drawn.then(|| Line {
+        label: "jammed at this stress".into(),
+        points,
+        style: JAMMED_STYLE,
+        plain: false,
+        joined: false,
+    })
 }
 
 /// One line per curve of one quantity.
@@ -352,6 +438,7 @@ fn of_points(
             label: curve.label,
             style,
             plain: false,
+            joined: true,
         })
         .collect();
     Sketch {
@@ -397,6 +484,7 @@ fn contacts(report: &Report, along: &Axis) -> Sketch {
                     .collect(),
                 style: lines.len() % CURVES,
                 plain: false,
+                joined: true,
             });
         }
     }

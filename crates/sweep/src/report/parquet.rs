@@ -2,7 +2,7 @@
 
 use super::Report;
 use super::ReportError;
-use super::columns::{Column, columns};
+use super::columns::{Column, columns_of};
 use crate::axes::{Kind, Value};
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
@@ -25,14 +25,17 @@ pub fn parquet(report: &Report) -> Result<Vec<u8>, ReportError> {
 
 /// The file.
 fn encode(report: &Report) -> Result<Vec<u8>, ParquetError> {
-    let fields = columns()
-        .map(|column| field(&column).map(Arc::new))
+    let columns = columns_of(report);
+    let fields = columns
+        .iter()
+        .map(|column| field(column).map(Arc::new))
         .collect::<Result<Vec<_>, _>>()?;
     let schema = Field::group_type_builder("points")
         .with_fields(fields)
         .build()?;
     let about = |key: String, value: &str| KeyValue::new(key, value.to_owned());
-    let metadata = columns()
+    let metadata = columns
+        .iter()
         .flat_map(|column| {
             [
                 about(format!("{}.unit", column.name), column.unit),
@@ -48,7 +51,7 @@ fn encode(report: &Report) -> Result<Vec<u8>, ParquetError> {
     let mut bytes = Vec::new();
     let mut file = SerializedFileWriter::new(&mut bytes, Arc::new(schema), Arc::new(properties))?;
     let mut rows = file.next_row_group()?;
-    for column in columns() {
+    for column in &columns {
         let cells = report.points.iter().map(|point| column.cell(point));
         match column.content() {
             Kind::Word => write::<ByteArrayType>(&mut rows, cells, |value| match value {

@@ -3,8 +3,8 @@
 mod notes;
 
 use super::ReportError;
-use super::{Point, Report};
-use crate::axes::{AXES, Axis};
+use super::{Point, Report, columns};
+use crate::axes::{AXES, Axis, Value};
 use crate::campaign::Discard;
 use crate::format::{duration, significant};
 use crate::statistics::Estimate;
@@ -72,6 +72,21 @@ fn interval(estimate: Option<Estimate>) -> String {
     }
 }
 
+/// A cell of a column that was asked for, with its interval if it has one.
+fn cell(column: &columns::Column, point: &Point) -> String {
+    let of = |column: &columns::Column, digits| match column.cell(point) {
+        Some(Value::Number(number)) => Some(significant(number, digits)),
+        Some(value) => Some(value.to_string()),
+        None => None,
+    };
+    let width = column.interval().and_then(|interval| of(&interval, 2));
+    match (of(column, 4), width) {
+        (Some(mean), Some(width)) => format!("{mean} ± {width}"),
+        (Some(mean), None) => mean,
+        (None, _) => "–".into(),
+    }
+}
+
 /// What is said of runs with doubtful numbers.
 pub(super) fn doubtful(report: &Report) -> String {
     let what = if report.with_doubtful {
@@ -83,6 +98,26 @@ pub(super) fn doubtful(report: &Report) -> String {
         "{} finished runs have doubtful numbers: {what}. `sweep show` says why",
         report.doubtful
     )
+}
+
+/// What is said of an imposed stress and of columns that were asked for.
+fn explain(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+    if report
+        .points
+        .iter()
+        .any(|p| p.params.shear_stress.is_some())
+    {
+        writeln!(
+            out,
+            "σ*: imposed shear stress in F_crit/a²; Γ is then 6π σ*/viscosity. Runs that jam bear that stress at rest."
+        )?;
+    }
+    if let Some(chosen) = report.columns.chosen() {
+        for column in chosen {
+            writeln!(out, "{}: {}", column.name, column.meaning)?;
+        }
+    }
+    Ok(())
 }
 
 /// The programs of processes, each once.
@@ -135,7 +170,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
         writeln!(out, "{}", words.join(", "))?;
         let rules = report.points.iter().any(|point| point.rule.is_some());
         let auto = report.discard == Discard::Auto;
-        let measured: Vec<Column> = COLUMNS
+        let usual: Vec<Column> = COLUMNS
             .into_iter()
             .filter(|(heading, _)| match *heading {
                 "wanted" | "precision" => rules,
@@ -148,12 +183,22 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             .collect();
         let mut table = table(width);
         let axes = columns.iter().map(|axis| axis.symbol.to_owned());
-        table.set_header(axes.chain(measured.iter().map(|column| column.0.to_owned())));
+        let headings: Vec<&str> = match report.columns.chosen() {
+            Some(chosen) => chosen.iter().map(|column| column.name).collect(),
+            None => usual.iter().map(|column| column.0).collect(),
+        };
+        table.set_header(axes.chain(headings.into_iter().map(str::to_owned)));
         for point in &report.points {
-            let axes = columns
-                .iter()
-                .map(|axis| axis.value(&point.params).to_string());
-            table.add_row(axes.chain(measured.iter().map(|column| column.1(point))));
+            let axes = columns.iter().map(|axis| match point.params.shear_stress {
+                Some(_) if axis.is_shear_rate() => number(point.shear_rate(), 4),
+                None if axis.is_shear_stress() => "–".into(),
+                _ => axis.value(&point.params).to_string(),
+            });
+            let cells: Vec<String> = match report.columns.chosen() {
+                Some(chosen) => chosen.iter().map(|column| cell(column, point)).collect(),
+                None => usual.iter().map(|column| column.1(point)).collect(),
+            };
+            table.add_row(axes.chain(cells));
         }
         for column in table.column_iter_mut() {
             column.set_cell_alignment(CellAlignment::Right);
@@ -163,6 +208,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             Discard::Strain(strain) => format!("after a strain of {strain}"),
             Discard::Auto => "after the strain MSER-5 picks at each point".into(),
         };
+        explain(report, out)?;
         writeln!(
             out,
             "viscosity: mean over runs ± half the 95 % Student interval, {after}; \

@@ -4,7 +4,7 @@
 
 use super::Report;
 use super::ReportError;
-use super::columns::{Column, columns};
+use super::columns::{Column, columns_of};
 use crate::axes::{Axis, Value};
 use crate::csv_rows;
 use crate::format::significant;
@@ -15,14 +15,15 @@ use std::io::Write;
 /// # Errors
 /// Output that cannot be written.
 pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+    let columns = columns_of(report);
     let rows = report.points.iter().map(|point| {
-        columns().map(|column| match column.cell(point) {
+        columns.iter().map(|column| match column.cell(point) {
             Some(Value::Number(number)) => format!("{number:?}"),
             Some(value) => value.to_string(),
             None => String::new(),
         })
     });
-    let names = columns().map(|column| column.name);
+    let names = columns.iter().map(|column| column.name);
     Ok(csv_rows::write(names, rows, out)?)
 }
 
@@ -30,8 +31,11 @@ pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError
 ///
 /// # Errors
 /// Output that cannot be written.
-pub fn write_units(out: &mut dyn Write) -> Result<(), ReportError> {
-    let rows = columns().map(|column| [column.name, column.unit, column.meaning]);
+pub fn write_units(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+    let columns = columns_of(report);
+    let rows = columns
+        .iter()
+        .map(|column| [column.name, column.unit, column.meaning]);
     Ok(csv_rows::write(["column", "unit", "meaning"], rows, out)?)
 }
 
@@ -41,10 +45,17 @@ pub fn write_units(out: &mut dyn Write) -> Result<(), ReportError> {
 /// Output that cannot be written.
 pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let matters = |name| {
-        Axis::of_key(name).is_none_or(|axis| axis.matters(report.points.iter().map(|p| &p.params)))
+        // The rate that follows from an imposed stress is a result.
+        Axis::of_key(name).is_none_or(|axis| {
+            axis.is_shear_rate() || axis.matters(report.points.iter().map(|p| &p.params))
+        })
     };
-    let columns: Vec<Column> = columns()
+    let is_chosen = report.columns.chosen().is_some();
+    let columns: Vec<Column> = columns_of(report)
+        .into_iter()
+        .filter(|column| is_chosen || !column.is_detail())
         .filter(|column| match column.name {
+            _ if is_chosen && Axis::of_key(column.name).is_none() => true,
             "jammed" => report.counts.jammed > 0,
             "failed" => report.counts.failed > 0,
             "doubtful" => report.doubtful > 0,

@@ -304,6 +304,7 @@ impl Progress {
     pub(super) fn failed(&self, case: &Case, message: &str) {
         let alike = Params {
             shear_rate: 0.0,
+            shear_stress: case.params.shear_stress.map(|_| 1.0),
             ..case.params.clone()
         };
         let is_new = {

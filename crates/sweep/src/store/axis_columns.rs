@@ -30,6 +30,7 @@ pub(super) fn bring_up_to_date(connection: &Connection) -> Result<bool, rusqlite
     // A program that does not know an axis leaves its column empty.
     let empty: Vec<String> = AXES
         .iter()
+        .filter(|axis| !axis.is_of_shear() || new.iter().any(|new| new.key == axis.key))
         .map(|axis| format!("{} IS NULL", axis.key))
         .collect();
     let cases: Vec<(i64, String)> = connection
@@ -84,6 +85,8 @@ pub(super) fn names(before: &str) -> String {
 /// What the columns of a case hold.
 pub(super) fn cells(params: &Params) -> impl Iterator<Item = types::Value> {
     AXES.iter().map(|axis| match axis.value(params) {
+        // Either the rate is imposed or the stress.
+        _ if axis.is_of_shear() && !axis.means_something(params) => types::Value::Null,
         Value::Word(word) => types::Value::Text(word.into()),
         Value::Count(count) => types::Value::Integer(super::integer(count)),
         Value::Number(number) => types::Value::Real(number),
@@ -124,6 +127,7 @@ WITH points AS (
            min(r.viscosity) {sound} AS viscosity_minimum, max(r.viscosity) {sound} AS viscosity_maximum,
            avg(r.viscosity_stresslet) {sound} AS viscosity_stresslet,
            avg(r.normal_stress_difference) {sound} AS normal_stress_difference,
+           avg(r.n2) {sound} AS n2, avg(r.particle_pressure) {sound} AS particle_pressure,
            total(r.contacts) {sound} / nullif(total(r.samples) {sound} * c.spheres, 0) AS contacts_per_sphere,
            total(r.activated) {sound} / nullif(total(r.contacts) {sound}, 0) AS activated_fraction,
            total(r.rolling) {sound} / nullif(total(r.activated) {sound}, 0) AS rolling_fraction
@@ -139,7 +143,7 @@ SELECT {axes}, runs, doubtful, viscosity,
             SELECT x FROM newton WHERE n = 60)
        ELSE variance END AS standard_error,
        viscosity_minimum, viscosity_maximum, viscosity_stresslet, normal_stress_difference, contacts_per_sphere,
-       activated_fraction, rolling_fraction
+       n2, particle_pressure, activated_fraction, rolling_fraction
 FROM points
 ORDER BY position"
     )

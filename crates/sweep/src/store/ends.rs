@@ -9,7 +9,8 @@ use crate::campaign::{Discard, Protocol};
 use crate::case::State;
 use crate::doubt::Doubt;
 use crate::statistics::{Averages, Distribution, mser_5};
-use rusqlite::{Connection, OptionalExtension, Row, Transaction, params};
+use crate::stresses::STRESSES;
+use rusqlite::{Connection, OptionalExtension, Row, ToSql, Transaction, params, params_from_iter};
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
 use std::collections::HashMap;
@@ -402,6 +403,19 @@ fn write_averages(
             steady.map(|s| s.variance),
             steady.map(|s| s.correlation),
         ])?;
+    let places: Vec<String> = STRESSES
+        .iter()
+        .zip(2..)
+        .map(|(column, place)| format!("{} = ?{place}", column.name))
+        .collect();
+    let case: &dyn ToSql = &case;
+    let means = averages.stresses.iter().map(|mean| mean as &dyn ToSql);
+    connection
+        .prepare_cached(&format!(
+            "UPDATE results SET {} WHERE case_id = ?1",
+            places.join(", ")
+        ))?
+        .execute(params_from_iter(std::iter::once(case).chain(means)))?;
     Ok(())
 }
 

@@ -10,7 +10,7 @@ pub struct FailureGroup {
     pub first: FailureLine,
     /// How many there are.
     pub runs: usize,
-    /// Their shear rates, in the order of the campaign file.
+    /// Their shear rates, or stresses where these are imposed, in the order of the campaign file.
     pub shear_rates: Vec<f64>,
 }
 
@@ -23,7 +23,8 @@ impl FailureGroup {
                 group.first.error == failure.error
                     && same_but_shear_rate(&group.first.params, &failure.params)
             };
-            let shear_rate = failure.params.shear_rate;
+            let params = &failure.params;
+            let shear_rate = params.shear_stress.unwrap_or(params.shear_rate);
             if let Some(group) = groups.iter_mut().find(alike) {
                 group.runs += 1;
                 if !group.shear_rates.contains(&shear_rate) {
@@ -57,17 +58,26 @@ impl FailureGroup {
         }
         let shear_rates: Vec<String> = self.shear_rates.iter().map(f64::to_string).collect();
         format!(
-            "failed: {} runs at Γ = {}, the first {key} seed {seed} at strain {strain:.3}, attempt {attempt}: {error}",
+            "failed: {} runs at {} = {}, the first {key} seed {seed} at strain {strain:.3}, attempt {attempt}: {error}",
             self.runs,
+            if self.first.params.shear_stress.is_some() {
+                "σ*"
+            } else {
+                "Γ"
+            },
             shear_rates.join(", ")
         )
     }
 }
 
-/// Whether two runs differ in their shear rates at most.
+/// Whether two runs differ in their shear rates, or in the stresses imposed, at most.
 fn same_but_shear_rate(one: &Params, other: &Params) -> bool {
     let other = Params {
         shear_rate: one.shear_rate,
+        shear_stress: match (one.shear_stress, other.shear_stress) {
+            (Some(stress), Some(_)) => Some(stress),
+            (_, different) => different,
+        },
         ..other.clone()
     };
     *one == other

@@ -5,6 +5,7 @@ use super::{Store, StoreError, count, process};
 use crate::case::{Case, State};
 use crate::doubt::Doubt;
 use crate::statistics::Steadiness;
+use crate::stresses::{self, COUNT, STRESSES};
 use rusqlite::{Row, types::Type};
 use sd_core::Params;
 use serde::Serialize;
@@ -51,6 +52,8 @@ pub struct PointRun {
     pub viscosity_stresslet: Option<f64>,
     /// Mean first normal stress difference.
     pub normal_stress_difference: Option<f64>,
+    /// Means of the components and parts of the stress, in the order of [`STRESSES`].
+    pub(crate) stresses: [Option<f64>; COUNT],
     /// Samples averaged.
     pub samples: u64,
     /// Sum of contacts over them.
@@ -278,17 +281,18 @@ impl Store {
     pub fn point_runs(&self) -> Result<Vec<PointRun>, StoreError> {
         let rows = self
             .connection
-            .prepare(
+            .prepare(&format!(
                 "SELECT c.key, c.params, c.seed, c.state, r.viscosity, r.viscosity_median, r.viscosity_stresslet,
                      coalesce(r.samples, 0), coalesce(r.contacts, 0), coalesce(r.activated, 0),
                      coalesce(r.rolling, 0), coalesce(r.approach, 0.0), r.minimum_gap, coalesce(r.stages, 0),
                      coalesce(r.unconverged_stages, 0), r.worst_residual, r.wall_time_s,
-                     r.normal_stress_difference, coalesce(r.jammed_stages, 0), r.cpu_time_s, r.discard_step,
-                     r.viscosity_part_1, r.viscosity_part_2, r.viscosity_part_3, r.viscosity_part_4,
-                     r.viscosity_variance, r.viscosity_correlation, c.sample_stride, coalesce(r.doubts, '')
+                     r.normal_stress_difference, coalesce(r.jammed_stages, 0), coalesce(r.doubts, ''), r.cpu_time_s,
+                     r.discard_step, r.viscosity_part_1, r.viscosity_part_2, r.viscosity_part_3, r.viscosity_part_4,
+                     r.viscosity_variance, r.viscosity_correlation, c.sample_stride, {}
                  FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
                  WHERE c.position IS NOT NULL ORDER BY c.position",
-            )
+                stresses::names(STRESSES.iter(), "r.")
+            ))
             .and_then(|mut query| {
                 let mut known = None;
                 query
@@ -399,10 +403,20 @@ fn point_run(row: &Row<'_>, known: &mut Known) -> Result<PointRun, rusqlite::Err
         _ => known.insert((text.to_owned(), params(row, 1)?)).1.clone(),
     };
     let state: String = row.get(3)?;
-    let discarded: Option<i64> = row.get(20)?;
+    let discarded: Option<i64> = row.get(21)?;
+    let mut stresses = [None; COUNT];
+    for (stress, column) in stresses.iter_mut().zip(29..) {
+        *stress = row.get(column)?;
+    }
+    // Programs of schema 8 and before knew N1 by its other name only.
+    let n1 = STRESSES.iter().position(|column| column.name == "n1");
+    if let Some(n1) = n1.map(|place| &mut stresses[place]) {
+        *n1 = n1.or(row.get(17)?);
+    }
     Ok(PointRun {
+        stresses,
         key: row.get(0)?,
-        sample_every: count(row.get(27)?) as f64 * params.time_step,
+        sample_every: count(row.get(28)?) as f64 * params.time_step,
         discard: discarded.map(|steps| count(steps) as f64 * params.time_step),
         params,
         seed: count(row.get(2)?),
@@ -423,18 +437,18 @@ fn point_run(row: &Row<'_>, known: &mut Known) -> Result<PointRun, rusqlite::Err
         wall_time_s: row.get(16)?,
         normal_stress_difference: row.get(17)?,
         jammed_stages: count(row.get(18)?),
-        cpu_time_s: row.get(19)?,
+        cpu_time_s: row.get(20)?,
         steadiness: steadiness(row)?,
-        doubts: Doubt::read(&row.get::<_, String>(28)?),
+        doubts: Doubt::read(&row.get::<_, String>(19)?),
     })
 }
 
 /// What a run tells about steadiness, where it does.
 fn steadiness(row: &Row<'_>) -> Result<Option<Steadiness>, rusqlite::Error> {
     let number = |column: usize| row.get::<_, Option<f64>>(column);
-    let parts = [number(21)?, number(22)?, number(23)?, number(24)?];
+    let parts = [number(22)?, number(23)?, number(24)?, number(25)?];
     let ([Some(a), Some(b), Some(c), Some(d)], Some(variance), Some(correlation)) =
-        (parts, number(25)?, number(26)?)
+        (parts, number(26)?, number(27)?)
     else {
         return Ok(None);
     };

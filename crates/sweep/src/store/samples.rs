@@ -2,15 +2,17 @@
 
 use super::checksum::{self, Kind};
 use super::{count, integer};
-use rusqlite::{Connection, Row, Transaction, params};
+use crate::stresses;
+use rusqlite::{Connection, Row, ToSql, Transaction, params_from_iter};
 use sd_core::Sample;
 use sd_core::simulation::Counters;
 
-/// Whether a sample has the numbers that every row has. A viscosity that came out as none is kept as such.
-pub(crate) fn can_be_kept(sample: &Sample) -> bool {
-    sample.strain.is_finite() && sample.normal_velocity.is_finite()
-}
-
+/// Columns of a sample before those of the stresses, which are made from their declarations.
+const COLUMNS: &str = "case_id, step, strain, viscosity, viscosity_stresslet, normal_stress_difference, dissipation, contacts, activated, \
+     rolling, slipping, normal_velocity, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, \
+     minimum_gap_so_far, jam_events, jammed_steps, jammed_steps_running, jammed_stages, shear_rate";
+/// How many these are.
+const COLUMN_COUNT: usize = 23;
 /// Writes the samples of a case in place of any it had.
 pub(super) fn write_samples(
     transaction: &Transaction<'_>,
@@ -18,35 +20,40 @@ pub(super) fn write_samples(
     samples: &[(u64, Sample)],
 ) -> Result<(), rusqlite::Error> {
     transaction.execute("DELETE FROM samples WHERE case_id = ?1", [case])?;
-    let mut insert = transaction.prepare_cached(
-        "INSERT INTO samples VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19,
-             ?20, ?21, ?22)",
-    )?;
+    let names = stresses::names(stresses::parts(), "");
+    let places = vec!["?"; COLUMN_COUNT + stresses::parts().count()].join(", ");
+    let mut insert = transaction.prepare_cached(&format!(
+        "INSERT INTO samples ({COLUMNS}, {names}) VALUES ({places})"
+    ))?;
     for (step, s) in samples {
-        insert.execute(params![
-            case,
-            integer(*step),
-            s.strain,
-            s.viscosity,
-            s.viscosity_stresslet,
-            s.normal_stress_difference,
-            s.dissipation,
-            s.contacts,
-            s.activated,
-            s.rolling,
-            s.slipping,
-            s.normal_velocity,
-            s.minimum_gap,
-            integer(s.counters.stages),
-            integer(s.counters.unconverged_stages),
-            s.counters.worst_residual,
-            s.counters.worst_friction_error,
-            s.counters.minimum_gap,
-            integer(s.counters.jam_events),
-            integer(s.counters.jammed_steps),
-            integer(s.counters.jammed_steps_running),
-            integer(s.counters.jammed_stages),
-        ])?;
+        let fixed: [&dyn ToSql; COLUMN_COUNT] = [
+            &case,
+            &integer(*step),
+            &s.strain,
+            &s.viscosity,
+            &s.viscosity_stresslet,
+            &s.normal_stress_difference,
+            &s.dissipation,
+            &s.contacts,
+            &s.activated,
+            &s.rolling,
+            &s.slipping,
+            &s.normal_velocity,
+            &s.minimum_gap,
+            &integer(s.counters.stages),
+            &integer(s.counters.unconverged_stages),
+            &s.counters.worst_residual,
+            &s.counters.worst_friction_error,
+            &s.counters.minimum_gap,
+            &integer(s.counters.jam_events),
+            &integer(s.counters.jammed_steps),
+            &integer(s.counters.jammed_steps_running),
+            &integer(s.counters.jammed_stages),
+            &s.shear_rate,
+        ];
+        let parts: Vec<f64> = stresses::parts().map(|column| column.read(s)).collect();
+        let parts = parts.iter().map(|part| part as &dyn ToSql);
+        insert.execute(params_from_iter(fixed.into_iter().chain(parts)))?;
     }
     checksum::seal(transaction, Kind::Samples, case)
 }
@@ -73,9 +80,15 @@ pub(super) fn unchecked(
     let number = |row: &Row<'_>, column: usize| -> Result<f64, rusqlite::Error> {
         Ok(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN))
     };
+    let names = stresses::names(stresses::parts(), "");
     connection
-        .prepare_cached("SELECT * FROM samples WHERE case_id = ?1 AND step < ?2 ORDER BY step")?
+        .prepare_cached(&format!(
+            "SELECT {COLUMNS}, {names} FROM samples WHERE case_id = ?1 AND step < ?2 ORDER BY step"
+        ))?
         .query_map([case, before.map_or(i64::MAX, integer)], |row| {
+            let parts = COLUMN_COUNT..COLUMN_COUNT + stresses::parts().count();
+            let parts = parts.map(|column| number(row, column));
+            let stress = stresses::of_parts(parts.collect::<Result<Vec<_>, _>>()?);
             Ok((
                 count(row.get(1)?),
                 Sample {
@@ -83,6 +96,8 @@ pub(super) fn unchecked(
                     viscosity: number(row, 3)?,
                     viscosity_stresslet: number(row, 4)?,
                     normal_stress_difference: number(row, 5)?,
+                    stress,
+                    shear_rate: number(row, 22)?,
                     dissipation: number(row, 6)?,
                     contacts: row.get(7)?,
                     activated: row.get(8)?,

@@ -20,7 +20,7 @@ struct Migration {
 pub(super) const FIRST_WITH_CHECKSUMS: i32 = 7;
 
 /// All versions; the first one makes a new store.
-const MIGRATIONS: [Migration; 9] = [
+const MIGRATIONS: [Migration; 10] = [
     Migration::of_tables(include_str!("schema.sql")),
     Migration::of_tables(include_str!("schema_2.sql")),
     Migration::of_tables(include_str!("schema_3.sql")),
@@ -37,6 +37,7 @@ const MIGRATIONS: [Migration; 9] = [
     },
     Migration::of_tables(include_str!("schema_8.sql")),
     Migration::of_tables(include_str!("schema_9.sql")),
+    Migration::of_tables(include_str!("schema_10.sql")),
 ];
 
 /// Version of the schema this program reads and writes.

@@ -9,6 +9,8 @@ use std::path::Path;
 
 /// Largest file that is read from beginning to end for a look at its structure, in bytes: this takes less than half a second.
 const CHEAP: i64 = 64 << 20;
+/// Largest file whose indices are compared with their tables as well.
+const CHEAPER: i64 = 16 << 20;
 
 impl Store {
     /// Makes sure that the grid, the results in it and what else is shown of them are what was written.
@@ -63,7 +65,12 @@ fn structure(connection: &Connection) -> Result<(), rusqlite::Error> {
     if size > CHEAP {
         return Ok(());
     }
-    let found: String = connection.query_row("PRAGMA main.quick_check(1)", [], |row| row.get(0))?;
+    let check = if size > CHEAPER {
+        "PRAGMA main.quick_check(1)"
+    } else {
+        "PRAGMA main.integrity_check(1)"
+    };
+    let found: String = connection.query_row(check, [], |row| row.get(0))?;
     if found == "ok" {
         Ok(())
     } else {
@@ -140,6 +147,12 @@ fn rows(connection: &Connection) -> Result<(), rusqlite::Error> {
         [],
         |row| Ok((row.get(0)?, row.get(1)?)),
     )?;
+    let nobody: bool = connection
+        .prepare("SELECT 1 FROM results WHERE process NOT IN (SELECT id FROM processes)")?
+        .exists([])?;
+    if nobody {
+        return Err(Altered::error("a result of a process that is not there"));
+    }
     if count(finished) != results {
         return Err(Altered::error("a case is finished, and has no result"));
     }

@@ -129,7 +129,7 @@ pub(super) fn put_law(params: &mut Params, change: impl FnOnce(&mut ContactLaws)
 
 /// Whether friction ever acts.
 pub(super) fn rubs(params: &Params) -> bool {
-    params.contact.laws().normal.touches() && params.friction != 0.0 && params.shear_rate != 0.0
+    params.contact.laws().normal.touches() && params.rubs()
 }
 
 /// Whether the laws are other than the paper's.

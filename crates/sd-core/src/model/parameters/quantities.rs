@@ -98,6 +98,42 @@ pub(super) static TIME_STEP: Quantity = Quantity {
     logarithmic: false,
 };
 
+/// σ*.
+pub(super) static SHEAR_STRESS: Quantity = Quantity {
+    key: "shear_stress",
+    symbol: "σ*",
+    unit: "F_crit/a²",
+    meaning: "imposed shear stress σ*; in place of the shear rate",
+    range: Range::between(0.0, f64::INFINITY),
+    note: "in F_crit/a²; for the plateaus impose `shear_rate` = 0 or inf",
+    example: "[0.1, 1.0, 10.0]",
+    logarithmic: true,
+};
+
+/// Sense of the shear.
+pub(super) static DIRECTION: Quantity = Quantity {
+    key: "direction",
+    symbol: "direction",
+    unit: "1",
+    meaning: "sense of the shear",
+    range: Range::from_to(-1.0, 1.0),
+    note: "1, or -1 for a layer that is sheared the other way",
+    example: "-1",
+    logarithmic: false,
+};
+
+/// The layer a run begins with.
+pub(super) static START: Quantity = Quantity {
+    key: "start",
+    symbol: "start",
+    unit: "1",
+    meaning: "number that names the layer a run begins with; 0 where its seed makes it",
+    range: Range::from_to(0.0, f64::INFINITY),
+    note: "",
+    example: "\"layer.xyz\"",
+    logarithmic: false,
+};
+
 /// Γ.
 pub(super) static SHEAR_RATE: Quantity = Quantity {
     key: "shear_rate",

@@ -7,8 +7,8 @@ use super::choices::{
     put_law, put_spheres, put_tangential, read, repels, rubs, tangential_words,
 };
 use super::quantities::{
-    AREA_FRACTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, ROUGHNESS, SHEAR_RATE, SIZE_RATIO,
-    SPHERES, TIME_STEP,
+    AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, ROUGHNESS, SHEAR_RATE,
+    SHEAR_STRESS, SIZE_RATIO, SPHERES, START, TIME_STEP,
 };
 use super::{Choice, Form, Number, Parameter};
 use crate::law::normal::{DASHPOT, STIFFNESS};
@@ -22,7 +22,7 @@ use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, LeadingOrder};
 ///
 /// A choice stands above the numbers that have a meaning under it. Values are therefore put into [`crate::Params`] from the last
 /// entry to the first.
-pub static PARAMETERS: [Parameter; 21] = [
+pub static PARAMETERS: [Parameter; 24] = [
     Parameter {
         key: "hydrodynamics",
         symbol: "hydrodynamics",
@@ -65,7 +65,7 @@ pub static PARAMETERS: [Parameter; 21] = [
         key: "friction_onset",
         symbol: "onset",
         meaning: "how friction begins with the load",
-        has_meaning: |p| rubs(p) && p.shear_rate.is_finite(),
+        has_meaning: |p| rubs(p) && (p.shear_stress.is_some() || p.shear_rate.is_finite()),
         is_shown: has_chosen_laws,
         form: Form::Choice(Choice {
             words: || FrictionOnset::WORDS.to_vec(),
@@ -269,6 +269,30 @@ pub static PARAMETERS: [Parameter; 21] = [
         ..number(&REPULSION_LENGTH)
     },
     Parameter {
+        is_shown: |p| p.start.is_some(),
+        form: Form::Number(Number {
+            quantity: &START,
+            whole: true,
+            default: Some(|_| 0.0),
+            get: |p| p.start.as_ref().map_or(0.0, |start| start.number() as f64),
+            // A layer is not made from its number.
+            put: |_, _| (),
+            ..NEEDED
+        }),
+        ..number(&START)
+    },
+    Parameter {
+        is_shown: |p| p.direction != 1.0,
+        form: Form::Number(Number {
+            quantity: &DIRECTION,
+            default: Some(|_| 1.0),
+            get: |p| p.direction,
+            put: |p, value| p.direction = value,
+            ..NEEDED
+        }),
+        ..number(&DIRECTION)
+    },
+    Parameter {
         form: Form::Number(Number {
             quantity: &TIME_STEP,
             default: Some(|_| USUAL_TIME_STEP),
@@ -279,13 +303,31 @@ pub static PARAMETERS: [Parameter; 21] = [
         ..number(&TIME_STEP)
     },
     Parameter {
+        has_meaning: |p| p.shear_stress.is_none(),
+        needs: Some(|| "`shear_rate` in place of `shear_stress`: one of them is imposed".into()),
+        is_shown: |p| p.shear_stress.is_none(),
         form: Form::Number(Number {
             quantity: &SHEAR_RATE,
             get: |p| p.shear_rate,
             put: |p, value| p.shear_rate = value,
+            without: Some(0.0),
             ..NEEDED
         }),
         ..number(&SHEAR_RATE)
+    },
+    Parameter {
+        has_meaning: |p| p.shear_stress.is_some(),
+        needs: Some(|| "a stress above 0".into()),
+        is_shown: |p| p.shear_stress.is_some(),
+        form: Form::Number(Number {
+            quantity: &SHEAR_STRESS,
+            default: Some(|_| 0.0),
+            get: |p| p.shear_stress.unwrap_or(0.0),
+            put: |p, value| p.shear_stress = (value > 0.0).then_some(value),
+            without: Some(0.0),
+            ..NEEDED
+        }),
+        ..number(&SHEAR_STRESS)
     },
 ];
 

@@ -53,11 +53,10 @@ impl Simulation {
     /// Those of [`Simulation::step`].
     pub fn step_with_frame(&mut self) -> Result<(Sample, Frame), Error> {
         let strain = self.strain();
-        let travelled = strain * self.side;
         self.frame = Some(Box::new(Frame {
             strain,
             side: self.side,
-            offset: travelled - self.side * (travelled / self.side + 0.5).floor(),
+            offset: self.offset_at(strain),
             radii: self.stage.resistance.radii().to_vec(),
             centres: self.state.centres.iter().copied().map(plain).collect(),
             orientations: self.state.orientations.clone(),

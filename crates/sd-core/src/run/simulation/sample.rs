@@ -1,5 +1,6 @@
 //! What a run measures: a sample at every step, and counters of what it has met.
 
+use crate::stress::StressComponents;
 use serde::{Deserialize, Serialize};
 
 /// Relative viscosity above which the layer counts as jammed for the moment.
@@ -15,6 +16,10 @@ pub struct Sample {
     pub viscosity_stresslet: f64,
     /// First normal stress difference `N1 = σ_xx − σ_yy`, contacts included, in mu·rate.
     pub normal_stress_difference: f64,
+    /// All components of the stress by their causes, in mu·rate; the viscosity is `1 + shear.total()`.
+    pub stress: StressComponents,
+    /// Γ = 6π/F_crit: what is imposed, or what the imposed stress leaves at this instant.
+    pub shear_rate: f64,
     /// v'Rv / (V rate), in mu·rate.
     pub dissipation: f64,
     /// Pairs with a normal contact force.

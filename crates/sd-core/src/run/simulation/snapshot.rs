@@ -1,16 +1,17 @@
 //! All that a run needs to go on.
 
 use super::Counters;
+use super::drive::Drive;
 use crate::contact::ContactMemory;
 use crate::contact::procedure::ContactList;
 use crate::error::Error;
 use crate::geometry::pair::PairKey;
-use crate::model::{ContactScheme, Params};
+use crate::model::{ContactScheme, Params, StartLayer};
 use crate::run::start;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`Snapshot`].
-pub const SNAPSHOT_VERSION: u32 = 2;
+pub const SNAPSHOT_VERSION: u32 = 3;
 
 /// All that the next step needs. Restored with the same parameters, a run goes on with the same bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -34,6 +35,10 @@ pub struct Snapshot {
     /// them.
     #[serde(default)]
     pub near_pairs: Vec<PairKey>,
+    /// F_crit at the last stage, in mu·a²·rate, where the stress is imposed; forces of tangential springs belong to it. `None` before the
+    /// first stage, and where the rate is imposed.
+    #[serde(default)]
+    pub critical_load: Option<f64>,
     /// Counters.
     pub counters: Counters,
 }
@@ -62,6 +67,18 @@ impl SchemeMemory {
                 listed: ContactList::default(),
                 velocities: Vec::new(),
             },
+        }
+    }
+
+    /// Stretches tangential springs of this stiffness; under laws without any, nothing happens.
+    pub(super) fn stretch(&mut self, stretches: &[(u32, u32, f64)], stiffness: f64) {
+        if let Self::Laws(memory) = self
+            && stiffness > 0.0
+        {
+            let forces = stretches
+                .iter()
+                .map(|&(i, j, stretch)| (i, j, stiffness * stretch));
+            memory.springs.0.extend(forces);
         }
     }
 
@@ -105,6 +122,32 @@ impl SchemeMemory {
 }
 
 impl Snapshot {
+    /// The layer as another run may begin with it. `params` are those of the run that was left here.
+    pub fn layer(&self, params: &Params) -> StartLayer {
+        let strain = self.steps as f64 * params.time_step;
+        let before = params.start.as_ref().map_or(0.0, |start| start.offset);
+        let stiffness = Drive::new(params, self.critical_load)
+            .laws(params)
+            .tangential_stiffness;
+        let springs = match &self.memory {
+            SchemeMemory::Laws(memory) if stiffness > 0.0 => memory.springs.0.as_slice(),
+            SchemeMemory::Laws(_) | SchemeMemory::Procedure { .. } => &[],
+        };
+        let offset = before + params.direction * strain * self.side;
+        StartLayer {
+            side: self.side,
+            offset: offset - self.side * (offset / self.side + 0.5).floor(),
+            radii: self.radii.clone(),
+            centres: self.centres.clone(),
+            orientations: self.orientations.clone(),
+            origin: None,
+            springs: springs
+                .iter()
+                .map(|&(i, j, force)| (i, j, force / stiffness))
+                .collect(),
+        }
+    }
+
     /// Refuses what cannot be a snapshot of a run with these parameters.
     pub(super) fn check(&self, params: &Params) -> Result<(), Error> {
         let refuse = |reason| Err(Error::Snapshot { reason });
@@ -128,6 +171,12 @@ impl Snapshot {
             && self.orientations.iter().all(|x| x.is_finite());
         if !finite {
             return refuse("not all numbers are finite");
+        }
+        if self
+            .critical_load
+            .is_some_and(|load| !(load > 0.0 && load.is_finite()))
+        {
+            return refuse("a critical load that is none");
         }
         let (radii, side) = start::radii_and_side(params)?;
         if self.radii != radii || self.side.to_bits() != side.to_bits() {

@@ -27,6 +27,7 @@ fn params(hydrodynamics: Hydrodynamics) -> Params {
         hydrodynamics,
         contact: ContactScheme::Rigid,
         time_step: 0.005,
+        ..Params::UNWRITTEN
     }
 }
 

@@ -116,6 +116,7 @@ pub(super) struct Curve {
     pub(super) marker: Option<Marker>,
     /// Radius of its markers.
     pub(super) marker_size: f64,
+    /// Width of the line that joins them; 0 for none.
     pub(super) width: f64,
     /// Place, height, and how far its interval reaches down and up.
     pub(super) points: Vec<(f64, f64, f64, f64)>,
@@ -219,7 +220,11 @@ impl Curve {
             colour: COLOURS[line.style % CURVES],
             marker: (!line.plain).then_some(MARKERS[line.style % CURVES]),
             marker_size: 3.0,
-            width: if line.plain { 0.8 } else { 1.2 },
+            width: match (line.joined, line.plain) {
+                (false, _) => 0.0,
+                (true, true) => 0.8,
+                (true, false) => 1.2,
+            },
             points: line
                 .points
                 .iter()

@@ -25,7 +25,9 @@ const draw = (tag, attributes = {}, text) => {
   if (text !== undefined) element.textContent = text;
   return element;
 };
-const values = axis => [...new Set(data.points.map(p => p[axis]))];
+/* Where the stress is imposed the rate is a result, and no axis tells points apart by it. */
+const on = (point, axis) => axis === 'shear_rate' && point.shear_stress != null ? null : point[axis];
+const values = axis => [...new Set(data.points.map(p => on(p, axis)))];
 const varying = () => AXES.filter(axis => values(axis).length > 1);
 const colour = n => `var(--c${n % 8})`;
 
@@ -69,13 +71,14 @@ const narrow = () => window.matchMedia('(max-width: 40rem)').matches;
 
 function curves() {
   const along = $('along').value, quantity = $('quantity').value;
-  const others = AXES.filter(a => a !== along);
-  const distinguishing = varying().filter(a => a !== along);
+  const shear = ['shear_rate', 'shear_stress'];
+  const others = AXES.filter(a => a !== along && !(shear.includes(a) && shear.includes(along)));
+  const distinguishing = varying().filter(a => others.includes(a));
   const groups = new Map();
   data.points.forEach((point, index) => {
-    if (distinguishing.some(a => chosenFilters[a] !== undefined && chosenFilters[a] !== '' && String(point[a]) !== chosenFilters[a])) return;
-    const key = along + JSON.stringify(others.map(a => point[a]));
-    if (!groups.has(key)) groups.set(key, { key, label: distinguishing.map(a => `${AXIS[a].symbol} = ${show(point[a])}`).join(', ') || 'all runs', points: [] });
+    if (distinguishing.some(a => chosenFilters[a] !== undefined && chosenFilters[a] !== '' && String(on(point, a)) !== chosenFilters[a])) return;
+    const key = along + (point.shear_stress != null) + JSON.stringify(others.map(a => on(point, a)));
+    if (!groups.has(key)) groups.set(key, { key, label: distinguishing.map(a => `${AXIS[a].symbol} = ${show(on(point, a))}`).join(', ') || 'all runs', points: [] });
     groups.get(key).points.push({ index, x: num(point[along]), y: num(point[quantity]), half: point[quantity + '_ci95'] ?? null, point });
   });
   const list = [...groups.values()];

@@ -97,18 +97,21 @@ fn runs_of_older_programs_are_judged_when_their_store_is_read_or_opened() {
     let store = half_doubtful(directory.path());
     let path = store.path().to_owned();
     drop(store);
+    let newer = include_str!("../schema_9.sql")
+        .replace(" ADD COLUMN", " DROP COLUMN")
+        .replace(" REAL;", ";");
+    let precise = "DROP TABLE rules; DROP INDEX cases_of_point; ALTER TABLE cases DROP COLUMN point;
+         ALTER TABLE cases DROP COLUMN reserve; ALTER TABLE cases DROP COLUMN gain;
+         ALTER TABLE results DROP COLUMN cpu_time_s; ALTER TABLE results DROP COLUMN viscosity_part_1;
+         ALTER TABLE results DROP COLUMN viscosity_part_2; ALTER TABLE results DROP COLUMN viscosity_part_3;
+         ALTER TABLE results DROP COLUMN viscosity_part_4; ALTER TABLE results DROP COLUMN viscosity_variance;
+         ALTER TABLE results DROP COLUMN viscosity_correlation;";
     rusqlite::Connection::open(&path)
         .unwrap()
-        .execute_batch(
-            "DROP VIEW runs; DROP VIEW viscosity_vs_shear_rate; ALTER TABLE results DROP COLUMN doubts;
-             DROP TABLE rules; DROP INDEX cases_of_point; ALTER TABLE cases DROP COLUMN point;
-             ALTER TABLE cases DROP COLUMN reserve; ALTER TABLE cases DROP COLUMN gain;
-             ALTER TABLE results DROP COLUMN cpu_time_s; ALTER TABLE results DROP COLUMN viscosity_part_1;
-             ALTER TABLE results DROP COLUMN viscosity_part_2; ALTER TABLE results DROP COLUMN viscosity_part_3;
-             ALTER TABLE results DROP COLUMN viscosity_part_4; ALTER TABLE results DROP COLUMN viscosity_variance;
-             ALTER TABLE results DROP COLUMN viscosity_correlation;
+        .execute_batch(&format!(
+            "DROP VIEW runs; DROP VIEW viscosity_vs_shear_rate; {precise} {newer} ALTER TABLE results DROP COLUMN doubts;
              DROP TABLE checksums; DROP TABLE log; PRAGMA user_version = 6",
-        )
+        ))
         .unwrap();
     let doubtful = |store: &Store| {
         let runs = store.point_runs().unwrap();

@@ -320,8 +320,8 @@ fn damage_anywhere_neither_crashes_nor_lets_wrong_numbers_through() {
             Err(other) => panic!("page {page}: {other}"),
         }
     }
-    // The list of tables takes five pages: without any of them nothing can be found.
     assert!(
+        // Since schema 9 the list of tables takes a page more.
         saved_some > 5 && refused <= 5,
         "{saved_some} saved, {refused} refused"
     );

@@ -1,6 +1,5 @@
 //! The format of a checkpoint: versioned, checksummed, all that the rest of the run and its result need.
 
-use super::samples::can_be_kept;
 use sd_core::simulation::Counters;
 use sd_core::{Sample, Snapshot};
 use serde::{Deserialize, Serialize};
@@ -8,9 +7,9 @@ use serde::{Deserialize, Serialize};
 /// First bytes of every checkpoint.
 const MAGIC: [u8; 4] = *b"SWCP";
 /// Version of the format.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// The version before it, which is read as well.
-const WITHOUT_CPU_TIME: u32 = 3;
+const WITHOUT_CPU_TIME: u32 = 4;
 /// Bytes before the content: magic, version, checksum.
 const HEADER: usize = 4 + 4 + 32;
 
@@ -50,6 +49,18 @@ pub enum Damage {
     /// The content cannot be read in spite of an agreeing checksum.
     #[error("unreadable content: {0}")]
     Content(postcard::Error),
+}
+
+impl Damage {
+    /// Whether an older program wrote it, which is no damage at all.
+    pub fn is_older(&self) -> bool {
+        matches!(self, Self::Version { found } if *found < VERSION)
+    }
+}
+
+/// Whether a sample has the numbers that every row has. A viscosity that came out as none is kept as such.
+pub(crate) fn can_be_kept(sample: &Sample) -> bool {
+    sample.strain.is_finite() && sample.normal_velocity.is_finite()
 }
 
 impl Checkpoint {
@@ -162,6 +173,7 @@ mod tests {
             hydrodynamics: Hydrodynamics::BallMelrose,
             contact: ContactScheme::Procedure,
             time_step: 0.005,
+            ..Params::UNWRITTEN
         };
         let mut layer = Simulation::new(&params, 3, &NearFields::default()).unwrap();
         for _ in 0..20 {

@@ -1,0 +1,172 @@
+//! The critical load at which a stage bears the stress that is imposed.
+//!
+//! ```text
+//! σ* = σ a²/F_crit  imposed;   in units of the flow σ = η and F_crit = φ = 6π/Γ:     h(φ) = η(φ)/σ* − φ = 0
+//! ```
+//!
+//! η falls as φ rises, since fewer contacts then have friction. Where friction begins with a jump η jumps as well, and h may change its
+//! sign without being 0. Springs and a repulsion are in units of F_crit: with them η grows with φ, and where it grows so fast that no φ is
+//! large enough the layer bears the stress at rest.
+
+use super::simulation::JAM_VISCOSITY;
+
+/// Largest share of φ by which h may differ from 0.
+const CLOSE: f64 = 1e-10;
+/// Factor between two loads at most while only one side is known.
+const STRIDE: f64 = 8.0;
+/// Viscosity, over that of a jammed layer, beyond which no balance is looked for.
+const CEILING: f64 = 1e3;
+
+/// What to do after a load was tried.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Next {
+    /// It bears the stress.
+    Found,
+    /// Try this one.
+    Try(f64),
+    /// The layer bears the stress at rest.
+    AtRest,
+}
+
+/// A search for the load, from one that is near.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Balance {
+    /// σ*.
+    stress: f64,
+    /// Largest load at which h > 0, and smallest at which h < 0.
+    low: Option<f64>,
+    high: Option<f64>,
+    /// The load tried before, and its h.
+    last: Option<[f64; 2]>,
+}
+
+impl Balance {
+    pub(super) fn new(stress: f64) -> Self {
+        Self {
+            stress,
+            low: None,
+            high: None,
+            last: None,
+        }
+    }
+
+    /// The load that this viscosity would need.
+    pub(super) fn load_of(&self, viscosity: f64) -> f64 {
+        viscosity / self.stress
+    }
+
+    /// Takes the viscosity found at a load.
+    pub(super) fn after(&mut self, load: f64, viscosity: f64) -> Next {
+        let excess = self.load_of(viscosity) - load;
+        if excess.abs() <= CLOSE * load {
+            return Next::Found;
+        }
+        let secant = self.last.and_then(|[before, excess_before]| {
+            let slope = (excess - excess_before) / (load - before);
+            (slope < 0.0).then(|| load - excess / slope)
+        });
+        // Secants that do not bring h down wait for a narrower bracket.
+        let slow = self
+            .last
+            .is_some_and(|[_, before]| excess.abs() > 0.5 * before.abs());
+        self.last = Some([load, excess]);
+        if excess > 0.0 {
+            self.low = Some(load);
+        } else {
+            self.high = Some(load);
+        }
+        let guess = secant.unwrap_or(load + excess);
+        Next::Try(match (self.low, self.high) {
+            (Some(low), Some(high)) => {
+                if guess > low && guess < high && !slow {
+                    guess
+                } else {
+                    (low * high).sqrt()
+                }
+            }
+            (Some(low), None) => {
+                if low >= self.load_of(CEILING * JAM_VISCOSITY) {
+                    return Next::AtRest;
+                }
+                // The guess of an unbracketed search is often a little short.
+                guess.clamp(low * (1.0 + 2.0 * CLOSE), STRIDE * low)
+            }
+            (None, Some(high)) => {
+                // The load that this viscosity needs is a fair guess from however far above.
+                let needed = self.load_of(viscosity);
+                let least = if needed > 0.0 {
+                    needed.min(high / STRIDE)
+                } else {
+                    high / STRIDE
+                };
+                guess.clamp(least, high * (1.0 - 2.0 * CLOSE))
+            }
+            (None, None) => unreachable!("one side was just found"),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Load found, if there is one, and the number of viscosities asked for.
+    fn search(stress: f64, from: f64, viscosity: impl Fn(f64) -> f64) -> (Option<f64>, u32) {
+        let mut balance = Balance::new(stress);
+        let mut load = from;
+        for count in 1..200 {
+            match balance.after(load, viscosity(load)) {
+                Next::Found => return (Some(load), count),
+                Next::AtRest => return (None, count),
+                Next::Try(next) => load = next,
+            }
+        }
+        (None, 200)
+    }
+
+    #[test]
+    fn springs_without_look_ahead_are_found_in_closed_form() {
+        // η = 5 + 0.3 φ at σ* = 2: φ = 5/(2 − 0.3), found by one secant.
+        let (load, count) = search(2.0, 1.0, |load| 5.0 + 0.3 * load);
+        assert!((load.unwrap() - 5.0 / 1.7).abs() < 1e-9);
+        assert_eq!(count, 3);
+    }
+
+    #[test]
+    fn smooth_thickening_is_found_in_a_few_steps() {
+        let viscosity = |load: f64| 6.0 + 14.0 / (1.0 + load * load / 9.0);
+        for (stress, from) in [(0.1, 3.0), (1.0, 3.0), (3.0, 3.0), (30.0, 3.0), (3.0, 1e6)] {
+            let (load, count) = search(stress, from, viscosity);
+            let load = load.unwrap();
+            assert!((viscosity(load) / (stress * load) - 1.0).abs() < 1e-9);
+            assert!(count < 12, "{count} at {stress}");
+        }
+    }
+
+    #[test]
+    fn stress_that_springs_bear_at_rest_has_no_load() {
+        assert_eq!(search(2.0, 1.0, |load| 5.0 + 2.5 * load).0, None);
+    }
+
+    #[test]
+    fn jump_over_the_balance_is_closed_in_on() {
+        // h leaps from above to below at φ = 4 without being 0.
+        let viscosity = |load: f64| if load < 4.0 { 10.0 } else { 6.0 };
+        let mut balance = Balance::new(2.0);
+        let mut load = 1.0;
+        for _ in 0..60 {
+            match balance.after(load, viscosity(load)) {
+                Next::Try(next) => load = next,
+                other => panic!("{other:?}"),
+            }
+        }
+        assert!((load - 4.0).abs() < 1e-6, "{load}");
+    }
+
+    #[test]
+    fn viscosity_below_zero_asks_for_a_smaller_load() {
+        // Repulsion that pulls along the flow: η = 5 − 3 φ.
+        let (load, _) = search(2.0, 10.0, |load| 5.0 - 3.0 * load);
+        assert!((load.unwrap() - 1.0).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,244 @@
+//! How the shear is imposed: by its rate, or by its stress.
+//!
+//! In units of the flow the rate is 1 whatever it is; what changes with it is the critical load F_crit = 6π/Γ, and with it every force that
+//! is given in units of F_crit. Where the stress is imposed F_crit is found at every stage, see [`crate::run::balance`]; strain stays the
+//! variable that runs are made of, and a step takes the time strain/rate.
+
+use super::{Scheme, SchemeMemory, Simulation};
+use crate::contact::Quality;
+use crate::contact::laws::Laws;
+use crate::error::Error;
+use crate::geometry::cell::Cell;
+use crate::geometry::modes::Vec2;
+use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
+use crate::run::balance::{Balance, Next};
+use crate::run::steppers::Stage;
+use crate::stress::Stress;
+use std::f64::consts::PI;
+
+/// Viscosity with which the search for the first load of a run begins.
+const FIRST_VISCOSITY: f64 = 10.0;
+/// Solves of a stage after which friction is held where it acts: the law jumps there, and no load need bear the stress.
+const MOST_DECISIONS: u32 = 6;
+/// Solves of a stage after which it counts as unconverged.
+const MOST_SOLVES: u32 = 60;
+
+/// How the shear is imposed.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Drive {
+    /// By its rate.
+    Rate,
+    /// By its stress.
+    Stress {
+        /// σ*.
+        stress: f64,
+        /// F_crit at the stage last solved, in mu·a²·rate.
+        load: f64,
+        /// Whether a stage was solved.
+        begun: bool,
+    },
+}
+
+/// Which solve of a stage it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pass {
+    /// The first, which takes the positions.
+    First,
+    /// Another of the same positions.
+    Again,
+}
+
+impl Drive {
+    /// What a run with these parameters has, at the critical load of its last stage if it goes on.
+    pub(super) fn new(params: &Params, load: Option<f64>) -> Self {
+        match params.shear_stress {
+            None => Self::Rate,
+            Some(stress) => Self::Stress {
+                stress,
+                load: load.unwrap_or(FIRST_VISCOSITY / stress),
+                begun: load.is_some(),
+            },
+        }
+    }
+
+    /// The critical load of the stage last solved, where the stress is imposed.
+    pub(super) fn critical_load(&self) -> Option<f64> {
+        match *self {
+            Self::Stress {
+                load, begun: true, ..
+            } => Some(load),
+            _ => None,
+        }
+    }
+
+    /// Γ.
+    pub(super) fn shear_rate(&self, params: &Params) -> f64 {
+        match *self {
+            Self::Rate => params.shear_rate,
+            Self::Stress { load, .. } => 6.0 * PI / load,
+        }
+    }
+
+    /// The contact laws at that critical load.
+    pub(super) fn laws(&self, params: &Params) -> Laws {
+        Laws::new(params.contact.laws(), self.surface(params))
+    }
+
+    /// Roughness, friction and critical load.
+    pub(super) fn surface(&self, params: &Params) -> Surface {
+        match *self {
+            Self::Rate => params.surface(),
+            Self::Stress { load, .. } => Surface {
+                critical_load: load,
+                ..params.surface()
+            },
+        }
+    }
+}
+
+/// What depends on the critical load.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Dependence {
+    /// Nothing.
+    None,
+    /// On which contacts friction acts, and nothing else.
+    Set,
+    /// Forces, and where friction begins with a jump that set as well.
+    Forces {
+        /// Whether it does.
+        jumps: bool,
+    },
+}
+
+impl Dependence {
+    fn of(params: &Params) -> Self {
+        let laws = params.contact.laws();
+        let rubs = params.rubs();
+        let jumps = rubs && laws.onset == FrictionOnset::CriticalLoad;
+        let smooth = rubs && laws.onset == FrictionOnset::Reduced;
+        match params.contact {
+            ContactScheme::Laws(laws) if laws.is_soft() || smooth => Self::Forces { jumps },
+            _ if jumps => Self::Set,
+            _ => Self::None,
+        }
+    }
+}
+
+impl Simulation {
+    /// Solves a stage at the critical load at which it bears the imposed stress.
+    pub(super) fn solve_at_stress(
+        &mut self,
+        stage: Stage,
+        cell: &Cell,
+        centres: &[Vec2],
+    ) -> Result<Quality, Error> {
+        let Drive::Stress {
+            stress, mut load, ..
+        } = self.drive
+        else {
+            unreachable!("only where the stress is imposed");
+        };
+        let dependence = Dependence::of(&self.params);
+        let mut balance = Balance::new(stress);
+        let (mut pass, mut held) = (Pass::First, false);
+        // The last load at which the layer flowed, if there was one.
+        let mut flowing = None;
+        self.stage.hold_friction(false);
+        for count in 1.. {
+            self.take_load(load);
+            let mut quality = self.solve(stage, cell, centres, pass)?;
+            pass = Pass::Again;
+            let mut viscosity = self.stress_of_stage().viscosity;
+            if !quality.jammed {
+                flowing = Some(load);
+            }
+            let settled = match dependence {
+                Dependence::None => true,
+                Dependence::Set => self.acts_alike(balance.load_of(viscosity)),
+                Dependence::Forces { .. } => false,
+            };
+            if settled && viscosity > 0.0 {
+                // The solution is the same at the load it needs.
+                self.take_load(balance.load_of(viscosity));
+                return Ok(quality);
+            }
+            let next = balance.after(load, viscosity);
+            let done = match next {
+                Next::Found => true,
+                Next::AtRest => {
+                    quality.jammed = true;
+                    true
+                }
+                Next::Try(_) => count >= MOST_SOLVES,
+            };
+            if done {
+                if next != Next::AtRest {
+                    let missing = (balance.load_of(viscosity) / load - 1.0).abs();
+                    quality.residual = quality.residual.max(missing);
+                }
+                self.stage.hold_friction(false);
+                return Ok(quality);
+            }
+            let Next::Try(try_next) = next else {
+                unreachable!("the search ended above");
+            };
+            load = try_next;
+            let jumps = matches!(
+                dependence,
+                Dependence::Set | Dependence::Forces { jumps: true }
+            );
+            if jumps && !held && count >= MOST_DECISIONS {
+                if quality.jammed
+                    && let Some(flowing) = flowing
+                {
+                    // Of the two sides of the jump the one that flows.
+                    self.take_load(flowing);
+                    quality = self.solve(stage, cell, centres, pass)?;
+                    viscosity = self.stress_of_stage().viscosity;
+                }
+                if dependence == Dependence::Set {
+                    // Held where it acts now, nothing else depends on the load.
+                    self.take_load(balance.load_of(viscosity));
+                    return Ok(quality);
+                }
+                held = true;
+                self.stage.hold_friction(true);
+                balance = Balance::new(stress);
+            }
+        }
+        unreachable!("solves are limited")
+    }
+
+    /// Brings all that is in units of the critical load to this one.
+    fn take_load(&mut self, new: f64) {
+        if let Drive::Stress { load, begun, .. } = &mut self.drive {
+            *load = new;
+            *begun = true;
+        }
+        let new_laws = self.drive.laws(&self.params);
+        if let (Scheme::Laws { laws, .. }, SchemeMemory::Laws(memory)) =
+            (&mut self.scheme, &mut self.memory)
+        {
+            let before = laws.tangential_stiffness;
+            **laws = new_laws;
+            if before > 0.0 {
+                // A spring keeps its stretch, not its force in units of the flow.
+                let factor = laws.tangential_stiffness / before;
+                let contacts = &mut self.stage.contacts;
+                contacts.rescale_springs(&mut memory.springs, factor);
+            }
+        }
+    }
+
+    /// Whether friction would act on the same contacts above another critical load. The paper's steps decide it by themselves.
+    fn acts_alike(&self, load: f64) -> bool {
+        self.stage.contacts.acts_alike(load)
+    }
+
+    /// Stress of the stage last solved.
+    fn stress_of_stage(&mut self) -> Stress {
+        let area = self.side * self.side;
+        let stress = self.stress.stress(&self.stage, &self.background, area);
+        stress.along(self.params.direction)
+    }
+}

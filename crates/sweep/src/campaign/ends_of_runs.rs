@@ -1,0 +1,121 @@
+//! Layers that runs begin with, taken from the ends of the runs of a point of another store.
+
+use crate::axes::{AXES, Axis, Tag, Value, identity};
+use crate::checkpoint::Checkpoint;
+use rusqlite::{Connection, OpenFlags};
+use sd_core::Params;
+use sd_core::model::StartLayer;
+use std::path::Path;
+
+/// A finished run of the other store.
+struct Run {
+    params: Params,
+    seed: u64,
+    /// Its last state.
+    state: Vec<u8>,
+}
+
+/// The layers that the finished runs of a point of a store ended with, by their seeds. `wanted`: values that tell the point.
+///
+/// # Errors
+/// What is wrong, and what there is: a file that is no store, no such point, several of them, a state that cannot be read.
+pub(super) fn layers(
+    store: &Path,
+    wanted: &[(&'static Axis, Value)],
+) -> Result<Vec<(u64, StartLayer)>, [String; 2]> {
+    let allowed = || {
+        "`start = { store = \"FILE\", point = { KEY = VALUE, .. } }` with a store of finished runs, from the folder of this file"
+            .to_owned()
+    };
+    let unreadable = |error: &dyn std::fmt::Display| {
+        let message = format!("the store {} cannot be read: {error}", store.display());
+        [message, allowed()]
+    };
+    if !store.is_file() {
+        return Err(unreadable(&"there is no such file"));
+    }
+    let mut runs = finished(store).map_err(|error| unreadable(&error))?;
+    runs.retain(|run| {
+        let has = |(axis, value): &(&Axis, Value)| axis.value(&run.params).tag() == value.tag();
+        wanted.iter().all(has)
+    });
+    let Some(first) = runs.first() else {
+        let message = format!("no run of that point is finished in {}", store.display());
+        return Err([message, allowed()]);
+    };
+    let point: Vec<Tag> = identity(&first.params);
+    if let Some(other) = runs.iter().find(|run| identity(&run.params) != point) {
+        let differing = AXES
+            .iter()
+            .zip(point)
+            .zip(identity(&other.params))
+            .filter(|((_, one), two)| one != two)
+            .map(|((axis, _), _)| format!("`{}`", axis.key));
+        let differing: Vec<String> = differing.collect();
+        return Err([
+            format!("{} has several such points", store.display()),
+            format!(
+                "say in `point` which one: they differ in {}",
+                differing.join(", ")
+            ),
+        ]);
+    }
+    runs.iter()
+        .map(|run| match Checkpoint::decode(&run.state) {
+            Ok(end) => {
+                let layer = end.snapshot.layer(&run.params);
+                let origin = Some(origin(&run.params, end.snapshot.steps));
+                Ok((run.seed, StartLayer { origin, ..layer }))
+            }
+            Err(damage) => Err([
+                format!(
+                    "the last state of the run with seed {} in {} cannot be used: {damage}",
+                    run.seed,
+                    store.display()
+                ),
+                "runs of this version of the program".to_owned(),
+            ]),
+        })
+        .collect()
+}
+
+/// A number for the ends of all runs of a point, whatever their seeds.
+fn origin(params: &Params, steps: u64) -> u32 {
+    let before = params.start.as_ref().map_or(0, |start| start.number());
+    let point = Params {
+        start: None,
+        ..params.clone()
+    };
+    let mut hasher = blake3::Hasher::new();
+    let written = serde_json::to_writer(&mut hasher, &(point, before, steps));
+    debug_assert!(written.is_ok(), "numbers and names always have JSON");
+    let mut number = [0; 4];
+    number.copy_from_slice(&hasher.finalize().as_bytes()[..4]);
+    u32::from_le_bytes(number).max(1)
+}
+
+/// All finished runs of the campaign of a store that have a last state.
+fn finished(store: &Path) -> Result<Vec<Run>, rusqlite::Error> {
+    let connection = Connection::open_with_flags(store, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
+    connection
+        .prepare(
+            "SELECT c.params, c.seed, e.state FROM cases c JOIN ends e ON e.case_id = c.id
+             WHERE c.position IS NOT NULL AND c.state = 'done' AND e.state IS NOT NULL ORDER BY c.position",
+        )?
+        .query_map([], |row| {
+            let text: String = row.get(0)?;
+            let params = serde_json::from_str(&text).map_err(|error| {
+                rusqlite::Error::FromSqlConversionFailure(
+                    0,
+                    rusqlite::types::Type::Text,
+                    Box::new(error),
+                )
+            })?;
+            Ok(Run {
+                params,
+                seed: row.get::<_, i64>(1)?.unsigned_abs(),
+                state: row.get(2)?,
+            })
+        })?
+        .collect()
+}
