@@ -2,8 +2,8 @@
 //!
 //! Once each contact is known to be open, to stick or to slide to either side, the problem is linear. A semismooth Newton method
 //! (Alart & Curnier 1991) solves it for the states at hand and mends those that its solution contradicts; started from the last states it
-//! mostly needs one or two systems. Where it cycles, some contradictions are mended by chance, which ends most cycles; where that fails too,
-//! [`super::path`] finds the solution, or that there is none. What is accepted is measured: [`Merit`] vanishes exactly at a solution.
+//! mostly needs a few systems. Where it cycles, [`super::path`] finds the solution, or that there is none. What is accepted is measured:
+//! [`Merit`] vanishes exactly at a solution.
 //!
 //! On which contacts friction acts (f > F_crit) is decided anew for every solution until the set agrees with itself, or has been decided
 //! often enough: the law jumps there, and such a set need not exist. Where the law does not jump there is nothing to decide.
@@ -21,6 +21,7 @@ const DECISIONS: u32 = 10;
 const CLOSE: f64 = 1e-3;
 /// Systems without fewer contradictions after which another way is tried.
 const PATIENCE: u32 = 10;
+
 /// How well forces solve a problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Merit {
