@@ -128,12 +128,14 @@ pub(crate) fn now() -> i64 {
 
 /// Hash of the executable: two processes with the same one compute the same bits on the same machine.
 pub(crate) fn build() -> String {
-    // A hundred megabytes with the lines for debuggers: read once.
+    // A hundred megabytes with the lines for debuggers: read once, and never held as a whole.
     static BUILD: LazyLock<String> = LazyLock::new(|| {
-        std::env::current_exe()
-            .and_then(std::fs::read)
-            .map(|bytes| blake3::hash(&bytes).to_hex()[..16].to_owned())
-            .unwrap_or_default()
+        let hash = || {
+            let mut hasher = blake3::Hasher::new();
+            hasher.update_reader(std::fs::File::open(std::env::current_exe()?)?)?;
+            Ok::<_, std::io::Error>(hasher.finalize().to_hex()[..16].to_owned())
+        };
+        hash().unwrap_or_default()
     });
     BUILD.clone()
 }
