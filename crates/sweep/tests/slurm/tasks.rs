@@ -156,7 +156,7 @@ fn task_that_runs_twice_at_once_does_no_harm() {
 
 #[test]
 fn status_shows_tasks_and_slices_and_cancel_ends_them() {
-    let cluster = Cluster::new(&long());
+    let cluster = Cluster::new(&long().replace(LONG, "strain = 48.0"));
     let script = cluster.submit(&["--tasks", "2"]);
     cluster.says("squeue", "0|RUNNING|n1\n1|PENDING|\n");
     let task = Task::FIRST;
