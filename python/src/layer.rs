@@ -411,6 +411,7 @@ impl Layer {
             snapshot: py.detach(|| self.run().layer.snapshot()),
             samples: Vec::new(),
             wall_time_s: 0.0,
+            cpu_time_s: 0.0,
             resumed: 0,
         };
         let bytes = checkpoint
