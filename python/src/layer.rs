@@ -228,9 +228,10 @@ impl Layer {
     #[getter]
     fn params<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
+        // A layer that was given is no value of a grid; a snapshot holds what has become of it.
         for axis in AXES
             .iter()
-            .filter(|axis| axis.means_something(&self.params))
+            .filter(|axis| axis.key != "start" && axis.means_something(&self.params))
         {
             all.set_item(axis.key, values::of_axis(py, axis.value(&self.params))?)?;
         }
