@@ -83,8 +83,6 @@ pub(crate) struct BoxSolver {
     pub(crate) forces: Forces,
     /// Where a path has come to: forces, slack and slip of a problem on the way.
     pub(super) point: Forces,
-    /// Velocity at which contacts give way there, about.
-    pub(super) gives: f64,
     /// Forces to begin with, and on which rows friction acted.
     start: Forces,
     acts: Vec<bool>,

@@ -174,14 +174,19 @@ impl BoxSolver {
     ) -> (PathEnd, u32) {
         let friction = problem.friction;
         problem.friction = friction.min(MOST_FRICTION);
-        self.begin_path(problem, system, begin);
         let (mut systems, mut crossed) = (0, None);
-        if begin == Begin::Ahead {
-            systems += self.go_by_newton(problem, system);
-        }
         let most = match begin {
-            Begin::Here => MOST_CHANGES,
-            Begin::Ahead | Begin::Open => 10 * (problem.normal.len() + problem.tangential.len()),
+            Begin::Here => {
+                self.begin_here(problem, system);
+                MOST_CHANGES
+            }
+            Begin::Ahead | Begin::Open => {
+                let gives = self.begin_open(problem, system);
+                if begin == Begin::Ahead {
+                    systems += self.go_by_newton(problem, system, gives);
+                }
+                10 * (problem.normal.len() + problem.tangential.len())
+            }
         };
         let mut end = PathEnd::Lost;
         for _ in 0..most {
@@ -204,27 +209,32 @@ impl BoxSolver {
         (end, systems)
     }
 
-    /// The first point, and its states.
-    fn begin_path(&mut self, problem: &Problem, system: &mut impl System, begin: Begin) {
-        if begin != Begin::Here {
-            self.forces.normal.fill(0.0);
-            self.forces.tangential.fill(0.0);
-        }
+    /// The forces at hand, within their bounds, as the first point, with their states and their own slack and slip.
+    fn take_point(&mut self, problem: &Problem, system: &mut impl System) {
         self.clip(problem);
         self.read_states(problem);
         system.measure(problem, &mut self.forces);
-        let (point, forces) = (&mut self.point, &self.forces);
-        point.copy_from(forces);
-        point.slack.clone_from(&forces.slack);
-        point.slip.clone_from(&forces.slip);
-        if begin != Begin::Here {
-            let gives = point.slack.iter().enumerate();
-            self.gives = gives.fold(0.0_f64, |most, (k, w)| most.max(-w / weight(k)));
-            for (k, slack) in point.slack.iter_mut().enumerate() {
-                *slack += self.gives * weight(k);
-            }
-            return;
+        self.point.copy_all_from(&self.forces);
+    }
+
+    /// Begins without forces; the velocity, about, at which contacts give way, in a·rate.
+    fn begin_open(&mut self, problem: &Problem, system: &mut impl System) -> f64 {
+        self.forces.normal.fill(0.0);
+        self.forces.tangential.fill(0.0);
+        self.take_point(problem, system);
+        let slack = &mut self.point.slack;
+        let needed = slack.iter().enumerate();
+        let gives = needed.fold(0.0_f64, |most, (k, w)| most.max(-w / weight(k)));
+        for (k, slack) in slack.iter_mut().enumerate() {
+            *slack += gives * weight(k);
         }
+        gives
+    }
+
+    /// Begins at the forces at hand, with slack and slip that their states allow.
+    fn begin_here(&mut self, problem: &Problem, system: &mut impl System) {
+        self.take_point(problem, system);
+        let point = &mut self.point;
         for (k, slack) in point.slack.iter_mut().enumerate() {
             *slack = if self.states.closed[k] {
                 0.0
@@ -243,7 +253,14 @@ impl BoxSolver {
     }
 
     /// Takes away what is added in large parts, as long as Newton's method finds the solution each time; how many systems it took.
-    fn go_by_newton(&mut self, problem: &mut Problem, system: &mut impl System) -> u32 {
+    ///
+    /// `gives`: the velocity at which contacts give way, in a·rate.
+    fn go_by_newton(
+        &mut self,
+        problem: &mut Problem,
+        system: &mut impl System,
+        mut gives: f64,
+    ) -> u32 {
         let held = Onset {
             critical_load: 0.0,
             smooth: false,
@@ -251,15 +268,15 @@ impl BoxSolver {
             deciding: false,
         };
         let (mut systems, mut left) = (0, LEAST_LEFT);
-        while left < MOST_LEFT && self.gives > LEAST_SLACK * LEAST_LEFT {
-            let gives = self.gives * left;
-            add_slack(problem, gives);
+        while left < MOST_LEFT && gives > LEAST_SLACK * LEAST_LEFT {
+            let next = gives * left;
+            add_slack(problem, next);
             let (ended, more) = self.newton(problem, system, held, &mut |_, _| 0);
-            add_slack(problem, -gives);
+            add_slack(problem, -next);
             systems += more;
             if ended == Ended::Solved && !self.is_unbounded() {
-                self.gives = gives;
-                self.point.clone_from(&self.forces);
+                gives = next;
+                self.point.copy_all_from(&self.forces);
             } else {
                 left = left.sqrt();
                 self.forces.copy_from(&self.point);

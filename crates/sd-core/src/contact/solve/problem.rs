@@ -98,7 +98,7 @@ pub(crate) struct States {
 }
 
 /// Forces, and the velocities that go with them.
-#[derive(Debug, Default, Clone)]
+#[derive(Debug, Default)]
 pub(crate) struct Forces {
     /// f of each candidate, in mu·a²·rate.
     pub(crate) normal: Vec<f64>,
@@ -115,6 +115,13 @@ impl Forces {
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.normal.clone_from(&other.normal);
         self.tangential.clone_from(&other.tangential);
+    }
+
+    /// The same, with slack and slip.
+    pub(crate) fn copy_all_from(&mut self, other: &Self) {
+        self.copy_from(other);
+        self.slack.clone_from(&other.slack);
+        self.slip.clone_from(&other.slip);
     }
 
     /// No forces of no contacts.
