@@ -432,7 +432,9 @@ fn of_points(
                 .iter()
                 .filter_map(|point| {
                     let estimate = quantity(point).filter(|e| e.mean.is_finite())?;
-                    Some((place(log, along, point), estimate.mean, estimate.ci95))
+                    // Where no run has told the rate yet, a stress that is imposed has no place.
+                    let place = Some(place(log, along, point)).filter(|place| place.is_finite())?;
+                    Some((place, estimate.mean, estimate.ci95))
                 })
                 .collect(),
             label: curve.label,
