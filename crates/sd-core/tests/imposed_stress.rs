@@ -326,8 +326,10 @@ fn curves_agree(contact: ContactScheme) {
         let rate = 6.0 * PI * stress / viscosity;
         let (expected, other) = estimate(&at_rate(&at_stress, rate));
         let distance = (viscosity - expected).abs() / (variance + other).sqrt();
-        println!("{contact:?} at {stress}: {viscosity} and {expected}, {distance} standard errors");
-        assert!(distance < 3.0, "{distance} at {stress}");
+        assert!(
+            distance < 3.0,
+            "{contact:?} at {stress}: {viscosity} and {expected}, {distance} standard errors"
+        );
         viscosities.push(viscosity);
     }
     // The rise is far larger than what is compared.

@@ -59,7 +59,7 @@ fn basic_string(text: &str) -> String {
     for character in text.chars() {
         match character {
             '"' | '\\' => written.extend(['\\', character]),
-            c if c.is_control() => written.push_str(&format!("\\u{:04X}", u32::from(c))),
+            c if c.is_control() => written.extend(format!("\\u{:04X}", u32::from(c)).chars()),
             c => written.push(c),
         }
     }

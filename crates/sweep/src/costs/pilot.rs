@@ -96,7 +96,9 @@ pub(crate) fn trials(costs: &Costs, points: &[(&Case, f64)], begun: Instant) -> 
             let shared = Arc::clone(shared);
             std::thread::spawn(move || shared.make(share));
         }
-        round.iter().for_each(|shared| shared.wait(deadline));
+        for shared in round {
+            shared.wait(deadline);
+        }
     }
     runs.iter().map(|shared| shared.run.trial()).collect()
 }

@@ -1,7 +1,7 @@
 //! The order of work: what the user puts first, then one seed of every point, the cheapest first, so that a curve stands early;
 //! then the other seeds, the dearest first, so that no core idles at the end; then what precisions ask for, the batch with most
-//! to gain per second first. Where every point has one seed only, the dearest points, behind which half of the work is, go dearest first
-//! as the other seeds would.
+//! to gain per second first. Where every point has one seed only, the dearest points, behind which three quarters of the work are, go
+//! dearest first as the other seeds would.
 
 use super::{Store, StoreError, integer};
 use crate::axes::{Axis, Value, identity};
@@ -150,15 +150,15 @@ pub(super) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> 
     ranks
 }
 
-/// The largest cost of those cases, the cheapest, that together make half of the work.
+/// The largest cost of those cases, the cheapest, that together make a quarter of the work.
 fn limit_of_the_dear(costs: &[f64]) -> f64 {
     let mut costs = costs.to_vec();
     costs.sort_unstable_by(f64::total_cmp);
-    let half = 0.5 * costs.iter().sum::<f64>();
+    let quarter = 0.25 * costs.iter().sum::<f64>();
     let mut sum = 0.0;
     let cheap = costs.iter().take_while(|cost| {
         sum += **cost;
-        sum <= half
+        sum <= quarter
     });
     cheap.last().copied().unwrap_or(0.0)
 }
@@ -269,7 +269,7 @@ mod tests {
             for workers in [2, 4] {
                 let ideal = (costs.iter().sum::<f64>() / workers as f64).max(longest);
                 let time = time_needed(&ranks, &costs, workers);
-                assert!(time < 1.25 * ideal, "{seeds}, {workers}: {time} of {ideal}");
+                assert!(time < 1.2 * ideal, "{seeds}, {workers}: {time} of {ideal}");
             }
             // From the cheapest to the dearest the last would run alone.
             let mut ascending: Vec<usize> = (0..costs.len()).collect();
@@ -280,7 +280,7 @@ mod tests {
                 .for_each(|(rank, at)| ranks[*at] = rank);
             if seeds == "1" {
                 let ideal = (costs.iter().sum::<f64>() / 4.0).max(longest);
-                assert!(time_needed(&ranks, &costs, 4) > 1.25 * ideal);
+                assert!(time_needed(&ranks, &costs, 4) > 1.2 * ideal);
             }
         }
     }
