@@ -358,7 +358,7 @@ fn every_command_has_a_manual_page() {
     let program = <sweep::cli::Cli as clap::CommandFactory>::command();
     let commands: Vec<&str> = program
         .get_subcommands()
-        .map(|command| command.get_name())
+        .map(clap::Command::get_name)
         .collect();
     assert!(
         commands.contains(&"run") && commands.len() > 18,
