@@ -2,7 +2,6 @@
 
 use super::cluster::{Cluster, LONG, QUICK, Task, contains, long, send, words};
 use rustix::process::Signal;
-use std::process::Child;
 use std::time::{Duration, Instant};
 
 #[test]
@@ -126,30 +125,31 @@ fn killed_task_loses_no_more_than_since_it_published() {
 
 #[test]
 fn task_that_runs_twice_at_once_does_no_harm() {
-    let cluster = Cluster::new(QUICK);
+    let cluster = Cluster::new(&QUICK.replace("strain = 0.3", "strain = 3.0"));
     let script = cluster.submit(&["--tasks", "1", "--publish-every", "0"]);
     let task = Task::FIRST;
-    let twins = [
-        task,
-        Task {
-            restart: 1,
-            node: "n2",
-            ..task
-        },
-        // Even under one name.
-        task,
-    ];
-    let children: Vec<Child> = twins
-        .iter()
-        .map(|task| cluster.start(&script, *task))
-        .collect();
-    for child in children {
+    let twin = Task {
+        restart: 1,
+        node: "n2",
+        ..task
+    };
+    // Held in the midst of its first case until the others are done, so that it computes that case a second time on
+    // however fast or busy a machine.
+    let held = cluster.start(&script, twin);
+    cluster.wait_for_steps(twin, 8);
+    send(&held, Signal::STOP);
+    // Even under one name.
+    let others = [task, task].map(|task| cluster.start(&script, task));
+    for child in others {
         let output = child.wait_with_output().unwrap();
         assert!(output.status.code().is_some(), "{output:?}");
     }
+    send(&held, Signal::CONT);
+    let output = held.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
     let merged = cluster.json(&["merge", "small.toml", "--json"]);
     assert_eq!(merged["results"], 6);
-    assert_eq!(merged["duplicates"], 6);
+    assert!(merged["duplicates"].as_i64().unwrap() >= 1, "{merged}");
     assert_eq!(merged["disagreements"].as_array().unwrap().len(), 0);
     cluster.equals_local_run();
 }
