@@ -135,6 +135,28 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
+/// Text for a terminal of this width: what is longer goes on in the next line, at a space. Lines of tables, which begin with a space or a
+/// rule, stay as they are.
+pub fn wrapped(text: &str, width: Option<u16>) -> String {
+    let Some(width) = width.map(usize::from) else {
+        return text.to_owned();
+    };
+    let options = textwrap::Options::new(width)
+        .break_words(false)
+        .word_separator(textwrap::WordSeparator::AsciiSpace)
+        .word_splitter(textwrap::WordSplitter::NoHyphenation);
+    let mut all = String::with_capacity(text.len());
+    for line in text.lines() {
+        if line.starts_with([' ', '─', '═']) {
+            all.push_str(line);
+        } else {
+            all.push_str(&textwrap::fill(line, &options));
+        }
+        all.push('\n');
+    }
+    all
+}
+
 /// Reads a time such as `90s`, `15m`, `2h` or `1h 30m`; a bare number is seconds.
 ///
 /// # Errors
@@ -177,6 +199,14 @@ pub fn bytes(number: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn words_go_on_in_the_next_line_whole() {
+        let text = " a table that is wide\nafter a strain of 0.5 it stays\n";
+        assert_eq!(wrapped(text, None), text);
+        let narrow = " a table that is wide\nafter a strain of\n0.5 it stays\n";
+        assert_eq!(wrapped(text, Some(19)), narrow);
+    }
 
     #[test]
     fn intervals_have_the_decimals_of_their_numbers() {

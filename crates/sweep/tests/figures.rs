@@ -131,10 +131,11 @@ fn figures_carry_their_size_font_and_origin() {
     assert!(pdf.starts_with(b"%PDF-"));
     let text = String::from_utf8_lossy(&pdf);
     // What is not plain Latin is written as hexadecimal digits of UTF-16.
-    let coded: String = key
+    let coded: Vec<String> = key
         .encode_utf16()
         .map(|unit| format!("{unit:04X}"))
         .collect();
+    let coded = coded.concat();
     for part in ["/FontFile2", "/ToUnicode", "/MediaBox [0 0 240.9", &coded] {
         assert!(text.contains(part), "{part}");
     }

@@ -8,6 +8,7 @@ use super::place::StoreArguments;
 use crate::cli::Error;
 use crate::exit;
 use crate::files::write_whole;
+use crate::format::wrapped;
 use crate::report::{
     Columns, NumberFormat, PageHost, Report, Selection, Shape, Units, page, parquet, write_csv,
     write_json, write_latex, write_markdown, write_text, write_units,
@@ -222,7 +223,12 @@ fn print(report: &Report, shape: Shape, output: &mut Output<'_>) -> Result<(), E
     if output.json {
         write_json(report, output.out)?;
     } else {
-        write_text(report, shape, output.width, output.out)?;
+        let mut text = Vec::new();
+        write_text(report, shape, output.width, &mut text)?;
+        let text = String::from_utf8_lossy(&text);
+        output
+            .out
+            .write_all(wrapped(&text, output.width).as_bytes())?;
     }
     Ok(())
 }

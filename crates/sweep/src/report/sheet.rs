@@ -98,18 +98,15 @@ impl Sheet {
         let columns = axes.iter().map(|axis| of_axis(report, axis, shape));
         let mut columns: Vec<SheetColumn> = columns.collect();
         let axes = columns.len();
-        match report.columns.chosen() {
-            Some(chosen) => {
-                let of = |column: &Column| of_column(report, column, column.name, (4, 0), shape);
-                columns.extend(chosen.iter().map(of));
-            }
-            None => {
-                let usual = USUAL.iter().filter(|usual| is_there(report, usual.0));
-                columns.extend(usual.filter_map(|(name, heading, digits, rank)| {
-                    let column = measured_named(name)?;
-                    Some(of_column(report, &column, heading, (*digits, *rank), shape))
-                }));
-            }
+        if let Some(chosen) = report.columns.chosen() {
+            let of = |column: &Column| of_column(report, column, column.name, (4, 0), shape);
+            columns.extend(chosen.iter().map(of));
+        } else {
+            let usual = USUAL.iter().filter(|usual| is_there(report, usual.0));
+            columns.extend(usual.filter_map(|(name, heading, digits, rank)| {
+                let column = measured_named(name)?;
+                Some(of_column(report, &column, heading, (*digits, *rank), shape))
+            }));
         }
         let mut sheet = Self {
             axes,

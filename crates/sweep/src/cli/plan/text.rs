@@ -2,12 +2,22 @@
 
 use super::{Kind, Plan, Source};
 use crate::cli::{Error, Output};
-use crate::format::{bytes, duration, significant};
+use crate::format::{bytes, duration, significant, wrapped};
 use std::io::Write;
 
 /// Writes it.
 pub(super) fn write(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
-    let (width, out) = (output.width, &mut *output.out);
+    let mut text = Vec::new();
+    tables(plan, output.width, &mut text)?;
+    let text = String::from_utf8_lossy(&text);
+    output
+        .out
+        .write_all(wrapped(&text, output.width).as_bytes())?;
+    Ok(())
+}
+
+/// The plan for a terminal of this width.
+fn tables(plan: &Plan, width: Option<u16>, out: &mut dyn Write) -> Result<(), Error> {
     let ended = match plan.ended {
         0 => String::new(),
         ended => format!(", {ended} of them ended"),

@@ -78,6 +78,14 @@ pub(super) fn page(outline: &Outline) -> Page {
     page
 }
 
+/// A straight line.
+fn across(from: Place, to: Place, stroke: Stroke) -> Shape {
+    Shape::Line {
+        places: vec![from, to],
+        stroke,
+    }
+}
+
 /// Where the panels lie.
 struct Grid {
     columns: usize,
@@ -161,14 +169,6 @@ impl Frame<'_> {
         bottom + self.panel.y.part(number) * (top - bottom)
     }
 
-    /// A straight line between the edges.
-    fn across(&self, from: Place, to: Place, stroke: Stroke) -> Shape {
-        Shape::Line {
-            places: vec![from, to],
-            stroke,
-        }
-    }
-
     /// What is drawn within the axes, and the axes.
     fn draw(&self) -> Vec<Shape> {
         let [[left, top], [right, bottom]] = self.corners;
@@ -185,12 +185,12 @@ impl Frame<'_> {
         for height in &self.panel.dashed {
             let y = self.y(*height);
             let stroke = Stroke::solid(Colour::GREY, 0.7).dashed(4.5, 3.0);
-            shapes.push(self.across([left, y], [right, y], stroke));
+            shapes.push(across([left, y], [right, y], stroke));
         }
         for place in &self.panel.x.breaks {
             let x = self.x(*place);
             let stroke = Stroke::solid(Colour::PALE, 0.6).dashed(1.0, 2.0);
-            shapes.push(self.across([x, top], [x, bottom], stroke));
+            shapes.push(across([x, top], [x, bottom], stroke));
         }
         for curve in self.panel.curves.iter().filter(|curve| curve.has_band) {
             shapes.extend(self.bands(curve));
@@ -278,7 +278,7 @@ impl Frame<'_> {
                     [[x - CAP, down], [x + CAP, down]],
                 ]
             })
-            .map(|[from, to]| self.across(from, to, stroke))
+            .map(|[from, to]| across(from, to, stroke))
             .collect()
     }
 
@@ -321,11 +321,11 @@ impl Frame<'_> {
         };
         for (place, length) in all(&x.ticks, &x.minor) {
             let at = self.x(place);
-            shapes.push(self.across([at, bottom], [at, bottom - length], ink));
+            shapes.push(across([at, bottom], [at, bottom - length], ink));
         }
         for (place, length) in all(&y.ticks, &y.minor) {
             let at = self.y(place);
-            shapes.push(self.across([left, at], [left + length, at], ink));
+            shapes.push(across([left, at], [left + length, at], ink));
         }
         for place in &x.breaks {
             let at = self.x(*place);
@@ -344,7 +344,7 @@ impl Frame<'_> {
                 });
                 for shift in [-1.0, 1.0] {
                     let at = at + shift;
-                    shapes.push(self.across([at - 0.9, low], [at + 0.9, high], ink));
+                    shapes.push(across([at - 0.9, low], [at + 0.9, high], ink));
                 }
             }
         }
@@ -361,11 +361,11 @@ impl Frame<'_> {
             let places = curve.missing.iter().map(|place| self.x(*place));
             for x in places.filter(is_inside) {
                 let place = [x, bottom - 2.0 * size];
-                shapes.extend(marker(Marker::Cross, place, size, curve.colour, 0.9));
+                shapes.extend(marker(Marker::Cross, place, size, curve.colour, 0.8));
             }
             if let Some(x) = curve.discard.map(|strain| self.x(strain)).filter(is_inside) {
                 let stroke = Stroke::solid(curve.colour, 1.2);
-                shapes.push(self.across([x, bottom], [x, bottom - 3.0 * TICK], stroke));
+                shapes.push(across([x, bottom], [x, bottom - 3.0 * TICK], stroke));
             }
         }
         shapes

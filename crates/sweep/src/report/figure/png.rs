@@ -1,7 +1,7 @@
 //! A page as PNG, which knows how large it is on paper.
 
 use super::origin::Origin;
-use super::shape::Page;
+use super::shape::{Page, Shape};
 use super::svg::{dots_per_unit, scene};
 use kuva::backend::png::PngBackend;
 use png::{BitDepth, ColorType, Decoder, Encoder, PixelDimensions, Transformations, Unit};
@@ -12,7 +12,9 @@ pub(super) fn write(page: &Page, dpi: u32, origin: &Origin) -> Result<Vec<u8>, S
     let scale = dots_per_unit(dpi);
     #[expect(clippy::cast_possible_truncation, reason = "a scale of the backend")]
     let backend = PngBackend::new().with_scale(scale as f32);
-    let drawn = backend.render_scene(&scene(page, scale))?;
+    // The backend begins every segment of a line with a dash of its own: dashes are cut here.
+    let shapes: Vec<Shape> = page.shapes.iter().flat_map(Shape::without_dashes).collect();
+    let drawn = backend.render_scene(&scene(&shapes, page))?;
     with_size(&drawn, dpi, origin).map_err(|error| error.to_string())
 }
 

@@ -101,12 +101,12 @@ impl Scale {
             clippy::cast_sign_loss,
             reason = "clamped"
         )]
-        let decimals = (-step.log10() + 1e-9).ceil().clamp(0.0, 12.0) as usize;
+        let decimals = (-step.log10() - 1e-9).ceil().clamp(0.0, 12.0) as usize;
         let word = |tick: &f64| {
-            if largest >= 1e5 || largest < 1e-3 {
-                power_word(*tick)
-            } else {
+            if (1e-3..1e5).contains(&largest) {
                 format!("{tick:.decimals$}").replace('-', "−")
+            } else {
+                power_word(*tick)
             }
         };
         Self {
@@ -273,6 +273,7 @@ mod tests {
         let scale = Scale::linear(String::new(), -0.013, 0.021);
         assert_eq!(words(&scale), ["−0.01", "0.00", "0.01", "0.02"]);
         assert!((scale.part(0.021) - 1.0).abs() < 1e-12);
+        assert_eq!(words(&Scale::linear(String::new(), 0.0, 5.0))[1], "1");
         let scale = Scale::linear(String::new(), 0.0, 3e5);
         assert_eq!(words(&scale)[1], "5·10⁴");
         let log = Scale::logarithmic(String::new(), 1.0, 100.0);

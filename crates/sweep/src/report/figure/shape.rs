@@ -49,6 +49,53 @@ pub(super) enum Shape {
     EndClip,
 }
 
+impl Shape {
+    /// The same, a dashed line as one solid line for each dash.
+    pub(super) fn without_dashes(&self) -> Vec<Self> {
+        let Self::Line { places, stroke } = self else {
+            return vec![self.clone()];
+        };
+        let Some([dash, gap]) = stroke.dashes else {
+            return vec![self.clone()];
+        };
+        let solid = Stroke {
+            dashes: None,
+            ..*stroke
+        };
+        let mut lines: Vec<Vec<Place>> = Vec::new();
+        // Whether a dash is being drawn, and how much of it or of the gap is left.
+        let (mut is_dash, mut left) = (true, dash);
+        lines.extend(places.first().map(|first| vec![*first]));
+        for pair in places.windows(2) {
+            let [from, to] = [pair[0], pair[1]];
+            let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+            let mut done = 0.0;
+            while length - done > left {
+                done += left;
+                let part = done / length;
+                let place = [0, 1].map(|k| from[k] + part * (to[k] - from[k]));
+                match lines.last_mut() {
+                    Some(line) if is_dash => line.push(place),
+                    _ => lines.push(vec![place]),
+                }
+                is_dash = !is_dash;
+                left = if is_dash { dash } else { gap };
+            }
+            left -= length - done;
+            if let (true, Some(line)) = (is_dash, lines.last_mut()) {
+                line.push(to);
+            }
+        }
+        let lines = lines.into_iter().filter(|places| places.len() > 1);
+        lines
+            .map(|places| Self::Line {
+                places,
+                stroke: solid,
+            })
+            .collect()
+    }
+}
+
 /// How a line is drawn.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stroke {
@@ -145,5 +192,32 @@ pub(super) fn marker(
             line([[-1.2, 0.0], [1.2, 0.0]]),
             line([[0.0, -1.2], [0.0, 1.2]]),
         ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Dashes go on over the corners of a line.
+    #[test]
+    fn dashes_are_cut_along_the_whole_line() {
+        let line = Shape::Line {
+            places: vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 5.0]],
+            stroke: Stroke::solid(Colour::INK, 1.0).dashed(3.0, 1.0),
+        };
+        let drawn: Vec<Vec<Place>> = line
+            .without_dashes()
+            .into_iter()
+            .map(|shape| match shape {
+                Shape::Line { places, stroke } if stroke.dashes.is_none() => places,
+                other => unreachable!("{other:?} is no solid line"),
+            })
+            .collect();
+        let wanted: [&[Place]; 2] = [
+            &[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 1.0]],
+            &[[2.0, 2.0], [2.0, 5.0]],
+        ];
+        assert_eq!(drawn, wanted);
     }
 }

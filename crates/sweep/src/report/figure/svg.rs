@@ -16,7 +16,7 @@ pub(super) const UNITS: f64 = 100.0;
 
 /// The file: with a size in millimetres, a view box in points, its font and its origin.
 pub(super) fn write(page: &Page, origin: &Origin) -> Vec<u8> {
-    let drawn = SvgBackend::new().render_scene(&scene(page, 1.0));
+    let drawn = SvgBackend::new().render_scene(&scene(&page.shapes, page));
     // The head is written anew: the backend's has neither a view box nor units.
     let body = drawn.split_once('>').map_or("", |(_, body)| body);
     let mm = |points: f64| Length(points).in_mm();
@@ -54,18 +54,18 @@ pub(super) fn dots_per_unit(dpi: u32) -> f64 {
     f64::from(dpi) / POINTS_PER_INCH / UNITS
 }
 
-/// The page as a scene of the drawing program. Its raster takes dashes in dots, not in units: `dashes` of them.
-pub(super) fn scene(page: &Page, dashes: f64) -> Scene {
+/// Shapes of a page as a scene of the drawing program.
+pub(super) fn scene(shapes: &[Shape], page: &Page) -> Scene {
     let mut scene = Scene::new(page.width * UNITS, page.height * UNITS);
     scene.text_color = Some(Paint::INK.to_string());
     let mut clips = 0;
-    for shape in &page.shapes {
+    for shape in shapes {
         let primitive = match shape {
             Shape::Line { places, stroke } => Primitive::PolyLine {
                 points: places.iter().map(|[x, y]| (x * UNITS, y * UNITS)).collect(),
                 stroke: colour(stroke.colour),
                 stroke_width: stroke.width * UNITS,
-                stroke_dasharray: dasharray(stroke, dashes),
+                stroke_dasharray: dasharray(stroke),
             },
             Shape::Area {
                 places,
@@ -141,8 +141,8 @@ fn colour(paint: Paint) -> Color {
     Color::Rgb(red, green, blue)
 }
 
-fn dasharray(stroke: &Stroke, scale: f64) -> Option<String> {
-    let [dash, gap] = stroke.dashes?.map(|length| length * UNITS * scale);
+fn dasharray(stroke: &Stroke) -> Option<String> {
+    let [dash, gap] = stroke.dashes?.map(|length| length * UNITS);
     Some(format!("{dash:.1} {gap:.1}"))
 }
 
