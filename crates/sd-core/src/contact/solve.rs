@@ -27,6 +27,7 @@ pub(crate) mod newton;
 mod path;
 pub(crate) mod problem;
 pub(crate) mod sparse;
+mod tableau;
 
 #[cfg(test)]
 mod tests;

@@ -121,7 +121,8 @@ impl ContactSolver {
         };
         solver.problem.normal.reserve(most);
         solver.problem.tangential.reserve(2 * most);
-        solver.solver.reserve(most);
+        let dense = matches!(solver.backend, Backend::Dense(_));
+        solver.solver.reserve(most, dense);
         solver.stretches.reserve(most);
         solver
     }
@@ -405,12 +406,12 @@ impl ContactSolver {
             };
             begun = true;
             match outcome {
-                Outcome::Admit { systems: more } => {
+                Outcome::Admit { systems: more, all } => {
                     systems += more;
                     self.keep_forces();
                     let normal = std::mem::take(&mut self.solver.forces.normal);
                     self.add_rows(posed, memory, deciding, |k, contact| {
-                        normal[k] > load || contact.slip_resistance > 0.0
+                        all || normal[k] > load || contact.slip_resistance > 0.0
                     });
                     self.solver.forces.normal = normal;
                     self.take_rows();

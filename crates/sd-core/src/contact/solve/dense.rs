@@ -339,6 +339,34 @@ impl System for DenseSystem {
         })
     }
 
+    fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool {
+        let [place, row_place] = &self.place;
+        let contacts = problem.normal.len();
+        for (l, &b) in place.iter().enumerate() {
+            let target = matrix.column_mut(l);
+            let (normal, tangential) = (self.g_nn.column(b), self.g_tn.column(b));
+            for (entry, &a) in target.iter_mut().zip(place) {
+                *entry = normal[a];
+            }
+            for (entry, &a) in target[contacts..].iter_mut().zip(row_place) {
+                *entry = tangential[a];
+            }
+        }
+        for (l, &b) in row_place.iter().enumerate() {
+            let target = matrix.column_mut(contacts + l);
+            for (entry, &a) in target.iter_mut().zip(place) {
+                *entry = -self.g_tn[(b, a)];
+            }
+            if !self.isolated {
+                let own = self.g_tt.column(b);
+                for (entry, &a) in target[contacts..].iter_mut().zip(row_place) {
+                    *entry = -own[a];
+                }
+            }
+        }
+        true
+    }
+
     fn measure(&mut self, problem: &Problem, forces: &mut Forces) {
         self.take(forces);
         let [f, t] = &self.by_column;

@@ -10,6 +10,7 @@
 
 use super::path::{Begin, PathEnd};
 use super::problem::{Forces, Grip, Noise, Problem, States, System};
+use super::tableau::Tableau;
 
 /// Systems before another way is tried.
 const MOST_SYSTEMS: u32 = 40;
@@ -47,6 +48,8 @@ pub(crate) enum Outcome {
     Admit {
         /// Linear systems solved.
         systems: u32,
+        /// Whether all candidates had better have one: the problem is hard.
+        all: bool,
     },
 }
 
@@ -83,6 +86,8 @@ pub(crate) struct BoxSolver {
     pub(crate) forces: Forces,
     /// Where a path has come to: forces, slack and slip of a problem on the way.
     pub(super) point: Forces,
+    /// The problem in the form of the states of a path.
+    pub(super) tableau: Tableau,
     /// Forces to begin with, and on which rows friction acted.
     start: Forces,
     acts: Vec<bool>,
@@ -91,8 +96,11 @@ pub(crate) struct BoxSolver {
 }
 
 impl BoxSolver {
-    /// Room for that many candidates.
-    pub(crate) fn reserve(&mut self, candidates: usize) {
+    /// Room for that many candidates; with `paths`, for paths among them too.
+    pub(crate) fn reserve(&mut self, candidates: usize, paths: bool) {
+        if paths {
+            self.tableau.reserve(2 * candidates);
+        }
         self.states.closed.reserve(candidates);
         self.states.grip.reserve(2 * candidates);
         self.acts.reserve(2 * candidates);
@@ -115,6 +123,7 @@ impl BoxSolver {
         mut refine: impl FnMut(&mut Problem, &Forces) -> usize,
     ) -> Outcome {
         self.start.copy_from(&self.forces);
+        self.tableau.clear();
         self.acts.clear();
         self.acts
             .extend(problem.tangential.iter().map(|row| row.acts));
@@ -134,25 +143,37 @@ impl BoxSolver {
                 row.acts = acts;
             }
             self.forces.copy_from(&self.start);
-            for deciding in [self.deciding > 0, false] {
+            if onset.admits && self.lacks_row(problem, f64::NEG_INFINITY) {
+                return Outcome::Admit { systems, all: true };
+            }
+            let held = Onset {
+                deciding: false,
+                ..onset
+            };
+            let decisions = std::mem::take(&mut self.deciding);
+            for decision in 0..=decisions {
                 let (end, more) = self.find_path(problem, system);
                 systems += more;
                 jammed = end == PathEnd::Ray;
                 if end != PathEnd::Solved {
                     break;
                 }
-                self.deciding = if deciding { DECISIONS } else { 0 };
-                let held = Onset { deciding, ..onset };
                 let more;
                 (ended, more) = self.newton(problem, system, held, &mut refine);
                 systems += more;
-                if ended != Ended::Failed {
+                if ended == Ended::Failed
+                    || decision == decisions
+                    || self.decide(problem, onset.critical_load, 0.0) == 0
+                {
                     break;
                 }
             }
         }
         if ended == Ended::Admit {
-            return Outcome::Admit { systems };
+            return Outcome::Admit {
+                systems,
+                all: false,
+            };
         }
         if ended == Ended::Solved {
             self.clip(problem);
@@ -167,14 +188,14 @@ impl BoxSolver {
     /// Follows paths, the shortest first, until one leads to the solution or shows that there is none.
     fn find_path(&mut self, problem: &mut Problem, system: &mut impl System) -> (PathEnd, u32) {
         let (mut end, mut systems) = (PathEnd::Lost, 0);
-        for begin in [Begin::Here, Begin::Ahead, Begin::Open] {
+        for begin in [Begin::Here, Begin::Open] {
             let more;
             (end, more) = self.follow_path(problem, system, begin);
             systems += more;
             // The ray of a path that does not begin without forces says nothing.
             let at_end = match end {
                 PathEnd::Solved => true,
-                PathEnd::Ray => begin != Begin::Here,
+                PathEnd::Ray => begin == Begin::Open,
                 PathEnd::Lost => false,
             };
             if at_end {

@@ -11,10 +11,11 @@
 //! have a solution, as it is not the gradient of anything; the layer is then jammed at that instant. What is left at hand are the
 //! forces at the beginning of the ray, and contacts that give way at λ.
 
-use super::newton::{BoxSolver, Ended, Onset};
+use super::newton::BoxSolver;
 use super::problem::{Forces, Grip, Problem, States, System, largest};
 
-/// Changes of state after which a path from forces at hand is given up.
+/// Changes of state after which a path from forces at hand is given up, in small problems; in large ones half of the contacts and
+/// rows. Without a tableau any path.
 const MOST_CHANGES: usize = 100;
 /// Force, in mu·a²·rate, above which it grows without bound.
 const UNBOUNDED: f64 = 1e8;
@@ -22,9 +23,6 @@ const UNBOUNDED: f64 = 1e8;
 const MOST_FRICTION: f64 = 100.0;
 /// Spread of what is added to the slack of contacts: no two of them change at once.
 const SPREAD: f64 = 0.3;
-/// Share of what is added that Newton's method leaves at a time: at first, and where it is no longer worth its while.
-const LEAST_LEFT: f64 = 0.2;
-const MOST_LEFT: f64 = 0.9;
 /// What slack and slip of the wrong sign are at the beginning of a path, in a·rate.
 const LEAST_SLACK: f64 = 0.01;
 
@@ -44,8 +42,6 @@ pub(super) enum PathEnd {
 pub(super) enum Begin {
     /// At the forces at hand.
     Here,
-    /// Without forces; Newton's method takes the first steps.
-    Ahead,
     /// Without forces.
     Open,
 }
@@ -155,13 +151,6 @@ fn weight(number: usize) -> f64 {
     1.0 + SPREAD * (0.618_033_988_749_894_9 * (number + 1) as f64).fract()
 }
 
-/// Lets all contacts give way at a velocity.
-fn add_slack(problem: &mut Problem, velocity: f64) {
-    for (k, entry) in problem.normal.iter_mut().enumerate() {
-        entry.bias += velocity * weight(k);
-    }
-}
-
 impl BoxSolver {
     /// Follows a path to the solution, with friction on the rows where it acts now; how it ended, and how many systems it took.
     ///
@@ -174,24 +163,27 @@ impl BoxSolver {
     ) -> (PathEnd, u32) {
         let friction = problem.friction;
         problem.friction = friction.min(MOST_FRICTION);
-        let (mut systems, mut crossed) = (0, None);
+        let contacts = problem.normal.len() + problem.tangential.len();
+        let has_tableau = self.tableau.begin(problem, system);
+        match begin {
+            Begin::Here => self.begin_here(problem, system),
+            Begin::Open => self.begin_open(problem, system),
+        }
         let most = match begin {
-            Begin::Here => {
-                self.begin_here(problem, system);
-                MOST_CHANGES
-            }
-            Begin::Ahead | Begin::Open => {
-                let gives = self.begin_open(problem, system);
-                if begin == Begin::Ahead {
-                    systems += self.go_by_newton(problem, system, gives);
-                }
-                10 * (problem.normal.len() + problem.tangential.len())
-            }
+            _ if !has_tableau => MOST_CHANGES,
+            Begin::Here => MOST_CHANGES.max(contacts / 2),
+            Begin::Open => 10 * contacts,
         };
+        let (mut systems, mut crossed) = (0, None);
         let mut end = PathEnd::Lost;
         for _ in 0..most {
-            let (solved, more) = self.solve_states(problem, system);
-            systems += more;
+            let solved = if has_tableau {
+                self.tableau.solve(problem, &self.states, &mut self.forces)
+            } else {
+                let (solved, more) = self.solve_states(problem, system);
+                systems += more;
+                solved
+            };
             if !solved {
                 break;
             }
@@ -217,8 +209,8 @@ impl BoxSolver {
         self.point.copy_all_from(&self.forces);
     }
 
-    /// Begins without forces; the velocity, about, at which contacts give way, in a·rate.
-    fn begin_open(&mut self, problem: &Problem, system: &mut impl System) -> f64 {
+    /// Begins without forces, by contacts that all give way.
+    fn begin_open(&mut self, problem: &Problem, system: &mut impl System) {
         self.forces.normal.fill(0.0);
         self.forces.tangential.fill(0.0);
         self.take_point(problem, system);
@@ -228,7 +220,6 @@ impl BoxSolver {
         for (k, slack) in slack.iter_mut().enumerate() {
             *slack += gives * weight(k);
         }
-        gives
     }
 
     /// Begins at the forces at hand, with slack and slip that their states allow.
@@ -250,42 +241,6 @@ impl BoxSolver {
                 *slip = 0.0;
             }
         }
-    }
-
-    /// Takes away what is added in large parts, as long as Newton's method finds the solution each time; how many systems it took.
-    ///
-    /// `gives`: the velocity at which contacts give way, in a·rate.
-    fn go_by_newton(
-        &mut self,
-        problem: &mut Problem,
-        system: &mut impl System,
-        mut gives: f64,
-    ) -> u32 {
-        let held = Onset {
-            critical_load: 0.0,
-            smooth: false,
-            admits: false,
-            deciding: false,
-        };
-        let (mut systems, mut left) = (0, LEAST_LEFT);
-        while left < MOST_LEFT && gives > LEAST_SLACK * LEAST_LEFT {
-            let next = gives * left;
-            add_slack(problem, next);
-            let (ended, more) = self.newton(problem, system, held, &mut |_, _| 0);
-            add_slack(problem, -next);
-            systems += more;
-            if ended == Ended::Solved && !self.is_unbounded() {
-                gives = next;
-                self.point.copy_all_from(&self.forces);
-            } else {
-                left = left.sqrt();
-                self.forces.copy_from(&self.point);
-                self.read_states(problem);
-            }
-        }
-        self.forces.copy_from(&self.point);
-        self.read_states(problem);
-        systems
     }
 
     /// Goes on towards the forces at hand, or away from them, to the first boundary, and crosses it; how the path ended, if it did.

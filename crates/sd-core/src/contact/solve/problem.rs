@@ -1,6 +1,7 @@
 //! The entries of the contact problem: what every law comes down to at one stage.
 
 use crate::contact::row::Row;
+use crate::linalg::dense::Matrix;
 
 /// Normal part of one candidate: `w = C v + bias + compliance f`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -161,6 +162,10 @@ pub(crate) trait System {
         last: bool,
         forces: &mut Forces,
     ) -> Option<Noise>;
+
+    /// How all forces (f, t) move all contacts (w, z), without compliance: the leading entries of a square matrix of zeros. `false` where
+    /// there are too many of them.
+    fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool;
 
     /// Slack and slip of given forces.
     fn measure(&mut self, problem: &Problem, forces: &mut Forces);

@@ -1,0 +1,157 @@
+//! The linear system of given states, as products with it and with its preconditioner.
+
+use super::{LEAST_COMPLIANCE, WEIGHT};
+use crate::contact::solve::problem::{Grip, Problem, States};
+use crate::hydrodynamics::resistance::PairwiseResistance;
+use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
+
+/// The spheres, contacts and what they do: all that the linear system is made of.
+pub(super) struct Linear<'a> {
+    pub(super) network: &'a PairwiseResistance,
+    pub(super) problem: &'a Problem,
+    pub(super) states: &'a States,
+}
+
+impl Linear<'_> {
+    /// Compliance of a candidate.
+    pub(super) fn compliance(&self, k: usize) -> f64 {
+        self.problem.normal[k].compliance
+    }
+
+    /// Compliance of a row.
+    pub(super) fn row_compliance(&self, m: usize) -> f64 {
+        self.problem.tangential[m].compliance
+    }
+
+    /// Friction over load of a sliding row of a closed candidate; 0 for others.
+    pub(super) fn slope(&self, m: usize) -> f64 {
+        let sign = self.states.grip[m].sign();
+        if sign == 0.0 || !self.states.closed[self.problem.tangential[m].contact] {
+            0.0
+        } else {
+            sign * self.problem.friction
+        }
+    }
+
+    /// Splits a vector into its parts: v, v_N, f, t.
+    pub(super) fn split<'x>(&self, x: &'x [f64]) -> [&'x [f64]; 4] {
+        let n = 3 * self.network.spheres();
+        let (v, rest) = x.split_at(n);
+        let (v_n, rest) = rest.split_at(if self.problem.isolated { n } else { 0 });
+        let (f, t) = rest.split_at(self.problem.normal.len());
+        [v, v_n, f, t]
+    }
+
+    /// The same, to write.
+    pub(super) fn split_mut<'x>(&self, x: &'x mut [f64]) -> [&'x mut [f64]; 4] {
+        let n = 3 * self.network.spheres();
+        let (v, rest) = x.split_at_mut(n);
+        let (v_n, rest) = rest.split_at_mut(if self.problem.isolated { n } else { 0 });
+        let (f, t) = rest.split_at_mut(self.problem.normal.len());
+        [v, v_n, f, t]
+    }
+
+    /// `y = A x` of the linear system; rows of velocities times [`WEIGHT`].
+    pub(super) fn apply(&self, x: &[f64], y: &mut [f64]) {
+        let [v, v_n, f, t] = self.split(x);
+        let [y_v, y_n, y_f, y_t] = self.split_mut(y);
+        self.network.apply(v, y_v);
+        if self.problem.isolated {
+            self.network.apply(v_n, y_n);
+        }
+        for (k, entry) in self.problem.normal.iter().enumerate() {
+            y_f[k] = 0.0;
+            if !self.states.closed[k] {
+                continue;
+            }
+            entry.row.add(-f[k], y_v);
+            if self.problem.isolated {
+                entry.row.add(-f[k], y_n);
+            }
+            y_f[k] = WEIGHT * (entry.row.read(v) + self.compliance(k) * f[k]);
+        }
+        for (m, entry) in self.problem.tangential.iter().enumerate() {
+            y_t[m] = 0.0;
+            let slope = self.slope(m);
+            if slope != 0.0 {
+                entry.row.add(slope * f[entry.contact], y_v);
+            } else if self.states.grip[m] == Grip::Stick {
+                entry.row.add(t[m], y_v);
+                let read = entry.row.read(if self.problem.isolated { v_n } else { v });
+                y_t[m] = WEIGHT * (read - self.row_compliance(m) * t[m]);
+            }
+        }
+    }
+
+    /// Stiffness of each candidate, then of each row, in the preconditioner.
+    pub(super) fn stiffnesses(&self, stiffness: &mut Vec<f64>) {
+        let of = |compliance: f64| compliance.max(LEAST_COMPLIANCE).recip();
+        stiffness.clear();
+        stiffness.extend((0..self.problem.normal.len()).map(|k| {
+            if self.states.closed[k] {
+                of(self.compliance(k))
+            } else {
+                0.0
+            }
+        }));
+        stiffness.extend((0..self.problem.tangential.len()).map(|m| {
+            if self.states.grip[m] == Grip::Stick {
+                of(self.row_compliance(m))
+            } else {
+                0.0
+            }
+        }));
+    }
+
+    /// `z = P⁻¹ r`.
+    pub(super) fn precondition(
+        &self,
+        (pattern, held, free): (&BlockPattern, &mut BlockCholesky, &mut BlockCholesky),
+        stiffness: &[f64],
+        r: &[f64],
+        z: &mut [f64],
+        work: &mut [f64],
+    ) {
+        let [r_v, r_n, r_f, r_t] = self.split(r);
+        let [z_v, z_n, z_f, z_t] = self.split_mut(z);
+        let (normal, tangential) = stiffness.split_at(self.problem.normal.len());
+        let isolated = self.problem.isolated;
+        work.copy_from_slice(r_v);
+        for ((entry, &s), r) in self.problem.normal.iter().zip(normal).zip(r_f) {
+            if s != 0.0 {
+                entry.row.add(s * r / WEIGHT, work);
+            }
+        }
+        if !isolated {
+            for ((entry, &s), r) in self.problem.tangential.iter().zip(tangential).zip(r_t) {
+                if s != 0.0 {
+                    entry.row.add(s * r / WEIGHT, work);
+                }
+            }
+        }
+        held.solve(pattern, work, z_v);
+        if isolated {
+            work.copy_from_slice(r_n);
+        }
+        for (k, (entry, &s)) in self.problem.normal.iter().zip(normal).enumerate() {
+            z_f[k] = 0.0;
+            if s != 0.0 {
+                z_f[k] = s * (r_f[k] / WEIGHT - entry.row.read(z_v));
+                if isolated {
+                    entry.row.add(z_f[k], work);
+                }
+            }
+        }
+        if isolated {
+            free.solve(pattern, work, z_n);
+        }
+        let read_from: &[f64] = if isolated { z_n } else { z_v };
+        for (m, (entry, &s)) in self.problem.tangential.iter().zip(tangential).enumerate() {
+            z_t[m] = if s == 0.0 {
+                0.0
+            } else {
+                s * (entry.row.read(read_from) - r_t[m] / WEIGHT)
+            };
+        }
+    }
+}

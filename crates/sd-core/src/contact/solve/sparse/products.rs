@@ -1,0 +1,74 @@
+//! How all forces move all contacts, as one dense matrix: for problems whose states change a thousand times.
+
+use crate::contact::row::Row;
+use crate::contact::solve::problem::Problem;
+use crate::hydrodynamics::resistance::PairwiseResistance;
+use crate::linalg::cholesky::skyline::SkylineCholesky;
+use crate::linalg::dense::Matrix;
+use crate::linalg::staggered::StaggeredColumns;
+
+/// Most spheres: the matrices are then 72 MB each.
+pub(crate) const MOST_SPHERES: usize = 1000;
+
+/// `R = L Lᵀ`, columns `Y = L⁻¹ (Cᵀ, Dᵀ)`, and their products `Yᵀ Y`.
+#[derive(Default)]
+pub(super) struct ContactProducts {
+    factor: SkylineCholesky,
+    columns: StaggeredColumns,
+    products: Matrix,
+    /// Where each column begins and which contact or row it belongs to, in the order of the columns.
+    order: Vec<(usize, usize)>,
+}
+
+impl ContactProducts {
+    /// See [`System::fill_matrix`](crate::contact::solve::problem::System::fill_matrix).
+    pub(super) fn fill(
+        &mut self,
+        network: &PairwiseResistance,
+        problem: &Problem,
+        matrix: &mut Matrix,
+    ) -> bool {
+        let size = 3 * network.spheres();
+        if size.max(matrix.rows()) > 3 * MOST_SPHERES {
+            return false;
+        }
+        network.fill_full(self.factor.full_matrix());
+        if self.factor.factor().is_err() {
+            return false;
+        }
+        let contacts = problem.normal.len();
+        let row = |at: usize| -> &Row {
+            match at.checked_sub(contacts) {
+                None => &problem.normal[at].row,
+                Some(m) => &problem.tangential[m].row,
+            }
+        };
+        self.order.clear();
+        self.order.extend((0..matrix.rows()).map(|at| {
+            let [i, j] = row(at).spheres;
+            (3 * i.min(j), at)
+        }));
+        self.order.sort_unstable();
+        let starts = self.order.iter().map(|(start, _)| *start);
+        self.columns.reset(size, starts);
+        for (column, &(_, at)) in self.order.iter().enumerate() {
+            let row = row(at);
+            let starts = row.spheres.map(|sphere| 3 * sphere);
+            row.add_at(1.0, starts, self.columns.column_mut(column));
+        }
+        self.columns.solve_lower(&self.factor);
+        self.columns.gram(&mut self.products);
+        for (column, &(_, b)) in self.order.iter().enumerate() {
+            // Forces of friction hold back what normal forces push.
+            let sign = if b < contacts { 1.0 } else { -1.0 };
+            let (target, products) = (matrix.column_mut(b), self.products.column(column));
+            for (product, &(_, a)) in products.iter().zip(&self.order) {
+                // Friction does not move what reads the motion without it.
+                if a < contacts || b < contacts || !problem.isolated {
+                    target[a] = sign * product;
+                }
+            }
+        }
+        true
+    }
+}
