@@ -255,7 +255,7 @@ mod tests {
             ),
             (good.replace("radius:R:1", "size:R:1"), "no `radius`"),
             (
-                good.replace("S 3.5", "S wide"),
+                good.replace("L 3.5", "L wide"),
                 "no number in column 2 of sphere 1",
             ),
             ("{\"centres\": 3}".into(), "is not a layer"),

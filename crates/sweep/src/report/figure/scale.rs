@@ -271,7 +271,10 @@ mod tests {
         let scale = Scale::linear(String::new(), 0.0, 9.3);
         assert_eq!(words(&scale), ["0", "2", "4", "6", "8"]);
         let scale = Scale::linear(String::new(), -0.013, 0.021);
-        assert_eq!(words(&scale), ["−0.01", "0.00", "0.01", "0.02"]);
+        let wanted = [
+            "−0.010", "−0.005", "0.000", "0.005", "0.010", "0.015", "0.020",
+        ];
+        assert_eq!(words(&scale), wanted);
         assert!((scale.part(0.021) - 1.0).abs() < 1e-12);
         assert_eq!(words(&Scale::linear(String::new(), 0.0, 5.0))[1], "1");
         let scale = Scale::linear(String::new(), 0.0, 3e5);
