@@ -6,14 +6,17 @@ use crate::two_spheres::LOOK;
 use crate::values;
 use pyo3::exceptions::{PyRuntimeWarning, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 use sd_core::Params;
 use std::ffi::CString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use std::time::Duration;
 use sweep::axes::Axis;
-use sweep::runner::{Options, Progress, Standing, Stop, Style, compute_campaign};
-use sweep::store::{Store as OpenStore, StoreSource, network_file_system};
+use sweep::cli::{Beginning, Begun, begin};
+use sweep::format::parse_positive_duration;
+use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style, compute_campaign};
+use sweep::store::{Priority, StoreSource, network_file_system};
 use toml::{Table, Value};
 
 /// Most threads; more are a slip of the keyboard.
@@ -201,13 +204,28 @@ impl Campaign {
     ///     Compute failed runs again.
     /// trajectory : bool
     ///     Keep the layer at every sampled strain, for `Store.frames`.
+    /// time_limit : float or str, optional
+    ///     Seconds, or a text such as "15m" or "2h", after which all is checkpointed; the same call goes on.
+    /// max_wall_time : float or str, optional
+    ///     Computing time after which a single run ends as failed; 50 times its estimate.
+    /// priority : str or list of str, optional
+    ///     Points that come first, as `sweep run --priority`: "shear_rate", "-friction", "shear_rate=inf,10".
+    /// reuse : str, path or list of them, optional
+    ///     Stores of other campaigns, whose runs of the same parameters and seeds are taken over.
     ///
     /// Returns
     /// -------
     /// Store
     #[pyo3(
-        signature = (store=None, *, workers=None, progress=None, retry_failed=None, trajectory=None),
-        text_signature = "($self, store=None, *, workers=None, progress=True, retry_failed=False, trajectory=False)"
+        signature = (
+            store=None, *, workers=None, progress=None, retry_failed=None, trajectory=None, time_limit=None, max_wall_time=None, priority=None,
+            reuse=None
+        ),
+        text_signature = "($self, store=None, *, workers=None, progress=True, retry_failed=False, trajectory=False, time_limit=None, max_wall_time=None, priority=None, reuse=None)"
+    )]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keywords of Python, each with a default"
     )]
     fn run(
         &self,
@@ -217,12 +235,20 @@ impl Campaign {
         progress: Option<&Bound<'_, PyAny>>,
         retry_failed: Option<&Bound<'_, PyAny>>,
         trajectory: Option<&Bound<'_, PyAny>>,
+        time_limit: Option<&Bound<'_, PyAny>>,
+        max_wall_time: Option<&Bound<'_, PyAny>>,
+        priority: Option<&Bound<'_, PyAny>>,
+        reuse: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Store> {
         let path = self.place("store", store)?;
         let wanted = Wanted {
             workers: threads(workers)?,
             retry_failed: values::flag("retry_failed", retry_failed, false)?,
             trajectory: values::flag("trajectory", trajectory, false)?,
+            time_limit: time("time_limit", time_limit)?,
+            wall_limit: time("max_wall_time", max_wall_time)?,
+            priority: self.priority(priority)?,
+            reuse: files("reuse", reuse)?,
         };
         if let Some(network) = network_file_system(&path) {
             warn(
@@ -238,7 +264,7 @@ impl Campaign {
             .import("sheared_layers._progress")?
             .call_method1("bar", (progress,))?
             .unbind();
-        let computed = compute(py, &self.0, &path, wanted, &bar);
+        let computed = compute(py, &self.0, &path, &wanted, &bar);
         let done = Store::of(StoreSource {
             path,
             campaign: Some(self.0.clone()),
@@ -247,7 +273,9 @@ impl Campaign {
             bar.call_method1(py, "update", (1.0, done.standing()?))?;
         }
         bar.call_method0(py, "close")?;
-        computed?;
+        for words in computed? {
+            warn(py, &words)?;
+        }
         if let Some(words) = done.failures()? {
             warn(py, &words)?;
         }
@@ -281,39 +309,97 @@ impl Campaign {
         )?;
         Ok(std::path::absolute(store)?)
     }
+
+    /// Which points come first.
+    fn priority(&self, given: Option<&Bound<'_, PyAny>>) -> PyResult<Priority> {
+        let texts = match given {
+            None => Vec::new(),
+            Some(one) if one.is_instance_of::<PyString>() => vec![values::text("priority", one)?],
+            Some(several) => values::texts("priority", several)?,
+        };
+        let refused = |words| PyValueError::new_err(format!("priority: {words}"));
+        let priority = Priority::parse(&texts).map_err(refused)?;
+        priority.check(&self.0).map_err(refused)?;
+        Ok(priority)
+    }
 }
 
 /// What a run is to do.
-#[derive(Clone, Copy)]
 struct Wanted {
     workers: usize,
     retry_failed: bool,
     trajectory: bool,
+    /// Of the whole.
+    time_limit: Option<Duration>,
+    /// Of a single run.
+    wall_limit: Option<Duration>,
+    priority: Priority,
+    reuse: Vec<PathBuf>,
 }
 
-/// Computes a campaign in threads of its own, while this one looks for Ctrl-C and moves the bar.
+/// A time: seconds, or a text as the command line has it.
+fn time(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Duration>> {
+    let Some(given) = given else {
+        return Ok(None);
+    };
+    let text = if given.is_instance_of::<PyString>() {
+        values::text(name, given)?
+    } else {
+        format!("{}s", values::number(name, given)?)
+    };
+    parse_positive_duration(&text).map(Some).map_err(|words| {
+        PyValueError::new_err(format!("{name}: {} came: {words}", values::shown(given)))
+    })
+}
+
+/// One file or several.
+fn files(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<PathBuf>> {
+    match given {
+        None => Ok(Vec::new()),
+        Some(several)
+            if several.is_instance_of::<PyList>() || several.is_instance_of::<PyTuple>() =>
+        {
+            several
+                .try_iter()?
+                .map(|file| values::file(name, &file?))
+                .collect()
+        }
+        Some(one) => Ok(vec![values::file(name, one)?]),
+    }
+}
+
+/// Computes a campaign in threads of its own, while this one looks for Ctrl-C and moves the bar. Says what the user should know.
 fn compute(
     py: Python<'_>,
     campaign: &sweep::campaign::Campaign,
     path: &std::path::Path,
-    wanted: Wanted,
+    wanted: &Wanted,
     bar: &Py<PyAny>,
-) -> PyResult<()> {
+) -> PyResult<Vec<String>> {
     let stop = Stop::by_hand();
+    if let Some(limit) = wanted.time_limit {
+        stop.after(limit);
+    }
     let workers = wanted.workers.min(campaign.cases.len().max(1));
     let progress = Progress::new(Style::Quiet, workers, Box::new(std::io::sink()));
-    let work = || -> Result<(), sweep::Error> {
-        let mut store = OpenStore::open(path)?;
-        store.adopt(campaign)?;
-        if wanted.retry_failed {
-            store.retry_failed()?;
-        }
+    let work = || -> Result<Vec<String>, sweep::Error> {
+        let beginning = Beginning {
+            reuse: &wanted.reuse,
+            retry_failed: wanted.retry_failed,
+            priority: &wanted.priority,
+        };
+        let Begun {
+            mut store, taken, ..
+        } = begin(path, campaign, beginning)?;
+        let mut told: Vec<String> = store.warning().map(str::to_owned).into_iter().collect();
+        let damaged = taken.into_iter().flat_map(|taken| taken.damaged);
+        told.extend(damaged.map(|damaged| damaged.to_string()));
         let counts = store.counts()?;
         if counts.pending + counts.running > 0 {
             let options = Options {
                 workers,
                 threads: wanted.workers,
-                wall_limit: None,
+                wall_limit: wanted.wall_limit,
                 trajectory: wanted.trajectory,
                 observer: None,
                 stop: &stop,
@@ -321,7 +407,15 @@ fn compute(
             };
             compute_campaign(&mut store, campaign, options)?;
         }
-        Ok(store.check_campaign()?)
+        store.check_campaign()?;
+        let counts = store.counts()?;
+        let left = counts.pending + counts.running;
+        if left > 0 && matches!(stop.reason(), Some(Reason::TimeLimit)) {
+            told.push(format!(
+                "the time was up: {left} runs are left, and the same call goes on with them"
+            ));
+        }
+        Ok(told)
     };
     let mut interrupted: Option<PyErr> = None;
     let done = py.detach(|| {

@@ -8,7 +8,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sd_core::contact::Contact;
-use sd_core::{NearFields, instant};
+use sd_core::{NearFields, StressComponents, instant};
 use serde::Deserialize as _;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -71,6 +71,7 @@ pub(crate) struct Solution {
     /// v'Rv over volume and shear rate.
     #[pyo3(get)]
     dissipation: Option<f64>,
+    stress: Option<StressComponents>,
     /// Seconds the computation itself took, without what came before and after it.
     #[pyo3(get)]
     computing_time_s: f64,
@@ -79,6 +80,31 @@ pub(crate) struct Solution {
 
 #[pymethods]
 impl Solution {
+    /// First normal stress difference; None in unbounded fluid, as are the next three.
+    #[getter]
+    fn n1(&self) -> Option<f64> {
+        self.stress.as_ref().map(|stress| stress.n1.total())
+    }
+
+    /// Second normal stress difference.
+    #[getter]
+    fn n2(&self) -> Option<f64> {
+        self.stress.as_ref().map(|stress| stress.n2.total())
+    }
+
+    /// Particle pressure of contacts and repulsion.
+    #[getter]
+    fn particle_pressure(&self) -> Option<f64> {
+        let stress = self.stress.as_ref();
+        stress.map(|stress| stress.particle_pressure.total())
+    }
+
+    /// The same and the shear stress, each by its causes: dict of dicts, as `sweep solve --json` has it.
+    #[getter]
+    fn stress<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        values::answer(py, &self.stress)
+    }
+
     /// All candidate pairs, force 0 included: structured array with i, j, image [2], gap, normal [2], normal_force, tangential_force,
     /// normal_velocity, slip_velocity, state.
     #[getter]
@@ -235,6 +261,7 @@ pub(crate) fn solve(
         viscosity: stress.map(|s| s.viscosity),
         viscosity_stresslet: stress.map(|s| s.viscosity_stresslet),
         dissipation: stress.map(|s| s.dissipation),
+        stress: stress.map(|s| s.components),
         computing_time_s,
         contacts: solved.contacts,
     })

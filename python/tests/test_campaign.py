@@ -4,10 +4,12 @@ import math
 import os
 import re
 import signal
+import sqlite3
 import subprocess
 import sys
 import threading
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -188,6 +190,52 @@ def test_failed_runs_are_a_warning(tmp_path):
     assert campaign.run(path, progress=False, retry_failed=True).counts()["done"] == 4
 
 
+def test_a_run_stops_at_its_time_limit_and_goes_on(tmp_path):
+    long = sl.Campaign("long", protocol={**PROTOCOL, "strain": 1000.0}, seeds=2, **PARAMS)
+    begun = time.monotonic()
+    with pytest.warns(RuntimeWarning, match="the time was up: 2 runs are left"):
+        store = long.run(tmp_path / "long.sqlite", progress=False, time_limit=0.5)
+    assert time.monotonic() - begun > 0.5 and store.counts()["pending"] == 2
+    short = sl.Campaign("long", protocol=PROTOCOL, seeds=2, **PARAMS)
+    # More than enough time; as a text.
+    assert short.run(tmp_path / "long.sqlite", progress=False, time_limit="2h", max_wall_time="1h").counts()["done"] == 2
+
+
+def test_points_put_first_are_computed_first(tmp_path):
+    campaign = small_campaign(shear_rate=(0.1, 1.0, 10.0), seeds=1)
+    for priority, first in [("-shear_rate", 10.0), (["shear_rate=1"], 1.0)]:
+        path = tmp_path / f"{first}.sqlite"
+
+        def stop(fraction, text):
+            if campaign.store(path).counts()["done"] > 0:
+                raise KeyboardInterrupt
+
+        try:
+            campaign.run(path, workers=1, progress=stop, priority=priority)
+        except KeyboardInterrupt:
+            pass
+        # However far it got, those that are done are the first ones of the order.
+        with closing(sqlite3.connect(path)) as store:
+            order = "SELECT shear_rate FROM cases WHERE state = 'done' ORDER BY changed_at"
+            assert store.execute(order).fetchone()[0] == first
+
+
+def test_runs_of_another_store_are_reused(store, tmp_path):
+    # Bits of one machine and build: what is taken over was not computed here.
+    other = small_campaign(name="other", seeds=3)
+    for reuse in [store.path, [str(store.path)]]:
+        path = tmp_path / f"{type(reuse).__name__}.sqlite"
+        taken = other.run(path, progress=False, reuse=reuse)
+        assert taken.counts()["done"] == 6
+        mine, theirs = (
+            {key: time for key, time in zip(there.runs()["key"], there.runs()["wall_time_s"])} for there in (taken, store)
+        )
+        assert all(mine[key] == theirs[key] for key in theirs)
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        other.run(tmp_path / "new.sqlite", reuse="nowhere.sqlite")
+    assert not (tmp_path / "new.sqlite").exists()
+
+
 @pytest.mark.parametrize(
     ("call", "kind", "words"),
     [
@@ -214,6 +262,14 @@ def test_failed_runs_are_a_warning(tmp_path):
         (lambda: small_campaign().run("x.sqlite", workers="all"), TypeError, ["workers"]),
         (lambda: small_campaign().run("x.sqlite", progress=3), TypeError, ["progress", "int"]),
         (lambda: small_campaign().run("x.sqlite", jobs=3), TypeError, ["jobs"]),
+        (lambda: small_campaign().run("x.sqlite", time_limit="soon"), ValueError, ["time_limit", "'soon'", "2h"]),
+        (lambda: small_campaign().run("x.sqlite", time_limit=0), ValueError, ["time_limit", "0", "2h"]),
+        (lambda: small_campaign().run("x.sqlite", time_limit=math.nan), ValueError, ["time_limit", "nan"]),
+        (lambda: small_campaign().run("x.sqlite", max_wall_time=[1]), TypeError, ["max_wall_time", "[1]"]),
+        (lambda: small_campaign().run("x.sqlite", priority="colour"), ValueError, ["priority", "colour", "shear_rate"]),
+        (lambda: small_campaign().run("x.sqlite", priority="shear_rate=3"), ValueError, ["priority", "shear_rate = 3"]),
+        (lambda: small_campaign().run("x.sqlite", priority=[1]), TypeError, ["priority", "a list of texts"]),
+        (lambda: small_campaign().run("x.sqlite", reuse=3), TypeError, ["reuse", "the name of a file"]),
     ],
 )
 def test_bad_input_is_named_and_writes_nothing(call, kind, words, tmp_path, monkeypatch):

@@ -5,6 +5,7 @@ mod completions;
 mod convert;
 mod error;
 mod export;
+mod man;
 mod merge;
 mod pair;
 mod place;
@@ -25,19 +26,33 @@ mod verify;
 
 pub use error::Error;
 pub use plan::{Plan, plan};
+pub use run::{Beginning, Begun, begin};
 pub use scalars::named as named_scalars;
 pub use solve::{Input as InstantInput, InputError, configuration};
 
+use crate::case::PHYSICS_VERSION;
 use crate::visible::{TextOutput, Visible, visible};
 use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 use shown::Shown;
 use std::io::{IsTerminal, Write};
+use std::sync::LazyLock;
+
+/// What `--version` says. Only then is the program read as a whole to name its build.
+static VERSION: LazyLock<String> = LazyLock::new(|| {
+    let version = env!("CARGO_PKG_VERSION");
+    if std::env::args_os().any(|argument| argument == "--version" || argument == "-V") {
+        let build = crate::store::build();
+        format!("{version} (physics {PHYSICS_VERSION}, build {build})")
+    } else {
+        version.to_owned()
+    }
+});
 
 /// Campaigns of Stokesian Dynamics: sheared layers of rough, frictional spheres.
 #[derive(Debug, Parser)]
 #[command(
-    version,
+    version = VERSION.as_str(),
     propagate_version = true,
     max_term_width = 110,
     after_help = "Exit codes: 0 done, 1 some cases failed, 2 bad input and nothing written, 3 the store or the output failed (disk full, lock, file gone),\n\
@@ -92,6 +107,7 @@ enum Command {
     Verify(verify::Arguments),
     Pair(pair::Arguments),
     Completions(completions::Arguments),
+    Man(man::Arguments),
 }
 
 /// Where output goes, and how.
@@ -143,6 +159,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Verify(arguments) => verify::execute(&arguments, &mut output),
         Command::Pair(arguments) => pair::execute(&arguments, &mut output),
         Command::Completions(arguments) => completions::execute(&arguments, &mut output),
+        Command::Man(arguments) => man::execute(&arguments, &mut output),
     }?;
     match output.out.flush() {
         // Nobody reads on: what was asked for was done, or not, all the same.

@@ -120,7 +120,7 @@ impl Store {
                 source,
             })?;
         }
-        let warning = log::check(path)?;
+        let warning = log::check(path)?.map(log::Fault::into_words);
         let connection = Connection::open_with_flags(
             path,
             OpenFlags::SQLITE_OPEN_READ_WRITE
@@ -173,6 +173,7 @@ impl Store {
         self.use_write_ahead_log()?;
         self.connection.pragma_update(None, "synchronous", "FULL")?;
         self.connection.pragma_update(None, "foreign_keys", true)?;
+        guard::keep_pages(&self.connection)?;
         let transaction = self
             .connection
             .transaction_with_behavior(TransactionBehavior::Immediate)?;

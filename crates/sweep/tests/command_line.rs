@@ -348,12 +348,61 @@ fn completions_are_written_for_every_shell() {
 }
 
 #[test]
+fn every_command_has_a_manual_page() {
+    let directory = tempfile::tempdir().unwrap();
+    sweep(directory.path())
+        .args(["man", "man1"])
+        .assert()
+        .success();
+    let page = |name: &str| std::fs::read_to_string(directory.path().join("man1").join(name));
+    let program = <sweep::cli::Cli as clap::CommandFactory>::command();
+    let commands: Vec<&str> = program
+        .get_subcommands()
+        .map(clap::Command::get_name)
+        .collect();
+    assert!(
+        commands.contains(&"run") && commands.len() > 18,
+        "{commands:?}"
+    );
+    for command in commands {
+        let page = page(&format!("sweep-{command}.1")).unwrap();
+        assert!(
+            page.contains(".SH SYNOPSIS") && page.contains(".SH OPTIONS"),
+            "{command}"
+        );
+    }
+    assert!(page("sweep.1").unwrap().contains("Stokesian Dynamics"));
+    assert!(page("sweep-run.1").unwrap().contains("time\\-limit"));
+    std::fs::write(directory.path().join("file"), "").unwrap();
+    let refused = sweep(directory.path()).args(["man", "file"]).assert();
+    refused.code(2);
+}
+
+#[test]
+fn version_names_physics_and_build() {
+    let directory = tempfile::tempdir().unwrap();
+    for arguments in [&["--version"][..], &["run", "--version"], &["-V"]] {
+        let output = sweep(directory.path()).args(arguments).assert().success();
+        let said = String::from_utf8_lossy(&output.get_output().stdout).into_owned();
+        let (_, names) = said.trim_end().split_once(" (physics ").unwrap();
+        let (physics, build) = names.split_once(", build ").unwrap();
+        assert_eq!(physics, sweep::case::PHYSICS_VERSION.to_string());
+        let build = build.strip_suffix(')').unwrap();
+        assert!(
+            build.len() == 16 && build.bytes().all(|b| b.is_ascii_hexdigit()),
+            "{said}"
+        );
+    }
+}
+
+#[test]
 fn help_is_what_it_was() {
     let directory = tempfile::tempdir().unwrap();
     let mut all = String::new();
     for subcommand in [
         "", "plan", "run", "submit", "merge", "cancel", "status", "report", "convert", "show",
         "export", "serve", "replay", "prune", "salvage", "verify", "solve", "scalars", "pair",
+        "man",
     ] {
         let mut command = sweep(directory.path());
         command.env("COLUMNS", "100");

@@ -35,6 +35,23 @@ fn unknown_parts_of_the_bench_are_refused_before_anything_is_measured() {
 }
 
 #[test]
+fn a_program_that_needs_libraries_is_not_released() {
+    if Command::new("python3").arg("--version").output().is_err() {
+        return; // The script says that it needs it.
+    }
+    let directory = tempfile::tempdir().unwrap();
+    let output = Command::new(scripts().join("release"))
+        .arg(directory.path())
+        .env("PROGRAM", env!("CARGO_BIN_EXE_sweep"))
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("needs libraries where it runs"), "{told}");
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
+}
+
+#[test]
 fn every_campaign_has_its_published_results() {
     let sweeps = scripts().join("../sweeps");
     let published = std::fs::read_to_string(scripts().join("published")).unwrap();

@@ -10,7 +10,7 @@ use crate::costs::Costs;
 use crate::exit;
 use crate::format::{bytes, parse_duration, parse_positive_duration};
 use crate::runner::{self, Options, Progress, Reason, Stop, Style};
-use crate::store::{Adoption, Inventory, Priority, Store, network_file_system};
+use crate::store::{Adoption, Inventory, Merged, Priority, Store, StoreError, network_file_system};
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -188,20 +188,19 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
             path.display()
         ));
     }
-    for other in &arguments.reuse {
-        Store::open_read_only(other)?;
-    }
-    let mut store = Store::open(&path)?;
+    let beginning = Beginning {
+        reuse: &arguments.reuse,
+        retry_failed: arguments.retry_failed,
+        priority: &priority,
+    };
+    let Begun {
+        mut store,
+        adoption,
+        taken,
+    } = begin(&path, &campaign, beginning)?;
     say_warning(&store);
-    let adoption = store.adopt(&campaign)?;
     say_what_is_there(&campaign, &path, adoption, style);
-    if !arguments.reuse.is_empty() {
-        reuse(&mut store, &arguments.reuse, style)?;
-    }
-    if arguments.retry_failed {
-        store.retry_failed()?;
-    }
-    store.put_in_order(&campaign, &priority, Costs::of_this_machine().of_cases())?;
+    say_what_was_taken(taken, style);
     let counts = store.counts()?;
     if counts.pending + counts.running > 0 {
         let conditions = Conditions {
@@ -258,9 +257,11 @@ fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style
     }
 }
 
-/// Takes over what other stores hold, and says what that was.
-fn reuse(store: &mut Store, others: &[PathBuf], style: Style) -> Result<(), Error> {
-    let taken = store.reuse(others)?;
+/// Says what was taken over from other stores, if there were any.
+fn say_what_was_taken(taken: Option<Merged>, style: Style) {
+    let Some(taken) = taken else {
+        return;
+    };
     style.tell(&format!(
         "taken over: {} runs, {} failures, {} checkpoints",
         taken.results, taken.failures, taken.checkpoints
@@ -268,7 +269,60 @@ fn reuse(store: &mut Store, others: &[PathBuf], style: Style) -> Result<(), Erro
     for damaged in taken.damaged {
         style.tell(&damaged.to_string());
     }
-    Ok(())
+}
+
+/// What a run begins with.
+#[derive(Debug, Clone, Copy)]
+pub struct Beginning<'b> {
+    /// Other stores, whose runs of the same cases are taken over.
+    pub reuse: &'b [PathBuf],
+    /// Whether failed runs are computed again.
+    pub retry_failed: bool,
+    /// Which points come first.
+    pub priority: &'b Priority,
+}
+
+/// A campaign in its store, ready to be computed.
+#[derive(Debug)]
+pub struct Begun {
+    /// Its store.
+    pub store: Store,
+    /// What was there.
+    pub adoption: Adoption,
+    /// What was taken over from other stores, if there were any.
+    pub taken: Option<Merged>,
+}
+
+/// Takes a campaign into its store, with all that is to happen before anything is computed.
+///
+/// # Errors
+/// Trouble with the store, or with one whose runs are to be taken over.
+pub fn begin(
+    path: &Path,
+    campaign: &Campaign,
+    beginning: Beginning<'_>,
+) -> Result<Begun, StoreError> {
+    // Before anything is written.
+    for other in beginning.reuse {
+        Store::open_read_only(other)?;
+    }
+    let mut store = Store::open(path)?;
+    let adoption = store.adopt(campaign)?;
+    let taken = if beginning.reuse.is_empty() {
+        None
+    } else {
+        Some(store.reuse(beginning.reuse)?)
+    };
+    if beginning.retry_failed {
+        store.retry_failed()?;
+    }
+    let costs = Costs::of_this_machine();
+    store.put_in_order(campaign, beginning.priority, costs.of_cases())?;
+    Ok(Begun {
+        store,
+        adoption,
+        taken,
+    })
 }
 
 /// Under what conditions a campaign is computed.

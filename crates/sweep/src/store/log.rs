@@ -5,8 +5,11 @@
 //! link to a chain, in the same transaction: the link names itself and the one before. A log is the store's own exactly if
 //! the last link in the file is one of those in the log, or the one its first link goes on from.
 
+mod index;
+
 use super::reading::log_of;
 use super::{StoreError, guard};
+use index::Index;
 use rusqlite::{Connection, OpenFlags, OptionalExtension};
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -65,16 +68,36 @@ pub(super) fn go_on(connection: &Connection) -> Result<(), rusqlite::Error> {
 }
 
 /// What a log holds.
-#[derive(Debug, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 struct Content {
-    /// What sets it apart from other generations of itself.
-    salt: [u8; 8],
+    /// What sets it apart from other generations of itself, if it has got so far.
+    salt: Option<[u8; 8]>,
     /// Links of whole transactions, in their order.
     links: Vec<Link>,
     /// Whole transactions.
     transactions: u64,
+    /// Pages in them.
+    pages: u32,
     /// Transactions that were written after a place that cannot be read, which is where `SQLite` stops.
     lost: u64,
+}
+
+/// What is wrong with the log of a store that it belongs to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Fault {
+    /// Changes that come after a place that cannot be read.
+    Damaged(String),
+    /// Its end, or all of it, is not there any more. Only the index beside it knows, until `SQLite` makes that anew.
+    Cut(String),
+}
+
+impl Fault {
+    /// What is said of it.
+    pub(super) fn into_words(self) -> String {
+        match self {
+            Self::Damaged(words) | Self::Cut(words) => words,
+        }
+    }
 }
 
 /// Makes sure that the log beside a store is its own, before `SQLite` replays it. Says what is wrong with it otherwise, if
@@ -82,22 +105,35 @@ struct Content {
 ///
 /// # Errors
 /// [`StoreError::ForeignLog`].
-pub(super) fn check(path: &Path) -> Result<Option<String>, StoreError> {
+pub(super) fn check(path: &Path) -> Result<Option<Fault>, StoreError> {
     let log = log_of(path);
-    if !log.exists() {
-        return Ok(None);
-    }
-    let mut before: Option<Content> = None;
+    let mut before: Option<(Content, u32)> = None;
     for _ in 0..LOOKS {
-        match own(path, &log) {
-            Some(content) if content.lost == 0 => return Ok(None),
+        // Read before the log, which only becomes longer.
+        let index = Index::of(path);
+        if !log.exists() {
+            return Ok(without_log(path, &log, index));
+        }
+        let found = own(path, &log).map(|content| {
+            let missing = index.map_or(0, |index| index.missing(content.salt, content.pages));
+            (content, missing)
+        });
+        match found {
+            Some((content, missing)) if content.lost == 0 && missing == 0 => return Ok(None),
             // Others may have begun it anew while it was read: damage stays as it is.
-            Some(content) if before.as_ref() == Some(&content) => {
-                return Ok(Some(format!(
-                    "the log {} is damaged: {} changes in it that were written last cannot be read, and are lost",
-                    log.display(),
-                    content.lost
-                )));
+            Some((content, missing)) if before.as_ref() == Some(&(content.clone(), missing)) => {
+                return Ok(Some(if content.lost > 0 {
+                    Fault::Damaged(format!(
+                        "the log {} is damaged: {} changes in it that were written last cannot be read, and are lost",
+                        log.display(),
+                        content.lost
+                    ))
+                } else {
+                    Fault::Cut(format!(
+                        "the end of the log {} was cut off: {missing} pages of changes that were written last are lost",
+                        log.display()
+                    ))
+                }));
             }
             found => before = found,
         }
@@ -110,6 +146,18 @@ pub(super) fn check(path: &Path) -> Result<Option<String>, StoreError> {
     Err(StoreError::ForeignLog {
         path: path.to_owned(),
         log,
+    })
+}
+
+/// What the index of a log says where there is no log.
+fn without_log(path: &Path, log: &Path, index: Option<Index>) -> Option<Fault> {
+    let lost = index.map_or(0, |index| index.missing(None, 0));
+    // Whoever closes a store takes its log away before the index, with all of it moved by then; looked at again for that.
+    (lost > 0 && path.exists() && !log.exists() && Index::of(path) == index).then(|| {
+        Fault::Cut(format!(
+            "the log {} is not there any more: {lost} pages of changes that were written last are lost",
+            log.display()
+        ))
     })
 }
 
@@ -186,15 +234,17 @@ fn read(mut file: impl Read) -> io::Result<Content> {
         return unreadable(&mut file);
     }
     let mut content = Content::default();
-    content.salt.copy_from_slice(&header[16..24]);
+    let salt = header[16..].first_chunk().copied();
+    content.salt = salt;
     // Links of the transaction under way.
     let mut pending = Vec::new();
     let (mut frame, mut broken) = (vec![0; FRAME + page_size], false);
+    let mut pages = 0;
     while fill(&mut file, &mut frame)? {
         let is_last = word(&frame, 4) != 0;
         sum.add(&frame[..8]);
         sum.add(&frame[FRAME..]);
-        let is_of_this_log = frame[8..16] == content.salt;
+        let is_of_this_log = frame[8..].first_chunk() == salt.as_ref();
         let agrees = (sum.0, sum.1) == (word(&frame, 16), word(&frame, 20));
         if broken || !is_of_this_log || !agrees {
             // What is neither of this generation nor goes on from what came before is left over from an earlier one.
@@ -203,8 +253,10 @@ fn read(mut file: impl Read) -> io::Result<Content> {
             broken = true;
             continue;
         }
+        pages += 1;
         pending.extend(link_on(&frame[FRAME..]));
         if is_last {
+            content.pages = pages;
             content.transactions += 1;
             content.links.append(&mut pending);
         }

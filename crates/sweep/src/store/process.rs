@@ -128,11 +128,14 @@ pub(crate) fn now() -> i64 {
 
 /// Hash of the executable: two processes with the same one compute the same bits on the same machine.
 pub(crate) fn build() -> String {
-    // A hundred megabytes with the lines for debuggers: read once, and never held as a whole.
+    // Read once, and never held as a whole.
     static BUILD: LazyLock<String> = LazyLock::new(|| {
         let hash = || {
             let mut hasher = blake3::Hasher::new();
-            hasher.update_reader(std::fs::File::open(std::env::current_exe()?)?)?;
+            // The system keeps the file of a running program even where its name is gone, as after an update.
+            let program = std::fs::File::open("/proc/self/exe")
+                .or_else(|_| std::fs::File::open(std::env::current_exe()?))?;
+            hasher.update_reader(program)?;
             Ok::<_, std::io::Error>(hasher.finalize().to_hex()[..16].to_owned())
         };
         hash().unwrap_or_default()

@@ -1,5 +1,6 @@
 //! Opening a store to read it: while others write, without write access, on a full disk.
 
+use super::log::Fault;
 use super::place::is_full;
 use super::schema::{self, Kind, identify};
 use super::{Store, StoreError, guard, log, wait_for_lock};
@@ -38,9 +39,20 @@ impl Store {
     /// Opens a store for reading only, in the schema it has.
     fn open_as_it_is(path: &Path) -> Result<Self, StoreError> {
         Self::refuse_what_is_none(path)?;
-        let warning = log::check(path)?;
-        let mut store = Self::open_or_copy(path, false)?;
-        store.warning = warning;
+        let fault = log::check(path)?;
+        Self::open_beside(path, fault, false)
+    }
+
+    /// Opens a store for reading that has such a log.
+    fn open_beside(path: &Path, fault: Option<Fault>, damaged: bool) -> Result<Self, StoreError> {
+        let mut store = match fault {
+            // So that the next one that reads it can tell as well.
+            Some(Fault::Cut(_)) => {
+                Self::read_copy(path, damaged).or_else(|_| Self::open_or_copy(path, damaged))
+            }
+            _ => Self::open_or_copy(path, damaged),
+        }?;
+        store.warning = fault.map(Fault::into_words);
         Ok(store)
     }
 
@@ -114,11 +126,7 @@ impl Store {
     pub(super) fn open_damaged(path: &Path) -> Result<Self, StoreError> {
         Self::refuse_what_is_none(path)?;
         match log::check(path) {
-            Ok(warning) => {
-                let mut store = Self::open_or_copy(path, true)?;
-                store.warning = warning;
-                Ok(store)
-            }
+            Ok(fault) => Self::open_beside(path, fault, true),
             Err(error) => {
                 let mut store = Self::read_only(path, Some("immutable=1"), true)?;
                 store.warning = Some(format!("{error}; it is left out"));
@@ -175,6 +183,7 @@ impl Store {
                     .connection
                     .execute_batch("PRAGMA foreign_keys = OFF; PRAGMA temp_store = MEMORY")
                     .map_err(failed)?;
+                guard::keep_pages(&store.connection).map_err(failed)?;
                 // One transaction for all that follows: what is read belongs to one moment.
                 store.connection.execute_batch("BEGIN").map_err(failed)?;
                 Ok(store)

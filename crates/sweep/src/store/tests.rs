@@ -54,7 +54,7 @@ fn checkpoint(steps: u64) -> Vec<u8> {
 fn finished(state: State) -> Finished {
     Finished {
         state,
-        samples: (0..50).map(|n| (4 * n, sample(n as f64 * 0.02))).collect(),
+        samples: first_samples(50),
         counters: counters(),
         steps: 200,
         protocol: campaign(CAMPAIGN).protocol,
@@ -63,6 +63,34 @@ fn finished(state: State) -> Finished {
         resumed: 0,
         last_state: checkpoint(200),
     }
+}
+
+/// The first samples of a run.
+fn first_samples(number: u64) -> Vec<(u64, sd_core::Sample)> {
+    (0..number)
+        .map(|n| (4 * n, sample(n as f64 * 0.02)))
+        .collect()
+}
+
+/// A failed attempt that ended at a step, with so many samples.
+fn failure(step: u64, samples: u64) -> Failure {
+    Failure {
+        error: "spheres 1 and 2 overlap".into(),
+        step,
+        pair: Some((1, 2)),
+        gap: Some(-1e-3),
+        snapshot: Some("{}".into()),
+        samples: first_samples(samples),
+    }
+}
+
+/// A finished run with its samples at the steps the case has them.
+fn finished_as(claim: &Claim, state: State) -> Finished {
+    let mut run = finished(state);
+    for (number, (step, _)) in (0_u64..).zip(&mut run.samples) {
+        *step = number * claim.case.sample_stride;
+    }
+    run
 }
 
 /// Makes the owner of all running cases look like a process that is gone.
@@ -214,15 +242,7 @@ fn failure_is_kept_and_retried() {
     let mut store = open(directory.path());
     store.register(1).unwrap();
     let claim = store.claim(1).unwrap().unwrap();
-    let failure = Failure {
-        error: "spheres 1 and 2 overlap".into(),
-        step: 37,
-        pair: Some((1, 2)),
-        gap: Some(-1e-3),
-        snapshot: None,
-        samples: vec![(0, sample(0.0))],
-    };
-    store.fail(&claim, &failure).unwrap();
+    store.fail(&claim, &failure(37, 1)).unwrap();
     let line = store.failures(10).unwrap().remove(0);
     assert_eq!((line.step, line.key), (37, claim.key));
     assert!((line.strain - 0.185).abs() < 1e-12);

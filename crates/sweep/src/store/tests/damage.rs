@@ -8,22 +8,10 @@ fn ended(directory: &Path) -> Store {
     store.register(1).unwrap();
     for state in [State::Done, State::Done, State::Jammed] {
         let claim = store.claim(1).unwrap().unwrap();
-        let mut run = finished(state);
-        for (number, (step, _)) in (0_u64..).zip(&mut run.samples) {
-            *step = number * claim.case.sample_stride;
-        }
-        store.finish(&claim, &run).unwrap();
+        store.finish(&claim, &finished_as(&claim, state)).unwrap();
     }
     let claim = store.claim(1).unwrap().unwrap();
-    let failure = Failure {
-        error: "spheres 1 and 2 overlap".into(),
-        step: 37,
-        pair: Some((1, 2)),
-        gap: Some(-1e-3),
-        snapshot: Some("{}".into()),
-        samples: vec![(0, sample(0.0))],
-    };
-    store.fail(&claim, &failure).unwrap();
+    store.fail(&claim, &failure(37, 1)).unwrap();
     store.leave().unwrap();
     store
 }
@@ -251,13 +239,9 @@ fn damaged(whole: &[u8], way: u8, at: usize, other: usize, put: &[u8]) -> Vec<u8
     bytes
 }
 
-/// How many files are damaged where other properties have so many cases: each takes a hundred times as long.
-fn some(cases: u32) -> proptest::test_runner::Config {
-    proptest::test_runner::Config::with_cases(cases.div_ceil(32))
-}
-
 proptest::proptest! {
-    #![proptest_config(some(proptest::test_runner::Config::default().cases))]
+    // A case takes a thousand times as long as one of other properties. PROPTEST_CASES overrides this number.
+    #![proptest_config(proptest::test_runner::Config::with_cases(8))]
     #[test]
     fn random_damage_crashes_no_reader_and_gives_no_other_table(
         way in proptest::prelude::any::<u8>(),

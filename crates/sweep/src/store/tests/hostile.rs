@@ -10,11 +10,9 @@ fn shard(directory: &Path) -> std::path::PathBuf {
     let mut store = open(&folder);
     store.register(1).unwrap();
     let claim = store.claim(1).unwrap().unwrap();
-    let mut run = finished(State::Done);
-    for (number, (step, _)) in (0_u64..).zip(&mut run.samples) {
-        *step = number * claim.case.sample_stride;
-    }
-    store.finish(&claim, &run).unwrap();
+    store
+        .finish(&claim, &finished_as(&claim, State::Done))
+        .unwrap();
     let path = store.path().to_owned();
     drop(store);
     path
@@ -192,15 +190,7 @@ fn failed_runs_bring_their_samples_and_frames() {
     shard
         .keep_frames(&claim, &[(20, crate::test_support::frame())])
         .unwrap();
-    let failure = Failure {
-        error: "spheres 1 and 2 overlap".into(),
-        step: 37,
-        pair: None,
-        gap: None,
-        snapshot: None,
-        samples: vec![(0, sample(0.0)), (4, sample(0.02))],
-    };
-    shard.fail(&claim, &failure).unwrap();
+    shard.fail(&claim, &failure(37, 2)).unwrap();
     let path = shard.path().to_owned();
     drop(shard);
     let mut store = open(directory.path());
@@ -237,13 +227,9 @@ static SHARD: std::sync::LazyLock<Vec<u8>> = std::sync::LazyLock::new(|| {
     std::fs::read(shard(directory.path())).unwrap()
 });
 
-/// How many shards are damaged where other properties have so many cases: each takes a hundred times as long.
-fn some(cases: u32) -> proptest::test_runner::Config {
-    proptest::test_runner::Config::with_cases(cases.div_ceil(64))
-}
-
 proptest::proptest! {
-    #![proptest_config(some(proptest::test_runner::Config::default().cases))]
+    // A case takes a thousand times as long as one of other properties. PROPTEST_CASES overrides this number.
+    #![proptest_config(proptest::test_runner::Config::with_cases(8))]
     #[test]
     fn damaged_shards_crash_no_merge_and_bring_nothing_that_was_not_computed(
         at in proptest::prelude::any::<usize>(),

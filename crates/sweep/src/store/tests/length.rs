@@ -91,15 +91,7 @@ fn what_failed_beyond_the_strain_asked_for_is_tried_again() {
     let mut store = open(directory.path());
     store.register(1).unwrap();
     let claim = store.claim(1).unwrap().unwrap();
-    let failure = Failure {
-        error: "spheres 1 and 2 overlap".into(),
-        step: 170,
-        pair: None,
-        gap: None,
-        snapshot: None,
-        samples: Vec::new(),
-    };
-    store.fail(&claim, &failure).unwrap();
+    store.fail(&claim, &failure(170, 0)).unwrap();
     store.adopt(&of_strain("0.9")).unwrap();
     assert_eq!(store.counts().unwrap().failed, 1);
     store.adopt(&of_strain("0.8")).unwrap();
@@ -110,7 +102,7 @@ fn what_failed_beyond_the_strain_asked_for_is_tried_again() {
 fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
     let directory = tempfile::tempdir().unwrap();
     let longer = Finished {
-        samples: (0..100).map(|n| (4 * n, sample(n as f64 * 0.02))).collect(),
+        samples: first_samples(100),
         steps: 400,
         last_state: checkpoint(400),
         ..finished(State::Done)
@@ -153,17 +145,7 @@ fn a_run_that_fails_on_its_way_on_keeps_its_beginning() {
     for (step, samples) in [(240, 60), (8, 2)] {
         let claim = store.claim(1).unwrap().unwrap();
         assert_eq!(claim.key, key);
-        let failure = Failure {
-            error: "spheres 1 and 2 overlap".into(),
-            step,
-            pair: None,
-            gap: None,
-            snapshot: None,
-            samples: (0..samples)
-                .map(|n| (4 * n, sample(n as f64 * 0.02)))
-                .collect(),
-        };
-        store.fail(&claim, &failure).unwrap();
+        store.fail(&claim, &failure(step, samples)).unwrap();
         assert_eq!(store.counts().unwrap().failed, 1);
         assert_eq!(store.retry_failed().unwrap(), 1);
     }

@@ -130,6 +130,61 @@ fn damaged_log_is_told_and_what_comes_before_the_damage_is_kept() {
     assert_eq!((store.warning(), store.counts().unwrap().done), (None, 3));
 }
 
+#[test]
+fn log_that_was_cut_or_taken_away_at_rest_is_told_until_somebody_writes() {
+    let shm = |path: &Path| place::with_suffix(path, "-shm");
+    let directory = tempfile::tempdir().unwrap();
+    let (path, _) = killed(directory.path());
+    let (log, pages) = (
+        std::fs::read(log_of(&path)).unwrap(),
+        std::fs::read(shm(&path)).unwrap(),
+    );
+    let file = std::fs::read(&path).unwrap();
+    // What comes after the pages that the index counts is left over from before the log was begun anew.
+    let counted = u32::from_ne_bytes(*pages[16..].first_chunk().unwrap());
+    let used = 32 + 4120 * usize::try_from(counted).unwrap();
+    // Nothing, its header alone, some of it, all but its last byte.
+    for kept in [None, Some(0), Some(32), Some(32 + 5 * 4120), Some(used - 1)] {
+        let lay_out = || {
+            std::fs::write(&path, &file).unwrap();
+            std::fs::write(shm(&path), &pages).unwrap();
+            match kept {
+                None => std::fs::remove_file(log_of(&path)).unwrap(),
+                Some(bytes) => std::fs::write(log_of(&path), &log[..bytes]).unwrap(),
+            }
+        };
+        lay_out();
+        for _ in 0..2 {
+            let store = Store::open_read_only(&path).unwrap();
+            let told = store.warning().unwrap_or_default().to_owned();
+            assert!(told.contains("lost"), "{kept:?}: {told:?}");
+            assert!((1..3).contains(&store.counts().unwrap().done));
+        }
+        let to = directory.path().join("saved.sqlite");
+        let saved = salvage(&path, &to, None).unwrap();
+        assert!(saved.warning.unwrap().contains("lost"), "{kept:?}");
+        std::fs::remove_file(to).unwrap();
+        let store = Store::open(&path).unwrap();
+        assert!(store.warning().unwrap().contains("lost"), "{kept:?}");
+        kill(store);
+        assert_eq!(Store::open(&path).unwrap().warning(), None, "{kept:?}");
+    }
+    // A whole log has nothing to tell, nor has one whose changes are all in the store by now.
+    std::fs::write(&path, &file).unwrap();
+    std::fs::write(log_of(&path), &log).unwrap();
+    std::fs::write(shm(&path), &pages).unwrap();
+    let store = Store::open(&path).unwrap();
+    assert_eq!((store.warning(), store.counts().unwrap().done), (None, 3));
+    store
+        .connection
+        .execute_batch("PRAGMA wal_checkpoint(PASSIVE)")
+        .unwrap();
+    kill(store);
+    std::fs::remove_file(log_of(&path)).unwrap();
+    assert_eq!(Store::open_read_only(&path).unwrap().warning(), None);
+    assert_eq!(done(&path), 3);
+}
+
 /// What is done to the log of a live store, and the word for it.
 type Deed = (fn(&Path), &'static str);
 

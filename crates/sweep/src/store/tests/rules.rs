@@ -187,15 +187,7 @@ fn failed_runs_use_up_their_seed_until_they_are_computed_again() {
     let mut store = precise(directory.path());
     while let Some(claim) = store.claim(1).unwrap() {
         if claim.case.seed == 2 {
-            let failure = Failure {
-                error: "nothing".into(),
-                step: 3,
-                pair: None,
-                gap: None,
-                snapshot: None,
-                samples: Vec::new(),
-            };
-            store.fail(&claim, &failure).unwrap();
+            store.fail(&claim, &failure(3, 0)).unwrap();
         } else {
             store.finish(&claim, &run_of(10.0)).unwrap();
         }

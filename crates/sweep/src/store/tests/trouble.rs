@@ -7,21 +7,10 @@ fn mixed(directory: &Path) -> Store {
     let mut store = open(directory);
     store.register(1).unwrap();
     let claim = store.claim(1).unwrap().unwrap();
-    let mut whole = finished(State::Done);
-    for (number, (step, _)) in (0_u64..).zip(&mut whole.samples) {
-        *step = number * claim.case.sample_stride;
-    }
+    let whole = finished_as(&claim, State::Done);
     store.finish(&claim, &whole).unwrap();
     let claim = store.claim(1).unwrap().unwrap();
-    let failure = Failure {
-        error: "spheres 1 and 2 overlap".into(),
-        step: 37,
-        pair: Some((1, 2)),
-        gap: Some(-1e-3),
-        snapshot: Some("{}".into()),
-        samples: Vec::new(),
-    };
-    store.fail(&claim, &failure).unwrap();
+    store.fail(&claim, &failure(37, 0)).unwrap();
     let claim = store.claim(1).unwrap().unwrap();
     for steps in [20, 40] {
         store.keep(&claim, steps, &checkpoint(steps)).unwrap();
