@@ -8,37 +8,42 @@ _MARKERS = {
     "triangle-down": "v",
     "plus": "+",
     "cross": "x",
-    "star": "*",
 }
-_INCH = 96.0  # pixels of the outline
-_POINT = 72.0 / _INCH  # points of matplotlib per pixel
+_INCH = 72.0  # points, in which lengths of the outline are
+_HOLLOW = "hollow-"
 
 
 def draw(outline, ax=None):
     """Draws into `ax`, or into a figure of the outline's size; gives the axes back."""
-    small, large = outline["tick_size"] * _POINT, outline["label_size"] * _POINT
+    small, large = outline["tick_size"], outline["label_size"]
+    (panel,) = outline["panels"]
     if ax is None:
         from matplotlib import pyplot
 
-        size = (outline["width"] / _INCH, outline["height"] / _INCH)
+        entries = sum(bool(curve["label"]) for curve in panel["curves"])
+        height = outline["panel_height"] + 1.35 * small * entries
+        size = (outline["width"] / _INCH, height / _INCH)
         _, ax = pyplot.subplots(figsize=size, layout="constrained")
-    for curve in outline["lines"]:
+    for curve in panel["curves"]:
         _draw_curve(ax, curve)
-    x, y = outline["x"], outline["y"]
-    if y["logarithmic"]:
-        ax.set_yscale("log")
-    elif y["from_zero"]:
-        ax.set_ylim(bottom=0)
-    if (decades := x["decades"]) is not None:
-        ax.set_xlim(decades["left"], decades["right"])
-        ticks = [(place, text) for place, text in decades["ticks"] if text]
-        ax.set_xticks([place for place, _ in ticks], [text for _, text in ticks])
-        _draw_lines(ax.axvline, decades["breaks"])
-    _draw_lines(ax.axhline, outline["dashed"])
+    x, y = panel["x"], panel["y"]
+    if panel["shaded"] is not None:
+        ax.axvspan(x["low"], panel["shaded"], color="#ebebeb", zorder=0, linewidth=0)
+    for place in x["breaks"]:
+        ax.axvline(place, color="#bbbbbb", linewidth=0.6, linestyle=(0, (1, 3)), zorder=0)
+    for number, height in enumerate(panel["dashed"]):
+        label = panel["dashed_label"] if number == 0 else None
+        ax.axhline(height, color="#555555", linewidth=0.7, linestyle=(0, (6, 4)), zorder=0)
+        if label:
+            ends = {"xy": (1, height), "xycoords": ("axes fraction", "data")}
+            offset = {"xytext": (-3, 2), "textcoords": "offset points", "ha": "right"}
+            ax.annotate(label, **ends, **offset, fontsize=0.9 * small)
+    _draw_axis(ax.xaxis, ax.set_xlim, ax.set_xscale, x)
+    _draw_axis(ax.yaxis, ax.set_ylim, ax.set_yscale, y)
     ax.set_xlabel(x["label"], fontsize=large)
     ax.set_ylabel(y["label"], fontsize=large)
-    ax.tick_params(labelsize=small)
-    if any(curve["label"] for curve in outline["lines"]):
+    ax.tick_params(labelsize=small, direction="in", which="both")
+    if any(curve["label"] for curve in panel["curves"]):
         ax.legend(
             loc="upper left",
             bbox_to_anchor=(0, -0.2),
@@ -48,28 +53,45 @@ def draw(outline, ax=None):
     return ax
 
 
+def _draw_axis(axis, set_limits, set_scale, scale):
+    if scale["logarithmic"]:
+        set_scale("log")
+    set_limits(scale["low"], scale["high"])
+    axis.set_ticks([place for place, _ in scale["ticks"]], [text for _, text in scale["ticks"]])
+    axis.set_ticks(scale["minor"], ["" for _ in scale["minor"]], minor=True)
+
+
 def _draw_curve(ax, curve):
+    if not curve["points"]:
+        return
     places, heights, below, above = zip(*curve["points"])
-    style = {
-        "color": curve["colour"],
-        "linewidth": curve["width"] * _POINT,
-        "label": curve["label"] or None,
-    }
-    if curve["marker"] is not None:
-        style["marker"] = _MARKERS[curve["marker"]]
-        style["markersize"] = 2 * curve["marker_size"] * _POINT
-    if curve["has_intervals"]:
-        ax.errorbar(places, heights, yerr=(below, above), capsize=2, elinewidth=_POINT, **style)
+    colour, marker = curve["colour"], curve["marker"]
+    style = {"color": colour, "linewidth": 0, "label": curve["label"] or None}
+    if marker is None:
+        style |= {"linewidth": curve["width"]}
+        if curve["dashes"] is not None:
+            style["linestyle"] = (0, tuple(length / curve["width"] for length in curve["dashes"]))
     else:
-        ax.plot(places, heights, **style)
-
-
-def _draw_lines(line, lines):
-    for place in lines["places"]:
-        line(
-            place,
-            color=lines["colour"],
-            linewidth=lines["width"] * _POINT,
-            linestyle=(0, tuple(length / lines["width"] for length in lines["dashes"])),
-            zorder=0,
-        )
+        is_hollow = marker.startswith(_HOLLOW)
+        style |= {
+            "marker": _MARKERS[marker.removeprefix(_HOLLOW)],
+            "markersize": 2 * curve["marker_size"],
+            "markerfacecolor": "white" if is_hollow else colour,
+            "markeredgewidth": 0.8 * curve["width"],
+        }
+    if marker is None:
+        # A run in time: one piece, unless a sample has no viscosity.
+        for number, (first, last) in enumerate(curve["pieces"]):
+            label = style.pop("label", None) if number == 0 else None
+            ax.plot(places[first : last + 1], heights[first : last + 1], label=label, **style)
+        return
+    if curve["has_intervals"]:
+        style |= {"capsize": 1.8, "elinewidth": 0.8 * curve["width"]}
+        ax.errorbar(places, heights, yerr=(below, above), zorder=3, **style)
+    else:
+        ax.plot(places, heights, zorder=3, **style)
+    for first, last in curve["pieces"]:
+        ax.plot(places[first : last + 1], heights[first : last + 1], color=colour, linewidth=curve["width"])
+    for place in curve["missing"]:
+        axes = ax.get_xaxis_transform()
+        ax.plot([place], [0.02], "x", color=colour, markersize=1.6 * curve["marker_size"], transform=axes)

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use sweep::axes::{AXES, Axis};
 use sweep::campaign::Campaign;
 use sweep::data::numbered;
-use sweep::report::{Drawing, Kind, Report, Selection, outline, point_table, traces};
+use sweep::report::{Drawing, Kind, Look, Report, Selection, outline, point_table, traces};
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
 use sweep::trajectory::{contact_table, sphere_table};
 
@@ -225,6 +225,7 @@ impl Store {
             kind: word("kind", kind)?,
             quantity: word("quantity", quantity)?,
             along: along.map(axis).transpose()?,
+            look: Look::default(),
         };
         let selection = selection(r#where)?;
         let cases = match cases {
@@ -237,7 +238,7 @@ impl Store {
                 Kind::Trace => traces(store, &selection, &cases)?,
                 _ => Vec::new(),
             };
-            Ok(outline(&report, &traces, drawing)?)
+            Ok(outline(std::slice::from_ref(&report), &traces, &drawing)?)
         })?;
         py.import("sheared_layers._plot")?
             .call_method1("draw", (values::answer(py, &outline)?, ax))

@@ -144,8 +144,8 @@ def test_a_plot_shows_what_the_figure_shows(store, tmp_path):
     for text in [ax.get_xlabel(), ax.get_ylabel(), *(tick.get_text() for tick in ax.get_xticklabels())]:
         assert text.split(" ")[0] in there, text
     assert line.get_color().lower() in there.lower()
-    width, height = ax.figure.get_size_inches() * 96
-    assert f'width="{width:.0f}"' in there and f'height="{height:.0f}"' in there
+    width, height = ax.figure.get_size_inches() * 25.4
+    assert f'width="{width:.3f}mm"' in there and f'height="{height:.3f}mm"' in there
     dilute = 1 + 5 / 3 * 0.65
     assert any(abs(float(other.get_ydata()[0]) - dilute) < 1e-12 for other in ax.get_lines()[1:])
     _, mine = pyplot.subplots()

@@ -94,7 +94,7 @@ enum Command {
     Merge(merge::Arguments),
     Cancel(cancel::Arguments),
     Status(status::Arguments),
-    Report(report::Arguments),
+    Report(Box<report::Arguments>),
     Convert(convert::Arguments),
     Show(show::Arguments),
     Export(export::Arguments),

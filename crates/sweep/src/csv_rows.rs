@@ -24,6 +24,25 @@ where
     table.flush()
 }
 
+/// Writes rows without a header.
+///
+/// # Errors
+/// Output that cannot be written, with the kind of error the system gave.
+pub(crate) fn write_rows<R, C>(
+    rows: impl IntoIterator<Item = R>,
+    out: &mut dyn Write,
+) -> io::Result<()>
+where
+    R: IntoIterator<Item = C>,
+    C: AsRef<[u8]>,
+{
+    let mut table = csv::Writer::from_writer(out);
+    for row in rows {
+        table.write_record(row).map_err(trouble)?;
+    }
+    table.flush()
+}
+
 /// What the system said. The conversion of the `csv` crate would hide its kind.
 fn trouble(error: csv::Error) -> io::Error {
     match error.into_kind() {

@@ -1,8 +1,10 @@
 //! Tables as whole columns, for programs that take them so, and the numbers of a record as a row of one.
 
 mod fields;
+mod parquet;
 
 pub use fields::{Field, Unfit, fields};
+pub use parquet::ParquetFile;
 
 use crate::axes::{Kind, Value};
 use crate::csv_rows;
@@ -80,6 +82,33 @@ impl Cells {
         }
     }
 
+    /// Leaves out the rows that are not to be kept.
+    pub(crate) fn keep(&mut self, rows: &[bool]) {
+        fn kept<C>(cells: &mut Vec<C>, rows: &[bool]) {
+            let mut row = rows.iter();
+            cells.retain(|_| row.next().is_some_and(|keep| *keep));
+        }
+        match self {
+            Self::Word(cells) => kept(cells, rows),
+            Self::Count(cells) => kept(cells, rows),
+            Self::Number(cells) => kept(cells, rows),
+        }
+    }
+
+    /// Adds the cells of a column of the same kind.
+    pub(crate) fn append(&mut self, more: Self) {
+        match (self, more) {
+            (Self::Word(cells), Self::Word(more)) => cells.extend(more),
+            (Self::Count(cells), Self::Count(more)) => cells.extend(more),
+            (Self::Number(cells), Self::Number(more)) => cells.extend(more),
+            (cells, more) => {
+                for _ in 0..more.len() {
+                    cells.push(None);
+                }
+            }
+        }
+    }
+
     /// A cell as text; empty where there is nothing.
     pub fn text(&self, row: usize) -> String {
         match self {
@@ -107,10 +136,25 @@ impl DataColumn {
 /// # Errors
 /// Output that cannot be written.
 pub fn write_csv(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
-    let rows = table.first().map_or(0, |column| column.cells.len());
-    let names = table.iter().map(|column| column.name.as_ref());
-    let rows = (0..rows).map(|row| table.iter().map(move |column| column.cells.text(row)));
-    csv_rows::write(names, rows, out)
+    csv_rows::write(
+        table.iter().map(|column| column.name.as_ref()),
+        rows(table),
+        out,
+    )
+}
+
+/// The same without the header row, for tables that come in parts.
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn write_csv_rows(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
+    csv_rows::write_rows(rows(table), out)
+}
+
+/// The rows of a table as text.
+fn rows(table: &[DataColumn]) -> impl Iterator<Item = impl Iterator<Item = String>> {
+    let number = table.first().map_or(0, |column| column.cells.len());
+    (0..number).map(move |row| table.iter().map(move |column| column.cells.text(row)))
 }
 
 /// A table of records that all have the same fields, each with a number of its own in the first column. `like` stands for what the

@@ -25,6 +25,94 @@ pub fn significant(value: f64, digits: i32) -> String {
     }
 }
 
+/// A cell of a table for people.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Uncertain {
+    /// A word.
+    Word(&'static str),
+    /// A part in per cent, in words.
+    Percent(String),
+    /// A number, and its significant digits; as many as it has if there are none.
+    Number(f64, Option<i32>),
+    /// A number and half its interval.
+    Interval(f64, f64),
+}
+
+impl Uncertain {
+    /// A number to so many digits.
+    pub fn of(number: f64, digits: i32) -> Self {
+        Self::Number(number, Some(digits))
+    }
+
+    /// A number as it is.
+    pub fn exact(number: f64) -> Self {
+        Self::Number(number, None)
+    }
+
+    /// With its interval as `9.86 ± 0.79`.
+    pub fn plain(&self) -> String {
+        self.written(|value, half, _| format!("{value} ± {half}"))
+    }
+
+    /// With its interval as `9.86(79)`, in units of the last digit.
+    pub fn si(&self) -> String {
+        self.written(|value, half, decimals| {
+            let digits = half.trim_start_matches(['0', '.']);
+            // Before the point digits count as they stand: 12.3(4.5).
+            let is_above_one = decimals > 0 && !half.starts_with("0.");
+            let digits = if digits.is_empty() { "0" } else { digits };
+            format!("{value}({})", if is_above_one { half } else { digits })
+        })
+    }
+
+    /// As text; `join` puts a value and half its interval together, both to the same decimals.
+    fn written(&self, join: fn(&str, &str, usize) -> String) -> String {
+        match self {
+            Self::Word(word) => (*word).to_owned(),
+            Self::Percent(words) => format!("{words} %"),
+            Self::Number(number, None) => format!("{number}"),
+            Self::Number(number, Some(digits)) => significant(*number, *digits),
+            Self::Interval(value, half)
+                if !half.is_finite() || *half <= 0.0 || !value.is_finite() =>
+            {
+                significant(*value, 4)
+            }
+            Self::Interval(value, half) => {
+                let largest = value.abs().max(*half);
+                let shift = match exponent(largest) {
+                    -3..5 => 0,
+                    power => power,
+                };
+                let scale = 10_f64.powi(-shift);
+                let (value, half) = (value * scale, half * scale);
+                // Two digits of the half width; rounding may make it 0.10 of 0.099.
+                let first = exponent(half);
+                let first =
+                    exponent((half * 10_f64.powi(1 - first)).round() * 10_f64.powi(first - 1));
+                let decimals = usize::try_from(1 - first).unwrap_or(0);
+                let (value, half) = (format!("{value:.decimals$}"), format!("{half:.decimals$}"));
+                let joined = join(&value, &half, decimals);
+                match shift {
+                    0 => joined,
+                    shift if joined.contains('±') => format!("({joined})e{shift}"),
+                    shift => format!("{joined}e{shift}"),
+                }
+            }
+        }
+    }
+}
+
+/// The decimal exponent of a number.
+#[expect(clippy::cast_possible_truncation, reason = "a decimal exponent")]
+fn exponent(value: f64) -> i32 {
+    if value == 0.0 {
+        0
+    } else {
+        // The logarithm of 1000 may come out a little less than 3.
+        (value.abs().log10() + 1e-12).floor() as i32
+    }
+}
+
 /// A time in words: `12 s`, `3 min 20 s`, `5 h 10 min`, `2 d 4 h`.
 pub fn duration(seconds: f64) -> String {
     if !seconds.is_finite() || seconds < 0.0 {
@@ -45,6 +133,28 @@ pub fn duration(seconds: f64) -> String {
         3600..86400 => format!("{} h {} min", s / 3600, s % 3600 / 60),
         _ => format!("{} d {} h", s / 86400, s % 86400 / 3600),
     }
+}
+
+/// Text for a terminal of this width: what is longer goes on in the next line, at a space. Lines of tables, which begin with a space or a
+/// rule, stay as they are.
+pub fn wrapped(text: &str, width: Option<u16>) -> String {
+    let Some(width) = width.map(usize::from) else {
+        return text.to_owned();
+    };
+    let options = textwrap::Options::new(width)
+        .break_words(false)
+        .word_separator(textwrap::WordSeparator::AsciiSpace)
+        .word_splitter(textwrap::WordSplitter::NoHyphenation);
+    let mut all = String::with_capacity(text.len());
+    for line in text.lines() {
+        if line.starts_with([' ', '─', '═']) {
+            all.push_str(line);
+        } else {
+            all.push_str(&textwrap::fill(line, &options));
+        }
+        all.push('\n');
+    }
+    all
 }
 
 /// Reads a time such as `90s`, `15m`, `2h` or `1h 30m`; a bare number is seconds.
@@ -89,6 +199,33 @@ pub fn bytes(number: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn words_go_on_in_the_next_line_whole() {
+        let text = " a table that is wide\nafter a strain of 0.5 it stays\n";
+        assert_eq!(wrapped(text, None), text);
+        let narrow = " a table that is wide\nafter a strain of\n0.5 it stays\n";
+        assert_eq!(wrapped(text, Some(19)), narrow);
+    }
+
+    #[test]
+    fn intervals_have_the_decimals_of_their_numbers() {
+        for (value, half, plain, si) in [
+            (9.863, 0.79, "9.86 ± 0.79", "9.86(79)"),
+            (9.863, 0.0991, "9.863 ± 0.099", "9.863(99)"),
+            (9.863, 0.0999, "9.86 ± 0.10", "9.86(10)"),
+            (123.4, 4.56, "123.4 ± 4.6", "123.4(4.6)"),
+            (123.4, 45.6, "123 ± 46", "123(46)"),
+            (1234.6, 456.7, "1235 ± 457", "1235(457)"),
+            (-0.0212, 0.0031, "-0.0212 ± 0.0031", "-0.0212(31)"),
+            (1.234e-5, 4.5e-7, "(1.234 ± 0.045)e-5", "1.234(45)e-5"),
+            (7.0, 0.0, "7.000", "7.000"),
+        ] {
+            let number = Uncertain::Interval(value, half);
+            assert_eq!((number.plain().as_str(), number.si().as_str()), (plain, si));
+        }
+        assert_eq!(Uncertain::exact(0.693).plain(), "0.693");
+    }
 
     #[test]
     fn numbers_keep_their_significant_digits() {

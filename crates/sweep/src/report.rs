@@ -6,33 +6,44 @@ mod curves;
 mod error;
 mod figure;
 mod json;
+mod latex;
 mod page;
 mod parquet;
+mod runs;
 mod selection;
+mod sheet;
 mod steady;
 mod text;
 mod tidy;
+mod units;
 
 pub(crate) use chart::chart;
 pub use columns::Columns;
 pub use error::ReportError;
 pub use figure::{
-    Drawing, Format, Kind, Outline, Quantity, Trace, draw, draw_paths, outline, traces,
+    Drawing, Format, Intervals, Kind, LegendPlace, Length, Look, Outline, Quantity, Range, Style,
+    Trace, draw, draw_paths, outline, traces,
 };
 pub use json::write as write_json;
+pub use latex::write_latex;
 pub use page::{PageHost, data, movie, page};
 pub use parquet::parquet;
+pub use runs::{
+    TableFormat, run_table, write_run_units, write_runs, write_sample_units, write_samples,
+};
 pub use selection::Selection;
-pub(crate) use text::table;
+pub use sheet::{NumberFormat, Shape};
 pub use text::write as write_text;
+pub(crate) use text::{table, whole};
 pub use tidy::{write_csv, write_markdown, write_units};
+pub use units::Units;
 
 use crate::axes::{Axis, identity};
 use crate::campaign::Discard;
 use crate::case::State;
 use crate::data::{Cells, DataColumn};
 use crate::statistics::{
-    Decision, Drift, Estimate, Measure, Precision, mean, median, ratio, relative_half_width,
+    Decision, Distribution, Drift, Estimate, Measure, Precision, mean, ratio, relative_half_width,
 };
 use crate::store::{Counts, FailureGroup, PointRun, Provenance, Store};
 use crate::stresses::{COUNT, STRESSES};
@@ -70,6 +81,10 @@ pub struct Report {
     pub processor: f64,
     /// Processes that finished results of the store, the latest first.
     pub provenance: Vec<Provenance>,
+    /// The keys of its runs with a result.
+    pub keys: Vec<String>,
+    /// The units of its numbers.
+    pub units: Units,
 }
 
 /// All runs that differ only in their seed.
@@ -89,6 +104,8 @@ pub struct Point {
     pub viscosity: Option<Estimate>,
     /// Median over the runs of their medians.
     pub viscosity_median: Option<f64>,
+    /// First and third quartile over the runs of their medians; `None` of a single run.
+    pub viscosity_quartiles: Option<[f64; 2]>,
     /// Viscosity from the stresslets alone.
     pub viscosity_stresslet: Option<Estimate>,
     /// First normal stress difference.
@@ -144,8 +161,17 @@ impl Report {
         failures.retain(|failure| selection.has(&failure.params));
         let mut failures = FailureGroup::of(failures);
         failures.truncate(FAILURES_SHOWN);
-        let computing = runs.iter().filter_map(|run| run.wall_time_s).sum();
-        let processor = runs.iter().filter_map(|run| run.cpu_time_s).sum();
+        let computing = runs
+            .iter()
+            .filter_map(|run| run.wall_time_s)
+            .fold(0.0, |sum, time| sum + time);
+        let keys = runs.iter().filter(|run| run.viscosity.is_some());
+        let keys = keys.map(|run| run.key.clone()).collect();
+        // A sum of nothing would be -0.
+        let processor = runs
+            .iter()
+            .filter_map(|run| run.cpu_time_s)
+            .fold(0.0, |sum, time| sum + time);
         let rules: HashMap<_, _> = store
             .point_states()?
             .into_iter()
@@ -200,21 +226,36 @@ impl Report {
             computing,
             processor,
             provenance: store.provenance()?,
+            keys,
+            units: Units::default(),
         })
+    }
+
+    /// The programs that computed its results, each once.
+    pub(crate) fn programs(&self) -> Vec<String> {
+        let mut programs: Vec<String> = Vec::new();
+        for process in &self.provenance {
+            let program = process.program();
+            if !programs.contains(&program) {
+                programs.push(program);
+            }
+        }
+        programs
     }
 }
 
-/// The points as a table, with the columns of every other form of it.
+/// The points as a table, with the columns that were chosen or all, in the units of the report.
 pub fn point_table(report: &Report) -> Vec<DataColumn> {
-    columns::columns()
+    columns::columns_of(report)
+        .into_iter()
         .map(|column| {
             let mut cells = Cells::with_capacity(column.content(), report.points.len());
             for point in &report.points {
-                cells.push(column.cell(point));
+                cells.push(column.shown(report, point));
             }
             DataColumn {
                 name: column.name.into(),
-                unit: column.unit,
+                unit: column.unit_in(report),
                 meaning: column.meaning,
                 cells,
             }
@@ -289,6 +330,7 @@ impl Point {
             .filter_map(|run| Some(run.steadiness?.parts))
             .collect();
         let correlation = values(|r| Some(r.steadiness?.correlation * r.sample_every));
+        let medians = Distribution::of(values(|r| r.viscosity_median));
         let effective = values(|r| Some(r.samples as f64 / r.steadiness?.correlation));
         Some(Self {
             seeds: done.len() as u64,
@@ -296,7 +338,10 @@ impl Point {
             failed: runs.iter().filter(|r| r.state == State::Failed).count() as u64,
             doubtful: runs.iter().filter(|r| r.is_doubtful()).count() as u64,
             viscosity: Estimate::of(&values(|r| r.viscosity)),
-            viscosity_median: median(values(|r| r.viscosity_median)),
+            viscosity_median: medians.map(|medians| medians.median),
+            viscosity_quartiles: medians
+                .filter(|_| done.len() > 1)
+                .map(|medians| [medians.quartile_1, medians.quartile_3]),
             viscosity_stresslet: Estimate::of(&values(|r| r.viscosity_stresslet)),
             normal_stress_difference: Estimate::of(&values(|r| r.normal_stress_difference)),
             stresses: std::array::from_fn(|place| {

@@ -3,14 +3,17 @@
 //! Stored numbers have single precision: seven digits are more than a picture needs, and gaps are stored themselves, not
 //! as differences of positions. What decides a run is never read back from a frame.
 
+mod bonds;
+mod extxyz;
 mod tables;
 
+pub use bonds::write_bonds;
+pub use extxyz::{Filmed, write_extxyz};
 pub use tables::{contact_table, sphere_table};
 
 use sd_core::contact::ContactState;
 use sd_core::simulation::{Frame, FrameContact};
 use serde::{Deserialize, Serialize};
-use std::io::{self, Write};
 
 /// First byte of a stored frame.
 const VERSION: u8 = 1;
@@ -148,43 +151,6 @@ pub fn decode(bytes: &[u8]) -> Option<Frame> {
     (frame.radii.len() == n).then_some(frame)
 }
 
-/// Writes a frame as extended XYZ: the cell with its shear, then a line per sphere.
-///
-/// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are quaternions about z.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_extxyz(frame: &Frame, out: &mut dyn Write) -> io::Result<()> {
-    let mut touching = vec![0_u32; frame.centres.len()];
-    for contact in &frame.contacts {
-        touching[contact.i] += 1;
-        touching[contact.j] += 1;
-    }
-    let height = 2.0 * frame.radii.iter().copied().fold(1.0, f64::max);
-    writeln!(out, "{}", frame.centres.len())?;
-    writeln!(
-        out,
-        "Lattice=\"{side} 0 0 {offset} {side} 0 0 0 {height}\" Origin=\"0 0 {}\" \
-         Properties=species:S:1:pos:R:3:radius:R:1:orientation:R:4:angle:R:1:stresslet:R:3:contacts:I:1 \
-         pbc=\"T T F\" strain={}",
-        -0.5 * height,
-        frame.strain,
-        side = frame.side,
-        offset = frame.offset,
-    )?;
-    for (number, [x, y]) in frame.centres.iter().enumerate() {
-        let angle = frame.orientations[number];
-        let (sine, cosine) = (0.5 * angle).sin_cos();
-        let [xx, yy, xy] = frame.stresslets[number];
-        writeln!(
-            out,
-            "S {x} {y} 0 {} 0 0 {sine} {cosine} {angle} {xx} {yy} {xy} {}",
-            frame.radii[number], touching[number]
-        )?;
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -199,18 +165,6 @@ mod tests {
         for length in 0..bytes.len() {
             assert_eq!(decode(&bytes[..length]), None, "torn at {length}");
         }
-    }
-
-    #[test]
-    fn extended_xyz_has_the_sheared_cell() {
-        let mut text = Vec::new();
-        write_extxyz(&frame(), &mut text).unwrap();
-        let text = String::from_utf8(text).unwrap();
-        let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[0], "2");
-        assert!(lines[1].starts_with("Lattice=\"8 0 0 -2 8 0 0 0 3\""));
-        assert_eq!(lines[2], "S 1 2 0 1 0 0 0 1 0 1 -1 20.5 1");
-        assert_eq!(lines.len(), 4);
     }
 
     #[test]

@@ -186,7 +186,7 @@ fn from_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trajectory::write_extxyz;
+    use crate::trajectory::{Filmed, write_extxyz};
     use sd_core::simulation::Frame as Kept;
 
     fn kept(shift: f64) -> Kept {
@@ -209,11 +209,20 @@ mod tests {
         read(&path)
     }
 
+    fn export(frames: &[Kept], text: &mut Vec<u8>) {
+        let filmed = Filmed {
+            params: crate::test_support::params(),
+            seed: 1,
+            key: "3f9a".into(),
+        };
+        let frames: Vec<(u64, &Kept)> = frames.iter().map(|frame| (1, frame)).collect();
+        write_extxyz(&frames, &filmed, text).unwrap();
+    }
+
     #[test]
     fn last_frame_of_an_export_comes_back() {
         let mut text = Vec::new();
-        write_extxyz(&kept(0.5), &mut text).unwrap();
-        write_extxyz(&kept(0.0), &mut text).unwrap();
+        export(&[kept(0.5), kept(0.0)], &mut text);
         let layer = read_text("layer.xyz", std::str::from_utf8(&text).unwrap()).unwrap();
         let kept = kept(0.0);
         assert_eq!(layer.side, kept.side);
@@ -229,7 +238,7 @@ mod tests {
     #[test]
     fn files_that_are_no_layers_say_why() {
         let mut text = Vec::new();
-        write_extxyz(&kept(0.0), &mut text).unwrap();
+        export(&[kept(0.0)], &mut text);
         let good = String::from_utf8(text).unwrap();
         for (bad, part) in [
             (String::new(), "is empty"),
@@ -246,7 +255,7 @@ mod tests {
             ),
             (good.replace("radius:R:1", "size:R:1"), "no `radius`"),
             (
-                good.replace("S 3.5", "S wide"),
+                good.replace("L 3.5", "L wide"),
                 "no number in column 2 of sphere 1",
             ),
             ("{\"centres\": 3}".into(), "is not a layer"),

@@ -106,7 +106,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     let out = &mut *output.out;
     writeln!(out, "{}", report.campaign)?;
-    writeln!(out, "{table}")?;
+    writeln!(out, "{}", crate::report::whole(table))?;
     writeln!(
         out,
         "Γ': rate, 6π μ a_s² × rate / F_crit; σ': shear stress, in F_crit/a_s²; η': viscosity of a layer one a_s thick, without the stresslets of\n\

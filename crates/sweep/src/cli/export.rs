@@ -6,16 +6,17 @@ use crate::cli::Error;
 use crate::data::write_csv;
 use crate::exit;
 use crate::files::write_whole;
-use crate::store::StoredFrame;
-use crate::trajectory::{contact_table, sphere_table, write_extxyz};
+use crate::store::{Store, StoredFrame};
+use crate::trajectory::{Filmed, contact_table, sphere_table, write_bonds, write_extxyz};
 use sd_core::simulation::Frame;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Write the kept frames of one run, for OVITO or as tables
 ///
-/// Frames are kept by `sweep run --trajectory`. Extended XYZ has one frame per sampled strain with the sheared cell, radii,
-/// orientations (quaternions), stresslets and contact counts; its contacts go to a table beside it.
+/// Frames are kept by `sweep run --trajectory`. Extended XYZ has one frame per sampled strain with the sheared cell, what the run is, species
+/// by size, numbers, radii, orientations (quaternions), stresslets, contact counts and velocities; its contacts go to a table and to a file
+/// of bonds beside it, which OVITO loads.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep export results/quickstart.sqlite 1 --out layer.xyz\n  sweep export results/quickstart.sqlite 3f9a --format csv --out layer.csv"
@@ -28,7 +29,8 @@ pub(crate) struct Arguments {
     /// Form of the spheres
     #[arg(long, value_enum, default_value_t = Form::Extxyz)]
     format: Form,
-    /// File of the spheres, contacts go to NAME.contacts.csv beside it; without it the spheres go to standard output
+    /// File of the spheres, contacts go to NAME.contacts.csv beside it, and to NAME.bonds.dump beside extended XYZ; without it the spheres go
+    /// to standard output
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Every so many kept frames
@@ -48,14 +50,20 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let store = arguments.place.open(output)?;
     let key = store.key_of(&arguments.case)?;
     let frames = store.frames(&key, arguments.every.get())?;
+    let filmed = filmed(&store, &key)?;
     match arguments
         .out
         .as_deref()
         .filter(|path| path.as_os_str() != "-")
     {
-        None => spheres(&frames, arguments.format, output.out)?,
+        None => spheres(&frames, arguments.format, &filmed, output.out)?,
         Some(path) => {
-            to_file(path, |out| spheres(&frames, arguments.format, out))?;
+            to_file(path, |out| spheres(&frames, arguments.format, &filmed, out))?;
+            if arguments.format == Form::Extxyz {
+                to_file(&path.with_extension("bonds.dump"), |out| {
+                    write_bonds(&with_steps(&frames), out)
+                })?;
+            }
             to_file(&path.with_extension("contacts.csv"), |out| {
                 write_csv(&contact_table(&with_steps(&frames)), out)
             })?;
@@ -69,12 +77,27 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     Ok(exit::DONE)
 }
 
+/// What the run of a key is.
+fn filmed(store: &Store, key: &str) -> Result<Filmed, Error> {
+    let runs = store.point_runs()?;
+    let run = runs.into_iter().find(|run| run.key == key);
+    let run = run.ok_or_else(|| store.no_case(key, "no case"))?;
+    Ok(Filmed {
+        params: run.params,
+        seed: run.seed,
+        key: run.key,
+    })
+}
+
 /// Writes the spheres of all frames.
-fn spheres(frames: &[StoredFrame], form: Form, out: &mut dyn Write) -> std::io::Result<()> {
+fn spheres(
+    frames: &[StoredFrame],
+    form: Form,
+    filmed: &Filmed,
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
     match form {
-        Form::Extxyz => frames
-            .iter()
-            .try_for_each(|kept| write_extxyz(&kept.frame, out)),
+        Form::Extxyz => write_extxyz(&with_steps(frames), filmed, out),
         Form::Csv => write_csv(&sphere_table(&with_steps(frames)), out),
     }
 }

@@ -1,7 +1,8 @@
 //! `sweep pair`.
 
 use super::Output;
-use super::report::{format_of, save};
+use super::report::figure::format_of;
+use super::report::save;
 use crate::cli::Error;
 use crate::exit;
 use crate::format::significant;
@@ -40,7 +41,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X", default_value_t = 5.0)]
     start: f64,
     /// Draw the paths of both centres
-    #[arg(long, value_name = "FILE.svg|png")]
+    #[arg(long, value_name = "FILE.svg|pdf|png")]
     figure: Option<PathBuf>,
     /// Time step, in viscosity times radius squared over force
     #[arg(long, value_name = "T", default_value_t = 0.05)]
@@ -112,7 +113,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         significant(passed.final_offset, 6),
         significant(last[5], 6),
     ]);
-    writeln!(output.out, "{table}")?;
+    writeln!(output.out, "{}", crate::report::whole(table))?;
     writeln!(
         output.out,
         "smallest gap {}, time {}, {} points of the path (--json prints them)",

@@ -19,6 +19,11 @@ pub(crate) struct StoreArguments {
 }
 
 impl StoreArguments {
+    /// One of several stores: a campaign file, whose store has its usual place, or a store.
+    pub(super) fn of(file: PathBuf) -> Self {
+        Self { file, store: None }
+    }
+
     /// Finds the store, and reads the campaign file if one is given.
     pub(crate) fn find(&self) -> Result<StoreSource, Error> {
         if !is_campaign_file(&self.file) {

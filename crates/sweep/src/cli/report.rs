@@ -1,17 +1,20 @@
 //! `sweep report`.
 
+pub(crate) mod figure;
+mod one_by_one;
+
 use super::Output;
 use super::place::StoreArguments;
-use crate::axes::{AXES, Axis};
 use crate::cli::Error;
 use crate::exit;
 use crate::files::write_whole;
+use crate::format::wrapped;
 use crate::report::{
-    Columns, Drawing, Format, Kind, PageHost, Quantity, Report, Selection, draw, page, parquet,
-    traces, write_csv, write_json, write_markdown, write_text, write_units,
+    Columns, NumberFormat, PageHost, Report, Selection, Shape, Units, page, parquet, write_csv,
+    write_json, write_latex, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use figure::{FigureArguments, Sources};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -25,6 +28,10 @@ use std::path::{Path, PathBuf};
                   sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --markdown -\n  \
                   sweep report sweeps/quickstart.toml --columns viscosity,n1,n2,particle_pressure,shear_tangential_contact\n  \
                   sweep report results/figure-11.sqlite --figure contacts.png --kind contacts --where shear_rate=inf\n  \
+                  sweep report sweeps/quickstart.toml --figure curves.pdf --width 180mm --legend right --intervals bands\n  \
+                  sweep report results/figure-14.sqlite results/figure-15.sqlite --figure both.svg\n  \
+                  sweep report sweeps/quickstart.toml --runs runs.parquet --samples samples.csv\n  \
+                  sweep report sweeps/quickstart.toml --units a=1um,mu=1mPas,f_crit=10pN --format si --latex -\n  \
                   sweep report results/figure-15.sqlite --figure dense.svg --quantity viscosity_median --where area_fraction=0.8\n\n\
                   The store is a SQLite file with two views for other programs, `viscosity_vs_shear_rate` (a row per point) and\n\
                   `runs` (a row per run): sqlite3 -header results/quickstart.sqlite 'SELECT * FROM viscosity_vs_shear_rate'"
@@ -32,6 +39,9 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
+    /// More stores or campaign files, drawn into the same figure
+    #[arg(value_name = "MORE")]
+    more: Vec<PathBuf>,
     /// Only points with one of these values on an axis, by its key in the campaign file; of every output; may be repeated
     #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
     selection: Vec<String>,
@@ -47,57 +57,78 @@ pub(crate) struct Arguments {
     /// Write the same table as Parquet, with units in its metadata
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
+    /// All the usual columns on the screen, and not only as many as fit
+    #[arg(long)]
+    wide: bool,
+    /// How numbers with an interval are written, on the screen and in LaTeX
+    #[arg(long, value_enum, default_value_t)]
+    format: NumberFormat,
+    /// Write every run on a line of its own: FILE.csv or FILE.parquet, with units as for points
+    #[arg(long, value_name = "FILE")]
+    runs: Option<PathBuf>,
+    /// Write every sample of every run on a line of its own: FILE.csv or FILE.parquet
+    #[arg(long, value_name = "FILE")]
+    samples: Option<PathBuf>,
+    /// Write a LaTeX table, `-` for standard output
+    #[arg(long, value_name = "FILE")]
+    latex: Option<PathBuf>,
     /// Write a Markdown table, `-` for standard output
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
-    /// Draw a figure of column width, as FILE.svg or FILE.png
-    #[arg(long, value_name = "FILE")]
-    figure: Option<PathBuf>,
     /// Write one self-contained page with interactive curves, traces and movies
     #[arg(long, value_name = "FILE.html")]
     page: Option<PathBuf>,
-    /// What the figure shows
-    #[arg(long, value_enum, default_value_t, requires = "figure")]
-    kind: Kind,
-    /// Which viscosity the figure shows [default: viscosity]
-    #[arg(long, value_enum, requires = "figure")]
-    quantity: Option<Quantity>,
-    /// The figure's horizontal axis [default: the shear rate where it varies; for contacts the friction]
-    #[arg(long, value_name = "AXIS", value_parser = numeric_axis(), requires = "figure")]
-    along: Option<&'static Axis>,
-    /// Runs of a trace, by the beginning of their key [default: the first run of each point]
-    #[arg(long, value_name = "KEY", requires = "figure")]
-    case: Vec<String>,
+    /// Physical units for tables and figures, for spheres of radius a in a fluid of viscosity mu, with the critical load f_crit or without:
+    /// a=1um,mu=1mPas,f_crit=10pN
+    #[arg(long, value_name = "A,MU,F_CRIT")]
+    units: Option<String>,
+    #[command(flatten)]
+    drawn: FigureArguments,
 }
 
-/// Reads the name of an axis that a figure can run along, as the campaign file has it.
-fn numeric_axis() -> impl TypedValueParser<Value = &'static Axis> {
-    let names = AXES
-        .iter()
-        .filter(|axis| axis.is_numeric())
-        .map(|axis| PossibleValue::new(axis.key));
-    PossibleValuesParser::new(names)
-        .try_map(|name| Axis::of_key(&name).ok_or("no axis of a campaign"))
+impl Arguments {
+    /// How the table looks.
+    fn shape(&self) -> Shape {
+        Shape {
+            wide: self.wide,
+            format: self.format,
+        }
+    }
 }
 
 /// Writes the report.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let drawing = drawing(arguments)?;
+    let asked = arguments.drawn.asked()?;
+    let one_by_one = one_by_one::asked(arguments.runs.as_deref(), arguments.samples.as_deref())?;
     let selection = Selection::parse(&arguments.selection)?.with_doubtful(arguments.with_doubtful);
     let columns = Columns::named(&arguments.columns)?;
+    let units = match &arguments.units {
+        Some(text) => Units::parse(text)?,
+        None => Units::default(),
+    };
     refuse_two_answers(arguments, output)?;
+    if asked.is_none() && !arguments.more.is_empty() {
+        return Err(Error::Argument {
+            argument: "FILE",
+            message: "several stores go into one figure: name its file with --figure; tables are of one store, and `sweep merge` makes one of several"
+                .into(),
+        });
+    }
     let store = arguments.place.open(output)?;
     let report = Report {
         columns,
+        units,
         ..Report::of(&store, &selection)?
     };
     let mut files = false;
-    if let (Some(path), Some((drawing, format))) = (&arguments.figure, drawing) {
-        let traces = match drawing.kind {
-            Kind::Trace => traces(&store, &selection, &arguments.case)?,
-            _ => Vec::new(),
+    if let Some(asked) = &asked {
+        let sources = Sources {
+            first: (&store, &report),
+            more: &arguments.more,
+            selection: &selection,
+            units,
         };
-        save(path, &draw(&report, &traces, drawing, format)?, output)?;
+        figure::write(asked, &sources, output)?;
         files = true;
     }
     if let Some(path) = &arguments.csv {
@@ -121,13 +152,23 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         save(path, &bytes, output)?;
         files = true;
     }
+    if let Some(path) = &arguments.latex {
+        let mut bytes = Vec::new();
+        write_latex(&report, arguments.shape(), &mut bytes)?;
+        save(path, &bytes, output)?;
+        files = true;
+    }
+    for (rows, path, format) in &one_by_one {
+        one_by_one::write(*rows, path, *format, (&store, &selection), output)?;
+        files = true;
+    }
     if let Some(path) = &arguments.page {
         let page = page(&store, &selection, PageHost::File)?;
         save(path, page.as_bytes(), output)?;
         files = true;
     }
     if !files || output.json {
-        print(&report, output)?;
+        print(&report, arguments.shape(), output)?;
     }
     Ok(exit::DONE)
 }
@@ -138,7 +179,10 @@ fn refuse_two_answers(arguments: &Arguments, output: &Output<'_>) -> Result<(), 
         ("--csv", &arguments.csv),
         ("--parquet", &arguments.parquet),
         ("--markdown", &arguments.markdown),
-        ("--figure", &arguments.figure),
+        ("--latex", &arguments.latex),
+        ("--runs", &arguments.runs),
+        ("--samples", &arguments.samples),
+        ("--figure", &arguments.drawn.figure),
         ("--page", &arguments.page),
     ];
     let is_standard_output = |path: &PathBuf| path.as_os_str() == "-";
@@ -151,50 +195,6 @@ fn refuse_two_answers(arguments: &Arguments, output: &Output<'_>) -> Result<(), 
             message: "--json writes its object to standard output: name a file here".into(),
         }),
         _ => Ok(()),
-    }
-}
-
-/// The figure asked for, if one is.
-fn drawing(arguments: &Arguments) -> Result<Option<(Drawing, Format)>, Error> {
-    let Some(path) = &arguments.figure else {
-        return Ok(None);
-    };
-    let refuse = |argument, message: &str| {
-        Err(Error::Argument {
-            argument,
-            message: message.into(),
-        })
-    };
-    if arguments.quantity.is_some() && arguments.kind != Kind::Viscosity {
-        return refuse(
-            "--quantity",
-            "it chooses a viscosity, so only --kind viscosity has it",
-        );
-    }
-    if !arguments.case.is_empty() && arguments.kind != Kind::Trace {
-        return refuse(
-            "--case",
-            "it names runs in time, so only --kind trace has it",
-        );
-    }
-    let drawing = Drawing {
-        kind: arguments.kind,
-        quantity: arguments.quantity.unwrap_or_default(),
-        along: arguments.along,
-    };
-    Ok(Some((drawing, format_of(path)?)))
-}
-
-/// The format a figure's file name asks for.
-pub(super) fn format_of(path: &Path) -> Result<Format, Error> {
-    let extension = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
-    match extension.as_deref().and_then(|e| e.to_str()) {
-        Some("svg") => Ok(Format::Svg),
-        Some("png") => Ok(Format::Png),
-        _ => Err(Error::Argument {
-            argument: "--figure",
-            message: format!("a name that ends with .svg or .png, not {}", path.display()),
-        }),
     }
 }
 
@@ -211,15 +211,24 @@ pub(super) fn save(path: &Path, bytes: &[u8], output: &mut Output<'_>) -> Result
 
 /// Writes the report of an open store.
 pub(super) fn write(store: &Store, output: &mut Output<'_>) -> Result<(), Error> {
-    print(&Report::of(store, &Selection::default())?, output)
+    print(
+        &Report::of(store, &Selection::default())?,
+        Shape::default(),
+        output,
+    )
 }
 
 /// Writes a report as a table or as JSON.
-fn print(report: &Report, output: &mut Output<'_>) -> Result<(), Error> {
+fn print(report: &Report, shape: Shape, output: &mut Output<'_>) -> Result<(), Error> {
     if output.json {
         write_json(report, output.out)?;
     } else {
-        write_text(report, output.width, output.out)?;
+        let mut text = Vec::new();
+        write_text(report, shape, output.width, &mut text)?;
+        let text = String::from_utf8_lossy(&text);
+        output
+            .out
+            .write_all(wrapped(&text, output.width).as_bytes())?;
     }
     Ok(())
 }

@@ -55,6 +55,6 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     for (name, [own, other]) in named {
         table.add_row([name.into(), format!("{own:.12e}"), format!("{other:.12e}")]);
     }
-    writeln!(output.out, "{table}")?;
+    writeln!(output.out, "{}", crate::report::whole(table))?;
     Ok(exit::DONE)
 }

@@ -358,7 +358,7 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
             of(&instant.stresslet_xy),
         ]);
     }
-    writeln!(output.out, "{spheres}")?;
+    writeln!(output.out, "{}", crate::report::whole(spheres))?;
     if !instant.contacts.is_empty() {
         let mut contacts = crate::report::table(output.width);
         contacts.set_header([
@@ -390,7 +390,7 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
                 .into(),
             ]);
         }
-        writeln!(output.out, "{contacts}")?;
+        writeln!(output.out, "{}", crate::report::whole(contacts))?;
     }
     for (name, value) in [
         ("viscosity", instant.viscosity),

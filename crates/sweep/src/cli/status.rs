@@ -168,7 +168,7 @@ fn write_text(
             status.orphans
         )?;
     }
-    writeln!(out, "{table}")?;
+    writeln!(out, "{}", crate::report::whole(table))?;
     for process in &status.processes {
         writeln!(
             out,

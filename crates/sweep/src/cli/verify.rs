@@ -37,7 +37,7 @@ pub(crate) fn execute(_: &Arguments, output: &mut Output<'_>) -> Result<u8, Erro
                 if check.passes() { "pass" } else { "FAIL" }.into(),
             ]);
         }
-        writeln!(output.out, "{table}")?;
+        writeln!(output.out, "{}", crate::report::whole(table))?;
         writeln!(output.out, "{} checks, {failed} failed", checks.len())?;
     }
     Ok(if failed == 0 {

@@ -79,7 +79,7 @@ impl Columns {
 
 impl Column {
     /// The column of an axis.
-    fn of_axis(axis: &'static Axis) -> Self {
+    pub(super) fn of_axis(axis: &'static Axis) -> Self {
         column(axis.key, axis.unit, axis.meaning, Content::Axis(axis))
     }
 
@@ -111,6 +111,33 @@ impl Column {
         }
     }
 
+    /// The same in the units of a report.
+    pub(super) fn shown(&self, report: &Report, point: &Point) -> Option<Value> {
+        match self.cell(point)? {
+            Value::Number(number) => {
+                let factor = report.units.factor(self.dimension(), point.shear_rate())?;
+                Some(Value::Number(factor * number))
+            }
+            value => Some(value),
+        }
+    }
+
+    /// Its unit in a report.
+    pub(super) fn unit_in(&self, report: &Report) -> &'static str {
+        match report.units.word(self.dimension()) {
+            "Γ" => self.unit,
+            unit => unit,
+        }
+    }
+
+    /// Its unit, and for shear rates the word for theirs.
+    fn dimension(&self) -> &'static str {
+        match self.content {
+            Content::Axis(axis) if axis.is_shear_rate() => "Γ",
+            _ => self.unit,
+        }
+    }
+
     /// Whether tables for people leave it out unless it is asked for.
     pub(super) fn is_detail(&self) -> bool {
         match self.content {
@@ -123,7 +150,7 @@ impl Column {
     /// The column with the half width of its interval, if there is one.
     pub(super) fn interval(&self) -> Option<Self> {
         let name = format!("{}_ci95", self.name);
-        measured().find(|column| column.name == name)
+        measured_named(&name)
     }
 }
 
@@ -171,6 +198,11 @@ fn measured() -> impl Iterator<Item = Column> {
     MEASURED.into_iter().chain(stresses)
 }
 
+/// The measured column of this name.
+pub(super) fn measured_named(name: &str) -> Option<Column> {
+    measured().find(|column| column.name == name)
+}
+
 /// Measured quantities that curves can show: their columns and labels.
 pub(super) fn quantities() -> impl Iterator<Item = (&'static str, &'static str)> {
     measured()
@@ -206,7 +238,7 @@ fn ci95(estimate: Option<Estimate>) -> Option<f64> {
 
 /// What was measured.
 #[rustfmt::skip]
-const MEASURED: [Column; 28] = [
+const MEASURED: [Column; 30] = [
     column("seeds", "1", "runs averaged", Content::Count(|p| p.seeds)),
     column("jammed", "1", "runs that ended jammed: not averaged", Content::Count(|p| p.jammed)),
     column("failed", "1", "runs that failed: not averaged", Content::Count(|p| p.failed)),
@@ -214,6 +246,8 @@ const MEASURED: [Column; 28] = [
     column("viscosity", "mu", "viscosity in full, mean over runs of their means in time", Content::Number(|p| mean(p.viscosity))).labelled("viscosity"),
     column("viscosity_ci95", "mu", "half width of its 95 % Student interval", Content::Number(|p| ci95(p.viscosity))),
     column("viscosity_median", "mu", "median over runs of their medians in time", Content::Number(|p| p.viscosity_median)).labelled("median viscosity"),
+    column("viscosity_median_quartile_1", "mu", "first quartile over runs of their medians in time", Content::Number(|p| p.viscosity_quartiles.map(|q| q[0]))),
+    column("viscosity_median_quartile_3", "mu", "third quartile over runs of their medians in time", Content::Number(|p| p.viscosity_quartiles.map(|q| q[1]))),
     column("viscosity_stresslet", "mu", "viscosity without contact stress", Content::Number(|p| mean(p.viscosity_stresslet))).labelled("stresslet viscosity"),
     column("viscosity_stresslet_ci95", "mu", "half width of its 95 % interval", Content::Number(|p| ci95(p.viscosity_stresslet))),
     column("normal_stress_difference", "mu rate", "first normal stress difference, contacts included", Content::Number(|p| mean(p.normal_stress_difference))).labelled("normal stress difference N₁"),

@@ -9,84 +9,127 @@ use std::cmp::Ordering;
 #[derive(Debug)]
 pub(super) struct Curve<'r> {
     /// What sets it apart from the others; empty if there are no others.
-    pub(super) label: String,
+    pub(super) label: Label,
     /// Its points.
     pub(super) points: Vec<&'r Point>,
 }
 
-/// The curves of a report.
-pub(super) fn curves<'r>(report: &'r Report, along: &Axis) -> Vec<Curve<'r>> {
-    let mut groups: Vec<(Vec<Tag>, Vec<&Point>)> = Vec::new();
-    for point in &report.points {
-        let others: Vec<Tag> = identity(&point.params)
-            .into_iter()
-            .zip(AXES.iter())
-            .filter(|(_, axis)| !is_along(axis, along))
-            .map(|(tag, _)| tag)
-            // Points of imposed stress and of imposed rate make curves of their own.
-            .chain([Tag::Bits(point.params.shear_stress.is_some().into())])
-            .collect();
-        match groups.iter_mut().find(|group| group.0 == others) {
-            Some(group) => group.1.push(point),
-            None => groups.push((others, vec![point])),
+/// What sets a curve apart.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Label {
+    /// In words: `c = 0.69, Γ = ∞`.
+    pub(super) words: String,
+    /// Its number, where curves differ in nothing but one number.
+    pub(super) number: Option<f64>,
+}
+
+/// The axes that the curves of a figure share: the one they run along, and the one that has a panel for each of its values.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Shared<'a> {
+    pub(super) along: Option<&'a Axis>,
+    pub(super) panels: Option<&'a Axis>,
+}
+
+impl Shared<'_> {
+    /// Whether curves along it run along this one too: rate and stress follow from each other.
+    fn is_along(self, axis: &Axis) -> bool {
+        self.along
+            .is_some_and(|along| axis.key == along.key || axis.is_of_shear() && along.is_of_shear())
+    }
+
+    /// Whether it is the axis of the panels.
+    fn is_of_panels(self, axis: &Axis) -> bool {
+        self.panels.is_some_and(|panels| panels.key == axis.key)
+    }
+}
+
+/// The curves of reports, those of the first one first.
+pub(super) fn curves<'r>(reports: &'r [Report], shared: Shared<'_>) -> Vec<Curve<'r>> {
+    let mut groups: Vec<(Vec<Tag>, &str, Vec<&Point>)> = Vec::new();
+    for (place, report) in reports.iter().enumerate() {
+        for point in &report.points {
+            let others: Vec<Tag> = identity(&point.params)
+                .into_iter()
+                .zip(AXES.iter())
+                .filter(|(_, axis)| !shared.is_along(axis))
+                .map(|(tag, _)| tag)
+                // Points of imposed stress and of imposed rate make curves of their own, as do those of several stores.
+                .chain([
+                    Tag::Bits(point.params.shear_stress.is_some().into()),
+                    Tag::Bits(place as u64),
+                ])
+                .collect();
+            match groups.iter_mut().find(|group| group.0 == others) {
+                Some(group) => group.2.push(point),
+                None => groups.push((others, &report.campaign, vec![point])),
+            }
         }
     }
-    let params: Vec<&Params> = groups.iter().map(|group| &group.1[0].params).collect();
-    let labels = labels(&params, Some(along));
+    let labelled: Vec<(&str, &Params)> = groups
+        .iter()
+        .map(|(_, campaign, points)| (*campaign, &points[0].params))
+        .collect();
+    let labels = labels(&labelled, shared);
     groups
         .into_iter()
         .zip(labels)
-        .map(|((_, mut points), label)| {
-            points.sort_by(|a, b| a.place(along).total_cmp(&b.place(along)));
-            if along.is_of_shear() {
-                // Along a curve that folds back the imposed quantity rises.
-                points.sort_by(|a, b| {
-                    a.params
-                        .shear_stress
-                        .partial_cmp(&b.params.shear_stress)
-                        .unwrap_or(Ordering::Equal)
-                });
+        .map(|((_, _, mut points), label)| {
+            if let Some(along) = shared.along {
+                points.sort_by(|a, b| a.place(along).total_cmp(&b.place(along)));
+                if along.is_of_shear() {
+                    // Along a curve that folds back the imposed quantity rises.
+                    points.sort_by(|a, b| {
+                        a.params
+                            .shear_stress
+                            .partial_cmp(&b.params.shear_stress)
+                            .unwrap_or(Ordering::Equal)
+                    });
+                }
             }
             Curve { label, points }
         })
         .collect()
 }
 
-/// Whether curves along an axis run along this one too: rate and stress follow from each other.
-fn is_along(axis: &Axis, along: &Axis) -> bool {
-    axis.key == along.key || axis.is_of_shear() && along.is_of_shear()
-}
-
-/// What sets each of some parameters apart from the others: `c = 0.69, Γ = ∞`; the axis they run along left out.
-pub(super) fn labels(params: &[&Params], along: Option<&Axis>) -> Vec<String> {
+/// What sets each of some parameters apart from the others, each with the campaign it is of: nothing that all have alike, nor the axis
+/// they run along, nor that of the panels.
+pub(super) fn labels(all: &[(&str, &Params)], shared: Shared<'_>) -> Vec<Label> {
+    let params = || all.iter().map(|(_, params)| *params);
     let differing: Vec<&Axis> = AXES
         .iter()
-        .filter(|axis| along.is_none_or(|along| !is_along(axis, along)))
-        .filter(|axis| axis.varies(params.iter().copied()))
+        .filter(|axis| !shared.is_along(axis) && !shared.is_of_panels(axis))
+        .filter(|axis| axis.varies(params()))
         .collect();
     let word = |axis: &&Axis, params: &Params| match axis.value(params) {
         Value::Word(word) => word.to_owned(),
         Value::Number(f64::INFINITY) => format!("{} = ∞", axis.symbol),
         value => format!("{} = {value}", axis.symbol),
     };
-    let imposed = |params: &&&Params| params.shear_stress.is_some();
-    let both = params.iter().any(|p| imposed(&p)) && !params.iter().all(|p| imposed(&p));
-    params
-        .iter()
-        .map(|params| {
+    let is_imposed = |params: &Params| params.shear_stress.is_some();
+    let both = params().any(is_imposed) && !params().all(is_imposed);
+    let several = all.iter().any(|(campaign, _)| *campaign != all[0].0);
+    let by_number = match differing.as_slice() {
+        [axis] if axis.is_numeric() && !both && !several => Some(*axis),
+        _ => None,
+    };
+    all.iter()
+        .map(|(campaign, params)| {
             let own = differing
                 .iter()
                 .filter(|axis| !axis.is_of_shear() || axis.means_something(params));
-            let mut words: Vec<String> = own.map(|axis| word(axis, params)).collect();
-            if both && along.is_some() {
-                let how = if params.shear_stress.is_some() {
-                    "stress"
-                } else {
-                    "rate"
-                };
+            let name = several.then(|| (*campaign).to_owned());
+            let mut words: Vec<String> = name
+                .into_iter()
+                .chain(own.map(|axis| word(axis, params)))
+                .collect();
+            if both && shared.along.is_some() {
+                let how = if is_imposed(params) { "stress" } else { "rate" };
                 words.push(format!("imposed {how}"));
             }
-            words.join(", ")
+            Label {
+                words: words.join(", "),
+                number: by_number.map(|axis| axis.number(params)),
+            }
         })
         .collect()
 }

@@ -1,25 +1,36 @@
-//! What a figure shows: points as curves, or runs in time.
+//! Figures: what they show, and the files they become.
+//!
+//! ```text
+//! sketch      points of reports as lines of panels
+//! outline     the same with colours, ends and ticks of axes: all that another program needs to draw it
+//! layout      the outline as shapes on a page
+//! svg, png, pdf   the shapes as a file that names its origin
+//! ```
 
+mod font;
+mod layout;
+mod legend;
 mod log_axis;
+mod look;
+mod origin;
 mod outline;
-mod render;
+mod palette;
+mod pdf;
+mod png;
+mod scale;
+mod shape;
+mod sketch;
+mod svg;
 
+pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
+use origin::Origin;
 pub use outline::Outline;
-pub use render::Format;
 
-use super::ReportError;
-use super::curves::{curves, labels};
-use super::{Point, Report, Selection, selected_runs};
-use crate::axes::{AXES, Axis, identity};
-use crate::statistics::Estimate;
+use super::{Report, ReportError, Selection, selected_runs};
+use crate::axes::{Axis, identity};
 use crate::store::{PointRun, Store};
-use log_axis::LogAxis;
-use outline::CURVES;
-use render::render;
+use palette::{Colour, Marker, ORDERED_CURVES};
 use sd_core::Params;
-
-/// Style of the crosses of jammed layers.
-const JAMMED_STYLE: usize = 6;
 
 /// What a figure shows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -53,13 +64,13 @@ pub enum Quantity {
     /// From the stresslets alone, as eq. (20) of the paper reads.
     #[value(name = "viscosity_stresslet")]
     ViscosityStresslet,
-    /// Median over runs of their medians in time, which spikes near jamming do not move.
+    /// Median over runs of their medians in time, which spikes near jamming do not move, with the quartiles over runs.
     #[value(name = "viscosity_median")]
     ViscosityMedian,
 }
 
 /// What is to be drawn.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Default)]
 pub struct Drawing {
     /// What the figure shows.
     pub kind: Kind,
@@ -67,47 +78,46 @@ pub struct Drawing {
     pub quantity: Quantity,
     /// Its horizontal axis; `None` for Γ where it varies, for contacts ν where that does.
     pub along: Option<&'static Axis>,
+    /// How it is to look.
+    pub look: Look,
+}
+
+/// How a figure is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Vector, for the web and for drawing programs.
+    Svg,
+    /// Vector, for papers.
+    Pdf,
+    /// Raster.
+    Png,
+}
+
+impl Format {
+    /// The format of files with this ending.
+    pub fn of_ending(ending: &str) -> Option<Self> {
+        match ending.to_ascii_lowercase().as_str() {
+            "svg" => Some(Self::Svg),
+            "pdf" => Some(Self::Pdf),
+            "png" => Some(Self::Png),
+            _ => None,
+        }
+    }
 }
 
 /// One run in time.
 #[derive(Debug)]
 pub struct Trace {
+    /// Its campaign.
+    campaign: String,
     /// Its parameters.
     params: Params,
     /// Its seed.
     seed: u64,
+    /// Strain discarded.
+    discard: Option<f64>,
     /// Strain and viscosity.
     points: Vec<(f64, f64)>,
-}
-
-/// One line of a figure.
-#[derive(Debug)]
-struct Line {
-    /// Its entry in the legend.
-    label: String,
-    /// Place on the axis, mean, half the interval.
-    points: Vec<(f64, f64, Option<f64>)>,
-    /// Colour and marker.
-    style: usize,
-    /// Without markers.
-    plain: bool,
-    /// Whether its points are joined.
-    joined: bool,
-}
-
-/// What a figure is made of.
-#[derive(Debug, Default)]
-struct Sketch {
-    /// Its lines.
-    lines: Vec<Line>,
-    /// Heights of dashed lines.
-    dashed: Vec<f64>,
-    /// Label of the horizontal axis.
-    x: String,
-    /// Label of the vertical axis.
-    y: &'static str,
-    /// Its horizontal axis, if that is logarithmic.
-    log: Option<LogAxis>,
 }
 
 /// Traces of runs of the points selected: those whose keys begin with one of `keys`, or else the first with samples of
@@ -128,6 +138,11 @@ pub fn traces(
     {
         return Err(store.no_case(key, "no case").into());
     }
+    let (campaign, protocol) = (store.campaign_name()?, store.protocol()?);
+    let usual = match protocol.discard {
+        crate::campaign::Discard::Strain(strain) => Some(strain),
+        crate::campaign::Discard::Auto => None,
+    };
     let mut all: Vec<Trace> = Vec::new();
     for run in runs {
         let wanted = if keys.is_empty() {
@@ -136,14 +151,16 @@ pub fn traces(
         } else {
             keys.iter().any(|key| begins(&run, key))
         };
-        if !wanted || all.len() > CURVES {
+        if !wanted || all.len() > ORDERED_CURVES {
             continue;
         }
         let points = store.trace(&run.key)?;
         if !points.is_empty() {
             all.push(Trace {
+                campaign: campaign.clone(),
                 params: run.params,
                 seed: run.seed,
+                discard: run.discard.or(usual),
                 points,
             });
         }
@@ -151,17 +168,18 @@ pub fn traces(
     Ok(all)
 }
 
-/// Draws a figure: of a report, or of traces.
+/// Draws a figure: of reports, or of traces.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
 pub fn draw(
-    report: &Report,
+    reports: &[Report],
     traces: &[Trace],
-    drawing: Drawing,
+    drawing: &Drawing,
     format: Format,
 ) -> Result<Vec<u8>, ReportError> {
-    render(&outline(report, traces, drawing)?, format).map_err(refused)
+    let outline = outline(reports, traces, drawing)?;
+    file(&outline, &drawing.look.style, format, &Origin::of(reports))
 }
 
 /// The same figure, to be drawn by another program.
@@ -169,83 +187,66 @@ pub fn draw(
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
 pub fn outline(
-    report: &Report,
+    reports: &[Report],
     traces: &[Trace],
-    drawing: Drawing,
+    drawing: &Drawing,
 ) -> Result<Outline, ReportError> {
-    let along = drawing
-        .along
-        .unwrap_or_else(|| default_axis(report, drawing.kind));
-    if drawing.kind == Kind::FlowCurve && !along.is_shear_rate() {
-        return Err(ReportError::Argument {
-            argument: "--along",
-            message: "a flow curve is stress against rate: it runs along shear_rate".into(),
-        });
-    }
-    let mut sketch = match drawing.kind {
-        Kind::Viscosity => viscosity(report, along, drawing.quantity),
-        Kind::NormalStress => of_points(report, along, "normal stress difference N₁", |p| {
-            p.normal_stress_difference
-        }),
-        Kind::SecondNormalStress => {
-            of_points(report, along, "normal stress difference N₂", |p| {
-                p.stress("n2")
-            })
-        }
-        Kind::ParticlePressure => of_points(report, along, "particle pressure Π", |p| {
-            p.stress("particle_pressure")
-        }),
-        Kind::FlowCurve => of_points(
-            report,
-            along,
-            "shear stress σ* (F_crit/a²)",
-            Point::shear_stress,
-        ),
-        Kind::ApproachVelocity => of_points(report, along, "mean approach velocity", |p| {
-            p.mean_approach_velocity.map(Estimate::bare)
-        }),
-        Kind::Contacts => contacts(report, along),
-        Kind::Trace => in_time(traces),
-    };
-    if sketch.lines.iter().all(|line| line.points.is_empty()) {
-        return Err(refused(
-            "there are no results to draw yet; `sweep status` says how far the campaign is".into(),
-        ));
-    }
-    if report.doubtful > 0 && drawing.kind != Kind::Trace {
-        let what = if report.with_doubtful {
-            "averaged too"
-        } else {
-            "left out"
-        };
-        sketch.x = format!("{} ({} doubtful runs {what})", sketch.x, report.doubtful);
-    }
-    let curves = sketch.lines.len();
-    if curves > CURVES {
-        let how = match drawing.kind {
-            Kind::Trace => "choose runs with --where KEY=VALUE or --case KEY",
-            _ => "choose points with --where KEY=VALUE, or the axis they run along with --along",
-        };
-        let more = if drawing.kind == Kind::Trace {
-            " or more"
-        } else {
-            ""
-        };
-        return Err(refused(format!(
-            "{curves}{more} curves, and at most {CURVES} can be told apart: {how}"
-        )));
-    }
-    let crosses = jammed(report, along, drawing.kind, &sketch);
-    sketch.lines.extend(crosses);
-    Ok(Outline::of(&sketch))
+    let sketch = sketch::sketch(reports, traces, drawing)?;
+    Outline::of(&sketch, &drawing.look)
 }
 
-/// The error about a figure.
-fn refused(message: String) -> ReportError {
-    ReportError::Argument {
-        argument: "--figure",
-        message,
+/// Where what is made of a report comes from, a line each: its campaign, what computed it, the keys of its runs.
+pub(super) fn origin_of(report: &Report) -> String {
+    Origin::of(std::slice::from_ref(report)).to_string()
+}
+
+/// Writes a figure as a file.
+fn file(
+    outline: &Outline,
+    style: &Style,
+    format: Format,
+    origin: &Origin,
+) -> Result<Vec<u8>, ReportError> {
+    let page = layout::page(outline);
+    match format {
+        Format::Svg => Ok(svg::write(&page, origin)),
+        Format::Pdf => pdf::write(&page, origin).map_err(refused),
+        Format::Png => png::write(&page, style.dpi, origin).map_err(refused),
     }
+}
+
+/// What the page draws curves with, besides its colours.
+#[derive(Debug, serde::Serialize)]
+pub(super) struct PageLook {
+    /// Markers, the first for the first curve.
+    markers: Vec<Marker>,
+    /// Colours of rising lightness.
+    heat: Vec<Colour>,
+}
+
+/// The markers of curves and the map of colours that have an order.
+pub(super) fn page_look() -> PageLook {
+    // The page's map goes on to the yellow that is lost on paper: its cells have a ground of their own.
+    let heat = palette::MAP.into_iter().chain([palette::LIGHTEST]);
+    PageLook {
+        markers: palette::MARKERS.to_vec(),
+        heat: heat.collect(),
+    }
+}
+
+/// The colours of curves, on light and on dark ground.
+pub(super) fn curve_colours() -> [&'static [Colour]; 2] {
+    [&palette::COLOURS, &palette::COLOURS_ON_DARK]
+}
+
+/// The error about the figure.
+fn refused(message: String) -> ReportError {
+    refused_as("--figure", message)
+}
+
+/// The error about an argument.
+fn refused_as(argument: &'static str, message: String) -> ReportError {
+    ReportError::Argument { argument, message }
 }
 
 /// Draws the paths of spheres that pass: the centres of the first and the second, in a.
@@ -254,245 +255,33 @@ fn refused(message: String) -> ReportError {
 /// [`ReportError::Argument`] if there is nothing to draw.
 pub fn draw_paths(paths: [Vec<(f64, f64)>; 2], format: Format) -> Result<Vec<u8>, ReportError> {
     let lines = paths.into_iter().zip(["first sphere", "second sphere"]);
-    let sketch = Sketch {
+    let sketch = sketch::Sketch {
         lines: lines
             .enumerate()
-            .map(|(style, (path, label))| Line {
-                label: label.into(),
-                points: path.into_iter().map(|(x, y)| (x, y, None)).collect(),
-                style,
-                plain: true,
-                joined: true,
+            .map(|(place, (path, label))| sketch::Line {
+                label: super::curves::Label {
+                    words: label.into(),
+                    number: None,
+                },
+                points: path
+                    .into_iter()
+                    .map(|(x, y)| sketch::Spot {
+                        x,
+                        y: Some(sketch::Height::bare(y)),
+                    })
+                    .collect(),
+                place,
+                form: sketch::Form::Trace,
+                panel: 0,
+                discard: None,
             })
             .collect(),
+        panels: vec![sketch::Field::default()],
         x: "x / a".into(),
-        y: "y / a",
-        ..Sketch::default()
+        y: "y / a".into(),
+        ..sketch::Sketch::default()
     };
-    render(&Outline::of(&sketch), format).map_err(refused)
-}
-
-/// The axis of a figure if the user names none: the first that varies.
-fn default_axis(report: &Report, kind: Kind) -> &'static Axis {
-    let first = match kind {
-        Kind::Contacts => "friction",
-        // Stress against rate, whichever is imposed.
-        Kind::FlowCurve => return Axis::of_key("shear_rate").unwrap_or(&AXES[0]),
-        _ => "shear_rate",
-    };
-    let order = [
-        first,
-        "shear_stress",
-        "shear_rate",
-        "area_fraction",
-        "friction",
-    ];
-    let mut order: Vec<&Axis> = order.into_iter().filter_map(Axis::of_key).collect();
-    order.extend(AXES.iter().filter(|axis| axis.is_numeric()));
-    order
-        .iter()
-        .find(|axis| axis.varies(report.points.iter().map(|point| &point.params)))
-        .unwrap_or(&order[0])
-}
-
-/// The dilute limit 1 + 5c/3 of every area fraction.
-fn dilute<'p>(params: impl Iterator<Item = &'p Params>) -> Vec<f64> {
-    let mut heights: Vec<f64> = Vec::new();
-    for height in params.map(|p| 1.0 + 5.0 * p.area_fraction / 3.0) {
-        if !heights.iter().any(|h| (h - height).abs() < 1e-9) {
-            heights.push(height);
-        }
-    }
-    heights
-}
-
-/// Traces with the dilute limit of their layers.
-fn in_time(traces: &[Trace]) -> Sketch {
-    let params: Vec<&Params> = traces.iter().map(|trace| &trace.params).collect();
-    let lines = traces
-        .iter()
-        .zip(labels(&params, None))
-        .enumerate()
-        .map(|(style, (trace, label))| {
-            let same = |other: &&Trace| identity(&other.params) == identity(&trace.params);
-            let label = match (traces.iter().filter(same).count(), label.as_str()) {
-                (1, _) => label,
-                (_, "") => format!("seed {}", trace.seed),
-                _ => format!("{label}, seed {}", trace.seed),
-            };
-            Line {
-                label,
-                points: trace.points.iter().map(|&(x, y)| (x, y, None)).collect(),
-                style,
-                plain: true,
-                joined: true,
-            }
-        })
-        .collect();
-    Sketch {
-        lines,
-        dashed: dilute(params.into_iter()),
-        x: "strain".into(),
-        y: "relative viscosity η",
-        log: None,
-    }
-}
-
-/// The horizontal axis of a report's points.
-fn axis(report: &Report, along: &Axis) -> Option<LogAxis> {
-    let values: Vec<f64> = report
-        .points
-        .iter()
-        .map(|p| p.place(along))
-        // Layers that bear their stress at rest stand at a rate of 0.
-        .chain(
-            report
-                .points
-                .iter()
-                .filter(|p| along.is_shear_rate() && bears(p))
-                .map(|_| 0.0),
-        )
-        .collect();
-    along.is_logarithmic().then(|| LogAxis::of(&values))
-}
-
-/// Place of a point.
-fn place(log: Option<LogAxis>, along: &Axis, point: &Point) -> f64 {
-    let value = point.place(along);
-    log.map_or(value, |log| log.place(value))
-}
-
-/// One of the viscosities, with the dilute limit unless c is the axis.
-fn viscosity(report: &Report, along: &Axis, quantity: Quantity) -> Sketch {
-    let mut sketch = match quantity {
-        Quantity::Viscosity => of_points(report, along, "relative viscosity η", |p| p.viscosity),
-        Quantity::ViscosityStresslet => of_points(report, along, "stresslet viscosity", |p| {
-            p.viscosity_stresslet
-        }),
-        Quantity::ViscosityMedian => of_points(report, along, "median viscosity", |p| {
-            p.viscosity_median.map(Estimate::bare)
-        }),
-    };
-    if along.key != "area_fraction" {
-        sketch.dashed = dilute(report.points.iter().map(|point| &point.params));
-    }
-    sketch
-}
-
-/// Whether runs of it ended jammed under an imposed stress.
-fn bears(point: &Point) -> bool {
-    point.params.shear_stress.is_some() && point.jammed > 0
-}
-
-/// Crosses for the points with runs that jammed under an imposed stress: at a rate of 0 in a flow curve, above all that flows among
-/// viscosities.
-fn jammed(report: &Report, along: &Axis, kind: Kind, sketch: &Sketch) -> Option<Line> {
-    let heights = sketch.lines.iter().flat_map(|line| &line.points);
-    let top = 1.5
-        * heights
-            .map(|point| point.1)
-            .fold(f64::NEG_INFINITY, f64::max);
-    let jammed = report.points.iter().filter(|point| bears(point));
-    let points: Vec<(f64, f64, Option<f64>)> = jammed
-        .filter_map(|point| {
-            let stress = point.params.shear_stress?;
-            let (x, height) = match kind {
-                Kind::FlowCurve => (0.0, stress),
-                Kind::Viscosity if along.is_shear_rate() => (0.0, top),
-                Kind::Viscosity => (point.place(along), top),
-                _ => return None,
-            };
-            Some((sketch.log.map_or(x, |log| log.place(x)), height, None))
-        })
-        .collect();
-    let is_drawn = !points.is_empty() && points.iter().all(|point| point.1.is_finite());
-    is_drawn.then(|| Line {
-        label: "jammed at this stress".into(),
-        points,
-        style: JAMMED_STYLE,
-        plain: false,
-        joined: false,
-    })
-}
-
-/// One line per curve of one quantity.
-fn of_points(
-    report: &Report,
-    along: &Axis,
-    y: &'static str,
-    quantity: fn(&Point) -> Option<Estimate>,
-) -> Sketch {
-    let log = axis(report, along);
-    let lines = curves(report, along)
-        .into_iter()
-        .enumerate()
-        .map(|(style, curve)| Line {
-            points: curve
-                .points
-                .iter()
-                .filter_map(|point| {
-                    let estimate = quantity(point).filter(|e| e.mean.is_finite())?;
-                    Some((place(log, along, point), estimate.mean, estimate.ci95))
-                })
-                .collect(),
-            label: curve.label,
-            style,
-            plain: false,
-            joined: true,
-        })
-        .collect();
-    Sketch {
-        lines,
-        x: along.label(),
-        y,
-        log,
-        dashed: Vec::new(),
-    }
-}
-
-/// Four lines per curve.
-fn contacts(report: &Report, along: &Axis) -> Sketch {
-    /// A kind of contact: its name, and its number per sphere.
-    type Count = (&'static str, fn(&Point) -> Option<f64>);
-    let activated = |p: &Point| Some(p.contacts_per_sphere? * p.activated_fraction.unwrap_or(0.0));
-    let counts: [Count; 4] = [
-        ("in contact", |p| p.contacts_per_sphere),
-        ("activated", activated),
-        ("rolling", |p| {
-            Some(
-                p.contacts_per_sphere?
-                    * p.activated_fraction.unwrap_or(0.0)
-                    * p.rolling_fraction.unwrap_or(0.0),
-            )
-        }),
-        ("slipping", |p| {
-            let rolling = p.rolling_fraction.unwrap_or(0.0);
-            Some(p.contacts_per_sphere? * p.activated_fraction.unwrap_or(0.0) * (1.0 - rolling))
-        }),
-    ];
-    let log = axis(report, along);
-    let mut lines = Vec::new();
-    for curve in curves(report, along) {
-        for (name, count) in counts {
-            let words = [name, &curve.label];
-            lines.push(Line {
-                label: words[..if curve.label.is_empty() { 1 } else { 2 }].join(", "),
-                points: curve
-                    .points
-                    .iter()
-                    .filter_map(|point| Some((place(log, along, point), count(point)?, None)))
-                    .collect(),
-                style: lines.len() % CURVES,
-                plain: false,
-                joined: true,
-            });
-        }
-    }
-    Sketch {
-        lines,
-        x: along.label(),
-        y: "pairs per sphere",
-        log,
-        dashed: Vec::new(),
-    }
+    let look = Look::default();
+    let outline = Outline::of(&sketch, &look)?;
+    file(&outline, &look.style, format, &Origin::of(&[]))
 }

@@ -5,22 +5,34 @@
 
 use super::ReportError;
 use super::columns::quantities;
+use super::figure::{PageLook, curve_colours, page_look};
 use super::json::Row;
 use super::{Report, Selection, selected_runs};
 use crate::axes::{AXES, Axis, identity};
+use crate::campaign::Discard;
 use crate::statistics::ratio;
-use crate::store::{FailureLine, Provenance, Store, StoredFrame};
+use crate::store::{FailureLine, PointRun, Provenance, Store, StoredFrame};
 use crate::trajectory::state_number;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// The frame of the page.
 const PAGE: &str = include_str!("page/page.html");
 /// Its style.
 const STYLE: &str = include_str!("page/page.css");
-/// Its script.
-const SCRIPT: &str = include_str!("page/page.js");
+/// Its script, of one subject each; all within one function, so that no name leaves it.
+const SCRIPT: &str = concat!(
+    "'use strict';\n(() => {\n",
+    include_str!("page/base.js"),
+    include_str!("page/curves.js"),
+    include_str!("page/views.js"),
+    include_str!("page/runs.js"),
+    include_str!("page/table.js"),
+    include_str!("page/save.js"),
+    include_str!("page/start.js"),
+    "})();\n"
+);
 
 /// Points of all traces together at most, so that a page of thousands of runs still opens.
 const TRACE_POINTS: usize = 400_000;
@@ -30,6 +42,8 @@ const MOVIE_FRAMES: usize = 3000;
 const MOVIES: usize = 100;
 /// Failures listed at most.
 const FAILURES: u32 = 200;
+/// Width of a bin of a histogram, in decades.
+const BIN: f64 = 0.04;
 
 /// Where a page lives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,7 +66,7 @@ struct Data<'r> {
     /// Its file.
     text: String,
     /// Strain discarded, or the word for one that each point has for itself.
-    discard: crate::campaign::Discard,
+    discard: Discard,
     /// Cases by state.
     cases: crate::store::Counts,
     /// Share of the work done.
@@ -77,6 +91,10 @@ struct Data<'r> {
     failures: Vec<FailureLine>,
     /// Programs that computed.
     provenance: &'r [Provenance],
+    /// Width of a bin of the histograms of runs, in decades.
+    histogram_bin: f64,
+    /// Markers of curves, and colours that have an order.
+    look: PageLook,
 }
 
 /// An axis, as the script is told of it.
@@ -122,10 +140,24 @@ pub fn page(store: &Store, selection: &Selection, host: PageHost) -> Result<Stri
     };
     let page = PAGE
         .replace("@CONNECT@", connect)
-        .replace("@CSS@", STYLE)
+        .replace("@CSS@", &style())
         .replace("@JS@", SCRIPT);
     // Last, and once: what users wrote is never looked at for placeholders.
     Ok(page.replacen("@DATA@", &in_script(&data), 1))
+}
+
+/// The style, with the colours of curves.
+fn style() -> String {
+    let list = |colours: &mut dyn Iterator<Item = String>| {
+        let each = colours
+            .enumerate()
+            .map(|(n, colour)| format!("--c{n}: {colour};"));
+        each.collect::<Vec<_>>().join(" ")
+    };
+    let [light, dark] = curve_colours();
+    STYLE
+        .replace("@LIGHT@", &list(&mut light.iter().map(ToString::to_string)))
+        .replace("@DARK@", &list(&mut dark.iter().map(ToString::to_string)))
 }
 
 /// JSON that cannot end the element it stands in.
@@ -164,21 +196,21 @@ pub fn data(store: &Store, selection: &Selection, host: PageHost) -> Result<Stri
     }
     let points_each = (TRACE_POINTS / all.len().max(1)).clamp(12, 240);
     let mut runs = Vec::with_capacity(all.len());
-    let mut filmed: Vec<String> = Vec::new();
-    let mut last_filmed = None;
     for run in &all {
         let point = place_of[&identity(&run.params)];
-        let trace = thinned(&store.trace(&run.key)?, points_each);
+        let trace = store.trace(&run.key)?;
+        let discard = run.discard.or(match report.discard {
+            Discard::Strain(strain) => Some(strain),
+            Discard::Auto => None,
+        });
         runs.push(json!({
             "point": point, "key": run.key, "seed": run.seed, "state": run.state,
             "doubts": run.doubts.iter().map(|doubt| doubt.name()).collect::<Vec<_>>(),
-            "viscosity": run.viscosity, "wall_time_s": run.wall_time_s, "cpu_time_s": run.cpu_time_s, "trace": trace,
+            "viscosity": run.viscosity, "wall_time_s": run.wall_time_s, "cpu_time_s": run.cpu_time_s,
+            "discard": discard, "histogram": histogram(&trace, discard.unwrap_or(0.0)), "trace": thinned(&trace, points_each),
         }));
-        if last_filmed != Some(point) && filmed.len() < MOVIES && store.frame_count(&run.key)? > 1 {
-            last_filmed = Some(point);
-            filmed.push(run.key.clone());
-        }
     }
+    let filmed = filmed(store, &all, host)?;
     let frames_each = (MOVIE_FRAMES / filmed.len().max(1)).clamp(20, 120);
     let mut movies = Map::new();
     for key in filmed {
@@ -210,8 +242,46 @@ pub fn data(store: &Store, selection: &Selection, host: PageHost) -> Result<Stri
         movies,
         failures,
         provenance: &report.provenance,
+        histogram_bin: BIN,
+        look: page_look(),
     };
     serde_json::to_string(&document).map_err(|error| ReportError::Output(error.into()))
+}
+
+/// The runs whose layers are shown: all that keep frames where a server has them; in a file the first of every point before the second
+/// of any, so many that the file still opens.
+fn filmed(store: &Store, all: &[PointRun], host: PageHost) -> Result<Vec<String>, ReportError> {
+    let mut filmed: Vec<(usize, &PointRun)> = Vec::new();
+    let mut number_of: HashMap<_, usize> = HashMap::new();
+    for run in all {
+        if store.frame_count(&run.key)? > 1 {
+            let number = number_of.entry(identity(&run.params)).or_insert(0);
+            filmed.push((*number, run));
+            *number += 1;
+        }
+    }
+    if host == PageHost::File {
+        filmed.sort_by_key(|(number, _)| *number);
+        filmed.truncate(MOVIES);
+    }
+    Ok(filmed.into_iter().map(|(_, run)| run.key.clone()).collect())
+}
+
+/// How many samples after a strain have a viscosity in each bin of its logarithm, from the first bin that has one.
+fn histogram(trace: &[(f64, f64)], discard: f64) -> Option<Value> {
+    let mut counts: BTreeMap<i32, u64> = BTreeMap::new();
+    for (_, viscosity) in trace.iter().filter(|(strain, viscosity)| {
+        *strain > discard && *viscosity > 0.0 && viscosity.is_finite()
+    }) {
+        #[expect(clippy::cast_possible_truncation, reason = "a few hundred bins")]
+        let bin = (viscosity.log10() / BIN).floor() as i32;
+        *counts.entry(bin).or_insert(0) += 1;
+    }
+    let (first, last) = (*counts.keys().next()?, *counts.keys().next_back()?);
+    let all: Vec<u64> = (first..=last)
+        .map(|bin| counts.get(&bin).copied().unwrap_or(0))
+        .collect();
+    Some(json!({"first": first, "counts": all}))
 }
 
 /// The movie of a run, at most so many frames.
@@ -301,7 +371,7 @@ fn thinned(trace: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
 
 #[cfg(test)]
 mod tests {
-    use super::{in_script, thinned};
+    use super::{histogram, in_script, thinned};
 
     #[test]
     fn markup_cannot_end_the_script() {
@@ -309,6 +379,23 @@ mod tests {
         assert!(!text.contains(['<', '>', '&']));
         let back: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert_eq!(back["name"], "</script><img onerror=1>&amp;");
+    }
+
+    #[test]
+    fn histograms_count_what_is_kept() {
+        let trace = [
+            (0.1, 9.0),
+            (0.3, 10.5),
+            (0.4, 10.6),
+            (0.5, 100.0),
+            (0.6, -1.0),
+        ];
+        let histogram = histogram(&trace, 0.2).unwrap();
+        assert_eq!(histogram["first"], 25);
+        let counts = histogram["counts"].as_array().unwrap();
+        assert_eq!((&counts[0], counts.len()), (&2.into(), 26));
+        assert_eq!(counts[25], 1);
+        assert_eq!(super::histogram(&trace[4..], 0.0), None);
     }
 
     #[test]

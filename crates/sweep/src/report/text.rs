@@ -2,46 +2,12 @@
 
 mod notes;
 
-use super::ReportError;
-use super::{Point, Report, columns};
-use crate::axes::{AXES, Axis, Value};
+use super::sheet::{NumberFormat, Shape, Sheet, axes_of};
+use super::{Report, ReportError};
 use crate::campaign::Discard;
-use crate::format::{duration, significant};
-use crate::statistics::Estimate;
-use crate::store::Provenance;
-use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
+use crate::format::duration;
+use comfy_table::{ColumnConstraint, ContentArrangement, LineStyle, Table, Width, presets};
 use std::io::Write;
-
-/// A measured quantity: its heading and how its value is written.
-type Column = (&'static str, fn(&Point) -> String);
-
-/// Measured quantities, in the order of the columns; those about jammed, failed and doubtful runs, precisions and strains discarded only
-/// where there are some.
-const COLUMNS: [Column; 18] = [
-    ("runs", |p| p.seeds.to_string()),
-    ("wanted", |p| p.seeds_wanted.to_string()),
-    ("precision", |p| {
-        p.precision.map_or_else(
-            || "–".into(),
-            |part| format!("{} %", significant(100.0 * part, 2)),
-        )
-    }),
-    ("discard", |p| number(p.discard, 3)),
-    ("jammed", |p| p.jammed.to_string()),
-    ("failed", |p| p.failed.to_string()),
-    ("doubtful", |p| p.doubtful.to_string()),
-    ("viscosity", |p| interval(p.viscosity)),
-    ("median", |p| number(p.viscosity_median, 4)),
-    ("independent\nsamples", |p| number(p.effective_samples, 2)),
-    ("stresslet\nviscosity", |p| interval(p.viscosity_stresslet)),
-    ("contacts\n/ N", |p| number(p.contacts_per_sphere, 3)),
-    ("activated", |p| number(p.activated_fraction, 3)),
-    ("rolling", |p| number(p.rolling_fraction, 3)),
-    ("smallest\ngap", |p| number(p.minimum_gap, 3)),
-    ("approach", |p| number(p.mean_approach_velocity, 2)),
-    ("worst\nresidual", |p| number(p.worst_residual, 2)),
-    ("unconverged", |p| number(p.unconverged_fraction, 2)),
-];
 
 /// A table in the style of the program; `width` is that of the terminal.
 pub(crate) fn table(width: Option<u16>) -> Table {
@@ -54,37 +20,29 @@ pub(crate) fn table(width: Option<u16>) -> Table {
     table
 }
 
-/// A number, or a dash.
-fn number(value: Option<f64>, digits: i32) -> String {
-    value.map_or_else(|| "–".into(), |value| significant(value, digits))
-}
-
-/// A mean with its interval.
-fn interval(estimate: Option<Estimate>) -> String {
-    match estimate {
-        None => "–".into(),
-        Some(Estimate {
-            mean,
-            ci95: Some(width),
-            ..
-        }) => format!("{} ± {}", significant(mean, 4), significant(width, 2)),
-        Some(Estimate { mean, .. }) => significant(mean, 4),
+/// The table as text, in which no word and no number is split over lines: rather is it wider than the terminal.
+pub(crate) fn whole(mut table: Table) -> String {
+    let mut longest: Vec<usize> = Vec::new();
+    let rows = table.header().into_iter().chain(table.row_iter());
+    for row in rows {
+        for (place, cell) in row.cell_iter().enumerate() {
+            let content = cell.content();
+            let word = content
+                .split_whitespace()
+                .map(|word| word.chars().count())
+                .max();
+            if longest.len() <= place {
+                longest.push(0);
+            }
+            longest[place] = longest[place].max(word.unwrap_or(0));
+        }
     }
-}
-
-/// A cell of a column that was asked for, with its interval if it has one.
-fn cell(column: &columns::Column, point: &Point) -> String {
-    let of = |column: &columns::Column, digits| match column.cell(point) {
-        Some(Value::Number(number)) => Some(significant(number, digits)),
-        Some(value) => Some(value.to_string()),
-        None => None,
-    };
-    let width = column.interval().and_then(|interval| of(&interval, 2));
-    match (of(column, 4), width) {
-        (Some(mean), Some(width)) => format!("{mean} ± {width}"),
-        (Some(mean), None) => mean,
-        (None, _) => "–".into(),
+    for (column, length) in table.column_iter_mut().zip(longest) {
+        // A space on either side.
+        let width = u16::try_from(length + 2).unwrap_or(u16::MAX);
+        column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(width)));
     }
+    table.to_string()
 }
 
 /// What is said of runs with doubtful numbers.
@@ -120,23 +78,53 @@ fn explain(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     Ok(())
 }
 
-/// The programs of processes, each once.
-fn programs(processes: &[Provenance]) -> Vec<String> {
-    let mut programs: Vec<String> = Vec::new();
-    for process in processes {
-        let program = process.program();
-        if !programs.contains(&program) {
-            programs.push(program);
+/// Says what the columns of a table are.
+fn legend(
+    sheet: &Sheet,
+    shape: Shape,
+    after: &str,
+    out: &mut dyn Write,
+) -> Result<(), ReportError> {
+    let has = |name: &str| sheet.columns().iter().any(|column| column.name == name);
+    if has("viscosity") {
+        let interval = match shape.format {
+            NumberFormat::Plain => "± half the 95 % Student interval",
+            NumberFormat::Si => "and in brackets half the 95 % Student interval",
+        };
+        writeln!(out, "viscosity: mean over runs {interval}, {after}")?;
+    }
+    for (name, words) in [
+        (
+            "viscosity_stresslet",
+            "stresslet viscosity: without contact stress",
+        ),
+        (
+            "viscosity_median",
+            "median: over runs, of their medians in time",
+        ),
+        ("jammed", "Jammed runs are counted, not averaged"),
+        (
+            "activated_fraction",
+            "activated: of contacts; rolling: of activated ones",
+        ),
+    ] {
+        if has(name) {
+            writeln!(out, "{words}")?;
         }
     }
-    programs
+    Ok(())
 }
 
 /// Writes the report as a table.
 ///
 /// # Errors
 /// Output that cannot be written.
-pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result<(), ReportError> {
+pub fn write(
+    report: &Report,
+    shape: Shape,
+    width: Option<u16>,
+    out: &mut dyn Write,
+) -> Result<(), ReportError> {
     let c = &report.counts;
     writeln!(
         out,
@@ -148,10 +136,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
         c.failed,
         c.pending + c.running
     )?;
-    // The shear rate is what curves are drawn against: always a column.
-    let (columns, fixed): (Vec<&Axis>, Vec<&Axis>) = AXES.iter().partition(|axis| {
-        axis.is_shear_rate() || axis.varies(report.points.iter().map(|point| &point.params))
-    });
+    let (columns, fixed) = axes_of(report);
     if !report.selection.is_everything() {
         writeln!(out, "only where {}", report.selection)?;
     }
@@ -168,54 +153,20 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             })
             .collect();
         writeln!(out, "{}", words.join(", "))?;
-        let rules = report.points.iter().any(|point| point.rule.is_some());
-        let auto = report.discard == Discard::Auto;
-        let usual: Vec<Column> = COLUMNS
-            .into_iter()
-            .filter(|(heading, _)| match *heading {
-                "wanted" | "precision" => rules,
-                "discard" => auto,
-                "jammed" => c.jammed > 0,
-                "failed" => c.failed > 0,
-                "doubtful" => report.doubtful > 0,
-                _ => true,
-            })
-            .collect();
-        let mut table = table(width);
-        let axes = columns.iter().map(|axis| axis.symbol.to_owned());
-        let headings: Vec<&str> = match report.columns.chosen() {
-            Some(chosen) => chosen.iter().map(|column| column.name).collect(),
-            None => usual.iter().map(|column| column.0).collect(),
-        };
-        table.set_header(axes.chain(headings.into_iter().map(str::to_owned)));
-        for point in &report.points {
-            let axes = columns.iter().map(|axis| match point.params.shear_stress {
-                Some(_) if axis.is_shear_rate() => number(point.shear_rate(), 4),
-                None if axis.is_shear_stress() => "–".into(),
-                _ => axis.value(&point.params).to_string(),
-            });
-            let cells: Vec<String> = match report.columns.chosen() {
-                Some(chosen) => chosen.iter().map(|column| cell(column, point)).collect(),
-                None => usual.iter().map(|column| column.1(point)).collect(),
-            };
-            table.add_row(axes.chain(cells));
-        }
-        for column in table.column_iter_mut() {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-        writeln!(out, "{table}")?;
+        let sheet = Sheet::of(report, shape, width);
+        writeln!(out, "{}", sheet.text(width))?;
         let after = match report.discard {
             Discard::Strain(strain) => format!("after a strain of {strain}"),
             Discard::Auto => "after the strain MSER-5 picks at each point".into(),
         };
+        if sheet.is_cut {
+            writeln!(
+                out,
+                "more columns: --wide, or those of --columns NAME[,NAME..]"
+            )?;
+        }
         explain(report, out)?;
-        writeln!(
-            out,
-            "viscosity: mean over runs ± half the 95 % Student interval, {after}; \
-             stresslet viscosity: without contact stress.\n\
-             median: over runs, of their medians in time. Jammed runs are counted, not averaged. \
-             activated: of contacts; rolling: of activated ones.",
-        )?;
+        legend(&sheet, shape, &after, out)?;
         notes::write(report, &columns, out)?;
     }
     if report.doubtful > 0 {
@@ -227,7 +178,7 @@ pub fn write(report: &Report, width: Option<u16>, out: &mut dyn Write) -> Result
             "computed in {} of processor time ({} by the wall), summed over runs, by {}",
             duration(report.processor),
             duration(report.computing),
-            programs(&report.provenance).join("; ")
+            report.programs().join("; ")
         )?;
     }
     for failure in &report.failures {

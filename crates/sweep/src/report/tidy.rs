@@ -17,11 +17,13 @@ use std::io::Write;
 pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let columns = columns_of(report);
     let rows = report.points.iter().map(|point| {
-        columns.iter().map(|column| match column.cell(point) {
-            Some(Value::Number(number)) => format!("{number:?}"),
-            Some(value) => value.to_string(),
-            None => String::new(),
-        })
+        columns
+            .iter()
+            .map(|column| match column.shown(report, point) {
+                Some(Value::Number(number)) => format!("{number:?}"),
+                Some(value) => value.to_string(),
+                None => String::new(),
+            })
     });
     let names = columns.iter().map(|column| column.name);
     Ok(csv_rows::write(names, rows, out)?)
@@ -35,7 +37,7 @@ pub fn write_units(report: &Report, out: &mut dyn Write) -> Result<(), ReportErr
     let columns = columns_of(report);
     let rows = columns
         .iter()
-        .map(|column| [column.name, column.unit, column.meaning]);
+        .map(|column| [column.name, column.unit_in(report), column.meaning]);
     Ok(csv_rows::write(["column", "unit", "meaning"], rows, out)?)
 }
 
@@ -62,18 +64,20 @@ pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), Report
             name => matters(name),
         })
         .collect();
-    let heads = columns.iter().map(|column| match column.unit {
+    let heads = columns.iter().map(|column| match column.unit_in(report) {
         "" | "1" => column.name.to_owned(),
         unit => format!("{} ({unit})", column.name),
     });
     writeln!(out, "| {} |", heads.collect::<Vec<_>>().join(" | "))?;
     writeln!(out, "|{}", " ---: |".repeat(columns.len()))?;
     for point in &report.points {
-        let cells = columns.iter().map(|column| match column.cell(point) {
-            Some(Value::Number(number)) => trimmed(number),
-            Some(value) => value.to_string(),
-            None => "–".into(),
-        });
+        let cells = columns
+            .iter()
+            .map(|column| match column.shown(report, point) {
+                Some(Value::Number(number)) => trimmed(number),
+                Some(value) => value.to_string(),
+                None => "–".into(),
+            });
         writeln!(out, "| {} |", cells.collect::<Vec<_>>().join(" | "))?;
     }
     if report.doubtful > 0 {

@@ -2,12 +2,22 @@
 
 use super::{Kind, Plan, Source};
 use crate::cli::{Error, Output};
-use crate::format::{bytes, duration, significant};
+use crate::format::{bytes, duration, significant, wrapped};
 use std::io::Write;
 
 /// Writes it.
 pub(super) fn write(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
-    let (width, out) = (output.width, &mut *output.out);
+    let mut text = Vec::new();
+    tables(plan, output.width, &mut text)?;
+    let text = String::from_utf8_lossy(&text);
+    output
+        .out
+        .write_all(wrapped(&text, output.width).as_bytes())?;
+    Ok(())
+}
+
+/// The plan for a terminal of this width.
+fn tables(plan: &Plan, width: Option<u16>, out: &mut dyn Write) -> Result<(), Error> {
     let ended = match plan.ended {
         0 => String::new(),
         ended => format!(", {ended} of them ended"),
@@ -53,16 +63,15 @@ fn write_axes(plan: &Plan, width: Option<u16>, out: &mut dyn Write) -> Result<()
         };
         axes.add_row([(*name).to_owned(), words.len().to_string(), shown]);
     }
-    writeln!(out, "{axes}")?;
+    writeln!(out, "{}", crate::report::whole(axes))?;
     Ok(())
 }
 
 fn write_kinds(kinds: &[Kind], width: Option<u16>, out: &mut dyn Write) -> Result<(), Error> {
     let mut table = crate::report::table(width);
     table.set_header([
-        "spheres",
-        "hydrodynamics",
-        "contact",
+        "N",
+        "hydrodynamics and contacts",
         "steps",
         "runs",
         "step",
@@ -74,10 +83,9 @@ fn write_kinds(kinds: &[Kind], width: Option<u16>, out: &mut dyn Write) -> Resul
         let mark = if kind.measured { "" } else { "≈ " };
         table.add_row([
             kind.spheres.to_string(),
-            kind.hydrodynamics.into(),
             match kind.tangential {
-                "roll-slip" => kind.contact.into(),
-                other => format!("{}, {other}", kind.contact),
+                "roll-slip" => format!("{}, {}", kind.hydrodynamics, kind.contact),
+                other => format!("{}, {}, {other}", kind.hydrodynamics, kind.contact),
             },
             kind.steps.to_string(),
             kind.cases.to_string(),
@@ -91,7 +99,7 @@ fn write_kinds(kinds: &[Kind], width: Option<u16>, out: &mut dyn Write) -> Resul
             },
         ]);
     }
-    writeln!(out, "{table}")?;
+    writeln!(out, "{}", crate::report::whole(table))?;
     for kind in kinds {
         if let Some(reason) = &kind.reason {
             writeln!(out, "no short run of {} spheres: {reason}", kind.spheres)?;

@@ -165,7 +165,7 @@ pub(super) fn write(
                 ),
             ]);
         }
-        writeln!(out, "{table}")?;
+        writeln!(out, "{}", crate::report::whole(table))?;
         if open.len() > ROWS {
             writeln!(out, "and {} more tasks", open.len() - ROWS)?;
         }

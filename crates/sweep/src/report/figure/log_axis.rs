@@ -45,27 +45,31 @@ impl LogAxis {
             value.log10()
         }
     }
-
-    /// Words for a tick.
-    pub(super) fn tick(self, place: f64) -> String {
-        if self.zero && place < self.low - 0.5 {
-            "0".into()
-        } else if self.infinite && place > self.high + 0.5 {
-            "∞".into()
-        } else if place < self.low - 0.5 || place > self.high + 0.5 {
-            String::new()
-        } else {
-            decade(place)
-        }
-    }
 }
 
-/// A power of ten: 0.1, 1, 10, 10³.
-fn decade(place: f64) -> String {
-    if (-1.5..1.5).contains(&place) {
-        return format!("{}", 10_f64.powf(place.round()));
-    }
-    let digits: String = format!("{place:.0}")
+/// Words for the decades of one axis, all in one style: 0.01, 0.1, 1, 10, or 10⁻⁴, 10⁻², 10⁰ where numbers would be long.
+pub(super) fn decade_words(decades: &[f64]) -> Vec<String> {
+    let short = decades.iter().all(|decade| (-3.5..4.5).contains(decade));
+    let word = |decade: &f64| {
+        if short {
+            let decimals = if *decade < 0.0 { -decade.round() } else { 0.0 };
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "at most 3"
+            )]
+            let decimals = decimals as usize;
+            format!("{:.decimals$}", 10_f64.powf(decade.round()))
+        } else {
+            power_of_ten(&format!("{decade:.0}"))
+        }
+    };
+    decades.iter().map(word).collect()
+}
+
+/// Ten to a power: 10⁻³.
+pub(super) fn power_of_ten(power: &str) -> String {
+    let digits: String = power
         .chars()
         .map(|digit| match digit {
             '-' => '⁻',
@@ -83,7 +87,7 @@ fn decade(place: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{LogAxis, decade};
+    use super::{LogAxis, decade_words};
 
     #[test]
     fn plateaus_lie_one_decade_beyond_the_edges() {
@@ -96,16 +100,13 @@ mod tests {
             values.place(f64::INFINITY),
         ];
         assert_eq!(bits(&places), bits(&[-3.0, 1.0, 3.0]));
-        assert_eq!(values.tick(-3.0), "0");
-        assert_eq!(values.tick(3.0), "∞");
         let only = LogAxis::of(&[0.0, f64::INFINITY]);
         assert_eq!((only.place(0.0), only.place(f64::INFINITY)), (-1.0, 1.0));
     }
 
     #[test]
-    fn decades_are_written_as_powers() {
-        assert_eq!(decade(-1.0), "0.1");
-        assert_eq!(decade(3.0), "10³");
-        assert_eq!(decade(-2.0), "10⁻²");
+    fn decades_are_written_in_one_style() {
+        assert_eq!(decade_words(&[-1.0, 0.0, 3.0]), ["0.1", "1", "1000"]);
+        assert_eq!(decade_words(&[-4.0, 0.0, 2.0]), ["10⁻⁴", "10⁰", "10²"]);
     }
 }

@@ -1,109 +1,58 @@
-//! How a sketch is to look: for print, 85 mm wide, the colours of Okabe and Ito, a marker of its own for each curve.
+//! A figure ready to be drawn: colours, markers, ends and ticks of its axes.
 //!
 //! Whoever draws it goes by this: the figures of the program itself, and those of other programs with the same look.
 
-use super::{Line, Sketch};
+use super::legend::Legend;
+use super::look::{Intervals, LegendPlace, Look, Range};
+use super::palette::{Colour, Marker};
+use super::refused_as;
+use super::scale::Scale;
+use super::sketch::{Form, Height, Line, Sketch, Spot};
+use crate::report::ReportError;
 use serde::Serialize;
 
-/// Curves of one figure at most: as many as there are colours and markers that can be told apart.
-pub(super) const CURVES: usize = 8;
-/// Okabe and Ito's colours, dark ones first, their yellow last: it is hard to see on white.
-const COLOURS: [&str; CURVES] = [
-    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9", "#F0E442",
-];
-/// A marker for each colour.
-const MARKERS: [Marker; CURVES] = [
-    Marker::Circle,
-    Marker::Square,
-    Marker::Triangle,
-    Marker::Diamond,
-    Marker::TriangleDown,
-    Marker::Plus,
-    Marker::Cross,
-    Marker::Star,
-];
-/// Width of a column, 85 mm.
-const WIDTH: f64 = 321.0;
-/// Height of a figure without its legend.
-const HEIGHT: f64 = 255.0;
-/// Height of an entry of the legend.
-const LEGEND_LINE: f64 = 18.0;
+/// Height of a panel over its width.
+const SLENDERNESS: f64 = 0.74;
+/// Dashes of lines without markers, which tell them apart in grey print.
+const DASHES: [Option<[f64; 2]>; 4] = [None, Some([4.0, 1.2]), Some([1.4, 1.0]), Some([8.0, 1.6])];
+/// Distance of bars of several curves at the same place, over the width of the axis.
+const DODGE: f64 = 0.013;
+/// Distance of the first of them from the last at most.
+const DODGE_IN_ALL: f64 = 0.055;
 
-/// What marks a point.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Marker {
-    Circle,
-    Square,
-    Triangle,
-    Diamond,
-    TriangleDown,
-    Plus,
-    Cross,
-    Star,
-}
-
-/// A figure, in the units of its axes; lengths in pixels of 1/96 inch.
+/// A figure. Numbers of points are in the units of their axes; lengths in points, 72 to an inch.
 #[derive(Debug, Serialize)]
 pub struct Outline {
     /// Width of all.
     pub(super) width: f64,
-    /// Height of all.
-    pub(super) height: f64,
-    /// Of this, height of the legend below the axis.
-    pub(super) legend_height: f64,
+    /// Height of one panel, its labels included, the legend not.
+    pub(super) panel_height: f64,
+    /// Panels beside each other.
+    pub(super) columns: usize,
     /// Size of the labels of the axes.
-    pub(super) label_size: u32,
+    pub(super) label_size: f64,
     /// Size of the numbers and of the legend.
-    pub(super) tick_size: u32,
-    /// The horizontal axis.
-    pub(super) x: Horizontal,
-    /// The vertical axis.
-    pub(super) y: Vertical,
-    /// Its lines.
-    pub(super) lines: Vec<Curve>,
+    pub(super) tick_size: f64,
+    #[serde(skip)]
+    pub(super) legend: LegendPlace,
+    /// Its panels.
+    pub(super) panels: Vec<Panel>,
+}
+
+/// One pair of axes.
+#[derive(Debug, Serialize)]
+pub(super) struct Panel {
+    /// What all its points have in common; empty if it is the only one.
+    pub(super) title: String,
+    pub(super) x: Scale,
+    pub(super) y: Scale,
+    pub(super) curves: Vec<Curve>,
     /// Heights of dashed lines.
-    pub(super) dashed: Straight,
-}
-
-/// A horizontal axis.
-#[derive(Debug, Serialize)]
-pub(super) struct Horizontal {
-    pub(super) label: String,
-    /// Its ends and ticks where they are not for the drawing program to choose.
-    pub(super) decades: Option<Decades>,
-}
-
-/// A logarithmic axis by its decades, with 0 and infinity beyond its ends.
-#[derive(Debug, Serialize)]
-pub(super) struct Decades {
-    pub(super) left: f64,
-    pub(super) right: f64,
-    /// From one tick to the next.
-    pub(super) step: f64,
-    /// Places of ticks, and what stands there.
-    pub(super) ticks: Vec<(f64, String)>,
-    /// Where 0 and infinity are set apart.
-    pub(super) breaks: Straight,
-}
-
-/// A vertical axis.
-#[derive(Debug, Serialize)]
-pub(super) struct Vertical {
-    pub(super) label: &'static str,
-    pub(super) logarithmic: bool,
-    /// Whether it begins at 0.
-    pub(super) from_zero: bool,
-}
-
-/// Straight lines across the figure.
-#[derive(Debug, Serialize)]
-pub(super) struct Straight {
-    pub(super) places: Vec<f64>,
-    pub(super) colour: &'static str,
-    pub(super) width: f64,
-    /// Lengths of a dash and of the gap after it.
-    pub(super) dashes: [f64; 2],
+    pub(super) dashed: Vec<f64>,
+    /// What these are called, said once in a figure.
+    pub(super) dashed_label: Option<&'static str>,
+    /// Strain discarded: where a shade ends that begins at 0.
+    pub(super) shaded: Option<f64>,
 }
 
 /// One curve.
@@ -111,129 +60,321 @@ pub(super) struct Straight {
 pub(super) struct Curve {
     /// Its entry in the legend; empty for none.
     pub(super) label: String,
-    pub(super) colour: &'static str,
+    pub(super) colour: Colour,
     /// `None` for a line without markers.
     pub(super) marker: Option<Marker>,
     /// Radius of its markers.
     pub(super) marker_size: f64,
-    /// Width of the line that joins them; 0 for none.
+    /// Width of its line.
     pub(super) width: f64,
+    /// Lengths of its dashes and of the gaps between them; `None` for a solid line.
+    pub(super) dashes: Option<[f64; 2]>,
     /// Place, height, and how far its interval reaches down and up.
     pub(super) points: Vec<(f64, f64, f64, f64)>,
+    /// First and last of the points of each piece that is joined by a line: none goes over a break of the axis or a point without a
+    /// result.
+    pub(super) pieces: Vec<(usize, usize)>,
     /// Whether any point has an interval.
     pub(super) has_intervals: bool,
+    /// Whether intervals are drawn as a band.
+    pub(super) has_band: bool,
+    /// Places of points of the campaign without a result.
+    pub(super) missing: Vec<f64>,
+    /// Strain discarded, where curves differ in it.
+    pub(super) discard: Option<f64>,
 }
 
 impl Outline {
     /// The look of a sketch.
-    pub(super) fn of(sketch: &Sketch) -> Self {
-        let heights = || {
-            let lines = sketch.lines.iter();
-            lines.flat_map(|line| line.points.iter().map(|p| p.1))
+    ///
+    /// # Errors
+    /// [`ReportError::Argument`] on a range in which nothing can be drawn.
+    pub(super) fn of(sketch: &Sketch, look: &Look) -> Result<Self, ReportError> {
+        let style = &look.style;
+        let number = sketch.panels.len().max(1);
+        let width = look.width(number);
+        // Three panels beside each other need the page of a journal.
+        let fit = if width < 340.0 { 1 } else { 3 };
+        let columns = match number {
+            1 => 1,
+            2 | 4 => fit.min(2),
+            _ => fit,
         };
-        let low = heights().fold(f64::INFINITY, f64::min);
-        let high = heights().fold(f64::NEG_INFINITY, f64::max);
-        // All positive, and more than a decade.
-        let logarithmic = low > 0.0 && high > 10.0 * low;
-        let lines: Vec<Curve> = sketch
-            .lines
+        let y = vertical(sketch, look)?;
+        let x = horizontal(sketch, look)?;
+        let mut panels: Vec<Panel> = sketch
+            .panels
             .iter()
-            .filter(|line| !line.points.is_empty())
-            .map(|line| Curve::of(line, logarithmic))
+            .map(|field| Panel {
+                title: field.title.clone(),
+                x: x.clone(),
+                y: y.clone(),
+                curves: Vec::new(),
+                dashed: field.dilute.clone(),
+                dashed_label: None,
+                shaded: None,
+            })
             .collect();
-        let labelled = lines.iter().filter(|line| !line.label.is_empty()).count();
-        // A column of entries below the axis, with room of its own.
-        let legend_height = match labelled {
-            0 => 0.0,
-            entries => LEGEND_LINE * entries as f64 + 10.0,
-        };
-        Self {
-            width: WIDTH,
-            height: HEIGHT + legend_height,
-            legend_height,
-            label_size: 11,
-            tick_size: 10,
-            x: Horizontal {
-                label: sketch.x.clone(),
-                decades: sketch.log.map(Decades::of),
-            },
-            y: Vertical {
-                label: sketch.y,
-                logarithmic,
-                from_zero: !logarithmic && heights().all(|height| height >= 0.0),
-            },
-            lines,
-            dashed: Straight {
-                places: sketch.dashed.clone(),
-                colour: "#555555",
-                width: 0.9,
-                dashes: [6.0, 4.0],
-            },
+        if let Some(panel) = panels.iter_mut().find(|panel| !panel.dashed.is_empty()) {
+            panel.dashed_label = Some("dilute 1 + 5c/3");
         }
+        let discards = || sketch.lines.iter().filter_map(|line| line.discard);
+        let one_discard = discards()
+            .next()
+            .filter(|first| discards().all(|d| (d - first).abs() < 1e-9) && *first > 0.0);
+        for (place, panel) in panels.iter_mut().enumerate() {
+            let lines: Vec<&Line> = sketch.lines.iter().filter(|l| l.panel == place).collect();
+            let shifts = dodges(&lines, &panel.x, look);
+            panel.shaded = one_discard;
+            panel.curves = lines
+                .iter()
+                .zip(shifts)
+                .map(|(line, shift)| {
+                    let mut curve = Curve::of(line, shift, panel, sketch.ordered, look);
+                    curve.discard = line.discard.filter(|d| one_discard.is_none() && *d > 0.0);
+                    curve
+                })
+                .collect();
+        }
+        let mut outline = Self {
+            width,
+            panel_height: 0.0,
+            columns,
+            label_size: style.font_size,
+            tick_size: 0.9 * style.font_size,
+            legend: style.legend,
+            panels,
+        };
+        let beside = match style.legend {
+            LegendPlace::Right => Legend::of(&outline).width_beside(&outline),
+            _ => 0.0,
+        };
+        let usual = (SLENDERNESS * (width - beside) / columns as f64).clamp(120.0, 300.0);
+        outline.panel_height = style.height.map_or(usual, |height| height.0);
+        Ok(outline)
+    }
+
+    /// Curves with an entry in the legend, each once.
+    pub(super) fn entries(&self) -> Vec<&Curve> {
+        let mut entries: Vec<&Curve> = Vec::new();
+        for curve in self.panels.iter().flat_map(|panel| &panel.curves) {
+            let is_new = !entries.iter().any(|known| known.label == curve.label);
+            if !curve.label.is_empty() && is_new {
+                entries.push(curve);
+            }
+        }
+        entries
+    }
+
+    /// Whether any point is marked as one without a result.
+    pub(super) fn has_missing(&self) -> bool {
+        let mut curves = self.panels.iter().flat_map(|panel| &panel.curves);
+        curves.any(|curve| !curve.missing.is_empty())
     }
 }
 
-impl Decades {
-    fn of(log: super::LogAxis) -> Self {
-        let left = log.low - if log.zero { 1.4 } else { 0.4 };
-        let right = log.high + if log.infinite { 1.4 } else { 0.4 };
-        let crowded = right - left > 8.5;
-        let step = if crowded { 2.0 } else { 1.0 };
-        let first = (left / step).ceil() * step;
-        let places = std::iter::successors(Some(first), |place| Some(place + step));
-        let sides = [(log.zero, log.low - 0.5), (log.infinite, log.high + 0.5)];
-        Self {
-            left,
-            right,
-            step,
-            ticks: places
-                .take_while(|place| *place <= right)
-                .map(|place| (place, log.tick(place)))
-                .collect(),
-            breaks: Straight {
-                places: sides
-                    .into_iter()
-                    .filter_map(|(drawn, place)| drawn.then_some(place))
-                    .collect(),
-                colour: "#bbbbbb",
-                width: 0.8,
-                dashes: [1.0, 3.0],
-            },
+/// Heights of a sketch.
+fn heights(sketch: &Sketch) -> impl Iterator<Item = Height> {
+    let spots = sketch.lines.iter().flat_map(|line| &line.points);
+    spots.filter_map(|spot| spot.y)
+}
+
+/// The vertical axis of all panels.
+fn vertical(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
+    let label = look.y_label.clone().unwrap_or_else(|| sketch.y.clone());
+    let has_intervals = look.style.intervals != Intervals::None;
+    let reach = |height: Height| match height.interval {
+        Some([down, up]) if has_intervals => [height.value - down, height.value + up],
+        _ => [height.value; 2],
+    };
+    let lowest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
+    let highest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::NEG_INFINITY, f64::max);
+    let low = lowest(&mut heights(sketch).map(|h| h.value));
+    let high = highest(&mut heights(sketch).map(|h| h.value));
+    let limits = || {
+        sketch
+            .panels
+            .iter()
+            .flat_map(|panel| &panel.dilute)
+            .copied()
+    };
+    if look.log_y && low <= 0.0 {
+        return Err(refused_as(
+            "--log-y",
+            format!("there is a value of {low:.4}: numbers of 0 or below have no logarithm"),
+        ));
+    }
+    // All positive, and more than a decade.
+    let logarithmic = look.log_y || (low > 0.0 && high > 10.0 * low);
+    let up = highest(&mut heights(sketch).map(|h| reach(h)[1]).chain(limits()));
+    let down = lowest(&mut heights(sketch).map(|h| reach(h)[0]).chain(limits()));
+    if let Some(Range { low, high }) = look.y_range {
+        if logarithmic && low <= 0.0 {
+            return Err(refused_as(
+                "--y-range",
+                format!("the axis is logarithmic and cannot begin at {low}"),
+            ));
+        }
+        return Ok(if logarithmic {
+            Scale::logarithmic(label, low, high)
+        } else {
+            Scale::linear(label, low, high)
+        });
+    }
+    if logarithmic {
+        // An interval that reaches far below its mean does not stretch the axis.
+        let least = lowest(&mut heights(sketch).map(|h| reach(h)[0].max(0.5 * h.value)));
+        let least = lowest(&mut limits().chain([least]));
+        return Ok(Scale::logarithmic(label, least / 1.15, up * 1.15));
+    }
+    let from_zero = low >= 0.0;
+    let (down, up) = if from_zero {
+        (0.0, up)
+    } else {
+        (down.min(0.0), up.max(0.0))
+    };
+    let span = if up > down { up - down } else { 1.0 };
+    let down = if from_zero { 0.0 } else { down - 0.06 * span };
+    Ok(Scale::linear(label, down, up + 0.06 * span))
+}
+
+/// The horizontal axis of all panels.
+fn horizontal(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
+    let label = look.x_label.clone().unwrap_or_else(|| sketch.x.clone());
+    let places = || {
+        sketch
+            .lines
+            .iter()
+            .flat_map(|line| &line.points)
+            .map(|s| s.x)
+    };
+    if let Some(log) = sketch.log {
+        if look.x_range.is_some_and(|range| range.low < 0.0) {
+            return Err(refused_as(
+                "--x-range",
+                "the axis is logarithmic: it can begin at 0, with the plateau beside it, or above"
+                    .into(),
+            ));
+        }
+        return Ok(Scale::of_decades(label, log, look.x_range));
+    }
+    if let Some(Range { low, high }) = look.x_range {
+        return Ok(Scale::linear(label, low, high));
+    }
+    let [low, high] = [
+        places().fold(f64::INFINITY, f64::min),
+        places().fold(f64::NEG_INFINITY, f64::max),
+    ];
+    let span = if high > low {
+        high - low
+    } else {
+        high.abs().max(1.0)
+    };
+    let is_in_time = sketch.lines.iter().all(|line| line.form == Form::Trace) && low >= 0.0;
+    Ok(if is_in_time {
+        Scale::linear(label, 0.0, high)
+    } else {
+        Scale::linear(label, low - 0.05 * span, high + 0.05 * span)
+    })
+}
+
+/// How far each line is shifted along the axis, so that bars at the same place stand beside each other.
+fn dodges(lines: &[&Line], x: &Scale, look: &Look) -> Vec<f64> {
+    let has_bars = |line: &Line| {
+        let mut spots = line.points.iter().filter_map(|spot| spot.y);
+        line.form == Form::Curve
+            && look.style.intervals == Intervals::Bars
+            && spots.any(|height| height.interval.is_some())
+    };
+    let barred: Vec<usize> = (0..lines.len()).filter(|n| has_bars(lines[*n])).collect();
+    let near = 0.02 * (x.high - x.low);
+    let meets = |a: &Line, b: &Line| {
+        let is_near = |s: &Spot| b.points.iter().any(|t| (s.x - t.x).abs() < near);
+        a.points.iter().any(is_near)
+    };
+    let any_meet = barred
+        .iter()
+        .enumerate()
+        .any(|(n, a)| barred[..n].iter().any(|b| meets(lines[*a], lines[*b])));
+    let mut shifts = vec![0.0; lines.len()];
+    if any_meet {
+        let number = barred.len() as f64 - 1.0;
+        let each = DODGE.min(DODGE_IN_ALL / number) * (x.high - x.low);
+        for (n, line) in barred.into_iter().enumerate() {
+            shifts[line] = each * (n as f64 - 0.5 * number);
         }
     }
+    shifts
 }
 
 impl Curve {
-    fn of(line: &Line, logarithmic: bool) -> Self {
-        let interval = |mean: f64, half: Option<f64>| {
-            let half = half.unwrap_or(0.0);
-            // An interval that reaches below zero has no lower end on a logarithmic axis.
-            let lower = if logarithmic {
-                half.min(0.99 * mean)
-            } else {
-                half
+    fn of(line: &Line, shift: f64, panel: &Panel, ordered: usize, look: &Look) -> Self {
+        let style = &look.style;
+        let (x, y) = (&panel.x, &panel.y);
+        let mut points: Vec<(f64, f64, f64, f64)> = Vec::new();
+        let mut pieces: Vec<(usize, usize)> = Vec::new();
+        let mut missing = Vec::new();
+        let mut before: Option<f64> = None;
+        for spot in &line.points {
+            let Some(height) = spot.y.filter(|h| !y.logarithmic || h.value > 0.0) else {
+                if line.form == Form::Curve {
+                    missing.push(spot.x + shift);
+                }
+                before = None;
+                continue;
             };
-            (lower, half)
-        };
+            let [down, up] = match height.interval {
+                Some(reach) if style.intervals != Intervals::None => reach,
+                _ => [0.0; 2],
+            };
+            // An interval that reaches below zero has no lower end on a logarithmic axis.
+            let down = if y.logarithmic {
+                down.min(0.999 * height.value)
+            } else {
+                down
+            };
+            let place = points.len();
+            points.push((spot.x + shift, height.value, down, up));
+            match (before, pieces.last_mut()) {
+                (Some(last), Some(piece)) if !x.breaks_between(last, spot.x) => piece.1 = place,
+                _ => pieces.push((place, place)),
+            }
+            before = Some(spot.x);
+        }
+        if line.form == Form::Crosses {
+            pieces.clear();
+        }
+        pieces.retain(|(first, last)| first < last);
+        let interval = |point: &(f64, f64, f64, f64)| point.2 > 0.0 || point.3 > 0.0;
+        let has_intervals = line.form == Form::Curve && points.iter().any(interval);
+        let is_band = style.intervals == Intervals::Bands;
         Self {
-            label: line.label.clone(),
-            colour: COLOURS[line.style % CURVES],
-            marker: (!line.plain).then_some(MARKERS[line.style % CURVES]),
-            marker_size: 3.0,
-            width: match (line.joined, line.plain) {
-                (false, _) => 0.0,
-                (true, true) => 0.8,
-                (true, false) => 1.2,
+            label: line.label.words.clone(),
+            colour: match (line.form, ordered) {
+                (Form::Crosses, _) => Colour::INK,
+                (_, 0) => style.colours[line.place % style.colours.len()],
+                (_, number) => Colour::ordered(line.place, number),
             },
-            points: line
-                .points
-                .iter()
-                .map(|&(place, mean, half)| {
-                    let (lower, upper) = interval(mean, half);
-                    (place, mean, lower, upper)
-                })
-                .collect(),
-            has_intervals: !line.plain && line.points.iter().any(|point| point.2.is_some()),
+            marker: match line.form {
+                Form::Curve => Some(style.markers[line.place % style.markers.len()]),
+                Form::Crosses => Some(Marker::Cross),
+                Form::Trace => None,
+            },
+            marker_size: style.marker_size.0,
+            width: match line.form {
+                Form::Trace => 0.7 * style.line_width.0,
+                _ => style.line_width.0,
+            },
+            dashes: match line.form {
+                Form::Trace => DASHES[line.place % DASHES.len()],
+                _ => None,
+            },
+            points,
+            pieces,
+            has_intervals,
+            has_band: has_intervals && is_band,
+            missing,
+            discard: None,
         }
     }
 }

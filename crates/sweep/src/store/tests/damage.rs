@@ -215,7 +215,7 @@ fn tables(path: &Path) -> Result<String, crate::report::ReportError> {
     let store = Store::open_read_only(path)?;
     let report = crate::report::Report::of(&store, &crate::report::Selection::default())?;
     let mut tables = Vec::new();
-    crate::report::write_text(&report, None, &mut tables)?;
+    crate::report::write_text(&report, crate::report::Shape::default(), None, &mut tables)?;
     crate::report::write_json(&report, &mut tables)?;
     Ok(String::from_utf8(tables).unwrap())
 }

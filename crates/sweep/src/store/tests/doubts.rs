@@ -45,7 +45,7 @@ fn doubtful_runs_are_counted_and_averaged_only_if_asked_for() {
     assert!(highest(&sound) < 10.0 && highest(&all) > 1e4);
     for (report, word) in [(&sound, "not averaged"), (&all, "averaged with the others")] {
         let mut text = Vec::new();
-        write_text(report, None, &mut text).unwrap();
+        write_text(report, crate::report::Shape::default(), None, &mut text).unwrap();
         write_markdown(report, &mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
         assert_eq!(
@@ -63,13 +63,12 @@ fn doubtful_runs_are_counted_and_averaged_only_if_asked_for() {
         assert_eq!(json["cases"]["doubtful"], 2);
     }
     let figure = |report| {
-        let drawing = crate::report::Drawing {
-            kind: crate::report::Kind::Viscosity,
-            quantity: crate::report::Quantity::Viscosity,
-            along: None,
-        };
-        let format = crate::report::Format::Svg;
-        String::from_utf8(crate::report::draw(report, &[], drawing, format).unwrap()).unwrap()
+        let (drawing, format) = (
+            crate::report::Drawing::default(),
+            crate::report::Format::Svg,
+        );
+        let reports = std::slice::from_ref(report);
+        String::from_utf8(crate::report::draw(reports, &[], &drawing, format).unwrap()).unwrap()
     };
     assert!(figure(&sound).contains("2 doubtful runs left out"));
     assert!(figure(&all).contains("2 doubtful runs averaged too"));

@@ -83,7 +83,7 @@ fn seeds_are_added_until_the_precision_is_reached_or_no_more_may_be() {
         .collect();
     assert_eq!(wanted, [5, 8]);
     let mut text = Vec::new();
-    crate::report::write_text(&report, None, &mut text).unwrap();
+    crate::report::write_text(&report, crate::report::Shape::default(), None, &mut text).unwrap();
     let text = String::from_utf8(text).unwrap();
     assert!(
         text.contains("1 of 2 points have what was asked for"),

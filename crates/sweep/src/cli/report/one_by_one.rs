@@ -1,0 +1,99 @@
+//! Tables with a row for every run, or for every sample.
+
+use super::save;
+use crate::cli::{Error, Output};
+use crate::files::write_whole;
+use crate::report::{ReportError, Selection, TableFormat, write_runs, write_samples};
+use crate::report::{write_run_units, write_sample_units};
+use crate::store::Store;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+/// What a row is.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Rows {
+    Runs,
+    Samples,
+}
+
+/// A table that is asked for.
+type Asked<'a> = (Rows, &'a Path, TableFormat);
+
+/// The tables asked for, each with the format that its name says.
+pub(super) fn asked<'a>(
+    runs: Option<&'a Path>,
+    samples: Option<&'a Path>,
+) -> Result<Vec<Asked<'a>>, Error> {
+    let asked = [
+        ("--runs", Rows::Runs, runs),
+        ("--samples", Rows::Samples, samples),
+    ];
+    let asked = asked
+        .into_iter()
+        .filter_map(|(argument, rows, path)| Some((argument, rows, path?)));
+    asked
+        .map(|(argument, rows, path)| {
+            if path.as_os_str() == "-" {
+                return Ok((rows, path, TableFormat::Csv));
+            }
+            let ending = path.extension().and_then(|ending| ending.to_str());
+            let format = ending.and_then(TableFormat::of_ending);
+            let format = format.ok_or_else(|| Error::Argument {
+                argument,
+                message: format!(
+                    "a name that ends with .csv or .parquet, not {}",
+                    path.display()
+                ),
+            })?;
+            Ok((rows, path, format))
+        })
+        .collect()
+}
+
+/// Writes one of them, and the units of a CSV beside it.
+pub(super) fn write(
+    rows: Rows,
+    path: &Path,
+    format: TableFormat,
+    (store, selection): (&Store, &Selection),
+    output: &mut Output<'_>,
+) -> Result<(), Error> {
+    let table = |out: &mut (dyn Write + Send)| match rows {
+        Rows::Runs => write_runs(store, selection, format, out),
+        Rows::Samples => write_samples(store, selection, format, out),
+    };
+    if path.as_os_str() == "-" {
+        let mut bytes = Vec::new();
+        table(&mut bytes)?;
+        return save(path, &bytes, output);
+    }
+    // What stands in the way of the table is no trouble with its file.
+    let mut refused: Option<ReportError> = None;
+    let written = write_whole(path, |file| {
+        let mut out = BufWriter::new(file);
+        match table(&mut out) {
+            Ok(()) => out.flush(),
+            Err(ReportError::Output(error)) => Err(error),
+            Err(error) => {
+                refused = Some(error);
+                Err(std::io::ErrorKind::Other.into())
+            }
+        }
+    });
+    if let Some(error) = refused {
+        return Err(error.into());
+    }
+    written.map_err(|source| Error::Write {
+        path: path.to_owned(),
+        source,
+    })?;
+    if format == TableFormat::Csv {
+        let mut units = Vec::new();
+        match rows {
+            Rows::Runs => write_run_units(store, selection, &mut units)?,
+            Rows::Samples => write_sample_units(store, selection, &mut units)?,
+        }
+        save(&path.with_extension("units.csv"), &units, output)?;
+    }
+    Ok(())
+}

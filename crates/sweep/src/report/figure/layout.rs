@@ -1,0 +1,494 @@
+//! An outline as shapes on a page.
+
+use super::font;
+use super::legend::{Legend, hidden};
+use super::look::LegendPlace;
+use super::outline::{Curve, Outline, Panel};
+use super::palette::{Colour, Marker};
+use super::shape::{Anchor, Page, Place, Shape, Stroke, marker};
+
+/// Length of a tick.
+const TICK: f64 = 3.0;
+/// Width of axes.
+const AXIS: f64 = 0.6;
+/// Half the length of the cap of a bar.
+const CAP: f64 = 1.8;
+/// How much a band hides.
+const BAND: f64 = 0.22;
+/// From one place that a curve passes to the next, where it is looked for what hides it.
+const NEAR: f64 = 3.0;
+
+/// The page of a figure.
+pub(super) fn page(outline: &Outline) -> Page {
+    let legend = Legend::of(outline);
+    let place = if legend.is_empty() {
+        LegendPlace::None
+    } else {
+        outline.legend
+    };
+    let gap = 0.6 * outline.label_size;
+    let right = match place {
+        LegendPlace::Right => legend.width_beside(outline),
+        _ => 0.0,
+    };
+    let grid = Grid::of(outline, outline.width - right);
+    let mut page = Page {
+        width: outline.width,
+        height: grid.height,
+        shapes: Vec::new(),
+    };
+    for (number, panel) in outline.panels.iter().enumerate() {
+        let frame = Frame {
+            outline,
+            panel,
+            corners: grid.corners(number),
+        };
+        page.shapes.extend(frame.draw());
+        page.shapes
+            .extend(frame.words(grid.is_left(number), grid.is_lowest(number, outline)));
+        if number == 0 && place == LegendPlace::Inside {
+            let [from, to] = legend.corner(frame.corners, &frame.obstacles());
+            page.shapes.push(Shape::Area {
+                places: vec![from, [to[0], from[1]], to, [from[0], to[1]]],
+                fill: Some(Colour::WHITE),
+                opacity: 0.8,
+                stroke: None,
+            });
+            page.shapes.extend(legend.draw(from, legend.width()));
+        }
+    }
+    match place {
+        LegendPlace::Below => {
+            let left = grid.first_left;
+            let width = page.width - left - 2.0;
+            page.shapes
+                .extend(legend.draw([left, page.height + 0.5 * gap], width));
+            page.height += legend.height(width) + gap;
+        }
+        LegendPlace::Right => {
+            let [from, _] = grid.corners(0);
+            let at = [outline.width - legend.width(), from[1]];
+            page.shapes.extend(legend.draw(at, legend.width()));
+            page.height = page
+                .height
+                .max(from[1] + legend.height(legend.width()) + gap);
+        }
+        LegendPlace::Inside | LegendPlace::None => {}
+    }
+    page
+}
+
+/// A straight line.
+fn across(from: Place, to: Place, stroke: Stroke) -> Shape {
+    Shape::Line {
+        places: vec![from, to],
+        stroke,
+    }
+}
+
+/// Where the panels lie.
+struct Grid {
+    columns: usize,
+    /// Left edge of the axes in the first column.
+    first_left: f64,
+    /// Room for the numbers before the axes of other columns.
+    left: f64,
+    /// Room above axes.
+    top: f64,
+    /// Size of the axes.
+    size: [f64; 2],
+    /// Room under the axes of all rows but the last.
+    below: f64,
+    height: f64,
+}
+
+impl Grid {
+    fn of(outline: &Outline, width: f64) -> Self {
+        let columns = outline.columns;
+        let (label, tick) = (outline.label_size, outline.tick_size);
+        let ticks = outline.panels.iter().flat_map(|panel| &panel.y.ticks);
+        let widest = ticks
+            .map(|(_, words)| font::width(words, tick))
+            .fold(0.0, f64::max);
+        let left = widest + 0.9 * tick;
+        let first_left = left + 1.5 * label;
+        let has_titles = outline.panels.iter().any(|panel| !panel.title.is_empty());
+        let top = if has_titles { 1.7 * label } else { 0.8 * tick };
+        let right = 1.3 * tick;
+        let each = (width - first_left - (columns - 1) as f64 * left) / columns as f64 - right;
+        let below = 1.7 * tick;
+        let lowest = below + 1.6 * label;
+        let rows = outline.panels.len().div_ceil(columns);
+        let axes = (outline.panel_height - top - lowest).max(30.0);
+        Self {
+            columns,
+            first_left,
+            left: left + right,
+            top,
+            size: [each.max(30.0), axes],
+            below,
+            height: rows as f64 * (top + axes + below) + lowest - below,
+        }
+    }
+
+    /// The corners of the axes of a panel, the upper left one first.
+    fn corners(&self, panel: usize) -> [Place; 2] {
+        let (row, column) = (panel / self.columns, panel % self.columns);
+        let [width, height] = self.size;
+        let x = self.first_left + column as f64 * (width + self.left);
+        let y = self.top + row as f64 * (self.top + height + self.below);
+        [[x, y], [x + width, y + height]]
+    }
+
+    fn is_left(&self, panel: usize) -> bool {
+        panel.is_multiple_of(self.columns)
+    }
+
+    /// Whether no panel lies below.
+    fn is_lowest(&self, panel: usize, outline: &Outline) -> bool {
+        panel + self.columns >= outline.panels.len()
+    }
+}
+
+/// One panel on the page.
+struct Frame<'o> {
+    outline: &'o Outline,
+    panel: &'o Panel,
+    /// Upper left and lower right corner of the axes.
+    corners: [Place; 2],
+}
+
+impl Frame<'_> {
+    fn x(&self, number: f64) -> f64 {
+        let [[left, _], [right, _]] = self.corners;
+        left + self.panel.x.part(number) * (right - left)
+    }
+
+    fn y(&self, number: f64) -> f64 {
+        let [[_, top], [_, bottom]] = self.corners;
+        bottom + self.panel.y.part(number) * (top - bottom)
+    }
+
+    /// What is drawn within the axes, and the axes.
+    fn draw(&self) -> Vec<Shape> {
+        let [[left, top], [right, bottom]] = self.corners;
+        let mut shapes = vec![Shape::Clip(self.corners)];
+        if let Some(strain) = self.panel.shaded {
+            let end = self.x(strain).clamp(left, right);
+            shapes.push(Shape::Area {
+                places: vec![[left, top], [end, top], [end, bottom], [left, bottom]],
+                fill: Some(Colour::SHADE),
+                opacity: 1.0,
+                stroke: None,
+            });
+        }
+        for height in &self.panel.dashed {
+            let y = self.y(*height);
+            let stroke = Stroke::solid(Colour::GREY, 0.7).dashed(4.5, 3.0);
+            shapes.push(across([left, y], [right, y], stroke));
+        }
+        for place in &self.panel.x.breaks {
+            let x = self.x(*place);
+            let stroke = Stroke::solid(Colour::PALE, 0.6).dashed(1.0, 2.0);
+            shapes.push(across([x, top], [x, bottom], stroke));
+        }
+        for curve in self.panel.curves.iter().filter(|curve| curve.has_band) {
+            shapes.extend(self.bands(curve));
+        }
+        for curve in &self.panel.curves {
+            shapes.extend(self.lines(curve));
+        }
+        for curve in &self.panel.curves {
+            shapes.extend(self.bars(curve));
+        }
+        shapes.push(Shape::EndClip);
+        shapes.extend(self.axes());
+        for curve in &self.panel.curves {
+            shapes.extend(self.markers(curve));
+        }
+        shapes.extend(self.marks());
+        shapes
+    }
+
+    fn lines(&self, curve: &Curve) -> Vec<Shape> {
+        let piece = |&(first, last): &(usize, usize)| Shape::Line {
+            places: curve.points[first..=last]
+                .iter()
+                .map(|point| [self.x(point.0), self.y(point.1)])
+                .collect(),
+            stroke: Stroke {
+                dashes: curve.dashes,
+                ..Stroke::solid(curve.colour, curve.width)
+            },
+        };
+        curve.pieces.iter().map(piece).collect()
+    }
+
+    fn bands(&self, curve: &Curve) -> Vec<Shape> {
+        let alone = |place: usize| {
+            let within = |&(first, last): &(usize, usize)| (first..=last).contains(&place);
+            !curve.pieces.iter().any(within)
+        };
+        let half = 1.2 * curve.marker_size;
+        let area = |places| Shape::Area {
+            places,
+            fill: Some(curve.colour),
+            opacity: BAND,
+            stroke: None,
+        };
+        let edge = |point: &(f64, f64, f64, f64), sign: f64| {
+            let reach = if sign > 0.0 { point.3 } else { point.2 };
+            [self.x(point.0), self.y(point.1 + sign * reach)]
+        };
+        let pieces = curve.pieces.iter().map(|&(first, last)| {
+            let points = &curve.points[first..=last];
+            let upper = points.iter().map(|point| edge(point, 1.0));
+            let lower = points.iter().rev().map(|point| edge(point, -1.0));
+            area(upper.chain(lower).collect())
+        });
+        // A point that nothing joins, such as one of a plateau, has a box.
+        let single = (0..curve.points.len())
+            .filter(|place| alone(*place))
+            .map(|place| {
+                let point = &curve.points[place];
+                let [[x, up], [_, down]] = [edge(point, 1.0), edge(point, -1.0)];
+                area(vec![
+                    [x - half, up],
+                    [x + half, up],
+                    [x + half, down],
+                    [x - half, down],
+                ])
+            });
+        pieces.chain(single).collect()
+    }
+
+    fn bars(&self, curve: &Curve) -> Vec<Shape> {
+        if curve.has_band || !curve.has_intervals {
+            return Vec::new();
+        }
+        let stroke = Stroke::solid(curve.colour, 0.8 * curve.width);
+        let reaching = curve.points.iter().filter(|p| p.2 > 0.0 || p.3 > 0.0);
+        reaching
+            .flat_map(|point| {
+                let x = self.x(point.0);
+                let [up, down] = [self.y(point.1 + point.3), self.y(point.1 - point.2)];
+                [
+                    [[x, up], [x, down]],
+                    [[x - CAP, up], [x + CAP, up]],
+                    [[x - CAP, down], [x + CAP, down]],
+                ]
+            })
+            .map(|[from, to]| across(from, to, stroke))
+            .collect()
+    }
+
+    /// Markers, whole ones on the axes too.
+    fn markers(&self, curve: &Curve) -> Vec<Shape> {
+        let Some(kind) = curve.marker else {
+            return Vec::new();
+        };
+        let [[left, top], [right, bottom]] = self.corners;
+        let places = curve
+            .points
+            .iter()
+            .map(|point| [self.x(point.0), self.y(point.1)]);
+        places
+            .filter(|[x, y]| {
+                (left - 0.1..=right + 0.1).contains(x) && (top - 0.1..=bottom + 0.1).contains(y)
+            })
+            .flat_map(|place| {
+                let width = 0.8 * curve.width;
+                marker(kind, place, curve.marker_size, curve.colour, width)
+            })
+            .collect()
+    }
+
+    /// The box of the axes with its ticks and breaks.
+    fn axes(&self) -> Vec<Shape> {
+        let [[left, top], [right, bottom]] = self.corners;
+        let ink = Stroke::solid(Colour::INK, AXIS);
+        let mut shapes = vec![Shape::Area {
+            places: vec![[left, top], [right, top], [right, bottom], [left, bottom]],
+            fill: None,
+            opacity: 1.0,
+            stroke: Some(ink),
+        }];
+        let (x, y) = (&self.panel.x, &self.panel.y);
+        let all = |ticks: &[(f64, String)], minor: &[f64]| -> Vec<(f64, f64)> {
+            let long = ticks.iter().map(|tick| (tick.0, TICK));
+            long.chain(minor.iter().map(|place| (*place, 0.55 * TICK)))
+                .collect()
+        };
+        for (place, length) in all(&x.ticks, &x.minor) {
+            let at = self.x(place);
+            shapes.push(across([at, bottom], [at, bottom - length], ink));
+        }
+        for (place, length) in all(&y.ticks, &y.minor) {
+            let at = self.y(place);
+            shapes.push(across([left, at], [left + length, at], ink));
+        }
+        for place in &x.breaks {
+            let at = self.x(*place);
+            for edge in [top, bottom] {
+                let [low, high] = [edge + 2.2, edge - 2.2];
+                shapes.push(Shape::Area {
+                    places: vec![
+                        [at - 1.9, low],
+                        [at - 0.1, high],
+                        [at + 1.9, high],
+                        [at + 0.1, low],
+                    ],
+                    fill: Some(Colour::WHITE),
+                    opacity: 1.0,
+                    stroke: None,
+                });
+                for shift in [-1.0, 1.0] {
+                    let at = at + shift;
+                    shapes.push(across([at - 0.9, low], [at + 0.9, high], ink));
+                }
+            }
+        }
+        shapes
+    }
+
+    /// Marks for points without a result and for strains discarded, on the lower axis.
+    fn marks(&self) -> Vec<Shape> {
+        let [[left, _], [right, bottom]] = self.corners;
+        let mut shapes = Vec::new();
+        let is_inside = |x: &f64| (left..=right).contains(x);
+        for curve in &self.panel.curves {
+            let size = 0.8 * curve.marker_size;
+            let places = curve.missing.iter().map(|place| self.x(*place));
+            for x in places.filter(is_inside) {
+                let place = [x, bottom - 2.0 * size];
+                shapes.extend(marker(Marker::Cross, place, size, curve.colour, 0.8));
+            }
+            if let Some(x) = curve.discard.map(|strain| self.x(strain)).filter(is_inside) {
+                let stroke = Stroke::solid(curve.colour, 1.2);
+                shapes.push(across([x, bottom], [x, bottom - 3.0 * TICK], stroke));
+            }
+        }
+        shapes
+    }
+
+    /// Numbers, labels and what is said within the axes.
+    fn words(&self, is_left: bool, is_lowest: bool) -> Vec<Shape> {
+        let [[left, top], [right, bottom]] = self.corners;
+        let (label, size) = (self.outline.label_size, self.outline.tick_size);
+        let text = |place, words: &str, size, anchor, upright| Shape::Text {
+            place,
+            words: words.to_owned(),
+            size,
+            anchor,
+            upright,
+        };
+        let mut shapes = Vec::new();
+        for (place, words) in &self.panel.x.ticks {
+            let place = [self.x(*place), bottom + 1.3 * size];
+            shapes.push(text(place, words, size, Anchor::Middle, false));
+        }
+        for (place, words) in &self.panel.y.ticks {
+            let place = [left - 0.5 * size, self.y(*place) + 0.36 * size];
+            shapes.push(text(place, words, size, Anchor::End, false));
+        }
+        // A label that is longer than its axis is written smaller.
+        let fitting = |words: &str, room: f64| label * (room / font::width(words, label)).min(1.0);
+        if is_lowest {
+            let words = &self.panel.x.label;
+            let place = [0.5 * (left + right), bottom + 1.4 * size + 1.35 * label];
+            let size = fitting(words, right - left + 2.0 * label);
+            shapes.push(text(place, words, size, Anchor::Middle, false));
+        }
+        if is_left {
+            let words = &self.panel.y.label;
+            let place = [1.1 * label, 0.5 * (top + bottom)];
+            let size = fitting(words, bottom - top + label);
+            shapes.push(text(place, words, size, Anchor::Middle, true));
+        }
+        if !self.panel.title.is_empty() {
+            let place = [0.5 * (left + right), top - 0.5 * label];
+            shapes.push(text(place, &self.panel.title, label, Anchor::Middle, false));
+        }
+        if let Some(strain) = self.panel.shaded {
+            let end = self.x(strain).clamp(left, right);
+            let words = "discarded";
+            if end - left > font::width(words, size) + size {
+                let place = [0.5 * (left + end), top + 1.4 * size];
+                shapes.push(text(place, words, size, Anchor::Middle, false));
+            } else if end - left > 1.4 * size {
+                let place = [0.5 * (left + end) + 0.36 * size, top + 0.6 * size];
+                shapes.push(text(place, words, size, Anchor::End, true));
+            } else {
+                let place = [end + 1.2 * size, top + 0.6 * size];
+                shapes.push(text(place, words, size, Anchor::End, true));
+            }
+        }
+        shapes.extend(self.dashed_words(&text));
+        shapes
+    }
+
+    /// What dashed lines are called, where it hides least.
+    fn dashed_words(
+        &self,
+        text: &dyn Fn(Place, &str, f64, Anchor, bool) -> Shape,
+    ) -> Option<Shape> {
+        let words = self.panel.dashed_label?;
+        let [[left, top], [right, bottom]] = self.corners;
+        let size = 0.9 * self.outline.tick_size;
+        let width = font::width(words, size);
+        let obstacles = self.obstacles();
+        let middle = 0.5 * (left + right - width);
+        let starts = [right - width - 4.0, left + 5.0, middle];
+        let lines = self.panel.dashed.iter().map(|height| self.y(*height));
+        let places = lines.flat_map(|y| [y - 0.35 * size, y + 1.05 * size].map(|y| (y, starts)));
+        let places = places.flat_map(|(y, starts)| starts.map(|x| [x, y]));
+        places
+            .filter(|[_, y]| *y - size > top && *y + 0.3 * size < bottom - TICK)
+            .min_by_key(|[x, y]| {
+                hidden(
+                    [[*x, y - 0.9 * size], [x + width, y + 0.3 * size]],
+                    &obstacles,
+                )
+            })
+            .map(|place| text(place, words, size, Anchor::Start, false))
+    }
+
+    /// Places that words should leave free.
+    fn obstacles(&self) -> Vec<Place> {
+        let mut places = Vec::new();
+        let mut line = |from: Place, to: Place| {
+            let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a page is small"
+            )]
+            let number = (length / NEAR).ceil().clamp(1.0, 1e4) as usize;
+            for n in 0..=number {
+                let part = n as f64 / number as f64;
+                places.push([0, 1].map(|k| from[k] + part * (to[k] - from[k])));
+            }
+        };
+        for curve in &self.panel.curves {
+            let at = |place: usize| {
+                let point = &curve.points[place];
+                [self.x(point.0), self.y(point.1)]
+            };
+            for (first, last) in &curve.pieces {
+                for place in *first..*last {
+                    line(at(place), at(place + 1));
+                }
+            }
+            for point in &curve.points {
+                let x = self.x(point.0);
+                let [up, down] = [self.y(point.1 + point.3), self.y(point.1 - point.2)];
+                line([x, up], [x, down]);
+            }
+        }
+        for height in &self.panel.dashed {
+            let [[left, _], [right, _]] = self.corners;
+            line([left, self.y(*height)], [right, self.y(*height)]);
+        }
+        places
+    }
+}

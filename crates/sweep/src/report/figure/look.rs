@@ -1,0 +1,322 @@
+//! How a figure is to look: lengths, colours and markers, which a group keeps in a file of its own, and what one figure asks for.
+
+use super::palette::{COLOURS, Colour, MARKERS, Marker};
+use super::refused_as;
+use crate::axes::Axis;
+use crate::report::ReportError;
+use serde::Deserialize;
+use std::str::FromStr;
+
+/// Points of a printer per inch.
+pub(super) const POINTS_PER_INCH: f64 = 72.0;
+/// Millimetres per inch.
+const MM_PER_INCH: f64 = 25.4;
+/// Widths of a figure that can be meant.
+const WIDTHS: [Length; 2] = [Length::mm(30.0), Length::mm(600.0)];
+/// Sizes of letters that can be meant, in points.
+const FONT_SIZES: [f64; 2] = [3.0, 40.0];
+
+/// A length on paper, in points of a printer.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Deserialize)]
+#[serde(try_from = "String")]
+pub struct Length(pub(super) f64);
+
+impl Length {
+    /// So many millimetres.
+    const fn mm(number: f64) -> Self {
+        Self(number * POINTS_PER_INCH / MM_PER_INCH)
+    }
+
+    /// It in millimetres.
+    pub(super) fn in_mm(self) -> f64 {
+        self.0 * MM_PER_INCH / POINTS_PER_INCH
+    }
+}
+
+impl FromStr for Length {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        let split = text
+            .find(|c: char| c.is_ascii_alphabetic())
+            .unwrap_or(text.len());
+        let (number, unit) = text.split_at(split);
+        let points = match unit {
+            "mm" => POINTS_PER_INCH / MM_PER_INCH,
+            "cm" => 10.0 * POINTS_PER_INCH / MM_PER_INCH,
+            "in" => POINTS_PER_INCH,
+            "pt" => 1.0,
+            _ => f64::NAN,
+        };
+        let length = number
+            .trim()
+            .parse::<f64>()
+            .map_or(f64::NAN, |n| n * points);
+        if length.is_finite() {
+            Ok(Self(length))
+        } else {
+            Err(format!(
+                "{text:?} is not a length: write it as 85mm, 8.5cm, 3.35in or 241pt"
+            ))
+        }
+    }
+}
+
+impl TryFrom<String> for Length {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+/// Where the legend stands.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum LegendPlace {
+    /// Under the axes.
+    #[default]
+    Below,
+    /// In the corner of the axes in which it hides least.
+    Inside,
+    /// To the right of the axes.
+    Right,
+    /// Nowhere.
+    None,
+}
+
+/// How intervals are drawn.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Intervals {
+    /// As bars, those of several curves beside each other.
+    #[default]
+    Bars,
+    /// As bands behind the curves.
+    Bands,
+    /// Not at all.
+    None,
+}
+
+/// A style: what a group wants of all its figures. A TOML file may give any of its values.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Style {
+    /// Width of a figure.
+    pub width: Option<Length>,
+    /// Height of one panel; by default what suits its width.
+    pub height: Option<Length>,
+    /// Size of the labels of axes in points; numbers and legend are a tenth smaller.
+    pub font_size: f64,
+    /// Width of curves.
+    pub line_width: Length,
+    /// Radius of markers.
+    pub marker_size: Length,
+    /// Colours of curves; with more curves than these, in the order of a numeric axis, a map of rising lightness.
+    pub colours: Vec<Colour>,
+    /// Markers of curves, from the first again when they end.
+    pub markers: Vec<Marker>,
+    /// Where the legend stands.
+    pub legend: LegendPlace,
+    /// How intervals are drawn.
+    pub intervals: Intervals,
+    /// Dots of a PNG per inch.
+    pub dpi: u32,
+}
+
+impl Default for Style {
+    fn default() -> Self {
+        Self {
+            width: None,
+            height: None,
+            font_size: 8.0,
+            line_width: Length(0.9),
+            marker_size: Length(2.3),
+            colours: COLOURS.to_vec(),
+            markers: MARKERS.to_vec(),
+            legend: LegendPlace::default(),
+            intervals: Intervals::default(),
+            dpi: 600,
+        }
+    }
+}
+
+impl Style {
+    /// Reads a style from the text of a file.
+    ///
+    /// # Errors
+    /// [`ReportError::Argument`] on a key that is none, or a value that cannot be meant.
+    pub fn read(text: &str) -> Result<Self, ReportError> {
+        let style: Self = toml::from_str(text)
+            .map_err(|error| refused_as("--style", error.to_string().trim_end().to_owned()))?;
+        style.check("--style")?;
+        Ok(style)
+    }
+
+    /// Makes sure that the figure can be drawn; `argument` gave its values.
+    fn check(&self, argument: &'static str) -> Result<(), ReportError> {
+        let refuse = |message| Err(refused_as(argument, message));
+        let lengths = [("width", self.width), ("height", self.height)];
+        for (name, length) in lengths {
+            if let Some(length) = length.filter(|l| !(WIDTHS[0]..=WIDTHS[1]).contains(l)) {
+                return refuse(format!(
+                    "a {name} of {:.4} mm is out of range: 30 mm to 600 mm",
+                    length.in_mm()
+                ));
+            }
+        }
+        if !(FONT_SIZES[0]..=FONT_SIZES[1]).contains(&self.font_size) {
+            let [low, high] = FONT_SIZES;
+            return refuse(format!(
+                "a font_size of {} is out of range: {low} to {high} points",
+                self.font_size
+            ));
+        }
+        for (name, length) in [
+            ("line_width", self.line_width),
+            ("marker_size", self.marker_size),
+        ] {
+            if !(0.05..=20.0).contains(&length.0) {
+                return refuse(format!(
+                    "a {name} of {} pt is out of range: 0.05 pt to 20 pt",
+                    length.0
+                ));
+            }
+        }
+        if self.colours.is_empty() || self.markers.is_empty() {
+            return refuse("colours and markers need at least one each".into());
+        }
+        if !(50..=2400).contains(&self.dpi) {
+            return refuse(format!("a dpi of {} is out of range: 50 to 2400", self.dpi));
+        }
+        Ok(())
+    }
+}
+
+/// The ends of an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    pub(super) low: f64,
+    pub(super) high: f64,
+}
+
+impl FromStr for Range {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let ends = text
+            .split_once("..")
+            .map(|(low, high)| (low.trim().parse::<f64>(), high.trim().parse::<f64>()));
+        match ends {
+            Some((Ok(low), Ok(high))) if low.is_finite() && high.is_finite() && low < high => {
+                Ok(Self { low, high })
+            }
+            _ => Err(format!(
+                "{text:?} is not a range: write the lower end, two dots, the upper end, as in 0.01..100"
+            )),
+        }
+    }
+}
+
+/// What one figure asks for besides its style.
+#[derive(Debug, Clone, Default)]
+pub struct Look {
+    /// Its style.
+    pub style: Style,
+    /// A logarithmic vertical axis; by default where the numbers span more than a decade.
+    pub log_y: bool,
+    /// The ends of the horizontal axis.
+    pub x_range: Option<Range>,
+    /// The ends of the vertical axis.
+    pub y_range: Option<Range>,
+    /// What the horizontal axis is called.
+    pub x_label: Option<String>,
+    /// What the vertical axis is called.
+    pub y_label: Option<String>,
+    /// Entries of the legend, in the order of the curves; their own if there are none.
+    pub labels: Vec<String>,
+    /// The axis of which every value has a panel of its own.
+    pub panels: Option<&'static Axis>,
+}
+
+impl Look {
+    /// Gives the values of the command line the place of those of the style.
+    ///
+    /// # Errors
+    /// [`ReportError::Argument`] on a value out of range.
+    pub fn with_sizes(
+        mut self,
+        width: Option<Length>,
+        font_size: Option<f64>,
+    ) -> Result<Self, ReportError> {
+        if width.is_some() {
+            self.style.width = width;
+            self.style.check("--width")?;
+        }
+        if let Some(size) = font_size {
+            self.style.font_size = size;
+            self.style.check("--font-size")?;
+        }
+        Ok(self)
+    }
+
+    /// The width of a figure with so many panels: a column of a journal, or its page for several.
+    pub(super) fn width(&self, panels: usize) -> f64 {
+        let usual = Length::mm(if panels > 1 { 180.0 } else { 85.0 });
+        self.style.width.unwrap_or(usual).0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_units() {
+        let points = |text: &str| text.parse::<Length>().map(|length| length.0);
+        assert!((points("25.4mm").unwrap() - 72.0).abs() < 1e-12);
+        assert!((points("2.54 cm").unwrap() - 72.0).abs() < 1e-12);
+        assert!((points("1in").unwrap() - points("72pt").unwrap()).abs() < 1e-12);
+        for wrong in ["85", "mm", "85 miles", "infmm", ""] {
+            let error = points(wrong).unwrap_err();
+            assert!(error.contains("85mm"), "{error}");
+        }
+    }
+
+    #[test]
+    fn styles_are_read_and_mistakes_named() {
+        let style = Style::read("width = \"180mm\"\ncolours = [\"#000000\"]\nlegend = \"inside\"");
+        let style = style.unwrap();
+        assert_eq!(style.legend, LegendPlace::Inside);
+        assert_eq!(style.colours.len(), 1);
+        assert_eq!(style.dpi, 600);
+        for (text, part) in [
+            ("widht = \"80mm\"", "widht"),
+            ("width = \"1m\"", "85mm"),
+            ("width = \"1mm\"", "30 mm"),
+            ("font_size = 0.5", "font_size"),
+            ("colours = [\"blue\"]", "#0072b2"),
+            ("colours = []", "at least one"),
+            ("dpi = 1", "dpi"),
+            ("legend = \"left\"", "inside"),
+        ] {
+            let error = Style::read(text).unwrap_err().to_string();
+            assert!(error.contains(part) && error.contains("--style"), "{error}");
+        }
+    }
+
+    #[test]
+    fn ranges_have_two_ends() {
+        assert_eq!(
+            "1e-2..3".parse(),
+            Ok(Range {
+                low: 0.01,
+                high: 3.0
+            })
+        );
+        for wrong in ["1", "3..1", "1..1", "0..inf", "a..b"] {
+            assert!(wrong.parse::<Range>().is_err(), "{wrong}");
+        }
+    }
+}

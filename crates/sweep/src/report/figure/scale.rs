@@ -1,0 +1,285 @@
+//! Axes of a figure: their ends, ticks and breaks.
+
+use super::log_axis::{LogAxis, decade_words};
+use super::look::Range;
+use serde::Serialize;
+
+/// An axis.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Scale {
+    pub(super) label: String,
+    /// Its ends, in the numbers of the points.
+    pub(super) low: f64,
+    pub(super) high: f64,
+    /// Whether it goes by the logarithm of the numbers.
+    pub(super) logarithmic: bool,
+    /// Places of ticks, and what stands there.
+    pub(super) ticks: Vec<(f64, String)>,
+    /// Places of short ticks, of which nothing is said.
+    pub(super) minor: Vec<f64>,
+    /// Places where the axis is broken: 0 and infinity are set apart.
+    pub(super) breaks: Vec<f64>,
+}
+
+impl Scale {
+    /// A horizontal axis of decades with plateaus at its ends, in places of [`LogAxis`].
+    pub(super) fn of_decades(label: String, log: LogAxis, range: Option<Range>) -> Self {
+        let mut low = log.low - if log.zero { 1.4 } else { 0.4 };
+        let mut high = log.high + if log.infinite { 1.4 } else { 0.4 };
+        if let Some(range) = range {
+            // The plateaus stay beside the decades that are asked for.
+            let ends = [range.low, range.high].map(|end| log.place(end));
+            low = if range.low > 0.0 { ends[0] } else { low };
+            high = ends[1];
+        }
+        let crowded = if high - low > 8.5 { 2.0 } else { 1.0 };
+        let first = (low / crowded).ceil() * crowded;
+        let places = std::iter::successors(Some(first), |place| Some(place + crowded));
+        let all: Vec<f64> = places.take_while(|place| *place <= high).collect();
+        let decades: Vec<f64> = all
+            .iter()
+            .copied()
+            .filter(|place| (log.low - 0.5..=log.high + 0.5).contains(place))
+            .collect();
+        let words = decade_words(&decades);
+        let mut ticks: Vec<(f64, String)> = decades.into_iter().zip(words).collect();
+        let edges = [
+            (log.zero, log.low - 1.0, "0"),
+            (log.infinite, log.high + 1.0, "∞"),
+        ];
+        let is_inside = |place: f64| (low..=high).contains(&place);
+        for (there, place, word) in edges {
+            if there && is_inside(place) {
+                ticks.push((place, word.into()));
+            }
+        }
+        ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let sides = [(log.zero, log.low - 0.5), (log.infinite, log.high + 0.5)];
+        let breaks: Vec<f64> = sides
+            .into_iter()
+            .filter_map(|(there, place)| (there && is_inside(place)).then_some(place))
+            .collect();
+        let minor = if crowded > 1.0 {
+            Vec::new()
+        } else {
+            let starts = [low, log.low - 0.4]
+                .into_iter()
+                .fold(f64::NEG_INFINITY, f64::max);
+            let ends = [high, log.high + 0.4]
+                .into_iter()
+                .fold(f64::INFINITY, f64::min);
+            between_decades(starts, ends)
+        };
+        Self {
+            label,
+            low,
+            high,
+            logarithmic: false,
+            ticks,
+            minor,
+            breaks,
+        }
+    }
+
+    /// An axis from one number to another, with ticks at round ones.
+    pub(super) fn linear(label: String, low: f64, high: f64) -> Self {
+        let (step, fine) = step(high - low, 5.0);
+        let places = |step: f64| -> Vec<f64> {
+            #[expect(clippy::cast_possible_truncation, reason = "a few dozen at most")]
+            let [first, last] = [
+                (low / step - 1e-6).ceil() as i64,
+                (high / step + 1e-6).floor() as i64,
+            ];
+            (first..=last).map(|n| n as f64 * step).collect()
+        };
+        let ticks = places(step);
+        let largest = ticks
+            .iter()
+            .fold(0.0, |most: f64, tick| most.max(tick.abs()));
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "clamped"
+        )]
+        let decimals = (-step.log10() - 1e-9).ceil().clamp(0.0, 12.0) as usize;
+        let word = |tick: &f64| {
+            if (1e-3..1e5).contains(&largest) {
+                format!("{tick:.decimals$}").replace('-', "−")
+            } else {
+                power_word(*tick)
+            }
+        };
+        Self {
+            label,
+            low,
+            high,
+            logarithmic: false,
+            ticks: ticks.iter().map(|tick| (*tick, word(tick))).collect(),
+            minor: places(fine)
+                .into_iter()
+                .filter(|place| !ticks.iter().any(|tick| (tick - place).abs() < 0.1 * fine))
+                .collect(),
+            breaks: Vec::new(),
+        }
+    }
+
+    /// A logarithmic axis from one number to another, both above 0.
+    pub(super) fn logarithmic(label: String, low: f64, high: f64) -> Self {
+        let [from, to] = [low.log10(), high.log10()];
+        let first = from.floor();
+        let decades = std::iter::successors(Some(first), |decade| Some(decade + 1.0))
+            .take_while(|decade| *decade <= to);
+        let mut all: Vec<f64> = decades.filter(|decade| *decade >= from - 1e-9).collect();
+        let span = to - from;
+        while all.len() > 7 {
+            all = all.into_iter().step_by(2).collect();
+        }
+        let (ticks, minor) = if span > 1.3 && all.len() > 1 {
+            let words = decade_words(&all);
+            let ticks = all.iter().map(|decade| 10_f64.powf(*decade)).zip(words);
+            let minor = if span > 8.0 {
+                Vec::new()
+            } else {
+                between_decades(from, to)
+            };
+            (ticks.collect(), minor)
+        } else if span > 0.3 {
+            // So little that 2 and 5 are ticks too.
+            let factors: &[f64] = if span > 0.8 {
+                &[1.0, 2.0, 5.0]
+            } else {
+                &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]
+            };
+            let places = (0..3).flat_map(|n| {
+                let decade = 10_f64.powf(first + f64::from(n));
+                factors.iter().map(move |factor| factor * decade)
+            });
+            let ticks = places
+                .filter(|place| (low * (1.0 - 1e-9)..=high * (1.0 + 1e-9)).contains(place))
+                .map(|place| (place, plain_word(place)))
+                .collect();
+            (ticks, between_decades(from, to))
+        } else {
+            (Self::linear(String::new(), low, high).ticks, Vec::new())
+        };
+        Self {
+            label,
+            low,
+            high,
+            logarithmic: true,
+            minor: minor.into_iter().map(|place| 10_f64.powf(place)).collect(),
+            ticks,
+            breaks: Vec::new(),
+        }
+    }
+
+    /// Where a number stands: 0 at the lower end, 1 at the upper.
+    pub(super) fn part(&self, number: f64) -> f64 {
+        if self.logarithmic {
+            (number / self.low).ln() / (self.high / self.low).ln()
+        } else {
+            (number - self.low) / (self.high - self.low)
+        }
+    }
+
+    /// Whether a break lies between two places.
+    pub(super) fn breaks_between(&self, a: f64, b: f64) -> bool {
+        let [low, high] = if a < b { [a, b] } else { [b, a] };
+        self.breaks.iter().any(|place| (low..high).contains(place))
+    }
+}
+
+/// Logarithms of 2 to 9 times powers of ten between two logarithms.
+fn between_decades(low: f64, high: f64) -> Vec<f64> {
+    let first = low.floor();
+    std::iter::successors(Some(first), |decade| Some(decade + 1.0))
+        .take_while(|decade| *decade <= high)
+        .flat_map(|decade| (2..10).map(move |n| decade + f64::from(n).log10()))
+        .filter(|place| (low..=high).contains(place))
+        .collect()
+}
+
+/// A round step that makes about so many of a length, and a finer one.
+fn step(length: f64, number: f64) -> (f64, f64) {
+    let raw = length / number;
+    let power = 10_f64.powf(raw.log10().floor());
+    let (factor, fine) = match raw / power {
+        ..1.5 => (1.0, 0.2),
+        ..3.5 => (2.0, 0.5),
+        ..7.5 => (5.0, 1.0),
+        _ => (10.0, 2.0),
+    };
+    (factor * power, fine * power)
+}
+
+/// A number in as few digits as it has.
+fn plain_word(number: f64) -> String {
+    if (1e-3..1e5).contains(&number) {
+        let digits = format!("{number:.3e}");
+        digits
+            .parse::<f64>()
+            .map_or(digits, |number| number.to_string())
+    } else {
+        power_word(number)
+    }
+}
+
+/// A number as a multiple of a power of ten.
+fn power_word(number: f64) -> String {
+    if number == 0.0 {
+        return "0".into();
+    }
+    let text = format!("{number:e}");
+    let (digits, power) = text.split_once('e').unwrap_or((&text, "0"));
+    let digits = digits
+        .parse::<f64>()
+        .map_or(digits.to_owned(), |n| ((n * 1e3).round() / 1e3).to_string())
+        .replace('-', "−");
+    format!("{digits}·{}", super::log_axis::power_of_ten(power))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(scale: &Scale) -> Vec<&str> {
+        scale.ticks.iter().map(|tick| tick.1.as_str()).collect()
+    }
+
+    #[test]
+    fn ticks_of_an_axis_have_one_style() {
+        let axis = |low, high| Scale::logarithmic(String::new(), low, high);
+        assert_eq!(
+            words(&axis(0.008, 200.0)),
+            ["0.01", "0.1", "1", "10", "100"]
+        );
+        assert_eq!(
+            words(&axis(1e-6, 50.0)),
+            ["10⁻⁶", "10⁻⁴", "10⁻²", "10⁰"],
+            "too many for each of them"
+        );
+        assert_eq!(words(&axis(2.5, 23.0)), ["5", "10", "20"]);
+        assert_eq!(words(&axis(10.0, 14.0)), ["10", "11", "12", "13", "14"]);
+        let log = LogAxis::of(&[0.0, 0.02, 30.0, f64::INFINITY]);
+        let scale = Scale::of_decades(String::new(), log, None);
+        assert_eq!(words(&scale), ["0", "0.01", "0.1", "1", "10", "100", "∞"]);
+        assert!(scale.breaks_between(-3.0, -1.0) && !scale.breaks_between(-1.0, 1.0));
+    }
+
+    #[test]
+    fn linear_ticks_are_round_and_inside() {
+        let scale = Scale::linear(String::new(), 0.0, 9.3);
+        assert_eq!(words(&scale), ["0", "2", "4", "6", "8"]);
+        let scale = Scale::linear(String::new(), -0.013, 0.021);
+        let wanted = [
+            "−0.010", "−0.005", "0.000", "0.005", "0.010", "0.015", "0.020",
+        ];
+        assert_eq!(words(&scale), wanted);
+        assert!((scale.part(0.021) - 1.0).abs() < 1e-12);
+        assert_eq!(words(&Scale::linear(String::new(), 0.0, 5.0))[1], "1");
+        let scale = Scale::linear(String::new(), 0.0, 3e5);
+        assert_eq!(words(&scale)[1], "5·10⁴");
+        let log = Scale::logarithmic(String::new(), 1.0, 100.0);
+        assert!((log.part(10.0) - 0.5).abs() < 1e-12);
+    }
+}

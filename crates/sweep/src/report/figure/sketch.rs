@@ -1,0 +1,232 @@
+//! What a figure is made of: lines of points, before anything is said of how they look.
+
+mod draft;
+
+use super::log_axis::LogAxis;
+use super::palette::{CURVES, ORDERED_CURVES};
+use super::{Drawing, Kind, Quantity, Trace, refused, refused_as};
+use crate::report::curves::Label;
+use crate::report::{Point, Report, ReportError};
+use crate::statistics::Estimate;
+use draft::Draft;
+
+/// A point of a line.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spot {
+    /// Its place along the axis.
+    pub(super) x: f64,
+    /// Its height; `None` where there is a point of the campaign without a result.
+    pub(super) y: Option<Height>,
+}
+
+/// A value and its interval.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Height {
+    pub(super) value: f64,
+    /// How far the interval reaches down and up.
+    pub(super) interval: Option<[f64; 2]>,
+}
+
+/// How a line is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Form {
+    /// Markers joined by a line.
+    Curve,
+    /// A thin line without markers.
+    Trace,
+    /// Crosses that nothing joins.
+    Crosses,
+}
+
+/// One line of a figure.
+#[derive(Debug)]
+pub(super) struct Line {
+    /// Its entry in the legend.
+    pub(super) label: Label,
+    /// Its points.
+    pub(super) points: Vec<Spot>,
+    /// Its place among the curves of the figure, by which colours and markers go.
+    pub(super) place: usize,
+    pub(super) form: Form,
+    /// Its panel.
+    pub(super) panel: usize,
+    /// Strain discarded, of a run in time.
+    pub(super) discard: Option<f64>,
+}
+
+/// One panel.
+#[derive(Debug, Default)]
+pub(super) struct Field {
+    /// What all its points have in common.
+    pub(super) title: String,
+    /// Dilute limits.
+    pub(super) dilute: Vec<f64>,
+}
+
+/// What a figure is made of.
+#[derive(Debug, Default)]
+pub(super) struct Sketch {
+    pub(super) lines: Vec<Line>,
+    pub(super) panels: Vec<Field>,
+    /// How many curves there are whose colours go by their order; 0 where they do not.
+    pub(super) ordered: usize,
+    /// Label of the horizontal axis.
+    pub(super) x: String,
+    /// Label of the vertical axis.
+    pub(super) y: String,
+    /// Its horizontal axis, if that is logarithmic.
+    pub(super) log: Option<LogAxis>,
+}
+
+/// A quantity of a point: what its axis is called, its unit, and its value.
+type Measured = (&'static str, &'static str, fn(&Point) -> Option<Height>);
+
+impl From<Estimate> for Height {
+    fn from(estimate: Estimate) -> Self {
+        Self {
+            value: estimate.mean,
+            interval: estimate.ci95.map(|half| [half, half]),
+        }
+    }
+}
+
+impl Height {
+    /// A value without an interval.
+    pub(super) fn bare(value: f64) -> Self {
+        Self {
+            value,
+            interval: None,
+        }
+    }
+}
+
+/// Makes the sketch of reports, or of traces.
+///
+/// # Errors
+/// [`ReportError::Argument`] if there is nothing to draw, or too much.
+pub(super) fn sketch(
+    reports: &[Report],
+    traces: &[Trace],
+    drawing: &Drawing,
+) -> Result<Sketch, ReportError> {
+    let draft = Draft::of(reports, drawing)?;
+    let mut sketch = match drawing.kind {
+        Kind::Contacts => draft.contacts(),
+        Kind::Trace => draft.in_time(traces),
+        _ => draft.of_points(measured(drawing)),
+    };
+    if matches!(drawing.kind, Kind::Trace | Kind::Viscosity)
+        && !(drawing.kind == Kind::Viscosity && draft.along.key == "area_fraction")
+    {
+        draft.add_dilute(&mut sketch, traces, drawing.kind);
+    }
+    let has_result = |line: &Line| line.points.iter().any(|spot| spot.y.is_some());
+    if !sketch.lines.iter().any(has_result) {
+        return Err(refused(
+            "there are no results to draw yet; `sweep status` says how far the campaign is".into(),
+        ));
+    }
+    sketch.lines.retain(|line| !line.points.is_empty());
+    arrange(&mut sketch, drawing)?;
+    draft.note_doubtful(&mut sketch, drawing.kind);
+    let crosses = draft.jammed(drawing.kind, &sketch);
+    sketch.lines.extend(crosses);
+    Ok(sketch)
+}
+
+/// Gives every curve its place by its label, the same in all panels, and the labels that were asked for.
+fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
+    let mut known: Vec<Label> = Vec::new();
+    for line in &sketch.lines {
+        if !known.iter().any(|label| label.words == line.label.words) {
+            known.push(line.label.clone());
+        }
+    }
+    let is_ordered = known.len() > CURVES && known.iter().all(|label| label.number.is_some());
+    let most = if is_ordered { ORDERED_CURVES } else { CURVES };
+    if known.len() > most {
+        let (more, how) = match drawing.kind {
+            Kind::Trace => (
+                " or more",
+                "choose runs with --where KEY=VALUE or --case KEY",
+            ),
+            _ => (
+                "",
+                "choose points with --where KEY=VALUE, the axis they run along with --along, or --panels",
+            ),
+        };
+        return Err(refused(format!(
+            "{}{more} curves, and at most {most} can be told apart: {how}",
+            known.len()
+        )));
+    }
+    if is_ordered {
+        let number = |label: &Label| label.number.unwrap_or(f64::NAN);
+        known.sort_by(|a, b| number(a).total_cmp(&number(b)));
+        sketch.ordered = known.len();
+    }
+    let asked = &drawing.look.labels;
+    if !asked.is_empty() && asked.len() != known.len() {
+        let there: Vec<String> = known
+            .iter()
+            .map(|label| format!("{:?}", label.words))
+            .collect();
+        return Err(refused_as(
+            "--label",
+            format!(
+                "{} labels for {} curves; these are, in their order: {}",
+                asked.len(),
+                known.len(),
+                there.join(", ")
+            ),
+        ));
+    }
+    for line in &mut sketch.lines {
+        let place = known
+            .iter()
+            .position(|label| label.words == line.label.words)
+            .unwrap_or(0);
+        line.place = place;
+        if let Some(label) = asked.get(place) {
+            line.label.words.clone_from(label);
+        }
+    }
+    sketch.lines.sort_by_key(|line| (line.panel, line.place));
+    Ok(())
+}
+
+/// What a figure shows of every point.
+fn measured(drawing: &Drawing) -> Measured {
+    let viscosity = |p: &Point| p.viscosity.map(Height::from);
+    match (drawing.kind, drawing.quantity) {
+        (Kind::NormalStress, _) => ("normal stress difference N₁", "mu rate", |p| {
+            p.normal_stress_difference.map(Height::from)
+        }),
+        (Kind::SecondNormalStress, _) => ("normal stress difference N₂", "mu rate", |p| {
+            p.stress("n2").map(Height::from)
+        }),
+        (Kind::ParticlePressure, _) => ("particle pressure Π", "mu rate", |p| {
+            p.stress("particle_pressure").map(Height::from)
+        }),
+        (Kind::FlowCurve, _) => ("shear stress σ*", "F_crit/a²", |p| {
+            p.shear_stress().map(Height::from)
+        }),
+        (Kind::ApproachVelocity, _) => ("mean approach velocity", "a rate", |p| {
+            p.mean_approach_velocity.map(Height::bare)
+        }),
+        (_, Quantity::ViscosityStresslet) => ("stresslet viscosity", "mu", |p| {
+            p.viscosity_stresslet.map(Height::from)
+        }),
+        (_, Quantity::ViscosityMedian) => ("median viscosity", "mu", |p| {
+            let value = p.viscosity_median?;
+            let reach = |[low, high]: [f64; 2]| [value - low, high - value];
+            Some(Height {
+                value,
+                interval: p.viscosity_quartiles.map(reach),
+            })
+        }),
+        (Kind::Viscosity | Kind::Contacts | Kind::Trace, Quantity::Viscosity) => {
+            ("relative viscosity η", "mu", viscosity)
+        }
+    }
+}

@@ -1,0 +1,393 @@
+//! Reports as lines: which points make a curve, where they stand, and in which panel.
+
+use super::{Field, Form, Height, Line, Measured, Sketch, Spot};
+use crate::axes::{AXES, Axis, Value, identity};
+use crate::report::curves::{Curve, Label, Shared, curves, labels};
+use crate::report::figure::log_axis::LogAxis;
+use crate::report::figure::{Drawing, Kind, Trace, refused_as};
+use crate::report::{Point, Report, ReportError};
+use sd_core::Params;
+
+/// What reports are drawn as.
+pub(super) struct Draft<'r> {
+    reports: &'r [Report],
+    pub(super) along: &'static Axis,
+    panels: Option<&'static Axis>,
+    /// The values of the panels, in their order; one of nothing where there are no panels.
+    fields: Vec<Option<Value>>,
+    log: Option<LogAxis>,
+}
+
+impl<'r> Draft<'r> {
+    pub(super) fn of(reports: &'r [Report], drawing: &Drawing) -> Result<Self, ReportError> {
+        let points = || reports.iter().flat_map(|report| &report.points);
+        let params = || points().map(|point| &point.params);
+        let along = drawing
+            .along
+            .unwrap_or_else(|| default_axis(reports, drawing.kind));
+        if drawing.kind == Kind::FlowCurve && !along.is_shear_rate() {
+            return Err(refused_as(
+                "--along",
+                "a flow curve is stress against rate: it runs along shear_rate".into(),
+            ));
+        }
+        let varies = |axis: &Axis| axis.varies(params());
+        let names = |axes: &mut dyn Iterator<Item = &Axis>| {
+            let names: Vec<&str> = axes.filter(|axis| varies(axis)).map(|a| a.key).collect();
+            match names.as_slice() {
+                [] => "no axis has several values here".to_owned(),
+                names => format!("axes with several values are {}", names.join(", ")),
+            }
+        };
+        // A rate that is measured varies without being an axis of the campaign.
+        let has_places = |axis: &Axis| {
+            let mut places = points()
+                .map(|p| p.place(axis))
+                .filter(|place| !place.is_nan());
+            let first = places.next();
+            places.any(|place| Some(place) != first)
+        };
+        if let Some(axis) = drawing.along
+            && drawing.kind != Kind::Trace
+            && points().next().is_some()
+            && !has_places(axis)
+        {
+            return Err(refused_as(
+                "--along",
+                format!(
+                    "all points have the same {}, so no curve runs along it; {}",
+                    axis.key,
+                    names(&mut AXES.iter().filter(|axis| axis.is_numeric()))
+                ),
+            ));
+        }
+        let mut fields: Vec<Option<Value>> = vec![None];
+        if let Some(axis) = drawing.look.panels {
+            if axis.key == along.key && drawing.kind != Kind::Trace {
+                return Err(refused_as(
+                    "--panels",
+                    format!("the curves run along {}: name another axis", axis.key),
+                ));
+            }
+            let mut values: Vec<Value> = Vec::new();
+            for value in params().map(|params| axis.value(params)) {
+                if !values.contains(&value) {
+                    values.push(value);
+                }
+            }
+            if values.len() < 2 {
+                return Err(refused_as(
+                    "--panels",
+                    format!(
+                        "all points have the same {}; {}",
+                        axis.key,
+                        names(&mut AXES.iter())
+                    ),
+                ));
+            }
+            values.sort_by(Value::order);
+            fields = values.into_iter().map(Some).collect();
+        }
+        Ok(Self {
+            reports,
+            along,
+            panels: drawing.look.panels,
+            fields,
+            log: along.is_logarithmic().then(|| {
+                let rests = |p: &&Point| along.is_shear_rate() && bears(p);
+                let values: Vec<f64> = points()
+                    .map(|p| p.place(along))
+                    // Layers that bear their stress at rest stand at a rate of 0.
+                    .chain(points().filter(rests).map(|_| 0.0))
+                    .collect();
+                LogAxis::of(&values)
+            }),
+        })
+    }
+
+    fn points(&self) -> impl Iterator<Item = &'r Point> {
+        self.reports.iter().flat_map(|report| &report.points)
+    }
+
+    fn curves(&self) -> Vec<Curve<'r>> {
+        let shared = Shared {
+            along: Some(self.along),
+            panels: self.panels,
+        };
+        curves(self.reports, shared)
+    }
+
+    /// The panel of some parameters.
+    fn panel(&self, params: &Params) -> usize {
+        let value = self.panels.map(|axis| axis.value(params));
+        let same = |field: &Option<Value>| *field == value;
+        self.fields.iter().position(same).unwrap_or(0)
+    }
+
+    fn field_titles(&self) -> Vec<Field> {
+        let title = |value: &Option<Value>| match (self.panels, value) {
+            (Some(axis), Some(Value::Number(f64::INFINITY))) => format!("{} = ∞", axis.symbol),
+            (Some(axis), Some(value)) if axis.is_numeric() => format!("{} = {value}", axis.symbol),
+            (_, Some(value)) => value.to_string(),
+            _ => String::new(),
+        };
+        let of = |value| Field {
+            title: title(value),
+            dilute: Vec::new(),
+        };
+        self.fields.iter().map(of).collect()
+    }
+
+    /// Place of a point.
+    fn place(&self, point: &Point) -> f64 {
+        let value = point.place(self.along);
+        self.log.map_or(value, |log| log.place(value))
+    }
+
+    /// A line of a quantity of the points of a curve.
+    fn line(
+        &self,
+        curve: &Curve<'_>,
+        label: Label,
+        height: &dyn Fn(&Point) -> Option<Height>,
+    ) -> Line {
+        let spot = |point: &&Point| {
+            let y = height(point).filter(|height| height.value.is_finite());
+            let x = self.place(point);
+            x.is_finite().then_some(Spot { x, y })
+        };
+        Line {
+            label,
+            points: curve.points.iter().filter_map(spot).collect(),
+            place: 0,
+            form: Form::Curve,
+            panel: self.panel(&curve.points[0].params),
+            discard: None,
+        }
+    }
+
+    /// One line per curve of one quantity.
+    pub(super) fn of_points(&self, (name, unit, read): Measured) -> Sketch {
+        let units = self.reports.first().map(|report| report.units);
+        let height = |point: &Point| {
+            let height = read(point)?;
+            let factor = units.map_or(Some(1.0), |units| units.factor(unit, point.shear_rate()))?;
+            Some(Height {
+                value: factor * height.value,
+                interval: height.interval.map(|reach| reach.map(|part| factor * part)),
+            })
+        };
+        let word = units.map_or(unit, |units| units.word(unit));
+        let lines = self.curves().into_iter().map(|curve| {
+            let label = curve.label.clone();
+            self.line(&curve, label, &height)
+        });
+        Sketch {
+            lines: lines.collect(),
+            panels: self.field_titles(),
+            x: self.along.label(),
+            y: match word {
+                "1" | "mu" | "mu rate" | "a rate" => name.to_owned(),
+                word => format!("{} ({word})", name.trim_start_matches("relative ")),
+            },
+            log: self.log,
+            ordered: 0,
+        }
+    }
+
+    /// Four lines per curve.
+    pub(super) fn contacts(&self) -> Sketch {
+        /// A kind of contact: its name, and its number per sphere.
+        type Count = (&'static str, fn(&Point) -> Option<f64>);
+        let activated =
+            |p: &Point| Some(p.contacts_per_sphere? * p.activated_fraction.unwrap_or(0.0));
+        let counts: [Count; 4] = [
+            ("in contact", |p| p.contacts_per_sphere),
+            ("activated", activated),
+            ("rolling", |p| {
+                let activated = p.activated_fraction.unwrap_or(0.0);
+                Some(p.contacts_per_sphere? * activated * p.rolling_fraction.unwrap_or(0.0))
+            }),
+            ("slipping", |p| {
+                let activated = p.activated_fraction.unwrap_or(0.0);
+                let rolling = p.rolling_fraction.unwrap_or(0.0);
+                Some(p.contacts_per_sphere? * activated * (1.0 - rolling))
+            }),
+        ];
+        let mut lines = Vec::new();
+        for curve in self.curves() {
+            for (name, count) in counts {
+                let words = [name, &curve.label.words];
+                let number = if curve.label.words.is_empty() { 1 } else { 2 };
+                let label = Label {
+                    words: words[..number].join(", "),
+                    number: None,
+                };
+                lines.push(self.line(&curve, label, &|p| count(p).map(Height::bare)));
+            }
+        }
+        Sketch {
+            lines,
+            panels: self.field_titles(),
+            x: self.along.label(),
+            y: "pairs per sphere".into(),
+            log: self.log,
+            ordered: 0,
+        }
+    }
+
+    /// Runs in time.
+    pub(super) fn in_time(&self, traces: &[Trace]) -> Sketch {
+        let labelled: Vec<(&str, &Params)> = traces
+            .iter()
+            .map(|trace| (trace.campaign.as_str(), &trace.params))
+            .collect();
+        let shared = Shared {
+            along: None,
+            panels: self.panels,
+        };
+        let labels = labels(&labelled, shared);
+        let lines = traces.iter().zip(labels).map(|(trace, mut label)| {
+            let same = |other: &&Trace| {
+                other.campaign == trace.campaign
+                    && identity(&other.params) == identity(&trace.params)
+            };
+            if traces.iter().filter(same).count() > 1 {
+                let comma = if label.words.is_empty() { "" } else { ", " };
+                label.words = format!("{}{comma}seed {}", label.words, trace.seed);
+                label.number = None;
+            }
+            let spot = |&(x, y): &(f64, f64)| Spot {
+                x,
+                y: y.is_finite().then(|| Height::bare(y)),
+            };
+            Line {
+                label,
+                points: trace.points.iter().map(spot).collect(),
+                place: 0,
+                form: Form::Trace,
+                panel: self.panel(&trace.params),
+                discard: trace.discard,
+            }
+        });
+        Sketch {
+            lines: lines.collect(),
+            panels: self.field_titles(),
+            x: "strain".into(),
+            y: "relative viscosity η".into(),
+            log: None,
+            ordered: 0,
+        }
+    }
+
+    /// Adds the dilute limit 1 + 5c/3 of every area fraction to its panel.
+    pub(super) fn add_dilute(&self, sketch: &mut Sketch, traces: &[Trace], kind: Kind) {
+        let params: Vec<&Params> = if kind == Kind::Trace {
+            traces.iter().map(|trace| &trace.params).collect()
+        } else {
+            self.points().map(|point| &point.params).collect()
+        };
+        let factor = match (self.reports.first(), kind) {
+            (Some(report), Kind::Viscosity) => report.units.viscosity_factor(),
+            _ => 1.0,
+        };
+        for params in params {
+            let height = factor * (1.0 + 5.0 * params.area_fraction / 3.0);
+            let known = &mut sketch.panels[self.panel(params)].dilute;
+            if !known.iter().any(|h| (h - height).abs() < 1e-9 * height) {
+                known.push(height);
+            }
+        }
+    }
+
+    /// Says under the figure that runs are doubtful.
+    pub(super) fn note_doubtful(&self, sketch: &mut Sketch, kind: Kind) {
+        let number: u64 = self.reports.iter().map(|report| report.doubtful).sum();
+        if number > 0 && kind != Kind::Trace {
+            let what = if self.reports.iter().any(|report| report.with_doubtful) {
+                "averaged too"
+            } else {
+                "left out"
+            };
+            sketch.x = format!("{} ({number} doubtful runs {what})", sketch.x);
+        }
+    }
+
+    /// Crosses for the points with runs that jammed under an imposed stress: at a rate of 0 in a flow curve, above all that flows
+    /// among viscosities.
+    pub(super) fn jammed(&self, kind: Kind, sketch: &Sketch) -> Vec<Line> {
+        let heights = sketch.lines.iter().flat_map(|line| &line.points);
+        let top = 1.5
+            * heights
+                .filter_map(|spot| Some(spot.y?.value))
+                .fold(f64::NEG_INFINITY, f64::max);
+        let mut lines: Vec<Line> = Vec::new();
+        for point in self.points().filter(|point| bears(point)) {
+            let Some(stress) = point.params.shear_stress else {
+                continue;
+            };
+            let units = self.reports[0].units;
+            let (x, height) = match kind {
+                Kind::FlowCurve => (
+                    0.0,
+                    stress * units.factor("F_crit/a²", None).unwrap_or(f64::NAN),
+                ),
+                Kind::Viscosity if self.along.is_shear_rate() => (0.0, top),
+                Kind::Viscosity => (point.place(self.along), top),
+                _ => continue,
+            };
+            if !height.is_finite() {
+                continue;
+            }
+            let spot = Spot {
+                x: self.log.map_or(x, |log| log.place(x)),
+                y: Some(Height::bare(height)),
+            };
+            let panel = self.panel(&point.params);
+            match lines.iter_mut().find(|line| line.panel == panel) {
+                Some(line) => line.points.push(spot),
+                None => lines.push(Line {
+                    label: Label {
+                        words: "jammed at this stress".into(),
+                        number: None,
+                    },
+                    points: vec![spot],
+                    place: 0,
+                    form: Form::Crosses,
+                    panel,
+                    discard: None,
+                }),
+            }
+        }
+        lines
+    }
+}
+
+/// The axis of a figure if the user names none: the first that varies.
+fn default_axis(reports: &[Report], kind: Kind) -> &'static Axis {
+    let first = match kind {
+        Kind::Contacts => "friction",
+        // Stress against rate, whichever is imposed.
+        Kind::FlowCurve => return Axis::of_key("shear_rate").unwrap_or(&AXES[0]),
+        _ => "shear_rate",
+    };
+    let order = [
+        first,
+        "shear_stress",
+        "shear_rate",
+        "area_fraction",
+        "friction",
+    ];
+    let mut order: Vec<&'static Axis> = order.into_iter().filter_map(Axis::of_key).collect();
+    order.extend(AXES.iter().filter(|axis| axis.is_numeric()));
+    let points = || reports.iter().flat_map(|report| &report.points);
+    order
+        .iter()
+        .find(|axis| axis.varies(points().map(|point| &point.params)))
+        .unwrap_or(&order[0])
+}
+
+/// Whether runs of it ended jammed under an imposed stress.
+fn bears(point: &Point) -> bool {
+    point.params.shear_stress.is_some() && point.jammed > 0
+}

@@ -1,0 +1,128 @@
+/* What all parts of the page use: the data, elements, colours and markers, axes. */
+const $ = id => document.getElementById(id);
+const NS = 'http://www.w3.org/2000/svg';
+let data = JSON.parse($('data').textContent);
+const live = data.live;
+const AXES = data.axes.map(a => a.key);
+const AXIS = Object.fromEntries(data.axes.map(a => [a.key, a]));
+const QUANTITIES = Object.fromEntries(data.quantities.map(q => [q.key, q.label]));
+const hidden = new Set();
+const chosenFilters = {};
+let chosen = null;
+
+const num = v => v === 'inf' ? Infinity : v;
+const show = v => v === 'inf' || v === Infinity ? '∞' : v === null || v === undefined ? '–' : typeof v === 'number' ? String(+v.toPrecision(4)) : String(v);
+const build = (element, attributes, text) => {
+  for (const [k, v] of Object.entries(attributes)) element.setAttribute(k, v);
+  if (text !== undefined) element.textContent = text;
+  return element;
+};
+const make = (tag, attributes = {}, text) => build(document.createElement(tag), attributes, text);
+const draw = (tag, attributes = {}, text) => build(document.createElementNS(NS, tag), attributes, text);
+/* Where the stress is imposed the rate is a result, and no axis tells points apart by it. */
+const on = (point, axis) => axis === 'shear_rate' && point.shear_stress != null ? null : point[axis];
+const values = axis => [...new Set(data.points.map(p => on(p, axis)))];
+const varying = () => AXES.filter(axis => values(axis).length > 1);
+const dark = window.matchMedia('(prefers-color-scheme: dark)');
+const narrow = () => window.matchMedia('(max-width: 40rem)').matches;
+const ink = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+/* A colour along a map of rising lightness, from 0 to 1. */
+function along_map(map, part) {
+  const at = Math.min(1, Math.max(0, part)) * (map.length - 1), below = Math.min(Math.floor(at), map.length - 2);
+  const channels = hex => [1, 3, 5].map(i => parseInt(hex.slice(i, i + 2), 16));
+  const [a, b] = [channels(map[below]), channels(map[below + 1])];
+  return '#' + a.map((v, i) => Math.round(v + (at - below) * (b[i] - v)).toString(16).padStart(2, '0')).join('');
+}
+const heat = part => along_map(data.look.heat, part);
+/* The colour of one of several curves: as many as there are colours, or else by their order. */
+const colour = (n, number) => number > data.look.markers.length
+  ? along_map(dark.matches ? data.look.heat.slice(2) : data.look.heat.slice(0, -1), n / (number - 1)) : `var(--c${n % data.look.markers.length})`;
+const SHAPES = {
+  square: 'M-.9-.9H.9V.9H-.9Z', triangle: 'M0-1.2L1.1.8H-1.1Z', diamond: 'M0-1.3L1.3 0L0 1.3L-1.3 0Z', 'triangle-down': 'M0 1.2L1.1-.8H-1.1Z',
+  circle: 'M-1 0A1 1 0 1 1 1 0A1 1 0 1 1-1 0Z', cross: 'M-1-1L1 1M-1 1L1-1',
+};
+/* A marker of a curve. */
+function marker(n, x, y, size, paint) {
+  const name = data.look.markers[n % data.look.markers.length], hollow = name.startsWith('hollow-');
+  return draw('path', { class: 'marker', d: SHAPES[name.replace('hollow-', '')], transform: `translate(${x} ${y}) scale(${size})`,
+    style: `stroke:${paint};stroke-width:${1.4 / size};fill:${hollow ? 'var(--panel)' : paint}` });
+}
+/* A piece of a curve for a legend. */
+function swatch(n, paint, plain) {
+  const svg = draw('svg', { class: 'swatch', viewBox: '0 0 28 14', 'aria-hidden': 'true' });
+  svg.append(draw('line', { x1: 1, x2: 27, y1: 7, y2: 7, style: `stroke:${paint};stroke-width:2` }));
+  if (!plain) svg.append(marker(n, 14, 7, 4.5, paint));
+  return svg;
+}
+
+function ticks(low, high, log) {
+  if (log) {
+    const all = [];
+    const wide = Math.log10(high / low) > 2.5;
+    for (let e = Math.floor(Math.log10(low)); e <= Math.ceil(Math.log10(high)); e++)
+      for (const m of wide ? [1] : [1, 2, 5]) { const t = m * 10 ** e; if (t >= low * 0.999 && t <= high * 1.001) all.push(t); }
+    if (all.length > 1) return all;
+  }
+  const raw = (high - low) / 5 || 1, power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].find(m => m * power >= raw) * power;
+  const all = [];
+  for (let t = Math.ceil(low / step - 1e-9) * step; t <= high + 1e-9 * step; t += step) all.push(+t.toPrecision(12));
+  return all;
+}
+const linear = (low, high) => ({ low, high, place: v => v, edges: [], ticks: ticks(low, high, false).map(t => ({ at: t, name: String(t) })) });
+/* One style for the ticks of an axis: all as numbers, or all as powers. */
+const decades = list => list.every(e => e > -4 && e < 5) ? list.map(e => String(+(10 ** e).toPrecision(3))) : list.map(e => `10${[...String(e)].map(c => c === '-' ? '⁻' : '⁰¹²³⁴⁵⁶⁷⁸⁹'[c]).join('')}`);
+
+/* A frame with axes; returns the maps from values to places. */
+function frame(svg, width, height, x, y, labels) {
+  svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
+  svg.replaceChildren();
+  const left = 62, right = 14, top = 14, bottom = 46;
+  const fy = y.log ? Math.log : v => v;
+  const X = v => left + (v - x.low) / (x.high - x.low || 1) * (width - left - right);
+  const Y = v => height - bottom - (fy(v) - fy(y.low)) / (fy(y.high) - fy(y.low) || 1) * (height - top - bottom);
+  const heights = y.ticks ?? ticks(y.low, y.high, y.log).map(t => ({ at: t, name: String(+t.toPrecision(4)) }));
+  for (const t of heights) {
+    svg.append(draw('line', { class: 'grid', x1: left, x2: width - right, y1: Y(t.at), y2: Y(t.at) }));
+    svg.append(draw('text', { x: left - 6, y: Y(t.at) + 4, 'text-anchor': 'end' }, t.name));
+  }
+  for (const t of x.ticks) {
+    svg.append(draw('line', { class: 'axis', x1: X(t.at), x2: X(t.at), y1: height - bottom, y2: height - bottom + 5 }));
+    svg.append(draw('text', { x: X(t.at), y: height - bottom + 19, 'text-anchor': 'middle' }, t.name));
+  }
+  svg.append(draw('rect', { class: 'axis', x: left, y: top, width: width - left - right, height: height - top - bottom }));
+  svg.append(draw('text', { x: (left + width - right) / 2, y: height - 8, 'text-anchor': 'middle' }, labels[0]));
+  svg.append(draw('text', { x: 14, y: (top + height - bottom) / 2, 'text-anchor': 'middle', transform: `rotate(-90 14 ${(top + height - bottom) / 2})` }, labels[1]));
+  return { X, Y, left, right: width - right, top, bottom: height - bottom };
+}
+/* A line of text where there is nothing to draw. */
+function nothing(svg, text) {
+  svg.setAttribute('viewBox', '0 0 720 120');
+  svg.replaceChildren(draw('text', { x: 360, y: 60, 'text-anchor': 'middle' }, text));
+}
+/* Marks that can be walked through with arrow keys and chosen with Enter; each tells what it is. */
+function walkable(svg, group, text, at, width, choose_it) {
+  const hint = () => {
+    const tip = $('tip'), box = svg.getBoundingClientRect(), scale = box.width / width;
+    tip.textContent = text; tip.hidden = false;
+    tip.style.left = Math.max(0, Math.min(at[0] * scale + 12, box.width - tip.offsetWidth)) + 'px';
+    tip.style.top = Math.max(0, at[1] * scale - tip.offsetHeight - 10) + 'px';
+  };
+  group.setAttribute('aria-label', text.replaceAll('\n', ', '));
+  group.setAttribute('role', 'button');
+  group.setAttribute('tabindex', svg.querySelector('.point') ? '-1' : '0');
+  group.onmouseenter = group.onfocus = hint;
+  group.onmouseleave = group.onblur = () => { $('tip').hidden = true; };
+  group.onclick = choose_it;
+  group.onkeydown = event => {
+    if (event.key === 'Enter' || event.key === ' ') { event.preventDefault(); choose_it(); return; }
+    const all = [...svg.querySelectorAll('.point')], place = all.indexOf(group);
+    const next = { ArrowRight: place + 1, ArrowDown: place + 1, ArrowLeft: place - 1, ArrowUp: place - 1, Home: 0, End: all.length - 1 }[event.key];
+    if (next !== undefined && all[next]) { event.preventDefault(); all.forEach(o => o.setAttribute('tabindex', '-1')); all[next].setAttribute('tabindex', '0'); all[next].focus(); }
+  };
+  svg.append(group);
+}
+/* The runs of a point in a few words. */
+const of_runs = p => `${p.seeds} runs${p.jammed ? `, ${p.jammed} jammed` : ''}${p.failed ? `, ${p.failed} failed` : ''}${p.doubtful ? `, ${p.doubtful} doubtful` : ''}`;
+const name_of = (p, axes) => axes.map(a => `${AXIS[a].symbol} = ${show(on(p, a))}`).join(', ');

@@ -1,0 +1,141 @@
+/* The runs of a point: their traces, and their layers in motion. */
+let cursor_place = null;
+
+function choose(index, quietly) {
+  chosen = index;
+  const point = data.points[index];
+  $('runs').hidden = false;
+  $('point').textContent = name_of(point, varying().length ? varying() : ['area_fraction', 'shear_rate']);
+  const runs = data.runs.filter(run => run.point === index);
+  const traced = runs.filter(run => run.trace.length > 1);
+  const svg = $('trace');
+  cursor_place = null;
+  if (traced.length) {
+    const maps = in_time(svg, traced.map((run, n) => ({ trace: run.trace, colour: colour(n, traced.length) })), narrow() ? 260 : 280, Math.max(...traced.map(run => run.discard ?? 0)));
+    cursor_place = { ...maps, line: draw('line', { class: 'cursor', y1: maps.top, y2: maps.bottom }) };
+    cursor_place.line.style.display = 'none';
+    svg.append(cursor_place.line);
+  } else nothing(svg, 'no samples yet');
+  const table = make('table');
+  const head = make('tr');
+  for (const name of ['', 'seed', 'viscosity', 'state', 'movie', 'time / s', 'key']) head.append(make('th', { scope: 'col' }, name));
+  table.append(head);
+  for (const run of runs) {
+    const row = make('tr'), place = traced.indexOf(run), first = make('td');
+    if (place >= 0) first.append(swatch(place, colour(place, traced.length), true));
+    const cell = make('td');
+    if (data.movies[run.key]) {
+      const button = make('button', { type: 'button', 'aria-label': `watch the layer of seed ${run.seed}` }, 'watch');
+      button.onclick = async () => { await watch(run); $('movie').scrollIntoView({ block: 'nearest' }); };
+      cell.append(button);
+    } else cell.textContent = '–';
+    row.append(first, make('td', {}, run.seed), make('td', {}, show(run.viscosity)), make('td', {}, run.state + (run.doubts.length ? `, ${run.doubts.join(', ')}` : '')), cell, make('td', {}, show(run.wall_time_s)), make('td', { class: 'name' }, run.key.slice(0, 10)));
+    table.append(row);
+  }
+  $('run-list').replaceChildren(table);
+  if (quietly) { cursor(); return; }
+  const first = runs.find(run => data.movies[run.key]);
+  if (first) watch(first); else { stop(); movie = null; $('movie').hidden = true; }
+  plot();
+  document.querySelector(`#plot [data-index="${index}"]`)?.focus({ preventScroll: true });
+  $('runs').scrollIntoView({ block: 'nearest' });
+}
+
+/* The movie of a run. */
+let movie = null, at = 0, timer = null;
+function stop() { clearInterval(timer); timer = null; $('play').textContent = 'Play'; $('play').setAttribute('aria-pressed', 'false'); }
+async function watch(run) {
+  stop();
+  let film = data.movies[run.key];
+  if (film === true) {
+    const answer = await fetch('movie/' + encodeURIComponent(run.key)).catch(() => null);
+    if (!answer?.ok) return;
+    film = await answer.json();
+  }
+  movie = film; at = 0;
+  $('movie').hidden = false;
+  $('movie-name').textContent = `of the run with seed ${run.seed}`;
+  $('scrub').max = movie.frames.length - 1;
+  picture();
+}
+/* The cursor of the trace stands at the strain of the picture. */
+function cursor() {
+  if (!cursor_place) return;
+  const strain = movie?.frames[at]?.strain, line = cursor_place.line;
+  line.style.display = strain === undefined ? 'none' : '';
+  if (strain === undefined) return;
+  line.setAttribute('x1', cursor_place.X(strain)); line.setAttribute('x2', cursor_place.X(strain));
+}
+/* What a sphere is coloured by: its name, and the number of each sphere. */
+function measure(kind, n, radius) {
+  const f = movie.frames[at], numbers = new Float64Array(n);
+  if (kind === 'spin') {
+    /* Turning per strain until the next picture, from the one before at the end. */
+    const [a, b] = at + 1 < movie.frames.length ? [f, movie.frames[at + 1]] : [movie.frames[at - 1] ?? f, f], time = b.strain - a.strain || 1;
+    for (let i = 0; i < n; i++) numbers[i] = (b.x[3 * i + 2] - a.x[3 * i + 2]) / time;
+  } else for (const [i, j, , , , force] of f.contacts) {
+    numbers[i] += kind === 'contacts' ? 1 : force / (2 * Math.PI * radius(i));
+    numbers[j] += kind === 'contacts' ? 1 : force / (2 * Math.PI * radius(j));
+  }
+  return numbers;
+}
+const MEASURES = { pressure: 'force of contacts over the girth of a sphere', contacts: 'contacts of a sphere', spin: 'turning per strain' };
+/* The ends of the colours: the same for all pictures, so that they can be compared. */
+function ends_of(kind, n, radius) {
+  movie.ends ??= {};
+  if (!movie.ends[kind]) {
+    const now = at, all = [];
+    for (at = 0; at < movie.frames.length; at += Math.max(1, Math.floor(movie.frames.length / 12))) all.push(...measure(kind, n, radius));
+    at = now;
+    all.sort((a, b) => a - b);
+    const low = kind === 'spin' ? all[Math.floor(.03 * all.length)] : 0, high = all[Math.min(all.length - 1, Math.floor(.98 * all.length))];
+    movie.ends[kind] = [low, Math.max(high, low + (kind === 'contacts' ? 1 : 1e-3))];
+  }
+  return movie.ends[kind];
+}
+function picture() {
+  if (!movie) return;
+  const canvas = $('layer'), pen = canvas.getContext('2d'), f = movie.frames[at], side = movie.side;
+  const scale = canvas.width / side;
+  pen.setTransform(1, 0, 0, 1, 0, 0);
+  pen.clearRect(0, 0, canvas.width, canvas.height);
+  pen.setTransform(scale, 0, 0, -scale, 0, canvas.height);
+  const n = f.x.length / 3, radius = i => movie.radii[movie.radii.length === 1 ? 0 : i];
+  const wrap = (x, y) => { const rows = Math.floor(y / side); x -= rows * f.offset; y -= rows * side; return [x - Math.floor(x / side) * side, y]; };
+  const images = (x, y, reach, paint) => {
+    for (let row = -1; row <= 1; row++) for (let column = -2; column <= 2; column++) {
+      const px = x + column * side + row * f.offset, py = y + row * side;
+      if (px > -reach && px < side + reach && py > -reach && py < side + reach) paint(px, py);
+    }
+  };
+  const kind = $('paint').value, numbers = kind ? measure(kind, n, radius) : null, [low, high] = kind ? ends_of(kind, n, radius) : [0, 1];
+  $('meaning').textContent = kind ? `${MEASURES[kind]}: ${show(+low.toPrecision(2))} dark to ${show(+high.toPrecision(2))} light` : '';
+  const paper = ink('--paper'), soft = ink('--soft');
+  pen.lineWidth = .06;
+  for (let i = 0; i < n; i++) {
+    const [x, y] = wrap(f.x[3 * i], f.x[3 * i + 1]), angle = f.x[3 * i + 2], a = radius(i), part = kind ? (numbers[i] - low) / (high - low) : 0;
+    images(x, y, a, (px, py) => {
+      pen.beginPath(); pen.arc(px, py, a, 0, 7); pen.fillStyle = kind ? heat(part) : paper; pen.fill(); pen.strokeStyle = soft; pen.stroke();
+      pen.strokeStyle = kind ? (part > .55 ? '#111' : '#fff') : soft;
+      pen.beginPath(); pen.moveTo(px + .35 * a * Math.cos(angle), py + .35 * a * Math.sin(angle)); pen.lineTo(px + .85 * a * Math.cos(angle), py + .85 * a * Math.sin(angle)); pen.stroke();
+    });
+  }
+  const colours = [soft, ink('--c0'), ink('--c1')];
+  pen.lineCap = 'round';
+  for (const [i, j, state, nx, ny, force] of f.contacts) {
+    const [x, y] = wrap(f.x[3 * i], f.x[3 * i + 1]), r = radius(i) + radius(j);
+    pen.strokeStyle = colours[state]; pen.lineWidth = Math.min(.06 + .34 * force / movie.force, .55);
+    images(x, y, 2 * r, (px, py) => { pen.beginPath(); pen.moveTo(px, py); pen.lineTo(px + r * nx, py + r * ny); pen.stroke(); });
+  }
+  $('scrub').value = at;
+  $('scrub').setAttribute('aria-valuetext', `strain ${f.strain.toFixed(2)}`);
+  $('strain').textContent = `${f.strain.toFixed(2)}, ${f.contacts.length} contacts`;
+  cursor();
+}
+$('play').onclick = () => {
+  if (timer) { stop(); return; }
+  $('play').textContent = 'Pause'; $('play').setAttribute('aria-pressed', 'true');
+  timer = setInterval(() => { at = (at + 1) % movie.frames.length; picture(); }, 80);
+};
+$('scrub').oninput = () => { stop(); at = +$('scrub').value; picture(); };
+$('paint').onchange = picture;

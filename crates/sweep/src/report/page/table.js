@@ -1,0 +1,61 @@
+/* The points as a table, and everything that is said in words. */
+
+/* Columns by name: heading, cell. What differs and matters comes first. */
+function columns() {
+  const axes = varying(), c = data.cases;
+  const of_axis = a => [a, AXIS[a].symbol, p => show(on(p, a))];
+  const of_quantity = q => [q, QUANTITIES[q], p => show(p[q]) + (p[q + '_ci95'] != null ? ` ± ${show(+p[q + '_ci95'].toPrecision(2))}` : '')];
+  const first = (axes.length ? axes : ['area_fraction', 'shear_rate']).map(of_axis);
+  const counts = ['seeds', 'jammed', 'failed', 'doubtful'].map(k => [k, k === 'seeds' ? 'runs' : k, p => p[k]]);
+  const rest = Object.keys(QUANTITIES).filter(q => q !== 'viscosity').map(of_quantity);
+  const others = AXES.filter(a => !first.some(f => f[0] === a)).map(of_axis);
+  const usual = new Set([...first.map(f => f[0]), 'viscosity', 'seeds', ...(c.jammed ? ['jammed'] : []), ...(c.failed ? ['failed'] : []), ...(data.doubtful ? ['doubtful'] : []), 'viscosity_median', 'normal_stress_difference', 'contacts_per_sphere']);
+  return { all: [...first, of_quantity('viscosity'), ...counts, ...rest, ...others], usual };
+}
+let picked = null;
+function table() {
+  const { all, usual } = columns();
+  const is_shown = ([key]) => (picked ?? usual).has(key);
+  const shown = all.filter(is_shown);
+  const head = make('tr');
+  for (const [, name] of shown) head.append(make('th', { scope: 'col' }, name));
+  $('points').replaceChildren(head, ...data.points.map((p, index) => {
+    const row = make('tr', { class: index === chosen ? 'chosen' : '' });
+    for (const [, , cell] of shown) row.append(make('td', {}, cell(p)));
+    return row;
+  }));
+  if ($('columns').childElementCount !== all.length) $('columns').replaceChildren(...all.map(([key, name]) => {
+    const label = make('label'), box = make('input', { type: 'checkbox', 'data-column': key });
+    box.checked = is_shown([key]);
+    box.onchange = () => {
+      picked ??= new Set(usual);
+      box.checked ? picked.add(key) : picked.delete(key);
+      table();
+    };
+    label.append(box, ' ' + name);
+    return label;
+  }));
+  cue();
+}
+/* Says that there is more to the right, as long as there is. */
+function cue() {
+  const box = $('points-box'), more = box.scrollWidth - box.clientWidth - box.scrollLeft > 2;
+  box.classList.toggle('more', more);
+  $('cue').hidden = box.scrollWidth - box.clientWidth <= 2;
+}
+
+function words() {
+  const c = data.cases, total = c.done + c.jammed + c.failed + c.running + c.pending;
+  document.title = `${data.campaign} · sweep`;
+  $('name').textContent = data.campaign;
+  const eta = data.eta_s !== null && data.eta_s !== undefined ? `, about ${data.eta_s < 90 ? Math.round(data.eta_s) + ' s' : data.eta_s < 5400 ? Math.round(data.eta_s / 60) + ' min' : (data.eta_s / 3600).toFixed(1) + ' h'} left` : '';
+  $('summary').textContent = `${c.done} of ${total} runs done, ${c.jammed} jammed, ${c.failed} failed, ${c.running} running, ${c.pending} pending${eta}. Strain discarded: ${data.discard}.${data.selection ? ` Only where ${data.selection}.` : ''}${data.doubtful ? ` ${data.doubtful} finished runs have doubtful numbers${data.with_doubtful ? ', averaged with the others' : ', not averaged'}.` : ''}`;
+  $('progress').value = data.work_done;
+  table();
+  $('failures-section').hidden = !data.failures.length;
+  $('failures').replaceChildren(...data.failures.map(f => make('li', {}, `${f.key.slice(0, 10)}, seed ${f.seed}, strain ${f.strain.toFixed(3)}: ${f.error}`)));
+  $('provenance').replaceChildren(...data.provenance.map(p => make('li', {}, `sweep ${p.version}, physics ${p.physics_version}, build ${p.build.slice(0, 12)} on ${p.host}, ${p.threads} threads, ${p.results} results, begun ${new Date(p.started_at).toISOString().slice(0, 16).replace('T', ' ')} UTC`)));
+  $('text').textContent = data.text;
+}
+$('points-box').addEventListener('scroll', cue);
+window.addEventListener('resize', cue);

@@ -1,0 +1,64 @@
+//! Contacts as bonds between spheres, in a file of their own: extended XYZ has none.
+
+use super::state_number;
+use sd_core::simulation::Frame;
+use std::io::{self, Write};
+
+/// Writes the contacts of frames, each with its step, as the dump of local data that LAMMPS writes and OVITO loads as bonds: numbers of
+/// both spheres from 1, normal and tangential force in mu·a²·rate, gap in a, and 1 frictionless, 2 rolling, 3 slipping.
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn write_bonds(frames: &[(u64, &Frame)], out: &mut dyn Write) -> io::Result<()> {
+    for (step, frame) in frames {
+        let height = frame.radii.iter().copied().fold(1.0, f64::max);
+        let (side, tilt) = (frame.side, frame.offset);
+        writeln!(out, "ITEM: TIMESTEP\n{step}")?;
+        writeln!(out, "ITEM: NUMBER OF ENTRIES\n{}", frame.contacts.len())?;
+        // LAMMPS names the ends of the box around the tilted cell.
+        writeln!(out, "ITEM: BOX BOUNDS xy xz yz pp pp ff")?;
+        writeln!(
+            out,
+            "{} {} {tilt}\n0 {side} 0\n{} {height} 0",
+            tilt.min(0.0),
+            side + tilt.max(0.0),
+            -height
+        )?;
+        writeln!(
+            out,
+            "ITEM: ENTRIES first second normal_force tangential_force gap state"
+        )?;
+        for contact in &frame.contacts {
+            writeln!(
+                out,
+                "{} {} {} {} {} {}",
+                contact.i + 1,
+                contact.j + 1,
+                contact.normal_force,
+                contact.tangential_force,
+                contact.gap,
+                state_number(contact.state) + 1
+            )?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::frame;
+
+    #[test]
+    fn bonds_have_an_entry_per_contact() {
+        let mut text = Vec::new();
+        write_bonds(&[(25, &frame()), (50, &frame())], &mut text).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        let half = "ITEM: NUMBER OF ENTRIES\n1\nITEM: BOX BOUNDS xy xz yz pp pp ff\n-2 8 -2\n0 8 0\n-1.5 1.5 0\n\
+                    ITEM: ENTRIES first second normal_force tangential_force gap state\n1 2 12.5 -2 0.0078125 3\n";
+        assert_eq!(
+            text,
+            format!("ITEM: TIMESTEP\n25\n{half}ITEM: TIMESTEP\n50\n{half}")
+        );
+    }
+}

@@ -1,0 +1,194 @@
+//! Frames as extended XYZ, which OVITO and ASE read.
+
+use crate::axes::{AXES, Axis, Value};
+use sd_core::Params;
+use sd_core::simulation::Frame;
+use std::fmt::Write as _;
+use std::io::{self, Write};
+
+/// The run that frames are of.
+#[derive(Debug, Clone)]
+pub struct Filmed {
+    /// Its parameters.
+    pub params: Params,
+    /// Its seed.
+    pub seed: u64,
+    /// Its key.
+    pub key: String,
+}
+
+/// Writes frames, each with its step, as extended XYZ: the cell with its shear and what the run is, then a line per sphere.
+///
+/// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are quaternions about z. Spheres of the
+/// smallest radius are of the species S, larger ones of the species L. Velocities are means over the strain to the next frame, of the last
+/// frame over that from the one before; a single frame has none.
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn write_extxyz(
+    frames: &[(u64, &Frame)],
+    filmed: &Filmed,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let about = about(filmed);
+    for (place, (step, frame)) in frames.iter().enumerate() {
+        let pair = match (frames.get(place + 1), place.checked_sub(1)) {
+            (Some((_, next)), _) => Some([*frame, *next]),
+            (None, Some(before)) => Some([frames[before].1, *frame]),
+            (None, None) => None,
+        };
+        write_frame(frame, *step, pair, &about, out)?;
+    }
+    Ok(())
+}
+
+/// The run in words of the comment: `area_fraction=0.7 friction=0.5 … seed=1 key=3f…`.
+fn about(filmed: &Filmed) -> String {
+    let mut words = String::new();
+    let meant = |axis: &&Axis| axis.means_something(&filmed.params);
+    for axis in AXES.iter().filter(meant) {
+        let value = match axis.value(&filmed.params) {
+            Value::Word(word) => format!("\"{word}\""),
+            value => value.to_string(),
+        };
+        let _ = write!(words, " {}={value}", axis.key);
+    }
+    let _ = write!(words, " seed={} key=\"{}\"", filmed.seed, filmed.key);
+    words
+}
+
+fn write_frame(
+    frame: &Frame,
+    step: u64,
+    pair: Option<[&Frame; 2]>,
+    about: &str,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let mut touching = vec![0_u32; frame.centres.len()];
+    for contact in &frame.contacts {
+        touching[contact.i] += 1;
+        touching[contact.j] += 1;
+    }
+    let height = 2.0 * frame.radii.iter().copied().fold(1.0, f64::max);
+    let smallest = frame.radii.iter().copied().fold(f64::INFINITY, f64::min);
+    let velocities = if pair.is_some() { ":velo:R:3" } else { "" };
+    writeln!(out, "{}", frame.centres.len())?;
+    writeln!(
+        out,
+        "Lattice=\"{side} 0 0 {offset} {side} 0 0 0 {height}\" Origin=\"0 0 {}\" \
+         Properties=species:S:1:pos:R:3:id:I:1:radius:R:1:orientation:R:4:angle:R:1:stresslet:R:3:contacts:I:1{velocities} \
+         pbc=\"T T F\" strain={} step={step}{about}",
+        -0.5 * height,
+        frame.strain,
+        side = frame.side,
+        offset = frame.offset,
+    )?;
+    for (number, [x, y]) in frame.centres.iter().enumerate() {
+        let angle = frame.orientations[number];
+        let (sine, cosine) = (0.5 * angle).sin_cos();
+        let [xx, yy, xy] = frame.stresslets[number];
+        let radius = frame.radii[number];
+        let species = if radius > smallest { 'L' } else { 'S' };
+        write!(
+            out,
+            "{species} {x} {y} 0 {} {radius} 0 0 {sine} {cosine} {angle} {xx} {yy} {xy} {}",
+            number + 1,
+            touching[number]
+        )?;
+        if let Some([from, to]) = pair {
+            let [u, v] = velocity(from, to, number);
+            write!(out, " {u} {v} 0")?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
+/// The mean velocity of a sphere between two frames, in a·rate.
+///
+/// A sphere that left the cell came in again as one of its images; the images of the later frame tell where it went, since they move with
+/// the flow.
+fn velocity(from: &Frame, to: &Frame, sphere: usize) -> [f64; 2] {
+    let time = to.strain - from.strain;
+    let ([x, y], [end_x, end_y]) = (from.centres[sphere], to.centres[sphere]);
+    let side = to.side;
+    // Where the flow alone would bring it.
+    let carried = time * y;
+    let rows = ((end_y - y) / side).round();
+    let rise = end_y - y - rows * side;
+    let along = end_x - x - carried - rows * to.offset;
+    let along = along - (along / side).round() * side + carried;
+    [along / time, rise / time]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::{frame, params};
+
+    fn lines(frames: &[(u64, &Frame)]) -> Vec<String> {
+        let filmed = Filmed {
+            params: params(),
+            seed: 7,
+            key: "3f9a".into(),
+        };
+        let mut text = Vec::new();
+        write_extxyz(frames, &filmed, &mut text).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        text.lines().map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn the_comment_has_the_sheared_cell_and_the_run() {
+        let lines = lines(&[(25, &frame())]);
+        assert_eq!((lines[0].as_str(), lines.len()), ("2", 4));
+        assert!(lines[1].starts_with("Lattice=\"8 0 0 -2 8 0 0 0 3\""));
+        for part in [
+            "strain=0.5 step=25",
+            "area_fraction=0.693",
+            "friction=0.3",
+            "roughness=0.01",
+            "shear_rate=inf",
+            "contact=\"rigid\"",
+            "seed=7 key=\"3f9a\"",
+        ] {
+            assert!(lines[1].contains(part), "{part} is not in {}", lines[1]);
+        }
+        assert_eq!(lines[2], "S 1 2 0 1 1 0 0 0 1 0 1 -1 20.5 1");
+        assert!(lines[3].starts_with("L 3.5 2 0 2 1.5 "), "{}", lines[3]);
+    }
+
+    /// A sphere that moves with the flow has its velocity, over the edges of the cell too.
+    #[test]
+    fn velocities_go_over_the_edges_of_the_cell() {
+        let (side, time) = (8.0, 0.5);
+        let at = |strain: f64, centres: Vec<[f64; 2]>| Frame {
+            strain,
+            side,
+            offset: 0.25 + side * strain,
+            orientations: vec![0.0; centres.len()],
+            radii: vec![1.0; centres.len()],
+            stresslets: vec![[0.0; 3]; centres.len()],
+            centres,
+            ..Frame::default()
+        };
+        let from = at(0.0, vec![[7.0, 6.0], [3.0, 7.9], [1.0, 0.05]]);
+        let offset = 0.25 + side * time;
+        // The second goes up through the edge, the third down, both with a quarter beyond the flow.
+        let to = at(
+            time,
+            vec![
+                [7.0 + 6.0 * time - side, 6.0],
+                [3.0 + 7.9 * time + 0.25 * time - offset, 0.1],
+                [1.0 + 0.05 * time + offset, 7.85],
+            ],
+        );
+        let wanted = [[6.0, 0.0], [8.15, 0.4], [0.05, -0.4]];
+        for (sphere, wanted) in wanted.into_iter().enumerate() {
+            let found = velocity(&from, &to, sphere);
+            for (a, b) in found.into_iter().zip(wanted) {
+                assert!((a - b).abs() < 1e-12, "{sphere}: {found:?}");
+            }
+        }
+    }
+}
