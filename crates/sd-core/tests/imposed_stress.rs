@@ -93,7 +93,8 @@ fn stress_is_viscosity_times_rate_under_every_law() {
         }
         let counters = simulation.counters();
         assert_eq!(counters.unconverged_stages, 0, "{contact:?}");
-        assert!(counters.worst_residual < 1e-8, "{contact:?}");
+        // Of every stage, not of those sampled alone: what misses of the balance counts as a residual.
+        assert!(counters.worst_residual < 1e-9, "{contact:?}");
         let spread = rates.iter().fold(0.0, |most: f64, rate| {
             most.max((rate / rates[0]).ln().abs())
         });
@@ -295,42 +296,56 @@ fn run_that_begins_with_the_end_of_another_goes_on_as_that_does() {
     }
 }
 
-#[test]
-#[ignore = "minutes: runs of several seeds at imposed stress and at the rates found"]
-fn curves_of_imposed_stress_and_rate_agree_away_from_the_jump() {
-    for contact in [
-        rigid(TangentialLaw::Coulomb, FrictionOnset::CriticalLoad),
-        soft(TangentialLaw::StickSlide, FrictionOnset::CriticalLoad, 0.0),
-    ] {
-        for stress in [0.3, 3.0, 30.0] {
-            let at_stress = Params {
-                shear_stress: Some(stress),
-                area_fraction: 0.65,
-                ..params(contact)
-            };
-            // Means over strain from 1 on, of each seed.
-            let means = |params: &Params| -> Vec<f64> {
-                let mean = |seed| {
-                    let (samples, _) = run(params, seed, 800);
-                    let kept = &samples[200..];
-                    kept.iter().map(|s| s.viscosity).sum::<f64>() / kept.len() as f64
-                };
-                (1..=8).map(mean).collect()
-            };
-            let estimate = |values: &[f64]| {
-                let n = values.len() as f64;
-                let mean = values.iter().sum::<f64>() / n;
-                let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-                (mean, squares / (n * (n - 1.0)))
-            };
-            let (viscosity, variance) = estimate(&means(&at_stress));
-            let rate = 6.0 * PI * stress / viscosity;
-            let (expected, other) = estimate(&means(&at_rate(&at_stress, rate)));
-            let distance = (viscosity - expected).abs() / (variance + other).sqrt();
-            println!(
-                "{contact:?} at {stress}: {viscosity} and {expected}, {distance} standard errors"
-            );
-            assert!(distance < 3.0);
-        }
+/// Mean viscosity over strains from 1 on, mean over seeds, and the square of its standard error.
+fn estimate(params: &Params) -> (f64, f64) {
+    let means = (1..=6).map(|seed| {
+        let (samples, _) = run(params, seed, 400);
+        let kept = &samples[100..];
+        kept.iter().map(|s| s.viscosity).sum::<f64>() / kept.len() as f64
+    });
+    let means: Vec<f64> = means.collect();
+    let n = means.len() as f64;
+    let mean = means.iter().sum::<f64>() / n;
+    let squares: f64 = means.iter().map(|v| (v - mean).powi(2)).sum();
+    (mean, squares / (n * (n - 1.0)))
+}
+
+/// Below, in and above the rise, which is smooth at this area fraction: 3 standard errors at most between the viscosity at a stress and
+/// that at the rate which the stress leads to.
+fn curves_agree(contact: ContactScheme) {
+    let mut viscosities = Vec::new();
+    for stress in [0.03, 0.3, 30.0] {
+        let at_stress = Params {
+            shear_stress: Some(stress),
+            area_fraction: 0.65,
+            spheres: 25,
+            time_step: 0.01,
+            ..params(contact)
+        };
+        let (viscosity, variance) = estimate(&at_stress);
+        let rate = 6.0 * PI * stress / viscosity;
+        let (expected, other) = estimate(&at_rate(&at_stress, rate));
+        let distance = (viscosity - expected).abs() / (variance + other).sqrt();
+        assert!(
+            distance < 3.0,
+            "{contact:?} at {stress}: {viscosity} and {expected}, {distance} standard errors"
+        );
+        viscosities.push(viscosity);
     }
+    // The rise is far larger than what is compared.
+    assert!(viscosities[2] > 1.2 * viscosities[0], "{viscosities:?}");
+}
+
+#[test]
+fn curves_of_imposed_stress_and_rate_agree_under_rigid_contacts() {
+    curves_agree(rigid(TangentialLaw::Coulomb, FrictionOnset::CriticalLoad));
+}
+
+#[test]
+fn curves_of_imposed_stress_and_rate_agree_under_springs() {
+    curves_agree(soft(
+        TangentialLaw::StickSlide,
+        FrictionOnset::CriticalLoad,
+        0.0,
+    ));
 }

@@ -1,5 +1,6 @@
 //! The campaign file: read, validated with spans in its errors, and laid out as cases.
 
+mod elsewhere;
 mod ends_of_runs;
 mod error;
 mod grid;

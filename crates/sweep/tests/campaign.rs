@@ -168,6 +168,23 @@ fn runs_of_another_campaign_are_taken_over() {
     assert!(!nowhere.path().join("results").exists());
 }
 
+/// In the units of others the rate is that of the mean viscosity too.
+fn converted_points_belong_to(points: &[serde_json::Value], at: &Path) {
+    let number = |point: &serde_json::Value, name: &str| point[name].as_f64().unwrap();
+    let output = sweep(at, &["convert", "small.toml", "--json"]).success();
+    let converted: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
+    for (theirs, point) in converted["points"].as_array().unwrap().iter().zip(points) {
+        let (rate, viscosity) = (number(point, "shear_rate"), number(point, "viscosity"));
+        assert_eq!(number(theirs, "shear_rate"), rate);
+        assert_eq!(number(theirs, "published_shear_rate"), rate);
+        // One size: η' = 1 + 2 (η − 1 − 5c/3), and σ' belongs to it.
+        let published = 1.0 + 2.0 * (viscosity - 1.0 - number(point, "area_fraction") * 5.0 / 3.0);
+        assert!((number(theirs, "published_viscosity") / published - 1.0).abs() < 1e-12);
+        let stress = published * rate / (6.0 * std::f64::consts::PI);
+        assert!((number(theirs, "published_shear_stress") / stress - 1.0).abs() < 1e-12);
+    }
+}
+
 #[test]
 fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
     let imposed = CAMPAIGN.replace("shear_rate = [0.1, inf]", "shear_stress = [0.3, 3.0]");
@@ -205,6 +222,7 @@ fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
             number(point, "normal_stress_difference")
         );
     }
+    converted_points_belong_to(points, at);
     let store = rusqlite::Connection::open(at.join("results/small.sqlite")).unwrap();
     let worst: f64 = store
         .query_row(
@@ -242,6 +260,16 @@ fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
         text.contains("particle_pressure") && text.contains("σ*") && !text.contains("approach"),
         "{text}"
     );
+    // A stress of which nothing is known yet has no rate, and no place in a flow curve.
+    std::fs::write(
+        at.join("small.toml"),
+        imposed.replace("[0.3, 3.0]", "[0.3, 3.0, 30.0]"),
+    )
+    .unwrap();
+    let flow = ["--figure", "flow.svg", "--kind", "flow-curve"];
+    sweep(at, &[&["report", "small.toml"], &flow[..]].concat()).success();
+    let drawn = std::fs::read_to_string(at.join("flow.svg")).unwrap();
+    assert!(!drawn.contains("NaN"));
     // Sheared on from there, and back: seed by seed.
     let second = imposed
         .replace("\"small\"", "\"second\"")

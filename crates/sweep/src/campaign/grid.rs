@@ -100,9 +100,9 @@ impl Grid {
             .map(|(axis, values)| match (values, &axis.form) {
                 (Some(values), _) => Some(values.all[0].value),
                 (None, _) if !entries.contains_key(axis.key) => None,
-                // What is written here is noted already, and any value stands for it.
+                // What is written here is noted already, and any value stands for it: of numbers one that is not "none".
                 (None, Form::Choice(choice)) => Some(Value::Word(choice.default)),
-                (None, Form::Number(_)) => Some(Value::Number(f64::NAN)),
+                (None, Form::Number(_)) => Some(Value::Number(1.0)),
             })
             .collect();
         let meant = |axis: &Axis| {

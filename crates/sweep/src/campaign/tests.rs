@@ -496,5 +496,7 @@ fn faults_of_imposed_stress_and_of_start_layers_have_their_line() {
             .lines()
             .any(|shown| shown.trim_start().starts_with(&format!("{line} │")));
         assert!(shown, "line {line}: {error}");
+        // What is written is not missing, and neither is what it takes the place of.
+        assert!(!error.contains("[[grid]] has no"), "{error}");
     }
 }

@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
 /// A point in their units.
 #[derive(Serialize)]
 struct Converted {
-    /// Its values on the axes, in our units.
+    /// Its values on the axes, in our units; the rate that follows where the stress is imposed.
     #[serde(flatten)]
     axes: serde_json::Map<String, serde_json::Value>,
     /// Runs averaged.
@@ -46,19 +46,26 @@ struct Converted {
 impl Converted {
     fn of(point: &Point) -> Self {
         let units = PublishedUnits::of(&point.params);
-        let rate = point.params.shear_rate;
+        let rate = point.shear_rate();
         let viscosity = point.viscosity.as_ref();
         let axes = AXES.iter().map(|axis| {
-            let value = serde_json::to_value(axis.value(&point.params));
+            let value = if axis.is_shear_rate() && point.params.shear_stress.is_some() {
+                serde_json::to_value(rate)
+            } else {
+                serde_json::to_value(axis.value(&point.params))
+            };
             (axis.key.to_owned(), value.unwrap_or_default())
         });
         Self {
             axes: axes.collect(),
             seeds: point.seeds,
             mean_radius: units.mean_radius,
-            published_shear_rate: Some(units.shear_rate(rate)).filter(|rate| rate.is_finite()),
+            published_shear_rate: rate
+                .map(|rate| units.shear_rate(rate))
+                .filter(|rate| rate.is_finite()),
             published_shear_stress: viscosity
-                .map(|v| units.shear_stress(v.mean, rate))
+                .zip(rate)
+                .map(|(v, rate)| units.shear_stress(v.mean, rate))
                 .filter(|stress| stress.is_finite()),
             published_viscosity: viscosity.map(|v| units.viscosity(v.mean)),
             published_viscosity_ci95: viscosity.and_then(|v| Some(units.difference(v.ci95?))),
@@ -94,9 +101,11 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         if let Some(width) = converted.published_viscosity_ci95 {
             viscosity = format!("{viscosity} ± {}", significant(width, 2));
         }
-        let axes = varied
-            .iter()
-            .map(|axis| axis.value(&point.params).to_string());
+        let axes = varied.iter().map(|axis| match point.params.shear_stress {
+            Some(_) if axis.is_shear_rate() => number(point.shear_rate(), 4),
+            None if axis.is_shear_stress() => "–".into(),
+            _ => axis.value(&point.params).to_string(),
+        });
         table.add_row(axes.chain([
             converted.seeds.to_string(),
             number(converted.published_shear_rate, 4),
@@ -109,8 +118,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     writeln!(out, "{}", crate::report::whole(table))?;
     writeln!(
         out,
-        "Γ': rate, 6π μ a_s² × rate / F_crit; σ': shear stress, in F_crit/a_s²; η': viscosity of a layer one a_s thick, without the stresslets of\n\
-         isolated spheres, ± half the 95 % Student interval. a_s: radius of the small spheres. Axes before them are ours."
+        "Γ': rate, 6π μ a_s² × rate / F_crit; σ': shear stress, in F_crit/a_s² (papers often give 6π σ' = η' Γ'); η': viscosity of a layer one\n\
+         a_s thick, without the stresslets of isolated spheres, ± half the 95 % Student interval. a_s: radius of the small spheres. Axes before them are ours."
     )?;
     Ok(exit::DONE)
 }

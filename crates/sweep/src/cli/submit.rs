@@ -164,7 +164,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     let tasks = tasks(arguments, &open, limit)?;
     let slices = Slices::cut(&open, tasks);
-    let plan = slices.plan(&campaign.text);
+    let text = campaign.text_elsewhere();
+    let plan = slices.plan(&text);
     let job = Job {
         campaign: campaign.name.clone(),
         program: folder.join(format!("sweep-{}", store::build())),
@@ -179,7 +180,11 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let name = if arguments.dry_run {
         None
     } else {
-        write_plan(&job, &store, &campaign, &open, &slices.text(&plan), &script)?;
+        let tasks_read = [
+            ("campaign.toml", text.as_str()),
+            ("slices", &slices.text(&plan)),
+        ];
+        write_plan(&job, &store, &campaign, &open, tasks_read, &script)?;
         Some(hand_over(&scheduler, &job, &plan, &slices, &mut store)?)
     };
     let command = scheduler.command(&job);

@@ -5,12 +5,13 @@ use crate::case::Case;
 use crate::clock::Clock;
 use crate::tables;
 use sd_core::{Error, NearFields, Params, Simulation};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Time by the wall that all of them together take at most.
 const PILOT_TIME: Duration = Duration::from_millis(3400);
+/// Time after which a run that is within a long step is left behind.
+const PATIENCE: Duration = Duration::from_millis(500);
 /// Points that are tried at most.
 const MOST_POINTS: usize = 6;
 /// Strain after which a layer has its contacts.
@@ -34,8 +35,37 @@ pub(crate) struct Trial {
     pub(crate) outcome: Result<Record, String>,
 }
 
+/// How far a short run is.
+#[derive(Debug, Default)]
+struct Progress {
+    /// Steps that tell what one costs.
+    steps: u32,
+    /// Seconds of processor they took.
+    cpu_s: f64,
+    /// When the step under way began.
+    step_begun: Option<Instant>,
+    /// Whether it is over, or why it told nothing.
+    ended: Option<Result<(), String>>,
+}
+
+/// A short run: a case, with another seed perhaps.
+struct ShortRun {
+    case: Case,
+    seed: u64,
+    progress: Mutex<Progress>,
+}
+
+/// A short run and who waits for its end.
+struct Shared {
+    run: ShortRun,
+    has_ended: Condvar,
+}
+
 /// Makes short runs of points of which no measured run is near: those behind which most of the work is. `points` are cases with
 /// the number of their like.
+///
+/// Near jamming a single step can take longer than there is time. Such a step counts for the time it has taken so far, and is left
+/// to a thread for which nobody waits.
 pub(crate) fn trials(costs: &Costs, points: &[(&Case, f64)], begun: Instant) -> Vec<Trial> {
     let chosen = choose(costs, points);
     if chosen.is_empty() {
@@ -45,33 +75,158 @@ pub(crate) fn trials(costs: &Costs, points: &[(&Case, f64)], begun: Instant) -> 
         .map_or(1, std::num::NonZero::get)
         .min(4);
     // Several seeds of a point where there is room, as runs of different seeds cost differently.
-    let jobs: Vec<(&Case, u64)> = if chosen.len() < threads {
-        let again = chosen.iter().cycle().take(threads);
-        (1..).zip(again).map(|(seed, case)| (*case, seed)).collect()
-    } else {
-        chosen.iter().map(|case| (*case, 1)).collect()
-    };
-    let rounds = u32::try_from(jobs.len().div_ceil(threads)).unwrap_or(u32::MAX);
+    let number = chosen.len().max(threads);
+    let runs: Vec<Arc<Shared>> = (0..number)
+        .zip(1..)
+        .map(|(at, seed)| {
+            let run = ShortRun {
+                case: chosen[at % chosen.len()].clone(),
+                seed: if number > chosen.len() { seed } else { 1 },
+                progress: Mutex::default(),
+            };
+            let has_ended = Condvar::new();
+            Arc::new(Shared { run, has_ended })
+        })
+        .collect();
+    let rounds = u32::try_from(number.div_ceil(threads)).unwrap_or(u32::MAX);
     let share = PILOT_TIME.saturating_sub(begun.elapsed()) / rounds;
-    let next = AtomicUsize::new(0);
-    let done = Mutex::new(Vec::new());
-    std::thread::scope(|scope| {
-        for _ in 0..threads.min(jobs.len()) {
-            scope.spawn(|| {
-                while let Some((case, seed)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let outcome = try_case(case, *seed, share);
-                    let trial = Trial {
-                        params: case.params.clone(),
-                        outcome,
-                    };
-                    if let Ok(mut done) = done.lock() {
-                        done.push(trial);
-                    }
-                }
-            });
+    for round in runs.chunks(threads) {
+        let deadline = Instant::now() + share + PATIENCE / rounds;
+        for shared in round {
+            let shared = Arc::clone(shared);
+            std::thread::spawn(move || shared.make(share));
         }
-    });
-    done.into_inner().unwrap_or_default()
+        for shared in round {
+            shared.wait(deadline);
+        }
+    }
+    runs.iter().map(|shared| shared.run.trial()).collect()
+}
+
+impl Shared {
+    /// Makes the run.
+    fn make(&self, time: Duration) {
+        let ended = self.run.make(time);
+        self.run.progress().ended = Some(ended);
+        self.has_ended.notify_all();
+    }
+
+    /// Waits until it has ended or the time is over.
+    fn wait(&self, deadline: Instant) {
+        let time = deadline.saturating_duration_since(Instant::now());
+        let progress = self.run.progress();
+        let under_way = |progress: &mut Progress| progress.ended.is_none();
+        drop(self.has_ended.wait_timeout_while(progress, time, under_way));
+    }
+}
+
+impl ShortRun {
+    fn progress(&self) -> MutexGuard<'_, Progress> {
+        let progress = self.progress.lock();
+        progress.unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What it has told so far.
+    fn trial(&self) -> Trial {
+        let progress = self.progress();
+        let under_way = progress.step_begun.map(|begun| begun.elapsed());
+        let steps = progress.steps + u32::from(under_way.is_some());
+        let record = Record {
+            params: self.case.params.clone(),
+            steps: steps.into(),
+            cpu_s: progress.cpu_s + under_way.unwrap_or_default().as_secs_f64(),
+        };
+        let outcome = match &progress.ended {
+            Some(Err(reason)) => Err(reason.clone()),
+            _ if steps == 0 => Err("no step could be made in the time there is".into()),
+            _ => Ok(record),
+        };
+        Trial {
+            params: self.case.params.clone(),
+            outcome,
+        }
+    }
+
+    /// Makes it in about that time.
+    fn make(&self, time: Duration) -> Result<(), String> {
+        let (case, begun) = (&self.case, Instant::now());
+        if Duration::from_secs_f64(SHORTEST * case.step_cost()) > time {
+            return Err(format!(
+                "a step takes about {} s, which is too long for one",
+                crate::format::significant(case.step_cost(), 2)
+            ));
+        }
+        let ratios = tables::ratios(std::iter::once(&case.params)).map_err(|e| e.to_string())?;
+        // Solved in a fraction of a second where they are not in the cache.
+        let tables = tables::make(&ratios, |_| {}).map_err(|e| e.to_string())?;
+        let lead_in = self.lead_in(&tables, time.mul_f64(LEAD_IN_SHARE));
+        let mut layer = lead_in.map_err(|e| e.to_string())?;
+        layer.step().map_err(|e| e.to_string())?;
+        // From here on steps are those of the case, and the lead-in tells nothing more.
+        *self.progress() = Progress::default();
+        let mut before = None;
+        for measured in 0.. {
+            let enough = begun.elapsed() >= time || layer.steps() >= case.steps;
+            if measured >= LEAST_MEASURED && enough {
+                break;
+            }
+            let step = self.measured(|| {
+                // As in a run, which keeps the state before every step.
+                before.replace(layer.snapshot());
+                layer.step()
+            });
+            match step {
+                Err(error) if measured == 0 => return Err(error.to_string()),
+                Err(_) => break,
+                Ok(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes a step and notes what it takes.
+    fn measured<T>(&self, step: impl FnOnce() -> T) -> T {
+        self.progress().step_begun = Some(Instant::now());
+        let clock = Clock::of_thread();
+        let done = step();
+        let mut progress = self.progress();
+        progress.step_begun = None;
+        progress.steps += 1;
+        progress.cpu_s += clock.cpu_s();
+        done
+    }
+
+    /// A layer with contacts, as near to [`LEAD_IN`] as there is time for, which is sheared on in the steps of the case.
+    fn lead_in(&self, tables: &NearFields, time: Duration) -> Result<Simulation, Error> {
+        let begun = Instant::now();
+        let (case, seed) = (&self.case, self.seed);
+        let params = &case.params;
+        let factor = (LEAD_IN_STEP / params.time_step)
+            .floor()
+            .clamp(1.0, LEAD_IN_FACTOR);
+        let strain = LEAD_IN.min(0.25 * case.strain());
+        let coarse = Params {
+            time_step: factor * params.time_step,
+            ..params.clone()
+        };
+        let mut layer = Simulation::new(&coarse, seed, tables)?;
+        while layer.strain() < strain && begun.elapsed() < time {
+            if self.measured(|| layer.step()).is_err() {
+                // Such steps are too long for it.
+                return Simulation::new(params, seed, tables);
+            }
+        }
+        let mut there = layer.snapshot();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "from 1 to 4"
+        )]
+        let factor = factor as u64;
+        // Strain is counted in steps.
+        there.steps *= factor;
+        Simulation::from_snapshot(params, there, tables)
+    }
 }
 
 /// The points to try: again and again the one behind which most of the work is that is not near to any known or chosen one.
@@ -95,74 +250,36 @@ fn choose<'c>(costs: &Costs, points: &[(&'c Case, f64)]) -> Vec<&'c Case> {
     chosen
 }
 
-/// What a run of this case would cost, from its beginning.
-fn try_case(case: &Case, seed: u64, time: Duration) -> Result<Record, String> {
-    let begun = Instant::now();
-    if Duration::from_secs_f64(SHORTEST * case.step_cost()) > time {
-        return Err(format!(
-            "a step takes about {} s, which is too long for one",
-            crate::format::significant(case.step_cost(), 2)
-        ));
-    }
-    let ratios = tables::ratios(std::iter::once(&case.params)).map_err(|e| e.to_string())?;
-    // Solved in a fraction of a second where they are not in the cache.
-    let tables = tables::make(&ratios, |_| {}).map_err(|e| e.to_string())?;
-    let mut layer =
-        lead_in(case, seed, &tables, time.mul_f64(LEAD_IN_SHARE)).map_err(|e| e.to_string())?;
-    layer.step().map_err(|e| e.to_string())?;
-    let clock = Clock::of_thread();
-    let mut steps = 0;
-    let mut before = None;
-    while steps < LEAST_MEASURED || (begun.elapsed() < time && layer.steps() < case.steps) {
-        // As in a run, which keeps the state before every step.
-        before.replace(layer.snapshot());
-        if let Err(error) = layer.step() {
-            if steps == 0 {
-                return Err(error.to_string());
-            }
-            break;
-        }
-        steps += 1;
-    }
-    Ok(Record {
-        params: case.params.clone(),
-        steps: steps.into(),
-        cpu_s: clock.cpu_s(),
-    })
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::params;
 
-/// A layer with contacts, as near to [`LEAD_IN`] as there is time for, which is sheared on in the steps of the case.
-fn lead_in(
-    case: &Case,
-    seed: u64,
-    tables: &NearFields,
-    time: Duration,
-) -> Result<Simulation, Error> {
-    let begun = Instant::now();
-    let params = &case.params;
-    let factor = (LEAD_IN_STEP / params.time_step)
-        .floor()
-        .clamp(1.0, LEAD_IN_FACTOR);
-    let strain = LEAD_IN.min(0.25 * case.strain());
-    let coarse = Params {
-        time_step: factor * params.time_step,
-        ..params.clone()
-    };
-    let mut layer = Simulation::new(&coarse, seed, tables)?;
-    while layer.strain() < strain && begun.elapsed() < time {
-        if layer.step().is_err() {
-            // Such steps are too long for it.
-            return Simulation::new(params, seed, tables);
-        }
+    #[test]
+    fn step_that_does_not_end_counts_for_the_time_it_has_taken() {
+        let run = ShortRun {
+            case: Case {
+                params: params(),
+                seed: 1,
+                steps: 10,
+                sample_stride: 1,
+            },
+            seed: 1,
+            progress: Mutex::default(),
+        };
+        assert!(run.trial().outcome.is_err(), "nothing is known yet");
+        run.progress().step_begun = Instant::now().checked_sub(Duration::from_secs(7));
+        let record = run.trial().outcome.unwrap();
+        assert_eq!(record.steps, 1);
+        assert!(record.cpu_s >= 7.0);
+        // Nobody waits for it.
+        let shared = Shared {
+            run,
+            has_ended: Condvar::new(),
+        };
+        shared.wait(Instant::now());
+        assert_eq!(shared.run.measured(|| 3), 3);
+        let progress = shared.run.progress();
+        assert_eq!((progress.steps, progress.step_begun), (1, None));
     }
-    let mut there = layer.snapshot();
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "from 1 to 4"
-    )]
-    let factor = factor as u64;
-    // Strain is counted in steps.
-    there.steps *= factor;
-    Simulation::from_snapshot(params, there, tables)
 }

@@ -1,6 +1,7 @@
 //! The order of work: what the user puts first, then one seed of every point, the cheapest first, so that a curve stands early;
 //! then the other seeds, the dearest first, so that no core idles at the end; then what precisions ask for, the batch with most
-//! to gain per second first.
+//! to gain per second first. Where every point has one seed only, the dearest points, behind which three quarters of the work are, go
+//! dearest first as the other seeds would.
 
 use super::{Store, StoreError, integer};
 use crate::axes::{Axis, Value, identity};
@@ -117,6 +118,12 @@ pub(super) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> 
         order.push((priority.place(&case.params), round, cost, *seed, position));
         *seed += 1;
     }
+    if order.iter().all(|(_, round, ..)| *round == 0) {
+        let limit = limit_of_the_dear(costs);
+        for (_, round, cost, ..) in order.iter_mut().filter(|(_, _, cost, ..)| *cost > limit) {
+            (*round, *cost) = (1, -*cost);
+        }
+    }
     let places = |a: &[f64], b: &[f64]| {
         let unequal = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
         unequal.fold(std::cmp::Ordering::Equal, std::cmp::Ordering::then)
@@ -141,6 +148,19 @@ pub(super) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> 
         }
     }
     ranks
+}
+
+/// The largest cost of those cases, the cheapest, that together make a quarter of the work.
+fn limit_of_the_dear(costs: &[f64]) -> f64 {
+    let mut costs = costs.to_vec();
+    costs.sort_unstable_by(f64::total_cmp);
+    let quarter = 0.25 * costs.iter().sum::<f64>();
+    let mut sum = 0.0;
+    let cheap = costs.iter().take_while(|cost| {
+        sum += **cost;
+        sum <= quarter
+    });
+    cheap.last().copied().unwrap_or(0.0)
 }
 
 impl Store {
@@ -213,6 +233,56 @@ mod tests {
                 (0.5, inf, 2),
             ]
         );
+    }
+
+    /// Time from the first start to the last end where each of some workers takes the next case once it is free.
+    fn time_needed(ranks: &[u64], costs: &[f64], workers: usize) -> f64 {
+        let mut cases: Vec<_> = ranks.iter().zip(costs).collect();
+        cases.sort_by_key(|(rank, _)| **rank);
+        let mut free_at = vec![0.0_f64; workers];
+        for (_, cost) in cases {
+            let next = free_at.iter_mut().min_by(|a, b| a.total_cmp(b)).unwrap();
+            *next += cost;
+        }
+        free_at.into_iter().fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn long_cases_are_not_started_last() {
+        // Costs as near jamming: each point takes twice as long as the one before.
+        let grid = |seeds: &str| {
+            let text = format!(
+                "name = \"order\"\n[[grid]]\narea_fraction = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]\nfriction = 0.3\nroughness = 0.01\n\
+                 spheres = 40\nshear_rate = [1, 2, inf]\nseeds = {seeds}\n"
+            );
+            Campaign::parse("order.toml", text).unwrap()
+        };
+        for seeds in ["1", "2", "5"] {
+            let campaign = grid(seeds);
+            let cost = |case: &Case| (case.params.area_fraction * 10.0).exp2();
+            let costs: Vec<f64> = campaign.cases.iter().map(|(_, c)| cost(c)).collect();
+            let ranks = ranks(&campaign, &costs, &Priority::default());
+            let last = ranks.iter().zip(&costs).max_by_key(|(rank, _)| **rank);
+            let longest = costs.iter().copied().fold(0.0, f64::max);
+            assert!(*last.unwrap().1 < longest, "{seeds}");
+            // No order can do better than the longest case, or all workers busy to the end.
+            for workers in [2, 4] {
+                let ideal = (costs.iter().sum::<f64>() / workers as f64).max(longest);
+                let time = time_needed(&ranks, &costs, workers);
+                assert!(time < 1.2 * ideal, "{seeds}, {workers}: {time} of {ideal}");
+            }
+            // From the cheapest to the dearest the last would run alone.
+            let mut ascending: Vec<usize> = (0..costs.len()).collect();
+            ascending.sort_by(|a, b| costs[*a].total_cmp(&costs[*b]));
+            let mut ranks = vec![0; costs.len()];
+            (0..)
+                .zip(&ascending)
+                .for_each(|(rank, at)| ranks[*at] = rank);
+            if seeds == "1" {
+                let ideal = (costs.iter().sum::<f64>() / 4.0).max(longest);
+                assert!(time_needed(&ranks, &costs, 4) > 1.2 * ideal);
+            }
+        }
     }
 
     #[test]

@@ -8,3 +8,4 @@ mod cluster;
 mod shards;
 mod submit;
 mod tasks;
+mod waves;

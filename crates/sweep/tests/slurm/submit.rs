@@ -59,6 +59,39 @@ fn dry_run_prints_what_is_submitted_and_writes_nothing() {
 }
 
 #[test]
+fn tasks_find_the_start_layers_that_the_campaign_names_from_its_folder() {
+    let cluster = Cluster::new(&QUICK.replace("seeds = 3", "seeds = 1"));
+    cluster.ok(&["run", "small.toml", "--trajectory", "--quiet"]);
+    cluster.ok(&[
+        "export",
+        "results/small.sqlite",
+        "1",
+        "--out",
+        "layer.xyz",
+        "--quiet",
+    ]);
+    std::fs::rename(cluster.store(), cluster.home().join("first.sqlite")).unwrap();
+    let on = r#"seeds = 1
+start = { store = "first.sqlite", point = { shear_rate = 1.0 } }"#;
+    let again = format!(
+        "{}\n[[grid]]\n{}",
+        QUICK.replace("seeds = 3", on),
+        QUICK.split_once("[[grid]]").unwrap().1.replace(
+            "seeds = 3",
+            "seeds = 1\ndirection = -1\nstart = 'layer.xyz'"
+        )
+    );
+    std::fs::write(cluster.home().join("small.toml"), again).unwrap();
+    // Tasks read a copy of the campaign in another folder, and begin elsewhere.
+    let script = cluster.submit(&["--tasks", "2"]);
+    cluster.run_all(&script, 4711, 2);
+    cluster.ok(&["merge", "small.toml"]);
+    let status = cluster.json(&["status", "small.toml", "--json"]);
+    assert_eq!(status["cases"]["done"], 4);
+    cluster.equals_local_run();
+}
+
+#[test]
 fn nothing_of_the_environment_goes_along() {
     let cluster = Cluster::new(QUICK);
     let output = cluster

@@ -50,13 +50,13 @@ impl Draft {
     }
 }
 
-/// Writes all that the tasks need into the folder of shards.
+/// Writes all that the tasks need into the folder of shards; `tasks_read`: names and texts of files.
 pub(super) fn write_plan(
     job: &Job,
     store: &Store,
     campaign: &Campaign,
     open: &[OpenCase],
-    slices: &str,
+    tasks_read: [(&str, &str); 2],
     script: &str,
 ) -> Result<(), Error> {
     let folder = &job.plan_folder;
@@ -77,10 +77,7 @@ pub(super) fn write_plan(
         });
         written(job.program.clone(), copied)?;
     }
-    for (name, text) in [
-        ("campaign.toml", campaign.text.as_str()),
-        ("slices", slices),
-    ] {
+    for (name, text) in tasks_read {
         let path = folder.join(name);
         written(
             path.clone(),
