@@ -52,6 +52,17 @@ fn a_program_that_needs_libraries_is_not_released() {
 }
 
 #[test]
+fn the_released_program_is_below_20_megabytes() {
+    if cfg!(debug_assertions) {
+        return; // Only the release profile is small.
+    }
+    let size = std::fs::metadata(env!("CARGO_BIN_EXE_sweep"))
+        .unwrap()
+        .len();
+    assert!(size < 20_000_000, "{size} bytes");
+}
+
+#[test]
 fn every_campaign_has_its_published_results() {
     let sweeps = scripts().join("../sweeps");
     let published = std::fs::read_to_string(scripts().join("published")).unwrap();
