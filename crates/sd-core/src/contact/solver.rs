@@ -1,11 +1,16 @@
 //! The contact problem of one stage: which pairs take part, what their laws ask for, and the forces that answer.
 
-use super::laws::{COMPLIANCE, Laws, Overlap, Phase, Span};
-use super::pair::{Contact, ContactState};
-use super::row::Row;
+mod candidates;
+mod entries;
+mod protocol;
+
+use self::candidates::parting_velocity;
+use self::entries::refine;
+use super::laws::{Laws, Overlap, Span};
+use super::pair::Contact;
 use super::solve::dense::DenseSystem;
 use super::solve::newton::{BoxSolver, Onset, Outcome};
-use super::solve::problem::{self, Forces, Grip, Problem, System};
+use super::solve::problem::{Forces, Problem, System};
 use super::solve::sparse::{OnNetwork, SparseSystem};
 use super::springs::Stretches;
 use super::warm_start::{SpringForces, WarmStart};
@@ -13,16 +18,11 @@ use super::{Quality, most_contacts};
 use crate::error::Error;
 use crate::geometry::modes::Background;
 use crate::hydrodynamics::resistance::Resistance;
-use crate::law::Halt;
 
-/// Approach velocity, in a·rate, that the first choice of candidates allows for.
-const EXPECTED_APPROACH: f64 = 3.0;
-/// Change of a normal velocity from one stage to the next, in a·rate, that the next choice of candidates allows for.
-const EXPECTED_CHANGE: f64 = 0.3;
+pub use super::solve::problem::Driving;
+
 /// Rounds of adding pairs that turned out to close after all.
 const MOST_ROUNDS: u32 = 20;
-/// Distance of a force from a curved law, over the largest force or 1, at which linearisations end.
-const LINEARISED: f64 = 1e-9;
 
 /// What a contact problem is posed in.
 #[derive(Clone, Copy)]
@@ -35,28 +35,6 @@ pub struct Posed<'a> {
     pub laws: &'a Laws,
     /// Time ahead.
     pub span: Span<'a>,
-}
-
-/// What drives the spheres besides contacts, `[3N]` each.
-#[derive(Clone, Copy)]
-pub struct Driving<'a> {
-    /// All external and background forces.
-    pub all: &'a [f64],
-    /// Those of them that count for the motion that normal forces alone leave.
-    pub isolated: &'a [f64],
-    /// Relative residual that is enough; 0: as exact as can be.
-    pub enough: f64,
-}
-
-impl<'a> Driving<'a> {
-    /// The same forces for both motions.
-    pub fn by(forces: &'a [f64]) -> Self {
-        Self {
-            all: forces,
-            isolated: forces,
-            enough: 0.0,
-        }
-    }
 }
 
 /// What contacts remember from stage to stage and from step to step.
@@ -279,74 +257,6 @@ impl ContactSolver {
         }
     }
 
-    /// The first candidates: pairs that touched or were about to in the stage before, or all near ones where there was none.
-    fn choose(&mut self, posed: &Posed<'_>, warm_start: &WarmStart) {
-        let (radii, pairs) = (posed.resistance.radii(), posed.resistance.neighbours());
-        self.list.clear();
-        if !posed.laws.normal.law.touches() {
-            return;
-        }
-        if warm_start.is_empty() {
-            let reach = posed.laws.surface.roughness + EXPECTED_APPROACH * posed.span.time;
-            let near = pairs.iter().filter(|pair| pair.gap < reach);
-            self.list
-                .extend(near.map(|pair| Contact::new(*pair, radii, posed.background)));
-            return;
-        }
-        for (pair, [f, t]) in warm_start.known(pairs) {
-            let mut contact = Contact::new(*pair, radii, posed.background);
-            (contact.normal_force, contact.tangential_force) = (f, t);
-            self.list.push(contact);
-        }
-    }
-
-    /// Adds to `list` the pairs left out that would close within the time span after all; whether there were any.
-    ///
-    /// Remembers the forces of all others, and who may touch in the next stage.
-    fn add_closing(
-        &mut self,
-        posed: &Posed<'_>,
-        velocities: &[f64],
-        warm_start: &mut WarmStart,
-    ) -> bool {
-        warm_start.forces.clear();
-        if !posed.laws.normal.law.touches() {
-            return false;
-        }
-        let radii = posed.resistance.radii();
-        let before = self.list.len();
-        let mut known = 0;
-        // Pairs and list are both ordered by (i, j).
-        for pair in posed.resistance.neighbours() {
-            let (forces, parting, velocity);
-            if let Some(contact) = self.list[..before].get(known)
-                && contact.pair.key() == pair.key()
-            {
-                known += 1;
-                forces = [contact.normal_force, contact.tangential_force];
-                parting = parting_velocity(posed, contact);
-                velocity = contact.normal_velocity;
-            } else {
-                let contact = Contact::new(*pair, radii, posed.background);
-                forces = [0.0, 0.0];
-                parting = parting_velocity(posed, &contact);
-                velocity = contact.background[0] + contact.normal_row().read(velocities);
-                if velocity < parting {
-                    self.list.push(contact);
-                }
-            }
-            // The next time span may be twice as long.
-            if forces[0] > 0.0 || velocity - parting.max(0.5 * parting) < EXPECTED_CHANGE {
-                warm_start.keep(pair, forces);
-            }
-        }
-        let added = self.list.len() > before;
-        if added {
-            self.list.sort_unstable_by_key(|contact| contact.pair.key());
-        }
-        added
-    }
-
     /// Forces of the candidates at hand, put into `list`, and the motion.
     fn solve_candidates(
         &mut self,
@@ -441,277 +351,5 @@ impl ContactSolver {
                 }
             }
         }
-    }
-
-    /// The normal entries of the candidates at hand.
-    fn pose(&mut self, posed: &Posed<'_>) {
-        let laws = posed.laws;
-        let held = posed.span.phase != Phase::Alone;
-        self.problem.friction = laws.friction();
-        self.problem.offset = laws.offset();
-        self.problem.isolated = laws.reads_isolated_motion() && laws.surface.has_friction();
-        self.problem.tangential.clear();
-        self.problem.normal.clear();
-        self.overlaps.clear();
-        for contact in &self.list {
-            let mut overlap = overlap_of(posed, contact);
-            overlap.reference = laws
-                .normal
-                .first_reference(overlap.now, contact.normal_force);
-            let [bias, compliance] = laws.normal.entry(&overlap, posed.span.time, held);
-            self.overlaps.push(overlap);
-            self.problem.normal.push(problem::Normal {
-                row: contact.normal_row(),
-                bias,
-                compliance,
-            });
-        }
-    }
-
-    /// The tangential rows of the candidates that `wanted` names.
-    fn add_rows(
-        &mut self,
-        posed: &Posed<'_>,
-        memory: &ContactMemory,
-        deciding: bool,
-        wanted: impl Fn(usize, &Contact) -> bool,
-    ) {
-        let rows = &mut self.problem.tangential;
-        rows.clear();
-        for (k, contact) in self.list.iter_mut().enumerate() {
-            if !wanted(k, contact) {
-                continue;
-            }
-            if contact.slip_resistance == 0.0 {
-                contact.slip_resistance = posed.resistance.slip_resistance(&contact.pair);
-            }
-            let mut row = problem::Tangential {
-                contact: k,
-                row: contact.slip_row(),
-                shift: contact.background[1],
-                compliance: COMPLIANCE,
-                acts: false,
-            };
-            match posed.laws.tangential.halts() {
-                Halt::IsolatedSlip => row.compliance = contact.slip_resistance.recip(),
-                Halt::SpringSlip => {
-                    let (springs, phase) = (&memory.springs, posed.span.phase);
-                    let base = self.stretches.base(contact, springs, phase);
-                    let ahead = posed.laws.tangential_stiffness * posed.span.time;
-                    row.compliance += ahead.recip();
-                    row.shift += base / ahead;
-                }
-                Halt::Slip => {}
-                Halt::SlipAndRotation => {
-                    rows.push(row);
-                    // The background turns both spheres alike.
-                    row.shift = 0.0;
-                    row.row = Row::spin([contact.pair.i, contact.pair.j]);
-                }
-            }
-            rows.push(row);
-        }
-        let load = posed.laws.surface.critical_load;
-        for row in rows {
-            let contact = &self.list[row.contact];
-            row.acts = posed.laws.is_smooth()
-                || if deciding {
-                    contact.normal_force > load
-                } else {
-                    contact.friction_acts
-                };
-        }
-    }
-
-    /// Remembers on which contacts friction acts; whether that has changed.
-    fn keep_activity(&mut self) -> bool {
-        let mut changed = false;
-        let mut rows = self.problem.tangential.iter().peekable();
-        for (k, contact) in self.list.iter_mut().enumerate() {
-            let mut acts = false;
-            while let Some(row) = rows.next_if(|row| row.contact == k) {
-                acts = row.acts;
-            }
-            changed |= acts != contact.friction_acts;
-            contact.friction_acts = acts;
-        }
-        changed
-    }
-
-    /// Tangential forces to begin with, and the states that all forces show.
-    fn take_rows(&mut self) {
-        let (list, rows) = (&self.list, &self.problem.tangential);
-        let forces = &mut self.solver.forces;
-        forces.tangential.clear();
-        let mut before = None;
-        forces.tangential.extend(rows.iter().map(|row| {
-            let first = before != Some(row.contact);
-            before = Some(row.contact);
-            if first {
-                list[row.contact].tangential_force
-            } else {
-                0.0
-            }
-        }));
-        self.solver.read_states(&self.problem);
-    }
-
-    /// Puts the forces found, and what their contacts do, into `list`.
-    fn keep_forces(&mut self) {
-        for (contact, &f) in self.list.iter_mut().zip(&self.solver.forces.normal) {
-            contact.normal_force = f;
-            contact.tangential_force = 0.0;
-            contact.state = ContactState::Frictionless;
-        }
-        let mut before = None;
-        for (m, row) in self.problem.tangential.iter().enumerate() {
-            let first = before != Some(row.contact);
-            before = Some(row.contact);
-            // The second row of a contact is that of its spin.
-            if first {
-                let contact = &mut self.list[row.contact];
-                contact.tangential_force = self.solver.forces.tangential[m];
-                contact.state = match self.solver.states.grip[m] {
-                    Grip::Off => ContactState::Frictionless,
-                    Grip::Stick => ContactState::Rolling,
-                    Grip::Plus | Grip::Minus => ContactState::Slipping,
-                };
-            }
-        }
-    }
-}
-
-/// How much nearer than h a pair is, with what the first stage's motion takes back.
-fn overlap_of(posed: &Posed<'_>, contact: &Contact) -> Overlap {
-    let roughness = posed.laws.surface.roughness;
-    let taken_back = posed.span.time * posed.span.taken_back(contact);
-    let now = roughness - (contact.pair.gap - taken_back);
-    Overlap {
-        now,
-        reference: now,
-        touching: contact.pair.gap < roughness,
-        background: contact.background[0],
-    }
-}
-
-/// The normal velocity above which a pair bears no force.
-fn parting_velocity(posed: &Posed<'_>, contact: &Contact) -> f64 {
-    let (overlap, held) = (overlap_of(posed, contact), posed.span.phase != Phase::Alone);
-    let normal = &posed.laws.normal;
-    normal.parting_velocity(&overlap, posed.span.time, held)
-}
-
-/// Linearises curved laws about where the contacts are now, where they are not near enough; how many were not.
-fn refine(
-    posed: &Posed<'_>,
-    problem: &mut Problem,
-    overlaps: &mut [Overlap],
-    forces: &Forces,
-    enough: f64,
-) -> usize {
-    let law = &posed.laws.normal;
-    if law.is_rigid() {
-        return 0;
-    }
-    let time = posed.span.time;
-    let largest = forces.normal.iter().fold(1.0_f64, |most, f| most.max(*f));
-    let near = LINEARISED.max(enough) * largest;
-    let mut found = 0;
-    for (k, (entry, overlap)) in problem.normal.iter_mut().zip(overlaps).enumerate() {
-        let f = forces.normal[k];
-        let velocity = forces.slack[k] - entry.bias - entry.compliance * f + overlap.background;
-        if let Some(refined) = law.refine(overlap, [velocity, f.max(0.0)], time, near) {
-            [entry.bias, entry.compliance] = refined;
-            found += 1;
-        }
-    }
-    found
-}
-
-/// The paper's protocol asks for parts of the problem.
-impl ContactSolver {
-    /// Forces of either sign that halt all candidates at once, without friction; the largest velocity left.
-    ///
-    /// # Errors
-    /// [`Error::NotPositiveDefinite`].
-    pub(super) fn halt_all(
-        &mut self,
-        resistance: &Resistance,
-        forces: &[f64],
-    ) -> Result<f64, Error> {
-        let (problem, solver) = (&mut self.problem, &mut self.solver);
-        solver.states.closed.clear();
-        solver.states.closed.resize(problem.normal.len(), true);
-        solver.states.grip.clear();
-        solver.forces.clear();
-        let solved = match &mut self.backend {
-            Backend::Dense(system) => {
-                system.begin(resistance, problem, forces);
-                solver.solve_states(problem, &mut **system).0
-            }
-            Backend::Sparse(system) => {
-                system.start();
-                let driving = Driving::by(forces);
-                let mut on_network = OnNetwork::begin(resistance, system, problem, driving)?;
-                solver.solve_states(problem, &mut on_network).0
-            }
-        };
-        if !solved {
-            solver.forces.normal.fill(0.0);
-            return Ok(f64::INFINITY);
-        }
-        Ok(problem::largest(&solver.forces.slack))
-    }
-
-    /// The slip that the normal forces at hand leave, in the tangential rows of the problem.
-    ///
-    /// # Errors
-    /// [`Error::NotPositiveDefinite`].
-    pub(super) fn measure_slip(
-        &mut self,
-        resistance: &Resistance,
-        forces: &[f64],
-    ) -> Result<(), Error> {
-        let (problem, solver) = (&self.problem, &mut self.solver);
-        solver.forces.tangential.clear();
-        solver
-            .forces
-            .tangential
-            .resize(problem.tangential.len(), 0.0);
-        match &mut self.backend {
-            Backend::Dense(system) => {
-                system.begin_rows(resistance, problem);
-                system.measure(problem, &mut solver.forces);
-            }
-            Backend::Sparse(system) => {
-                let driving = Driving::by(forces);
-                OnNetwork::begin(resistance, system, problem, driving)?
-                    .measure(problem, &mut solver.forces);
-            }
-        }
-        Ok(())
-    }
-
-    /// Velocities `[3N]` under the forces at hand.
-    ///
-    /// # Errors
-    /// [`Error::NotPositiveDefinite`].
-    pub(super) fn move_under_forces(
-        &mut self,
-        resistance: &Resistance,
-        forces: &[f64],
-        velocities: &mut [f64],
-    ) -> Result<(), Error> {
-        match &mut self.backend {
-            Backend::Dense(system) => system.finish(resistance, &self.solver.forces, velocities),
-            Backend::Sparse(system) => {
-                let driving = Driving::by(forces);
-                OnNetwork::begin(resistance, system, &self.problem, driving)?
-                    .measure(&self.problem, &mut self.solver.forces);
-                velocities.copy_from_slice(system.velocities()[0]);
-            }
-        }
-        self.take_motion(velocities);
-        Ok(())
     }
 }

@@ -56,6 +56,28 @@ impl Problem {
     }
 }
 
+/// What drives the spheres besides contacts, `[3N]` each.
+#[derive(Clone, Copy)]
+pub struct Driving<'a> {
+    /// All external and background forces.
+    pub all: &'a [f64],
+    /// Those of them that count for the motion that normal forces alone leave.
+    pub isolated: &'a [f64],
+    /// Relative residual that is enough; 0: as exact as can be.
+    pub enough: f64,
+}
+
+impl<'a> Driving<'a> {
+    /// The same forces for both motions.
+    pub fn by(forces: &'a [f64]) -> Self {
+        Self {
+            all: forces,
+            isolated: forces,
+            enough: 0.0,
+        }
+    }
+}
+
 /// What a tangential row does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Grip {

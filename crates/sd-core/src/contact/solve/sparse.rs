@@ -18,10 +18,9 @@ pub(crate) mod products;
 
 use self::linear::Linear;
 use self::products::ContactProducts;
-use super::problem::{Forces, Grip, Noise, Problem, States, System, largest};
+use super::problem::{Driving, Forces, Grip, Noise, Problem, States, System, largest};
 use crate::contact::laws::COMPLIANCE;
 use crate::contact::row::Row;
-use crate::contact::solver::Driving;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
 use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};

@@ -1,7 +1,7 @@
-//! The motion in two parts under an iterated far field, as the friction law asks for.
+//! The motion in two parts under an iterated far field, as laws ask for that read one part alone.
 //!
 //! ```text
-//! v_N: the motion under all forces but friction,   v_T: what friction adds,   v = v_N + v_T
+//! v_N: the motion under the forces N,   v_T: what the forces T add,   v = v_N + v_T
 //! R_BM v_N = F + R_n,FE E + Cᵀ f − δ_N,   R_BM v_T = −Dᵀ F_t − δ_T        contact law on v and the slip of v_N
 //! M q_N = (−E; v_N) − V c_N,   M q_T = (0; v_T) − V c_T                   q = M₀⁻¹ x + δ, Vᵀ q = 0 for each part
 //! ```
@@ -141,9 +141,9 @@ impl SplitMotion {
     pub(super) fn finish(&self, drag: &[f64], excess: &mut [f64], velocities: &mut [f64]) {
         let whole = drag.len();
         let half = whole / 2;
-        let (normal, friction) = self.velocities.split_at(half);
-        for ((v, normal), friction) in velocities.iter_mut().zip(normal).zip(friction) {
-            *v = normal + friction;
+        let (n, t) = self.velocities.split_at(half);
+        for ((v, n), t) in velocities.iter_mut().zip(n).zip(t) {
+            *v = n + t;
         }
         for (k, excess) in excess.iter_mut().enumerate() {
             let parts = [k, k + whole].map(|at| self.densities[at] - drag[k] * self.flow[at]);

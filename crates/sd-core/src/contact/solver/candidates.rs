@@ -1,0 +1,101 @@
+//! Which pairs take part in a contact problem.
+
+use super::super::laws::{Overlap, Phase};
+use super::super::pair::Contact;
+use super::super::warm_start::WarmStart;
+use super::{ContactSolver, Posed};
+
+/// Approach velocity, in a·rate, that the first choice of candidates allows for.
+const EXPECTED_APPROACH: f64 = 3.0;
+/// Change of a normal velocity from one stage to the next, in a·rate, that the next choice of candidates allows for.
+const EXPECTED_CHANGE: f64 = 0.3;
+
+impl ContactSolver {
+    /// The first candidates: pairs that touched or were about to in the stage before, or all near ones where there was none.
+    pub(super) fn choose(&mut self, posed: &Posed<'_>, warm_start: &WarmStart) {
+        let (radii, pairs) = (posed.resistance.radii(), posed.resistance.neighbours());
+        self.list.clear();
+        if !posed.laws.normal.law.touches() {
+            return;
+        }
+        if warm_start.is_empty() {
+            let reach = posed.laws.surface.roughness + EXPECTED_APPROACH * posed.span.time;
+            let near = pairs.iter().filter(|pair| pair.gap < reach);
+            self.list
+                .extend(near.map(|pair| Contact::new(*pair, radii, posed.background)));
+            return;
+        }
+        for (pair, [f, t]) in warm_start.known(pairs) {
+            let mut contact = Contact::new(*pair, radii, posed.background);
+            (contact.normal_force, contact.tangential_force) = (f, t);
+            self.list.push(contact);
+        }
+    }
+
+    /// Adds to `list` the pairs left out that would close within the time span after all; whether there were any.
+    ///
+    /// Remembers the forces of all others, and who may touch in the next stage.
+    pub(super) fn add_closing(
+        &mut self,
+        posed: &Posed<'_>,
+        velocities: &[f64],
+        warm_start: &mut WarmStart,
+    ) -> bool {
+        warm_start.forces.clear();
+        if !posed.laws.normal.law.touches() {
+            return false;
+        }
+        let radii = posed.resistance.radii();
+        let before = self.list.len();
+        let mut known = 0;
+        // Pairs and list are both ordered by (i, j).
+        for pair in posed.resistance.neighbours() {
+            let (forces, parting, velocity);
+            if let Some(contact) = self.list[..before].get(known)
+                && contact.pair.key() == pair.key()
+            {
+                known += 1;
+                forces = [contact.normal_force, contact.tangential_force];
+                parting = parting_velocity(posed, contact);
+                velocity = contact.normal_velocity;
+            } else {
+                let contact = Contact::new(*pair, radii, posed.background);
+                forces = [0.0, 0.0];
+                parting = parting_velocity(posed, &contact);
+                velocity = contact.background[0] + contact.normal_row().read(velocities);
+                if velocity < parting {
+                    self.list.push(contact);
+                }
+            }
+            // The next time span may be twice as long.
+            if forces[0] > 0.0 || velocity - parting.max(0.5 * parting) < EXPECTED_CHANGE {
+                warm_start.keep(pair, forces);
+            }
+        }
+        let added = self.list.len() > before;
+        if added {
+            self.list.sort_unstable_by_key(|contact| contact.pair.key());
+        }
+        added
+    }
+}
+
+/// How much nearer than h a pair is, with what the first stage's motion takes back.
+pub(super) fn overlap_of(posed: &Posed<'_>, contact: &Contact) -> Overlap {
+    let roughness = posed.laws.surface.roughness;
+    let taken_back = posed.span.time * posed.span.taken_back(contact);
+    let now = roughness - (contact.pair.gap - taken_back);
+    Overlap {
+        now,
+        reference: now,
+        touching: contact.pair.gap < roughness,
+        background: contact.background[0],
+    }
+}
+
+/// The normal velocity above which a pair bears no force.
+pub(super) fn parting_velocity(posed: &Posed<'_>, contact: &Contact) -> f64 {
+    let (overlap, held) = (overlap_of(posed, contact), posed.span.phase != Phase::Alone);
+    let normal = &posed.laws.normal;
+    normal.parting_velocity(&overlap, posed.span.time, held)
+}
