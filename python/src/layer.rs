@@ -8,7 +8,8 @@ use crate::values;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyBytes, PyDict, PyString};
 use sd_core::simulation::{Flow, Frame};
 use sd_core::{NearFields, Params, Sample, Simulation, start};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -449,10 +450,16 @@ fn read_only(array: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
 
 /// A sample by the names that the store has.
 fn dict_of<'py>(py: Python<'py>, sample: &Sample) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
+    /// The keys, made once: they are the same for every sample.
+    static KEYS: PyOnceLock<Vec<Py<PyString>>> = PyOnceLock::new();
     let fields = fields(sample).map_err(|error| PyValueError::new_err(error.to_string()))?;
-    for field in fields {
-        dict.set_item(field.name.as_ref(), values::of_axis(py, field.value)?)?;
+    let keys = KEYS.get_or_init(py, || {
+        let names = fields.iter().map(|field| field.name.as_ref());
+        names.map(|name| PyString::new(py, name).unbind()).collect()
+    });
+    let dict = PyDict::new(py);
+    for (key, field) in keys.iter().zip(fields) {
+        dict.set_item(key, values::of_axis(py, field.value)?)?;
     }
     Ok(dict)
 }

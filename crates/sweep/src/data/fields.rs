@@ -34,25 +34,41 @@ impl serde::ser::Error for Unfit {
 /// # Errors
 /// [`Unfit`] if one is neither a number, a word, nor a record of such.
 pub fn fields(record: &impl Serialize) -> Result<Vec<Field>, Unfit> {
-    let mut all = Vec::new();
+    let mut all = Vec::with_capacity(64);
     record.serialize(Reader {
-        path: Vec::new(),
+        path: Path::default(),
         all: &mut all,
     })?;
     Ok(all)
 }
 
+/// Names of a field and of the records it is in, the outermost first.
+#[derive(Clone, Copy, Default)]
+struct Path {
+    names: [&'static str; 4],
+    depth: usize,
+}
+
+impl Path {
+    /// The path of a field of this record.
+    fn of_field(mut self, name: &'static str) -> Result<Self, Unfit> {
+        let place = self.names.get_mut(self.depth);
+        *place.ok_or_else(|| no("a record four deep"))? = name;
+        self.depth += 1;
+        Ok(self)
+    }
+}
+
 /// Reads the record, or a field of it.
 struct Reader<'f> {
-    /// Names of the field and of the records it is in.
-    path: Vec<&'static str>,
+    path: Path,
     all: &'f mut Vec<Field>,
 }
 
 impl Reader<'_> {
     /// Takes what the field holds.
     fn take(self, value: Value) -> Result<(), Unfit> {
-        let name: Word = match self.path.as_slice() {
+        let name: Word = match &self.path.names[..self.path.depth] {
             [] => return Err(no("a value without a name")),
             [name] | [_, name] => Cow::Borrowed(*name),
             [_, names @ ..] => names.join("_").into(),
@@ -84,10 +100,8 @@ impl SerializeStruct for Reader<'_> {
         key: &'static str,
         value: &T,
     ) -> Result<(), Unfit> {
-        let mut path = self.path.clone();
-        path.push(key);
         value.serialize(Reader {
-            path,
+            path: self.path.of_field(key)?,
             all: self.all,
         })
     }

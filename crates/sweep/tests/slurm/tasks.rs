@@ -52,7 +52,7 @@ fn tasks_compute_what_a_local_run_does() {
 
 #[test]
 fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
-    let cluster = Cluster::new(&long());
+    let cluster = Cluster::new(&long().replace(LONG, "strain = 16.0"));
     let script = cluster.submit(&["--tasks", "1"]);
     let mut task = Task::FIRST;
     for (signal, code, node) in [(Signal::USR1, 138, "n2"), (Signal::TERM, 143, "n1")] {

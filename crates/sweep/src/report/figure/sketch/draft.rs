@@ -309,7 +309,8 @@ impl<'r> Draft<'r> {
             } else {
                 "left out"
             };
-            sketch.x = format!("{} ({number} doubtful runs {what})", sketch.x);
+            let runs = if number == 1 { "run" } else { "runs" };
+            sketch.x = format!("{} ({number} doubtful {runs} {what})", sketch.x);
         }
     }
 
