@@ -124,9 +124,7 @@ impl ContactSolver {
         velocities: &mut [f64],
     ) -> Result<Quality, Error> {
         self.begin(posed, memory);
-        let (quality, _) = self.evaluate(posed, driving, memory, true, velocities)?;
-        self.keep_springs(posed, &mut memory.springs);
-        Ok(quality)
+        self.solve_begun(posed, driving, memory, true, velocities)
     }
 
     /// Solves the stage that was solved last once more, under laws with other numbers: friction acts where it did then.
@@ -140,7 +138,19 @@ impl ContactSolver {
         memory: &mut ContactMemory,
         velocities: &mut [f64],
     ) -> Result<Quality, Error> {
-        let (quality, _) = self.evaluate(posed, driving, memory, false, velocities)?;
+        self.solve_begun(posed, driving, memory, false, velocities)
+    }
+
+    /// Solves the stage whose candidates are chosen, and keeps its springs. `deciding`: as in [`ContactSolver::evaluate`].
+    fn solve_begun(
+        &mut self,
+        posed: &Posed<'_>,
+        driving: Driving<'_>,
+        memory: &mut ContactMemory,
+        deciding: bool,
+        velocities: &mut [f64],
+    ) -> Result<Quality, Error> {
+        let (quality, _) = self.evaluate(posed, driving, memory, deciding, velocities)?;
         self.keep_springs(posed, &mut memory.springs);
         Ok(quality)
     }

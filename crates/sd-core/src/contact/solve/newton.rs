@@ -55,7 +55,7 @@ pub(crate) enum Outcome {
 
 /// How a row of Newton steps ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Ended {
+enum Ended {
     /// No state is contradicted.
     Solved,
     /// A candidate needs a tangential row.
@@ -146,10 +146,7 @@ impl BoxSolver {
             if onset.admits && self.lacks_row(problem, f64::NEG_INFINITY) {
                 return Outcome::Admit { systems, all: true };
             }
-            let held = Onset {
-                deciding: false,
-                ..onset
-            };
+            // From here on it is decided between paths.
             let decisions = std::mem::take(&mut self.deciding);
             for decision in 0..=decisions {
                 let (end, more) = self.find_path(problem, system);
@@ -159,7 +156,7 @@ impl BoxSolver {
                     break;
                 }
                 let more;
-                (ended, more) = self.newton(problem, system, held, &mut refine);
+                (ended, more) = self.newton(problem, system, onset, &mut refine);
                 systems += more;
                 if ended == Ended::Failed
                     || decision == decisions
@@ -206,7 +203,7 @@ impl BoxSolver {
     }
 
     /// Newton steps until no state is contradicted, and how many.
-    pub(super) fn newton(
+    fn newton(
         &mut self,
         problem: &mut Problem,
         system: &mut impl System,

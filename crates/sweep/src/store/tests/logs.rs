@@ -37,6 +37,17 @@ fn done(path: &Path) -> u64 {
     Store::open_read_only(path).unwrap().counts().unwrap().done
 }
 
+/// A store all of whose runs have ended, left in peace.
+fn leave_complete_store(directory: &Path) {
+    let mut complete = open(directory);
+    complete.register(1).unwrap();
+    for _ in 0..4 {
+        let claim = complete.claim(1).unwrap().unwrap();
+        complete.finish(&claim, &finished(State::Jammed)).unwrap();
+    }
+    complete.leave().unwrap();
+}
+
 #[test]
 fn log_of_a_killed_process_is_replayed() {
     let directory = tempfile::tempdir().unwrap();
@@ -51,14 +62,7 @@ fn log_of_another_store_is_refused_and_salvage_leaves_it_out() {
     let directory = tempfile::tempdir().unwrap();
     let (path, _) = killed(directory.path());
     let other = tempfile::tempdir().unwrap();
-    let mut complete = open(other.path());
-    complete.register(1).unwrap();
-    for _ in 0..4 {
-        let claim = complete.claim(1).unwrap().unwrap();
-        complete.finish(&claim, &finished(State::Jammed)).unwrap();
-    }
-    complete.leave().unwrap();
-    drop(complete);
+    leave_complete_store(other.path());
     // As `mv` does it: the log of the killed one stays beside the name.
     std::fs::rename(other.path().join("small.sqlite"), &path).unwrap();
     let before = std::fs::read(&path).unwrap();
@@ -240,14 +244,7 @@ fn log_taken_away_replaced_or_cut_under_a_live_process_is_noticed_before_its_end
 fn complete_store_renamed_over_a_live_one_is_whole_afterwards_and_so_is_what_the_live_one_held() {
     let directory = tempfile::tempdir().unwrap();
     let other = tempfile::tempdir().unwrap();
-    let mut complete = open(other.path());
-    complete.register(1).unwrap();
-    for _ in 0..4 {
-        let claim = complete.claim(1).unwrap().unwrap();
-        complete.finish(&claim, &finished(State::Jammed)).unwrap();
-    }
-    complete.leave().unwrap();
-    drop(complete);
+    leave_complete_store(other.path());
     let mut live = open(directory.path());
     live.register(1).unwrap();
     let claim = live.claim(1).unwrap().unwrap();
