@@ -22,6 +22,7 @@ mod shape;
 mod sketch;
 mod svg;
 
+pub(super) use log_axis::power_of_ten;
 pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
 use origin::Origin;
 pub use outline::Outline;
