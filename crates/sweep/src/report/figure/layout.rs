@@ -416,8 +416,8 @@ impl Frame<'_> {
             upright,
         };
         let mut shapes = Vec::new();
-        for (place, words) in &self.panel.x.ticks {
-            let place = [self.x(*place), bottom + 1.3 * size];
+        for (at, words) in self.named_ticks(size) {
+            let place = [at, bottom + 1.3 * size];
             shapes.push(text(place, words, size, Anchor::Middle, false));
         }
         for (place, words) in &self.panel.y.ticks {
@@ -458,6 +458,35 @@ impl Frame<'_> {
         }
         shapes.extend(self.dashed_words(&text));
         shapes
+    }
+
+    /// Ticks of the lower axis that are named: all, or every second, third .. one where names would run into each other. Plateaus beyond
+    /// breaks are named in any case.
+    fn named_ticks(&self, size: f64) -> Vec<(f64, &str)> {
+        let scale = &self.panel.x;
+        let places: Vec<f64> = scale.ticks.iter().map(|tick| tick.0).collect();
+        let is_beyond = |place: usize| {
+            let neighbours = [place.checked_sub(1), Some(place + 1)];
+            let known = neighbours.into_iter().flatten();
+            let mut known = known.filter_map(|other| places.get(other));
+            known.any(|other| scale.breaks_between(*other, places[place]))
+                && (place == 0 || place + 1 == places.len())
+        };
+        let kept = |step: usize| -> Vec<(f64, &str)> {
+            let all = scale.ticks.iter().enumerate();
+            all.filter(|(place, _)| place % step == 0 || is_beyond(*place))
+                .map(|(_, (place, words))| (self.x(*place), words.as_str()))
+                .collect()
+        };
+        let is_clear = |ticks: &[(f64, &str)]| {
+            ticks.windows(2).all(|pair| {
+                let halves = pair.iter().map(|tick| 0.5 * font::width(tick.1, size));
+                pair[1].0 - pair[0].0 > halves.sum::<f64>() + 0.35 * size
+            })
+        };
+        let mut steps = 1..=places.len().max(1);
+        let found = steps.find_map(|step| Some(kept(step)).filter(|ticks| is_clear(ticks)));
+        found.unwrap_or_else(|| kept(places.len().max(1)))
     }
 
     /// What dashed lines are called, where it hides least.

@@ -137,12 +137,19 @@ impl<'r> Draft<'r> {
 
     /// Whether there is nothing to draw because what there is has no physical scale.
     pub(super) fn check_scale(&self, (_, unit, read): Measured) -> Result<(), ReportError> {
-        let is_without =
-            |point: &Point| read(point).is_some() && self.units.factor(unit, point.at()).is_none();
-        if self.points().any(is_without) {
+        let has_result = |point: &&Point| read(point).is_some();
+        let mut found = self.points().filter(has_result);
+        if found.any(|point| !self.has_scale(unit, point)) {
             return Err(Units::without_scale());
         }
         Ok(())
+    }
+
+    /// Whether numbers of this unit, and the place along the axis, have a value in the units asked for.
+    fn has_scale(&self, unit: &str, point: &Point) -> bool {
+        let place = point.place(self.along);
+        let along = self.units.along(self.along, point.at(), place);
+        self.units.factor(unit, point.at()).is_some() && (place.is_nan() || !along.is_nan())
     }
 
     fn points(&self) -> impl Iterator<Item = &'r Point> {
@@ -221,9 +228,13 @@ impl<'r> Draft<'r> {
                 interval: height.interval.map(|reach| reach.map(|part| factor * part)),
             })
         };
-        let lines = self.curves().into_iter().map(|curve| {
+        let lines = self.curves().into_iter().filter_map(|mut curve| {
+            // What has a result but no physical value is left out, and not marked as missing.
+            curve
+                .points
+                .retain(|point| read(point).is_none() || self.has_scale(unit, point));
             let label = curve.label.clone();
-            self.line(&curve, label, &height)
+            (!curve.points.is_empty()).then(|| self.line(&curve, label, &height))
         });
         Sketch {
             lines: lines.collect(),
