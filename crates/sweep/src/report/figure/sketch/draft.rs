@@ -229,20 +229,34 @@ impl<'r> Draft<'r> {
             })
         };
         let lines = self.curves().into_iter().filter_map(|mut curve| {
-            // What has a result but no physical value is left out, and not marked as missing.
-            curve
-                .points
-                .retain(|point| read(point).is_none() || self.has_scale(unit, point));
+            // What has a result but no value here is left out, and not marked as missing: a stress at an infinite rate.
+            let is_shown = |point: &Point| match read(point) {
+                Some(height) => height.value.is_finite() && self.has_scale(unit, point),
+                None => true,
+            };
+            curve.points.retain(|point| is_shown(point));
             let label = curve.label.clone();
             (!curve.points.is_empty()).then(|| self.line(&curve, label, &height))
         });
+        let lines: Vec<Line> = lines.collect();
         Sketch {
-            lines: lines.collect(),
+            log: self.log.map(|log| self.without_empty_plateaus(log, &lines)),
+            lines,
             panels: self.field_titles(),
             x: self.units.label_of(self.along),
             y: self.units.label(name, unit),
-            log: self.log,
             ordered: 0,
+        }
+    }
+
+    /// The axis without plateaus at which nothing is drawn.
+    fn without_empty_plateaus(&self, log: LogAxis, lines: &[Line]) -> LogAxis {
+        let spots = || lines.iter().flat_map(|line| &line.points);
+        let rests = || self.along.is_shear_rate() && self.points().any(bears);
+        LogAxis {
+            zero: log.zero && (spots().any(|spot| spot.x < log.low) || rests()),
+            infinite: log.infinite && spots().any(|spot| spot.x > log.high),
+            ..log
         }
     }
 
