@@ -24,6 +24,10 @@ const STRICT: f64 = 1e-2;
 const FIRST: f64 = 1e-2;
 /// Relative residual below which it is decided anew on which contacts friction acts; before, loads mean little.
 const DECIDING: f64 = 3e-2;
+/// How much smaller than at the last decision it must have become.
+const CLOSER: f64 = 0.1;
+/// Where loads are known so well that it is not decided again.
+const FINEST: f64 = 1e-4;
 /// Changes of these contacts in one solve after which they are held.
 const MOST_CHANGES: u32 = 8;
 
@@ -227,6 +231,7 @@ impl StageSolver {
                             memory,
                             quality: Quality::default(),
                             changes: if self.holds_friction { MOST_CHANGES } else { 0 },
+                            decided: DECIDING / CLOSER,
                         };
                         let strain = background.strain();
                         far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
@@ -267,6 +272,8 @@ struct ContactMap<'a> {
     quality: Quality,
     /// How often the contacts on which friction acts have changed.
     changes: u32,
+    /// Relative residual when that was last decided.
+    decided: f64,
 }
 
 impl FixedPointMap for ContactMap<'_> {
@@ -286,7 +293,11 @@ impl FixedPointMap for ContactMap<'_> {
         };
         let (v, v_t) = velocities.split_at_mut(half);
         let first = progress.evaluations == 0;
-        let deciding = self.changes < MOST_CHANGES && (first || progress.residual < DECIDING);
+        let closer = progress.residual < CLOSER * self.decided && progress.residual > FINEST;
+        let deciding = self.changes < MOST_CHANGES && (first || closer);
+        if closer {
+            self.decided = progress.residual;
+        }
         let (quality, changed) =
             self.contacts
                 .evaluate(&self.posed, driving, self.memory, deciding, v)?;

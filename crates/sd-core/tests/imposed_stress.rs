@@ -6,6 +6,7 @@ use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, ContactRequest, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::rosenbrock::Rosenbrock;
+use sd_core::simulation::SAMPLE_SPAN;
 use sd_core::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
     Sample, Simulation, Snapshot, State, TangentialLaw,
@@ -168,7 +169,7 @@ fn viscosity_is_that_of_the_imposed_rate_which_was_found() {
     }
 }
 
-/// How far the first stage of a step looks ahead.
+/// How far a sample looks ahead.
 fn span(params: &Params) -> f64 {
     let mut span = 0.0;
     if params.contact.laws().is_soft() {
@@ -183,7 +184,7 @@ fn span(params: &Params) -> f64 {
         });
         taken.unwrap();
     } else {
-        span = params.time_step;
+        span = params.time_step.min(SAMPLE_SPAN);
     }
     span
 }

@@ -22,7 +22,7 @@ use sd_core::{
 /// Spheres from which on layers are held pair by pair.
 const PAIRWISE: usize = 100;
 /// Spheres from which on the far field is iterated.
-const ITERATED: usize = 800;
+const ITERATED: usize = 250;
 
 fn params(spheres: usize, area_fraction: f64, friction: f64) -> Params {
     Params {

@@ -117,6 +117,7 @@ impl ContactSolver {
                         shift: contact.background[1],
                         compliance: 0.0,
                         acts: true,
+                        ceased: false,
                     });
                 }
             }

@@ -48,6 +48,12 @@ pub struct ContactMemory {
 }
 
 impl ContactMemory {
+    /// Becomes equal to the other, without allocating once there is room.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.warm_start.forces.clone_from(&other.warm_start.forces);
+        self.springs.0.clone_from(&other.springs.0);
+    }
+
     /// Room for that many contacts.
     pub(crate) fn reserve(&mut self, contacts: usize) {
         self.warm_start.forces.reserve(contacts);

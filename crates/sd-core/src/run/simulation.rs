@@ -3,15 +3,17 @@
 mod drive;
 mod frame;
 mod sample;
+mod sampling;
 mod snapshot;
 
 pub use frame::{Frame, FrameContact};
 pub use sample::{Counters, JAM_VISCOSITY, Sample};
+pub use sampling::SAMPLE_SPAN;
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 
 use crate::contact::laws::{Laws, Phase, Span};
 use crate::contact::procedure::ContactList;
-use crate::contact::{Quality, most_contacts};
+use crate::contact::{ContactMemory, Quality, most_contacts};
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
@@ -22,7 +24,7 @@ use crate::run::start;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Stage, State, Stepper};
 use crate::stage::{Contact, Method, StageSolver};
-use crate::stress::{ContactCounts, StressWork};
+use crate::stress::StressWork;
 use drive::{Drive, Pass};
 use serde::{Deserialize, Serialize};
 
@@ -80,6 +82,12 @@ pub struct Simulation {
     listed_before: ContactList,
     /// The frame of the first stage, while one is asked for.
     frame: Option<Box<Frame>>,
+    /// Whether the step under way is sampled with a contact problem of its own.
+    sampling: bool,
+    /// Whether the step under way has counted its first stage.
+    counted: bool,
+    /// What contacts remembered before the layer was sampled.
+    unsampled: ContactMemory,
 }
 
 impl Simulation {
@@ -147,6 +155,8 @@ impl Simulation {
             }
         };
         snapshot.memory.reserve(most);
+        let mut unsampled = ContactMemory::default();
+        unsampled.reserve(most);
         Ok(Self {
             params: params.clone(),
             steps: snapshot.steps,
@@ -179,21 +189,37 @@ impl Simulation {
                 ContactScheme::Rigid | ContactScheme::Laws(_) => ContactList::default(),
             },
             frame: None,
+            sampling: false,
+            counted: false,
+            unsampled,
         })
     }
 
-    /// One step, of RK4 or under soft laws of [`crate::run::steppers::rosenbrock`]; returns the sample taken at its start.
+    /// One step, of RK4 or under soft laws of [`crate::run::steppers::rosenbrock`]; returns the sample taken at its start, see
+    /// [`Simulation::step_unsampled`] for steps that are not to be sampled.
     ///
     /// Near jamming velocities can leap between two stages, so far that a gap falls below h/2 within a step under the
     /// rigid scheme, which holds each stage's own gaps. Such a step is done again as two of half the size, down to 2⁻⁶ of it.
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
-    #[expect(
-        clippy::missing_panics_doc,
-        reason = "the first stage of every step that succeeds is sampled"
-    )]
     pub fn step(&mut self) -> Result<Sample, Error> {
+        self.sampling = true;
+        self.one_step()
+    }
+
+    /// [`Simulation::step`] without the contact problem that a sample of rigid contacts takes: the forces of the first stage are returned,
+    /// which hold gaps over the whole step, and whose viscosity is a little high. The layer moves as it would with a sample, to the bit.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn step_unsampled(&mut self) -> Result<Sample, Error> {
+        self.sampling = false;
+        self.one_step()
+    }
+
+    fn one_step(&mut self) -> Result<Sample, Error> {
+        self.counted = false;
         let (time, dt) = (self.strain(), self.params.time_step);
         let mut sample = None;
         let jammed = self.counters.jammed_stages;
@@ -290,7 +316,7 @@ impl Simulation {
         }
     }
 
-    /// One right-hand side; the first of a step is the one that is sampled.
+    /// One right-hand side; the layer is sampled at the first of a step.
     fn stage(
         &mut self,
         stage: Stage,
@@ -299,53 +325,28 @@ impl Simulation {
         sample: &mut Option<Sample>,
     ) -> Result<(), Error> {
         let cell = self.cell_at(stage.time)?;
-        if stage.number == 0 {
+        let first = stage.number == 0;
+        let mut pass = Pass::First;
+        if first {
             // A run that is resumed here then has the same bits.
             self.stage.begin_step();
-        }
-        let quality = match &self.drive {
-            Drive::Rate => self.solve(stage, &cell, centres, Pass::First)?,
-            Drive::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
-        };
-        let (background, solver) = (self.background, &self.stage);
-        let minimum_gap = solver.closest().map_or(f64::INFINITY, |pair| pair.gap);
-        let counters = &mut self.counters;
-        counters.stages += 1;
-        counters.unconverged_stages += u64::from(!quality.converged());
-        counters.jammed_stages += u64::from(quality.jammed);
-        if !quality.jammed {
-            counters.worst_residual = counters.worst_residual.max(quality.residual);
-            counters.worst_friction_error =
-                counters.worst_friction_error.max(quality.friction_error);
-        }
-        if stage.number == 0 && sample.is_none() {
-            counters.minimum_gap = counters.minimum_gap.min(minimum_gap);
-            let stress = self
-                .stress
-                .stress(solver, &background, self.side * self.side)
-                .along(self.params.direction);
-            counters.count_jam(stress.viscosity, quality.jammed);
-            if let Some(frame) = &mut self.frame {
-                frame.solved(&self.stress.stresslets, &solver.contacts.list);
+            if sample.is_none() && self.samples_apart(&stage) {
+                *sample = Some(self.sample_apart(stage, &cell, centres)?);
+                pass = Pass::Again;
             }
-            let counts = ContactCounts::of(&solver.contacts.list);
-            *sample = Some(Sample {
-                strain: stage.time,
-                viscosity: stress.viscosity,
-                viscosity_stresslet: stress.viscosity_stresslet,
-                normal_stress_difference: stress.components.n1.total(),
-                stress: stress.components,
-                shear_rate: self.drive.shear_rate(&self.params),
-                dissipation: stress.dissipation,
-                contacts: counts.contacts,
-                activated: counts.activated,
-                rolling: counts.rolling,
-                slipping: counts.slipping,
-                normal_velocity: counts.normal_velocity,
-                minimum_gap,
-                counters: *counters,
-            });
         }
+        let quality = self.solve_driven(stage, &cell, centres, pass)?;
+        self.count(quality);
+        if first && !self.counted {
+            self.counted = true;
+            let stress = self.stress_of_stage();
+            self.count_first(stress.viscosity, quality.jammed);
+            match sample {
+                Some(sample) => sample.counters = self.counters,
+                None => *sample = Some(self.measure(stage.time, &stress)),
+            }
+        }
+        let (background, solver) = (self.background, &self.stage);
         for ((u, v), &x) in velocities
             .chunks_exact_mut(3)
             .zip(solver.velocities().chunks_exact(3))
@@ -357,6 +358,20 @@ impl Simulation {
             u[2] = v[2] + background.angular_velocity;
         }
         Ok(())
+    }
+
+    /// The contact problem of a stage and its motion, at the rate or the stress that is imposed.
+    fn solve_driven(
+        &mut self,
+        stage: Stage,
+        cell: &Cell,
+        centres: &[Vec2],
+        pass: Pass,
+    ) -> Result<Quality, Error> {
+        match &self.drive {
+            Drive::Rate => self.solve(stage, cell, centres, pass),
+            Drive::Stress { .. } => self.solve_at_stress(stage, cell, centres, pass),
+        }
     }
 
     /// The contact problem of a stage and its motion.

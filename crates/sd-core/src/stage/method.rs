@@ -12,10 +12,9 @@ use std::f64::consts::PI;
 
 /// Spheres from which on Ball-Melrose costs less pair by pair.
 const LEAST_PAIRWISE: usize = 100;
-/// Spheres from which on Stokesian Dynamics costs less with the far field iterated.
-const LEAST_ITERATED: usize = 800;
-/// Area fraction above which it is not iterated: contacts near jamming keep the iteration from its end.
-const DENSEST_ITERATED: f64 = 0.72;
+/// Spheres from which on Stokesian Dynamics costs less with the far field iterated, up to an area fraction: near jamming the iteration takes
+/// longer, and above it need not end. Measured in runs under every law, see `scripts/bench`.
+const LEAST_ITERATED: [(f64, usize); 3] = [(0.72, 250), (0.78, 400), (f64::INFINITY, 1600)];
 
 /// How a stage is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,7 +60,10 @@ impl Method {
         area_fraction: f64,
         procedure: bool,
     ) -> Self {
-        let iterates = spheres >= LEAST_ITERATED && area_fraction <= DENSEST_ITERATED;
+        let least = LEAST_ITERATED
+            .iter()
+            .find(|(most, _)| area_fraction <= *most);
+        let iterates = least.is_some_and(|&(_, least)| spheres >= least);
         match hydrodynamics {
             _ if procedure => Self::Dense,
             Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_)

@@ -318,8 +318,10 @@ impl Shared<'_> {
                     record.frames.push((step, frame));
                     sample
                 })
-            } else {
+            } else if sampled {
                 simulation.step()
+            } else {
+                simulation.step_unsampled()
             };
             let sample = match outcome {
                 Ok(sample) => sample,

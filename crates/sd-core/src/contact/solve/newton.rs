@@ -5,15 +5,16 @@
 //! mostly needs a few systems. Where it cycles, [`super::path`] finds the solution, or that there is none. What is accepted is measured:
 //! [`Merit`] vanishes exactly at a solution.
 //!
-//! On which contacts friction acts (f > F_crit) is decided anew for every solution until the set agrees with itself, or has been decided
-//! often enough: the law jumps there, and such a set need not exist. Where the law does not jump there is nothing to decide.
+//! On which contacts friction acts (f > F_crit) is decided anew for every solution until the set agrees with itself. The law jumps there,
+//! and such a set need not exist: a load can be above F_crit without friction and below it with friction, which then stays. Where the law
+//! does not jump there is nothing to decide.
 
 use super::path::{Begin, PathEnd};
-use super::problem::{Forces, Grip, Noise, Problem, States, System};
+use super::problem::{Forces, Grip, Noise, Problem, States, System, Tangential};
 use super::tableau::Tableau;
 
 /// Systems before another way is tried.
-const MOST_SYSTEMS: u32 = 40;
+const MOST_SYSTEMS: u32 = 100;
 /// Linear systems for the same states: iterations may stop early.
 const MOST_CALLS: u32 = 8;
 /// Times that it is decided anew on which contacts friction acts.
@@ -22,6 +23,10 @@ const DECISIONS: u32 = 10;
 const CLOSE: f64 = 1e-3;
 /// Systems without fewer contradictions after which another way is tried.
 const PATIENCE: u32 = 10;
+/// Systems without fewer contradictions after which contacts change one by one, and contradictions at most for that: contacts that change
+/// at once can go back and forth (Júdice & Pires, Comput. Oper. Res. 21, 1994).
+const TOGETHER: u32 = 2;
+const FEW: usize = 40;
 
 /// How well forces solve a problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,6 +67,44 @@ enum Ended {
     Admit,
     /// It cycled, or the states had no solution.
     Failed,
+}
+
+/// How far Newton's method has come.
+struct Progress {
+    /// Fewest contradictions so far.
+    fewest: usize,
+    /// Fewest since contacts change one by one, where they do.
+    alone: Option<usize>,
+    /// Systems since there were fewer.
+    stalled: u32,
+}
+
+impl Progress {
+    const NEW: Self = Self {
+        fewest: usize::MAX,
+        alone: None,
+        stalled: 0,
+    };
+
+    /// Counts a system with that many contradictions; whether another is worth while.
+    fn goes_on(&mut self, found: usize) -> bool {
+        let one_by_one = self.alone.is_some();
+        if one_by_one && found > FEW {
+            return false;
+        }
+        self.stalled += 1;
+        if found < self.fewest {
+            *self = Self {
+                fewest: found,
+                ..Self::NEW
+            };
+        } else if self.alone.is_some_and(|fewest| found < fewest)
+            || !one_by_one && self.stalled >= TOGETHER && found <= FEW
+        {
+            (self.alone, self.stalled) = (Some(found), 0);
+        }
+        self.stalled < PATIENCE
+    }
 }
 
 /// When friction begins to act.
@@ -141,6 +184,7 @@ impl BoxSolver {
             // States that cycled say nothing about loads.
             for (row, &acts) in problem.tangential.iter_mut().zip(&self.acts) {
                 row.acts = acts;
+                row.ceased = false;
             }
             self.forces.copy_from(&self.start);
             if onset.admits && self.lacks_row(problem, f64::NEG_INFINITY) {
@@ -210,7 +254,7 @@ impl BoxSolver {
         onset: Onset,
         refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
     ) -> (Ended, u32) {
-        let (mut fewest, mut patience) = (usize::MAX, PATIENCE);
+        let mut progress = Progress::NEW;
         let mut last = false;
         for count in 1..=MOST_SYSTEMS {
             let Some(noise) = system.solve(problem, &self.states, last, &mut self.forces) else {
@@ -223,25 +267,24 @@ impl BoxSolver {
             {
                 return (Ended::Admit, count);
             }
-            let mut found = refine(problem, &self.forces) + self.mend(problem, noise);
-            if found == 0 && deciding && (noise.exact || noise.force < CLOSE * onset.critical_load)
-            {
+            let refined = refine(problem, &self.forces);
+            let found = refined + self.mend(problem, noise, progress.alone.is_some());
+            last = found == 0;
+            if last && deciding && (noise.exact || noise.force < CLOSE * onset.critical_load) {
                 // Only now, as forces of states that are contradicted say nothing about loads.
-                let changes = self.decide(problem, onset.critical_load, noise.force);
-                self.deciding -= u32::from(changes > 0);
-                found += changes;
+                if self.decide(problem, onset.critical_load, noise.force) > 0 {
+                    self.deciding -= 1;
+                    // That is another problem.
+                    progress = Progress::NEW;
+                    last = false;
+                    continue;
+                }
             }
-            if found == 0 && noise.exact {
+            if last && noise.exact {
                 return (Ended::Solved, count);
             }
-            last = found == 0;
-            if found > 0 && found < fewest {
-                (fewest, patience) = (found, PATIENCE);
-            } else if found > 0 {
-                patience -= 1;
-                if patience == 0 {
-                    return (Ended::Failed, count);
-                }
+            if !last && !progress.goes_on(found) {
+                return (Ended::Failed, count);
             }
         }
         (Ended::Failed, MOST_SYSTEMS)
@@ -265,10 +308,15 @@ impl BoxSolver {
         for (m, row) in problem.tangential.iter_mut().enumerate() {
             let excess = self.forces.normal[row.contact] - critical_load;
             let acts = excess > 0.0;
+            let closed = self.states.closed[row.contact];
+            if closed && row.ceased && !acts {
+                continue;
+            }
             // What is within the noise of the load stays as it is; open contacts bear exactly nothing.
-            if row.acts != acts && (excess.abs() > noise || !self.states.closed[row.contact]) {
+            if row.acts != acts && (excess.abs() > noise || !closed) {
                 row.acts = acts;
-                if self.states.closed[row.contact] {
+                if closed {
+                    row.ceased |= !acts;
                     changes += 1;
                     self.states.grip[m] = if acts { Grip::Stick } else { Grip::Off };
                 }
@@ -332,47 +380,32 @@ impl BoxSolver {
         }
     }
 
-    /// Counts the states that the forces at hand contradict, and changes them, all or some.
-    fn mend(&mut self, problem: &Problem, noise: Noise) -> usize {
+    /// Counts the states that the forces at hand contradict, and changes them: all, or those of the first contact alone.
+    fn mend(&mut self, problem: &Problem, noise: Noise, alone: bool) -> usize {
         let (forces, states) = (&self.forces, &mut self.states);
+        let mut rows = problem.tangential.iter().enumerate().peekable();
         let mut found = 0;
         for (k, closed) in states.closed.iter_mut().enumerate() {
             let f = forces.normal[k];
+            let changes = !alone || found == 0;
             let wrong = if *closed {
                 // What has no bound needs a load to hold on to.
                 f < -noise.force || f <= 0.0 && problem.friction.is_infinite()
             } else {
                 forces.slack[k] < -noise.velocity
             };
-            if wrong {
-                found += 1;
-                *closed ^= true;
-            }
-        }
-        for (m, row) in problem.tangential.iter().enumerate() {
-            let load = forces.normal[row.contact] - problem.offset;
-            let (t, grip) = (forces.tangential[m], states.grip[m]);
-            let z = forces.slip[m];
-            let gripped = row.acts && states.closed[row.contact];
-            let limited = problem.friction.is_finite();
-            let below_offset = problem.offset > 0.0 && load <= noise.force;
-            let next = match grip {
-                _ if !gripped => Grip::Off,
-                // A contact that has just closed grips; one whose load came over the offset slides as it did.
-                Grip::Off if below_offset => Grip::Off,
-                Grip::Off if problem.offset > 0.0 && limited => Grip::sliding(z),
-                Grip::Off => Grip::Stick,
-                _ if problem.offset > 0.0 && load < -noise.force => Grip::Off,
-                Grip::Stick if limited && t.abs() > problem.friction * load + noise.force => {
-                    Grip::sliding(t)
+            found += usize::from(wrong);
+            let closes = *closed ^ wrong;
+            while let Some((m, row)) = rows.next_if(|(_, row)| row.contact == k) {
+                let grip = &mut states.grip[m];
+                let next = next_grip(problem, forces, (m, row), *grip, (closes, alone), noise);
+                found += usize::from(next != *grip);
+                if changes {
+                    *grip = next;
                 }
-                Grip::Plus if z < -noise.velocity => Grip::Stick,
-                Grip::Minus if z > noise.velocity => Grip::Stick,
-                same => same,
-            };
-            if next != grip {
-                found += 1;
-                states.grip[m] = next;
+            }
+            if changes {
+                *closed = closes;
             }
         }
         found
@@ -394,5 +427,35 @@ impl BoxSolver {
                 Grip::sliding(t)
             });
         }
+    }
+}
+
+/// What a row of a candidate does next, by the forces that its present state gives.
+fn next_grip(
+    problem: &Problem,
+    forces: &Forces,
+    (m, row): (usize, &Tangential),
+    grip: Grip,
+    (closed, alone): (bool, bool),
+    noise: Noise,
+) -> Grip {
+    let load = forces.normal[row.contact] - problem.offset;
+    let (t, z) = (forces.tangential[m], forces.slip[m]);
+    let gripped = row.acts && closed;
+    let limited = problem.friction.is_finite();
+    let below_offset = problem.offset > 0.0 && load <= noise.force;
+    match grip {
+        _ if !gripped => Grip::Off,
+        // A contact that has just closed grips; one whose load came over the offset slides as it did.
+        Grip::Off if below_offset => Grip::Off,
+        Grip::Off if limited && (alone || problem.offset > 0.0) => Grip::sliding(z),
+        Grip::Off => Grip::Stick,
+        _ if problem.offset > 0.0 && load < -noise.force => Grip::Off,
+        Grip::Stick if limited && t.abs() > problem.friction * load + noise.force => {
+            Grip::sliding(t)
+        }
+        Grip::Plus if z < -noise.velocity => Grip::Stick,
+        Grip::Minus if z > noise.velocity => Grip::Stick,
+        same => same,
     }
 }

@@ -27,6 +27,9 @@ pub(crate) struct Tangential {
     pub(crate) compliance: f64,
     /// Whether friction acts: the load is above the critical one.
     pub(crate) acts: bool,
+    /// Whether it ceased to act in this problem, as the load with friction was below the critical one. It does so once: where the load
+    /// without friction is above it the law jumps to and fro, and friction stays.
+    pub(crate) ceased: bool,
 }
 
 /// One contact problem; see [`super`].

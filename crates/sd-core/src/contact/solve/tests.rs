@@ -182,6 +182,7 @@ fn problem_of(law: Law, count: usize, given: &[f64]) -> Problem {
             shift: given[10 + k],
             compliance: law.tangential_compliance,
             acts: k % 4 != 3,
+            ceased: false,
         });
     }
     problem

@@ -60,6 +60,7 @@ impl ContactSolver {
                 shift: contact.background[1],
                 compliance: COMPLIANCE,
                 acts: false,
+                ceased: false,
             };
             match posed.laws.tangential.halts() {
                 Halt::IsolatedSlip => row.compliance = contact.slip_resistance.recip(),

@@ -92,7 +92,8 @@ impl IterativeFarField {
                 break Ok(done);
             }
             found.iterations += 1;
-            if changed || found.residual > WORSE * best {
+            // Another choice of contacts changes few directions: the steps learned still serve.
+            if found.residual > WORSE * best {
                 work.anderson.restart();
                 best = found.residual;
             }

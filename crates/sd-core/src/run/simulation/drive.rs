@@ -13,7 +13,6 @@ use crate::geometry::modes::Vec2;
 use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
 use crate::run::balance::{Balance, Next};
 use crate::run::steppers::Stage;
-use crate::stress::Stress;
 use std::f64::consts::PI;
 
 /// Viscosity with which the search for the first load of a run begins.
@@ -131,6 +130,7 @@ impl Simulation {
         stage: Stage,
         cell: &Cell,
         centres: &[Vec2],
+        mut pass: Pass,
     ) -> Result<Quality, Error> {
         let Drive::Stress {
             stress, mut load, ..
@@ -140,7 +140,7 @@ impl Simulation {
         };
         let dependence = Dependence::of(&self.params);
         let mut balance = Balance::new(stress);
-        let (mut pass, mut held) = (Pass::First, false);
+        let mut held = false;
         // The last load at which the layer flowed, if there was one.
         let mut flowing = None;
         self.stage.hold_friction(false);
@@ -233,12 +233,5 @@ impl Simulation {
     /// Whether friction would act on the same contacts above another critical load. The paper's steps decide it by themselves.
     fn acts_alike(&self, load: f64) -> bool {
         self.stage.contacts.acts_alike(load)
-    }
-
-    /// Stress of the stage last solved.
-    fn stress_of_stage(&mut self) -> Stress {
-        let area = self.side * self.side;
-        let stress = self.stress.stress(&self.stage, &self.background, area);
-        stress.along(self.params.direction)
     }
 }

@@ -41,7 +41,8 @@ pub struct Sample {
 /// What a run has met since its start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Contact problems solved: four per step, and those of steps done again in halves (see [`crate::Simulation::step`]).
+    /// Contact problems solved: four per step, one more per sample of rigid contacts, and those of steps done again in halves (see
+    /// [`crate::Simulation::step`]).
     pub stages: u64,
     /// Of these, problems that did not converge.
     pub unconverged_stages: u64,
