@@ -92,7 +92,7 @@ fn checkout() -> tempfile::TempDir {
     std::os::unix::fs::symlink(root().join("crates"), at.join("crates")).unwrap();
     let quickstart = std::fs::read_to_string(root().join("sweeps/quickstart.toml")).unwrap();
     let short = quickstart
-        .replace("strain = 4.0", "strain = 0.1")
+        .replace("strain = 4.0", "strain = 0.3")
         .replace("discard = 1.0", "discard = 0.0")
         .replace("seeds = 8 ", "seeds = 2 ");
     assert_ne!(short, quickstart);
