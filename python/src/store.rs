@@ -97,21 +97,15 @@ impl Store {
             .is_some_and(|extension| extension == "toml")
         {
             let campaign = Campaign::read(&path).map_err(raise)?;
-            return Self::opened(StoreSource {
-                path: campaign.default_store(),
-                campaign: Some(campaign),
-            });
+            return Self::opened(StoreSource::new(campaign.default_store(), Some(campaign)));
         }
-        Self::opened(StoreSource {
-            path: std::path::absolute(path)?,
-            campaign: None,
-        })
+        Self::opened(StoreSource::new(std::path::absolute(path)?, None))
     }
 
     /// Its file.
     #[getter]
     fn path(&self) -> PathBuf {
-        self.0.path.clone()
+        self.0.path().to_owned()
     }
 
     /// Runs by state: done, jammed, failed, running, pending.
@@ -248,7 +242,7 @@ impl Store {
         let counts = self.read(py, |store| Ok(store.counts()?))?;
         Ok(format!(
             "Store({}, {} of {} runs done)",
-            self.0.path.display(),
+            self.0.path().display(),
             counts.done + counts.jammed,
             counts.total()
         ))
