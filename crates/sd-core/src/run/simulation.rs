@@ -5,8 +5,9 @@ mod frame;
 mod sample;
 mod snapshot;
 
+pub use crate::stress::JAM_VISCOSITY;
 pub use frame::{Frame, FrameContact};
-pub use sample::{Counters, JAM_VISCOSITY, Sample};
+pub use sample::{Counters, Sample};
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 
 use crate::contact::laws::{Laws, Phase, Span};
