@@ -1,6 +1,5 @@
 //! What the store holds, averaged over seeds: the answer to the campaign's question.
 
-mod chart;
 mod columns;
 mod curves;
 mod error;
@@ -17,9 +16,9 @@ mod text;
 mod tidy;
 mod units;
 
-pub(crate) use chart::chart;
 pub use columns::Columns;
 pub use error::ReportError;
+pub(crate) use figure::chart;
 pub use figure::{
     Drawing, Format, Intervals, Kind, LegendPlace, Length, Look, Outline, Quantity, Range, Style,
     Trace, draw, draw_paths, outline, traces,
@@ -29,7 +28,8 @@ pub use latex::write_latex;
 pub use page::{PageHost, data, movie, page};
 pub use parquet::parquet;
 pub use runs::{
-    TableFormat, run_table, write_run_units, write_runs, write_sample_units, write_samples,
+    TableFormat, run_table, sample_table, write_run_units, write_runs, write_sample_units,
+    write_samples,
 };
 pub use selection::Selection;
 pub use sheet::{NumberFormat, Shape};
@@ -42,6 +42,7 @@ use crate::axes::{Axis, identity};
 use crate::campaign::Discard;
 use crate::case::State;
 use crate::data::{Cells, DataColumn};
+use crate::doubt::is_rigid;
 use crate::statistics::{
     Decision, Distribution, Drift, Estimate, Measure, Precision, mean, ratio, relative_half_width,
 };
@@ -303,6 +304,20 @@ impl Point {
         } else {
             axis.number(&self.params)
         }
+    }
+
+    /// How far rough surfaces ever overlapped, in a; 0 if they never did.
+    fn overlap(&self) -> Option<f64> {
+        self.minimum_gap
+            .map(|gap| (self.params.roughness - gap).max(0.0))
+    }
+
+    /// Whether soft contacts gave way by more than the roughness height, so that the spheres themselves overlapped.
+    fn overlaps_too_much(&self) -> bool {
+        let height = self.params.roughness;
+        height > 0.0
+            && !is_rigid(&self.params)
+            && self.overlap().is_some_and(|overlap| overlap > height)
     }
 
     /// A component or part of the stress by its name.

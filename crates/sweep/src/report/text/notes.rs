@@ -1,4 +1,4 @@
-//! What the report says of points that are not as precise as was asked, or not steady.
+//! What the report says of points that are not as precise as was asked, not steady, or softer than their contacts are meant to be.
 
 use crate::axes::Axis;
 use crate::format::significant;
@@ -16,7 +16,8 @@ pub(super) fn write(
     out: &mut dyn Write,
 ) -> Result<(), ReportError> {
     precision(report, columns, out)?;
-    steadiness(report, columns, out)
+    steadiness(report, columns, out)?;
+    overlaps(report, columns, out)
 }
 
 /// How the points stand at which a precision is asked for.
@@ -75,6 +76,21 @@ fn steadiness(report: &Report, columns: &[&Axis], out: &mut dyn Write) -> Result
         Some((point, format!("not steady: {advice}")))
     });
     list(unsteady, columns, out)
+}
+
+/// Points whose soft contacts gave way by more than the roughness height.
+fn overlaps(report: &Report, columns: &[&Axis], out: &mut dyn Write) -> Result<(), ReportError> {
+    let soft = report.points.iter().filter(|p| p.overlaps_too_much());
+    let soft = soft.filter_map(|point| {
+        let what = format!(
+            "overlaps of up to {} a, more than the roughness height {}: the spheres themselves overlapped, and a larger stiffness \
+             would hold them apart",
+            significant(point.overlap()?, 2),
+            point.params.roughness
+        );
+        Some((point, what))
+    });
+    list(soft, columns, out)
 }
 
 /// Names points with what there is to say about them.
