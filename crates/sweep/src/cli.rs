@@ -22,6 +22,7 @@ mod shown;
 mod solve;
 mod status;
 mod submit;
+mod tables;
 mod verify;
 
 pub use error::Error;

@@ -42,8 +42,9 @@ pub(crate) struct Record {
 struct Known {
     values: Vec<Option<Value>>,
     method: Method,
-    /// Sum of the logarithms of cost over rough estimate, and the number of runs.
+    /// Sums of the logarithms of cost over rough estimate and of their squares, and the number of runs.
     logarithms: f64,
+    squares: f64,
     runs: f64,
 }
 
@@ -54,6 +55,18 @@ pub(crate) struct StepCost {
     pub(crate) seconds: f64,
     /// Distance to the nearest measured run; infinite where none is comparable.
     pub(crate) distance: f64,
+    /// How runs measured near scatter; `None` where there are no two of one point.
+    pub(crate) scatter: Option<Scatter>,
+}
+
+/// How the costs of runs of one point scatter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Scatter {
+    /// Standard deviation over the mean.
+    pub(crate) relative: f64,
+    /// Runs measured near, and the degrees of freedom of their scatter.
+    pub(crate) runs: f64,
+    pub(crate) freedom: f64,
 }
 
 /// What is known of costs.
@@ -89,11 +102,13 @@ impl Costs {
                     values: values(&record.params),
                     method: Method::of(&record.params),
                     logarithms: 0.0,
+                    squares: 0.0,
                     runs: 0.0,
                 });
                 known.len() - 1
             });
         known[place].logarithms += logarithm;
+        known[place].squares += logarithm * logarithm;
         known[place].runs += 1.0;
     }
 
@@ -101,6 +116,7 @@ impl Costs {
     pub(crate) fn step(&self, params: &Params) -> StepCost {
         let (values, method, rough) = (values(params), Method::of(params), rough_step(params));
         let (mut total, mut weights, mut nearest) = (0.0, 0.0, f64::INFINITY);
+        let (mut squares, mut freedom, mut runs) = (0.0, 0.0, 0.0);
         for known in self.known.iter().rev().take(MOST_POINTS) {
             let Some(distance) = distance(&values, &known.values) else {
                 continue;
@@ -115,6 +131,11 @@ impl Costs {
             total += weight * known.logarithms / known.runs;
             weights += weight;
             nearest = nearest.min(distance);
+            if distance <= NEAR {
+                squares += known.squares - known.logarithms.powi(2) / known.runs;
+                freedom += known.runs - 1.0;
+                runs += known.runs;
+            }
         }
         let ratio = if weights > 0.0 {
             (total / weights).exp()
@@ -124,6 +145,12 @@ impl Costs {
         StepCost {
             seconds: rough * ratio,
             distance: nearest,
+            scatter: (freedom > 0.0).then(|| Scatter {
+                // Of logarithms, which for a small scatter is that over the mean.
+                relative: (squares.max(0.0) / freedom).sqrt(),
+                runs,
+                freedom,
+            }),
         }
     }
 
@@ -244,6 +271,14 @@ mod tests {
         assert!((3e-3..7e-3).contains(&middle.seconds), "{middle:?}");
         assert!(middle.distance > NEAR);
         assert!(at(0.65).distance == 0.0);
+        assert_eq!(at(0.65).scatter, None, "one run");
+        assert_eq!(at(0.75).scatter.unwrap().relative, 0.0, "two alike");
+        costs.learn(&record(0.75, 90, 8.8));
+        let scatter = costs.step(&record(0.75, 90, 0.0).params).scatter.unwrap();
+        assert_eq!((scatter.runs, scatter.freedom), (3.0, 2.0));
+        // Of ln 8, ln 8, ln 8.8.
+        let by_hand = 1.1_f64.ln() / 3.0_f64.sqrt();
+        assert!((scatter.relative / by_hand - 1.0).abs() < 1e-9);
     }
 
     #[test]

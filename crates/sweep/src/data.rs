@@ -114,7 +114,11 @@ impl Cells {
         match self {
             Self::Word(cells) => cells[row].clone().unwrap_or_default().into_owned(),
             Self::Count(cells) => cells[row].map_or_else(String::new, |count| count.to_string()),
-            Self::Number(cells) => cells[row].map_or_else(String::new, |number| number.to_string()),
+            Self::Number(cells) => cells[row].map_or_else(String::new, |number| {
+                // All digits, with an exponent where there would be many zeros.
+                let text = format!("{number:?}");
+                text.strip_suffix(".0").unwrap_or(&text).to_owned()
+            }),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Numbers, durations and bytes as text.
 
+use std::borrow::Cow;
 use std::time::Duration;
 
 /// A number to so many significant digits, with an exponent where that is shorter.
@@ -25,15 +26,93 @@ pub fn significant(value: f64, digits: i32) -> String {
     }
 }
 
+/// A number in as few digits as it has, and at most so many.
+pub fn short(number: f64, digits: i32) -> String {
+    let (full, rounded) = (format!("{number}"), significant(number, digits));
+    if full.len() < rounded.len() {
+        full
+    } else {
+        rounded
+    }
+}
+
+/// How numbers that belong together are written: all in one style, and so that no two of them look alike.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Digits {
+    /// Significant digits at most.
+    pub most: i32,
+    /// With a power of ten each, since one of them would be long without.
+    powers: bool,
+}
+
+impl Digits {
+    /// Characters of a number that is not long.
+    const SHORT: usize = 7;
+    /// Digits that are enough if they tell numbers apart.
+    const ENOUGH: i32 = 4;
+
+    /// For these numbers.
+    pub fn of(numbers: impl Iterator<Item = f64>) -> Self {
+        let mut numbers: Vec<f64> = numbers.filter(|number| number.is_finite()).collect();
+        numbers.sort_by(f64::total_cmp);
+        numbers.dedup();
+        let are_apart = |most: &i32| {
+            let plain = |number: &f64| {
+                Self {
+                    most: *most,
+                    powers: false,
+                }
+                .write(*number)
+            };
+            let words: Vec<String> = numbers.iter().map(plain).collect();
+            words.windows(2).all(|pair| pair[0] != pair[1])
+        };
+        let most = (Self::ENOUGH..17).find(are_apart).unwrap_or(17);
+        let plain = Self {
+            most,
+            powers: false,
+        };
+        Self {
+            powers: numbers.iter().any(|n| plain.write(*n).contains('e')),
+            ..plain
+        }
+    }
+
+    /// The number.
+    pub fn write(self, number: f64) -> String {
+        if !number.is_finite() || number == 0.0 {
+            return format!("{number}");
+        }
+        let full = format!("{number}");
+        if full.len() <= Self::SHORT && !self.powers {
+            return full;
+        }
+        let decimals = usize::try_from(self.most - 1).unwrap_or(0);
+        let rounded = format!("{number:.decimals$e}").parse().unwrap_or(number);
+        let plain = format!("{rounded}");
+        // Digits beyond those that are short are there to tell numbers apart.
+        let extra = usize::try_from(self.most - Self::ENOUGH).unwrap_or(0);
+        if plain.len() <= Self::SHORT + extra && !self.powers {
+            plain
+        } else {
+            format!("{rounded:e}")
+        }
+    }
+}
+
 /// A cell of a table for people.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Uncertain {
     /// A word.
-    Word(&'static str),
-    /// A part in per cent, in words.
-    Percent(String),
-    /// A number, and its significant digits; as many as it has if there are none.
-    Number(f64, Option<i32>),
+    Word(Cow<'static, str>),
+    /// A number with its unit, in words: `3 min 20 s`, `12 %`.
+    Quantity(String),
+    /// A number to so many significant digits.
+    Number(f64, i32),
+    /// A number written as others are.
+    Short(f64, Digits),
+    /// A whole number.
+    Count(u64),
     /// A number and half its interval.
     Interval(f64, f64),
 }
@@ -41,12 +120,12 @@ pub enum Uncertain {
 impl Uncertain {
     /// A number to so many digits.
     pub fn of(number: f64, digits: i32) -> Self {
-        Self::Number(number, Some(digits))
+        Self::Number(number, digits)
     }
 
-    /// A number as it is.
-    pub fn exact(number: f64) -> Self {
-        Self::Number(number, None)
+    /// Words.
+    pub fn word(words: impl Into<Cow<'static, str>>) -> Self {
+        Self::Word(words.into())
     }
 
     /// With its interval as `9.86 ± 0.79`.
@@ -68,10 +147,11 @@ impl Uncertain {
     /// As text; `join` puts a value and half its interval together, both to the same decimals.
     fn written(&self, join: fn(&str, &str, usize) -> String) -> String {
         match self {
-            Self::Word(word) => (*word).to_owned(),
-            Self::Percent(words) => format!("{words} %"),
-            Self::Number(number, None) => format!("{number}"),
-            Self::Number(number, Some(digits)) => significant(*number, *digits),
+            Self::Word(word) => word.clone().into_owned(),
+            Self::Quantity(words) => words.clone(),
+            Self::Number(number, digits) => significant(*number, *digits),
+            Self::Short(number, digits) => digits.write(*number),
+            Self::Count(count) => count.to_string(),
             Self::Interval(value, half)
                 if !half.is_finite() || *half <= 0.0 || !value.is_finite() =>
             {
@@ -224,7 +304,29 @@ mod tests {
             let number = Uncertain::Interval(value, half);
             assert_eq!((number.plain().as_str(), number.si().as_str()), (plain, si));
         }
-        assert_eq!(Uncertain::exact(0.693).plain(), "0.693");
+        let digits = Digits::of([0.693].into_iter());
+        assert_eq!(Uncertain::Short(0.693, digits).plain(), "0.693");
+    }
+
+    #[test]
+    fn digits_are_few_but_tell_numbers_apart() {
+        let written = |numbers: &[f64]| -> Vec<String> {
+            let digits = Digits::of(numbers.iter().copied());
+            numbers.iter().map(|number| digits.write(*number)).collect()
+        };
+        assert_eq!(written(&[0.1, 18.849_555_921]), ["0.1", "18.85"]);
+        assert_eq!(
+            written(&[0.593_151_1, 0.593_152_9]),
+            ["0.593151", "0.593153"]
+        );
+        assert_eq!(
+            written(&[1e4, 1e5, f64::INFINITY]),
+            ["10000", "100000", "inf"]
+        );
+        assert_eq!(written(&[0.0, 1e-8, 0.02]), ["0", "1e-8", "2e-2"]);
+        assert_eq!(written(&[5e-4, 0.005]), ["0.0005", "0.005"]);
+        assert_eq!(short(18.849_555_921, 4), "18.85");
+        assert_eq!(short(0.7, 4), "0.7");
     }
 
     #[test]

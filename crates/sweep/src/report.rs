@@ -1,11 +1,11 @@
 //! What the store holds, averaged over seeds: the answer to the campaign's question.
 
+mod axis_words;
 mod columns;
 mod curves;
 mod error;
 mod figure;
 mod json;
-mod latex;
 mod page;
 mod parquet;
 mod runs;
@@ -24,18 +24,16 @@ pub use figure::{
     Trace, draw, draw_paths, outline, traces,
 };
 pub use json::write as write_json;
-pub use latex::write_latex;
 pub use page::{PageHost, data, movie, page};
 pub use parquet::parquet;
-pub use runs::{
-    TableFormat, run_table, sample_table, write_run_units, write_runs, write_sample_units,
-    write_samples,
-};
+pub use runs::{TableFormat, sample_table};
 pub use selection::Selection;
+pub(crate) use sheet::{Head, Sheet, SheetColumn, room};
 pub use sheet::{NumberFormat, Shape};
 pub use text::write as write_text;
 pub(crate) use text::{table, whole};
 pub use tidy::{write_csv, write_markdown, write_units};
+use units::At;
 pub use units::Units;
 
 use crate::axes::{Axis, identity};
@@ -51,9 +49,21 @@ use crate::stresses::{COUNT, STRESSES};
 use sd_core::Params;
 use std::collections::HashMap;
 use std::f64::consts::PI;
+use std::io::Write;
 
 /// Failures listed in a report.
 const FAILURES_SHOWN: usize = 10;
+
+/// What of a store is shown, one by one or on a page.
+#[derive(Clone, Copy)]
+pub struct Excerpt<'s> {
+    /// The store.
+    pub store: &'s Store,
+    /// Which of its points.
+    pub selection: &'s Selection,
+    /// The units of the numbers.
+    pub units: Units,
+}
 
 /// A campaign's results so far.
 #[derive(Debug, Clone)]
@@ -245,6 +255,14 @@ impl Report {
     }
 }
 
+/// Writes the points as a LaTeX table: the columns of the table on the screen, all the usual ones if it is wide.
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn write_latex(report: &Report, shape: Shape, out: &mut dyn Write) -> Result<(), ReportError> {
+    Ok(Sheet::of(report, shape, None).write_latex(&figure::origin_of(report), out)?)
+}
+
 /// The points as a table, with the columns that were chosen or all, in the units of the report.
 pub fn point_table(report: &Report) -> Vec<DataColumn> {
     columns::columns_of(report)
@@ -280,6 +298,11 @@ impl Point {
             None => Some(self.params.shear_rate),
             Some(stress) => self.viscosity.map(|eta| 6.0 * PI * stress / eta.mean),
         }
+    }
+
+    /// What turning its numbers into physical units has to know of it.
+    fn at(&self) -> At {
+        At::new(&self.params, self.shear_rate())
     }
 
     /// σ*: imposed, or that of the mean viscosity where the rate is imposed.

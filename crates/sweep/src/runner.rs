@@ -149,6 +149,14 @@ fn run_in(
         }
         shared.supervise();
     });
+    let is_well = shared
+        .trouble
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .is_none();
+    if is_well && let Err(error) = shared.look_around() {
+        shared.give_up(error);
+    }
     progress.end();
     let trouble = shared
         .trouble
@@ -230,6 +238,7 @@ impl<'r> Shared<'r> {
     /// Watches over the threads from the one that started them.
     fn supervise(&self) {
         let (mut looked, mut beaten) = (Instant::now(), Instant::now());
+        let look = self.progress.every().unwrap_or(LOOK);
         let mut stopped: Option<Instant> = None;
         // When at least one thread computed last, and how long after that the user is told what is waited for.
         let (mut busy, mut patience) = (Instant::now(), WAIT_UNTOLD);
@@ -241,7 +250,7 @@ impl<'r> Shared<'r> {
                     self.give_up(error);
                 }
             }
-            if looked.elapsed() >= LOOK {
+            if looked.elapsed() >= look {
                 looked = Instant::now();
                 if let Err(error) = self.look_around() {
                     self.give_up(error);
@@ -316,8 +325,10 @@ impl<'r> Shared<'r> {
         }
         store.check_campaign()?;
         let (total, done) = store.work()?;
-        self.progress
-            .see(total, done + store.work_given_up()?, store.counts()?);
+        let done = done + store.work_given_up()?;
+        self.progress.see(total, done, store.counts()?);
+        // While the store is held no other case can end: whoever reads of one before this finds it counted here.
+        self.progress.tell_standing();
         Ok(())
     }
 }

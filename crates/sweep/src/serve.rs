@@ -3,7 +3,7 @@
 //! It has three routes, all of them reading: the page, its data, and the movie of a run. Requests must name this machine
 //! as their host, so that no page of another site can have its visitor's browser read the store (DNS rebinding).
 
-use crate::report::{PageHost, ReportError, Selection, data, movie, page};
+use crate::report::{Excerpt, PageHost, ReportError, Selection, Units, data, movie, page};
 use crate::store::{Store, StoreError, StoreSource};
 use axum::Router;
 use axum::extract::{Path as Segment, Request, State};
@@ -252,9 +252,18 @@ fn answer(kind: &'static str, result: Result<String, ServeError>) -> Response {
     }
 }
 
+/// All of a store.
+fn everything<'s>(store: &'s Store, all: &'s Selection) -> Excerpt<'s> {
+    Excerpt {
+        store,
+        selection: all,
+        units: Units::default(),
+    }
+}
+
 async fn send_page(State(shared): State<Arc<Shared>>) -> Response {
     let result = read(&shared, |store| {
-        page(store, &Selection::default(), PageHost::Server)
+        page(everything(store, &Selection::default()), PageHost::Server)
     })
     .await;
     answer("text/html; charset=utf-8", result)
@@ -268,7 +277,7 @@ async fn send_data(State(shared): State<Arc<Shared>>) -> Response {
         return answer("application/json", Ok(text.clone()));
     }
     let result = read(&shared, |store| {
-        data(store, &Selection::default(), PageHost::Server)
+        data(everything(store, &Selection::default()), PageHost::Server)
     })
     .await;
     if let Ok(text) = &result {

@@ -4,8 +4,10 @@
     reason = "tests: a panic is the failure, and names state the fact"
 )]
 
-use assert_cmd::Command;
-use assert_cmd::cargo::cargo_bin;
+#[path = "common/program.rs"]
+mod program;
+
+use program::{folder, json, program, sweep};
 use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
@@ -25,27 +27,13 @@ spheres = 20
 hydrodynamics = "ball-melrose"
 "#;
 
-fn sweep(directory: &Path, arguments: &[&str]) -> String {
-    let output = Command::cargo_bin("sweep")
-        .unwrap()
-        .current_dir(directory)
-        .env("XDG_CACHE_HOME", directory)
-        .args(arguments)
-        .assert()
-        .success();
-    String::from_utf8(output.get_output().stdout.clone()).unwrap()
-}
-
 fn directory() -> tempfile::TempDir {
-    let directory = tempfile::tempdir().unwrap();
-    std::fs::write(directory.path().join("precise.toml"), CAMPAIGN).unwrap();
-    directory
+    folder("precise.toml", CAMPAIGN)
 }
 
 /// The points of the report without what depends on the clock.
 fn table(directory: &Path) -> Vec<serde_json::Value> {
-    let text = sweep(directory, &["report", "precise.toml", "--json"]);
-    let mut report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let mut report = json(directory, &["report", "precise.toml"]);
     let mut points = report["points"].take();
     let points = points.as_array_mut().unwrap();
     for point in points.iter_mut() {
@@ -74,9 +62,7 @@ fn interrupted_campaign_ends_with_the_table_of_the_undisturbed_one() {
     }
     let disturbed = directory();
     for wait in [300, 700] {
-        let mut child = std::process::Command::new(cargo_bin("sweep"))
-            .current_dir(disturbed.path())
-            .env("XDG_CACHE_HOME", disturbed.path())
+        let mut child = program(disturbed.path())
             .args(["run", "precise.toml", "--quiet", "--workers", "2"])
             .stdout(Stdio::null())
             .stderr(Stdio::null())
@@ -103,7 +89,7 @@ fn waves_of_tasks_give_the_same_table() {
     let waves = directory();
     let mut number = 0;
     loop {
-        let said = sweep(
+        let said = json(
             waves.path(),
             &[
                 "submit",
@@ -114,10 +100,8 @@ fn waves_of_tasks_give_the_same_table() {
                 "2",
                 "--throttle",
                 "2",
-                "--json",
             ],
         );
-        let said: serde_json::Value = serde_json::from_str(&said).unwrap();
         if said["cases"] == 0 {
             break;
         }
@@ -127,8 +111,7 @@ fn waves_of_tasks_give_the_same_table() {
         for _ in 0..600 {
             std::thread::sleep(Duration::from_millis(100));
             sweep(waves.path(), &["merge", "precise.toml"]);
-            let status = sweep(waves.path(), &["status", "precise.toml", "--json"]);
-            let status: serde_json::Value = serde_json::from_str(&status).unwrap();
+            let status = json(waves.path(), &["status", "precise.toml"]);
             let jobs = status["jobs"].as_array().unwrap();
             let over = jobs.iter().all(|job| {
                 let tasks = job["tasks"].as_array().unwrap();

@@ -4,8 +4,10 @@
     reason = "tests: a panic is the failure, and names state the fact"
 )]
 
-use std::path::Path;
-use std::process::{Command, Output};
+#[path = "common/program.rs"]
+mod program;
+
+use program::{folder, run};
 
 const CAMPAIGN: &str = r#"name = "small"
 [protocol]
@@ -23,18 +25,7 @@ hydrodynamics = "ball-melrose"
 "#;
 
 fn directory() -> tempfile::TempDir {
-    let directory = tempfile::tempdir().unwrap();
-    std::fs::write(directory.path().join("small.toml"), CAMPAIGN).unwrap();
-    directory
-}
-
-fn sweep(directory: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sweep"))
-        .current_dir(directory)
-        .env("XDG_CACHE_HOME", directory)
-        .args(arguments)
-        .output()
-        .unwrap()
+    folder("small.toml", CAMPAIGN)
 }
 
 fn json(bytes: &[u8]) -> serde_json::Value {
@@ -44,7 +35,7 @@ fn json(bytes: &[u8]) -> serde_json::Value {
 #[test]
 fn every_line_of_progress_is_json_and_every_case_is_told_to_end() {
     let directory = directory();
-    let output = sweep(
+    let output = run(
         directory.path(),
         &["run", "small.toml", "--progress", "json", "--workers", "2"],
     );
@@ -64,17 +55,29 @@ fn every_line_of_progress_is_json_and_every_case_is_told_to_end() {
         assert!(line["cpu_time_s"].as_f64().unwrap() > 0.0);
         assert!((line["strain"].as_f64().unwrap() - 1.0).abs() < 1e-9);
     }
-    let last = lines
-        .iter()
-        .rfind(|line| line["event"] == "campaign")
-        .unwrap();
+    // What has ended before a line about the campaign is counted in it.
+    let (mut so_far, mut told) = (0, 0);
+    for line in &lines {
+        match line["event"].as_str().unwrap() {
+            "ended" => so_far += 1,
+            "campaign" => {
+                told = line["cases"]["done"].as_u64().unwrap();
+                assert!(told >= so_far, "{line} after {so_far} ended");
+            }
+            _ => {}
+        }
+    }
+    assert_eq!((told, so_far), (4, 4), "the last line is about the end");
+    let last = lines.last().unwrap();
+    assert_eq!(last["event"], "campaign");
     assert_eq!(last["cases"]["running"], 0);
+    assert!(last["work_done"].as_f64().unwrap() > 0.999, "{last}");
 }
 
 #[test]
 fn time_limit_checkpoints_and_the_same_command_goes_on() {
     let directory = directory();
-    let limited = sweep(
+    let limited = run(
         directory.path(),
         &[
             "run",
@@ -87,17 +90,17 @@ fn time_limit_checkpoints_and_the_same_command_goes_on() {
         ],
     );
     assert_eq!(limited.status.code(), Some(4), "{limited:?}");
-    let status = json(&sweep(directory.path(), &["status", "small.toml", "--json"]).stdout);
+    let status = json(&run(directory.path(), &["status", "small.toml", "--json"]).stdout);
     assert!(status["cases"]["pending"].as_u64().unwrap() > 0);
     assert!(status["remaining_cpu_s"].as_f64().unwrap() > 0.0);
-    let rest = sweep(
+    let rest = run(
         directory.path(),
         &["run", "small.toml", "--quiet", "--time-limit", "1h"],
     );
     assert_eq!(rest.status.code(), Some(0), "{rest:?}");
-    let status = json(&sweep(directory.path(), &["status", "small.toml", "--json"]).stdout);
+    let status = json(&run(directory.path(), &["status", "small.toml", "--json"]).stdout);
     assert_eq!(status["remaining_cpu_s"], 0.0);
-    let wrong = sweep(
+    let wrong = run(
         directory.path(),
         &["run", "small.toml", "--time-limit", "soon"],
     );
@@ -117,7 +120,7 @@ fn command_at_the_end_is_told_what_came_of_the_run() {
     ] {
         let mut all = vec!["run", "small.toml", "--quiet", "--on-finish", hook];
         all.extend(arguments);
-        let output = sweep(directory.path(), &all);
+        let output = run(directory.path(), &all);
         assert_eq!(output.status.code(), Some(code), "{output:?}");
     }
     let told = std::fs::read_to_string(directory.path().join("told")).unwrap();
@@ -134,7 +137,7 @@ fn plan_leaves_out_what_is_done_and_knows_of_trajectories() {
         let mut all = vec!["plan", "small.toml", "--json"];
         all.extend(arguments);
         let begun = std::time::Instant::now();
-        let plan = json(&sweep(directory.path(), &all).stdout);
+        let plan = json(&run(directory.path(), &all).stdout);
         assert!(begun.elapsed().as_secs_f64() < 5.0, "{:?}", begun.elapsed());
         plan
     };
@@ -145,7 +148,7 @@ fn plan_leaves_out_what_is_done_and_knows_of_trajectories() {
     let memory = before["memory_bytes"].as_f64().unwrap();
     assert!((8e6..40e6).contains(&memory), "{memory}");
     assert!(disk(&plan(&["--trajectory"])) > 2.0 * disk(&before));
-    let run = sweep(
+    let run = run(
         directory.path(),
         &[
             "run",

@@ -177,9 +177,13 @@ hydrodynamics = "ball-melrose"
         assert!(written(write_json).contains("\"small_fraction\":0.25"));
         assert!(written(write_csv).starts_with("small_fraction,"));
         assert!(written(write_markdown).contains("| small_fraction |"));
+        let excerpt = crate::report::Excerpt {
+            store: &store,
+            selection: &Selection::default(),
+            units: crate::report::Units::default(),
+        };
         let page: serde_json::Value =
-            serde_json::from_str(&data(&store, &Selection::default(), PageHost::File).unwrap())
-                .unwrap();
+            serde_json::from_str(&data(excerpt, PageHost::File).unwrap()).unwrap();
         assert_eq!(page["axes"][0]["key"], "small_fraction");
         assert_eq!(page["points"][1]["small_fraction"], 0.75);
     }

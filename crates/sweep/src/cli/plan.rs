@@ -1,6 +1,8 @@
 //! `sweep plan`.
 
 mod memory;
+mod scatter;
+mod tables;
 mod text;
 mod work;
 
@@ -8,6 +10,8 @@ pub(crate) use work::remaining_s;
 
 use super::Output;
 use super::place::store_of;
+use super::report::save;
+use super::tables::{TableArguments, refuse_two_answers};
 use crate::axes::{AXES, Axis, Value, identity};
 use crate::campaign::Campaign;
 use crate::case::Case;
@@ -15,6 +19,7 @@ use crate::cli::Error;
 use crate::costs::{COMPARABLE, Costs, trials};
 use crate::exit;
 use crate::store::Store;
+use scatter::Sum;
 use sd_core::Params;
 use sd_core::model::Words as _;
 use serde::{Serialize, Serializer};
@@ -38,6 +43,7 @@ const CASE_BYTES: f64 = 1200.0;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep plan sweeps/quickstart.toml\n  sweep plan sweeps/quickstart.toml --trajectory\n  \
+                  sweep plan sweeps/quickstart.toml --columns step_s,memory_bytes --latex -\n  \
                   sweep plan sweeps/quickstart.toml --json"
 )]
 pub(crate) struct Arguments {
@@ -58,6 +64,8 @@ pub(crate) struct Arguments {
         visible_short_alias = 'j'
     )]
     workers: Option<NonZeroUsize>,
+    #[command(flatten)]
+    tables: TableArguments,
 }
 
 /// What a campaign would do.
@@ -128,6 +136,9 @@ struct Kind {
     cases: usize,
     /// Seconds of processor of a step, mean over its points.
     step_s: f64,
+    /// Half the 95 % interval of that, by the scatter of runs measured near.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    step_ci95_s: Option<f64>,
     /// Seconds of processor of all its runs.
     computing_time_s: f64,
     /// Memory of one of its runs, in bytes.
@@ -143,6 +154,8 @@ struct Kind {
 
 /// Writes the plan.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let columns = tables::columns_named(&arguments.tables.columns)?;
+    refuse_two_answers(&[("--latex", &arguments.tables.latex)], output)?;
     let campaign = Campaign::read(&arguments.campaign)?;
     let workers = arguments
         .workers
@@ -155,10 +168,17 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         None
     };
     let plan = make(&campaign, workers, arguments.trajectory, store.as_ref())?;
+    let shape = arguments.tables.shape();
+    let sheets = |width| tables::Sheets::of(&plan, &columns, shape, width);
+    if let Some(path) = &arguments.tables.latex {
+        let mut bytes = Vec::new();
+        sheets(None).write_latex(&plan, &mut bytes)?;
+        save(path, &bytes, output)?;
+    }
     if output.json {
         output.json(&plan)?;
-    } else {
-        text::write(&plan, output)?;
+    } else if arguments.tables.latex.is_none() {
+        text::write(&plan, &sheets(output.width), output)?;
     }
     Ok(exit::DONE)
 }
@@ -272,7 +292,7 @@ fn kinds(
         .map(|trial| identity(&trial.params))
         .collect();
     let mut kinds: Vec<Kind> = Vec::new();
-    let mut steps_of: Vec<f64> = Vec::new();
+    let mut sums: Vec<Sum> = Vec::new();
     let mut place_of = HashMap::new();
     for point in &work.points {
         let (p, steps) = (&point.case.params, point.case.steps);
@@ -289,13 +309,14 @@ fn kinds(
                     steps,
                     cases: 0,
                     step_s: 0.0,
+                    step_ci95_s: None,
                     computing_time_s: 0.0,
                     memory_bytes: 0.0,
                     measured: true,
                     source: Source::Runs,
                     reason: None,
                 });
-                steps_of.push(0.0);
+                sums.push(Sum::default());
                 kinds.len() - 1
             });
         let (kind, cost) = (&mut kinds[place], costs.step(p));
@@ -307,7 +328,7 @@ fn kinds(
         let runs = point.open.round() as usize;
         kind.cases += runs;
         kind.computing_time_s += cost.seconds * steps as f64 * point.runs();
-        steps_of[place] += steps as f64 * point.runs();
+        sums[place].add(cost, steps as f64, point.runs());
         kind.memory_bytes = kind.memory_bytes.max(memory::run_bytes(p));
         kind.source = match kind.source {
             _ if cost.distance > COMPARABLE => Source::Rough,
@@ -319,12 +340,12 @@ fn kinds(
             kind.reason = Some((*reason).clone());
         }
     }
-    for (kind, steps) in kinds.iter_mut().zip(steps_of) {
-        kind.step_s = if steps > 0.0 {
-            kind.computing_time_s / steps
-        } else {
-            0.0
-        };
+    for (kind, sum) in kinds.iter_mut().zip(sums) {
+        if sum.steps > 0.0 {
+            kind.step_s = kind.computing_time_s / sum.steps;
+            let half = sum.half().filter(|_| kind.measured);
+            kind.step_ci95_s = half.map(|half| half / sum.steps);
+        }
     }
     kinds.retain(|kind| kind.cases > 0);
     kinds.sort_by(|a, b| a.step_s.total_cmp(&b.step_s));

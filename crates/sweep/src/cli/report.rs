@@ -5,12 +5,13 @@ mod one_by_one;
 
 use super::Output;
 use super::place::StoreArguments;
+use super::tables::{TableArguments, refuse_two_answers};
 use crate::cli::Error;
 use crate::exit;
 use crate::files::write_whole;
 use crate::format::wrapped;
 use crate::report::{
-    Columns, NumberFormat, PageHost, Report, Selection, Shape, Units, page, parquet, write_csv,
+    Columns, Excerpt, PageHost, Report, Selection, Shape, Units, page, parquet, write_csv,
     write_json, write_latex, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
@@ -45,9 +46,6 @@ pub(crate) struct Arguments {
     /// Only points with one of these values on an axis, by its key in the campaign file; of every output; may be repeated
     #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
     selection: Vec<String>,
-    /// Only these columns besides the axes, in tables of every kind; names are those of the CSV file
-    #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
-    columns: Vec<String>,
     /// Average runs with doubtful numbers too; they are counted in any case
     #[arg(long)]
     with_doubtful: bool,
@@ -57,43 +55,26 @@ pub(crate) struct Arguments {
     /// Write the same table as Parquet, with units in its metadata
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
-    /// All the usual columns on the screen, and not only as many as fit
-    #[arg(long)]
-    wide: bool,
-    /// How numbers with an interval are written, on the screen and in LaTeX
-    #[arg(long, value_enum, default_value_t)]
-    format: NumberFormat,
     /// Write every run on a line of its own: FILE.csv or FILE.parquet, with units as for points
     #[arg(long, value_name = "FILE")]
     runs: Option<PathBuf>,
     /// Write every sample of every run on a line of its own: FILE.csv or FILE.parquet
     #[arg(long, value_name = "FILE")]
     samples: Option<PathBuf>,
-    /// Write a LaTeX table, `-` for standard output
-    #[arg(long, value_name = "FILE")]
-    latex: Option<PathBuf>,
     /// Write a Markdown table, `-` for standard output
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
     /// Write one self-contained page with interactive curves, traces and movies
     #[arg(long, value_name = "FILE.html")]
     page: Option<PathBuf>,
-    /// Physical units for tables and figures, for spheres of radius a in a fluid of viscosity mu, with the critical load f_crit or without:
-    /// a=1um,mu=1mPas,f_crit=10pN
+    /// Physical units for tables, figures and the page, for spheres of radius a in a fluid of viscosity mu, with the critical load f_crit
+    /// or without: a=1um,mu=1mPas,f_crit=10pN
     #[arg(long, value_name = "A,MU,F_CRIT")]
     units: Option<String>,
     #[command(flatten)]
+    tables: TableArguments,
+    #[command(flatten)]
     drawn: FigureArguments,
-}
-
-impl Arguments {
-    /// How the table looks.
-    fn shape(&self) -> Shape {
-        Shape {
-            wide: self.wide,
-            format: self.format,
-        }
-    }
 }
 
 /// Writes the report.
@@ -101,12 +82,22 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let asked = arguments.drawn.asked()?;
     let one_by_one = one_by_one::asked(arguments.runs.as_deref(), arguments.samples.as_deref())?;
     let selection = Selection::parse(&arguments.selection)?.with_doubtful(arguments.with_doubtful);
-    let columns = Columns::named(&arguments.columns)?;
+    let columns = Columns::named(&arguments.tables.columns)?;
     let units = match &arguments.units {
         Some(text) => Units::parse(text)?,
         None => Units::default(),
     };
-    refuse_two_answers(arguments, output)?;
+    let files = [
+        ("--csv", &arguments.csv),
+        ("--parquet", &arguments.parquet),
+        ("--markdown", &arguments.markdown),
+        ("--latex", &arguments.tables.latex),
+        ("--runs", &arguments.runs),
+        ("--samples", &arguments.samples),
+        ("--figure", &arguments.drawn.figure),
+        ("--page", &arguments.page),
+    ];
+    refuse_two_answers(&files, output)?;
     if asked.is_none() && !arguments.more.is_empty() {
         return Err(Error::Argument {
             argument: "FILE",
@@ -152,54 +143,38 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         save(path, &bytes, output)?;
         files = true;
     }
-    if let Some(path) = &arguments.latex {
+    if let Some(path) = &arguments.tables.latex {
         let mut bytes = Vec::new();
-        write_latex(&report, arguments.shape(), &mut bytes)?;
+        write_latex(&report, arguments.tables.shape(), &mut bytes)?;
         save(path, &bytes, output)?;
         files = true;
     }
+    let excerpt = Excerpt {
+        store: &store,
+        selection: &selection,
+        units,
+    };
     for (rows, path, format) in &one_by_one {
-        one_by_one::write(*rows, path, *format, (&store, &selection), output)?;
+        one_by_one::write(*rows, path, *format, excerpt, output)?;
         files = true;
     }
     if let Some(path) = &arguments.page {
-        let page = page(&store, &selection, PageHost::File)?;
+        let page = page(excerpt, PageHost::File)?;
         save(path, page.as_bytes(), output)?;
         files = true;
     }
     if !files || output.json {
-        print(&report, arguments.shape(), output)?;
+        print(&report, arguments.tables.shape(), output)?;
     }
     Ok(exit::DONE)
 }
 
-/// Refuses a file on standard output where the JSON object goes.
-fn refuse_two_answers(arguments: &Arguments, output: &Output<'_>) -> Result<(), Error> {
-    let files = [
-        ("--csv", &arguments.csv),
-        ("--parquet", &arguments.parquet),
-        ("--markdown", &arguments.markdown),
-        ("--latex", &arguments.latex),
-        ("--runs", &arguments.runs),
-        ("--samples", &arguments.samples),
-        ("--figure", &arguments.drawn.figure),
-        ("--page", &arguments.page),
-    ];
-    let is_standard_output = |path: &PathBuf| path.as_os_str() == "-";
-    match files
-        .into_iter()
-        .find(|(_, path)| path.as_ref().is_some_and(is_standard_output))
-    {
-        Some((argument, _)) if output.json => Err(Error::Argument {
-            argument,
-            message: "--json writes its object to standard output: name a file here".into(),
-        }),
-        _ => Ok(()),
-    }
-}
-
 /// Writes a file, or to standard output for `-`.
-pub(super) fn save(path: &Path, bytes: &[u8], output: &mut Output<'_>) -> Result<(), Error> {
+pub(in crate::cli) fn save(
+    path: &Path,
+    bytes: &[u8],
+    output: &mut Output<'_>,
+) -> Result<(), Error> {
     if path.as_os_str() == "-" {
         return Ok(output.out.raw().write_all(bytes)?);
     }

@@ -15,7 +15,7 @@ pub(super) struct Column {
     /// Meaning.
     pub(super) meaning: &'static str,
     /// Label on the page; empty for columns that no curve shows.
-    label: &'static str,
+    pub(super) label: &'static str,
     /// What is in it.
     content: Content,
 }
@@ -115,8 +115,12 @@ impl Column {
     pub(super) fn shown(&self, report: &Report, point: &Point) -> Option<Value> {
         match self.cell(point)? {
             Value::Number(number) => {
-                let factor = report.units.factor(self.dimension(), point.shear_rate())?;
-                Some(Value::Number(factor * number))
+                let at = point.at();
+                let number = match self.content {
+                    Content::Axis(axis) => report.units.along(axis, at, number),
+                    _ => report.units.factor(self.unit, at)? * number,
+                };
+                (!number.is_nan()).then_some(Value::Number(number))
             }
             value => Some(value),
         }
@@ -124,17 +128,22 @@ impl Column {
 
     /// Its unit in a report.
     pub(super) fn unit_in(&self, report: &Report) -> &'static str {
-        match report.units.word(self.dimension()) {
-            "Γ" => self.unit,
-            unit => unit,
+        match self.content {
+            Content::Axis(axis) => report.units.of_axis(axis).unwrap_or(self.unit),
+            _ => report.units.word(self.unit),
         }
     }
 
-    /// Its unit, and for shear rates the word for theirs.
-    fn dimension(&self) -> &'static str {
-        match self.content {
-            Content::Axis(axis) if axis.is_shear_rate() => "Γ",
-            _ => self.unit,
+    /// What it is called in print.
+    pub(super) fn title(&self) -> String {
+        let before = |words: &str| words.split(',').next().unwrap_or(words).to_owned();
+        match (self.label, self.name.strip_suffix("_ci95")) {
+            ("", Some(of)) => match measured_named(of) {
+                Some(column) => format!("95 % interval of {}", column.title()),
+                None => self.name.replace('_', " "),
+            },
+            ("", None) => self.name.replace('_', " "),
+            (label, _) => before(label),
         }
     }
 
@@ -203,11 +212,9 @@ pub(super) fn measured_named(name: &str) -> Option<Column> {
     measured().find(|column| column.name == name)
 }
 
-/// Measured quantities that curves can show: their columns and labels.
-pub(super) fn quantities() -> impl Iterator<Item = (&'static str, &'static str)> {
-    measured()
-        .filter(|column| !column.label.is_empty())
-        .map(|column| (column.name, column.label))
+/// Measured quantities that curves can show.
+pub(super) fn quantities() -> impl Iterator<Item = Column> {
+    measured().filter(|column| !column.label.is_empty())
 }
 
 /// Shorthand for [`MEASURED`].

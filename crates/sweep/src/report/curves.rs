@@ -1,7 +1,8 @@
 //! Points as curves: one axis of the campaign along, one curve per value of all others.
 
-use super::{Point, Report};
-use crate::axes::{AXES, Axis, Tag, Value, identity};
+use super::axis_words::AxisWords;
+use super::{Point, Report, Units};
+use crate::axes::{AXES, Axis, Tag, identity};
 use sd_core::Params;
 use std::cmp::Ordering;
 
@@ -23,11 +24,12 @@ pub(super) struct Label {
     pub(super) number: Option<f64>,
 }
 
-/// The axes that the curves of a figure share: the one they run along, and the one that has a panel for each of its values.
+/// What the curves of a figure share: the axis they run along, the one that has a panel for each of its values, and the units.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Shared<'a> {
     pub(super) along: Option<&'a Axis>,
     pub(super) panels: Option<&'a Axis>,
+    pub(super) units: Units,
 }
 
 impl Shared<'_> {
@@ -100,11 +102,10 @@ pub(super) fn labels(all: &[(&str, &Params)], shared: Shared<'_>) -> Vec<Label> 
         .filter(|axis| !shared.is_along(axis) && !shared.is_of_panels(axis))
         .filter(|axis| axis.varies(params()))
         .collect();
-    let word = |axis: &&Axis, params: &Params| match axis.value(params) {
-        Value::Word(word) => word.to_owned(),
-        Value::Number(f64::INFINITY) => format!("{} = ∞", axis.symbol),
-        value => format!("{} = {value}", axis.symbol),
-    };
+    let words: Vec<AxisWords<'_>> = differing
+        .iter()
+        .map(|axis| AxisWords::of(axis, shared.units, params()))
+        .collect();
     let is_imposed = |params: &Params| params.shear_stress.is_some();
     let both = params().any(is_imposed) && !params().all(is_imposed);
     let several = all.iter().any(|(campaign, _)| *campaign != all[0].0);
@@ -116,11 +117,12 @@ pub(super) fn labels(all: &[(&str, &Params)], shared: Shared<'_>) -> Vec<Label> 
         .map(|(campaign, params)| {
             let own = differing
                 .iter()
-                .filter(|axis| !axis.is_of_shear() || axis.means_something(params));
+                .zip(&words)
+                .filter(|(axis, _)| !axis.is_of_shear() || axis.means_something(params));
             let name = several.then(|| (*campaign).to_owned());
             let mut words: Vec<String> = name
                 .into_iter()
-                .chain(own.map(|axis| word(axis, params)))
+                .chain(own.map(|(_, words)| words.named(params)))
                 .collect();
             if both && shared.along.is_some() {
                 let how = if is_imposed(params) { "stress" } else { "rate" };

@@ -25,6 +25,7 @@ mod sketch;
 mod svg;
 
 pub(crate) use chart::chart;
+pub(super) use log_axis::power_of_ten;
 pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
 use origin::Origin;
 pub use outline::Outline;

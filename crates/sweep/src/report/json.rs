@@ -13,8 +13,11 @@ struct Document<'r> {
     campaign: &'r str,
     /// Cases by state.
     cases: Cases,
-    /// Points.
+    /// Points, in the units of the program.
     points: Vec<Row<'r>>,
+    /// Points in the units that were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    physical: Option<Physical<'r>>,
 }
 
 /// Cases by state; those under way count as pending.
@@ -32,12 +35,40 @@ struct Cases {
     doubtful: u64,
 }
 
+/// The numbers in physical units, where they are asked for.
+#[derive(Serialize)]
+struct Physical<'r> {
+    /// Units of the columns.
+    units: Units<'r>,
+    /// The same points.
+    points: Vec<PhysicalRow<'r>>,
+}
+
+/// The units of the columns that have one, by name.
+struct Units<'r>(&'r Report);
+
+impl Serialize for Units<'_> {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        let units = columns().map(|column| (column.name, column.unit_in(self.0)));
+        s.collect_map(units.filter(|(_, unit)| !unit.is_empty()))
+    }
+}
+
 /// A point as an object: the columns of the tables by name, `null` where nothing was measured.
-pub(super) struct Row<'r>(pub(super) &'r Point);
+struct Row<'r>(&'r Point);
 
 impl Serialize for Row<'_> {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
         s.collect_map(columns().map(|column| (column.name, column.cell(self.0))))
+    }
+}
+
+/// The same in the units of its report.
+struct PhysicalRow<'r>(&'r Report, &'r Point);
+
+impl Serialize for PhysicalRow<'_> {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        s.collect_map(columns().map(|column| (column.name, column.shown(self.0, self.1))))
     }
 }
 
@@ -56,6 +87,14 @@ pub fn write(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
             doubtful: report.doubtful,
         },
         points: report.points.iter().map(Row).collect(),
+        physical: report.units.are_asked_for().then(|| Physical {
+            units: Units(report),
+            points: report
+                .points
+                .iter()
+                .map(|point| PhysicalRow(report, point))
+                .collect(),
+        }),
     };
     serde_json::to_writer(&mut *out, &document).map_err(std::io::Error::from)?;
     Ok(writeln!(out)?)

@@ -4,16 +4,16 @@
 //! `&` escaped, and reaches the page as text only.
 
 use super::ReportError;
-use super::columns::quantities;
+use super::columns::{Column, columns, quantities};
 use super::figure::{PageLook, curve_colours, page_look};
-use super::json::Row;
-use super::{Report, Selection, selected_runs};
-use crate::axes::{AXES, Axis, identity};
+use super::units::Units;
+use super::{Excerpt, Point, Report, selected_runs};
+use crate::axes::{self, AXES, Axis, identity};
 use crate::campaign::Discard;
 use crate::statistics::ratio;
 use crate::store::{FailureLine, PointRun, Provenance, Store, StoredFrame};
 use crate::trajectory::state_number;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, HashMap};
 
@@ -83,6 +83,12 @@ struct Data<'r> {
     with_doubtful: bool,
     /// Points, with the names of `sweep report --json`.
     points: Vec<Row<'r>>,
+    /// What viscosities are called.
+    viscosity_label: String,
+    /// What a relative viscosity has been multiplied by.
+    viscosity_factor: f64,
+    /// What shear stresses are called.
+    stress_label: String,
     /// Runs.
     runs: Vec<Value>,
     /// Movies by key; `true` for one that the server has.
@@ -107,33 +113,72 @@ struct AxisData {
     /// Whether its values lie on a line.
     numeric: bool,
     logarithmic: bool,
+    /// The unit of its values, where they have been converted to one.
+    unit: Option<&'static str>,
+    /// Significant digits of its values at most.
+    digits: i32,
 }
 
 /// A quantity, as the script is told of it.
 #[derive(Serialize)]
 struct QuantityData {
     key: &'static str,
-    label: &'static str,
+    label: String,
 }
 
-impl From<&Axis> for AxisData {
-    fn from(axis: &Axis) -> Self {
+impl AxisData {
+    fn of(report: &Report, axis: &'static Axis) -> Self {
         Self {
             key: axis.key,
             symbol: axis.symbol,
-            label: axis.label(),
+            label: report.units.label_of(axis),
             numeric: axis.is_numeric(),
             logarithmic: axis.is_logarithmic(),
+            unit: report.units.of_axis(axis),
+            digits: report.words_of(axis).digits.most,
         }
     }
 }
 
-/// The page of the points selected of a store.
+impl QuantityData {
+    fn of(units: Units, column: &Column) -> Self {
+        let (label, word) = (column.label, units.word(column.unit));
+        Self {
+            key: column.name,
+            label: if word == column.unit {
+                label.to_owned()
+            } else {
+                format!("{label} ({word})")
+            },
+        }
+    }
+}
+
+/// A point as an object: the columns of the tables by name, and the shear stress that its flow curve shows.
+struct Row<'r>(&'r Report, &'r Point);
+
+impl Serialize for Row<'_> {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        let Self(report, point) = self;
+        let stress = point
+            .shear_stress()
+            .filter(|stress| stress.mean.is_finite());
+        let factor = report.units.factor("F_crit/a²", point.at());
+        let shown = |number: Option<f64>| Some(axes::Value::Number(factor? * number?));
+        let columns = columns().map(|column| (column.name, column.shown(report, point)));
+        s.collect_map(columns.chain([
+            ("stress", shown(stress.map(|stress| stress.mean))),
+            ("stress_ci95", shown(stress.and_then(|stress| stress.ci95))),
+        ]))
+    }
+}
+
+/// The page of a part of a store.
 ///
 /// # Errors
 /// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets.
-pub fn page(store: &Store, selection: &Selection, host: PageHost) -> Result<String, ReportError> {
-    let data = data(store, selection, host)?;
+pub fn page(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError> {
+    let data = data(excerpt, host)?;
     let connect = match host {
         PageHost::File => "'none'",
         PageHost::Server => "'self'",
@@ -173,8 +218,16 @@ fn in_script(json: &str) -> String {
 ///
 /// # Errors
 /// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets.
-pub fn data(store: &Store, selection: &Selection, host: PageHost) -> Result<String, ReportError> {
-    let report = Report::of(store, selection)?;
+pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError> {
+    let Excerpt {
+        store,
+        selection,
+        units,
+    } = excerpt;
+    let report = Report {
+        units,
+        ..Report::of(store, selection)?
+    };
     let work_done = if selection.is_everything() {
         let (total, done) = store.work()?;
         ratio(done, total).unwrap_or(1.0)
@@ -194,11 +247,15 @@ pub fn data(store: &Store, selection: &Selection, host: PageHost) -> Result<Stri
         let next = place_of.len();
         place_of.entry(identity(&run.params)).or_insert(next);
     }
+    let factor = units.viscosity_factor();
     let points_each = (TRACE_POINTS / all.len().max(1)).clamp(12, 240);
     let mut runs = Vec::with_capacity(all.len());
     for run in &all {
         let point = place_of[&identity(&run.params)];
-        let trace = store.trace(&run.key)?;
+        let mut trace = store.trace(&run.key)?;
+        for (_, viscosity) in &mut trace {
+            *viscosity *= factor;
+        }
         let discard = run.discard.or(match report.discard {
             Discard::Strain(strain) => Some(strain),
             Discard::Auto => None,
@@ -206,7 +263,7 @@ pub fn data(store: &Store, selection: &Selection, host: PageHost) -> Result<Stri
         runs.push(json!({
             "point": point, "key": run.key, "seed": run.seed, "state": run.state,
             "doubts": run.doubts.iter().map(|doubt| doubt.name()).collect::<Vec<_>>(),
-            "viscosity": run.viscosity, "wall_time_s": run.wall_time_s, "cpu_time_s": run.cpu_time_s,
+            "viscosity": run.viscosity.map(|viscosity| factor * viscosity), "wall_time_s": run.wall_time_s, "cpu_time_s": run.cpu_time_s,
             "discard": discard, "histogram": histogram(&trace, discard.unwrap_or(0.0)), "trace": thinned(&trace, points_each),
         }));
     }
@@ -231,13 +288,26 @@ pub fn data(store: &Store, selection: &Selection, host: PageHost) -> Result<Stri
         cases: report.counts,
         work_done,
         eta_s,
-        axes: AXES.iter().map(AxisData::from).collect(),
+        axes: AXES
+            .iter()
+            .map(|axis| AxisData::of(&report, axis))
+            .collect(),
         quantities: quantities()
-            .map(|(key, label)| QuantityData { key, label })
+            .map(|column| QuantityData::of(units, &column))
             .collect(),
         doubtful: report.doubtful,
         with_doubtful: report.with_doubtful,
-        points: report.points.iter().map(Row).collect(),
+        points: report
+            .points
+            .iter()
+            .map(|point| Row(&report, point))
+            .collect(),
+        viscosity_label: units.label("viscosity", "mu"),
+        viscosity_factor: factor,
+        stress_label: match units.word("F_crit/a²") {
+            "F_crit/a²" => "shear stress σ*".into(),
+            _ => units.label("shear stress σ*", "F_crit/a²"),
+        },
         runs,
         movies,
         failures,

@@ -2,15 +2,17 @@
 
 mod meanings;
 
-use super::{ReportError, Selection, selected_runs};
+use super::units::{At, Units};
+use super::{Excerpt, ReportError, selected_runs};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::csv_rows;
 use crate::data::{Cells, DataColumn, ParquetFile, numbered, write_csv, write_csv_rows};
-use crate::store::{PointRun, Store};
+use crate::store::PointRun;
 use crate::stresses::STRESSES;
 use meanings::{OF_RUNS, OF_SAMPLES, explain};
 use sd_core::Sample;
-use std::collections::HashSet;
+use std::collections::HashMap;
+use std::f64::consts::PI;
 use std::io::Write;
 
 /// Rows of samples that are held at a time, so that the largest campaign fits into little memory.
@@ -36,94 +38,143 @@ impl TableFormat {
     }
 }
 
-/// The runs of the points selected, a row each: key, state, axes, seed, and all that the store knows of their results.
-///
-/// # Errors
-/// Trouble with the store.
-pub fn run_table(store: &Store, selection: &Selection) -> Result<Vec<DataColumn>, ReportError> {
-    let wanted: HashSet<String> = selected_runs(store, selection)?
-        .into_iter()
-        .map(|run| run.key)
-        .collect();
-    let mut table = store.runs()?;
-    // Numbers by which the tables of the store find each other.
-    table.retain(|column| !["case_id", "process"].contains(&column.name.as_ref()));
-    let keys = table.iter().find(|column| column.name == "key");
-    let Some(Cells::Word(keys)) = keys.map(|column| &column.cells) else {
-        return Ok(table);
-    };
-    let is_wanted: Vec<bool> = keys
-        .iter()
-        .map(|key| {
-            key.as_ref()
-                .is_some_and(|key| wanted.contains(key.as_ref()))
-        })
-        .collect();
-    for column in &mut table {
-        column.cells.keep(&is_wanted);
-        explain(column, OF_RUNS);
+impl Excerpt<'_> {
+    /// A row for every run: key, state, axes, seed, and all that the store knows of its results.
+    ///
+    /// # Errors
+    /// Trouble with the store.
+    pub fn runs(&self) -> Result<Vec<DataColumn>, ReportError> {
+        let wanted: HashMap<String, At> = selected_runs(self.store, self.selection)?
+            .into_iter()
+            .map(|run| (run.key.clone(), at(&run)))
+            .collect();
+        let mut table = self.store.runs()?;
+        // Numbers by which the tables of the store find each other.
+        table.retain(|column| !["case_id", "process"].contains(&column.name.as_ref()));
+        let keys = table.iter().find(|column| column.name == "key");
+        let Some(Cells::Word(keys)) = keys.map(|column| &column.cells) else {
+            return Ok(table);
+        };
+        let places: Vec<Option<At>> = keys
+            .iter()
+            .map(|key| wanted.get(key.as_deref()?).copied())
+            .collect();
+        let is_wanted: Vec<bool> = places.iter().map(Option::is_some).collect();
+        let places: Vec<At> = places.into_iter().flatten().collect();
+        for column in &mut table {
+            column.cells.keep(&is_wanted);
+            explain(column, OF_RUNS);
+            convert(column, self.units, |row| places[row]);
+        }
+        Ok(table)
     }
-    Ok(table)
+
+    /// Writes the runs.
+    ///
+    /// # Errors
+    /// Trouble with the store, or output that cannot be written.
+    pub fn write_runs(
+        &self,
+        format: TableFormat,
+        out: &mut (dyn Write + Send),
+    ) -> Result<(), ReportError> {
+        let table = self.runs()?;
+        match format {
+            TableFormat::Csv => write_csv(&table, out)?,
+            TableFormat::Parquet => {
+                let campaign = self.store.campaign_name()?;
+                let about = [("campaign", campaign.as_str())];
+                let mut file = ParquetFile::begin(out, "runs", &table, &about)?;
+                file.append(&table)?;
+                file.finish()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the samples of all runs, in the order of the campaign: key, seed, the axes that vary, then what was sampled, step by step.
+    ///
+    /// # Errors
+    /// Trouble with the store, or output that cannot be written.
+    pub fn write_samples(
+        &self,
+        format: TableFormat,
+        out: &mut (dyn Write + Send),
+    ) -> Result<(), ReportError> {
+        let runs = selected_runs(self.store, self.selection)?;
+        let axes = axes_of_samples(&runs);
+        let mut batch = Batch::of(&axes, self.units)?;
+        let campaign = self.store.campaign_name()?;
+        let about = [("campaign", campaign.as_str())];
+        let mut file = match format {
+            TableFormat::Csv => {
+                write_csv(&batch.table, out)?;
+                Samples::Csv(out)
+            }
+            TableFormat::Parquet => {
+                Samples::Parquet(ParquetFile::begin(out, "samples", &batch.table, &about)?)
+            }
+        };
+        for run in &runs {
+            batch.add(run, &axes, &self.store.samples(&run.key)?)?;
+            if batch.rows() >= ROWS {
+                file.append(&batch.table)?;
+                batch = Batch::of(&axes, self.units)?;
+            }
+        }
+        file.append(&batch.table)?;
+        file.finish()
+    }
+
+    /// Writes name, unit and meaning of each column of the runs.
+    ///
+    /// # Errors
+    /// Trouble with the store, or output that cannot be written.
+    pub fn write_run_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
+        about(&self.runs()?, out)
+    }
+
+    /// Writes name, unit and meaning of each column of the samples.
+    ///
+    /// # Errors
+    /// Trouble with the store, or output that cannot be written.
+    pub fn write_sample_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
+        let runs = selected_runs(self.store, self.selection)?;
+        about(&Batch::of(&axes_of_samples(&runs), self.units)?.table, out)
+    }
 }
 
-/// Writes the runs of the points selected.
-///
-/// # Errors
-/// Trouble with the store, or output that cannot be written.
-pub fn write_runs(
-    store: &Store,
-    selection: &Selection,
-    format: TableFormat,
-    out: &mut (dyn Write + Send),
-) -> Result<(), ReportError> {
-    let table = run_table(store, selection)?;
-    match format {
-        TableFormat::Csv => write_csv(&table, out)?,
-        TableFormat::Parquet => {
-            let campaign = store.campaign_name()?;
-            let about = [("campaign", campaign.as_str())];
-            let mut file = ParquetFile::begin(out, "runs", &table, &about)?;
-            file.append(&table)?;
-            file.finish()?;
-        }
-    }
-    Ok(())
+/// What turning the numbers of a run into physical units has to know of it. Under an imposed stress its rate is that of its mean
+/// viscosity.
+fn at(run: &PointRun) -> At {
+    let rate = match run.params.shear_stress {
+        None => Some(run.params.shear_rate),
+        Some(stress) => run.viscosity.map(|eta| 6.0 * PI * stress / eta),
+    };
+    At::new(&run.params, rate)
 }
 
-/// Writes the samples of all runs of the points selected, in the order of the campaign: key, seed, the axes that vary, then what was
-/// sampled, step by step.
-///
-/// # Errors
-/// Trouble with the store, or output that cannot be written.
-pub fn write_samples(
-    store: &Store,
-    selection: &Selection,
-    format: TableFormat,
-    out: &mut (dyn Write + Send),
-) -> Result<(), ReportError> {
-    let runs = selected_runs(store, selection)?;
-    let axes = axes_of_samples(&runs);
-    let mut batch = Batch::of(&axes)?;
-    let campaign = store.campaign_name()?;
-    let about = [("campaign", campaign.as_str())];
-    let mut file = match format {
-        TableFormat::Csv => {
-            write_csv(&batch.table, out)?;
-            Samples::Csv(out)
-        }
-        TableFormat::Parquet => {
-            Samples::Parquet(ParquetFile::begin(out, "samples", &batch.table, &about)?)
-        }
+/// Turns the numbers of a column into physical units.
+fn convert(column: &mut DataColumn, units: Units, at: impl Fn(usize) -> At) {
+    let Cells::Number(cells) = &mut column.cells else {
+        return;
     };
-    for run in &runs {
-        batch.add(run, &axes, &store.samples(&run.key)?)?;
-        if batch.rows() >= ROWS {
-            file.append(&batch.table)?;
-            batch = Batch::of(&axes)?;
-        }
+    if !units.are_asked_for() {
+        return;
     }
-    file.append(&batch.table)?;
-    file.finish()
+    if let Some(axis) = AXES.iter().find(|axis| axis.key == column.name) {
+        for (row, cell) in cells.iter_mut().enumerate() {
+            let number = cell.map(|number| units.along(axis, at(row), number));
+            *cell = number.filter(|number| !number.is_nan());
+        }
+        column.unit = units.of_axis(axis).unwrap_or(column.unit);
+    } else {
+        for (row, cell) in cells.iter_mut().enumerate() {
+            let factor = units.factor(column.unit, at(row));
+            *cell = cell.zip(factor).map(|(number, factor)| factor * number);
+        }
+        column.unit = units.word(column.unit);
+    }
 }
 
 /// A table of samples that is being written.
@@ -153,11 +204,12 @@ impl Samples<'_> {
 /// Rows of samples.
 struct Batch {
     table: Vec<DataColumn>,
+    units: Units,
 }
 
 impl Batch {
     /// None yet, with the columns of all.
-    fn of(axes: &[&Axis]) -> Result<Self, ReportError> {
+    fn of(axes: &[&Axis], units: Units) -> Result<Self, ReportError> {
         let mut table = vec![
             DataColumn::named("key", Kind::Word, 0),
             DataColumn::named("seed", Kind::Count, 0),
@@ -167,8 +219,9 @@ impl Batch {
         table.extend(sample_table(&[])?);
         for column in &mut table {
             explain(column, OF_SAMPLES);
+            convert(column, units, |_| At::rate(None));
         }
-        Ok(Self { table })
+        Ok(Self { table, units })
     }
 
     fn rows(&self) -> usize {
@@ -189,15 +242,21 @@ impl Batch {
         }
         let seed = Value::Count(run.seed);
         let values = axes.iter().map(|axis| axis.value(&run.params));
+        // The rate of every sample is its own.
+        let at = |row: usize| At::new(&run.params, Some(sampled[row].1.shear_rate));
         for (column, value) in head[1..]
             .iter_mut()
             .zip(std::iter::once(seed).chain(values))
         {
-            for _ in 0..number {
-                column.cells.push(Some(value));
-            }
+            let mut new = DataColumn::named(column.name.clone(), value.kind(), number);
+            (0..number).for_each(|_| new.cells.push(Some(value)));
+            explain(&mut new, OF_SAMPLES);
+            convert(&mut new, self.units, at);
+            column.cells.append(new.cells);
         }
-        for (column, new) in body.iter_mut().zip(sample_table(sampled)?) {
+        for (column, mut new) in body.iter_mut().zip(sample_table(sampled)?) {
+            explain(&mut new, OF_SAMPLES);
+            convert(&mut new, self.units, at);
             column.cells.append(new.cells);
         }
         Ok(())
@@ -230,31 +289,6 @@ pub fn sample_table(sampled: &[(u64, Sample)]) -> Result<Vec<DataColumn>, Report
     Ok(table)
 }
 
-/// Writes name, unit and meaning of each column of the runs.
-///
-/// # Errors
-/// Trouble with the store, or output that cannot be written.
-pub fn write_run_units(
-    store: &Store,
-    selection: &Selection,
-    out: &mut dyn Write,
-) -> Result<(), ReportError> {
-    about(&run_table(store, selection)?, out)
-}
-
-/// Writes name, unit and meaning of each column of the samples.
-///
-/// # Errors
-/// Trouble with the store, or output that cannot be written.
-pub fn write_sample_units(
-    store: &Store,
-    selection: &Selection,
-    out: &mut dyn Write,
-) -> Result<(), ReportError> {
-    let runs = selected_runs(store, selection)?;
-    about(&Batch::of(&axes_of_samples(&runs))?.table, out)
-}
-
 /// Writes what is known of each column.
 fn about(table: &[DataColumn], out: &mut dyn Write) -> Result<(), ReportError> {
     let rows = table
@@ -279,7 +313,7 @@ mod tests {
     #[test]
     fn every_column_of_samples_has_a_unit_and_a_meaning() {
         let axes: Vec<&Axis> = AXES.iter().collect();
-        for column in Batch::of(&axes).unwrap().table {
+        for column in Batch::of(&axes, Units::default()).unwrap().table {
             assert!(!column.meaning.is_empty(), "{}", column.name);
             let is_word = matches!(column.cells, Cells::Word(_));
             assert_eq!(column.unit.is_empty(), is_word, "{}", column.name);

@@ -2,7 +2,7 @@
 
 mod notes;
 
-use super::sheet::{NumberFormat, Shape, Sheet, axes_of};
+use super::sheet::{NumberFormat, Shape, Sheet};
 use super::{Report, ReportError};
 use crate::campaign::Discard;
 use crate::format::duration;
@@ -85,8 +85,7 @@ fn legend(
     after: &str,
     out: &mut dyn Write,
 ) -> Result<(), ReportError> {
-    let has = |name: &str| sheet.columns().iter().any(|column| column.name == name);
-    if has("viscosity") {
+    if sheet.has("viscosity") {
         let interval = match shape.format {
             NumberFormat::Plain => "± half the 95 % Student interval",
             NumberFormat::Si => "and in brackets half the 95 % Student interval",
@@ -108,7 +107,7 @@ fn legend(
             "activated: of contacts; rolling: of activated ones",
         ),
     ] {
-        if has(name) {
+        if sheet.has(name) {
             writeln!(out, "{words}")?;
         }
     }
@@ -136,7 +135,7 @@ pub fn write(
         c.failed,
         c.pending + c.running
     )?;
-    let (columns, fixed) = axes_of(report);
+    let (columns, fixed) = report.axes();
     if !report.selection.is_everything() {
         writeln!(out, "only where {}", report.selection)?;
     }
@@ -149,7 +148,11 @@ pub fn write(
                 let shown = points
                     .find(|p| axis.means_something(&p.params))
                     .unwrap_or(point);
-                format!("{} {}", axis.symbol, axis.value(&shown.params))
+                format!(
+                    "{} {}",
+                    axis.symbol,
+                    report.words_of(axis).value(&shown.params)
+                )
             })
             .collect();
         writeln!(out, "{}", words.join(", "))?;

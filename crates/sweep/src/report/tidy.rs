@@ -7,7 +7,7 @@ use super::ReportError;
 use super::columns::{Column, columns_of};
 use crate::axes::{Axis, Value};
 use crate::csv_rows;
-use crate::format::significant;
+use crate::format::short;
 use std::io::Write;
 
 /// Writes the points as comma-separated values: a header row of names, numbers in full, nothing where there is none.
@@ -74,7 +74,7 @@ pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), Report
         let cells = columns
             .iter()
             .map(|column| match column.shown(report, point) {
-                Some(Value::Number(number)) => trimmed(number),
+                Some(Value::Number(number)) => short(number, 4),
                 Some(value) => value.to_string(),
                 None => "–".into(),
             });
@@ -84,14 +84,4 @@ pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), Report
         writeln!(out, "\n{}", super::text::doubtful(report))?;
     }
     Ok(())
-}
-
-/// A number with four digits, or fewer where it has no more.
-fn trimmed(number: f64) -> String {
-    let (full, short) = (format!("{number}"), significant(number, 4));
-    if full.len() < short.len() {
-        full
-    } else {
-        short
-    }
 }

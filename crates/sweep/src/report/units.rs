@@ -4,10 +4,15 @@
 //! length          a                          force           F_crit
 //! viscosity       mu                         shear rate      rate = Γ F_crit/(6π mu a²)
 //! stress          mu rate, F_crit/a²         velocity        a rate
+//! stiffness       F_crit/a, 6π mu a rate     dashpot         mu a
 //! ```
-//! Without the critical load F_crit there is no time: rates and stresses then stay as they are.
+//! Without the critical load F_crit there is no time: rates and stresses then stay as they are. At the plateaus Γ = 0 and Γ = ∞ stresses
+//! and velocities are multiples of a rate that has no value, and are left out.
 
 use super::ReportError;
+use crate::axes::Axis;
+use sd_core::Params;
+use sd_core::law::StiffnessUnit;
 use std::f64::consts::PI;
 
 /// The units of tables and figures; the default is those of the program.
@@ -24,6 +29,36 @@ struct Physical {
     /// Critical load F_crit in N.
     critical_load: Option<f64>,
 }
+
+/// What a conversion has to know of a point besides the unit of a number.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct At {
+    /// Shear rate Γ; `None` where it is not known.
+    shear_rate: Option<f64>,
+    /// Whether stiffnesses are multiples of 6π mu a rate, and not of F_crit/a.
+    by_flow: bool,
+}
+
+impl At {
+    /// A point with these parameters, where it is sheared at this rate.
+    pub(super) fn new(params: &Params, shear_rate: Option<f64>) -> Self {
+        Self {
+            shear_rate,
+            by_flow: params.contact.laws().stiffness_unit == StiffnessUnit::Flow,
+        }
+    }
+
+    /// A point of which only the shear rate matters.
+    pub(super) fn rate(shear_rate: Option<f64>) -> Self {
+        Self {
+            shear_rate,
+            by_flow: false,
+        }
+    }
+}
+
+/// The word for shear rates Γ among units.
+pub(super) const RATE: &str = "Γ";
 
 /// Decimal prefixes.
 const PREFIXES: [(&str, f64); 11] = [
@@ -89,23 +124,58 @@ impl Units {
         })))
     }
 
+    /// Whether any are asked for.
+    pub(super) fn are_asked_for(&self) -> bool {
+        self.0.is_some()
+    }
+
     /// The word of a unit after conversion.
     pub(super) fn word<'u>(&self, unit: &'u str) -> &'u str {
         let Some(physical) = self.0 else {
             return unit;
         };
-        match unit {
-            "a" => "m",
-            "mu" => "Pa s",
-            "mu rate" | "F_crit/a²" if physical.critical_load.is_some() => "Pa",
-            "a rate" if physical.critical_load.is_some() => "m/s",
-            "Γ" if physical.critical_load.is_some() => "1/s",
-            unit => unit,
+        match (unit, physical.critical_load) {
+            ("a", _) => "m",
+            ("mu", _) => "Pa s",
+            ("mu²", _) => "Pa² s²",
+            ("mu a", _) => "N s/m",
+            ("mu rate" | "F_crit/a²", Some(_)) => "Pa",
+            ("a rate", Some(_)) => "m/s",
+            ("F_crit", Some(_)) => "N",
+            ("F/a", Some(_)) => "N/m",
+            (RATE, Some(_)) => "1/s",
+            _ => unit,
         }
     }
 
-    /// What a number of this unit is multiplied by at a dimensionless shear rate; `None` where it has no finite value.
-    pub(super) fn factor(&self, unit: &str, shear_rate: Option<f64>) -> Option<f64> {
+    /// The unit that the values on an axis have been converted to; `None` where they are as they were.
+    pub(super) fn of_axis(&self, axis: &Axis) -> Option<&'static str> {
+        let unit = dimension_of(axis);
+        Some(self.word(unit)).filter(|word| *word != unit)
+    }
+
+    /// The label of an axis in a figure.
+    pub(super) fn label_of(&self, axis: &Axis) -> String {
+        match self.of_axis(axis) {
+            None => axis.label(),
+            Some(unit) => {
+                let label = axis.meaning.split(';').next().unwrap_or(axis.meaning);
+                format!("{} ({unit})", without_symbol(label))
+            }
+        }
+    }
+
+    /// A place along an axis; 0 and infinity stay, and what has no finite scale is not a number.
+    pub(super) fn along(&self, axis: &Axis, at: At, place: f64) -> f64 {
+        if self.of_axis(axis).is_none() || place == 0.0 || place.is_infinite() {
+            return place;
+        }
+        let factor = self.factor(dimension_of(axis), at);
+        factor.map_or(f64::NAN, |factor| factor * place)
+    }
+
+    /// What a number of this unit is multiplied by at a point; `None` where it has no finite scale.
+    pub(super) fn factor(&self, unit: &str, at: At) -> Option<f64> {
         let Some(physical) = self.0 else {
             return Some(1.0);
         };
@@ -116,14 +186,19 @@ impl Units {
         } = physical;
         let second = critical_load.map(|load| load / (6.0 * PI * viscosity * radius * radius));
         let rate = || {
-            let rate = shear_rate? * second?;
-            rate.is_finite().then_some(rate)
+            let rate = at.shear_rate? * second?;
+            (rate.is_finite() && rate > 0.0).then_some(rate)
         };
         match (unit, critical_load) {
             ("a", _) => Some(radius),
             ("mu", _) => Some(viscosity),
+            ("mu²", _) => Some(viscosity * viscosity),
+            ("mu a", _) => Some(viscosity * radius),
             ("F_crit/a²", Some(load)) => Some(load / (radius * radius)),
-            ("Γ", Some(_)) => second,
+            ("F_crit", Some(load)) => Some(load),
+            ("F/a", Some(_)) if at.by_flow => Some(6.0 * PI * viscosity * radius * rate()?),
+            ("F/a", Some(load)) => Some(load / radius),
+            (RATE, Some(_)) => second,
             ("mu rate", Some(_)) => Some(viscosity * rate()?),
             ("a rate", Some(_)) => Some(radius * rate()?),
             _ => Some(1.0),
@@ -133,6 +208,60 @@ impl Units {
     /// What a relative viscosity is multiplied by.
     pub(super) fn viscosity_factor(&self) -> f64 {
         self.0.map_or(1.0, |physical| physical.viscosity)
+    }
+
+    /// What a measured quantity is called in a figure: its unit beside its name once it has one, and then no symbol of a number
+    /// without one.
+    pub(super) fn label(&self, name: &str, unit: &str) -> String {
+        let word = self.word(unit);
+        if word == unit {
+            match unit {
+                "" | "1" | "mu" | "mu rate" | "a rate" => name.to_owned(),
+                unit => format!("{name} ({unit})"),
+            }
+        } else {
+            let name = name.trim_start_matches("relative ");
+            format!("{} ({word})", without_symbol(name))
+        }
+    }
+
+    /// Makes sure that a quantity can be converted.
+    ///
+    /// # Errors
+    /// [`ReportError::Argument`] where it needs the critical load and none is given.
+    pub(super) fn reach(&self, name: &str, unit: &str) -> Result<(), ReportError> {
+        let needs_load = ["mu rate", "F_crit/a²", "a rate"].contains(&unit);
+        match self.0 {
+            Some(physical) if needs_load && physical.critical_load.is_none() => {
+                Err(refused(format!(
+                    "the {name} has a physical unit only with the critical load of contacts, which sets the time: add f_crit, as in f_crit=10pN"
+                )))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The error where nothing of what is shown has a scale: at the plateaus stresses and velocities are known up to the rate only.
+    pub(super) fn without_scale() -> ReportError {
+        refused(
+            "at the plateaus, Γ = 0 and Γ = ∞, stresses and velocities are known as multiples of the shear rate only, and have no physical \
+             value; leave --units out, or choose other points"
+                .into(),
+        )
+    }
+}
+
+/// A name without the symbol at its end, of a quantity that is a pure number only in the units of the program.
+fn without_symbol(name: &str) -> &str {
+    name.trim_end_matches(" Γ").trim_end_matches(" σ*")
+}
+
+/// The unit of the values on an axis, with the word for shear rates.
+pub(super) fn dimension_of(axis: &Axis) -> &'static str {
+    if axis.is_shear_rate() {
+        RATE
+    } else {
+        axis.unit
     }
 }
 
@@ -186,17 +315,28 @@ mod tests {
         }
     }
 
-    /// σ = η mu rate = σ* F_crit/a², whichever way it is computed.
+    /// σ = η mu rate = σ* F_crit/a², and k = k* F_crit/a = (k* /Γ) 6π mu a rate, whichever way they are computed.
     #[test]
     fn stresses_are_the_same_by_rate_and_by_load() {
         let units = Units::parse("a=2um,mu=1.5mPas,f_crit=0.3nN").unwrap();
-        let eta = 7.0;
-        let by_rate = eta * units.factor("mu rate", Some(3.0)).unwrap();
-        let by_load = eta * 3.0 / (6.0 * PI) * units.factor("F_crit/a²", Some(3.0)).unwrap();
+        let (eta, at) = (7.0, At::rate(Some(3.0)));
+        let factor = |unit| units.factor(unit, at).unwrap();
+        let by_rate = eta * factor("mu rate");
+        let by_load = eta * 3.0 / (6.0 * PI) * factor("F_crit/a²");
         assert!((by_rate / by_load - 1.0).abs() < 1e-12);
-        let rate = 3.0 * units.factor("Γ", Some(3.0)).unwrap();
-        let viscosity = eta * units.factor("mu", Some(3.0)).unwrap();
-        assert!((rate * viscosity / by_rate - 1.0).abs() < 1e-12);
-        assert_eq!(units.factor("mu rate", Some(f64::INFINITY)), None);
+        let rate = 3.0 * factor(RATE);
+        let by_viscosity = rate * eta * factor("mu");
+        assert!((by_viscosity / by_rate - 1.0).abs() < 1e-12);
+        let flow = At {
+            by_flow: true,
+            ..at
+        };
+        let stiffness = units.factor("F/a", flow).unwrap() / 3.0;
+        assert!((stiffness / factor("F/a") - 1.0).abs() < 1e-12);
+        for plateau in [0.0, f64::INFINITY] {
+            let at = At::rate(Some(plateau));
+            assert_eq!(units.factor("mu rate", at), None);
+            assert!(units.factor("mu", at).is_some());
+        }
     }
 }

@@ -110,8 +110,6 @@ struct Overall {
     history: VecDeque<(Instant, f64)>,
     /// Last line in the log.
     logged: Instant,
-    /// Last lines of JSON.
-    told: Instant,
 }
 
 impl Progress {
@@ -157,7 +155,6 @@ impl Progress {
                 counts: Counts::default(),
                 history: VecDeque::new(),
                 logged: Instant::now(),
-                told: Instant::now(),
             }),
             told: Mutex::new(Vec::new()),
             log: Mutex::new(log),
@@ -248,10 +245,7 @@ impl Progress {
             }
         }
         let message = {
-            let mut campaign = self.campaign();
-            let here: f64 = self.workers.iter().map(Worker::cost).sum();
-            let done = campaign.stored + campaign.since + here;
-            campaign.advance(done);
+            let campaign = self.advanced();
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
@@ -262,19 +256,6 @@ impl Progress {
             campaign.message()
         };
         self.overall.set_message(message.clone());
-        if self.style == Style::Json {
-            let due = {
-                let mut campaign = self.campaign();
-                let due = campaign.told.elapsed() >= JSON_EVERY;
-                if due {
-                    campaign.told = Instant::now();
-                }
-                due
-            };
-            if due {
-                self.tell_standing();
-            }
-        }
         if self.style == Style::Lines {
             let due = {
                 let mut campaign = self.campaign();
@@ -351,8 +332,16 @@ impl Progress {
         }
     }
 
-    /// Lines of JSON: one for every case under way, and one for the campaign.
-    fn tell_standing(&self) {
+    /// How often the store is to be asked, where that is told.
+    pub(super) fn every(&self) -> Option<Duration> {
+        (self.style == Style::Json).then_some(JSON_EVERY)
+    }
+
+    /// Lines of JSON, if these are asked for: one for every case under way, and one for the campaign as the store has just been seen.
+    pub(super) fn tell_standing(&self) {
+        if self.style != Style::Json {
+            return;
+        }
         for worker in &self.workers {
             let steps = worker.steps.load(Ordering::Relaxed);
             let viscosity = f64::from_bits(worker.viscosity.load(Ordering::Relaxed));
@@ -362,7 +351,7 @@ impl Progress {
             }
         }
         let line = {
-            let campaign = self.campaign();
+            let campaign = self.advanced();
             let left = campaign.left().map(|left| left.as_secs_f64());
             event::campaign(&campaign.counts, campaign.fraction(), left)
         };
@@ -378,9 +367,6 @@ impl Progress {
                 told.more, told.label
             ));
         }
-        if self.style == Style::Json {
-            self.tell_standing();
-        }
         for worker in &self.workers {
             worker.bar.finish_and_clear();
         }
@@ -391,6 +377,15 @@ impl Progress {
     fn line(&self, text: &str) {
         let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
         let _ = writeln!(log, "{text}");
+    }
+
+    /// Progress of the campaign, with what is done until now.
+    fn advanced(&self) -> std::sync::MutexGuard<'_, Overall> {
+        let here: f64 = self.workers.iter().map(Worker::cost).sum();
+        let mut campaign = self.campaign();
+        let done = campaign.stored + campaign.since + here;
+        campaign.advance(done);
+        campaign
     }
 
     /// Progress of the campaign.

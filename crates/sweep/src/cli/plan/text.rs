@@ -1,14 +1,15 @@
-//! The plan as tables.
+//! The plan as text.
 
-use super::{Kind, Plan, Source};
+use super::tables::Sheets;
+use super::{Kind, Plan};
 use crate::cli::{Error, Output};
 use crate::format::{bytes, duration, significant, wrapped};
 use std::io::Write;
 
 /// Writes it.
-pub(super) fn write(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
+pub(super) fn write(plan: &Plan, sheets: &Sheets, output: &mut Output<'_>) -> Result<(), Error> {
     let mut text = Vec::new();
-    tables(plan, output.width, &mut text)?;
+    tables(plan, sheets, output.width, &mut text)?;
     let text = String::from_utf8_lossy(&text);
     output
         .out
@@ -17,7 +18,12 @@ pub(super) fn write(plan: &Plan, output: &mut Output<'_>) -> Result<(), Error> {
 }
 
 /// The plan for a terminal of this width.
-fn tables(plan: &Plan, width: Option<u16>, out: &mut dyn Write) -> Result<(), Error> {
+fn tables(
+    plan: &Plan,
+    sheets: &Sheets,
+    width: Option<u16>,
+    out: &mut dyn Write,
+) -> Result<(), Error> {
     let ended = match plan.ended {
         0 => String::new(),
         ended => format!(", {ended} of them ended"),
@@ -27,10 +33,15 @@ fn tables(plan: &Plan, width: Option<u16>, out: &mut dyn Write) -> Result<(), Er
         "{}: {} runs at {} points{ended}",
         plan.campaign, plan.cases, plan.points
     )?;
-    write_axes(plan, width, out)?;
-    if !plan.kinds.is_empty() {
-        write_kinds(&plan.kinds, width, out)?;
+    sheets.write(width, out)?;
+    let has_interval = |kind: &Kind| kind.step_ci95_s.is_some();
+    if plan.kinds.iter().any(has_interval) {
+        writeln!(
+            out,
+            "step: mean processor time and half its 95 % interval, by the scatter of runs measured near"
+        )?;
     }
+    write_reasons(&plan.kinds, out)?;
     write_precision(plan, out)?;
     writeln!(
         out,
@@ -44,62 +55,8 @@ fn tables(plan: &Plan, width: Option<u16>, out: &mut dyn Write) -> Result<(), Er
     Ok(())
 }
 
-fn write_axes(plan: &Plan, width: Option<u16>, out: &mut dyn Write) -> Result<(), Error> {
-    let mut axes = crate::report::table(width);
-    axes.set_header(["axis", "values", ""]);
-    for (name, values) in &plan.axes {
-        let words: Vec<String> = values
-            .iter()
-            .map(|value| {
-                value
-                    .as_str()
-                    .map_or_else(|| value.to_string(), str::to_owned)
-            })
-            .collect();
-        let shown = if words.len() > 12 {
-            format!("{}, … {}", words[..10].join(", "), words[words.len() - 1])
-        } else {
-            words.join(", ")
-        };
-        axes.add_row([(*name).to_owned(), words.len().to_string(), shown]);
-    }
-    writeln!(out, "{}", crate::report::whole(axes))?;
-    Ok(())
-}
-
-fn write_kinds(kinds: &[Kind], width: Option<u16>, out: &mut dyn Write) -> Result<(), Error> {
-    let mut table = crate::report::table(width);
-    table.set_header([
-        "N",
-        "hydrodynamics and contacts",
-        "steps",
-        "runs",
-        "step",
-        "run",
-        "memory",
-        "known from",
-    ]);
-    for kind in kinds {
-        let mark = if kind.measured { "" } else { "≈ " };
-        table.add_row([
-            kind.spheres.to_string(),
-            match kind.tangential {
-                "roll-slip" => format!("{}, {}", kind.hydrodynamics, kind.contact),
-                other => format!("{}, {}, {other}", kind.hydrodynamics, kind.contact),
-            },
-            kind.steps.to_string(),
-            kind.cases.to_string(),
-            format!("{mark}{} ms", significant(1e3 * kind.step_s, 3)),
-            format!("{mark}{}", duration(kind.step_s * kind.steps as f64)),
-            bytes(kind.memory_bytes),
-            match kind.source {
-                Source::Runs => "runs here".into(),
-                Source::Trial => "a short run now".into(),
-                Source::Rough => "runs unlike it".to_owned(),
-            },
-        ]);
-    }
-    writeln!(out, "{}", crate::report::whole(table))?;
+/// Why no short run could be made.
+fn write_reasons(kinds: &[Kind], out: &mut dyn Write) -> Result<(), Error> {
     for kind in kinds {
         if let Some(reason) = &kind.reason {
             writeln!(out, "no short run of {} spheres: {reason}", kind.spheres)?;

@@ -3,9 +3,7 @@
 use super::save;
 use crate::cli::{Error, Output};
 use crate::files::write_whole;
-use crate::report::{ReportError, Selection, TableFormat, write_runs, write_samples};
-use crate::report::{write_run_units, write_sample_units};
-use crate::store::Store;
+use crate::report::{Excerpt, ReportError, TableFormat};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -55,12 +53,12 @@ pub(super) fn write(
     rows: Rows,
     path: &Path,
     format: TableFormat,
-    (store, selection): (&Store, &Selection),
+    excerpt: Excerpt<'_>,
     output: &mut Output<'_>,
 ) -> Result<(), Error> {
     let table = |out: &mut (dyn Write + Send)| match rows {
-        Rows::Runs => write_runs(store, selection, format, out),
-        Rows::Samples => write_samples(store, selection, format, out),
+        Rows::Runs => excerpt.write_runs(format, out),
+        Rows::Samples => excerpt.write_samples(format, out),
     };
     if path.as_os_str() == "-" {
         let mut bytes = Vec::new();
@@ -90,8 +88,8 @@ pub(super) fn write(
     if format == TableFormat::Csv {
         let mut units = Vec::new();
         match rows {
-            Rows::Runs => write_run_units(store, selection, &mut units)?,
-            Rows::Samples => write_sample_units(store, selection, &mut units)?,
+            Rows::Runs => excerpt.write_run_units(&mut units)?,
+            Rows::Samples => excerpt.write_sample_units(&mut units)?,
         }
         save(&path.with_extension("units.csv"), &units, output)?;
     }

@@ -29,9 +29,45 @@ pub(super) fn advance(glyph: GlyphId) -> f64 {
     f64::from(width) / f64::from(FACE.units_per_em())
 }
 
+/// Size of a subscript over that of the letters before it.
+pub(super) const SUBSCRIPT: f64 = 0.72;
+
+/// A line of text in pieces, each with whether it is a subscript: letters after an underscore that stands behind a single letter, as in
+/// `F_crit/a²`. Names of several letters keep their underscores.
+pub(super) fn pieces(text: &str) -> Vec<(&str, bool)> {
+    let mut pieces = Vec::new();
+    let mut rest = text;
+    let mut from = 0;
+    while let Some(place) = rest[from..].find('_').map(|place| from + place) {
+        let mut before = rest[..place].chars().rev();
+        let is_symbol = before.next().is_some_and(char::is_alphabetic)
+            && !before.next().is_some_and(char::is_alphanumeric);
+        let after = &rest[place + 1..];
+        let end = after
+            .find(|c: char| !c.is_alphabetic())
+            .unwrap_or(after.len());
+        if is_symbol && end > 0 {
+            pieces.push((&rest[..place], false));
+            pieces.push((&after[..end], true));
+            (rest, from) = (&after[end..], 0);
+        } else {
+            from = place + 1;
+        }
+    }
+    if !rest.is_empty() || pieces.is_empty() {
+        pieces.push((rest, false));
+    }
+    pieces
+}
+
 /// The width of a line of text, in the unit of its size.
 pub(super) fn width(text: &str, size: f64) -> f64 {
-    size * text.chars().map(|c| advance(glyph(c))).sum::<f64>()
+    let width = |text: &str| text.chars().map(|c| advance(glyph(c))).sum::<f64>();
+    let each = |(text, is_subscript)| {
+        let part = if is_subscript { SUBSCRIPT } else { 1.0 };
+        part * width(text)
+    };
+    size * pieces(text).into_iter().map(each).sum::<f64>()
 }
 
 #[cfg(test)]
@@ -45,5 +81,36 @@ mod tests {
             assert!(FACE.glyph_index(character).is_some(), "{character}");
         }
         assert!((width("mm", 10.0) / width("m", 10.0) - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn symbols_have_subscripts_and_names_do_not() {
+        for (text, wanted) in [
+            ("plain", vec![("plain", false)]),
+            ("", vec![("", false)]),
+            (
+                "stress (F_crit/a²)",
+                vec![("stress (F", false), ("crit", true), ("/a²)", false)],
+            ),
+            (
+                "k_t/k = 0.5, ξ_max = 1",
+                vec![
+                    ("k", false),
+                    ("t", true),
+                    ("/k = 0.5, ξ", false),
+                    ("max", true),
+                    (" = 1", false),
+                ],
+            ),
+            (
+                "run_a of my_campaign_b",
+                vec![("run_a of my_campaign_b", false)],
+            ),
+            ("x_1, _y", vec![("x_1, _y", false)]),
+        ] {
+            assert_eq!(pieces(text), wanted);
+        }
+        let small = width("crit", SUBSCRIPT * 8.0);
+        assert!((width("F_crit", 8.0) - width("F", 8.0) - small).abs() < 1e-9);
     }
 }

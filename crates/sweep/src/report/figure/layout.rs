@@ -13,6 +13,10 @@ const TICK: f64 = 3.0;
 const AXIS: f64 = 0.6;
 /// Half the length of the cap of a bar.
 const CAP: f64 = 1.8;
+/// Dashed lines that are closer than this run into each other.
+const MERGING: f64 = 4.0;
+/// Dashed lines within this are one.
+const ALIKE: f64 = 1.0;
 /// How much a band hides.
 const BAND: f64 = 0.22;
 /// From one place that a curve passes to the next, where it is looked for what hides it.
@@ -75,7 +79,11 @@ pub(super) fn page(outline: &Outline) -> Page {
         }
         LegendPlace::Inside | LegendPlace::None => {}
     }
-    page
+    let shapes = page.shapes.into_iter().flat_map(Shape::in_pieces);
+    Page {
+        shapes: shapes.collect(),
+        ..page
+    }
 }
 
 /// A straight line.
@@ -182,11 +190,7 @@ impl Frame<'_> {
                 stroke: None,
             });
         }
-        for height in &self.panel.dashed {
-            let y = self.y(*height);
-            let stroke = Stroke::solid(Colour::GREY, 0.7).dashed(4.5, 3.0);
-            shapes.push(across([left, y], [right, y], stroke));
-        }
+        shapes.extend(self.dashed());
         for place in &self.panel.x.breaks {
             let x = self.x(*place);
             let stroke = Stroke::solid(Colour::PALE, 0.6).dashed(1.0, 2.0);
@@ -207,6 +211,35 @@ impl Frame<'_> {
             shapes.extend(self.markers(curve));
         }
         shapes.extend(self.marks());
+        shapes
+    }
+
+    /// Dashed lines; those that would run into each other are the edges of a shade.
+    fn dashed(&self) -> Vec<Shape> {
+        let [[left, _], [right, _]] = self.corners;
+        let mut heights: Vec<f64> = self.panel.dashed.iter().map(|h| self.y(*h)).collect();
+        heights.sort_by(f64::total_cmp);
+        let mut shapes = Vec::new();
+        for group in heights.chunk_by(|a, b| b - a < MERGING) {
+            let (Some(from), Some(to)) = (group.first(), group.last()) else {
+                continue;
+            };
+            let line = |y: f64, width: f64| {
+                let stroke = Stroke::solid(Colour::GREY, width).dashed(4.5, 3.0);
+                across([left, y], [right, y], stroke)
+            };
+            if to - from < ALIKE {
+                shapes.push(line(0.5 * (from + to), 0.7));
+                continue;
+            }
+            shapes.push(Shape::Area {
+                places: vec![[left, *from], [right, *from], [right, *to], [left, *to]],
+                fill: Some(Colour::GREY),
+                opacity: BAND,
+                stroke: None,
+            });
+            shapes.extend([*from, *to].map(|y| line(y, 0.4)));
+        }
         shapes
     }
 
@@ -440,10 +473,15 @@ impl Frame<'_> {
         let middle = 0.5 * (left + right - width);
         let starts = [right - width - 4.0, left + 5.0, middle];
         let lines = self.panel.dashed.iter().map(|height| self.y(*height));
-        let places = lines.flat_map(|y| [y - 0.35 * size, y + 1.05 * size].map(|y| (y, starts)));
+        // Above a line, clear of the ticks of the axis below, or under it.
+        let lowest = bottom - 1.3 * TICK;
+        let places = lines.flat_map(|y| {
+            let above = (y - 0.35 * size).min(lowest);
+            [above, y + 1.05 * size].map(|y| (y, starts))
+        });
         let places = places.flat_map(|(y, starts)| starts.map(|x| [x, y]));
         places
-            .filter(|[_, y]| *y - size > top && *y + 0.3 * size < bottom - TICK)
+            .filter(|[_, y]| *y - size > top && *y <= lowest)
             .min_by_key(|[x, y]| {
                 hidden(
                     [[*x, y - 0.9 * size], [x + width, y + 0.3 * size]],

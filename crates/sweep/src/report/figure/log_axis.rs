@@ -7,6 +7,8 @@ pub(super) struct LogAxis {
     pub(super) low: f64,
     /// Decade at the right end.
     pub(super) high: f64,
+    /// Logarithms of the least and the largest of the others.
+    pub(super) ends: [f64; 2],
     /// Whether 0 occurs.
     pub(super) zero: bool,
     /// Whether ∞ occurs.
@@ -22,14 +24,15 @@ impl LogAxis {
                 .filter(|value| value.is_finite() && **value > 0.0)
                 .map(|value| value.log10())
         };
-        let (low, high) = (
-            decades().fold(f64::INFINITY, f64::min).floor(),
-            decades().fold(f64::NEG_INFINITY, f64::max).ceil(),
-        );
-        let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
+        let ends = [
+            decades().fold(f64::INFINITY, f64::min),
+            decades().fold(f64::NEG_INFINITY, f64::max),
+        ];
+        let ends = if ends[0] <= ends[1] { ends } else { [0.0; 2] };
         Self {
-            low,
-            high,
+            low: ends[0].floor(),
+            high: ends[1].ceil(),
+            ends,
             zero: values.contains(&0.0),
             infinite: values.contains(&f64::INFINITY),
         }
@@ -68,7 +71,7 @@ pub(super) fn decade_words(decades: &[f64]) -> Vec<String> {
 }
 
 /// Ten to a power: 10⁻³.
-pub(super) fn power_of_ten(power: &str) -> String {
+pub(in crate::report) fn power_of_ten(power: &str) -> String {
     let digits: String = power
         .chars()
         .map(|digit| match digit {

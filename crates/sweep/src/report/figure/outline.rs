@@ -15,6 +15,8 @@ use serde::Serialize;
 const SLENDERNESS: f64 = 0.74;
 /// Dashes of lines without markers, which tell them apart in grey print.
 const DASHES: [Option<[f64; 2]>; 4] = [None, Some([4.0, 1.2]), Some([1.4, 1.0]), Some([8.0, 1.6])];
+/// Room above and below the numbers of a logarithmic axis, over its length.
+const MARGIN: f64 = 0.05;
 /// Distance of bars of several curves at the same place, over the width of the axis.
 const DODGE: f64 = 0.013;
 /// Distance of the first of them from the last at most.
@@ -157,10 +159,13 @@ impl Outline {
     /// Curves with an entry in the legend, each once.
     pub(super) fn entries(&self) -> Vec<&Curve> {
         let mut entries: Vec<&Curve> = Vec::new();
-        for curve in self.panels.iter().flat_map(|panel| &panel.curves) {
-            let is_new = !entries.iter().any(|known| known.label == curve.label);
-            if !curve.label.is_empty() && is_new {
-                entries.push(curve);
+        let curves = self.panels.iter().flat_map(|panel| &panel.curves);
+        for curve in curves.filter(|curve| !curve.label.is_empty()) {
+            match entries.iter_mut().find(|known| known.label == curve.label) {
+                // The one that shows most of what is drawn.
+                Some(known) if known.pieces.len() < curve.pieces.len() => *known = curve,
+                Some(_) => {}
+                None => entries.push(curve),
             }
         }
         entries
@@ -225,7 +230,9 @@ fn vertical(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
         // An interval that reaches far below its mean does not stretch the axis.
         let least = lowest(&mut heights(sketch).map(|h| reach(h)[0].max(0.5 * h.value)));
         let least = lowest(&mut limits().chain([least]));
-        return Ok(Scale::logarithmic(label, least / 1.15, up * 1.15));
+        // Markers at the ends stand clear of the frame.
+        let room = (up / least).powf(MARGIN).max(1.15);
+        return Ok(Scale::logarithmic(label, least / room, up * room));
     }
     let from_zero = low >= 0.0;
     let (down, up) = if from_zero {

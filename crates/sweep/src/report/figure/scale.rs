@@ -24,8 +24,19 @@ pub(super) struct Scale {
 impl Scale {
     /// A horizontal axis of decades with plateaus at its ends, in places of [`LogAxis`].
     pub(super) fn of_decades(label: String, log: LogAxis, range: Option<Range>) -> Self {
-        let mut low = log.low - if log.zero { 1.4 } else { 0.4 };
-        let mut high = log.high + if log.infinite { 1.4 } else { 0.4 };
+        // Without a plateau an axis ends soon after its numbers, as long as two decades are left to be named.
+        let [first, last] = [log.ends[0] - 0.3, log.ends[1] + 0.3];
+        let is_enough = last.floor() > first.ceil();
+        let mut low = match log.zero {
+            true => log.low - 1.4,
+            false if is_enough => first,
+            false => log.low - 0.4,
+        };
+        let mut high = match log.infinite {
+            true => log.high + 1.4,
+            false if is_enough => last,
+            false => log.high + 0.4,
+        };
         if let Some(range) = range {
             // The plateaus stay beside the decades that are asked for.
             let ends = [range.low, range.high].map(|end| log.place(end));

@@ -1,5 +1,6 @@
 //! Shapes on a page, from which every kind of file is made.
 
+use super::font;
 use super::palette::{Colour, Marker};
 
 /// A place on a page, in points from its upper left corner, x to the right and y down.
@@ -50,6 +51,51 @@ pub(super) enum Shape {
 }
 
 impl Shape {
+    /// The same, a text with subscripts as one text for each of its pieces.
+    pub(super) fn in_pieces(self) -> Vec<Self> {
+        let Self::Text {
+            place,
+            words,
+            size,
+            anchor,
+            upright,
+        } = &self
+        else {
+            return vec![self];
+        };
+        let pieces = font::pieces(words);
+        if pieces.len() == 1 {
+            return vec![self];
+        }
+        // Along the line, and down from it.
+        let shifted = |along: f64, down: f64| {
+            let [x, y] = *place;
+            if *upright {
+                [x + down, y - along]
+            } else {
+                [x + along, y + down]
+            }
+        };
+        let mut along = -anchor.part() * font::width(words, *size);
+        let text = |(words, is_subscript): (&str, bool)| {
+            let (size, down) = if is_subscript {
+                (font::SUBSCRIPT * size, 0.16 * size)
+            } else {
+                (*size, 0.0)
+            };
+            let piece = Self::Text {
+                place: shifted(along, down),
+                words: words.to_owned(),
+                size,
+                anchor: Anchor::Start,
+                upright: *upright,
+            };
+            along += font::width(words, size);
+            piece
+        };
+        pieces.into_iter().map(text).collect()
+    }
+
     /// The same, a dashed line as one solid line for each dash.
     pub(super) fn without_dashes(&self) -> Vec<Self> {
         let Self::Line { places, stroke } = self else {

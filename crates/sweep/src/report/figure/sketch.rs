@@ -110,10 +110,12 @@ pub(super) fn sketch(
     drawing: &Drawing,
 ) -> Result<Sketch, ReportError> {
     let draft = Draft::of(reports, drawing)?;
+    let measured = measured(drawing);
+    draft.check_units(measured)?;
     let mut sketch = match drawing.kind {
         Kind::Contacts => draft.contacts(),
         Kind::Trace => draft.in_time(traces),
-        _ => draft.of_points(measured(drawing)),
+        _ => draft.of_points(measured),
     };
     if matches!(drawing.kind, Kind::Trace | Kind::Viscosity)
         && !(drawing.kind == Kind::Viscosity && draft.along.key == "area_fraction")
@@ -122,6 +124,7 @@ pub(super) fn sketch(
     }
     let has_result = |line: &Line| line.points.iter().any(|spot| spot.y.is_some());
     if !sketch.lines.iter().any(has_result) {
+        draft.check_scale(measured)?;
         return Err(refused(
             "there are no results to draw yet; `sweep status` says how far the campaign is".into(),
         ));
@@ -214,6 +217,7 @@ fn measured(drawing: &Drawing) -> Measured {
         (Kind::ApproachVelocity, _) => ("mean approach velocity", "a rate", |p| {
             p.mean_approach_velocity.map(Height::bare)
         }),
+        (Kind::Contacts, _) => ("pairs per sphere", "1", |_| None),
         (_, Quantity::ViscosityStresslet) => ("stresslet viscosity", "mu", |p| {
             p.viscosity_stresslet.map(Height::from)
         }),
@@ -225,7 +229,7 @@ fn measured(drawing: &Drawing) -> Measured {
                 interval: p.viscosity_quartiles.map(reach),
             })
         }),
-        (Kind::Viscosity | Kind::Contacts | Kind::Trace, Quantity::Viscosity) => {
+        (Kind::Viscosity | Kind::Trace, Quantity::Viscosity) => {
             ("relative viscosity η", "mu", viscosity)
         }
     }

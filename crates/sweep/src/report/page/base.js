@@ -12,6 +12,11 @@ let chosen = null;
 
 const num = v => v === 'inf' ? Infinity : v;
 const show = v => v === 'inf' || v === Infinity ? '∞' : v === null || v === undefined ? '–' : typeof v === 'number' ? String(+v.toPrecision(4)) : String(v);
+/* A value and half its interval, both to the same decimals: two digits of the half. */
+const with_half = (v, half) => {
+  const decimals = half > 0 ? Math.max(0, 1 - Math.floor(Math.log10(+half.toPrecision(2)))) : 9;
+  return typeof v !== 'number' || decimals > 6 ? show(v) + (half > 0 ? ` ± ${show(+half.toPrecision(2))}` : '') : `${v.toFixed(decimals)} ± ${half.toFixed(decimals)}`;
+};
 const build = (element, attributes, text) => {
   for (const [k, v] of Object.entries(attributes)) element.setAttribute(k, v);
   if (text !== undefined) element.textContent = text;
@@ -65,7 +70,7 @@ function ticks(low, high, log) {
     if (all.length > 1) return all;
   }
   const raw = (high - low) / 5 || 1, power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].find(m => m * power >= raw) * power;
+  const step = (raw / power < 1.5 ? 1 : raw / power < 3.5 ? 2 : raw / power < 7.5 ? 5 : 10) * power;
   const all = [];
   for (let t = Math.ceil(low / step - 1e-9) * step; t <= high + 1e-9 * step; t += step) all.push(+t.toPrecision(12));
   return all;
@@ -78,11 +83,11 @@ const decades = list => list.every(e => e > -4 && e < 5) ? list.map(e => String(
 function frame(svg, width, height, x, y, labels) {
   svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
   svg.replaceChildren();
-  const left = 62, right = 14, top = 14, bottom = 46;
+  const heights = y.ticks ?? ticks(y.low, y.high, y.log).map(t => ({ at: t, name: String(+t.toPrecision(4)) }));
+  const left = Math.max(62, 34 + 7 * Math.max(...heights.map(t => t.name.length))), right = 14, top = 14, bottom = 46;
   const fy = y.log ? Math.log : v => v;
   const X = v => left + (v - x.low) / (x.high - x.low || 1) * (width - left - right);
   const Y = v => height - bottom - (fy(v) - fy(y.low)) / (fy(y.high) - fy(y.low) || 1) * (height - top - bottom);
-  const heights = y.ticks ?? ticks(y.low, y.high, y.log).map(t => ({ at: t, name: String(+t.toPrecision(4)) }));
   for (const t of heights) {
     svg.append(draw('line', { class: 'grid', x1: left, x2: width - right, y1: Y(t.at), y2: Y(t.at) }));
     svg.append(draw('text', { x: left - 6, y: Y(t.at) + 4, 'text-anchor': 'end' }, t.name));
@@ -125,4 +130,8 @@ function walkable(svg, group, text, at, width, choose_it) {
 }
 /* The runs of a point in a few words. */
 const of_runs = p => `${p.seeds} runs${p.jammed ? `, ${p.jammed} jammed` : ''}${p.failed ? `, ${p.failed} failed` : ''}${p.doubtful ? `, ${p.doubtful} doubtful` : ''}`;
-const name_of = (p, axes) => axes.map(a => `${AXIS[a].symbol} = ${show(on(p, a))}`).join(', ');
+/* A value on an axis: to as few digits as tell it from the others, with its unit if it has been given one. */
+const value_of = (axis, v) => typeof v === 'number' ? String(+v.toPrecision(AXIS[axis].digits)) : show(v);
+const value_in = (axis, v) => value_of(axis, v) + (AXIS[axis].unit && typeof v === 'number' && v !== 0 ? ' ' + AXIS[axis].unit : '');
+const heading_of = axis => AXIS[axis].symbol + (AXIS[axis].unit ? ` (${AXIS[axis].unit})` : '');
+const name_of = (p, axes) => axes.map(a => `${AXIS[a].symbol} = ${value_in(a, on(p, a))}`).join(', ');

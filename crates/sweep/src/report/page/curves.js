@@ -3,7 +3,7 @@
 /* What a view draws of a point: its name, its value and half its interval. */
 const SERIES = {
   curve: () => { const q = $('quantity').value; return [['', p => p[q], p => p[q + '_ci95'] ?? null]]; },
-  flow: () => [['', p => stress(p), p => p.shear_stress != null || p.viscosity_ci95 == null ? null : num(p.shear_rate) / (6 * Math.PI) * p.viscosity_ci95]],
+  flow: () => [['', p => p.stress, p => p.stress_ci95]],
   contacts: () => [
     ['in contact', p => p.contacts_per_sphere, () => null],
     ['activated', p => activated(p), () => null],
@@ -12,9 +12,8 @@ const SERIES = {
   ],
 };
 const activated = p => p.contacts_per_sphere == null ? null : p.contacts_per_sphere * (p.activated_fraction ?? 0);
-const stress = p => p.shear_stress ?? (p.viscosity == null || !isFinite(num(p.shear_rate)) ? null : num(p.shear_rate) * p.viscosity / (6 * Math.PI));
 const along_of = view => view === 'flow' ? 'shear_rate' : $('along').value;
-const label_of = view => ({ curve: QUANTITIES[$('quantity').value], flow: 'shear stress σ*', contacts: 'pairs per sphere' })[view];
+const label_of = view => ({ curve: QUANTITIES[$('quantity').value], flow: data.stress_label, contacts: 'pairs per sphere' })[view];
 /* Whether the filters leave a point. */
 const meets = (point, axes) => !axes.some(a => chosenFilters[a] && String(on(point, a)) !== chosenFilters[a]);
 
@@ -89,7 +88,7 @@ function plot_curves(view) {
   }
   const ends = points.flatMap(p => [p.y - (p.half ?? 0), p.y + (p.half ?? 0), p.y]);
   const is_viscosity = view === 'curve' && $('quantity').value.startsWith('viscosity');
-  const dilutes = is_viscosity && along !== 'area_fraction' ? [...new Set(points.map(p => 1 + 5 * p.point.area_fraction / 3))] : [];
+  const dilutes = is_viscosity && along !== 'area_fraction' ? [...new Set(points.map(p => data.viscosity_factor * (1 + 5 * p.point.area_fraction / 3)))] : [];
   const positive = ends.concat(dilutes).filter(v => v > 0);
   const y = log ? { log, low: Math.max(Math.min(...positive) * .9, Math.min(...points.map(p => p.y)) / 10), high: Math.max(...positive) * 1.1 } : (() => {
     const low = Math.min(...points.map(p => p.y)) < 0 ? Math.min(...ends) : 0, high = Math.max(0, ...ends, ...dilutes);
@@ -145,7 +144,7 @@ function plot_curves(view) {
         group.append(draw('path', { d: `M${cx} ${upper}V${lower}M${cx - 4} ${upper}h8M${cx - 4} ${lower}h8`, fill: 'none', style: `stroke:${curve.colour}`, 'stroke-width': 1.5 }));
       }
       group.append(marker(curve.n, cx, cy, 4.5, curve.colour), draw('circle', { class: 'halo', cx, cy, r: 11 }));
-      const text = `${curve.label}\n${AXIS[along].symbol} = ${show(p.x)}\n${label} ${show(p.y)}${p.half !== null ? ` ± ${show(p.half)}` : ''}\n${of_runs(p.point)}`;
+      const text = `${curve.label}\n${AXIS[along].symbol} = ${value_in(along, p.x)}\n${label} ${show(p.y)}${p.half !== null ? ` ± ${show(p.half)}` : ''}\n${of_runs(p.point)}`;
       walkable(svg, group, text, [cx, cy], width, () => choose(p.index));
     }
   }

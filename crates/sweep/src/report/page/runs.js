@@ -10,6 +10,7 @@ function choose(index, quietly) {
   const traced = runs.filter(run => run.trace.length > 1);
   const svg = $('trace');
   cursor_place = null;
+  traced_table = { head: ['key', 'seed', 'strain', data.viscosity_label], rows: traced.flatMap(run => run.trace.map(p => [run.key, run.seed, ...p])) };
   if (traced.length) {
     const maps = in_time(svg, traced.map((run, n) => ({ trace: run.trace, colour: colour(n, traced.length) })), narrow() ? 260 : 280, Math.max(...traced.map(run => run.discard ?? 0)));
     cursor_place = { ...maps, line: draw('line', { class: 'cursor', y1: maps.top, y2: maps.bottom }) };
@@ -18,7 +19,7 @@ function choose(index, quietly) {
   } else nothing(svg, 'no samples yet');
   const table = make('table');
   const head = make('tr');
-  for (const name of ['', 'seed', 'viscosity', 'state', 'movie', 'time / s', 'key']) head.append(make('th', { scope: 'col' }, name));
+  for (const name of ['', 'seed', data.viscosity_label, 'state', 'movie', 'time / s', 'key']) head.append(make('th', { scope: 'col' }, name));
   table.append(head);
   for (const run of runs) {
     const row = make('tr'), place = traced.indexOf(run), first = make('td');
@@ -35,22 +36,25 @@ function choose(index, quietly) {
   $('run-list').replaceChildren(table);
   if (quietly) { cursor(); return; }
   const first = runs.find(run => data.movies[run.key]);
-  if (first) watch(first); else { stop(); movie = null; $('movie').hidden = true; }
+  if (first) watch(first); else { stop(); movie = asked = null; $('movie').hidden = true; }
   plot();
   document.querySelector(`#plot [data-index="${index}"]`)?.focus({ preventScroll: true });
   $('runs').scrollIntoView({ block: 'nearest' });
 }
 
 /* The movie of a run. */
-let movie = null, at = 0, timer = null;
+let movie = null, at = 0, timer = null, asked = null;
 function stop() { clearInterval(timer); timer = null; $('play').textContent = 'Play'; $('play').setAttribute('aria-pressed', 'false'); }
 async function watch(run) {
   stop();
+  asked = run.key;
   let film = data.movies[run.key];
   if (film === true) {
     const answer = await fetch('movie/' + encodeURIComponent(run.key)).catch(() => null);
     if (!answer?.ok) return;
     film = await answer.json();
+    /* Another was asked for meanwhile. */
+    if (asked !== run.key) return;
   }
   movie = film; at = 0;
   $('movie').hidden = false;
@@ -79,7 +83,7 @@ function measure(kind, n, radius) {
   }
   return numbers;
 }
-const MEASURES = { pressure: 'force of contacts over the girth of a sphere', contacts: 'contacts of a sphere', spin: 'turning per strain' };
+const MEASURES = { pressure: 'force of contacts over the girth of a sphere, in μ a rate', contacts: 'contacts of a sphere', spin: 'turning per strain' };
 /* The ends of the colours: the same for all pictures, so that they can be compared. */
 function ends_of(kind, n, radius) {
   movie.ends ??= {};

@@ -1,5 +1,5 @@
 /* What is shown, as a file: CSV, SVG, PNG. */
-let shown_table = { head: [], rows: [] };
+let shown_table = { head: [], rows: [] }, traced_table = { head: [], rows: [] };
 
 function save(name, address) {
   const link = make('a', { href: address, download: `${data.campaign}-${name}` });
@@ -13,8 +13,8 @@ const as_csv = table => [table.head, ...table.rows].map(row => row.map(cell_text
 const coded = (type, text) => `data:${type};charset=utf-8,${encodeURIComponent(text)}`;
 
 /* The drawing by itself: with the colours of the page instead of their names. */
-function alone() {
-  const svg = $('plot').cloneNode(true), [, , width, height] = svg.getAttribute('viewBox').split(' ').map(Number);
+function alone(id) {
+  const svg = $(id).cloneNode(true), [, , width, height] = svg.getAttribute('viewBox').split(' ').map(Number);
   build(svg, { xmlns: NS, width, height });
   const own = [...document.styleSheets].flatMap(sheet => [...sheet.cssRules]).map(rule => rule.cssText).filter(rule => /^(svg|\.halo|\.band|\.bars)/.test(rule)).join('\n');
   const style = draw('style', {}, `text{font-family:sans-serif}\n${own}`), back = draw('rect', { width, height, style: 'fill:var(--paper)' });
@@ -28,6 +28,14 @@ async function as_png(text) {
   pen.drawImage(image, 0, 0, canvas.width, canvas.height);
   return canvas.toDataURL('image/png');
 }
-$('save-csv').onclick = () => save('view.csv', coded('text/csv', as_csv(shown_table)));
-$('save-svg').onclick = () => save('view.svg', coded('image/svg+xml', alone()));
-$('save-png').onclick = async () => save('view.png', await as_png(alone()));
+/* The drawing and the numbers of the results, and those of the runs of a point. */
+for (const [id, name, numbers, of = ''] of [['plot', 'view', () => shown_table], ['trace', 'runs', () => traced_table, 'trace-']]) {
+  $(`save-${of}csv`).onclick = () => save(name + '.csv', coded('text/csv', as_csv(numbers())));
+  $(`save-${of}svg`).onclick = () => save(name + '.svg', coded('image/svg+xml', alone(id)));
+  $(`save-${of}png`).onclick = async () => save(name + '.png', await as_png(alone(id)));
+}
+$('save-layer-png').onclick = () => save('layer.png', $('layer').toDataURL('image/png'));
+$('save-points-csv').onclick = () => {
+  const head = Object.keys(data.points[0] ?? {});
+  save('points.csv', coded('text/csv', as_csv({ head, rows: data.points.map(p => head.map(k => p[k])) })));
+};

@@ -33,8 +33,8 @@ function controls() {
 function filters() {
   const view = $('view').value, used = view === 'map' ? [$('map-x').value, $('map-y').value] : view === 'histogram' ? [] : [along_of(view)];
   $('filters').replaceChildren(...varying().filter(a => !used.includes(a)).map(axis => {
-    const label = make('label', {}, AXIS[axis].symbol + ' '), select = make('select', { 'data-axis': axis });
-    select.append(make('option', { value: '' }, 'all'), ...values(axis).map(v => make('option', { value: String(v) }, show(v))));
+    const label = make('label', {}, heading_of(axis) + ' '), select = make('select', { 'data-axis': axis });
+    select.append(make('option', { value: '' }, 'all'), ...values(axis).map(v => make('option', { value: String(v) }, value_of(axis, v))));
     select.value = chosenFilters[axis] ?? '';
     select.onchange = () => { chosenFilters[axis] = select.value; plot(); };
     label.append(select);

@@ -3,6 +3,8 @@
 /* Which points the filters leave. */
 const left_over = () => data.points.map((point, index) => ({ point, index })).filter(({ point }) => meets(point, varying()));
 
+const CLEAR = 6;
+let histograms = '';
 /* How often each viscosity occurs in time, over the runs of the points that the filters leave. */
 function plot_histogram() {
   const svg = $('plot');
@@ -15,8 +17,13 @@ function plot_histogram() {
     });
     return { key: 'h' + index, n, label: name_of(point, varying()) || 'all runs', colour: colour(n, all.length), plain: true, counts, number, index };
   }).filter(curve => curve.number);
+  /* So many at first that they can be told apart, from the first to the last. */
+  const place = n => Math.floor(n * (CLEAR - 1) / (list.length - 1)), keys = list.map(curve => curve.key).join();
+  if (keys !== histograms) list.forEach((curve, n) => { list.length > CLEAR && n && place(n) === place(n - 1) ? hidden.add(curve.key) : hidden.delete(curve.key); });
+  histograms = keys;
   legend(list, plot);
   const shown = list.filter(curve => !hidden.has(curve.key));
+  if (shown.length < list.length) $('remark').textContent = `${shown.length} of ${list.length} histograms are shown: the others can be switched on below.`;
   const bins = shown.flatMap(curve => [...curve.counts.keys()]);
   const wide = data.histogram_bin;
   shown_table = { head: ['point', 'viscosity from', 'viscosity to', 'share of samples'], rows: shown.flatMap(c => [...c.counts].sort((a, b) => a[0] - b[0]).map(([bin, count]) => [c.label, 10 ** (bin * wide), 10 ** ((bin + 1) * wide), count / c.number])) };
@@ -24,7 +31,7 @@ function plot_histogram() {
   const low = Math.min(...bins), high = Math.max(...bins) + 1, most = Math.max(...shown.flatMap(c => [...c.counts.values()].map(v => v / c.number)));
   const width = narrow() ? 400 : 820, height = narrow() ? 340 : 440;
   const x = { low: low * wide, high: high * wide, ticks: ticks(10 ** (low * wide), 10 ** (high * wide), true).map(t => ({ at: Math.log10(t), name: String(+t.toPrecision(3)) })) };
-  const { X, Y, left, bottom } = frame(svg, width, height, x, { low: 0, high: 1.06 * most }, ['viscosity', 'share of samples']);
+  const { X, Y, left, bottom } = frame(svg, width, height, x, { low: 0, high: 1.06 * most }, [data.viscosity_label, 'share of samples']);
   for (const curve of shown) {
     let path = '', before = 0;
     for (let bin = low; bin <= high; bin++) {
@@ -55,8 +62,8 @@ function plot_map() {
   const low = Math.min(...all), high = Math.max(...all), log = low > 0 && high > 10 * low;
   const part = v => high > low ? (log ? Math.log(v / low) / Math.log(high / low) : (v - low) / (high - low)) : .5;
   const width = narrow() ? 400 : 820, height = narrow() ? 380 : 480;
-  const axis = list => ({ low: -.5, high: list.length - .5, ticks: list.map((v, at) => ({ at, name: show(v) })) });
-  const { X, Y, right, top } = frame(svg, width, height - 50, axis(xs), axis(ys), [AXIS[ax].label, AXIS[ay].label]);
+  const along = (axis, list) => ({ low: -.5, high: list.length - .5, ticks: list.map((v, at) => ({ at, name: value_of(axis, v) })) });
+  const { X, Y, right, top } = frame(svg, width, height - 50, along(ax, xs), along(ay, ys), [AXIS[ax].label, AXIS[ay].label]);
   svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
   shown_table = { head: [ax, ay, QUANTITIES[quantity], 'runs', 'jammed', 'failed'], rows: [] };
   const wide = X(1) - X(0), tall = Y(0) - Y(1), size = Math.min(wide, tall, 60) / 4;
@@ -69,7 +76,7 @@ function plot_map() {
     if (sum('jammed')) group.append(draw('path', { class: 'jammed', d: 'M-1-1L1 1M-1 1L1-1', transform: `translate(${cx - (sum('failed') ? size : 0)} ${cy}) scale(${size * .6})`, style: `stroke:${over};stroke-width:${3 / size}` }));
     if (sum('failed')) group.append(draw('text', { class: 'failed', x: cx + (sum('jammed') ? size : 0), y: cy + size * .7, 'text-anchor': 'middle', style: `fill:${over};font-size:${2 * size}px;font-weight:bold` }, '!'));
     group.append(draw('rect', { class: 'halo', x: cx - wide / 2 + 2, y: cy - tall / 2 + 2, width: wide - 4, height: tall - 4 }));
-    const text = `${AXIS[ax].symbol} = ${show(xs[i])}, ${AXIS[ay].symbol} = ${show(ys[j])}\n${QUANTITIES[quantity]} ${show(value)}${list.length > 1 ? `, mean of ${list.length} points` : ''}\n${of_runs({ seeds: sum('seeds'), jammed: sum('jammed'), failed: sum('failed'), doubtful: sum('doubtful') })}`;
+    const text = `${AXIS[ax].symbol} = ${value_in(ax, xs[i])}, ${AXIS[ay].symbol} = ${value_in(ay, ys[j])}\n${QUANTITIES[quantity]} ${show(value)}${list.length > 1 ? `, mean of ${list.length} points` : ''}\n${of_runs({ seeds: sum('seeds'), jammed: sum('jammed'), failed: sum('failed'), doubtful: sum('doubtful') })}`;
     shown_table.rows.push([xs[i], ys[j], value, sum('seeds'), sum('jammed'), sum('failed')]);
     walkable(svg, group, text, [cx, cy], width, () => choose(list[0].index));
   }
@@ -89,7 +96,7 @@ function plot_versus() {
   const list = pair.map((run, n) => ({ key: 'r' + n, n: n, label: run_name(run), colour: colour(n, 2), plain: true, run }));
   legend(list, plot);
   const shown = list.filter(curve => !hidden.has(curve.key));
-  shown_table = { head: ['run', 'strain', 'viscosity'], rows: shown.flatMap(c => c.run.trace.map(p => [c.run.key, ...p])) };
+  shown_table = { head: ['run', 'strain', data.viscosity_label], rows: shown.flatMap(c => c.run.trace.map(p => [c.run.key, ...p])) };
   if (!shown.some(c => c.run.trace.length > 1)) { nothing(svg, 'no samples yet'); return; }
   in_time(svg, shown.map(c => ({ trace: c.run.trace, colour: c.colour })), narrow() ? 340 : 440, Math.max(...pair.map(run => run.discard ?? 0)));
   $('note').textContent = 'Two runs in time; the strain discarded is shaded.';
@@ -101,7 +108,7 @@ function in_time(svg, runs, height, discard) {
   const all = runs.flatMap(run => run.trace), ys = all.map(p => p[1]), xs = all.map(p => p[0]);
   const lowest = Math.min(...ys), highest = Math.max(...ys), log = lowest > 0 && highest > 10 * lowest;
   const end = Math.max(...xs), width = narrow() ? 400 : 820;
-  const maps = frame(svg, width, height, linear(0, end), { log, low: log ? lowest * .9 : Math.min(0, lowest), high: highest * 1.06 }, ['strain', 'viscosity']);
+  const maps = frame(svg, width, height, linear(0, end), { log, low: log ? lowest * .9 : Math.min(0, lowest), high: highest * 1.06 }, ['strain', data.viscosity_label]);
   const { X, Y, left, top, bottom } = maps;
   if (discard > 0) {
     svg.append(draw('rect', { class: 'discarded', x: left, y: top, width: X(Math.min(discard, end)) - left, height: bottom - top }));

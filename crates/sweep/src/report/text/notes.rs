@@ -12,7 +12,7 @@ const SHOWN: usize = 12;
 /// Writes the notes; nothing where there is nothing to say.
 pub(super) fn write(
     report: &Report,
-    columns: &[&Axis],
+    columns: &[&'static Axis],
     out: &mut dyn Write,
 ) -> Result<(), ReportError> {
     precision(report, columns, out)?;
@@ -21,7 +21,11 @@ pub(super) fn write(
 }
 
 /// How the points stand at which a precision is asked for.
-fn precision(report: &Report, columns: &[&Axis], out: &mut dyn Write) -> Result<(), ReportError> {
+fn precision(
+    report: &Report,
+    columns: &[&'static Axis],
+    out: &mut dyn Write,
+) -> Result<(), ReportError> {
     let ruled: Vec<_> = report
         .points
         .iter()
@@ -66,43 +70,52 @@ fn precision(report: &Report, columns: &[&Axis], out: &mut dyn Write) -> Result<
         };
         Some((*point, what))
     });
-    list(missed, columns, out)
+    list(report, missed, columns, out)
 }
 
 /// Points that are not steady.
-fn steadiness(report: &Report, columns: &[&Axis], out: &mut dyn Write) -> Result<(), ReportError> {
+fn steadiness(
+    report: &Report,
+    columns: &[&'static Axis],
+    out: &mut dyn Write,
+) -> Result<(), ReportError> {
     let unsteady = report.points.iter().filter_map(|point| {
         let advice = point.advice.as_ref()?;
         Some((point, format!("not steady: {advice}")))
     });
-    list(unsteady, columns, out)
+    list(report, unsteady, columns, out)
 }
 
 /// Points whose soft contacts gave way by more than the roughness height.
-fn overlaps(report: &Report, columns: &[&Axis], out: &mut dyn Write) -> Result<(), ReportError> {
+fn overlaps(
+    report: &Report,
+    columns: &[&'static Axis],
+    out: &mut dyn Write,
+) -> Result<(), ReportError> {
     let soft = report.points.iter().filter(|p| p.overlaps_too_much());
     let soft = soft.filter_map(|point| {
+        let heights = point.overlap()? / point.params.roughness;
         let what = format!(
-            "overlaps of up to {} a, more than the roughness height {}: the spheres themselves overlapped, and a larger stiffness \
-             would hold them apart",
-            significant(point.overlap()?, 2),
-            point.params.roughness
+            "overlaps of up to {} times the roughness height: the spheres themselves overlapped, and a larger stiffness would hold \
+             them apart",
+            significant(heights, 2)
         );
         Some((point, what))
     });
-    list(soft, columns, out)
+    list(report, soft, columns, out)
 }
 
 /// Names points with what there is to say about them.
 fn list<'p>(
+    report: &Report,
     points: impl Iterator<Item = (&'p Point, String)>,
-    columns: &[&Axis],
+    columns: &[&'static Axis],
     out: &mut dyn Write,
 ) -> Result<(), ReportError> {
     let mut more = 0;
     for (place, (point, what)) in points.enumerate() {
         if place < SHOWN {
-            writeln!(out, "{}: {what}", name(point, columns))?;
+            writeln!(out, "{}: {what}", name(report, point, columns))?;
         } else {
             more += 1;
         }
@@ -114,10 +127,13 @@ fn list<'p>(
 }
 
 /// A point by the axes that tell it from the others.
-fn name(point: &Point, columns: &[&Axis]) -> String {
+fn name(report: &Report, point: &Point, columns: &[&'static Axis]) -> String {
     let words: Vec<String> = columns
         .iter()
-        .map(|axis| format!("{} {}", axis.symbol, axis.value(&point.params)))
+        .map(|axis| {
+            let value = report.words_of(axis).value(&point.params);
+            format!("{} {value}", axis.symbol)
+        })
         .collect();
     words.join(", ")
 }

@@ -2,10 +2,12 @@
 
 use super::{Field, Form, Height, Line, Measured, Sketch, Spot};
 use crate::axes::{AXES, Axis, Value, identity};
+use crate::report::axis_words::AxisWords;
 use crate::report::curves::{Curve, Label, Shared, curves, labels};
 use crate::report::figure::log_axis::LogAxis;
 use crate::report::figure::{Drawing, Kind, Trace, refused_as};
-use crate::report::{Point, Report, ReportError};
+use crate::report::units::At;
+use crate::report::{Point, Report, ReportError, Units};
 use sd_core::Params;
 
 /// What reports are drawn as.
@@ -13,9 +15,10 @@ pub(super) struct Draft<'r> {
     reports: &'r [Report],
     pub(super) along: &'static Axis,
     panels: Option<&'static Axis>,
-    /// The values of the panels, in their order; one of nothing where there are no panels.
-    fields: Vec<Option<Value>>,
+    /// Parameters of each panel, in the order of their values; one of nothing where there are no panels.
+    fields: Vec<Option<&'r Params>>,
     log: Option<LogAxis>,
+    units: Units,
 }
 
 impl<'r> Draft<'r> {
@@ -61,7 +64,7 @@ impl<'r> Draft<'r> {
                 ),
             ));
         }
-        let mut fields: Vec<Option<Value>> = vec![None];
+        let mut fields: Vec<Option<&Params>> = vec![None];
         if let Some(axis) = drawing.look.panels {
             if axis.key == along.key && drawing.kind != Kind::Trace {
                 return Err(refused_as(
@@ -69,10 +72,11 @@ impl<'r> Draft<'r> {
                     format!("the curves run along {}: name another axis", axis.key),
                 ));
             }
-            let mut values: Vec<Value> = Vec::new();
-            for value in params().map(|params| axis.value(params)) {
-                if !values.contains(&value) {
-                    values.push(value);
+            let mut values: Vec<(Value, &Params)> = Vec::new();
+            for params in params() {
+                let value = axis.value(params);
+                if !values.iter().any(|(known, _)| *known == value) {
+                    values.push((value, params));
                 }
             }
             if values.len() < 2 {
@@ -85,24 +89,60 @@ impl<'r> Draft<'r> {
                     ),
                 ));
             }
-            values.sort_by(Value::order);
-            fields = values.into_iter().map(Some).collect();
+            values.sort_by(|a, b| a.0.order(&b.0));
+            fields = values.into_iter().map(|(_, params)| Some(params)).collect();
         }
+        let units = reports
+            .first()
+            .map(|report| report.units)
+            .unwrap_or_default();
         Ok(Self {
             reports,
             along,
+            units,
             panels: drawing.look.panels,
             fields,
             log: along.is_logarithmic().then(|| {
                 let rests = |p: &&Point| along.is_shear_rate() && bears(p);
                 let values: Vec<f64> = points()
-                    .map(|p| p.place(along))
+                    .map(|p| units.along(along, p.at(), p.place(along)))
                     // Layers that bear their stress at rest stand at a rate of 0.
                     .chain(points().filter(rests).map(|_| 0.0))
                     .collect();
                 LogAxis::of(&values)
             }),
         })
+    }
+
+    /// Makes sure that the units asked for can be had, and that something changes by them.
+    pub(super) fn check_units(&self, (name, unit, _): Measured) -> Result<(), ReportError> {
+        self.units.reach(name, unit)?;
+        let params = || self.points().map(|point| &point.params);
+        let is_converted = |axis: &&Axis| self.units.of_axis(axis).is_some();
+        let mut varying = AXES.iter().filter(|axis| axis.varies(params()));
+        let changes = self.units.word(unit) != unit
+            || is_converted(&self.along)
+            || varying.any(|axis| is_converted(&axis));
+        if self.units.are_asked_for() && !changes {
+            return Err(refused_as(
+                "--units",
+                format!(
+                    "nothing in this figure has a physical unit: it shows {name} against {}",
+                    self.along.key
+                ),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Whether there is nothing to draw because what there is has no physical scale.
+    pub(super) fn check_scale(&self, (_, unit, read): Measured) -> Result<(), ReportError> {
+        let is_without =
+            |point: &Point| read(point).is_some() && self.units.factor(unit, point.at()).is_none();
+        if self.points().any(is_without) {
+            return Err(Units::without_scale());
+        }
+        Ok(())
     }
 
     fn points(&self) -> impl Iterator<Item = &'r Point> {
@@ -113,34 +153,39 @@ impl<'r> Draft<'r> {
         let shared = Shared {
             along: Some(self.along),
             panels: self.panels,
+            units: self.units,
         };
         curves(self.reports, shared)
     }
 
     /// The panel of some parameters.
     fn panel(&self, params: &Params) -> usize {
-        let value = self.panels.map(|axis| axis.value(params));
-        let same = |field: &Option<Value>| *field == value;
-        self.fields.iter().position(same).unwrap_or(0)
+        let same = |field: Option<&Params>| match (self.panels, field) {
+            (Some(axis), Some(field)) => axis.value(field) == axis.value(params),
+            _ => true,
+        };
+        self.fields.iter().copied().position(same).unwrap_or(0)
     }
 
     fn field_titles(&self) -> Vec<Field> {
-        let title = |value: &Option<Value>| match (self.panels, value) {
-            (Some(axis), Some(Value::Number(f64::INFINITY))) => format!("{} = ∞", axis.symbol),
-            (Some(axis), Some(value)) if axis.is_numeric() => format!("{} = {value}", axis.symbol),
-            (_, Some(value)) => value.to_string(),
-            _ => String::new(),
-        };
-        let of = |value| Field {
-            title: title(value),
+        let values = || self.fields.iter().flatten().copied();
+        let words = self
+            .panels
+            .map(|axis| AxisWords::of(axis, self.units, values()));
+        let of = |field: Option<&Params>| Field {
+            title: match (words, field) {
+                (Some(words), Some(params)) => words.named(params),
+                _ => String::new(),
+            },
             dilute: Vec::new(),
         };
-        self.fields.iter().map(of).collect()
+        self.fields.iter().copied().map(of).collect()
     }
 
     /// Place of a point.
     fn place(&self, point: &Point) -> f64 {
-        let value = point.place(self.along);
+        let place = point.place(self.along);
+        let value = self.units.along(self.along, point.at(), place);
         self.log.map_or(value, |log| log.place(value))
     }
 
@@ -168,16 +213,14 @@ impl<'r> Draft<'r> {
 
     /// One line per curve of one quantity.
     pub(super) fn of_points(&self, (name, unit, read): Measured) -> Sketch {
-        let units = self.reports.first().map(|report| report.units);
         let height = |point: &Point| {
             let height = read(point)?;
-            let factor = units.map_or(Some(1.0), |units| units.factor(unit, point.shear_rate()))?;
+            let factor = self.units.factor(unit, point.at())?;
             Some(Height {
                 value: factor * height.value,
                 interval: height.interval.map(|reach| reach.map(|part| factor * part)),
             })
         };
-        let word = units.map_or(unit, |units| units.word(unit));
         let lines = self.curves().into_iter().map(|curve| {
             let label = curve.label.clone();
             self.line(&curve, label, &height)
@@ -185,11 +228,8 @@ impl<'r> Draft<'r> {
         Sketch {
             lines: lines.collect(),
             panels: self.field_titles(),
-            x: self.along.label(),
-            y: match word {
-                "1" | "mu" | "mu rate" | "a rate" => name.to_owned(),
-                word => format!("{} ({word})", name.trim_start_matches("relative ")),
-            },
+            x: self.units.label_of(self.along),
+            y: self.units.label(name, unit),
             log: self.log,
             ordered: 0,
         }
@@ -229,7 +269,7 @@ impl<'r> Draft<'r> {
         Sketch {
             lines,
             panels: self.field_titles(),
-            x: self.along.label(),
+            x: self.units.label_of(self.along),
             y: "pairs per sphere".into(),
             log: self.log,
             ordered: 0,
@@ -245,6 +285,7 @@ impl<'r> Draft<'r> {
         let shared = Shared {
             along: None,
             panels: self.panels,
+            units: self.units,
         };
         let labels = labels(&labelled, shared);
         let lines = traces.iter().zip(labels).map(|(trace, mut label)| {
@@ -257,9 +298,10 @@ impl<'r> Draft<'r> {
                 label.words = format!("{}{comma}seed {}", label.words, trace.seed);
                 label.number = None;
             }
+            let factor = self.units.viscosity_factor();
             let spot = |&(x, y): &(f64, f64)| Spot {
                 x,
-                y: y.is_finite().then(|| Height::bare(y)),
+                y: y.is_finite().then(|| Height::bare(factor * y)),
             };
             Line {
                 label,
@@ -274,7 +316,7 @@ impl<'r> Draft<'r> {
             lines: lines.collect(),
             panels: self.field_titles(),
             x: "strain".into(),
-            y: "relative viscosity η".into(),
+            y: self.units.label("relative viscosity η", "mu"),
             log: None,
             ordered: 0,
         }
@@ -287,10 +329,7 @@ impl<'r> Draft<'r> {
         } else {
             self.points().map(|point| &point.params).collect()
         };
-        let factor = match (self.reports.first(), kind) {
-            (Some(report), Kind::Viscosity) => report.units.viscosity_factor(),
-            _ => 1.0,
-        };
+        let factor = self.units.viscosity_factor();
         for params in params {
             let height = factor * (1.0 + 5.0 * params.area_fraction / 3.0);
             let known = &mut sketch.panels[self.panel(params)].dilute;
@@ -327,14 +366,20 @@ impl<'r> Draft<'r> {
             let Some(stress) = point.params.shear_stress else {
                 continue;
             };
-            let units = self.reports[0].units;
             let (x, height) = match kind {
                 Kind::FlowCurve => (
                     0.0,
-                    stress * units.factor("F_crit/a²", None).unwrap_or(f64::NAN),
+                    stress
+                        * self
+                            .units
+                            .factor("F_crit/a²", At::rate(None))
+                            .unwrap_or(f64::NAN),
                 ),
                 Kind::Viscosity if self.along.is_shear_rate() => (0.0, top),
-                Kind::Viscosity => (point.place(self.along), top),
+                Kind::Viscosity => {
+                    let place = point.place(self.along);
+                    (self.units.along(self.along, point.at(), place), top)
+                }
                 _ => continue,
             };
             if !height.is_finite() {

@@ -1,52 +1,48 @@
-//! The table of points as LaTeX.
+//! Tables as LaTeX.
 
-use super::sheet::{NumberFormat, Shape, Sheet, SheetColumn};
-use super::{Report, ReportError};
+use super::{NumberFormat, Sheet, SheetColumn};
 use crate::format::Uncertain;
-use std::io::Write;
+use std::io::{self, Write};
 
-/// Writes the points as a `tabular` that needs no package: the columns of the table on the screen, all the usual ones if `wide`.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_latex(report: &Report, shape: Shape, out: &mut dyn Write) -> Result<(), ReportError> {
-    let sheet = Sheet::of(report, shape, None);
-    let columns = sheet.columns();
-    writeln!(
-        out,
-        "% {}",
-        super::figure::origin_of(report)
-            .trim_end()
-            .replace('\n', "\n% ")
-    )?;
-    writeln!(out, "\\begin{{tabular}}{{{}}}", "r".repeat(columns.len()))?;
-    writeln!(out, "\\hline")?;
-    let heads: Vec<String> = columns.iter().map(head).collect();
-    writeln!(out, "{} \\\\", heads.join(" & "))?;
-    writeln!(out, "\\hline")?;
-    for row in 0..report.points.len() {
-        let cells: Vec<String> = columns
-            .iter()
-            .map(|column| cell(column.cells[row].as_ref(), shape.format))
-            .collect();
-        writeln!(out, "{} \\\\", cells.join(" & "))?;
+impl Sheet {
+    /// Writes it as a `tabular` that needs no package, under comments that say where it comes from.
+    ///
+    /// # Errors
+    /// Output that cannot be written.
+    pub(crate) fn write_latex(&self, origin: &str, out: &mut dyn Write) -> io::Result<()> {
+        for line in origin.trim_end().lines() {
+            writeln!(out, "% {line}")?;
+        }
+        let forms = self.columns.iter().map(|column| {
+            let is_of_words = column.is_of_words();
+            if is_of_words { 'l' } else { 'r' }
+        });
+        writeln!(out, "\\begin{{tabular}}{{{}}}", forms.collect::<String>())?;
+        writeln!(out, "\\hline")?;
+        let heads: Vec<String> = self.columns.iter().map(head).collect();
+        writeln!(out, "{} \\\\", heads.join(" & "))?;
+        writeln!(out, "\\hline")?;
+        let rows = self.columns.first().map_or(0, |column| column.cells.len());
+        for row in 0..rows {
+            let cells: Vec<String> = self
+                .columns
+                .iter()
+                .map(|column| cell(column.cells[row].as_ref(), self.format))
+                .collect();
+            writeln!(out, "{} \\\\", cells.join(" & "))?;
+        }
+        writeln!(out, "\\hline\n\\end{{tabular}}")
     }
-    writeln!(out, "\\hline\n\\end{{tabular}}")?;
-    Ok(())
 }
 
-/// The heading of a column, with its unit where it has one of its own.
+/// The heading of a column, with its unit.
 fn head(column: &SheetColumn) -> String {
-    let first = column.heading.lines().next().unwrap_or_default();
-    let whole = column.heading.replace('\n', " ");
-    let (words, unit) = match column.unit {
-        "" | "1" | "mu" | "mu rate" | "a rate" => (whole, String::new()),
-        unit if column.heading.ends_with(unit) => {
-            (first.to_owned(), format!(" ({})", escaped(unit)))
-        }
-        unit => (whole, format!(" ({})", escaped(unit))),
+    let head = &column.head;
+    let text = match head.unit {
+        "" => head.title.clone(),
+        unit => format!("{} ({unit})", head.title),
     };
-    format!("{}{unit}", symbols(&escaped(&words)))
+    symbols(&escaped(&text))
 }
 
 /// A cell.
@@ -55,11 +51,14 @@ fn cell(cell: Option<&Uncertain>, format: NumberFormat) -> String {
         return "--".into();
     };
     let text = match (cell, format) {
-        (Uncertain::Word(word), _) => return escaped(word),
+        (Uncertain::Word(word), _) => return symbols(&escaped(word).replace('\n', " ")),
+        (Uncertain::Quantity(words), _) => {
+            return symbols(&escaped(words).replace(" \\%", "\\,\\%"));
+        }
         (cell, NumberFormat::Plain) => cell.plain(),
         (cell, NumberFormat::Si) => cell.si(),
     };
-    let text = text.replace(" %", "\\,\\%").replace(" ± ", " \\pm ");
+    let text = text.replace(" ± ", " \\pm ");
     let text = match text.split_once('e') {
         Some((number, power)) => format!("{number} \\times 10^{{{power}}}"),
         None => text.replace("inf", "\\infty"),
@@ -98,6 +97,11 @@ fn symbols(text: &str) -> String {
         ("μ", "$\\mu$"),
         ("η", "$\\eta$"),
         ("²", "$^2$"),
+        ("₁", "$_1$"),
+        ("₂", "$_2$"),
+        ("≈", "$\\approx$"),
+        ("∞", "$\\infty$"),
+        ("…", "\\dots{}"),
     ];
     known.iter().fold(text.to_owned(), |text, (sign, command)| {
         text.replace(sign, command)
@@ -111,6 +115,7 @@ mod tests {
     #[test]
     fn numbers_are_mathematics_and_signs_commands() {
         let plain = |value: Uncertain| cell(Some(&value), NumberFormat::Plain);
+        let digits = crate::format::Digits::of([f64::INFINITY].into_iter());
         let si = |value: Uncertain| cell(Some(&value), NumberFormat::Si);
         assert_eq!(plain(Uncertain::Interval(9.863, 0.79)), "$9.86 \\pm 0.79$");
         assert_eq!(si(Uncertain::Interval(9.863, 0.79)), "$9.86(79)$");
@@ -118,8 +123,12 @@ mod tests {
             si(Uncertain::Interval(1.234e-5, 4.5e-7)),
             "$1.234(45) \\times 10^{-5}$"
         );
-        assert_eq!(plain(Uncertain::exact(f64::INFINITY)), "$\\infty$");
+        assert_eq!(plain(Uncertain::Short(f64::INFINITY, digits)), "$\\infty$");
         assert_eq!(cell(None, NumberFormat::Si), "--");
+        assert_eq!(
+            plain(Uncertain::Quantity("≈ 12 %".into())),
+            "$\\approx$ 12\\,\\%"
+        );
         assert_eq!(
             symbols(&escaped("Γ_5 % σ*")),
             "$\\Gamma$\\_5 \\% $\\sigma^*$"

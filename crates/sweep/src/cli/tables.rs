@@ -1,0 +1,51 @@
+//! The arguments of tables for people, the same for every command that has them.
+
+use super::{Error, Output};
+use crate::report::{NumberFormat, Shape};
+use std::path::PathBuf;
+
+/// How tables are written.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Tables")]
+pub(crate) struct TableArguments {
+    /// Only these columns besides those that name a row, in tables of every kind; names are those of the CSV file and of JSON
+    #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
+    pub(crate) columns: Vec<String>,
+    /// All the usual columns on the screen, and not only as many as fit
+    #[arg(long)]
+    wide: bool,
+    /// How numbers with an interval are written, on the screen and in LaTeX
+    #[arg(long, value_enum, default_value_t)]
+    format: NumberFormat,
+    /// Write a LaTeX table, `-` for standard output
+    #[arg(long, value_name = "FILE")]
+    pub(crate) latex: Option<PathBuf>,
+}
+
+impl TableArguments {
+    /// How a table looks.
+    pub(crate) fn shape(&self) -> Shape {
+        Shape {
+            wide: self.wide,
+            format: self.format,
+        }
+    }
+}
+
+/// Refuses a file on standard output where the JSON object goes; each with the argument that names it.
+pub(crate) fn refuse_two_answers(
+    files: &[(&'static str, &Option<PathBuf>)],
+    output: &Output<'_>,
+) -> Result<(), Error> {
+    let is_standard_output = |path: &PathBuf| path.as_os_str() == "-";
+    match files
+        .iter()
+        .find(|(_, path)| path.as_ref().is_some_and(is_standard_output))
+    {
+        Some((argument, _)) if output.json => Err(Error::Argument {
+            argument,
+            message: "--json writes its object to standard output: name a file here".into(),
+        }),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,88 @@
+//! Values on an axis as people read them: in the units of a report, to as few digits as keep different values apart.
+
+use super::figure::power_of_ten;
+use super::units::{At, Units};
+use crate::axes::{Axis, Kind, Value};
+use crate::format::{Digits, Uncertain};
+use sd_core::Params;
+
+/// How the values on one axis are written.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AxisWords<'a> {
+    axis: &'a Axis,
+    units: Units,
+    pub(super) digits: Digits,
+}
+
+impl<'a> AxisWords<'a> {
+    /// For the values of these parameters.
+    pub(super) fn of<'p>(
+        axis: &'a Axis,
+        units: Units,
+        params: impl Iterator<Item = &'p Params>,
+    ) -> Self {
+        let is_of_numbers = axis.kind() == Kind::Number;
+        let params = params.filter(|_| is_of_numbers);
+        Self {
+            axis,
+            units,
+            digits: Digits::of(params.map(|p| on_axis(axis, units, p))),
+        }
+    }
+
+    /// The value of some parameters as a cell of a table.
+    pub(super) fn cell(&self, params: &Params) -> Uncertain {
+        match self.axis.value(params) {
+            Value::Word(word) => Uncertain::word(word),
+            Value::Count(count) => Uncertain::Count(count),
+            Value::Number(_) => {
+                Uncertain::Short(on_axis(self.axis, self.units, params), self.digits)
+            }
+        }
+    }
+
+    /// The value in words, with its unit if it has been converted to one.
+    pub(super) fn value(&self, params: &Params) -> String {
+        let value = match self.axis.value(params) {
+            Value::Number(_) => {
+                let number = on_axis(self.axis, self.units, params);
+                self.digits.write(number)
+            }
+            value => value.to_string(),
+        };
+        match self.units.of_axis(self.axis) {
+            Some(unit) if value != "0" && value != "inf" => format!("{value} {unit}"),
+            _ => value,
+        }
+    }
+
+    /// The value with its symbol, as curves and panels are called: `Γ = ∞`, `h = 10⁻⁸ m`; a word by itself.
+    pub(super) fn named(&self, params: &Params) -> String {
+        if self.axis.is_numeric() {
+            let value = self.value(params).replace("inf", "∞");
+            format!("{} = {}", self.axis.symbol, with_power(&value))
+        } else {
+            self.value(params)
+        }
+    }
+}
+
+/// A number as a multiple of a power of ten, if it has one.
+fn with_power(value: &str) -> String {
+    let (number, unit) = value.split_once(' ').unwrap_or((value, ""));
+    let Some((digits, power)) = number.split_once('e') else {
+        return value.to_owned();
+    };
+    let product = if digits == "1" {
+        power_of_ten(power)
+    } else {
+        format!("{digits}·{}", power_of_ten(power))
+    };
+    format!("{product} {unit}").trim_end().to_owned()
+}
+
+/// The place of parameters along an axis, in some units.
+fn on_axis(axis: &Axis, units: Units, params: &Params) -> f64 {
+    let rate = params.shear_stress.is_none().then_some(params.shear_rate);
+    units.along(axis, At::new(params, rate), axis.number(params))
+}
