@@ -236,3 +236,31 @@ fn more_than_eight_curves_of_a_number_go_by_its_order() {
         "both ends of the map"
     );
 }
+
+#[test]
+fn names_of_ticks_do_not_run_into_each_other() {
+    let folder = PAPER.folder();
+    let at = folder.path();
+    let units = ["--units", "a=1um,mu=1mPas,f_crit=10pN"];
+    let drawn = |width| {
+        figure(
+            at,
+            &[&units[..], &["--legend", "none", "--width", width]].concat(),
+        )
+    };
+    let (wide, narrow) = (drawn("180mm"), drawn("40mm"));
+    let (wide, narrow) = (words(&wide), words(&narrow));
+    for word in ["10", "100", "1000", "10000"] {
+        assert!(wide.contains(&word), "{wide:?}");
+    }
+    assert!(
+        !narrow.contains(&"100") || !narrow.contains(&"1000"),
+        "{narrow:?}"
+    );
+    for word in ["0", "∞"] {
+        assert!(
+            narrow.contains(&word),
+            "plateaus are always named: {narrow:?}"
+        );
+    }
+}

@@ -75,7 +75,13 @@ function ticks(low, high, log) {
   for (let t = Math.ceil(low / step - 1e-9) * step; t <= high + 1e-9 * step; t += step) all.push(+t.toPrecision(12));
   return all;
 }
-const linear = (low, high) => ({ low, high, place: v => v, edges: [], ticks: ticks(low, high, false).map(t => ({ at: t, name: String(t) })) });
+/* Words for the ticks of an even axis, all with the same decimals. */
+const evenly = list => {
+  const words = list.map(t => String(+t.toPrecision(4))), decimals = Math.max(...words.map(word => word.includes('e') ? 9 : (word.split('.')[1] ?? '').length));
+  return decimals > 6 ? words : list.map(t => t.toFixed(decimals));
+};
+const named = (list, log) => { const words = log ? list.map(t => String(+t.toPrecision(4))) : evenly(list); return list.map((at, n) => ({ at, name: words[n] })); };
+const linear = (low, high) => ({ low, high, place: v => v, edges: [], ticks: named(ticks(low, high, false), false) });
 /* One style for the ticks of an axis: all as numbers, or all as powers. */
 const decades = list => list.every(e => e > -4 && e < 5) ? list.map(e => String(+(10 ** e).toPrecision(3))) : list.map(e => `10${[...String(e)].map(c => c === '-' ? '⁻' : '⁰¹²³⁴⁵⁶⁷⁸⁹'[c]).join('')}`);
 
@@ -83,7 +89,7 @@ const decades = list => list.every(e => e > -4 && e < 5) ? list.map(e => String(
 function frame(svg, width, height, x, y, labels) {
   svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
   svg.replaceChildren();
-  const heights = y.ticks ?? ticks(y.low, y.high, y.log).map(t => ({ at: t, name: String(+t.toPrecision(4)) }));
+  const heights = y.ticks ?? named(ticks(y.low, y.high, y.log), y.log);
   const left = Math.max(62, 34 + 7 * Math.max(...heights.map(t => t.name.length))), right = 14, top = 14, bottom = 46;
   const fy = y.log ? Math.log : v => v;
   const X = v => left + (v - x.low) / (x.high - x.low || 1) * (width - left - right);

@@ -17,9 +17,9 @@ function plot_histogram() {
     });
     return { key: 'h' + index, n, label: name_of(point, varying()) || 'all runs', colour: colour(n, all.length), plain: true, counts, number, index };
   }).filter(curve => curve.number);
-  /* So many at first that they can be told apart, from the first to the last. */
-  const place = n => Math.floor(n * (CLEAR - 1) / (list.length - 1)), keys = list.map(curve => curve.key).join();
-  if (keys !== histograms) list.forEach((curve, n) => { list.length > CLEAR && n && place(n) === place(n - 1) ? hidden.add(curve.key) : hidden.delete(curve.key); });
+  /* At first no more than can be told apart: the last ones, which are neighbours on the axis that changes first. */
+  const keys = list.map(curve => curve.key).join();
+  if (keys !== histograms) list.forEach((curve, n) => { n < list.length - CLEAR ? hidden.add(curve.key) : hidden.delete(curve.key); });
   histograms = keys;
   legend(list, plot);
   const shown = list.filter(curve => !hidden.has(curve.key));

@@ -137,12 +137,19 @@ impl<'r> Draft<'r> {
 
     /// Whether there is nothing to draw because what there is has no physical scale.
     pub(super) fn check_scale(&self, (_, unit, read): Measured) -> Result<(), ReportError> {
-        let is_without =
-            |point: &Point| read(point).is_some() && self.units.factor(unit, point.at()).is_none();
-        if self.points().any(is_without) {
+        let has_result = |point: &&Point| read(point).is_some();
+        let mut found = self.points().filter(has_result);
+        if found.any(|point| !self.has_scale(unit, point)) {
             return Err(Units::without_scale());
         }
         Ok(())
+    }
+
+    /// Whether numbers of this unit, and the place along the axis, have a value in the units asked for.
+    fn has_scale(&self, unit: &str, point: &Point) -> bool {
+        let place = point.place(self.along);
+        let along = self.units.along(self.along, point.at(), place);
+        self.units.factor(unit, point.at()).is_some() && (place.is_nan() || !along.is_nan())
     }
 
     fn points(&self) -> impl Iterator<Item = &'r Point> {
@@ -221,17 +228,35 @@ impl<'r> Draft<'r> {
                 interval: height.interval.map(|reach| reach.map(|part| factor * part)),
             })
         };
-        let lines = self.curves().into_iter().map(|curve| {
+        let lines = self.curves().into_iter().filter_map(|mut curve| {
+            // What has a result but no value here is left out, and not marked as missing: a stress at an infinite rate.
+            let is_shown = |point: &Point| match read(point) {
+                Some(height) => height.value.is_finite() && self.has_scale(unit, point),
+                None => true,
+            };
+            curve.points.retain(|point| is_shown(point));
             let label = curve.label.clone();
-            self.line(&curve, label, &height)
+            (!curve.points.is_empty()).then(|| self.line(&curve, label, &height))
         });
+        let lines: Vec<Line> = lines.collect();
         Sketch {
-            lines: lines.collect(),
+            log: self.log.map(|log| self.without_empty_plateaus(log, &lines)),
+            lines,
             panels: self.field_titles(),
             x: self.units.label_of(self.along),
             y: self.units.label(name, unit),
-            log: self.log,
             ordered: 0,
+        }
+    }
+
+    /// The axis without plateaus at which nothing is drawn.
+    fn without_empty_plateaus(&self, log: LogAxis, lines: &[Line]) -> LogAxis {
+        let spots = || lines.iter().flat_map(|line| &line.points);
+        let rests = || self.along.is_shear_rate() && self.points().any(bears);
+        LogAxis {
+            zero: log.zero && (spots().any(|spot| spot.x < log.low) || rests()),
+            infinite: log.infinite && spots().any(|spot| spot.x > log.high),
+            ..log
         }
     }
 
