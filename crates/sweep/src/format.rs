@@ -28,7 +28,12 @@ pub fn significant(value: f64, digits: i32) -> String {
 
 /// A number in as few digits as it has, and at most so many.
 pub fn short(number: f64, digits: i32) -> String {
-    let (full, rounded) = (format!("{number}"), significant(number, digits));
+    let rounded = significant(number, digits);
+    let full = if rounded.contains('e') {
+        format!("{number:e}")
+    } else {
+        format!("{number}")
+    };
     if full.len() < rounded.len() {
         full
     } else {
@@ -327,6 +332,7 @@ mod tests {
         assert_eq!(written(&[5e-4, 0.005]), ["0.0005", "0.005"]);
         assert_eq!(short(18.849_555_921, 4), "18.85");
         assert_eq!(short(0.7, 4), "0.7");
+        assert_eq!(short(1e-8, 4), "1e-8");
     }
 
     #[test]

@@ -130,5 +130,4 @@ fn the_live_page_follows_its_store() {
             .starts_with("11 of 12 runs done, 1 jammed"),
         "{said}"
     );
-    assert_eq!(page.trouble(), [""; 0]);
 }

@@ -4,6 +4,7 @@ use crate::chromium::{Browser, Page, USUAL, WINDOWS, Window};
 use crate::program::{fail, folder, json, spoil, sweep};
 use crate::{CAMPAIGN, COMPUTED, page_of};
 use serde_json::Value;
+use sweep::format::Uncertain;
 
 /// What every user of the page may need.
 const COMMON: &str = r"
@@ -65,14 +66,13 @@ fn page_draws_hovers_and_plays_and_asks_nobody() {
     let address = page_of(at, &[]);
     let mut page = browser.open(&address, USUAL);
     let seen = seen_by(&mut page, USER);
-    let right = json(at, &["report", "s.sqlite"])["points"][4]["viscosity"]
-        .as_f64()
-        .unwrap();
+    let point = &json(at, &["report", "s.sqlite"])["points"][4];
+    let number = |name: &str| point[name].as_f64().unwrap();
+    let right = Uncertain::Interval(number("viscosity"), number("viscosity_ci95")).plain();
     assert_eq!((&seen["points"], &seen["curves"]), (&6.into(), &2.into()));
     let tip = seen["tip"].as_str().unwrap();
-    let told = tip.split("viscosity ").nth(1).unwrap();
-    let told: f64 = told.split(' ').next().unwrap().parse().unwrap();
-    assert!((told / right - 1.0).abs() < 1e-3, "{tip} is not {right}");
+    let told = tip.lines().find(|line| line.starts_with("viscosity"));
+    assert_eq!(told.unwrap(), format!("viscosity {right}"));
     assert!(tip.contains("ν = 0.3") && tip.contains("Γ = 1"), "{tip}");
     for fact in ["shown", "moved"] {
         assert_eq!(seen[fact], true, "{fact}");

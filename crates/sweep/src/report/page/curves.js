@@ -144,7 +144,7 @@ function plot_curves(view) {
         group.append(draw('path', { d: `M${cx} ${upper}V${lower}M${cx - 4} ${upper}h8M${cx - 4} ${lower}h8`, fill: 'none', style: `stroke:${curve.colour}`, 'stroke-width': 1.5 }));
       }
       group.append(marker(curve.n, cx, cy, 4.5, curve.colour), draw('circle', { class: 'halo', cx, cy, r: 11 }));
-      const text = `${curve.label}\n${AXIS[along].symbol} = ${value_in(along, p.x)}\n${label} ${show(p.y)}${p.half !== null ? ` ± ${show(p.half)}` : ''}\n${of_runs(p.point)}`;
+      const text = `${curve.label}\n${AXIS[along].symbol} = ${value_in(along, p.x)}\n${label} ${with_half(p.y, p.half)}\n${of_runs(p.point)}`;
       walkable(svg, group, text, [cx, cy], width, () => choose(p.index));
     }
   }
