@@ -145,7 +145,7 @@ mod tests {
         for (trace, ticks) in [
             (&rising[..], ["6╶┤", "9╶┤"]),
             (&decades, ["100╶┤", "10000╶┤"]),
-            (&flat, ["7.0╶┤", "7.4╶┤"]),
+            (&flat, ["6.6╶┤", "7.4╶┤"]),
         ] {
             for columns in [20, 60, 100] {
                 let drawn = chart(trace, columns);
