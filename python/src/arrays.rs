@@ -2,14 +2,63 @@
 
 use numpy::ndarray::{ArrayView1, ArrayView2};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyImportError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PyTuple};
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyCapsule, PyList, PyTuple};
 use sd_core::contact::ContactState;
 use sweep::trajectory::{STATES, state_number};
 
 /// What arrays of numbers may hold.
 const NUMBERS: &str = "float64, or whole numbers and narrower floats, which are converted";
+
+/// The numpy that is needed, as `pyproject.toml` has it, up to the first one of which nothing is known.
+const NUMPY: std::ops::Range<(u32, u32)> = (1, 24)..(3, 0);
+
+/// Makes sure that there is a numpy that can be used. Whatever makes or takes arrays asks this first: the calls themselves would
+/// end in a panic.
+///
+/// # Errors
+/// `ImportError` with what is wrong with it.
+pub(crate) fn need_numpy(py: Python<'_>) -> PyResult<()> {
+    static IS_THERE: PyOnceLock<()> = PyOnceLock::new();
+    IS_THERE
+        .get_or_try_init(py, || match find_numpy(py) {
+            Ok(None) => Ok(()),
+            Ok(Some(version)) => Err(PyImportError::new_err(format!(
+                "numpy {version} is installed, and sheared_layers needs 1.24 or later, below 3: pip install --upgrade numpy"
+            ))),
+            Err(error) => {
+                let words = format!(
+                    "sheared_layers needs numpy, which cannot be used here ({error}): pip install --force-reinstall numpy"
+                );
+                let failed = PyImportError::new_err(words);
+                failed.set_cause(py, Some(error));
+                Err(failed)
+            }
+        })
+        .copied()
+}
+
+/// Looks for numpy and its interface for compiled programs. Gives its version if that is another than those that are needed.
+fn find_numpy(py: Python<'_>) -> PyResult<Option<String>> {
+    let version: String = py.import("numpy")?.getattr("__version__")?.extract()?;
+    let mut numbers = version.split('.').map(|part| part.parse().unwrap_or(0));
+    let found = (numbers.next().unwrap_or(0), numbers.next().unwrap_or(0));
+    if !NUMPY.contains(&found) {
+        return Ok(Some(version));
+    }
+    // The crate asks for the same, and for this besides.
+    py.import("numpy.lib")?.getattr("NumpyVersion")?;
+    let core = if found.0 >= 2 {
+        "numpy._core.multiarray"
+    } else {
+        "numpy.core.multiarray"
+    };
+    let interface = py.import(core)?.getattr("_ARRAY_API")?;
+    interface.cast_into::<PyCapsule>()?;
+    Ok(None)
+}
 
 /// Reads an array `[N, 2]`, whatever its strides.
 pub(crate) fn pairs(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {

@@ -265,10 +265,7 @@ impl Campaign {
             .call_method1("bar", (progress,))?
             .unbind();
         let computed = compute(py, &self.0, &path, &wanted, &bar);
-        let done = Store::of(StoreSource {
-            path,
-            campaign: Some(self.0.clone()),
-        });
+        let done = Store::of(StoreSource::new(path, Some(self.0.clone())));
         if computed.is_ok() {
             bar.call_method1(py, "update", (1.0, done.standing()?))?;
         }
@@ -290,10 +287,10 @@ impl Campaign {
     ///     The store; `default_store`.
     #[pyo3(signature = (path=None))]
     fn store(&self, path: Option<&Bound<'_, PyAny>>) -> PyResult<Store> {
-        Store::opened(StoreSource {
-            path: self.place("path", path)?,
-            campaign: Some(self.0.clone()),
-        })
+        Store::opened(StoreSource::new(
+            self.place("path", path)?,
+            Some(self.0.clone()),
+        ))
     }
 
     fn __repr__(&self) -> String {

@@ -1,6 +1,6 @@
 //! One instant of one configuration.
 
-use crate::arrays::{Records, numbers, of_numbers, of_pairs, pairs};
+use crate::arrays::{Records, need_numpy, numbers, of_numbers, of_pairs, pairs};
 use crate::errors::raise;
 use crate::values;
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
@@ -209,6 +209,7 @@ pub(crate) fn solve(
     contact: Option<&Bound<'_, PyAny>>,
     more: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Solution> {
+    need_numpy(py)?;
     let mut written = more.map(values::table).transpose()?.unwrap_or_default();
     for (name, given) in [
         ("cell", cell),

@@ -1,6 +1,6 @@
 //! A layer under shear, step by step.
 
-use crate::arrays::{Records, of_numbers, of_pairs};
+use crate::arrays::{Records, need_numpy, of_numbers, of_pairs};
 use crate::campaign::one_case;
 use crate::errors::{SimulationError, raise};
 use crate::instant::tables_of;
@@ -121,6 +121,7 @@ impl Layer {
         seed: Option<u64>,
         make: impl Send + FnOnce(&Params, &NearFields) -> Result<Simulation, sd_core::Error>,
     ) -> PyResult<Self> {
+        need_numpy(py)?;
         let tables = if params.hydrodynamics.needs_tables() {
             tables_of(py, &start::radii_and_side(&params).map_err(raise)?.0)?
         } else {

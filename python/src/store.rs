@@ -3,17 +3,17 @@
 use crate::errors::raise;
 use crate::table::Table;
 use crate::values;
-use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
-use sd_core::Sample;
 use sd_core::simulation::Frame;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use sweep::axes::{AXES, Axis};
 use sweep::campaign::Campaign;
-use sweep::data::numbered;
-use sweep::report::{Drawing, Kind, Look, Report, Selection, outline, point_table, traces};
+use sweep::report::{
+    Drawing, Kind, Look, Report, Selection, outline, point_table, sample_table, traces,
+};
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
 use sweep::trajectory::{contact_table, sphere_table};
 
@@ -97,21 +97,15 @@ impl Store {
             .is_some_and(|extension| extension == "toml")
         {
             let campaign = Campaign::read(&path).map_err(raise)?;
-            return Self::opened(StoreSource {
-                path: campaign.default_store(),
-                campaign: Some(campaign),
-            });
+            return Self::opened(StoreSource::new(campaign.default_store(), Some(campaign)));
         }
-        Self::opened(StoreSource {
-            path: std::path::absolute(path)?,
-            campaign: None,
-        })
+        Self::opened(StoreSource::new(std::path::absolute(path)?, None))
     }
 
     /// Its file.
     #[getter]
     fn path(&self) -> PathBuf {
-        self.0.path.clone()
+        self.0.path().to_owned()
     }
 
     /// Runs by state: done, jammed, failed, running, pending.
@@ -147,9 +141,7 @@ impl Store {
     fn samples(&self, py: Python<'_>, case: &Bound<'_, PyAny>) -> PyResult<Table> {
         let case = name_of(case)?;
         let samples = self.read(py, |store| Ok(store.samples(&store.key_of(&case)?)?))?;
-        let columns = numbered("step", &samples, &Sample::default())
-            .map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
-        Table::of(columns)
+        Table::of(sample_table(&samples).map_err(raise)?)
     }
 
     /// The spheres of a run at its kept strains, a row for each sphere and strain. Frames are kept by ``run(trajectory=True)``.
@@ -248,7 +240,7 @@ impl Store {
         let counts = self.read(py, |store| Ok(store.counts()?))?;
         Ok(format!(
             "Store({}, {} of {} runs done)",
-            self.0.path.display(),
+            self.0.path().display(),
             counts.done + counts.jammed,
             counts.total()
         ))

@@ -1,5 +1,6 @@
 //! A table of the program as Arrow, through the interface of capsules.
 
+use crate::arrays::need_numpy;
 use crate::values;
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{
@@ -116,6 +117,7 @@ impl Table {
                 self.columns().join(", ")
             )));
         };
+        need_numpy(py)?;
         let array = array.as_ref() as &dyn arrow_array::Array;
         let any = array.as_any();
         if let Some(numbers) = any.downcast_ref::<Float64Array>() {

@@ -1,6 +1,6 @@
 //! Two spheres: their resistance functions, and one driven past the other.
 
-use crate::arrays::with_numbers;
+use crate::arrays::{need_numpy, with_numbers};
 use crate::errors::raise;
 use crate::instant::tables_of;
 use crate::values;
@@ -35,6 +35,7 @@ pub(crate) fn scalars<'py>(
     size_ratio: &Bound<'py, PyAny>,
     separation: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
+    need_numpy(py)?;
     let size_ratio = values::number("size_ratio", size_ratio)?;
     let array = with_numbers("separation", separation, "of separations")?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
@@ -132,6 +133,7 @@ pub(crate) fn pair<'py>(
     start: Option<&Bound<'py, PyAny>>,
     time_step: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Passed> {
+    need_numpy(py)?;
     let number = |name, given: Option<&Bound<'py, PyAny>>, default| {
         given.map_or(Ok(default), |given| values::number(name, given))
     };

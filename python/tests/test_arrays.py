@@ -1,6 +1,9 @@
 """Arrays that come in: dtypes, strides and shapes, right and wrong, and other bad input."""
 
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -148,3 +151,37 @@ def test_other_bad_input_is_named_too(call, kind, words):
         call()
     for word in words:
         assert word in str(raised.value), raised.value
+
+
+NUMPIES = {
+    "broken": ('raise RuntimeError("half of it is missing")', "half of it is missing"),
+    "without an interface": ('__version__ = "2.3.0"', "numpy.lib"),
+    "too old": ('__version__ = "1.20.3"', "numpy 1.20.3 is installed"),
+    "of tomorrow": ('__version__ = "3.0.0"', "numpy 3.0.0 is installed"),
+}
+
+
+@pytest.mark.parametrize("numpy", NUMPIES)
+def test_a_numpy_that_cannot_be_used_is_an_import_error_in_words(numpy, tmp_path):
+    source, words = NUMPIES[numpy]
+    (tmp_path / "numpy").mkdir()
+    (tmp_path / "numpy/__init__.py").write_text(source)
+    script = """
+import sheared_layers as sl
+params = {"area_fraction": 0.5, "roughness": 0.01, "friction": 0.5, "shear_rate": 1.0, "spheres": 12, "hydrodynamics": "ball-melrose"}
+for call in [
+    lambda: sl.scalars(1.0, 3.0),
+    lambda: sl.pair(),
+    lambda: sl.solve([[0.0, 0.0], [3.0, 0.0]]),
+    lambda: sl.Layer(params, 1),
+]:
+    try:
+        call()
+    except ImportError as error:
+        print(error)
+"""
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    said = done.stdout.splitlines()
+    assert done.returncode == 0 and len(said) == 4, done.stderr
+    assert all(words in line and "pip install" in line for line in said), said

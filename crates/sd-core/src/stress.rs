@@ -19,6 +19,9 @@ use crate::stage::StageSolver;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+/// Relative viscosity above which the layer counts as jammed for the moment.
+pub const JAM_VISCOSITY: f64 = 1e4;
+
 /// One component of the stress by what causes it, in mu·rate.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct StressParts {

@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::{Contact, ContactState, Surface};
+use sd_core::contact::{ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
@@ -55,14 +55,6 @@ fn configuration(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Configura
     }
 }
 
-/// Σ (F_t u_t − f v_n), the power contacts dissipate.
-fn contact_power(contacts: &[Contact]) -> f64 {
-    contacts
-        .iter()
-        .map(|c| c.tangential_force * c.slip_velocity - c.normal_force * c.normal_velocity)
-        .sum()
-}
-
 #[test]
 fn energy_balances_to_1e_10_with_contacts_and_friction() {
     let (_, snapshot) = run(&params(), 3, 60);
@@ -82,7 +74,7 @@ fn energy_balances_to_1e_10_with_contacts_and_friction() {
             let stress = instant.stress.unwrap();
             let volume = 2.0 * configuration.cell.area().unwrap();
             let left = stress.viscosity - 1.0;
-            let right = stress.dissipation + contact_power(&instant.contacts) / volume;
+            let right = stress.dissipation + instant.contact_power() / volume;
             assert!(
                 (left - right).abs() < 1e-10 * left,
                 "{request:?}: {left} against {right}"

@@ -277,12 +277,9 @@ fn energy_balances_under_every_law() {
         let params = params(contact);
         let snapshot = run(&params, 4, 80).snapshot();
         let (instant, volume) = instant(&params, &snapshot);
-        let contacts = instant.contacts.iter().chain(&instant.repelled);
-        let power: f64 = contacts
-            .map(|c| c.tangential_force * c.slip_velocity - c.normal_force * c.normal_velocity)
-            .sum();
         let stress = instant.stress.unwrap();
-        let (left, right) = (stress.viscosity - 1.0, stress.dissipation + power / volume);
+        let taken = stress.dissipation + instant.contact_power() / volume;
+        let (left, right) = (stress.viscosity - 1.0, taken);
         assert!(
             (left - right).abs() < 1e-10 * left,
             "{contact:?}: {left} against {right}"

@@ -139,13 +139,7 @@ fn every_part_is_the_moment_of_its_forces_and_the_parts_add_up_to_the_viscosity(
     assert_eq!(stress.viscosity, 1.0 + c.shear.total());
     assert_eq!(stress.viscosity_stresslet, 1.0 + c.shear.hydrodynamic);
     // What the stress does is what friction, contacts and fluid take.
-    let power: f64 = instant
-        .contacts
-        .iter()
-        .chain(&instant.repelled)
-        .map(|c| c.tangential_force * c.slip_velocity - c.normal_force * c.normal_velocity)
-        .sum();
-    let taken = stress.dissipation + power / volume;
+    let taken = stress.dissipation + instant.contact_power() / volume;
     close(c.shear.total(), taken, c.shear.total());
 }
 

@@ -131,7 +131,7 @@ impl Doubt {
 }
 
 /// Whether contacts do not give way. The paper's steps hold no gaps, and say so in their smallest gap.
-fn is_rigid(params: &Params) -> bool {
+pub(crate) fn is_rigid(params: &Params) -> bool {
     match &params.contact {
         ContactScheme::Rigid => true,
         ContactScheme::Procedure => false,

@@ -1,7 +1,6 @@
 //! What the store holds, averaged over seeds: the answer to the campaign's question.
 
 mod axis_words;
-mod chart;
 mod columns;
 mod curves;
 mod error;
@@ -17,9 +16,9 @@ mod text;
 mod tidy;
 mod units;
 
-pub(crate) use chart::chart;
 pub use columns::Columns;
 pub use error::ReportError;
+pub(crate) use figure::chart;
 pub use figure::{
     Drawing, Format, Intervals, Kind, LegendPlace, Length, Look, Outline, Quantity, Range, Style,
     Trace, draw, draw_paths, outline, traces,
@@ -27,7 +26,7 @@ pub use figure::{
 pub use json::write as write_json;
 pub use page::{PageHost, data, movie, page};
 pub use parquet::parquet;
-pub use runs::TableFormat;
+pub use runs::{TableFormat, sample_table};
 pub use selection::Selection;
 pub(crate) use sheet::{Head, Sheet, SheetColumn, room};
 pub use sheet::{NumberFormat, Shape};
@@ -41,6 +40,7 @@ use crate::axes::{Axis, identity};
 use crate::campaign::Discard;
 use crate::case::State;
 use crate::data::{Cells, DataColumn};
+use crate::doubt::is_rigid;
 use crate::statistics::{
     Decision, Distribution, Drift, Estimate, Measure, Precision, mean, ratio, relative_half_width,
 };
@@ -327,6 +327,20 @@ impl Point {
         } else {
             axis.number(&self.params)
         }
+    }
+
+    /// How far rough surfaces ever overlapped, in a; 0 if they never did.
+    fn overlap(&self) -> Option<f64> {
+        self.minimum_gap
+            .map(|gap| (self.params.roughness - gap).max(0.0))
+    }
+
+    /// Whether soft contacts gave way by more than the roughness height, so that the spheres themselves overlapped.
+    fn overlaps_too_much(&self) -> bool {
+        let height = self.params.roughness;
+        height > 0.0
+            && !is_rigid(&self.params)
+            && self.overlap().is_some_and(|overlap| overlap > height)
     }
 
     /// A component or part of the stress by its name.

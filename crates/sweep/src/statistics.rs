@@ -9,6 +9,8 @@ pub use stopping::{Decision, Measure, Outcome, Precision, Verdict, relative_half
 use crate::stresses::{COUNT, STRESSES};
 use sd_core::Sample;
 use statrs::distribution::{ContinuousCDF, StudentsT};
+use std::cell::RefCell;
+use std::collections::HashMap;
 
 /// Mean and quartiles of one quantity over the samples of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -105,11 +107,23 @@ pub(crate) fn student_95(freedom: f64) -> Option<f64> {
     student(freedom, 0.975)
 }
 
+thread_local! {
+    /// Quantiles found so far, by the bits of degrees of freedom and probability: thousands of points have as many runs.
+    static QUANTILES: RefCell<HashMap<(u64, u64), Option<f64>>> = RefCell::default();
+}
+
 /// A quantile of Student's distribution; `None` without degrees of freedom.
 fn student(freedom: f64, probability: f64) -> Option<f64> {
-    StudentsT::new(0.0, 1.0, freedom)
-        .ok()
-        .map(|t| t.inverse_cdf(probability))
+    let find = || {
+        StudentsT::new(0.0, 1.0, freedom)
+            .ok()
+            .map(|t| t.inverse_cdf(probability))
+    };
+    QUANTILES.with_borrow_mut(|found| {
+        *found
+            .entry((freedom.to_bits(), probability.to_bits()))
+            .or_insert_with(find)
+    })
 }
 
 /// Averages over the samples of a run from the discarded strain on.

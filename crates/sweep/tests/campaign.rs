@@ -287,3 +287,34 @@ fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
         assert!(point["start"].as_u64().unwrap() > 0);
     }
 }
+
+#[test]
+fn overlaps_beyond_the_roughness_height_are_told() {
+    let springs = CAMPAIGN
+        .replace(
+            "shear_rate = [0.1, inf]",
+            "shear_rate = 20.0\ncontact = \"linear-spring\"\nstiffness = [100.0, 1e6]",
+        )
+        .replace("seeds = 2", "seeds = 1");
+    let directory = directory_with(&springs);
+    sweep(directory.path(), &["run", "small.toml", "--quiet"]).code(0);
+    let said = sweep(directory.path(), &["report", "small.toml"]).code(0);
+    let said = String::from_utf8(said.get_output().stdout.clone()).unwrap();
+    let lines: Vec<&str> = said
+        .lines()
+        .filter(|line| line.contains("overlaps of up to"))
+        .collect();
+    assert!(lines.len() == 1 && lines[0].contains("k 100"), "{said}");
+    assert!(
+        said.contains("largest\n") || said.contains("overlap"),
+        "{said}"
+    );
+    let json = sweep(directory.path(), &["report", "small.toml", "--json"]).code(0);
+    let json: serde_json::Value = serde_json::from_slice(&json.get_output().stdout).unwrap();
+    for (point, soft) in json["points"].as_array().unwrap().iter().zip([true, false]) {
+        let (gap, overlap) = (&point["minimum_gap"], &point["overlap"]);
+        let (gap, overlap) = (gap.as_f64().unwrap(), overlap.as_f64().unwrap());
+        assert_eq!(overlap, 0.01 - gap);
+        assert_eq!(overlap > 0.01, soft);
+    }
+}

@@ -8,7 +8,7 @@
 //! sign without being 0. Springs and a repulsion are in units of F_crit: with them η grows with φ, and where it grows so fast that no φ is
 //! large enough the layer bears the stress at rest.
 
-use super::simulation::JAM_VISCOSITY;
+use crate::stress::JAM_VISCOSITY;
 
 /// Largest share of φ by which h may differ from 0.
 const CLOSE: f64 = 1e-10;

@@ -108,6 +108,19 @@ impl SolvedConfiguration {
     pub fn stresslet(&self, i: usize) -> (f64, f64, f64) {
         strain_tensor(&self.stresslets[i])
     }
+
+    /// Power that contacts and repulsion take, in mu·a³·rate²: what friction dissipates, and what goes into springs, dashpots and
+    /// the repulsion.
+    ///
+    /// ```text
+    /// Σ F_t u_t − Σ f v_n
+    /// ```
+    pub fn contact_power(&self) -> f64 {
+        let contacts = self.contacts.iter().chain(&self.repelled);
+        contacts
+            .map(|c| c.tangential_force * c.slip_velocity - c.normal_force * c.normal_velocity)
+            .sum()
+    }
 }
 
 /// Solves the motion under a contact problem, at the positions taken.

@@ -6,8 +6,9 @@ mod sample;
 mod sampling;
 mod snapshot;
 
+pub use crate::stress::JAM_VISCOSITY;
 pub use frame::{Frame, FrameContact};
-pub use sample::{Counters, JAM_VISCOSITY, Sample};
+pub use sample::{Counters, Sample};
 pub use sampling::SAMPLE_SPAN;
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 

@@ -38,7 +38,7 @@ struct Answer {
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let path = arguments.place.find()?.path;
+    let path = arguments.place.find()?.path().to_owned();
     // Looked at first: a store that is not there must not be made.
     drop(Store::open_read_only(&path)?);
     let mut store = Store::open(&path)?;

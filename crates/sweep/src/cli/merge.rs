@@ -43,7 +43,7 @@ struct Answer {
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let path = arguments.place.find()?.path;
+    let path = arguments.place.find()?.path().to_owned();
     let shards = if arguments.shards.is_empty() {
         in_folder(&shard::folder_of(&path))?
     } else {

@@ -36,16 +36,13 @@ impl StoreArguments {
                     ),
                 });
             }
-            return Ok(StoreSource {
-                path: whole(&self.file)?,
-                campaign: None,
-            });
+            return Ok(StoreSource::new(whole(&self.file)?, None));
         }
         let campaign = Campaign::read(&self.file)?;
-        Ok(StoreSource {
-            path: store_of(&campaign, self.store.as_deref())?,
-            campaign: Some(campaign),
-        })
+        Ok(StoreSource::new(
+            store_of(&campaign, self.store.as_deref())?,
+            Some(campaign),
+        ))
     }
 
     /// Opens the store for reading, and says so if it was last run with another version of the campaign file given.

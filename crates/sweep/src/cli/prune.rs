@@ -42,7 +42,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     // A reader keeps the file from getting smaller.
     drop(reader);
     let (runs, size) = (inventory.orphans, bytes(inventory.orphan_bytes));
-    let path = source.path;
+    let path = source.path().to_owned();
     let mut removed = 0;
     if runs > 0 {
         if !arguments.yes && !confirmed(runs, &size, &path)? {
@@ -50,7 +50,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             return Ok(exit::DONE);
         }
         let mut store = Store::open(&path)?;
-        if let Some(campaign) = &source.campaign {
+        if let Some(campaign) = source.campaign() {
             store.adopt(campaign)?;
         }
         removed = store.prune()?;

@@ -84,7 +84,7 @@ impl PrecisionStatus {
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
-    let (path, store) = (&source.path, source.open()?);
+    let (path, store) = (source.path(), source.open()?);
     say_warning(&store);
     let (total, done) = store.work()?;
     let shards: Vec<PathBuf> = shard::published(&shard::folder_of(path))

@@ -245,7 +245,7 @@ fn ci95(estimate: Option<Estimate>) -> Option<f64> {
 
 /// What was measured.
 #[rustfmt::skip]
-const MEASURED: [Column; 30] = [
+const MEASURED: [Column; 31] = [
     column("seeds", "1", "runs averaged", Content::Count(|p| p.seeds)),
     column("jammed", "1", "runs that ended jammed: not averaged", Content::Count(|p| p.jammed)),
     column("failed", "1", "runs that failed: not averaged", Content::Count(|p| p.failed)),
@@ -263,6 +263,7 @@ const MEASURED: [Column; 30] = [
     column("activated_fraction", "1", "contacts above the critical load over contacts", Content::Number(|p| p.activated_fraction)).labelled("activated fraction"),
     column("rolling_fraction", "1", "rolling contacts over activated ones", Content::Number(|p| p.rolling_fraction)).labelled("rolling fraction"),
     column("minimum_gap", "a", "smallest gap of any run", Content::Number(|p| p.minimum_gap)).labelled("smallest gap"),
+    column("overlap", "a", "largest overlap of rough surfaces in any run: roughness height less smallest gap", Content::Number(Point::overlap)).labelled("largest overlap"),
     column("mean_approach_velocity", "a rate", "over all contacts, positive for approach", Content::Number(|p| p.mean_approach_velocity)).labelled("mean approach velocity"),
     column("worst_residual", "a rate", "of the contact problem, over all runs", Content::Number(|p| p.worst_residual)),
     column("unconverged_fraction", "1", "contact problems that did not converge over all", Content::Number(|p| p.unconverged_fraction)),

@@ -5,8 +5,10 @@
 //! outline     the same with colours, ends and ticks of axes: all that another program needs to draw it
 //! layout      the outline as shapes on a page
 //! svg, png, pdf   the shapes as a file that names its origin
+//! chart       a trace in characters, for the terminal
 //! ```
 
+mod chart;
 mod font;
 mod layout;
 mod legend;
@@ -22,6 +24,7 @@ mod shape;
 mod sketch;
 mod svg;
 
+pub(crate) use chart::chart;
 pub(super) use log_axis::power_of_ten;
 pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
 use origin::Origin;

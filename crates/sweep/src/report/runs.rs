@@ -8,6 +8,7 @@ use crate::axes::{AXES, Axis, Kind, Value};
 use crate::csv_rows;
 use crate::data::{Cells, DataColumn, ParquetFile, numbered, write_csv, write_csv_rows};
 use crate::store::PointRun;
+use crate::stresses::STRESSES;
 use meanings::{OF_RUNS, OF_SAMPLES, explain};
 use sd_core::Sample;
 use std::collections::HashMap;
@@ -215,7 +216,7 @@ impl Batch {
         ];
         let of_axis = |axis: &&Axis| DataColumn::named(axis.key, axis.kind(), 0);
         table.extend(axes.iter().map(of_axis));
-        table.extend(samples(&[])?);
+        table.extend(sample_table(&[])?);
         for column in &mut table {
             explain(column, OF_SAMPLES);
             convert(column, units, |_| At::rate(None));
@@ -253,7 +254,7 @@ impl Batch {
             convert(&mut new, self.units, at);
             column.cells.append(new.cells);
         }
-        for (column, mut new) in body.iter_mut().zip(samples(sampled)?) {
+        for (column, mut new) in body.iter_mut().zip(sample_table(sampled)?) {
             explain(&mut new, OF_SAMPLES);
             convert(&mut new, self.units, at);
             column.cells.append(new.cells);
@@ -262,10 +263,30 @@ impl Batch {
     }
 }
 
-/// Samples as columns.
-fn samples(sampled: &[(u64, Sample)]) -> Result<Vec<DataColumn>, ReportError> {
-    numbered("step", sampled, &Sample::default())
-        .map_err(|error| ReportError::Output(std::io::Error::other(error)))
+/// Samples as columns: what each holds, and the components of the stress whose parts it holds.
+///
+/// # Errors
+/// None is known: the fields of a sample are numbers.
+pub fn sample_table(sampled: &[(u64, Sample)]) -> Result<Vec<DataColumn>, ReportError> {
+    let mut table = numbered("step", sampled, &Sample::default())
+        .map_err(|error| ReportError::Output(std::io::Error::other(error)))?;
+    let stresses = STRESSES.iter().filter(|stress| !stress.is_part());
+    let totals = stresses.map(|stress| {
+        let mut column = DataColumn::named(stress.name, Kind::Number, sampled.len());
+        for (_, sample) in sampled {
+            column.cells.push(Some(Value::Number(stress.read(sample))));
+        }
+        column
+    });
+    let before = table
+        .iter()
+        .position(|column| column.name == "normal_stress_difference");
+    let place = before.map_or(table.len(), |place| place + 1);
+    table.splice(place..place, totals);
+    for column in &mut table {
+        explain(column, OF_SAMPLES);
+    }
+    Ok(table)
 }
 
 /// Writes what is known of each column.

@@ -4,6 +4,7 @@
 
 use rusqlite::types::{Type, ValueRef};
 use rusqlite::{Connection, OptionalExtension, Row, Statement, params};
+use std::cmp::Ordering;
 use std::fmt;
 
 /// What a checksum is of.
@@ -145,15 +146,23 @@ impl std::error::Error for Altered {}
 /// A checksum under way.
 struct Sum {
     hasher: blake3::Hasher,
-    names: Vec<String>,
+    /// What was taken in and is not hashed yet: many small pieces cost more than one.
+    pending: Vec<u8>,
+    /// Names of the columns, each with what ends it.
+    names: Vec<Vec<u8>>,
 }
+
+/// Bytes that are hashed together.
+const PIECE: usize = 64 << 10;
 
 impl Sum {
     /// Over the rows of a query.
     fn new(query: &Statement<'_>) -> Self {
+        let name = |name: &str| [name.as_bytes(), &[0]].concat();
         Self {
             hasher: blake3::Hasher::new(),
-            names: query.column_names().map(String::from).collect(),
+            pending: Vec::new(),
+            names: query.column_names().map(name).collect(),
         }
     }
 
@@ -167,17 +176,27 @@ impl Sum {
                 ValueRef::Text(text) => (3, text),
                 ValueRef::Blob(blob) => (4, blob),
             };
-            self.hasher.update(name.as_bytes());
-            self.hasher.update(&[0, tag]);
-            self.hasher.update(&(bytes.len() as u64).to_le_bytes());
-            self.hasher.update(bytes);
+            self.pending.extend_from_slice(name);
+            self.pending.push(tag);
+            self.pending
+                .extend_from_slice(&(bytes.len() as u64).to_le_bytes());
+            self.pending.extend_from_slice(bytes);
         }
-        self.hasher.update(&[0xff]);
+        self.pending.push(0xff);
+        if self.pending.len() >= PIECE {
+            self.hash_pending();
+        }
         Ok(())
+    }
+
+    fn hash_pending(&mut self) {
+        self.hasher.update(&self.pending);
+        self.pending.clear();
     }
 
     /// The sum so far, from which the next one begins.
     fn take(&mut self) -> i64 {
+        self.hash_pending();
         let hash = self.hasher.finalize();
         self.hasher.reset();
         let mut first = [0; 8];
@@ -302,19 +321,22 @@ pub(super) fn seal_all(connection: &Connection) -> Result<(), rusqlite::Error> {
 /// # Errors
 /// As [`check`].
 pub(super) fn check_all(connection: &Connection, kind: Kind) -> Result<u64, rusqlite::Error> {
+    // Both in the order of their numbers, side by side.
     let mut written =
-        connection.prepare("SELECT value FROM checksums WHERE kind = ?1 AND id = ?2")?;
+        connection.prepare("SELECT id, value FROM checksums WHERE kind = ?1 ORDER BY id")?;
+    let mut written = written.query([kind.name()])?;
     let mut number = 0;
     sums(connection, kind, kind.condition(), |id, value| {
         number += 1;
-        let written: Option<i64> = written
-            .query_row(params![kind.name(), id], |row| row.get(0))
-            .optional()?;
-        if written == Some(value) {
-            Ok(())
-        } else {
-            Err(Altered::of(kind, id).into_error())
+        while let Some(row) = written.next()? {
+            // Those of rows that say nothing now, or are gone, are passed over.
+            match row.get::<_, i64>(0)?.cmp(&id) {
+                Ordering::Less => {}
+                Ordering::Equal if row.get::<_, i64>(1)? == value => return Ok(()),
+                _ => break,
+            }
         }
+        Err(Altered::of(kind, id).into_error())
     })?;
     Ok(number)
 }

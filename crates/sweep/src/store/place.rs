@@ -3,6 +3,8 @@
 use super::StoreError;
 use super::reading::log_of;
 use std::cell::Cell;
+use std::fs::Metadata;
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 /// Less room than this on the disk, in bytes, and a write that failed counts as failed for want of it.
@@ -19,12 +21,17 @@ pub(super) struct FileIdentity {
 impl FileIdentity {
     /// Of the file that now has this name.
     pub(super) fn of(path: &Path) -> Option<Self> {
-        use std::os::unix::fs::MetadataExt as _;
-        let file = std::fs::metadata(path).ok()?;
-        Some(Self {
+        std::fs::metadata(path)
+            .ok()
+            .map(|file| Self::of_file(&file))
+    }
+
+    /// Of a file that was looked at.
+    pub(super) fn of_file(file: &Metadata) -> Self {
+        Self {
             device: file.dev(),
             number: file.ino(),
-        })
+        }
     }
 }
 

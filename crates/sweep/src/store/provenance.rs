@@ -62,9 +62,9 @@ impl Store {
         let rows = self
             .connection
             .prepare(
-                "SELECT p.host, p.version, p.physics_version, p.build, p.threads, p.started_at, count(r.case_id) AS results
-                 FROM processes p LEFT JOIN results r ON r.process = p.id
-                 GROUP BY p.id HAVING results > 0 ORDER BY p.id DESC LIMIT 50",
+                "SELECT p.host, p.version, p.physics_version, p.build, p.threads, p.started_at, r.results
+                 FROM processes p JOIN (SELECT process, count(*) AS results FROM results GROUP BY process) r ON r.process = p.id
+                 ORDER BY p.id DESC LIMIT 50",
             )
             .and_then(|mut query| {
                 query

@@ -288,18 +288,23 @@ impl Store {
                      coalesce(r.unconverged_stages, 0), r.worst_residual, r.wall_time_s,
                      r.normal_stress_difference, coalesce(r.jammed_stages, 0), coalesce(r.doubts, ''), r.cpu_time_s,
                      r.discard_step, r.viscosity_part_1, r.viscosity_part_2, r.viscosity_part_3, r.viscosity_part_4,
-                     r.viscosity_variance, r.viscosity_correlation, c.sample_stride, {}
+                     r.viscosity_variance, r.viscosity_correlation, c.sample_stride, {}, c.position
                  FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
-                 WHERE c.position IS NOT NULL ORDER BY c.position",
+                 WHERE c.position IS NOT NULL",
                 stresses::names(STRESSES.iter(), "r.")
             ))
             .and_then(|mut query| {
                 let mut known = None;
                 query
-                    .query_map([], |row| point_run(row, &mut known))?
+                    .query_map([], |row| {
+                        Ok((row.get(29 + COUNT)?, point_run(row, &mut known)?))
+                    })?
                     .collect()
             });
-        self.read(rows)
+        // Put into order here: SQLite would copy all columns for that, and most rows are in order as they lie.
+        let mut runs: Vec<(i64, PointRun)> = self.read(rows)?;
+        runs.sort_by_key(|(position, _)| *position);
+        Ok(runs.into_iter().map(|(_, run)| run).collect())
     }
 
     /// The last failure of every failed case, at most `limit` of them.
@@ -402,7 +407,7 @@ fn point_run(row: &Row<'_>, known: &mut Known) -> Result<PointRun, rusqlite::Err
         Some((last, params)) if last == text => params.clone(),
         _ => known.insert((text.to_owned(), params(row, 1)?)).1.clone(),
     };
-    let state: String = row.get(3)?;
+    let state = row.get_ref(3)?.as_str()?;
     let discarded: Option<i64> = row.get(21)?;
     let mut stresses = [None; COUNT];
     for (stress, column) in stresses.iter_mut().zip(29..) {
@@ -420,7 +425,7 @@ fn point_run(row: &Row<'_>, known: &mut Known) -> Result<PointRun, rusqlite::Err
         discard: discarded.map(|steps| count(steps) as f64 * params.time_step),
         params,
         seed: count(row.get(2)?),
-        state: State::of(&state)
+        state: State::of(state)
             .ok_or_else(|| Altered::error(format!("there is no state {state:?} of a case")))?,
         viscosity: row.get(4)?,
         viscosity_median: row.get(5)?,
@@ -439,7 +444,7 @@ fn point_run(row: &Row<'_>, known: &mut Known) -> Result<PointRun, rusqlite::Err
         jammed_stages: count(row.get(18)?),
         cpu_time_s: row.get(20)?,
         steadiness: steadiness(row)?,
-        doubts: Doubt::read(&row.get::<_, String>(19)?),
+        doubts: Doubt::read(row.get_ref(19)?.as_str()?),
     })
 }
 

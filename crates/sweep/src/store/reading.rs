@@ -3,6 +3,7 @@
 use super::log::Fault;
 use super::place::is_full;
 use super::schema::{self, Kind, identify};
+use super::source::{Files, FoundWhole};
 use super::{Store, StoreError, guard, log, wait_for_lock};
 use crate::campaign::Campaign;
 use rusqlite::config::DbConfig;
@@ -19,9 +20,20 @@ impl Store {
     /// # Errors
     /// A file that is missing, no store, or of another schema.
     pub fn open_read_only(path: &Path) -> Result<Self, StoreError> {
+        Self::open_as_known(path, &FoundWhole::default())
+    }
+
+    /// The same of a store that may have been found whole before.
+    pub(super) fn open_as_known(path: &Path, known: &FoundWhole) -> Result<Self, StoreError> {
+        let before = Files::of(path);
         let store = Self::open_as_it_is(path)?;
+        // With this the moment is fixed of which all is read.
         store.read(schema::show_up_to_date(&store.connection))?;
-        store.verify()?;
+        let files = Files::of(path).filter(|now| before.as_ref() == Some(now));
+        if !known.are(files.as_ref()) {
+            store.verify()?;
+            known.remember(files);
+        }
         Ok(store)
     }
 

@@ -15,7 +15,7 @@ fn show_tells_the_story_of_a_run_by_number_and_by_key() {
         "Γ inf",
         "seed 1",
         "strain 0.400 of 0.400",
-        "┼",
+        "┤",
         "build",
     ] {
         assert!(text.contains(part), "{part} not in {text}");

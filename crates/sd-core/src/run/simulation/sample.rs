@@ -1,10 +1,8 @@
 //! What a run measures: a sample at every step, and counters of what it has met.
 
-use crate::stress::StressComponents;
+use crate::stress::{JAM_VISCOSITY, StressComponents};
 use serde::{Deserialize, Serialize};
 
-/// Relative viscosity above which the layer counts as jammed for the moment.
-pub const JAM_VISCOSITY: f64 = 1e4;
 /// What is measured at the first stage of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Sample {

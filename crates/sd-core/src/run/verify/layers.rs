@@ -158,11 +158,10 @@ fn energy(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Result<(f64, f64
         return Ok((f64::NAN, f64::NAN));
     };
     let volume = 2.0 * snapshot.side * snapshot.side;
-    let sum = |power: fn(&Contact) -> f64| instant.contacts.iter().map(power).sum::<f64>();
-    let friction = sum(|c| c.tangential_force * c.slip_velocity);
-    let normal = sum(|c| c.normal_force * c.normal_velocity);
+    let dissipates = |c: &Contact| c.tangential_force * c.slip_velocity;
+    let friction: f64 = instant.contacts.iter().map(dissipates).sum();
     let power = stress.viscosity - 1.0;
-    let balance = stress.dissipation + (friction - normal) / volume;
+    let balance = stress.dissipation + instant.contact_power() / volume;
     Ok(((power - balance).abs() / power, friction))
 }
 

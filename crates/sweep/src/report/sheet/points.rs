@@ -11,7 +11,7 @@ use crate::report::{Point, Report};
 /// Columns of a table that is as wide as it needs to be: name, heading, significant digits, and how soon it is left out where there is
 /// no room, the highest first.
 #[rustfmt::skip]
-const USUAL: [(&str, &str, i32, u8); 18] = [
+const USUAL: [(&str, &str, i32, u8); 19] = [
     ("seeds", "runs", 4, 1),
     ("seeds_wanted", "wanted", 4, 3),
     ("precision", "precision", 2, 3),
@@ -27,6 +27,7 @@ const USUAL: [(&str, &str, i32, u8); 18] = [
     ("activated_fraction", "activated", 3, 6),
     ("rolling_fraction", "rolling", 3, 6),
     ("minimum_gap", "smallest\ngap", 3, 7),
+    ("overlap", "largest\noverlap", 2, 2),
     ("mean_approach_velocity", "approach", 2, 9),
     ("worst_residual", "worst\nresidual", 2, 9),
     ("unconverged_fraction", "unconverged", 2, 9),
@@ -97,6 +98,7 @@ fn is_there(report: &Report, name: &str) -> bool {
         "jammed" => report.counts.jammed > 0,
         "failed" => report.counts.failed > 0,
         "doubtful" => report.doubtful > 0,
+        "overlap" => report.points.iter().any(Point::overlaps_too_much),
         _ => true,
     }
 }

@@ -1,4 +1,4 @@
-//! What the report says of points that are not as precise as was asked, or not steady.
+//! What the report says of points that are not as precise as was asked, not steady, or softer than their contacts are meant to be.
 
 use crate::axes::Axis;
 use crate::format::significant;
@@ -16,7 +16,8 @@ pub(super) fn write(
     out: &mut dyn Write,
 ) -> Result<(), ReportError> {
     precision(report, columns, out)?;
-    steadiness(report, columns, out)
+    steadiness(report, columns, out)?;
+    overlaps(report, columns, out)
 }
 
 /// How the points stand at which a precision is asked for.
@@ -83,6 +84,25 @@ fn steadiness(
         Some((point, format!("not steady: {advice}")))
     });
     list(report, unsteady, columns, out)
+}
+
+/// Points whose soft contacts gave way by more than the roughness height.
+fn overlaps(
+    report: &Report,
+    columns: &[&'static Axis],
+    out: &mut dyn Write,
+) -> Result<(), ReportError> {
+    let soft = report.points.iter().filter(|p| p.overlaps_too_much());
+    let soft = soft.filter_map(|point| {
+        let heights = point.overlap()? / point.params.roughness;
+        let what = format!(
+            "overlaps of up to {} times the roughness height: the spheres themselves overlapped, and a larger stiffness would hold \
+             them apart",
+            significant(heights, 2)
+        );
+        Some((point, what))
+    });
+    list(report, soft, columns, out)
 }
 
 /// Names points with what there is to say about them.

@@ -1,6 +1,8 @@
 //! Altered digits, altered states and altered lists: noticed by whoever makes a table of them.
 
 use super::*;
+use crate::store::StoreSource;
+use std::time::SystemTime;
 
 /// A store whose cases have all ended: done, jammed, failed.
 fn ended(directory: &Path) -> Store {
@@ -69,6 +71,49 @@ fn no_altered_value_of_what_is_shown_gets_into_a_table() {
             );
         }
     }
+}
+
+#[test]
+fn what_was_found_whole_is_compared_again_once_its_file_has_changed() {
+    let directory = tempfile::tempdir().unwrap();
+    let store = ended(directory.path());
+    let path = store.path().to_owned();
+    drop(store);
+    let long_ago = SystemTime::now() - Duration::from_mins(1);
+    let date = |time: SystemTime| {
+        let file = std::fs::File::options().write(true).open(&path).unwrap();
+        file.set_modified(time).unwrap();
+    };
+    let source = StoreSource::new(path.clone(), None);
+    let is_refused =
+        |source: &StoreSource| matches!(source.open(), Err(StoreError::Damaged { .. }));
+    date(long_ago);
+    assert!(!is_refused(&source));
+    alter(&path, "UPDATE results SET viscosity_median = 9.0");
+    assert!(is_refused(&source));
+    // With the time it had before, nothing tells that the file has changed; whoever has not seen it before finds it out.
+    date(long_ago);
+    assert!(!is_refused(&source));
+    assert!(is_refused(&StoreSource::new(path.clone(), None)));
+    date(long_ago + Duration::from_secs(1));
+    assert!(is_refused(&source));
+}
+
+#[test]
+fn what_changed_a_moment_ago_is_compared_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let store = ended(directory.path());
+    let path = store.path().to_owned();
+    drop(store);
+    let source = StoreSource::new(path.clone(), None);
+    source.open().unwrap();
+    let file = std::fs::metadata(&path).unwrap();
+    alter(&path, "UPDATE results SET viscosity_median = 9.0");
+    assert_eq!(std::fs::metadata(&path).unwrap().len(), file.len());
+    // As on a file system that counts time in steps.
+    let again = std::fs::File::options().write(true).open(&path).unwrap();
+    again.set_modified(file.modified().unwrap()).unwrap();
+    assert!(matches!(source.open(), Err(StoreError::Damaged { .. })));
 }
 
 #[test]

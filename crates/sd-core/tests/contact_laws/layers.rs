@@ -1,0 +1,230 @@
+//! Small layers under shear.
+
+use sd_core::cell::Cell;
+use sd_core::instant::{Configuration, ContactRequest, solve};
+use sd_core::modes::{Background, Vec2};
+use sd_core::simulation::SchemeMemory;
+use sd_core::{
+    ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
+    Simulation, Snapshot, TangentialLaw,
+};
+
+/// A small dense layer of two sizes.
+fn params(contact: ContactScheme) -> Params {
+    // Spheres that weld together jam far earlier than others.
+    let welds = contact.laws().tangential == TangentialLaw::StickRotate;
+    Params {
+        spheres: 40,
+        area_fraction: if welds { 0.5 } else { 0.7 },
+        roughness: 0.01,
+        friction: 0.5,
+        shear_rate: 5.0,
+        size_ratio: 1.4,
+        large_fraction: 1.0 / 2.96,
+        hydrodynamics: Hydrodynamics::BallMelrose,
+        contact,
+        time_step: 0.005,
+        ..Params::UNWRITTEN
+    }
+}
+
+fn spring(stiffness: f64, tangential: TangentialLaw) -> ContactScheme {
+    ContactScheme::Laws(ContactLaws::linear_spring(stiffness, tangential, 0.01))
+}
+
+fn rigid(tangential: TangentialLaw) -> ContactScheme {
+    ContactScheme::Laws(ContactLaws {
+        tangential,
+        ..ContactLaws::PAPER
+    })
+}
+
+fn schemes() -> Vec<ContactScheme> {
+    let hertz = |tangential| {
+        ContactScheme::Laws(ContactLaws {
+            normal: NormalLaw::Hertz,
+            dashpot: 1.0,
+            onset: FrictionOnset::Reduced,
+            ..ContactLaws::linear_spring(1e5, tangential, 0.01)
+        })
+    };
+    let repelling = |normal, stiffness, tangential| {
+        ContactScheme::Laws(ContactLaws {
+            normal,
+            stiffness,
+            repulsion: 1.0,
+            repulsion_length: 0.02,
+            ..ContactLaws::linear_spring(1e4, tangential, 0.01)
+        })
+    };
+    let at_every_contact = || {
+        ContactScheme::Laws(ContactLaws {
+            onset: FrictionOnset::Contact,
+            repulsion: 1.0,
+            repulsion_length: 0.02,
+            ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01)
+        })
+    };
+    vec![
+        rigid(TangentialLaw::Coulomb),
+        rigid(TangentialLaw::StickRotate),
+        spring(1e4, TangentialLaw::RollSlip),
+        spring(1e4, TangentialLaw::StickSlide),
+        spring(1e4, TangentialLaw::Coulomb),
+        spring(1e4, TangentialLaw::StickRotate),
+        hertz(TangentialLaw::RollSlip),
+        hertz(TangentialLaw::StickSlide),
+        repelling(
+            NormalLaw::ExponentialRepulsion,
+            f64::INFINITY,
+            TangentialLaw::RollSlip,
+        ),
+        repelling(NormalLaw::LinearSpring, 1e4, TangentialLaw::StickSlide),
+        at_every_contact(),
+        repelling(NormalLaw::Rigid, f64::INFINITY, TangentialLaw::Coulomb),
+    ]
+}
+
+fn run(params: &Params, seed: u64, steps: u64) -> Simulation {
+    let mut simulation = Simulation::new(params, seed, &NearFields::default()).unwrap();
+    for _ in 0..steps {
+        simulation.step().unwrap();
+    }
+    assert_eq!(simulation.flow(), Flow::Flowing);
+    simulation
+}
+
+#[test]
+fn layers_keep_their_laws_under_every_choice() {
+    for contact in schemes() {
+        let params = params(contact);
+        let laws = contact.laws();
+        let mut simulation = run(&params, 3, 100);
+        let load = params.critical_load();
+        let (mut touching, mut rubbing) = (0, 0);
+        for _ in 0..40 {
+            let (sample, frame) = simulation.step_with_frame().unwrap();
+            assert!(sample.viscosity > 1.0 + 5.0 / 3.0 * params.area_fraction);
+            for c in &frame.contacts {
+                touching += 1;
+                rubbing += u32::from(c.tangential_force != 0.0);
+                let beyond = match laws.onset {
+                    FrictionOnset::CriticalLoad | FrictionOnset::Contact => c.normal_force,
+                    FrictionOnset::Reduced => (c.normal_force - load).max(0.0),
+                };
+                assert!(c.normal_force > 0.0);
+                if laws.tangential != TangentialLaw::StickRotate {
+                    let limit = params.friction * beyond;
+                    assert!(
+                        c.tangential_force.abs() <= limit * (1.0 + 1e-9),
+                        "{contact:?} {c:?}"
+                    );
+                }
+            }
+        }
+        let counters = simulation.counters();
+        assert_eq!(counters.unconverged_stages, 0, "{contact:?}");
+        assert!(counters.worst_residual < 1e-8, "{contact:?}");
+        // Four and one for the sample, or two.
+        assert_eq!(counters.stages, 140 * if laws.is_soft() { 2 } else { 5 });
+        let alone = laws.normal == NormalLaw::ExponentialRepulsion;
+        assert_eq!(touching == 0, alone, "{contact:?}");
+        assert_eq!(rubbing == 0, alone, "{contact:?}");
+    }
+}
+
+#[test]
+fn resumed_run_has_the_same_bits_under_every_choice() {
+    for contact in schemes() {
+        let params = params(contact);
+        let tables = NearFields::default();
+        let mut whole = run(&params, 5, 60);
+        let text = serde_json::to_string(&whole.snapshot()).unwrap();
+        let restored: Snapshot = serde_json::from_str(&text).unwrap();
+        let mut resumed = Simulation::from_snapshot(&params, restored, &tables).unwrap();
+        for _ in 0..20 {
+            assert_eq!(whole.step().unwrap(), resumed.step().unwrap());
+        }
+        assert_eq!(whole.snapshot(), resumed.snapshot());
+        let SchemeMemory::Laws(memory) = whole.snapshot().memory else {
+            panic!("a run under laws");
+        };
+        let remembers = memory.warm_start.forces.iter().any(|f| f.3 != 0.0);
+        assert_eq!(
+            remembers,
+            contact.laws().normal != NormalLaw::ExponentialRepulsion
+        );
+        let stretched = memory.springs.0.iter().any(|f| f.2 != 0.0);
+        assert_eq!(stretched, contact.laws().tangential.has_spring());
+    }
+}
+
+#[test]
+fn energy_of_a_layer_balances_under_every_choice() {
+    for contact in schemes() {
+        let params = params(contact);
+        let snapshot = run(&params, 4, 80).snapshot();
+        let strain = snapshot.steps as f64 * params.time_step;
+        let configuration = Configuration {
+            centres: snapshot
+                .centres
+                .iter()
+                .map(|&[x, y]| Vec2::new(x, y))
+                .collect(),
+            radii: snapshot.radii.clone(),
+            cell: Cell::periodic(snapshot.side, snapshot.side, strain * snapshot.side).unwrap(),
+            hydrodynamics: Hydrodynamics::StokesianDynamics,
+            background: Background::SHEAR,
+            forces: vec![Vec2::zeros(); params.spheres],
+            torques: vec![0.0; params.spheres],
+        };
+        let request = ContactRequest::of_run(&params, 0.005);
+        let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
+        let stress = instant.stress.unwrap();
+        let mean: f64 = snapshot.radii.iter().sum::<f64>() / params.spheres as f64;
+        let volume = 2.0 * mean * configuration.cell.area().unwrap();
+        let (left, right) = (
+            stress.viscosity - 1.0,
+            stress.dissipation + instant.contact_power() / volume,
+        );
+        assert!(
+            (left - right).abs() < 1e-9 * left,
+            "{contact:?}: {left} against {right}"
+        );
+    }
+}
+
+#[test]
+fn soft_becomes_rigid_as_stiffness_grows() {
+    for (soft, hard) in [
+        (TangentialLaw::RollSlip, ContactScheme::Rigid),
+        (TangentialLaw::StickSlide, rigid(TangentialLaw::Coulomb)),
+        (TangentialLaw::Coulomb, rigid(TangentialLaw::Coulomb)),
+        (
+            TangentialLaw::StickRotate,
+            rigid(TangentialLaw::StickRotate),
+        ),
+    ] {
+        // Short: neighbouring paths part in time, whatever parts them.
+        let viscosity = |contact| {
+            let at = Params {
+                // Dense enough for contacts so soon, where spheres weld as well.
+                area_fraction: params(contact).area_fraction.max(0.6),
+                shear_rate: 50.0,
+                time_step: 0.001,
+                ..params(contact)
+            };
+            let mut simulation = run(&at, 7, 149);
+            let sample = simulation.step().unwrap();
+            assert!(sample.rolling + sample.slipping >= 4);
+            sample.viscosity
+        };
+        let limit = viscosity(hard);
+        let error = |stiffness| (viscosity(spring(stiffness, soft)) / limit - 1.0).abs();
+        let (compliant, stiff) = (error(1e4), error(1e7));
+        assert!(
+            stiff < 0.01 && stiff < 0.3 * compliant,
+            "{soft:?}: {compliant:.1e} {stiff:.1e}"
+        );
+    }
+}

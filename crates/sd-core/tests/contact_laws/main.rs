@@ -1,0 +1,84 @@
+//! Laws of contact other than the paper's: what must hold for each of them.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod layers;
+mod pressed_pair;
+mod pushed_pair;
+
+use sd_core::cell::Cell;
+use sd_core::contact::Surface;
+use sd_core::contact::laws::{Laws, NormalForce};
+use sd_core::contact::warm_start::SpringForces;
+use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::modes::{Background, Vec2};
+use sd_core::{FrictionOnset, Hydrodynamics, NearFields, NormalLaw, TangentialLaw};
+
+const RIGID: NormalForce = NormalForce {
+    law: NormalLaw::Rigid,
+    stiffness: f64::INFINITY,
+    dashpot: 0.0,
+};
+const SPRING: NormalForce = NormalForce {
+    law: NormalLaw::LinearSpring,
+    stiffness: 2000.0,
+    dashpot: 0.0,
+};
+const HERTZ: NormalForce = NormalForce {
+    law: NormalLaw::Hertz,
+    stiffness: 40_000.0,
+    dashpot: 0.0,
+};
+
+/// Overlap at which a law bears a force.
+fn overlap(normal: NormalForce, force: f64) -> f64 {
+    normal.law.overlap(force, normal.stiffness)
+}
+
+fn laws(normal: NormalForce, tangential: TangentialLaw, friction: f64) -> Laws {
+    Laws {
+        surface: Surface {
+            roughness: 0.01,
+            friction,
+            critical_load: 0.0,
+        },
+        normal,
+        tangential,
+        tangential_stiffness: 0.0,
+        onset: FrictionOnset::CriticalLoad,
+        repulsion: None,
+    }
+}
+
+/// Tangential springs of a stiffness that slide.
+fn stick_slide(normal: NormalForce, stiffness: f64, friction: f64) -> Laws {
+    Laws {
+        tangential_stiffness: stiffness,
+        ..laws(normal, TangentialLaw::StickSlide, friction)
+    }
+}
+
+/// Two spheres of radii 1 and 1.4 alone, along a slanted line of centres, pushed by `push` each towards the other and by `shear` across.
+fn pair(gap: f64, push: f64, shear: f64) -> Configuration {
+    let n = Vec2::new(0.8, 0.6);
+    let force = n * push + Vec2::new(-n.y, n.x) * shear;
+    Configuration {
+        centres: vec![Vec2::zeros(), n * (2.4 + gap)],
+        radii: vec![1.0, 1.4],
+        cell: Cell::Unbounded,
+        hydrodynamics: Hydrodynamics::StokesianDynamics,
+        background: Background::QUIESCENT,
+        forces: vec![force, -force],
+        torques: vec![0.0; 2],
+    }
+}
+
+fn solved(configuration: &Configuration, laws: &Laws, time_span: f64) -> SolvedConfiguration {
+    let request = ContactRequest::Laws {
+        laws: *laws,
+        lubrication_gap: 0.001,
+        time_span,
+        springs: SpringForces::default(),
+    };
+    solve(configuration, &request, &NearFields::default()).unwrap()
+}

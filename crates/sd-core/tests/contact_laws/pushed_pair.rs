@@ -1,0 +1,259 @@
+//! Two spheres under constant forces, in time.
+
+use super::{HERTZ, SPRING, laws, overlap, pair, solved, stick_slide};
+use sd_core::cell::Cell;
+use sd_core::contact::laws::{Laws, NormalForce, Phase, Span};
+use sd_core::contact::{Contact, ContactMemory, ContactState};
+use sd_core::law::repulsion::ExponentialRepulsion;
+use sd_core::model::DEEPEST_OVERLAP;
+use sd_core::modes::{Background, Vec2};
+use sd_core::{
+    Hydrodynamics, NearFields, NormalLaw, Resistance, Rosenbrock, StageContact, StageSolver, State,
+    TangentialLaw,
+};
+
+/// A pair moved in time under constant forces along and across its line of centres.
+struct Pushed {
+    state: State,
+    memory: ContactMemory,
+    /// Work done by the forces, energy dissipated in the fluid and by friction: by the trapezoidal rule of the stages.
+    work: f64,
+    dissipated: f64,
+    last: Contact,
+}
+
+/// Pushes a pair for some time in steps, from a gap; the forces turn with the frame only if `turn` does.
+fn pushed(
+    laws: &Laws,
+    gap: f64,
+    [push, shear]: [f64; 2],
+    time: f64,
+    steps: u32,
+    turn: f64,
+) -> Pushed {
+    let (sine, cosine) = turn.sin_cos();
+    let n = Vec2::new(cosine, sine);
+    let radii = [1.0, 1.4];
+    let mut resistance = Resistance::new(
+        Hydrodynamics::StokesianDynamics,
+        &Cell::Unbounded,
+        &radii,
+        &NearFields::default(),
+    )
+    .unwrap();
+    resistance.regularise(0.001, DEEPEST_OVERLAP);
+    let mut motion = StageSolver::new(resistance);
+    let mut out = Pushed {
+        state: State {
+            centres: vec![Vec2::zeros(), n * (2.4 + gap)],
+            orientations: vec![0.0; 2],
+        },
+        memory: ContactMemory::default(),
+        work: 0.0,
+        dissipated: 0.0,
+        last: motion.contacts.list.first().copied().unwrap_or_else(|| {
+            let c = solved(&pair(0.01, 5.0, 0.0), laws, 0.001);
+            c.contacts.first().copied().unwrap()
+        }),
+    };
+    let force = n * push + Vec2::new(-n.y, n.x) * shear;
+    let external = [force.x, force.y, 0.0, -force.x, -force.y, 0.0];
+    let mut first = Vec::new();
+    let mut integrator = Rosenbrock::default();
+    let dt = time / f64::from(steps);
+    for _ in 0..steps {
+        let (memory, last) = (&mut out.memory, &mut out.last);
+        let (mut power, mut loss) = (0.0, 0.0);
+        integrator
+            .step(&mut out.state, 0.0, dt, |stage, centres, velocities| {
+                let span = Span {
+                    time: stage.span,
+                    phase: [Phase::First, Phase::Second][stage.number],
+                    first: &first,
+                };
+                let law = StageContact::Laws { laws, span, memory };
+                motion.assemble(&Cell::Unbounded, centres)?;
+                motion.solve(&Background::QUIESCENT, &external, law)?;
+                if stage.number == 0 {
+                    first = motion.velocities().to_vec();
+                }
+                velocities.copy_from_slice(motion.velocities());
+                let of = |f: &[f64]| {
+                    f.iter()
+                        .zip(motion.velocities())
+                        .map(|(f, v)| f * v)
+                        .sum::<f64>()
+                };
+                power += 0.5 * of(&external);
+                // What the fluid takes: all forces on the spheres times their velocities.
+                let contacts = motion.contacts.list.iter().chain(&motion.repelled.pairs);
+                let contact: f64 = contacts
+                    .map(|c| {
+                        c.normal_force * c.normal_velocity - c.tangential_force * c.slip_velocity
+                    })
+                    .sum();
+                loss += 0.5 * (of(&external) + contact);
+                if let Some(c) = motion.contacts.list.first() {
+                    *last = *c;
+                }
+                Ok::<(), sd_core::Error>(())
+            })
+            .unwrap();
+        out.work += power * dt;
+        out.dissipated += loss * dt;
+    }
+    out
+}
+
+/// Gap of a pushed pair.
+fn gap(p: &Pushed) -> f64 {
+    (p.state.centres[1] - p.state.centres[0]).norm() - 2.4
+}
+
+#[test]
+fn spring_stores_what_work_leaves_over() {
+    // Released from an overlap and pushed back: what is stored is known from the gap alone.
+    let repelled = Laws {
+        repulsion: Some(ExponentialRepulsion {
+            force: 20.0,
+            length: 0.01,
+        }),
+        ..laws(SPRING, TangentialLaw::Coulomb, 0.0)
+    };
+    for laws in [
+        laws(SPRING, TangentialLaw::Coulomb, 0.0),
+        laws(HERTZ, TangentialLaw::Coulomb, 0.0),
+        repelled,
+    ] {
+        let stored = |gap: f64| {
+            let d = (0.01 - gap).max(0.0);
+            let NormalForce { law, stiffness, .. } = laws.normal;
+            let contact = match law {
+                NormalLaw::LinearSpring => 0.5 * stiffness * d * d,
+                NormalLaw::Hertz => 0.4 * stiffness * d.powf(2.5),
+                NormalLaw::Rigid | NormalLaw::ExponentialRepulsion => 0.0,
+            };
+            contact + laws.repulsion.map_or(0.0, |r| r.energy(gap))
+        };
+        let mismatch = |steps: u32| {
+            let p = pushed(&laws, 0.009, [30.0, 0.0], 0.3, steps, 0.3);
+            (p.work - p.dissipated - stored(gap(&p)) + stored(0.009)).abs() / p.work
+        };
+        let (coarse, fine) = (mismatch(100), mismatch(200));
+        let order = (coarse / fine).log2();
+        assert!(
+            fine < 1e-3 && order > 1.7,
+            "{laws:?}: {fine:.1e}, order {order}"
+        );
+    }
+}
+
+#[test]
+fn sticking_spring_stores_and_sliding_dissipates() {
+    for (friction, slides) in [(2.0, false), (0.1, true)] {
+        let laws = stick_slide(SPRING, 1000.0, friction);
+        let start = 0.01 - 5.0 / 2000.0;
+        let stored = |p: &Pushed| {
+            let d = 0.01 - gap(p);
+            let stretched = p.memory.springs.0[0].2;
+            0.5 * 2000.0 * d * d + 0.5 * stretched * stretched / 1000.0
+        };
+        // Friction's own loss is the work of F_t on the slip beyond what the spring takes up.
+        let balance = |steps: u32| {
+            let shear = if slides { 4.0 } else { 1.0 };
+            let p = pushed(&laws, start, [5.0, shear], 0.5, steps, 0.0);
+            assert_eq!(p.last.state == ContactState::Slipping, slides);
+            let cone = friction * p.last.normal_force * (1.0 + 1e-12);
+            assert!(p.last.tangential_force.abs() <= cone);
+            p.work - p.dissipated - stored(&p) + 0.5 * 2000.0 * (5.0_f64 / 2000.0).powi(2)
+        };
+        let fine = balance(400);
+        if slides {
+            assert!(fine > 1e-4, "sliding loses {fine}");
+        } else {
+            let order = (balance(200) / fine).abs().log2();
+            assert!(
+                fine.abs() < 1e-5 && order > 1.7,
+                "{fine:.1e}, order {order}"
+            );
+        }
+    }
+}
+
+#[test]
+fn stick_slide_does_not_know_its_frame() {
+    let laws = stick_slide(SPRING, 1000.0, 0.3);
+    let at = |turn| pushed(&laws, 0.0075, [5.0, 2.0], 0.5, 100, turn);
+    let (still, turned) = (at(0.0), at(1.1));
+    let forces = |p: &Pushed| {
+        let (_, _, f, _) = p.memory.warm_start.forces[0];
+        (f, p.memory.springs.0[0].2)
+    };
+    let (a, b) = (forces(&still), forces(&turned));
+    assert!(
+        (a.0 - b.0).abs() < 1e-9 && (a.1 - b.1).abs() < 1e-9,
+        "{a:?} {b:?}"
+    );
+    assert!((gap(&still) - gap(&turned)).abs() < 1e-12);
+    // Nor does it stretch where a pair turns as one body: the slip is what stretches it, and a rigid turn has none.
+    let mut whole = pair(0.0075, 5.0, 0.0);
+    whole.background = Background {
+        angular_velocity: 0.7,
+        ..Background::QUIESCENT
+    };
+    let c = solved(&whole, &laws, 0.001).contacts[0];
+    assert!(c.slip_velocity.abs() < 1e-12 && c.tangential_force.abs() < 1e-9);
+}
+
+#[test]
+fn order_in_time_is_two_and_stiffness_costs_no_steps() {
+    let sliding = |stiffness: f64| {
+        let normal = NormalForce {
+            stiffness,
+            ..SPRING
+        };
+        stick_slide(normal, 0.5 * stiffness, 0.5)
+    };
+    // From an overlap, so that no contact opens or closes within a step.
+    let end = |stiffness: f64, steps| {
+        let p = pushed(
+            &sliding(stiffness),
+            0.01 - 2.0 / stiffness,
+            [5.0, 1.0],
+            0.4,
+            steps,
+            0.4,
+        );
+        let (f, spring) = (p.memory.warm_start.forces[0].2, p.memory.springs.0[0].2);
+        // Where the pair is and how far the spring is stretched; the normal force is that of a stage, and so of first order.
+        ([gap(&p), spring / stiffness], f)
+    };
+    let distance = |(a, _): ([f64; 2], f64), (b, _): ([f64; 2], f64)| {
+        (a[0] - b[0]).abs().max((a[1] - b[1]).abs())
+    };
+    let exact = end(500.0, 3200);
+    let order = (distance(end(500.0, 100), exact) / distance(end(500.0, 200), exact)).log2();
+    assert!((order - 2.0).abs() < 0.2, "order {order}");
+    // Steps 1e7 times as long as the time in which the spring relaxes: no worse than the turning of the pair makes them.
+    let stiff = |steps| {
+        let at = end(1e12, steps);
+        ((at.0[0] - 0.01).abs(), (at.1 - 5.0).abs())
+    };
+    let errors = [10, 20, 40].map(stiff);
+    for pair in errors.windows(2) {
+        assert!(pair[1].0 < 0.3 * pair[0].0, "{errors:?}");
+    }
+    assert!(errors[0].0 < 1e-6 && errors[0].1 < 0.01, "{errors:?}");
+}
+
+#[test]
+fn free_approach_meets_the_spring_without_overshoot() {
+    // The contact closes within a step: the error is of second order in the step all the same, and the pair comes to rest where
+    // spring and push balance.
+    for normal in [SPRING, HERTZ] {
+        let laws = laws(normal, TangentialLaw::Coulomb, 0.0);
+        let rest = overlap(normal, 20.0);
+        let p = pushed(&laws, 0.03, [20.0, 0.0], 40.0, 400, 0.0);
+        assert!((gap(&p) - (0.01 - rest)).abs() < 1e-7, "{} {rest}", gap(&p));
+    }
+}
