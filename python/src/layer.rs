@@ -76,14 +76,15 @@ struct Place {
 }
 
 impl Run {
-    /// Does a step; what is measured belongs to its start.
-    fn step(&mut self) -> Result<Sample, sd_core::Error> {
+    /// Does a step; what is measured belongs to its start. `wanted`: whether that is.
+    fn step(&mut self, wanted: bool) -> Result<Sample, sd_core::Error> {
         match self.ahead.take() {
             Some(ahead) => {
                 self.layer = ahead.layer;
                 Ok(ahead.sample)
             }
-            None => self.layer.step(),
+            None if wanted => self.layer.step(),
+            None => self.layer.step_unsampled(),
         }
     }
 
@@ -164,11 +165,11 @@ impl Layer {
         Ok(())
     }
 
-    fn one_step(&self, py: Python<'_>) -> PyResult<Sample> {
+    fn one_step(&self, py: Python<'_>, wanted: bool) -> PyResult<Sample> {
         let (sample, place, took) = py.detach(|| {
             let mut run = self.run();
             let begun = Instant::now();
-            let sample = run.step();
+            let sample = run.step(wanted);
             (sample, run.place(), begun.elapsed().as_secs_f64())
         });
         // Written by threads that are attached to the interpreter, one at a time.
@@ -308,7 +309,7 @@ impl Layer {
     /// dict
     ///     What was measured at its start: `strain`, `viscosity`, `contacts`, ..., by the names of the columns of `Store.samples`.
     fn step<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let sample = self.one_step(py)?;
+        let sample = self.one_step(py, true)?;
         dict_of(py, &sample)
     }
 
@@ -351,8 +352,9 @@ impl Layer {
         )]
         let steps = steps as usize;
         for step in 0..steps {
-            let sample = self.one_step(py)?;
-            if step % every == 0 {
+            let wanted = step % every == 0;
+            let sample = self.one_step(py, wanted)?;
+            if wanted {
                 samples.push(dict_of(py, &sample)?);
             }
             py.check_signals()?;
