@@ -5,6 +5,7 @@ mod frame;
 mod sample;
 mod sampling;
 mod snapshot;
+mod stage;
 
 pub use crate::stress::JAM_VISCOSITY;
 pub use frame::{Frame, FrameContact};
@@ -12,21 +13,22 @@ pub use sample::{Counters, Sample};
 pub use sampling::SAMPLE_SPAN;
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 
-use crate::contact::laws::{Laws, Phase, Span};
+use crate::contact::laws::Laws;
 use crate::contact::procedure::ContactList;
-use crate::contact::{ContactMemory, Quality, most_contacts};
+use crate::contact::{ContactMemory, ContactState, most_contacts};
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
 use crate::geometry::pair::PairKey;
 use crate::hydrodynamics::resistance::NearFields;
+use crate::law::Halt;
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Params};
 use crate::run::start;
 use crate::run::steppers::rosenbrock::Rosenbrock;
-use crate::run::steppers::{Stage, State, Stepper};
-use crate::stage::{Contact, Method, StageSolver};
+use crate::run::steppers::{State, Stepper};
+use crate::stage::{Method, StageSolver};
 use crate::stress::StressWork;
-use drive::{Drive, Pass};
+use drive::Drive;
 use serde::{Deserialize, Serialize};
 
 /// A layer that stays jammed for this strain ends as jammed.
@@ -239,7 +241,7 @@ impl Simulation {
         self.state = state;
         if matches!(result, Err(Error::Overlap { .. }))
             && let Some(sample) = sample
-            && (self.counters.jammed_stages > jammed || self.is_crushed(&sample))
+            && (self.counters.jammed_stages > jammed || self.is_held())
         {
             // There is no motion that the contacts admit: the layer stays where it is.
             self.counters.jammed_steps_running = self.jam_steps();
@@ -261,11 +263,37 @@ impl Simulation {
         Ok(sample)
     }
 
-    /// Whether springs cannot hold the spheres of a layer apart that has as many contacts as a rigid one: three per sphere, where friction
-    /// acts, make a network that bears any load. Harder springs would not let it flow.
-    fn is_crushed(&self, sample: &Sample) -> bool {
-        matches!(&self.scheme, Scheme::Laws { laws, .. } if laws.is_soft())
-            && 2 * sample.contacts as usize >= 3 * self.params.spheres
+    /// Whether contacts hold the layer: whether loaded ones that do not slide take away as many motions as the spheres have that bear on two
+    /// others or more (Maxwell's count). Such a network bears any load, and harder contacts would not let it flow.
+    fn is_held(&self) -> bool {
+        let Scheme::Laws { laws, .. } = &self.scheme else {
+            return false;
+        };
+        let halted = match laws.tangential.halts() {
+            Halt::SlipAndRotation => 2,
+            Halt::IsolatedSlip | Halt::SpringSlip | Halt::Slip => 1,
+        };
+        let contacts = self.stage.contacts.list.iter();
+        let loaded = || {
+            contacts
+                .clone()
+                .filter(|contact| contact.normal_force > 0.0)
+        };
+        let mut partners = vec![0; self.params.spheres];
+        for contact in loaded() {
+            partners[contact.pair.i] += 1;
+            partners[contact.pair.j] += 1;
+        }
+        let bears = |sphere: usize| partners[sphere] > 1;
+        let taken: usize = loaded()
+            .filter(|contact| bears(contact.pair.i) && bears(contact.pair.j))
+            .map(|contact| match contact.state {
+                ContactState::Rolling => 1 + halted,
+                ContactState::Frictionless | ContactState::Slipping => 1,
+            })
+            .sum();
+        let spheres = (0..partners.len()).filter(|&sphere| bears(sphere)).count();
+        spheres > 0 && taken >= 3 * spheres
     }
 
     /// Moves the state over `dt`; where a gap falls too low on the way, in two halves, each halved at most `halvings - 1` times. What then
@@ -314,132 +342,6 @@ impl Simulation {
                 self.stage.assemble(&cell, &state.centres)
             }
             whole => whole,
-        }
-    }
-
-    /// One right-hand side; the layer is sampled at the first of a step.
-    fn stage(
-        &mut self,
-        stage: Stage,
-        centres: &[Vec2],
-        velocities: &mut [f64],
-        sample: &mut Option<Sample>,
-    ) -> Result<(), Error> {
-        let cell = self.cell_at(stage.time)?;
-        let first = stage.number == 0;
-        let mut pass = Pass::First;
-        if first {
-            // A run that is resumed here then has the same bits.
-            self.stage.begin_step();
-            if sample.is_none() && self.samples_apart(&stage) {
-                *sample = Some(self.sample_apart(stage, &cell, centres)?);
-                pass = Pass::Again;
-            }
-        }
-        let quality = self.solve_driven(stage, &cell, centres, pass)?;
-        self.count(quality);
-        if first && !self.counted {
-            self.counted = true;
-            let stress = self.stress_of_stage();
-            self.count_first(stress.viscosity, quality.jammed);
-            match sample {
-                Some(sample) => sample.counters = self.counters,
-                None => *sample = Some(self.measure(stage.time, &stress)),
-            }
-        }
-        let (background, solver) = (self.background, &self.stage);
-        for ((u, v), &x) in velocities
-            .chunks_exact_mut(3)
-            .zip(solver.velocities().chunks_exact(3))
-            .zip(centres)
-        {
-            let flow = background.velocity(x);
-            u[0] = v[0] + flow.x;
-            u[1] = v[1] + flow.y;
-            u[2] = v[2] + background.angular_velocity;
-        }
-        Ok(())
-    }
-
-    /// The contact problem of a stage and its motion, at the rate or the stress that is imposed.
-    fn solve_driven(
-        &mut self,
-        stage: Stage,
-        cell: &Cell,
-        centres: &[Vec2],
-        pass: Pass,
-    ) -> Result<Quality, Error> {
-        match &self.drive {
-            Drive::Rate => self.solve(stage, cell, centres, pass),
-            Drive::Stress { .. } => self.solve_at_stress(stage, cell, centres, pass),
-        }
-    }
-
-    /// The contact problem of a stage and its motion.
-    fn solve(
-        &mut self,
-        stage: Stage,
-        cell: &Cell,
-        centres: &[Vec2],
-        pass: Pass,
-    ) -> Result<Quality, Error> {
-        let (background, solver) = (self.background, &mut self.stage);
-        if pass == Pass::First {
-            solver.assemble(cell, centres)?;
-        }
-        let surface = self.drive.surface(&self.params);
-        match (&mut self.scheme, &mut self.memory) {
-            (Scheme::Laws { laws, first }, SchemeMemory::Laws(memory)) => {
-                let phase = match (laws.is_soft(), stage.number) {
-                    (false, _) => Phase::Alone,
-                    (true, 0) => Phase::First,
-                    (true, _) => Phase::Second,
-                };
-                let span = Span {
-                    time: stage.span,
-                    phase,
-                    first,
-                };
-                let contact = Contact::Laws { laws, span, memory };
-                let quality = if pass == Pass::First {
-                    solver.solve(&background, &[], contact)?
-                } else if laws.repulsion.is_some() {
-                    // Its slope is a part of the matrix that was factored.
-                    solver.assemble(cell, centres)?;
-                    solver.solve(&background, &[], contact)?
-                } else {
-                    solver.solve_again(&background, contact)?
-                };
-                if phase == Phase::First {
-                    first.clear();
-                    first.extend_from_slice(solver.velocities());
-                }
-                Ok(quality)
-            }
-            (_, SchemeMemory::Procedure { listed, velocities }) => {
-                if pass == Pass::First {
-                    if stage.number == 0 && !velocities.is_empty() {
-                        let roughness = self.params.roughness;
-                        listed.add_approaching(
-                            &solver.resistance,
-                            &background,
-                            roughness,
-                            velocities,
-                        );
-                    }
-                    self.listed_before.pairs.clone_from(&listed.pairs);
-                    let contact = Contact::Procedure { surface, listed };
-                    solver.solve(&background, &[], contact)
-                } else {
-                    // A solve drops pairs from the list.
-                    listed.pairs.clone_from(&self.listed_before.pairs);
-                    let contact = Contact::Procedure { surface, listed };
-                    solver.solve_again(&background, contact)
-                }
-            }
-            (Scheme::Procedure, SchemeMemory::Laws(_)) => {
-                unreachable!("snapshots are checked against the parameters")
-            }
         }
     }
 

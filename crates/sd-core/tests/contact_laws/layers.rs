@@ -228,3 +228,24 @@ fn soft_becomes_rigid_as_stiffness_grows() {
         );
     }
 }
+
+#[test]
+fn soft_layer_that_its_contacts_hold_ends_as_jammed() {
+    // Springs are crushed where ν = 10 lets nothing slide: spheres overlap more than is admitted.
+    let held = Params {
+        spheres: 50,
+        area_fraction: 0.76,
+        friction: 10.0,
+        shear_rate: 10.0,
+        size_ratio: 1.0,
+        time_step: 0.01,
+        ..params(spring(1e4, TangentialLaw::Coulomb))
+    };
+    let mut simulation = Simulation::new(&held, 1, &NearFields::default()).unwrap();
+    let steps = (0..100).find(|_| {
+        simulation.step().unwrap();
+        simulation.flow() == Flow::Jammed
+    });
+    assert!(steps.is_some(), "{:?}", simulation.counters());
+    assert_eq!(simulation.counters().jammed_stages, 0);
+}

@@ -4,7 +4,8 @@
 //! already, so that the viscosity of a step's own first stage is too high by about the step: 3 % at 0.025. A sample of rigid contacts
 //! therefore solves the contact problem once more, looking ahead by [`SAMPLE_SPAN`]. The motion knows nothing of it.
 
-use super::{Pass, Sample, Scheme, SchemeMemory, Simulation};
+use super::drive::Pass;
+use super::{Sample, Scheme, SchemeMemory, Simulation};
 use crate::contact::Quality;
 use crate::error::Error;
 use crate::geometry::cell::Cell;
