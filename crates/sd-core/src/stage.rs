@@ -2,6 +2,7 @@
 
 mod method;
 
+pub(crate) use method::ContactKind;
 pub use method::{Method, memory_bytes};
 
 use crate::contact::laws::{Laws, Span};

@@ -10,7 +10,7 @@ use crate::geometry::modes::{Background, Vec2, strain_tensor};
 use crate::hydrodynamics::resistance::NearFields;
 use crate::model::Surface;
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
-use crate::stage::{Contact as StageContact, Method, StageSolver};
+use crate::stage::{Contact as StageContact, ContactKind, Method, StageSolver};
 use crate::stress::{Stress, StressWork};
 use nalgebra::Vector3;
 
@@ -214,11 +214,12 @@ pub fn solve(
         .zip(&configuration.torques)
         .flat_map(|(f, &t)| [f.x, f.y, t])
         .collect();
-    let procedure = matches!(
-        request,
-        ContactRequest::Listed { .. } | ContactRequest::Procedure { .. }
-    );
-    let method = Method::of_instant(*hydrodynamics, cell, radii, procedure);
+    let contacts = match request {
+        ContactRequest::Listed { .. } | ContactRequest::Procedure { .. } => ContactKind::Procedure,
+        ContactRequest::Laws { laws, .. } if laws.is_soft() => ContactKind::Soft,
+        ContactRequest::None | ContactRequest::Laws { .. } => ContactKind::Rigid,
+    };
+    let method = Method::of_instant(*hydrodynamics, cell, radii, contacts);
     let mut stage = method.solver(*hydrodynamics, cell, radii, tables, &[])?;
     if hydrodynamics.admits_overlap() {
         stage.resistance.regularise(0.0, f64::INFINITY);

@@ -15,6 +15,8 @@ const LEAST_PAIRWISE: usize = 100;
 /// Spheres from which on Stokesian Dynamics costs less with the far field iterated, up to an area fraction: near jamming the iteration takes
 /// longer, and above it need not end. Measured in runs under every law, see `scripts/bench`.
 const LEAST_ITERATED: [(f64, usize); 3] = [(0.72, 250), (0.78, 400), (f64::INFINITY, 1600)];
+/// The same where contacts are soft: the iteration need not end where spheres overlap by much of their roughness.
+const LEAST_ITERATED_SOFT: [(f64, usize); 1] = [(0.72, 800)];
 
 /// How a stage is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,29 +29,39 @@ pub enum Method {
     Iterated,
 }
 
+/// What keeps spheres apart, as far as it matters here.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ContactKind {
+    /// The paper's steps.
+    Procedure,
+    /// Rigid contacts, or none.
+    Rigid,
+    /// Contacts that give way.
+    Soft,
+}
+
 impl Method {
     /// What costs least for runs with these parameters.
     pub fn of(params: &Params) -> Self {
-        let procedure = params.contact == ContactScheme::Procedure;
+        let kind = match params.contact {
+            ContactScheme::Procedure => ContactKind::Procedure,
+            ContactScheme::Laws(laws) if laws.is_soft() => ContactKind::Soft,
+            ContactScheme::Rigid | ContactScheme::Laws(_) => ContactKind::Rigid,
+        };
         let area_fraction = params.area_fraction;
-        Self::choose(
-            params.hydrodynamics,
-            params.spheres,
-            area_fraction,
-            procedure,
-        )
+        Self::choose(params.hydrodynamics, params.spheres, area_fraction, kind)
     }
 
     /// What costs least for a single instant.
-    pub fn of_instant(
+    pub(crate) fn of_instant(
         hydrodynamics: Hydrodynamics,
         cell: &Cell,
         radii: &[f64],
-        procedure: bool,
+        contacts: ContactKind,
     ) -> Self {
         cell.area().map_or(Self::Dense, |area| {
             let discs: f64 = radii.iter().map(|a| PI * a * a).sum();
-            Self::choose(hydrodynamics, radii.len(), discs / area, procedure)
+            Self::choose(hydrodynamics, radii.len(), discs / area, contacts)
         })
     }
 
@@ -58,14 +70,16 @@ impl Method {
         hydrodynamics: Hydrodynamics,
         spheres: usize,
         area_fraction: f64,
-        procedure: bool,
+        contacts: ContactKind,
     ) -> Self {
-        let least = LEAST_ITERATED
-            .iter()
-            .find(|(most, _)| area_fraction <= *most);
+        let table: &[(f64, usize)] = match contacts {
+            ContactKind::Soft => &LEAST_ITERATED_SOFT,
+            ContactKind::Procedure | ContactKind::Rigid => &LEAST_ITERATED,
+        };
+        let least = table.iter().find(|(most, _)| area_fraction <= *most);
         let iterates = least.is_some_and(|&(_, least)| spheres >= least);
         match hydrodynamics {
-            _ if procedure => Self::Dense,
+            _ if contacts == ContactKind::Procedure => Self::Dense,
             Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_)
                 if spheres >= LEAST_PAIRWISE =>
             {

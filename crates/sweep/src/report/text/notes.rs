@@ -128,8 +128,11 @@ fn list<'p>(
 
 /// A point by the axes that tell it from the others.
 fn name(report: &Report, point: &Point, columns: &[&'static Axis]) -> String {
+    // Where the stress is imposed the rate is a result.
+    let is_result = |axis: &Axis| axis.is_shear_rate() && point.params.shear_stress.is_some();
     let words: Vec<String> = columns
         .iter()
+        .filter(|axis| !is_result(axis))
         .map(|axis| {
             let value = report.words_of(axis).value(&point.params);
             format!("{} {value}", axis.symbol)
