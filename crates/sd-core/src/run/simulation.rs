@@ -87,8 +87,6 @@ pub struct Simulation {
     frame: Option<Box<Frame>>,
     /// Whether the step under way is sampled with a contact problem of its own.
     sampling: bool,
-    /// Whether the step under way has counted its first stage.
-    counted: bool,
     /// What contacts remembered before the layer was sampled.
     unsampled: ContactMemory,
 }
@@ -193,7 +191,6 @@ impl Simulation {
             },
             frame: None,
             sampling: false,
-            counted: false,
             unsampled,
         })
     }
@@ -222,7 +219,6 @@ impl Simulation {
     }
 
     fn one_step(&mut self) -> Result<Sample, Error> {
-        self.counted = false;
         let (time, dt) = (self.strain(), self.params.time_step);
         let mut sample = None;
         let jammed = self.counters.jammed_stages;

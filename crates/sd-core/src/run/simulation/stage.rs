@@ -21,19 +21,20 @@ impl Simulation {
     ) -> Result<(), Error> {
         let cell = self.cell_at(stage.time)?;
         let first = stage.number == 0;
+        // Not of a step that is done again in halves.
+        let sampled = first && sample.is_none();
         let mut pass = Pass::First;
         if first {
             // A run that is resumed here then has the same bits.
             self.stage.begin_step();
-            if sample.is_none() && self.samples_apart(&stage) {
+            if sampled && self.samples_apart(&stage) {
                 *sample = Some(self.sample_apart(stage, &cell, centres)?);
                 pass = Pass::Again;
             }
         }
         let quality = self.solve_driven(stage, &cell, centres, pass)?;
         self.count(quality);
-        if first && !self.counted {
-            self.counted = true;
+        if sampled {
             let stress = self.stress_of_stage();
             self.count_first(stress.viscosity, quality.jammed);
             match sample {
