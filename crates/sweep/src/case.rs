@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Raised whenever the same parameters and seed give other numbers than before: old results then keep their old keys.
-pub const PHYSICS_VERSION: u32 = 6;
+pub const PHYSICS_VERSION: u32 = 7;
 
 /// One run of a campaign.
 #[derive(Debug, Clone, PartialEq)]
