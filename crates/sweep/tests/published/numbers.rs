@@ -19,7 +19,7 @@ pub(crate) struct Number {
 }
 
 impl Number {
-    /// Whether it is this one, to its own digits.
+    /// Whether it is this one of a table: with the same digits, or rounded to three or more.
     pub(crate) fn is(&self, other: &Self) -> bool {
         let value = if self.signed {
             other.value
@@ -31,13 +31,23 @@ impl Number {
             (Some(_), None) => false,
             (Some(one), Some(other)) => near(one, other),
         };
-        self.percent == other.percent && half && near((self.value, self.last), (value, other.last))
+        let enough = other.last == self.last || self.digits() >= 3 || self.half.is_some();
+        self.percent == other.percent
+            && half
+            && enough
+            && near((self.value, self.last), (value, other.last))
+    }
+
+    /// How many digits it has, without zeros before them.
+    fn digits(&self) -> i32 {
+        #[expect(clippy::cast_possible_truncation, reason = "a decimal exponent")]
+        let first = self.value.abs().max(1e-300).log10().floor() as i32;
+        first - self.last + 1
     }
 }
 
 /// Whether the first number is the second one, which has as many digits or more, rounded.
 pub(crate) fn near((one, last): (f64, i32), (other, finer): (f64, i32)) -> bool {
-    // The other has been rounded itself; 7.5 may have been 7.46, which is no 8.
     let slack = if finer < last {
         0.5 * 10_f64.powi(last)
     } else {

@@ -1,16 +1,15 @@
 //! Numbers quoted in sentences, held against the tables beside them.
 //!
-//! Every number in a sentence must stand in a table of its section, or of a section or page that the section links to: to the digits
-//! that are quoted, a share in per cent as one in per cent, `7.0 ± 0.3` as a number with that interval, a sign if there is one. Not
-//! looked for are
+//! Every number in a sentence must stand in a table of its section, or of a section or page that the sentence links to: to three digits or
+//! more, or to those that the table has; a share in per cent as one in per cent, `7.0 ± 0.3` as a number with that interval, a sign if
+//! there is one. Not looked for are
 //!
 //! - sentences that begin with one of [`OUTSIDE`]: they quote others, and may not speak of ours;
 //! - `symbol = number` (and a list that follows, `c = 0.70, 0.72 and 0.74`) where the campaigns of the section have these values on that
 //!   axis; likewise `200 spheres`, and `8 seeds` or `runs` as a point has them;
 //! - ratios of sizes written as `1 : 1.4`, numbers of figures, equations and versions of the physics, names, and what is set as code.
 //!
-//! What this cannot see is a number that stands in another cell than the one that is meant. So a sentence that quotes a number says where
-//! it stands, and has as many of its digits as its neighbours in the table need.
+//! What this cannot see is a number that stands in another cell than the one that is meant.
 
 use crate::numbers::{JOINTS, Number, near, numbers};
 use crate::pivot::Results;
@@ -57,20 +56,19 @@ fn anchor(title: &str) -> String {
         .collect()
 }
 
-/// Where the links of a text lead.
-fn links(text: &str) -> impl Iterator<Item = &str> {
-    text.split("](")
-        .skip(1)
-        .filter_map(|after| after.split(')').next())
-}
-
 /// The lines of tables in a text.
 fn table_lines(text: &str) -> impl Iterator<Item = &str> {
     text.lines().filter(|line| line.starts_with('|'))
 }
 
-/// The sentences of a text: without tables, headings, comments, code and where links lead.
-fn sentences(text: &str) -> Vec<String> {
+/// A sentence, and where its links lead.
+struct Sentence {
+    words: String,
+    links: Vec<String>,
+}
+
+/// The sentences of a text: without tables, headings, comments and code.
+fn sentences(text: &str) -> Vec<Sentence> {
     let mut all = Vec::new();
     let mut paragraph = String::new();
     let mut is_fenced = false;
@@ -80,7 +78,7 @@ fn sentences(text: &str) -> Vec<String> {
         is_fenced ^= is_fence;
         let begins = line.is_empty() || line.starts_with("- ") || !is_prose;
         if begins && !paragraph.is_empty() {
-            all.extend(split(&plain(&std::mem::take(&mut paragraph))));
+            all.extend(split(&std::mem::take(&mut paragraph)));
         }
         if is_prose && !line.is_empty() {
             paragraph.push_str(line.trim_start_matches("- ").trim());
@@ -90,38 +88,45 @@ fn sentences(text: &str) -> Vec<String> {
     all
 }
 
-/// A paragraph without marks of emphasis, code and the targets of links.
-fn plain(text: &str) -> String {
-    let mut words = String::new();
-    for (at, part) in text.split('`').enumerate() {
-        words.push_str(if at % 2 == 0 { part } else { "CODE" });
+/// Sentences of a paragraph: after a full stop another begins with a capital letter or a quotation.
+fn split(paragraph: &str) -> Vec<Sentence> {
+    let mut text = String::new();
+    for (at, part) in paragraph.split('`').enumerate() {
+        text.push_str(if at % 2 == 0 { part } else { "CODE" });
     }
-    let mut parts = words.split("](");
-    let mut text = parts.next().unwrap_or_default().to_owned();
-    for part in parts {
-        text.push_str(part.split_once(')').map_or("", |(_, after)| after));
-    }
-    text.replace("**", "").replace('[', "")
-}
-
-/// Sentences of a plain text: after a full stop, a colon does not count, another begins with a capital letter or a sign.
-fn split(text: &str) -> Vec<String> {
     let mut all = Vec::new();
-    let mut rest = text.trim();
-    let mut from = 0;
+    let (mut rest, mut from) = (text.trim(), 0);
     while let Some(found) = rest[from..].find(". ") {
         let end = from + found + 1;
-        let next = rest[end..].trim_start().chars().next();
+        let next = rest[end..]
+            .trim_start_matches([' ', '*', '['])
+            .chars()
+            .next();
         if next.is_some_and(|c| c.is_uppercase() || c == '"') {
-            all.push(rest[..end].to_owned());
-            rest = rest[end..].trim_start();
-            from = 0;
+            all.push(sentence(&rest[..end]));
+            (rest, from) = (rest[end..].trim_start(), 0);
         } else {
             from = end;
         }
     }
-    all.push(rest.to_owned());
+    all.push(sentence(rest));
     all
+}
+
+/// A sentence without marks of emphasis, and with its links apart.
+fn sentence(text: &str) -> Sentence {
+    let mut parts = text.split("](");
+    let mut words = parts.next().unwrap_or_default().to_owned();
+    let mut links = Vec::new();
+    for part in parts {
+        let (link, after) = part.split_once(')').unwrap_or((part, ""));
+        links.push(link.to_owned());
+        words.push_str(after);
+    }
+    Sentence {
+        words: words.replace("**", "").replace('[', ""),
+        links,
+    }
 }
 
 /// What numbers of a section are held against.
@@ -213,20 +218,22 @@ fn unknown(sentence: &str, known: &Known) -> Vec<String> {
             Vec::new()
         };
     }
-    let mut is_reference = vec![false; all.len()];
+    // Whole numbers after a word such as `figures`, and those that go on with its list.
+    let mut cited = vec![false; all.len()];
     for at in 0..all.len() {
         let lower = before(at).to_lowercase();
-        let is_ratio = |text: &str| text.trim_matches(' ') == ":";
-        let of_sizes = at + 1 < all.len() && is_ratio(&sentence[all[at].end..all[at + 1].start])
-            || at > 0 && is_ratio(&sentence[all[at - 1].end..all[at].start]);
-        let in_list =
-            at > 0 && is_joined(at - 1) && is_plain(at) && is_reference[at - 1] && !of_sizes;
-        is_reference[at] =
-            of_sizes || in_list || REFERENCES.iter().any(|word| lower.ends_with(word));
+        let in_list = at > 0 && cited[at - 1] && is_joined(at - 1) && is_plain(at);
+        let is_cited = in_list || REFERENCES.iter().any(|word| lower.ends_with(word));
+        cited[at] = is_cited && all[at].last == 0;
     }
+    let is_ratio = |one: usize, two: usize| {
+        two < all.len() && sentence[all[one].end..all[two].start].trim_matches(' ') == ":"
+    };
+    let of_sizes = |at: usize| is_ratio(at, at + 1) || at > 0 && is_ratio(at - 1, at);
     let is_known = |at: &usize| {
         let number = &all[*at];
-        is_reference[*at]
+        cited[*at]
+            || of_sizes(*at)
             || known.has(&named[*at], number)
             || known.has(&counted[*at], number)
             || known.tables.iter().any(|other| number.is(other))
@@ -243,35 +250,41 @@ pub(crate) fn not_found(page: &str, folder: &Path) -> Result<Vec<String>, String
     let all = sections(page);
     let mut missing = Vec::new();
     for section in &all {
-        let mut pages = Vec::new();
-        let mut texts = vec![section.text];
-        for link in links(section.text) {
-            if let Some(wanted) = link.strip_prefix('#') {
-                texts.extend(
-                    all.iter()
-                        .filter(|other| anchor(other.title) == wanted)
-                        .map(|other| other.text),
-                );
-            } else if let Some((file, _)) = link
-                .split_once(".md")
-                .filter(|(file, _)| !file.contains(".."))
-            {
-                let path = folder.join(format!("{file}.md"));
-                pages.push(
-                    std::fs::read_to_string(&path)
-                        .map_err(|error| format!("{file}.md: {error}"))?,
-                );
-            }
-        }
-        texts.extend(pages.iter().map(String::as_str));
-        let known = Known::of(&texts, folder)?;
+        let own = Known::of(&[section.text], folder)?;
         for sentence in sentences(section.text) {
-            for number in unknown(&sentence, &known) {
-                missing.push(format!("{}: {number} in {sentence:?}", section.title));
+            let mut unknown = unknown(&sentence.words, &own);
+            if !unknown.is_empty() && !sentence.links.is_empty() {
+                let mut texts = vec![section.text.to_owned()];
+                for link in &sentence.links {
+                    texts.extend(linked(link, &all, folder)?);
+                }
+                let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
+                unknown = self::unknown(&sentence.words, &Known::of(&texts, folder)?);
             }
+            let place = section.title;
+            let told = unknown
+                .iter()
+                .map(|number| format!("{place}: {number} in {:?}", sentence.words));
+            missing.extend(told);
         }
     }
     Ok(missing)
+}
+
+/// The section or the page of this folder that a link leads to, if it leads to one.
+fn linked(link: &str, all: &[Section<'_>], folder: &Path) -> Result<Option<String>, String> {
+    if let Some(wanted) = link.strip_prefix('#') {
+        let section = all.iter().find(|section| anchor(section.title) == wanted);
+        let section = section.ok_or_else(|| format!("no section is linked by {link}"))?;
+        return Ok(Some(section.text.to_owned()));
+    }
+    match link.split_once(".md") {
+        Some((file, _)) if !file.contains("..") => {
+            let page = std::fs::read_to_string(folder.join(format!("{file}.md")));
+            page.map(Some).map_err(|error| format!("{link}: {error}"))
+        }
+        _ => Ok(None),
+    }
 }
 
 /// Numbers of a text that do not stand in another one.
@@ -295,7 +308,7 @@ mod tests {
         std::fs::write(folder.path().join("some.csv"), file).unwrap();
         let page = format!(
             "# Page\n\nNumbers 17 of the beginning.\n\n## First\n\n{prose}\n\n<!-- table: some | rows: friction -->\n| ν | η |\n| --- | --- |\n\
-             | 0.3 | 7.77 ± 0.27 |\n| 1 | -1.64 % |\n| 2 | 0.0016 (9) |\n<!-- end -->\n\n## Second part\n\n| 42.5 |\n"
+             | 0.3 | 7.77 ± 0.27 |\n| 1 | -1.64 % |\n| 2 | 0.0016 (9) |\n| 3 | 12.34 |\n<!-- end -->\n\n## Second part\n\n| 42.5 |\n"
         );
         let all = not_found(&page, folder.path()).unwrap();
         all.iter()
@@ -313,9 +326,9 @@ mod tests {
     #[test]
     fn numbers_of_the_tables_are_found_to_the_digits_quoted() {
         for prose in [
-            "Of 7.8, -2 and -1.6 % or 9, -2 % the first is none, nor is 9.",
-            "It is 7.8, or 7.77 ± 0.27, with 0.002 and 9 more.",
-            "- A fall by 1.6 %,\n  which is -2 %.",
+            "Of 7.77, -1.64 and -1.64 % or 9, -1.64 % the first is none, nor is 9.",
+            "It is 7.77, or 7.8 ± 0.3, with 0.0016 and 9 more; 12.3 is 12.34.",
+            "- A fall by 1.64 %,\n  which is -1.64 %.",
             "At ν = 0.3 to 1, 50 spheres, 8 seeds: 16 runs failed; h is no axis here.",
             "Sizes 1 : 1.4 or 1:0.5, fig. 12 and eq. (20) by physics 5; `time_step = 0.01`; N1 in 3D.",
             "The paper has 99 %. As in the paper 98 %.",
@@ -328,18 +341,24 @@ mod tests {
     #[test]
     fn numbers_of_no_table_are_named() {
         for (prose, wanted) in [
-            ("It is 7.9.", "7.9"),
+            ("It is 7.78.", "7.78"),
+            ("It is 12.4.", "12.4"),
+            // Two digits of three, or of four, could be those of many others.
+            ("It is 7.8.", "7.8"),
+            ("It is 12.", "12"),
             ("It is 7.770.", "7.770"),
             ("It is 7.77 ± 0.28.", "7.77 ± 0.28"),
             // Of another kind or sign.
-            ("A rise by +1.6 %.", "+1.6"),
-            ("A fall by 7.8 %.", "7.8"),
+            ("A rise by +1.64 %.", "+1.64"),
+            ("A fall by 7.77 %.", "7.77"),
             ("It is 1.64.", "1.64"),
             // No value of that axis, and none that goes on with its list.
             ("At ν = 0.5.", "0.5"),
             ("At ν = 0.3, 12 are left.", "12"),
             ("With 60 spheres.", "60"),
             ("In 5 runs.", "5"),
+            ("Sizes 1 : 1.4, 201 spheres.", "201"),
+            ("In figures 2 to 5, 7.78.", "7.78"),
             ("Of another section: 42.5.", "42.5"),
             (
                 "Others differ. The paper, beside ours, has 99.",
