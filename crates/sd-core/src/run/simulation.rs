@@ -341,7 +341,8 @@ impl Simulation {
                 **laws = drive.laws(&self.params);
                 memory.copy_from(&self.remembered);
             }
-            if halvings == MOST_HALVINGS || !matches!(checked, Err(Error::Overlap { .. })) {
+            let helps = matches!(checked, Err(Error::Overlap { .. })) && !self.is_held();
+            if !helps || halvings == MOST_HALVINGS {
                 return checked;
             }
             halvings += 1;
@@ -380,7 +381,11 @@ impl Simulation {
         });
         match whole {
             // Smaller steps do not help where no motion is admitted.
-            Err(Error::Overlap { .. }) if halvings > 0 && self.counters.jammed_stages == jammed => {
+            Err(Error::Overlap { .. })
+                if halvings > 0
+                    && self.counters.jammed_stages == jammed
+                    && (holds_gaps || !self.is_held()) =>
+            {
                 let half = 0.5 * dt;
                 self.advance(stepper, state, time, half, halvings - 1, sample)?;
                 self.advance(stepper, state, time + half, half, halvings - 1, sample)
