@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use sweep::axes::AXES;
-use sweep::data::fields;
+use sweep::report::sample_fields;
 use sweep::store::Checkpoint;
 use toml::Table;
 
@@ -307,7 +307,8 @@ impl Layer {
     /// Returns
     /// -------
     /// dict
-    ///     What was measured at its start: `strain`, `viscosity`, `contacts`, ..., by the names of the columns of `Store.samples`.
+    ///     What was measured at its start: `strain`, `viscosity`, `n1`, `n2`, `particle_pressure`, the stresses by their causes such as
+    ///     `shear_normal_contact`, `contacts`, ...: the columns of `Store.samples`.
     fn step<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sample = self.one_step(py, true)?;
         dict_of(py, &sample)
@@ -455,7 +456,7 @@ fn read_only(array: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
 fn dict_of<'py>(py: Python<'py>, sample: &Sample) -> PyResult<Bound<'py, PyDict>> {
     /// The keys, made once: they are the same for every sample.
     static KEYS: PyOnceLock<Vec<Py<PyString>>> = PyOnceLock::new();
-    let fields = fields(sample).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let fields = sample_fields(sample).map_err(|error| PyValueError::new_err(error.to_string()))?;
     let keys = KEYS.get_or_init(py, || {
         let names = fields.iter().map(|field| field.name.as_ref());
         names.map(|name| PyString::new(py, name).unbind()).collect()

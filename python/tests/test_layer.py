@@ -16,9 +16,7 @@ def test_a_layer_is_the_run_of_a_campaign(store, params):
     samples = store.samples(runs["key"][case])
     layer = sl.Layer({**params, "shear_rate": np.inf}, seed=2)
     mine = layer.shear(0.4, every=4)
-    # A table has the components of the stress beside their parts.
-    totals = ["n1", "n2", "particle_pressure"]
-    assert [name for name in samples.columns if name not in totals] == ["step", *mine[0]]
+    assert samples.columns == ["step", *mine[0]]
     np.testing.assert_allclose(samples["n1"], samples["normal_stress_difference"], rtol=1e-9, atol=1e-9)
     for name in mine[0]:
         theirs = samples[name]
@@ -79,6 +77,19 @@ def test_all_that_is_shown_belongs_to_one_instant(params):
     np.testing.assert_array_equal(layer.positions, plain.positions)
     assert layer.snapshot() == plain.snapshot()
     assert layer.stresslets.shape == (40, 3)
+
+
+def test_stresses_of_a_sample_are_the_sums_of_their_parts(params):
+    layer = sl.Layer({**params, "time_step": 0.01}, 1)
+    layer.shear(0.4)
+    sample = layer.sample()
+    causes = ["hydrodynamic", "normal_contact", "tangential_contact", "repulsion"]
+    for stress in ["n1", "n2", "particle_pressure"]:
+        parts = [sample[f"{stress}_{cause}"] for cause in causes]
+        assert sample[stress] == pytest.approx(sum(parts), rel=1e-12)
+    shear = [sample[f"shear_{cause}"] for cause in causes]
+    assert sample["viscosity"] == pytest.approx(1 + sum(shear), rel=1e-12)
+    assert sample["particle_pressure"] > 0 and sample["shear_normal_contact"] > 0
 
 
 def test_a_snapshot_goes_on_with_the_same_bits(params):

@@ -48,7 +48,7 @@ pub enum Error {
     },
     /// A cell in which a sphere could meet two images of one neighbour.
     #[error(
-        "the cell is {side:.4} wide along {direction}, less than {needed:.4}, twice the lubrication cut-off: use more spheres or a larger cell"
+        "the cell is {side:.4} wide along {direction}, less than {needed:.4}, twice the distance up to which pairs are looked for: use more spheres or a larger cell"
     )]
     CellTooSmall {
         /// `x` or `y`.

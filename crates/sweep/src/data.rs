@@ -166,10 +166,11 @@ fn rows(table: &[DataColumn]) -> impl Iterator<Item = impl Iterator<Item = Strin
 ///
 /// # Errors
 /// [`Unfit`] if a record has something that is no cell.
-pub fn numbered<R: serde::Serialize>(
+pub fn numbered<R>(
     number: &'static str,
     records: &[(u64, R)],
     like: &R,
+    fields: impl Fn(&R) -> Result<Vec<Field>, Unfit>,
 ) -> Result<Vec<DataColumn>, Unfit> {
     let rows = records.len();
     let mut numbers = DataColumn::named(number, Kind::Count, rows);
@@ -200,7 +201,7 @@ mod tests {
             contacts: 7,
             ..Sample::default()
         };
-        let table = numbered("step", &[(40, sample)], &sample).unwrap();
+        let table = numbered("step", &[(40, sample)], &sample, fields).unwrap();
         let cells = |name: &str| &table.iter().find(|c| c.name == name).unwrap().cells;
         assert_eq!(*cells("step"), Cells::Count(vec![Some(40)]));
         assert_eq!(*cells("contacts"), Cells::Count(vec![Some(7)]));
@@ -208,7 +209,7 @@ mod tests {
         let infinite = Cells::Number(vec![Some(f64::INFINITY)]);
         assert_eq!(*cells("minimum_gap"), infinite);
         assert_eq!(*cells("minimum_gap_so_far"), infinite);
-        let none = numbered("step", &[], &sample).unwrap();
+        let none = numbered("step", &[], &sample, fields).unwrap();
         assert_eq!(none.len(), table.len());
         assert!(none.iter().all(|column| column.cells.is_empty()));
     }

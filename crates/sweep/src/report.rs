@@ -16,6 +16,7 @@ mod text;
 mod tidy;
 mod units;
 
+pub use crate::stresses::sample_fields;
 pub use columns::Columns;
 pub use error::ReportError;
 pub(crate) use figure::chart;

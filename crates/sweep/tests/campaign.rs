@@ -270,11 +270,19 @@ fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
     sweep(at, &[&["report", "small.toml"], &flow[..]].concat()).success();
     let drawn = std::fs::read_to_string(at.join("flow.svg")).unwrap();
     assert!(!drawn.contains("NaN"));
+}
+
+#[test]
+fn runs_begin_where_those_of_another_store_ended() {
+    let imposed = CAMPAIGN.replace("shear_rate = [0.1, inf]", "shear_stress = [0.3, 3.0]");
+    let directory = directory_with(&imposed);
+    let at = directory.path();
+    sweep(at, &["run", "small.toml", "--quiet"]).success();
     // Sheared on from there, and back: seed by seed.
     let second = imposed
         .replace("\"small\"", "\"second\"")
         .replace("[0.3, 3.0]", "1.0\ndirection = [1, -1]\nstart = { store = \"results/small.sqlite\", point = { shear_stress = 3.0 } }");
-    std::fs::write(at.join("second.toml"), second).unwrap();
+    std::fs::write(at.join("second.toml"), &second).unwrap();
     sweep(at, &["run", "second.toml", "--quiet"]).success();
     let output = sweep(at, &["report", "second.toml", "--json"]).success();
     let report: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
@@ -285,6 +293,32 @@ fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
     for point in points {
         assert_eq!(point["seeds"], 2);
         assert!(point["start"].as_u64().unwrap() > 0);
+    }
+    let second = second.replace("\"second\"", "\"third\"");
+    for (from, to, said) in [
+        (
+            "stress = 3.0 }",
+            "stress = 2.0 }",
+            "finished runs there have `shear_stress` = 0.3, 3",
+        ),
+        (
+            ", point = { shear_stress = 3.0 }",
+            "",
+            "they differ in `shear_stress`",
+        ),
+        ("seeds = 2", "seeds = 3", "has seed 3"),
+        ("spheres = ", "spheres = 1", "does not go with `spheres`"),
+        ("small.sqlite", "none.sqlite", "there is no such file"),
+    ] {
+        assert!(second.contains(from), "{from}: {second}");
+        std::fs::write(at.join("third.toml"), second.replace(from, to)).unwrap();
+        let refused = sweep(at, &["run", "third.toml"]).code(2);
+        let told = String::from_utf8_lossy(&refused.get_output().stderr).replace("\n  │ ", " ");
+        assert!(
+            told.contains(said) && told.contains("third.toml:"),
+            "{told}"
+        );
+        assert!(!at.join("results/third.sqlite").exists());
     }
 }
 

@@ -52,7 +52,7 @@ impl NeighbourList {
         &self.pairs
     }
 
-    /// Finds all pairs with `2r/(a_i + a_j) < range`, and checks that none overlaps (soft ones: too deeply).
+    /// Finds all pairs with `2r/(a_i + a_j) < range`, and checks that none overlaps (soft ones: too deeply, or with one centre).
     ///
     /// In a periodic cell the range must not exceed [`crate::cell::LUBRICATION_RANGE`] and the cell must pass [`Cell::check_range`].
     ///
@@ -68,7 +68,8 @@ impl NeighbourList {
         if !self.find_by_kept_pairs(cell, centres, radii, range) {
             self.find(cell, centres, radii, range);
         }
-        match self.pairs.iter().find(|pair| pair.gap <= -self.deepest) {
+        let too_near = |pair: &&Neighbours| pair.gap <= -self.deepest || pair.distance == 0.0;
+        match self.pairs.iter().find(too_near) {
             Some(pair) => Err(pair.overlap()),
             None => Ok(()),
         }

@@ -112,7 +112,7 @@ pub fn check(params: &Params) -> Result<(), Error> {
         "spheres",
         params.spheres.to_string(),
         format!(
-            "at `area_fraction` = {} make a cell {side:.3} wide, less than {needed:.3}, twice the lubrication cut-off",
+            "at `area_fraction` = {} make a cell {side:.3} wide, less than {needed:.3}, twice the distance up to which pairs are looked for",
             params.area_fraction
         ),
         format!(

@@ -34,14 +34,19 @@ pub(super) fn layers(
     if !store.is_file() {
         return Err(unreadable(&"there is no such file"));
     }
-    let mut runs = finished(store).map_err(|error| unreadable(&error))?;
-    runs.retain(|run| {
-        let has = |(axis, value): &(&Axis, Value)| axis.value(&run.params).tag() == value.tag();
-        wanted.iter().all(has)
-    });
+    let all = finished(store).map_err(|error| unreadable(&error))?;
+    if all.is_empty() {
+        let message = format!("no run is finished in {}", store.display());
+        return Err([message, allowed()]);
+    }
+    let has =
+        |run: &Run, (axis, value): &(&Axis, Value)| axis.value(&run.params).tag() == value.tag();
+    let (runs, others): (Vec<Run>, Vec<Run>) = all
+        .into_iter()
+        .partition(|run| wanted.iter().all(|value| has(run, value)));
     let Some(first) = runs.first() else {
         let message = format!("no run of that point is finished in {}", store.display());
-        return Err([message, allowed()]);
+        return Err([message, there_are(&others, wanted)]);
     };
     let point: Vec<Tag> = identity(&first.params);
     if let Some(other) = runs.iter().find(|run| identity(&run.params) != point) {
@@ -77,6 +82,22 @@ pub(super) fn layers(
             ]),
         })
         .collect()
+}
+
+/// What runs have on the axes that a point is told by, the values of each in the order of the runs.
+fn there_are(runs: &[Run], wanted: &[(&'static Axis, Value)]) -> String {
+    let values = wanted.iter().map(|(axis, _)| {
+        let mut all: Vec<String> = Vec::new();
+        for run in runs {
+            let value = axis.value(&run.params).to_string();
+            if !all.contains(&value) {
+                all.push(value);
+            }
+        }
+        format!("`{}` = {}", axis.key, all.join(", "))
+    });
+    let values: Vec<String> = values.collect();
+    format!("finished runs there have {}", values.join("; "))
 }
 
 /// A number for the ends of all runs of a point, whatever their seeds.

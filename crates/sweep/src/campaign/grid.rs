@@ -120,6 +120,12 @@ impl Grid {
         }
     }
 
+    /// The values of the axis that is wanted, if it is written.
+    fn written(&self, is_wanted: impl Fn(&Axis) -> bool) -> Option<&Values> {
+        let place = AXES.iter().position(is_wanted)?;
+        self.axes[place].as_ref()
+    }
+
     /// The problem of an axis that must have a value.
     fn missing(&self, axis: &Axis) -> Problem {
         let message = format!("[[grid]] has no `{}`", axis.key);
@@ -188,11 +194,20 @@ impl Grid {
             .filter(|(_, means)| any && !means)
         {
             if let (Some(needs), Some(values)) = (axis.needs, written) {
-                new.push(Problem::at(
-                    &values.span,
-                    format!("`{}` has no meaning in this grid", axis.key),
-                    format!("take it out, or choose {}", needs()),
-                ));
+                let stress = self.written(Axis::is_shear_stress);
+                new.push(match stress.filter(|_| axis.is_shear_rate()) {
+                    Some(stress) => Problem::at(
+                        &values.span,
+                        "`shear_rate` and `shear_stress` are both imposed",
+                        "one of them in a grid: the other follows from the viscosity",
+                    )
+                    .also(&stress.span, "and here"),
+                    None => Problem::at(
+                        &values.span,
+                        format!("`{}` has no meaning in this grid", axis.key),
+                        format!("take it out, or choose {}", needs()),
+                    ),
+                });
             }
         }
         problems.append(&mut new);

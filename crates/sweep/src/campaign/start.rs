@@ -76,23 +76,26 @@ fn square([x, y]: [f64; 2]) -> Result<f64, String> {
 /// One frame of an extended XYZ file.
 struct Frame<'t> {
     comment: &'t str,
-    spheres: Vec<&'t str>,
+    /// Lines of spheres, each with its number in the file, from 1.
+    spheres: Vec<(usize, &'t str)>,
 }
 
 /// The last frame of a file.
 fn last_frame(text: &str) -> Result<Frame<'_>, String> {
-    let mut lines = text.lines();
+    let mut lines = (1..).zip(text.lines());
     let mut last = None;
-    while let Some(count) = lines.next() {
+    while let Some((line, count)) = lines.next() {
         if count.trim().is_empty() {
             continue;
         }
-        let n: usize = count
-            .trim()
-            .parse()
-            .map_err(|_| format!("is no XYZ file: {:?} is no number of spheres", short(count)))?;
-        let comment = lines.next().unwrap_or("");
-        let spheres: Vec<&str> = lines.by_ref().take(n).collect();
+        let n: usize = count.trim().parse().map_err(|_| {
+            format!(
+                "is no XYZ file: {:?} in line {line} is no number of spheres",
+                short(count)
+            )
+        })?;
+        let comment = lines.next().map_or("", |(_, comment)| comment);
+        let spheres: Vec<(usize, &str)> = lines.by_ref().take(n).collect();
         if spheres.len() < n {
             return Err(format!("ends after {} of {n} spheres", spheres.len()));
         }
@@ -125,17 +128,20 @@ fn value<'t>(comment: &'t str, key: &str) -> Option<&'t str> {
     None
 }
 
-/// Columns of a frame by their names: `species:S:1:pos:R:3` puts `pos` in columns 1 to 3.
-fn column(properties: &str, wanted: &str) -> Option<usize> {
-    let mut parts = properties.split(':');
-    let mut first = 0;
-    while let (Some(name), Some(_), Some(count)) = (parts.next(), parts.next(), parts.next()) {
-        if name == wanted {
-            return Some(first);
-        }
-        first += count.parse::<usize>().ok()?;
+/// Columns of a frame: the name and the first column of each property, and how many columns there are. `species:S:1:pos:R:3` has
+/// `pos` in columns 1 to 3 of 4.
+fn columns(properties: &str) -> Option<(Vec<(&str, usize)>, usize)> {
+    let parts: Vec<&str> = properties.split(':').collect();
+    let mut all = Vec::new();
+    let mut number = 0_usize;
+    for property in parts.chunks(3) {
+        let [name, _, count] = property else {
+            return None;
+        };
+        all.push((*name, number));
+        number = number.checked_add(count.parse().ok()?)?;
     }
-    None
+    Some((all, number))
 }
 
 fn from_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
@@ -149,11 +155,16 @@ fn from_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
     };
     let properties =
         value(frame.comment, "Properties").ok_or("has no `Properties` in its second line")?;
-    let place = |name: &str| {
-        column(properties, name).ok_or_else(|| format!("has no `{name}` in its `Properties`"))
+    let (columns, number_of_columns) = columns(properties)
+        .ok_or("has `Properties` that are no list of names, kinds and numbers of columns")?;
+    let column = |name: &str| {
+        let of_name = columns.iter().find(|column| column.0 == name);
+        of_name.map(|column| column.1)
     };
+    let place =
+        |name: &str| column(name).ok_or_else(|| format!("has no `{name}` in its `Properties`"));
     let (position, radius) = (place("pos")?, place("radius")?);
-    let angle = column(properties, "angle");
+    let angle = column("angle");
     let mut layer = StartLayer {
         side: square([x, y])?,
         offset,
@@ -163,13 +174,18 @@ fn from_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
         springs: Vec::new(),
         origin: None,
     };
-    for (sphere, line) in frame.spheres.iter().enumerate() {
-        let cells: Vec<&str> = line.split_whitespace().collect();
+    for (line, sphere) in &frame.spheres {
+        let cells: Vec<&str> = sphere.split_whitespace().collect();
+        if cells.len() != number_of_columns {
+            let found = cells.len();
+            return Err(format!(
+                "has {found} columns in line {line}, where its `Properties` have {number_of_columns}"
+            ));
+        }
         let number = |column: usize| -> Result<f64, String> {
             let cell = cells.get(column).copied().unwrap_or("");
             let number = cell.parse().ok().filter(|number: &f64| number.is_finite());
-            number
-                .ok_or_else(|| format!("has no number in column {} of sphere {sphere}", column + 1))
+            number.ok_or_else(|| format!("has no number in column {} of line {line}", column + 1))
         };
         layer
             .centres
@@ -256,8 +272,17 @@ mod tests {
             (good.replace("radius:R:1", "size:R:1"), "no `radius`"),
             (
                 good.replace("L 3.5", "L wide"),
-                "no number in column 2 of sphere 1",
+                "no number in column 2 of line 4",
             ),
+            (
+                good.replace("L 3.5", "L nan"),
+                "no number in column 2 of line 4",
+            ),
+            (
+                good.trim_end().rsplit_once(' ').unwrap().0.into(),
+                "columns in line 4, where its `Properties` have",
+            ),
+            (good.replace("pos:R:3", "pos:R"), "`Properties` that are no"),
             ("{\"centres\": 3}".into(), "is not a layer"),
         ] {
             let [message, allowed] = read_text("layer.xyz", &bad).unwrap_err();

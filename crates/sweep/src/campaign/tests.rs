@@ -343,6 +343,7 @@ fn faults_of_imposed_stress_and_of_start_layers_have_their_line() {
     );
     write("wide.json", &layer("[[1, 2]]", "[1]", 20.0));
     write("sizes.json", &layer("[[0, 0], [5, 0]]", "[1.2, 0.8]", side));
+    write("radii.json", &layer("[[0, 0], [5, 0]]", "[1]", side));
     write("overlap.json", &layer("[[0, 0], [1.9, 0]]", "[1, 1]", side));
     write("good.json", &layer("[[0, 0], [5, 0]]", "[1, 1]", side));
     let grid = |lines: &str, start: &str| {
@@ -385,7 +386,12 @@ fn faults_of_imposed_stress_and_of_start_layers_have_their_line() {
         (
             grid(&two, "\"overlap.json\""),
             4,
-            "spheres 0 and 1 have a gap of -1.000e-1",
+            "spheres 0 and 1, counted from 0, overlap: their gap is -0.1",
+        ),
+        (
+            grid(&two, "\"radii.json\""),
+            4,
+            "a layer of 2 spheres has 1 radii",
         ),
         (grid(&two, "\"nowhere.json\""), 4, "cannot be read"),
         (grid(&two, "3"), 4, "`start` cannot be of type integer"),
@@ -403,7 +409,7 @@ fn faults_of_imposed_stress_and_of_start_layers_have_their_line() {
         (
             imposed("shear_rate = 1"),
             10,
-            "`shear_rate` has no meaning in this grid",
+            "`shear_rate` and `shear_stress` are both imposed",
         ),
         (
             imposed("").replace("0.5, 2.0", "0, 2.0"),

@@ -130,6 +130,8 @@ struct Kind {
     contact: &'static str,
     /// Word of the tangential law.
     tangential: &'static str,
+    /// A step, in strain.
+    time_step: f64,
     /// Steps of a run.
     steps: u64,
     /// Number of runs to compute.
@@ -299,13 +301,21 @@ fn kinds(
         let (contact, tangential) = (word(p, "contact"), word(p, "tangential"));
         let hydrodynamics = p.hydrodynamics.word();
         let place = *place_of
-            .entry((p.spheres, hydrodynamics, contact, tangential, steps))
+            .entry((
+                p.spheres,
+                hydrodynamics,
+                contact,
+                tangential,
+                p.time_step.to_bits(),
+                steps,
+            ))
             .or_insert_with(|| {
                 kinds.push(Kind {
                     spheres: p.spheres,
                     hydrodynamics,
                     contact,
                     tangential,
+                    time_step: p.time_step,
                     steps,
                     cases: 0,
                     step_s: 0.0,

@@ -8,7 +8,7 @@ use crate::axes::{AXES, Axis, Kind, Value};
 use crate::csv_rows;
 use crate::data::{Cells, DataColumn, ParquetFile, numbered, write_csv, write_csv_rows};
 use crate::store::PointRun;
-use crate::stresses::STRESSES;
+use crate::stresses::sample_fields;
 use meanings::{OF_RUNS, OF_SAMPLES, explain};
 use sd_core::Sample;
 use std::collections::HashMap;
@@ -263,26 +263,13 @@ impl Batch {
     }
 }
 
-/// Samples as columns: what each holds, and the components of the stress whose parts it holds.
+/// Samples as columns, of the fields of [`sample_fields`].
 ///
 /// # Errors
 /// None is known: the fields of a sample are numbers.
 pub fn sample_table(sampled: &[(u64, Sample)]) -> Result<Vec<DataColumn>, ReportError> {
-    let mut table = numbered("step", sampled, &Sample::default())
+    let mut table = numbered("step", sampled, &Sample::default(), sample_fields)
         .map_err(|error| ReportError::Output(std::io::Error::other(error)))?;
-    let stresses = STRESSES.iter().filter(|stress| !stress.is_part());
-    let totals = stresses.map(|stress| {
-        let mut column = DataColumn::named(stress.name, Kind::Number, sampled.len());
-        for (_, sample) in sampled {
-            column.cells.push(Some(Value::Number(stress.read(sample))));
-        }
-        column
-    });
-    let before = table
-        .iter()
-        .position(|column| column.name == "normal_stress_difference");
-    let place = before.map_or(table.len(), |place| place + 1);
-    table.splice(place..place, totals);
     for column in &mut table {
         explain(column, OF_SAMPLES);
     }

@@ -48,6 +48,33 @@ fn tables_fit_a_terminal_and_go_into_a_paper() {
 }
 
 #[test]
+fn kinds_that_differ_in_their_step_alone_say_which_it_is() {
+    let one = PAPER_CAMPAIGN.replace("seeds = 2", "seeds = 1");
+    let several = one.replace("[[grid]]", "[[grid]]\ntime_step = [0.01, 0.005, 0.0025]");
+    let folder = folder("c.toml", &several);
+    let at = folder.path();
+    let text = sweep(at, &["plan", "c.toml"]);
+    let rows: Vec<&str> = text
+        .lines()
+        .skip_while(|line| !line.contains("Δt"))
+        .filter(|line| line.contains("ball-melrose, rigid"))
+        .collect();
+    assert_eq!(rows.len(), 3, "{text}");
+    let steps = ["0.01", "0.005", "0.0025"];
+    for step in steps {
+        let of_it = |row: &&&str| row.split_whitespace().any(|word| word == step);
+        assert_eq!(rows.iter().filter(of_it).count(), 1, "{step}: {text}");
+    }
+    let plan = json(at, &["plan", "c.toml"]);
+    let kinds = plan["kinds"].as_array().unwrap();
+    assert!(kinds.iter().all(|kind| kind["time_step"].is_f64()));
+    // Where there is one step the axis says which.
+    std::fs::write(at.join("c.toml"), one).unwrap();
+    let text = sweep(at, &["plan", "c.toml"]);
+    assert!(!text.contains("Δt"), "{text}");
+}
+
+#[test]
 fn a_step_has_the_interval_of_the_runs_it_is_known_from() {
     let some = PAPER_CAMPAIGN
         .replace("area_fraction = [0.5, 0.65]", "area_fraction = 0.5")

@@ -17,12 +17,24 @@ const SAME: f64 = 1e-5;
 /// [`Refusal`] of a layer of another number of spheres, other radii, another cell, or with spheres nearer than the contact law can hold.
 pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
     let n = given.centres.len();
-    if n != params.spheres || given.radii.len() != n || given.orientations.len() != n {
+    if n != params.spheres {
         return refuse(
             format!("a layer of {n} spheres"),
             format!("does not go with `spheres` = {}", params.spheres),
             "a layer of that number of spheres".into(),
         );
+    }
+    for (what, number) in [
+        ("radii", given.radii.len()),
+        ("orientations", given.orientations.len()),
+    ] {
+        if number != n {
+            return refuse(
+                format!("a layer of {n} spheres"),
+                format!("has {number} {what}"),
+                format!("as many {what} as spheres"),
+            );
+        }
     }
     let (radii, side) = radii_and_side(params)?;
     if !near(given.side, side) {
@@ -131,10 +143,10 @@ fn check_gaps(
     match nearest {
         Some(pair) if pair.gap <= least => refuse(
             format!(
-                "a layer in which spheres {} and {} have a gap of {:.3e}",
-                order[pair.i], order[pair.j], pair.gap
+                "a layer whose spheres {} and {}, counted from 0,",
+                order[pair.i], order[pair.j]
             ),
-            "has spheres that overlap".into(),
+            format!("overlap: their gap is {:.4}", pair.gap),
             format!("gaps above {least} under this contact law"),
         ),
         _ => Ok(()),

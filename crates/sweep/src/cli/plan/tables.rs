@@ -201,6 +201,16 @@ fn kinds(kinds: &[Kind], chosen: &[Column], shape: Shape, width: Option<u16>) ->
             &|kind| Uncertain::word(name(kind)),
         ),
     ];
+    // Kinds that differ in their step alone would look the same.
+    if kinds
+        .iter()
+        .any(|kind| kind.time_step != kinds[0].time_step)
+    {
+        let digits = Digits::of(kinds.iter().map(|kind| kind.time_step));
+        columns.push(column(Head::new("time_step", "Δt", "", 0), &|kind| {
+            Uncertain::Short(kind.time_step, digits)
+        }));
+    }
     let fixed = columns.len();
     let is_chosen = !chosen.is_empty();
     let wanted = if is_chosen { chosen } else { &COLUMNS[..] };

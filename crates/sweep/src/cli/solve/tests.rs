@@ -62,6 +62,14 @@ fn overlapping_spheres_are_solved_under_lubrication() {
         let error = with(&more).unwrap_err().to_string();
         assert!(error.contains(said), "{more}: {error}");
     }
+    // Two spheres in one place have no line of centres.
+    let text = r#"{"centres": [[1, 2], [1, 2]], "hydrodynamics": "lubrication"}"#;
+    let (configuration, contact) = read(Path::new("-"), text.as_bytes()).unwrap();
+    let error = solve(&configuration, &contact, &NearFields::default()).unwrap_err();
+    assert!(
+        error.to_string().contains("spheres 0 and 1 overlap"),
+        "{error}"
+    );
 }
 
 #[test]
