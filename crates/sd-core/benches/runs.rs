@@ -24,14 +24,14 @@ const ROUGHNESS: f64 = 0.01;
 const STIFFNESS: f64 = 1e4;
 /// Strain of the runs whose time is told, and strain after which their viscosity counts.
 const RUN: (f64, f64) = (5.0, 2.0);
-/// Strain from one sample to the next, as campaigns have it unless they say otherwise.
+/// Strain from one sample to the next, as campaigns have it unless they say otherwise: every second step of half of it, and every longer one.
 const SAMPLE_EVERY: f64 = 0.02;
 /// Computing time after which a run is left, in seconds.
 const LIMIT: f64 = 300.0;
-/// Strain and time step of Ball-Melrose hydrodynamics before right-hand sides are timed.
-const LEAD_IN: (f64, f64) = (0.8, 0.02);
-/// Time step of what is timed; that of the lead-in is a whole number of it.
+/// Time step of what is timed.
 const TIME_STEP: f64 = 0.01;
+/// Strain under Ball-Melrose hydrodynamics before right-hand sides are timed, in steps of so many times the time step.
+const LEAD_IN: (f64, u32) = (0.8, 2);
 /// Computing time and number of steps that are timed at least.
 const LONG_ENOUGH: (f64, u32) = (4.0, 3);
 
@@ -109,7 +109,11 @@ impl Run {
     fn of(params: &Params, strain: f64) -> Self {
         let layer = Simulation::new(params, 1, &NearFields::default());
         let mut layer = layer.expect("valid parameters");
-        let stride = (SAMPLE_EVERY / params.time_step).round().max(1.0) as u64;
+        let stride = if params.time_step > 0.5 * SAMPLE_EVERY {
+            1
+        } else {
+            2
+        };
         let (mut total, mut samples) = (0.0, 0_u32);
         let start = Moment::now();
         let end = loop {
@@ -229,7 +233,8 @@ fn most_memory() -> Option<f64> {
 fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
     let tables = NearFields::default();
     let params = law.params(spheres);
-    let (strain, time_step) = LEAD_IN;
+    let (strain, factor) = LEAD_IN;
+    let time_step = f64::from(factor) * TIME_STEP;
     let coarse = Params {
         time_step,
         ..params.clone()
@@ -241,7 +246,7 @@ fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
     let mut there = before.snapshot();
     drop(before);
     // Strain is counted in steps.
-    there.steps *= (time_step / TIME_STEP).round() as u64;
+    there.steps *= u64::from(factor);
     let params = Params {
         hydrodynamics,
         ..params
