@@ -127,12 +127,7 @@ impl Run {
                 break format!("left at strain {:.2}", layer.strain());
             }
             let sampled = layer.steps().is_multiple_of(stride);
-            let sample = if sampled {
-                layer.step()
-            } else {
-                layer.step_unsampled()
-            };
-            match sample {
+            match layer.step_sampled(sampled) {
                 Ok(sample) if sampled && sample.strain >= RUN.1.min(0.5 * strain) => {
                     total += sample.viscosity;
                     samples += 1;
@@ -241,7 +236,7 @@ fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
     };
     let mut before = Simulation::new(&coarse, 1, &tables).expect("valid parameters");
     while before.strain() < strain - 0.5 * time_step {
-        before.step_unsampled().expect("a step that succeeds");
+        before.step_sampled(false).expect("a step that succeeds");
     }
     let mut there = before.snapshot();
     drop(before);
@@ -252,11 +247,11 @@ fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
         ..params
     };
     let mut layer = Simulation::from_snapshot(&params, there, &tables).expect("a valid snapshot");
-    layer.step_unsampled().expect("a step that succeeds");
+    layer.step_sampled(false).expect("a step that succeeds");
     let (stages, start) = (layer.counters().stages, Moment::now());
     let mut steps = 0;
     while steps < LONG_ENOUGH.1 || start.seconds() < LONG_ENOUGH.0 {
-        layer.step_unsampled().expect("a step that succeeds");
+        layer.step_sampled(false).expect("a step that succeeds");
         steps += 1;
     }
     let each = 1e3 * start.seconds() / (layer.counters().stages - stages) as f64;
