@@ -19,8 +19,9 @@ use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::resistance::Resistance;
 use nalgebra::Vector3;
 
-/// What a far-field iteration asks of the contact problem, over its own relative residual.
-const STRICT: f64 = 1e-2;
+/// What a far-field iteration asks of the contact problem, over its own relative residual: the differences of its steps, from which it
+/// learns, are that much more exact.
+const STRICT: f64 = 1e-3;
 /// Relative residual that the first evaluation is made for.
 const FIRST: f64 = 1e-2;
 /// Relative residual below which it is decided anew on which contacts friction acts; before, loads mean little.

@@ -23,6 +23,8 @@ use sd_core::{
 const PAIRWISE: usize = 100;
 /// Spheres from which on the far field is iterated.
 const ITERATED: usize = 250;
+/// The same where contacts are soft.
+const ITERATED_SOFT: usize = 200;
 
 fn params(spheres: usize, area_fraction: f64, friction: f64) -> Params {
     Params {
@@ -363,6 +365,13 @@ fn method_follows_from_hydrodynamics_scheme_and_number_of_spheres() {
         assert_eq!(at(PAIRWISE, near, contact), Method::Pairwise);
         assert_eq!(at(ITERATED - 1, full, contact), Method::Dense);
         assert_eq!(at(ITERATED, full, contact), Method::Iterated);
+    }
+    let soft = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
+    for (spheres, method) in [
+        (ITERATED_SOFT - 1, Method::Dense),
+        (ITERATED_SOFT, Method::Iterated),
+    ] {
+        assert_eq!(at(spheres, full, ContactScheme::Laws(soft)), method);
     }
     for hydrodynamics in [near, full] {
         let method = at(1000, hydrodynamics, ContactScheme::Procedure);

@@ -9,13 +9,15 @@ use crate::geometry::modes::{Background, Vec2, strain_tensor};
 use crate::hydrodynamics::iterative::{Convergence, IterativeFarField};
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
-use crate::stage::{Contact as StageContact, StageSolver};
+use crate::stage::{Contact as StageContact, Method, StageSolver};
 use crate::stress::StressWork;
 use crate::{
-    ContactScheme, Error, Hydrodynamics, NearFields, NormalLaw, Params, Simulation, TangentialLaw,
+    ContactLaws, ContactScheme, Error, Hydrodynamics, NearFields, NormalLaw, Params, Simulation,
+    TangentialLaw,
 };
 use dense_contacts::DenseContacts;
 use nalgebra::Vector3;
+use std::f64::consts::PI;
 
 /// Parameters of a layer with many contacts, all with friction.
 fn params(spheres: usize, size_ratio: f64) -> Params {
@@ -308,5 +310,72 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
             let error = relative_difference(&expected, &found);
             assert!(error < 2e-6, "{spheres}, {laws:?}: {error:e}");
         }
+    }
+}
+
+#[test]
+fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
+    // k/Γ = 100: forces among contacts are large beside what drives the layer, and spheres overlap.
+    let laws = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
+    let (cell, centres, radii) = sheared(&Params {
+        area_fraction: 0.76,
+        shear_rate: 100.0,
+        contact: ContactScheme::Laws(laws),
+        ..params(150, 1.0)
+    });
+    let stiffness = 6.0 * PI * 100.0;
+    let laws = Laws {
+        normal: NormalForce {
+            law: NormalLaw::LinearSpring,
+            stiffness,
+            dashpot: 0.0,
+        },
+        tangential: TangentialLaw::StickSlide,
+        tangential_stiffness: 0.5 * stiffness,
+        ..Laws::rigid(Surface {
+            roughness: 0.01,
+            friction: 0.3,
+            critical_load: 0.0,
+        })
+    };
+    let solve = |mut stage: StageSolver| {
+        stage.resistance.regularise(0.001, 0.2);
+        stage.assemble(&cell, &centres).unwrap();
+        let deepest = stage.closest().unwrap().gap;
+        assert!(deepest < -0.005, "{deepest}");
+        let contact = StageContact::Laws {
+            laws: &laws,
+            span: Span::alone(0.0025),
+            memory: &mut ContactMemory::default(),
+        };
+        let quality = stage.solve(&Background::SHEAR, &[], contact).unwrap();
+        assert!(quality.converged(), "{quality:?}");
+        stage.velocities().to_vec()
+    };
+    let dense = solve(StageSolver::new(dense_resistance(&cell, &radii)));
+    let tables = NearFields::default();
+    let near = Resistance::new_pairwise(Hydrodynamics::BallMelrose, &cell, &radii, &tables, &[]);
+    let far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
+    let iterated = solve(StageSolver::with_far_field(near.unwrap(), far));
+    let error = relative_difference(&dense, &iterated);
+    assert!(error < 2e-6, "{error:e}");
+}
+
+#[test]
+fn a_dense_layer_of_soft_spheres_goes_on() {
+    // Contact problems solved too roughly mislead the iteration, by forces that differ by no more than their error.
+    let laws = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
+    let params = Params {
+        area_fraction: 0.76,
+        shear_rate: 10.0,
+        hydrodynamics: Hydrodynamics::StokesianDynamics,
+        contact: ContactScheme::Laws(laws),
+        time_step: 0.01,
+        ..params(200, 1.0)
+    };
+    assert_eq!(Method::of(&params), Method::Iterated);
+    let mut simulation = Simulation::new(&params, 1, &NearFields::default()).unwrap();
+    for _ in 0..20 {
+        simulation.step().unwrap();
     }
 }

@@ -66,7 +66,7 @@ pub struct Driving<'a> {
     pub all: &'a [f64],
     /// Those of them that count for the motion that normal forces alone leave.
     pub isolated: &'a [f64],
-    /// Relative residual that is enough; 0: as exact as can be.
+    /// Residual that is enough, over the norm of these forces; 0: as exact as can be.
     pub enough: f64,
 }
 
