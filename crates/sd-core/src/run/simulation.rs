@@ -195,8 +195,7 @@ impl Simulation {
         })
     }
 
-    /// One step, of RK4 or under soft laws of [`crate::run::steppers::rosenbrock`]; returns the sample taken at its start, see
-    /// [`Simulation::step_unsampled`] for steps that are not to be sampled.
+    /// One step, of RK4 or under soft laws of [`crate::run::steppers::rosenbrock`]; returns the sample taken at its start.
     ///
     /// Near jamming velocities can leap between two stages, so far that a gap falls below h/2 within a step under the
     /// rigid scheme, which holds each stage's own gaps, or that soft spheres overlap by too much to be spheres. Such a step is done again
@@ -205,17 +204,17 @@ impl Simulation {
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
     pub fn step(&mut self) -> Result<Sample, Error> {
-        self.sampling = true;
-        self.one_step()
+        self.step_sampled(true)
     }
 
-    /// [`Simulation::step`] without the contact problem that a sample of rigid contacts takes: the forces of the first stage are returned,
-    /// which hold gaps over the whole step, and whose viscosity is a little high. The layer moves as it would with a sample, to the bit.
+    /// [`Simulation::step`] that leaves out, unless a sample is `wanted`, the contact problem which a sample of rigid contacts takes. What is
+    /// returned then has the forces of the first stage, which hold gaps over the whole step, and its viscosity is a little high. The layer
+    /// moves as it would with a sample, to the bit.
     ///
     /// # Errors
     /// As there.
-    pub fn step_unsampled(&mut self) -> Result<Sample, Error> {
-        self.sampling = false;
+    pub fn step_sampled(&mut self, wanted: bool) -> Result<Sample, Error> {
+        self.sampling = wanted;
         self.one_step()
     }
 
