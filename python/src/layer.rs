@@ -83,8 +83,7 @@ impl Run {
                 self.layer = ahead.layer;
                 Ok(ahead.sample)
             }
-            None if wanted => self.layer.step(),
-            None => self.layer.step_unsampled(),
+            None => self.layer.step_sampled(wanted),
         }
     }
 

@@ -3,7 +3,6 @@
 //! ```text
 //! cargo bench -p sd-core --bench scaling -- full [N...]             beside faer's bare Cholesky of a matrix of dimension 6N
 //! cargo bench -p sd-core --bench scaling -- ball-melrose [c=0.75] [N...]
-//! cargo bench -p sd-core --bench scaling -- runs [c=0.75] [N...]    whole runs by Ball-Melrose
 //! cargo bench -p sd-core --bench scaling -- tables                  of two spheres
 //! ```
 //!
@@ -25,7 +24,7 @@ use clock::Moment;
 use layers::{Layer, TIME_STEP, layer, params};
 use sd_core::linalg::vectorised;
 use sd_core::two_sphere::NearField;
-use sd_core::{Hydrodynamics, NearFields, Params, Simulation, Snapshot};
+use sd_core::{Hydrodynamics, NearFields, Simulation, Snapshot};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
@@ -131,40 +130,6 @@ fn table(hydrodynamics: Hydrodynamics, area_fraction: f64, all: &[usize]) {
     }
 }
 
-/// Times whole runs of random layers under Ball-Melrose hydrodynamics.
-fn runs(area_fraction: f64, all: &[usize]) {
-    println!(
-        "| N | time step | right-hand sides | run of {} strains | mean viscosity |",
-        RUN.1
-    );
-    println!("| ---: | ---: | ---: | ---: | ---: |");
-    for &spheres in all {
-        for time_step in [0.025, RUN.0] {
-            let params = Params {
-                time_step,
-                ..params(spheres, area_fraction, Hydrodynamics::BallMelrose)
-            };
-            let simulation = Simulation::new(&params, 1, &NearFields::default());
-            let mut simulation = simulation.expect("valid parameters");
-            let mut viscosities = Vec::new();
-            let time = milliseconds(|| {
-                while simulation.strain() < RUN.1 - 0.5 * time_step {
-                    let sample = simulation.step().expect("a step that succeeds");
-                    if sample.strain >= 2.0 {
-                        viscosities.push(sample.viscosity);
-                    }
-                }
-            });
-            println!(
-                "| {spheres} | {time_step} | {} | {:.2} s | {:.2} |",
-                simulation.counters().stages,
-                1e-3 * time,
-                viscosities.iter().sum::<f64>() / viscosities.len() as f64
-            );
-        }
-    }
-}
-
 /// Tables of the near field of two spheres: making one, and what a pair costs.
 fn tables() {
     let made = milliseconds(|| {
@@ -211,8 +176,6 @@ fn main() {
         .unwrap_or(0.693);
     if has("tables") {
         tables();
-    } else if has("runs") {
-        runs(area_fraction, &spheres(&[90, 400, 1000]));
     } else if has("ball-melrose") {
         let all = spheres(&[90, 400, 1000]);
         table(Hydrodynamics::BallMelrose, area_fraction, &all);

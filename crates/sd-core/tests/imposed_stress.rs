@@ -350,3 +350,24 @@ fn curves_of_imposed_stress_and_rate_agree_under_springs() {
         0.0,
     ));
 }
+
+#[test]
+fn soft_layers_that_give_way_at_once_are_moved_in_shorter_steps() {
+    // In one piece a step of the first overshoots by a third of a radius, and a step of the second ends with spheres that overlap by a quarter.
+    let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
+    for (stress, seed, steps) in [(3.0, 4, 25), (1.0, 2, 28)] {
+        let params = Params {
+            spheres: 30,
+            area_fraction: 0.77,
+            friction: 1.0,
+            shear_stress: Some(stress),
+            size_ratio: 1.4,
+            large_fraction: 0.337838,
+            time_step: 0.02,
+            ..params(ContactScheme::Laws(springs))
+        };
+        let (_, simulation) = run(&params, seed, steps);
+        let stages = simulation.counters().stages;
+        assert!(stages > 2 * steps, "{stages} stages: no step was halved");
+    }
+}

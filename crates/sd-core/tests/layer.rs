@@ -236,7 +236,7 @@ fn layer_moves_as_it_would_unsampled_and_samples_hardly_depend_on_the_step() {
         let (mut sampled, mut unsampled) = (start(&coarse), start(&coarse));
         for _ in 0..20 {
             sampled.step().unwrap();
-            unsampled.step_unsampled().unwrap();
+            unsampled.step_sampled(false).unwrap();
         }
         assert_eq!(sampled.snapshot().memory, unsampled.snapshot().memory);
         assert_eq!(sampled.snapshot().centres, unsampled.snapshot().centres);
@@ -249,9 +249,12 @@ fn layer_moves_as_it_would_unsampled_and_samples_hardly_depend_on_the_step() {
         there.steps *= 50;
         let fine = Simulation::from_snapshot(&fine, there, &NearFields::default())
             .unwrap()
-            .step_unsampled()
+            .step_sampled(false)
             .unwrap();
-        let (sample, own) = (sampled.step().unwrap(), unsampled.step_unsampled().unwrap());
+        let (sample, own) = (
+            sampled.step().unwrap(),
+            unsampled.step_sampled(false).unwrap(),
+        );
         assert!((sample.viscosity / fine.viscosity - 1.0).abs() < 1e-6);
         assert!(own.viscosity > 1.005 * fine.viscosity, "{own:?} {fine:?}");
         assert_eq!(sample.counters.stages, own.counters.stages + 21);

@@ -265,7 +265,7 @@ impl Record {
         (0..steps)
             .map(|_| {
                 // Recorded when samples took no contact problem of their own.
-                let sample = simulation.step_unsampled().unwrap();
+                let sample = simulation.step_sampled(false).unwrap();
                 (sample.viscosity, sample.counters.unconverged_stages)
             })
             .collect()

@@ -302,6 +302,11 @@ fn runs_begin_where_those_of_another_store_ended() {
             "finished runs there have `shear_stress` = 0.3, 3",
         ),
         (
+            "point = { shear_stress = 3.0 }",
+            "point = { shear_rate = 3.0 }",
+            "finished runs there have no `shear_rate`",
+        ),
+        (
             ", point = { shear_stress = 3.0 }",
             "",
             "they differ in `shear_stress`",

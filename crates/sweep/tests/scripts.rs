@@ -58,6 +58,24 @@ fn the_released_program_is_below_20_megabytes() {
 }
 
 #[test]
+fn the_python_package_is_compiled_as_the_program_is() {
+    let levels = |manifest: &str| {
+        let text = std::fs::read_to_string(scripts().join(manifest)).unwrap();
+        let manifest: toml::Table = toml::from_str(&text).unwrap();
+        manifest["profile"]["release"]["package"]
+            .as_table()
+            .unwrap()
+            .clone()
+    };
+    let of_python = levels("../python/Cargo.toml");
+    for (package, level) in levels("../Cargo.toml") {
+        for (key, value) in level.as_table().unwrap() {
+            assert_eq!(of_python[&package].get(key), Some(value), "{package}");
+        }
+    }
+}
+
+#[test]
 fn every_campaign_has_its_published_results() {
     let sweeps = scripts().join("../sweeps");
     let published = std::fs::read_to_string(scripts().join("published")).unwrap();

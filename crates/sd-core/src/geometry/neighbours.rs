@@ -68,10 +68,29 @@ impl NeighbourList {
         if !self.find_by_kept_pairs(cell, centres, radii, range) {
             self.find(cell, centres, radii, range);
         }
-        let too_near = |pair: &&Neighbours| pair.gap <= -self.deepest || pair.distance == 0.0;
-        match self.pairs.iter().find(too_near) {
-            Some(pair) => Err(pair.overlap()),
-            None => Ok(()),
+        self.pairs.iter().try_for_each(|pair| self.admit(pair))
+    }
+
+    /// Checks that the pairs found last do not overlap at other positions either, to which the spheres moved by little.
+    ///
+    /// # Errors
+    /// As [`NeighbourList::update`].
+    pub(crate) fn check(&self, cell: &Cell, centres: &[Vec2], radii: &[f64]) -> Result<(), Error> {
+        self.pairs.iter().try_for_each(|pair| {
+            let both = [pair.i, pair.j];
+            match Neighbours::within(f64::INFINITY, cell, centres, radii, both) {
+                Some(moved) => self.admit(&moved),
+                None => Ok(()),
+            }
+        })
+    }
+
+    /// Refuses a pair that overlaps.
+    fn admit(&self, pair: &Neighbours) -> Result<(), Error> {
+        if pair.gap <= -self.deepest || pair.distance == 0.0 {
+            Err(pair.overlap())
+        } else {
+            Ok(())
         }
     }
 

@@ -238,6 +238,14 @@ impl Resistance {
         self.neighbours.pairs()
     }
 
+    /// Checks that spheres that were in range do not overlap at other positions either, to which they moved by little.
+    ///
+    /// # Errors
+    /// [`Error::Overlap`].
+    pub(crate) fn check_overlaps(&self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+        self.neighbours.check(cell, centres, &self.radii)
+    }
+
     /// Factor of R_FU, `[3N × 3N]`, its rows in the order of [`Resistance::row`].
     ///
     /// # Panics

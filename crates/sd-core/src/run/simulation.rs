@@ -87,8 +87,8 @@ pub struct Simulation {
     frame: Option<Box<Frame>>,
     /// Whether the step under way is sampled with a contact problem of its own.
     sampling: bool,
-    /// What contacts remembered before the layer was sampled.
-    unsampled: ContactMemory,
+    /// What contacts remembered before the layer was sampled, or where they are soft before the step.
+    remembered: ContactMemory,
 }
 
 impl Simulation {
@@ -156,8 +156,8 @@ impl Simulation {
             }
         };
         snapshot.memory.reserve(most);
-        let mut unsampled = ContactMemory::default();
-        unsampled.reserve(most);
+        let mut remembered = ContactMemory::default();
+        remembered.reserve(most);
         Ok(Self {
             params: params.clone(),
             steps: snapshot.steps,
@@ -191,30 +191,30 @@ impl Simulation {
             },
             frame: None,
             sampling: false,
-            unsampled,
+            remembered,
         })
     }
 
-    /// One step, of RK4 or under soft laws of [`crate::run::steppers::rosenbrock`]; returns the sample taken at its start, see
-    /// [`Simulation::step_unsampled`] for steps that are not to be sampled.
+    /// One step, of RK4 or under soft laws of [`crate::run::steppers::rosenbrock`]; returns the sample taken at its start.
     ///
     /// Near jamming velocities can leap between two stages, so far that a gap falls below h/2 within a step under the
-    /// rigid scheme, which holds each stage's own gaps. Such a step is done again as two of half the size, down to 2⁻⁶ of it.
+    /// rigid scheme, which holds each stage's own gaps, or that soft spheres overlap by too much to be spheres. Such a step is done again
+    /// as two of half the size, down to 2⁻⁶ of it.
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
     pub fn step(&mut self) -> Result<Sample, Error> {
-        self.sampling = true;
-        self.one_step()
+        self.step_sampled(true)
     }
 
-    /// [`Simulation::step`] without the contact problem that a sample of rigid contacts takes: the forces of the first stage are returned,
-    /// which hold gaps over the whole step, and whose viscosity is a little high. The layer moves as it would with a sample, to the bit.
+    /// [`Simulation::step`] that leaves out, unless a sample is `wanted`, the contact problem which a sample of rigid contacts takes. What is
+    /// returned then has the forces of the first stage, which hold gaps over the whole step, and its viscosity is a little high. The layer
+    /// moves as it would with a sample, to the bit.
     ///
     /// # Errors
     /// As there.
-    pub fn step_unsampled(&mut self) -> Result<Sample, Error> {
-        self.sampling = false;
+    pub fn step_sampled(&mut self, wanted: bool) -> Result<Sample, Error> {
+        self.sampling = wanted;
         self.one_step()
     }
 
@@ -225,11 +225,16 @@ impl Simulation {
         let mut stepper = std::mem::take(&mut self.stepper);
         let mut state = std::mem::take(&mut self.state);
         self.before.copy_from(&state);
-        let most = match (&stepper, &self.scheme) {
-            (Stepper::Rosenbrock(_), _) | (_, Scheme::Procedure) => 0,
-            (Stepper::RungeKutta(_), Scheme::Laws { .. }) => MOST_HALVINGS,
+        let most = match &self.scheme {
+            Scheme::Procedure => 0,
+            Scheme::Laws { .. } => MOST_HALVINGS,
         };
-        let result = self.advance(&mut stepper, &mut state, time, dt, most, &mut sample);
+        let result = match &stepper {
+            Stepper::RungeKutta(_) => {
+                self.advance(&mut stepper, &mut state, time, dt, most, &mut sample)
+            }
+            Stepper::Rosenbrock(_) => self.advance_soft(&mut stepper, &mut state, &mut sample),
+        };
         if result.is_err() {
             state.copy_from(&self.before);
         }
@@ -292,6 +297,57 @@ impl Simulation {
         spheres > 0 && taken >= 3 * spheres
     }
 
+    /// Moves the state of a soft layer over one step: in one piece, or where spheres would come to overlap by too much at its end, which only
+    /// the next step would find, in two, four and so on.
+    fn advance_soft(
+        &mut self,
+        stepper: &mut Stepper,
+        state: &mut State,
+        sample: &mut Option<Sample>,
+    ) -> Result<(), Error> {
+        let (time, dt, drive) = (self.strain(), self.params.time_step, self.drive);
+        if let SchemeMemory::Laws(memory) = &self.memory {
+            self.remembered.copy_from(memory);
+        }
+        let mut halvings = 0;
+        loop {
+            let parts = 1_u32 << halvings;
+            let part = dt / f64::from(parts);
+            let moved = (0..parts).try_for_each(|k| {
+                let start = time + f64::from(k) * part;
+                self.advance(
+                    stepper,
+                    state,
+                    start,
+                    part,
+                    MOST_HALVINGS - halvings,
+                    sample,
+                )
+            });
+            let end = self.cell_at(time + dt)?;
+            let checked = moved.and_then(|()| {
+                let resistance = &self.stage.resistance;
+                resistance.check_overlaps(&end, &state.centres)
+            });
+            if checked.is_ok() {
+                return Ok(());
+            }
+            state.copy_from(&self.before);
+            self.drive = drive;
+            if let (Scheme::Laws { laws, .. }, SchemeMemory::Laws(memory)) =
+                (&mut self.scheme, &mut self.memory)
+            {
+                **laws = drive.laws(&self.params);
+                memory.copy_from(&self.remembered);
+            }
+            let helps = matches!(checked, Err(Error::Overlap { .. })) && !self.is_held();
+            if !helps || halvings == MOST_HALVINGS {
+                return checked;
+            }
+            halvings += 1;
+        }
+    }
+
     /// Moves the state over `dt`; where a gap falls too low on the way, in two halves, each halved at most `halvings - 1` times. What then
     /// still fails moves with the velocities of its first stage, whose contact problem holds the gaps at the end of just this motion.
     fn advance(
@@ -324,7 +380,11 @@ impl Simulation {
         });
         match whole {
             // Smaller steps do not help where no motion is admitted.
-            Err(Error::Overlap { .. }) if halvings > 0 && self.counters.jammed_stages == jammed => {
+            Err(Error::Overlap { .. })
+                if halvings > 0
+                    && self.counters.jammed_stages == jammed
+                    && (holds_gaps || !self.is_held()) =>
+            {
                 let half = 0.5 * dt;
                 self.advance(stepper, state, time, half, halvings - 1, sample)?;
                 self.advance(stepper, state, time + half, half, halvings - 1, sample)

@@ -88,13 +88,17 @@ pub(super) fn layers(
 fn there_are(runs: &[Run], wanted: &[(&'static Axis, Value)]) -> String {
     let values = wanted.iter().map(|(axis, _)| {
         let mut all: Vec<String> = Vec::new();
-        for run in runs {
+        for run in runs.iter().filter(|run| axis.means_something(&run.params)) {
             let value = axis.value(&run.params).to_string();
             if !all.contains(&value) {
                 all.push(value);
             }
         }
-        format!("`{}` = {}", axis.key, all.join(", "))
+        if all.is_empty() {
+            format!("no `{}`", axis.key)
+        } else {
+            format!("`{}` = {}", axis.key, all.join(", "))
+        }
     });
     let values: Vec<String> = values.collect();
     format!("finished runs there have {}", values.join("; "))

@@ -326,6 +326,7 @@ impl Grid {
             format!("`{key}` = {value} {problem}"),
             allowed,
         );
+        let because = because.filter(|because| because != key);
         match because.and_then(|key| Some((key, place(combination, key)?))) {
             Some((key, place)) => problem.also(place, format!("with this `{key}`")),
             None => problem,

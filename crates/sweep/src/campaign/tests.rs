@@ -312,6 +312,30 @@ fn imposed(more: &str) -> String {
     )
 }
 
+/// A campaign of a file in that folder, or the error as it is shown.
+fn shown_or(folder: &Path, text: &str) -> Result<Campaign, String> {
+    let file = folder.join("x.toml").display().to_string();
+    Campaign::parse(&file, text.into()).map_err(|error| {
+        let mut shown = String::new();
+        miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
+            .render_report(&mut shown, &error)
+            .unwrap();
+        shown
+    })
+}
+
+/// The error of a campaign says so, and shows the line.
+fn assert_fault(folder: &Path, text: &str, line: u32, part: &str) {
+    let error = shown_or(folder, text).unwrap_err();
+    assert!(error.contains(part), "{part}: {error}");
+    let shown = error
+        .lines()
+        .any(|shown| shown.trim_start().starts_with(&format!("{line} │")));
+    assert!(shown, "line {line}: {error}");
+    // What is written is not missing, and neither is what it takes the place of.
+    assert!(!error.contains("[[grid]] has no"), "{error}");
+}
+
 #[test]
 fn stress_is_imposed_in_place_of_the_rate() {
     let campaign = parse_text(&imposed("")).unwrap();
@@ -326,7 +350,7 @@ fn stress_is_imposed_in_place_of_the_rate() {
 }
 
 #[test]
-fn faults_of_imposed_stress_and_of_start_layers_have_their_line() {
+fn faults_of_start_layers_have_their_line() {
     let directory = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(directory.path().join(name), text).unwrap();
     let layer = |centres: &str, radii: &str, side: f64| {
@@ -351,16 +375,7 @@ fn faults_of_imposed_stress_and_of_start_layers_have_their_line() {
             "name = \"x\"\n[[grid]]\nhydrodynamics = \"ball-melrose\"\nstart = {start}\n{lines}\n"
         )
     };
-    let parse = |text: &str| {
-        let file = directory.path().join("x.toml").display().to_string();
-        Campaign::parse(&file, text.into()).map_err(|error| {
-            let mut shown = String::new();
-            miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
-                .render_report(&mut shown, &error)
-                .unwrap();
-            shown
-        })
-    };
+    let parse = |text: &str| shown_or(directory.path(), text);
     let good = parse(&grid(&two, "\"good.json\"")).unwrap();
     let start = good.cases[0].1.params.start.as_ref().unwrap();
     assert_eq!(start.centres.len(), 2);
@@ -407,10 +422,26 @@ fn faults_of_imposed_stress_and_of_start_layers_have_their_line() {
             "every seed would give the same run",
         ),
         (
-            imposed("shear_rate = 1"),
-            10,
-            "`shear_rate` and `shear_stress` are both imposed",
+            // Of other sizes, and therefore in another cell too.
+            grid(
+                &two.replace("seeds", "size_ratio = 1.4\nseeds"),
+                "\"good.json\"",
+            ),
+            4,
+            "does not go with `size_ratio` = 1.4",
         ),
+    ] {
+        assert_fault(directory.path(), &text, line, part);
+    }
+}
+
+#[test]
+fn faults_of_imposed_stress_have_their_line() {
+    let both = "`shear_rate` and `shear_stress` are both imposed";
+    for (text, line, part) in [
+        (imposed("shear_rate = 1"), 10, both),
+        // The second of the two places.
+        (imposed("shear_rate = 1"), 9, "and here"),
         (
             imposed("").replace("0.5, 2.0", "0, 2.0"),
             9,
@@ -418,13 +449,6 @@ fn faults_of_imposed_stress_and_of_start_layers_have_their_line() {
         ),
         (imposed("direction = 0.5"), 10, "is no sense of the shear"),
     ] {
-        let error = parse(&text).unwrap_err();
-        assert!(error.contains(part), "{part}: {error}");
-        let shown = error
-            .lines()
-            .any(|shown| shown.trim_start().starts_with(&format!("{line} │")));
-        assert!(shown, "line {line}: {error}");
-        // What is written is not missing, and neither is what it takes the place of.
-        assert!(!error.contains("[[grid]] has no"), "{error}");
+        assert_fault(Path::new("."), &text, line, part);
     }
 }

@@ -318,10 +318,8 @@ impl Shared<'_> {
                     record.frames.push((step, frame));
                     sample
                 })
-            } else if sampled {
-                simulation.step()
             } else {
-                simulation.step_unsampled()
+                simulation.step_sampled(sampled)
             };
             let sample = match outcome {
                 Ok(sample) => sample,

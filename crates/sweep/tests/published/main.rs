@@ -77,6 +77,19 @@ fn every_number_that_a_sentence_quotes_is_in_a_table() {
 }
 
 #[test]
+fn pages_that_link_to_results_quote_their_tables() {
+    let page = read(&folder().join("README.md"));
+    let mut pages = vec![(root().join("README.md"), "results/published/README.md")];
+    for entry in std::fs::read_dir(root().join("docs")).unwrap() {
+        pages.push((entry.unwrap().path(), "../results/published/README.md"));
+    }
+    for (path, place) in pages {
+        let missing = quoted::not_found_from(&read(&path), place, &page, &folder());
+        assert_eq!(missing, Ok(Vec::new()), "{}", path.display());
+    }
+}
+
+#[test]
 fn the_first_screen_quotes_published_results() {
     let readme = read(&root().join("README.md"));
     let printed = read(&folder().join("quickstart.txt"));

@@ -9,6 +9,8 @@
 //!   axis; likewise `200 spheres`, and `8 seeds` or `runs` as a point has them;
 //! - ratios of sizes written as `1 : 1.4`, numbers of figures, equations and versions of the physics, names, and what is set as code.
 //!
+//! Other pages are held to the same where a sentence of theirs links to the page of results.
+//!
 //! What this cannot see is a number that stands in another cell than the one that is meant.
 
 use crate::numbers::{JOINTS, Number, near, numbers};
@@ -287,6 +289,37 @@ fn linked(link: &str, all: &[Section<'_>], folder: &Path) -> Result<Option<Strin
     }
 }
 
+/// Numbers in sentences of another page that link to this one, to a section of it or as a whole, and in no table there.
+pub(crate) fn not_found_from(
+    other: &str,
+    place: &str,
+    page: &str,
+    folder: &Path,
+) -> Result<Vec<String>, String> {
+    let all = sections(page);
+    let mut missing = Vec::new();
+    for sentence in sentences(other) {
+        let mut texts = Vec::new();
+        for link in &sentence.links {
+            match link.strip_prefix(place) {
+                Some("") => texts.push(page.to_owned()),
+                Some(section) => texts.extend(linked(section, &all, folder)?),
+                None => {}
+            }
+        }
+        if texts.is_empty() {
+            continue;
+        }
+        let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
+        let unknown = unknown(&sentence.words, &Known::of(&texts, folder)?);
+        let told = unknown
+            .iter()
+            .map(|number| format!("{number} in {:?}", sentence.words));
+        missing.extend(told);
+    }
+    Ok(missing)
+}
+
 /// Numbers of a text that do not stand in another one.
 pub(crate) fn not_in(text: &str, other: &str) -> Vec<String> {
     let there = numbers(other);
@@ -336,6 +369,25 @@ mod tests {
         ] {
             assert_eq!(missing(prose), Vec::<String>::new(), "{prose}");
         }
+    }
+
+    #[test]
+    fn other_pages_quote_what_they_link_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let page = "# Page\n\n## First\n\n| 7.77 % |\n\n## Second\n\n| 42.5 |\n";
+        let missing = |other: &str| not_found_from(other, "p/README.md", page, folder.path());
+        for other in [
+            "By 7.77 % ([there](p/README.md#first)). Others have 99.",
+            "From 42.5 by 7.77 % ([there](p/README.md)).",
+        ] {
+            assert_eq!(missing(other), Ok(Vec::new()), "{other}");
+        }
+        let found = missing("By 42.5 ([there](p/README.md#first)).").unwrap();
+        assert!(
+            found.len() == 1 && found[0].starts_with("42.5 in "),
+            "{found:?}"
+        );
+        assert!(missing("By 1 ([there](p/README.md#third)).").is_err());
     }
 
     #[test]

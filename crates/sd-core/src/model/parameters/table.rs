@@ -332,7 +332,7 @@ pub static PARAMETERS: [Parameter; 24] = [
 ];
 
 /// Time step unless said otherwise, in strain.
-const USUAL_TIME_STEP: f64 = 0.005;
+const USUAL_TIME_STEP: f64 = 0.01;
 
 /// What most choices have in common.
 const CHOICE: Parameter = Parameter {

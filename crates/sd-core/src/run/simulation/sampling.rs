@@ -32,7 +32,7 @@ impl Simulation {
     ) -> Result<Sample, Error> {
         let drive = self.drive;
         if let SchemeMemory::Laws(memory) = &self.memory {
-            self.unsampled.copy_from(memory);
+            self.remembered.copy_from(memory);
         }
         let short = Stage {
             span: SAMPLE_SPAN,
@@ -43,7 +43,7 @@ impl Simulation {
         let stress = self.stress_of_stage();
         let sample = self.measure(stage.time, &stress);
         if let SchemeMemory::Laws(memory) = &mut self.memory {
-            std::mem::swap(memory, &mut self.unsampled);
+            std::mem::swap(memory, &mut self.remembered);
         }
         self.drive = drive;
         self.stage.begin_step();

@@ -37,16 +37,6 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
         }
     }
     let (radii, side) = radii_and_side(params)?;
-    if !near(given.side, side) {
-        return refuse(
-            format!("a layer in a cell of side {}", given.side),
-            format!(
-                "does not go with `area_fraction` = {}",
-                params.area_fraction
-            ),
-            format!("a square cell of side {side} for these spheres"),
-        );
-    }
     let numbers = given.centres.as_flattened().iter();
     let numbers = numbers.chain(&given.orientations).chain([&given.offset]);
     if !numbers.copied().all(f64::is_finite) {
@@ -69,6 +59,16 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
                 params.size_ratio, params.large_fraction
             ),
             format!("radius {radius} in its place, in units of the mean radius"),
+        );
+    }
+    if !near(given.side, side) {
+        return refuse(
+            format!("a layer in a cell of side {}", given.side),
+            format!(
+                "does not go with `area_fraction` = {}",
+                params.area_fraction
+            ),
+            format!("a square cell of side {side} for these spheres"),
         );
     }
     let cell = Cell::periodic(side, side, given.offset)?;

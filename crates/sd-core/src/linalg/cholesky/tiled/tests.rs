@@ -1,5 +1,6 @@
 use super::*;
 use crate::linalg::cholesky::dense::DenseCholesky;
+use crate::linalg::dense::Matrix;
 
 /// Entries of a dense positive definite matrix without structure.
 fn entry(i: usize, j: usize) -> f64 {
