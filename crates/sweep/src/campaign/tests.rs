@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 
 const GOOD: &str = r#"name = "friction"
 [protocol]
+time_step = 0.005
 strain = 1.0
 discard = 0.5
 [[grid]]
