@@ -27,7 +27,7 @@ const RUN: (f64, f64) = (5.0, 2.0);
 /// Strain from one sample to the next, as campaigns have it unless they say otherwise: every second step of half of it, and every longer one.
 const SAMPLE_EVERY: f64 = 0.02;
 /// Computing time after which a run is left, in seconds.
-const LIMIT: f64 = 300.0;
+const LIMIT: f64 = 120.0;
 /// Time step of what is timed.
 const TIME_STEP: f64 = 0.01;
 /// Strain under Ball-Melrose hydrodynamics before right-hand sides are timed, in steps of so many times the time step.

@@ -11,6 +11,7 @@ use program::{folder, run};
 
 const CAMPAIGN: &str = r#"name = "small"
 [protocol]
+time_step = 0.005
 strain = 1.0
 discard = 0.1
 checkpoint_every = 0.02

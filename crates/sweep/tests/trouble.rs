@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 /// The size of the published runs, with a checkpoint every fourth step.
 const PUBLISHED: &str = r#"name = "small"
 [protocol]
+time_step = 0.005
 strain = 4.0
 discard = 0.0
 checkpoint_every = 0.02
@@ -27,6 +28,7 @@ spheres = 90
 /// A few seconds of work.
 const QUICK: &str = r#"name = "small"
 [protocol]
+time_step = 0.005
 strain = 1.0
 discard = 0.0
 checkpoint_every = 0.02
@@ -130,6 +132,7 @@ fn signals_checkpoint_and_stop_within_two_seconds_at_ninety_spheres() {
 /// A step takes about a second.
 const SLOW: &str = r#"name = "small"
 [protocol]
+time_step = 0.005
 strain = 4.0
 discard = 0.0
 checkpoint_every = 0.005

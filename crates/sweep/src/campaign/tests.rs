@@ -35,8 +35,8 @@ fn product_of_the_axes_in_the_order_of_the_file() {
         .map(|(_, case)| case.params.shear_rate)
         .collect();
     assert_eq!(rates, [0.0, 0.1, f64::INFINITY]);
-    assert_eq!(campaign.cases[0].1.steps, 200);
-    assert_eq!(campaign.cases[0].1.sample_stride, 4);
+    assert_eq!(campaign.cases[0].1.steps, 100);
+    assert_eq!(campaign.cases[0].1.sample_stride, 2);
     assert_eq!(
         campaign.cases[0].1.params.contact,
         sd_core::ContactScheme::Rigid

@@ -18,6 +18,7 @@ mod versions;
 
 const CAMPAIGN: &str = r#"name = "small"
 [protocol]
+time_step = 0.005
 strain = 1.0
 discard = 0.5
 [[grid]]

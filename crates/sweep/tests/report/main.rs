@@ -20,6 +20,7 @@ use std::path::Path;
 /// A small campaign with plateaus; its store has frames.
 const CAMPAIGN: &str = r#"name = "small"
 [protocol]
+time_step = 0.005
 strain = 0.4
 discard = 0.1
 [[grid]]
@@ -38,6 +39,7 @@ static SMALL: Computed = Computed::new(CAMPAIGN, &["--trajectory"]);
 /// A campaign of more points, as a paper might have.
 const PAPER_CAMPAIGN: &str = r#"name = "paper"
 [protocol]
+time_step = 0.005
 strain = 0.2
 discard = 0.1
 [[grid]]

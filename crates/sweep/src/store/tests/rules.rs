@@ -5,6 +5,7 @@ use crate::statistics::Verdict;
 
 const PRECISE: &str = r#"name = "small"
 [protocol]
+time_step = 0.005
 strain = 1.0
 discard = 0.5
 [[grid]]
