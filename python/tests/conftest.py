@@ -19,6 +19,7 @@ PARAMS = {
     "shear_rate": 10.0,
     "spheres": 40,
     "hydrodynamics": "ball-melrose",
+    "time_step": 0.005,
 }
 PROTOCOL = {"strain": 0.4, "discard": 0.2, "sample_every": 0.02, "checkpoint_every": 0.1}
 
