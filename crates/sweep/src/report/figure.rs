@@ -5,11 +5,13 @@
 //! outline     the same with colours, ends and ticks of axes: all that another program needs to draw it
 //! layout      the outline as shapes on a page
 //! svg, png, pdf   the shapes as a file that names its origin
+//! graph       lines of numbers that are no points of a campaign
 //! chart       a trace in characters, for the terminal
 //! ```
 
 mod chart;
 mod font;
+mod graph;
 mod layout;
 mod legend;
 mod log_axis;
@@ -25,6 +27,7 @@ mod sketch;
 mod svg;
 
 pub(crate) use chart::chart;
+pub use graph::{Graph, Line, draw_graph};
 pub(super) use log_axis::power_of_ten;
 pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
 use origin::Origin;
@@ -251,41 +254,4 @@ fn refused(message: String) -> ReportError {
 /// The error about an argument.
 fn refused_as(argument: &'static str, message: String) -> ReportError {
     ReportError::Argument { argument, message }
-}
-
-/// Draws the paths of spheres that pass: the centres of the first and the second, in a.
-///
-/// # Errors
-/// [`ReportError::Argument`] if there is nothing to draw.
-pub fn draw_paths(paths: [Vec<(f64, f64)>; 2], format: Format) -> Result<Vec<u8>, ReportError> {
-    let lines = paths.into_iter().zip(["first sphere", "second sphere"]);
-    let sketch = sketch::Sketch {
-        lines: lines
-            .enumerate()
-            .map(|(place, (path, label))| sketch::Line {
-                label: super::curves::Label {
-                    words: label.into(),
-                    number: None,
-                },
-                points: path
-                    .into_iter()
-                    .map(|(x, y)| sketch::Spot {
-                        x,
-                        y: Some(sketch::Height::bare(y)),
-                    })
-                    .collect(),
-                place,
-                form: sketch::Form::Trace,
-                panel: 0,
-                discard: None,
-            })
-            .collect(),
-        panels: vec![sketch::Field::default()],
-        x: "x / a".into(),
-        y: "y / a".into(),
-        ..sketch::Sketch::default()
-    };
-    let look = Look::default();
-    let outline = Outline::of(&sketch, &look)?;
-    file(&outline, &look.style, format, &Origin::of(&[]))
 }

@@ -8,10 +8,12 @@
     reason = "tests: a panic is the failure, and names state the fact"
 )]
 
+mod beside;
 mod numbers;
 mod pivot;
 mod quoted;
 mod table;
+mod thickening;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -50,8 +52,34 @@ fn every_table_is_what_its_csv_file_gives() {
     assert_eq!(page, made);
 }
 
+/// Writes a file of results where that is asked for, or else compares it.
+fn settle(name: &str, made: &[u8]) {
+    let path = folder().join(name);
+    if std::env::var_os("PUBLISHED_TABLES").is_some_and(|value| value == "write") {
+        std::fs::write(&path, made).unwrap();
+    } else {
+        let there = std::fs::read(&path).unwrap();
+        assert!(
+            there == made,
+            "{name}: `scripts/published --tables` writes it"
+        );
+    }
+}
+
+#[test]
+fn what_makes_thickening_is_what_its_runs_give() {
+    for (name, made) in thickening::files(&folder()) {
+        settle(name, &made);
+    }
+}
+
+#[test]
+fn the_figure_of_the_published_table_is_of_both_files() {
+    settle("published-2d-beside.svg", &beside::figure(&folder()));
+}
+
 /// Headings of tables that no file gives: what was made, and how.
-const BY_HAND: [&str; 2] = ["| figure | made by |", "| File | Made by |"];
+const BY_HAND: [&str; 1] = ["| File | Made by |"];
 
 #[test]
 fn no_table_of_results_is_written_by_hand() {

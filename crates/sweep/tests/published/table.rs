@@ -17,7 +17,8 @@
 //!   then calls them by another name.
 //!
 //! Numbers of others stand in NAME.reference.csv. Instead of a CSV file a table can be a page made by `scripts/published` (`<!-- table: NAME.md -->`), or pairs of spheres as `sweep
-//! pair` tells of them (`<!-- table: figure-08-a.txt, figure-08-b.txt -->`).
+//! pair` tells of them (`<!-- table: figure-08-a.txt, figure-08-b.txt -->`), or the list of the campaigns of `scripts/published`, with what
+//! each took and the physics that made it, as NAME.txt has them (`<!-- table: campaigns -->`).
 
 use crate::pivot::{Pivot, Results};
 use std::fmt::Write as _;
@@ -86,6 +87,47 @@ fn pairs(folder: &Path, files: &[&str]) -> Result<String, String> {
     Ok(markdown(&lines))
 }
 
+/// The campaigns of `scripts/published`: what their runs took, and which physics made them.
+fn campaigns(folder: &Path) -> Result<String, String> {
+    let read = |path: &Path| {
+        std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
+    };
+    let script = read(&folder.join("../../scripts/published"))?;
+    let names = script.lines().find_map(|line| line.strip_prefix("all=("));
+    let names = names.ok_or("scripts/published names no campaigns")?;
+    let mut lines = vec![
+        ["campaign", "made by", "processor time", "physics"]
+            .map(str::to_owned)
+            .to_vec(),
+    ];
+    for name in names.trim_end_matches(')').split(' ') {
+        let path = folder.join(format!("{name}.txt"));
+        if !path.exists() {
+            continue;
+        }
+        let text = read(&path)?;
+        let told = text.lines().rfind(|line| line.starts_with("computed in "));
+        let parts = told.and_then(|line| {
+            let told = line.strip_prefix("computed in ")?;
+            // Older programs did not tell processor time from that of the clock.
+            let (time, _) = told
+                .split_once(" of processor time")
+                .or_else(|| told.split_once(','))?;
+            let (_, physics) = line.split_once("(physics ")?;
+            Some((time, physics.split_once(',')?.0))
+        });
+        let (time, physics) = parts.ok_or(format!("{name}.txt says no time or no physics"))?;
+        let is_present = physics == sweep::case::PHYSICS_VERSION.to_string();
+        lines.push(vec![
+            name.to_owned(),
+            format!("`scripts/published {name}`"),
+            time.to_owned(),
+            format!("{physics}{}", if is_present { "" } else { ", stale" }),
+        ]);
+    }
+    Ok(markdown(&lines))
+}
+
 /// What stands in the marker of a line: its parts, the first of them the files.
 fn marker(line: &str) -> Option<Vec<&str>> {
     let inner = line.strip_prefix(BEGIN)?.strip_suffix("-->")?;
@@ -101,6 +143,9 @@ fn has_ending(file: &str, ending: &str) -> bool {
 /// The table that a marker asks for.
 fn made(folder: &Path, parts: &[&str]) -> Result<String, String> {
     let files: Vec<&str> = parts[0].split(", ").collect();
+    if parts[0] == "campaigns" {
+        return campaigns(folder);
+    }
     if has_ending(parts[0], "md") {
         let page = std::fs::read_to_string(folder.join(parts[0]));
         return page.map_err(|error| format!("{}: {error}", parts[0]));
@@ -134,7 +179,9 @@ pub(crate) fn sources(text: &str) -> Vec<&str> {
     let markers = text.lines().filter_map(marker);
     let names = markers.map(|parts| parts[0]);
     names
-        .filter(|name| !name.contains('.') || name.ends_with(".reference"))
+        .filter(|name| {
+            *name != "campaigns" && (!name.contains('.') || name.ends_with(".reference"))
+        })
         .collect()
 }
 

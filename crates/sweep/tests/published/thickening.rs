@@ -1,0 +1,574 @@
+//! How much of the thickening of a layer each choice of its model makes: from the runs of the campaign `cause-of-thickening`.
+//!
+//! The rise of a model is ln(η above / η below): the mean over runs of ln η at Γ = 10, where the critical load no longer counts, less
+//! that at Γ = 0.01, where no contact bears it, so that neither friction nor its law does anything there. Rises are sums of means over
+//! runs, and so is what a choice makes of them: the rise with it less the rise without it, all else the same. A main effect is the mean
+//! of that over the other choices, a pair is how much more one choice makes where another is made as well.
+//!
+//! Intervals are of 95 %, of Student's distribution with the degrees of freedom of Welch and Satterthwaite (B. L. Welch, Biometrika 34,
+//! 28 (1947)).
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
+use std::collections::BTreeSet;
+use std::path::Path;
+use sweep::report::{Format, Graph, Line, draw_graph};
+use sweep::statistics::Estimate;
+
+/// The shear rate below the transition, and that above it.
+const BELOW: f64 = 0.01;
+const ABOVE: f64 = 10.0;
+/// Area fractions from here on are near jamming, where moments of a run make its mean: there medians in time stand for means.
+const NEAR_JAMMING: f64 = 0.775;
+
+/// A run, as `sweep report --runs` writes it.
+#[derive(Debug, Clone, Deserialize)]
+struct Run {
+    state: String,
+    hydrodynamics: String,
+    tangential: String,
+    spheres: usize,
+    area_fraction: f64,
+    friction: f64,
+    stiffness: f64,
+    shear_rate: f64,
+    viscosity: Option<f64>,
+    viscosity_median: Option<f64>,
+    viscosity_stresslet: Option<f64>,
+    viscosity_stresslet_median: Option<f64>,
+}
+
+/// Which viscosity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Counted {
+    /// With the stress that contacts bear.
+    All,
+    /// Stresslets alone, as eq. (20) of the paper has it.
+    Stresslets,
+    /// The ratio of the first to the second: what the contact stress makes.
+    Ratio,
+}
+
+impl Run {
+    /// ln of a viscosity of a run that went to its end.
+    fn logarithm(&self, counted: Counted) -> Option<f64> {
+        let is_near_jamming = self.area_fraction > NEAR_JAMMING;
+        let [all, stresslets] = if is_near_jamming {
+            [self.viscosity_median, self.viscosity_stresslet_median]
+        } else {
+            [self.viscosity, self.viscosity_stresslet]
+        };
+        let value = match counted {
+            Counted::All => all?,
+            Counted::Stresslets => stresslets?,
+            Counted::Ratio => all? / stresslets?,
+        };
+        (self.state == "done").then(|| value.ln())
+    }
+}
+
+/// A model at one place of the design.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Model {
+    hydrodynamics: &'static str,
+    /// Infinite for rigid contacts.
+    stiffness: f64,
+    /// Whether friction sticks: coulomb on rigid contacts, stick-slide on springs.
+    sticks: bool,
+}
+
+const RIGID: f64 = f64::INFINITY;
+
+/// With Ball-Melrose hydrodynamics.
+const fn with(stiffness: f64, sticks: bool) -> Model {
+    Model {
+        hydrodynamics: "ball-melrose",
+        stiffness,
+        sticks,
+    }
+}
+
+impl Model {
+    const fn under(self, hydrodynamics: &'static str) -> Self {
+        Self {
+            hydrodynamics,
+            ..self
+        }
+    }
+
+    /// The friction law, in the word of the campaign file.
+    fn tangential(self) -> &'static str {
+        match (self.sticks, self.stiffness.is_infinite()) {
+            (false, _) => "roll-slip",
+            (true, true) => "coulomb",
+            (true, false) => "stick-slide",
+        }
+    }
+
+    /// In words.
+    fn words(self) -> String {
+        let normal = if self.stiffness.is_infinite() {
+            "rigid".to_owned()
+        } else {
+            format!("k = 1e{}", self.stiffness.log10().round())
+        };
+        let hydrodynamics = match self.hydrodynamics {
+            "ball-melrose" => "",
+            "lubrication" => ", lubrication alone",
+            _ => ", full",
+        };
+        format!("{normal}, {}{hydrodynamics}", self.tangential())
+    }
+}
+
+/// A sum over models: how often each counts.
+type Sum = Vec<(f64, Model)>;
+
+/// One model less another.
+fn less(with: Model, without: Model) -> Sum {
+    vec![(1.0, with), (-1.0, without)]
+}
+
+/// The mean of sums.
+fn mean(sums: &[Sum]) -> Sum {
+    let share = 1.0 / sums.len() as f64;
+    let all = sums.iter().flatten();
+    all.map(|(weight, model)| (share * weight, *model))
+        .collect()
+}
+
+/// One sum less another.
+fn difference(one: Sum, other: &[(f64, Model)]) -> Sum {
+    let other = other.iter().map(|(weight, model)| (-weight, *model));
+    one.into_iter().chain(other).collect()
+}
+
+/// What is told of a choice.
+struct Question {
+    kind: &'static str,
+    choice: String,
+    sum: Sum,
+    counted: Counted,
+}
+
+/// All that is asked, at every area fraction and friction at which there are runs for it.
+fn questions() -> Vec<Question> {
+    let mut all = Vec::new();
+    let mut ask = |kind, choice: &str, sum: Sum, counted| {
+        all.push(Question {
+            kind,
+            choice: choice.to_owned(),
+            sum,
+            counted,
+        });
+    };
+    let springs = [1e5, 1e4, 1e3];
+    let [full, lubrication] = ["stokesian-dynamics", "lubrication"];
+    let normals = || std::iter::once(RIGID).chain(springs);
+    ask(
+        "rise",
+        "rigid, roll-slip, stresslets alone",
+        vec![(1.0, with(RIGID, false))],
+        Counted::Stresslets,
+    );
+    for sticks in [false, true] {
+        for stiffness in normals() {
+            let model = with(stiffness, sticks);
+            ask("rise", &model.words(), vec![(1.0, model)], Counted::All);
+        }
+    }
+    for hydrodynamics in [lubrication, full] {
+        for model in [
+            with(RIGID, false),
+            with(RIGID, true),
+            with(1e4, false),
+            with(1e4, true),
+        ] {
+            let model = model.under(hydrodynamics);
+            ask("rise", &model.words(), vec![(1.0, model)], Counted::All);
+        }
+    }
+
+    // Main effects.
+    let seven: Vec<Sum> = normals()
+        .map(|stiffness| with(stiffness, false))
+        .chain(springs.map(|stiffness| with(stiffness, true)))
+        .map(|model| vec![(1.0, model)])
+        .collect();
+    let sticking = |stiffness| less(with(stiffness, true), with(stiffness, false));
+    let three = [with(RIGID, false), with(1e4, false), with(1e4, true)];
+    let under = |hydrodynamics| mean(&three.map(|model| less(model.under(hydrodynamics), model)));
+    let softer = |stiffness: f64| {
+        mean(&[false, true].map(|sticks| less(with(stiffness, sticks), with(1e5, sticks))))
+    };
+    ask(
+        "main",
+        "contact stress counted",
+        mean(&seven),
+        Counted::Ratio,
+    );
+    ask(
+        "main",
+        "friction that sticks",
+        mean(&springs.map(sticking)),
+        Counted::All,
+    );
+    ask(
+        "main",
+        "springs of k = 1e5 in place of rigid contacts (roll-slip)",
+        less(with(1e5, false), with(RIGID, false)),
+        Counted::All,
+    );
+    ask("main", "k = 1e4 in place of 1e5", softer(1e4), Counted::All);
+    ask("main", "k = 1e3 in place of 1e5", softer(1e3), Counted::All);
+    ask(
+        "main",
+        "lubrication alone in place of Ball-Melrose",
+        under(lubrication),
+        Counted::All,
+    );
+    ask(
+        "main",
+        "full in place of Ball-Melrose",
+        under(full),
+        Counted::All,
+    );
+
+    // Pairs.
+    ask(
+        "pair",
+        "contact stress counted, rigid and roll-slip",
+        vec![(1.0, with(RIGID, false))],
+        Counted::Ratio,
+    );
+    for stiffness in springs {
+        let model = with(stiffness, false);
+        let words = format!("contact stress counted, {}", model.words());
+        ask("pair", &words, vec![(1.0, model)], Counted::Ratio);
+    }
+    for stiffness in normals() {
+        let normal = with(stiffness, false).words();
+        let normal = normal.trim_end_matches(", roll-slip");
+        ask(
+            "pair",
+            &format!("friction that sticks, {normal}"),
+            sticking(stiffness),
+            Counted::All,
+        );
+    }
+    ask(
+        "pair",
+        "friction that sticks, on stresslets alone (k = 1e5)",
+        sticking(1e5),
+        Counted::Stresslets,
+    );
+    ask(
+        "pair",
+        "friction that sticks, more at k = 1e5 than at 1e3",
+        difference(sticking(1e5), &sticking(1e3)),
+        Counted::All,
+    );
+    for (hydrodynamics, words) in [(lubrication, "lubrication alone"), (full, "full")] {
+        let there = |model: Model| model.under(hydrodynamics);
+        let sticking_there = less(there(with(1e4, true)), there(with(1e4, false)));
+        ask(
+            "pair",
+            &format!("friction that sticks, more under {words} than Ball-Melrose (k = 1e4)"),
+            difference(sticking_there, &sticking(1e4)),
+            Counted::All,
+        );
+        let softer_there = less(there(with(1e4, false)), there(with(RIGID, false)));
+        ask(
+            "pair",
+            &format!("k = 1e4 in place of rigid, more under {words} than Ball-Melrose (roll-slip)"),
+            difference(softer_there, &less(with(1e4, false), with(RIGID, false))),
+            Counted::All,
+        );
+    }
+    all
+}
+
+/// What is known of a choice at a place of the design: a row of the file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Effect {
+    kind: &'static str,
+    choice: String,
+    friction: f64,
+    area_fraction: f64,
+    rise: f64,
+    rise_ci95: f64,
+    /// Runs that it was taken from.
+    seeds: usize,
+}
+
+/// A sum of means of samples with its interval; `None` where one of them has fewer than two values.
+fn sum_of_means(terms: &[(f64, Vec<f64>)]) -> Option<Estimate> {
+    let (mut sum, mut variance, mut spread) = (0.0, 0.0, 0.0);
+    for (weight, values) in terms {
+        let number = values.len() as f64;
+        if values.len() < 2 {
+            return None;
+        }
+        let mean = values.iter().sum::<f64>() / number;
+        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+        let part = weight * weight * squares / (number - 1.0) / number;
+        sum += weight * mean;
+        variance += part;
+        spread += part * part / (number - 1.0);
+    }
+    let freedom = variance * variance / spread;
+    let student = StudentsT::new(0.0, 1.0, freedom).ok()?;
+    Some(Estimate {
+        mean: sum,
+        standard_error: Some(variance.sqrt()),
+        ci95: Some(student.inverse_cdf(0.975) * variance.sqrt()),
+    })
+}
+
+/// The runs of a campaign.
+struct Runs(Vec<Run>);
+
+impl Runs {
+    fn read(path: &Path) -> Self {
+        let mut reader = csv::Reader::from_path(path).unwrap();
+        Self(reader.deserialize().collect::<Result<_, _>>().unwrap())
+    }
+
+    /// ln of the viscosities of a model's runs: at c, ν and Γ. Below the transition friction does not count, and was not varied. Of
+    /// cells of several sizes it is the one of the design.
+    fn values(&self, model: Model, [c, friction, rate]: [f64; 3], counted: Counted) -> Vec<f64> {
+        let is_below = rate == BELOW;
+        let tangential = if is_below {
+            "roll-slip"
+        } else {
+            model.tangential()
+        };
+        let spheres = if model.hydrodynamics == "stokesian-dynamics" {
+            200
+        } else {
+            400
+        };
+        let runs = self.0.iter().filter(|run| {
+            run.hydrodynamics == model.hydrodynamics
+                && run.tangential == tangential
+                && run.spheres == spheres
+                && run.stiffness == model.stiffness
+                && run.area_fraction == c
+                && run.shear_rate == rate
+                && (is_below || run.friction == friction)
+        });
+        runs.filter_map(|run| run.logarithm(counted)).collect()
+    }
+
+    /// What the rise of a sum of models is, and the runs it was taken from.
+    fn rise(
+        &self,
+        sum: &[(f64, Model)],
+        [c, friction]: [f64; 2],
+        counted: Counted,
+    ) -> Option<(Estimate, usize)> {
+        // Models may occur more than once in a sum, and may share their runs below.
+        let mut terms: Vec<(f64, Model, f64)> = Vec::new();
+        for (weight, model) in sum {
+            for (rate, sign) in [(ABOVE, 1.0), (BELOW, -1.0)] {
+                let model = if rate == BELOW {
+                    Model {
+                        sticks: false,
+                        ..*model
+                    }
+                } else {
+                    *model
+                };
+                let known = terms.iter_mut().find(|t| t.1 == model && t.2 == rate);
+                match known {
+                    Some(term) => term.0 += sign * weight,
+                    None => terms.push((sign * weight, model, rate)),
+                }
+            }
+        }
+        terms.retain(|term| term.0.abs() > 1e-12);
+        let samples: Vec<(f64, Vec<f64>)> = terms
+            .into_iter()
+            .map(|(weight, model, rate)| (weight, self.values(model, [c, friction, rate], counted)))
+            .collect();
+        let runs = samples.iter().map(|(_, values)| values.len()).sum();
+        Some((sum_of_means(&samples)?, runs))
+    }
+
+    fn effects(&self) -> Vec<Effect> {
+        let places: BTreeSet<(u64, u64)> = self
+            .0
+            .iter()
+            .map(|run| (run.friction.to_bits(), run.area_fraction.to_bits()))
+            .collect();
+        let mut all = Vec::new();
+        for question in questions() {
+            for (friction, c) in &places {
+                let [friction, c] = [f64::from_bits(*friction), f64::from_bits(*c)];
+                let known = self.rise(&question.sum, [c, friction], question.counted);
+                if let Some((estimate, seeds)) = known {
+                    all.push(Effect {
+                        kind: question.kind,
+                        choice: question.choice.clone(),
+                        friction,
+                        area_fraction: c,
+                        rise: estimate.mean,
+                        rise_ci95: estimate.ci95.unwrap(),
+                        seeds,
+                    });
+                }
+            }
+        }
+        all
+    }
+}
+
+/// The lines of the figure, from the paper's reading of its model to soft layers that stick.
+const LINES: [(&str, &str); 6] = [
+    (
+        "rigid, roll-slip, stresslets alone",
+        "the paper: rigid, roll-slip, stresslets alone",
+    ),
+    ("rigid, roll-slip", "contact stress counted"),
+    ("rigid, coulomb", "friction that sticks: rigid"),
+    ("k = 1e5, stick-slide", "the same on springs, k = 1e5"),
+    ("k = 1e4, stick-slide", "k = 1e4"),
+    ("k = 1e3, stick-slide", "k = 1e3"),
+];
+
+/// Rises against c, a panel for each friction.
+fn figure(effects: &[Effect]) -> Vec<u8> {
+    let mut frictions: Vec<f64> = effects.iter().map(|effect| effect.friction).collect();
+    frictions.sort_by(f64::total_cmp);
+    frictions.dedup();
+    let mut lines = Vec::new();
+    for (panel, friction) in frictions.iter().enumerate() {
+        for (choice, label) in LINES {
+            let points = effects.iter().filter(|effect| {
+                effect.kind == "rise" && effect.choice == choice && effect.friction == *friction
+            });
+            let estimate = |effect: &Effect| Estimate {
+                mean: effect.rise,
+                standard_error: None,
+                ci95: Some(effect.rise_ci95),
+            };
+            lines.push(Line {
+                label: label.to_owned(),
+                panel,
+                is_path: false,
+                points: points.map(|e| (e.area_fraction, estimate(e))).collect(),
+            });
+        }
+    }
+    lines.retain(|line| !line.points.is_empty());
+    let graph = Graph {
+        x: "area fraction c".into(),
+        log_x: false,
+        y: "ln(η above / η below the transition)".into(),
+        panels: frictions.iter().map(|f| format!("ν = {f}")).collect(),
+        lines,
+    };
+    draw_graph(&graph, Format::Svg).unwrap()
+}
+
+/// The files of the analysis as they should be, by name.
+pub(crate) fn files(folder: &Path) -> [(&'static str, Vec<u8>); 2] {
+    let effects = Runs::read(&folder.join("cause-of-thickening-runs.csv")).effects();
+    let mut table = csv::Writer::from_writer(Vec::new());
+    for effect in &effects {
+        table.serialize(effect).unwrap();
+    }
+    [
+        (
+            "cause-of-thickening-effects.csv",
+            table.into_inner().unwrap(),
+        ),
+        ("cause-of-thickening.svg", figure(&effects)),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(stiffness: f64, tangential: &str, rate: f64, viscosity: f64, noise: f64) -> Run {
+        // Of each viscosity a half is of stresslets below, a quarter above.
+        let share = if rate == BELOW { 0.5 } else { 0.25 };
+        Run {
+            state: "done".into(),
+            hydrodynamics: "ball-melrose".into(),
+            tangential: tangential.into(),
+            spheres: 400,
+            area_fraction: 0.7,
+            friction: 1.0,
+            stiffness,
+            shear_rate: rate,
+            viscosity: Some(viscosity * noise),
+            viscosity_median: None,
+            viscosity_stresslet: Some(share * viscosity * noise * noise),
+            viscosity_stresslet_median: None,
+        }
+    }
+
+    /// Layers whose viscosities are products: of what each choice makes, exactly.
+    fn made_up() -> Runs {
+        let mut runs = Vec::new();
+        for noise in [0.9, 1.0, 1.0 / 0.9] {
+            for (stiffness, softness) in [(RIGID, 1.0), (1e5, 1.0), (1e4, 0.8), (1e3, 0.5)] {
+                runs.push(run(stiffness, "roll-slip", BELOW, 10.0, noise));
+                runs.push(run(stiffness, "roll-slip", ABOVE, 20.0 * softness, noise));
+                if stiffness < RIGID {
+                    let viscosity = 60.0 * softness;
+                    runs.push(run(stiffness, "stick-slide", ABOVE, viscosity, noise));
+                }
+            }
+        }
+        Runs(runs)
+    }
+
+    #[test]
+    fn what_a_choice_makes_is_found_where_it_is_known() {
+        let effects = made_up().effects();
+        let rise = |choice: &str| {
+            let known: Vec<&Effect> = effects.iter().filter(|e| e.choice == choice).collect();
+            assert_eq!(known.len(), 1, "{choice}");
+            known[0].rise
+        };
+        for (choice, wanted) in [
+            ("rigid, roll-slip", 2.0_f64),
+            ("rigid, roll-slip, stresslets alone", 1.0),
+            ("contact stress counted", 2.0),
+            ("friction that sticks", 3.0),
+            ("k = 1e4 in place of 1e5", 0.8),
+            ("k = 1e3 in place of 1e5", 0.5),
+            ("friction that sticks, more at k = 1e5 than at 1e3", 1.0),
+        ] {
+            assert!((rise(choice) - wanted.ln()).abs() < 1e-12, "{choice}");
+        }
+        // What there are no runs for is not told.
+        assert!(
+            effects
+                .iter()
+                .all(|effect| effect.choice != "rigid, coulomb")
+        );
+        // Runs below cancel from the friction law: the interval is that of the runs above.
+        let of = |choice: &str| effects.iter().find(|e| e.choice == choice).unwrap();
+        assert_eq!(of("friction that sticks, k = 1e4").seeds, 6);
+        assert_eq!(of("k = 1e4, stick-slide").seeds, 6);
+    }
+
+    #[test]
+    fn intervals_are_those_of_welch() {
+        // Two samples of five each with the variances 2.5 and 10: t' of 5 degrees of freedom 5.88, half width t s.
+        let one = vec![1.0, 2.0, 3.0, 4.0, 5.0];
+        let two = vec![2.0, 4.0, 6.0, 8.0, 10.0];
+        let estimate = sum_of_means(&[(1.0, two), (-1.0, one)]).unwrap();
+        assert!((estimate.mean - 3.0).abs() < 1e-12);
+        let error = (2.5_f64 / 5.0 + 10.0 / 5.0).sqrt();
+        assert!((estimate.standard_error.unwrap() - error).abs() < 1e-12);
+        let student = estimate.ci95.unwrap() / error;
+        // t(0.975) lies between those of 5 and 6 degrees of freedom.
+        assert!((2.447..2.571).contains(&student), "{student}");
+        assert!(sum_of_means(&[(1.0, vec![1.0])]).is_none());
+    }
+}
