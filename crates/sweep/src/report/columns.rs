@@ -1,7 +1,9 @@
 //! The columns of all tables: the axes of the campaign, then what was measured.
 
-use super::{Point, Report, ReportError};
+use super::error::ReportError;
+use super::points::{Point, Report};
 use crate::axes::{AXES, Axis, Kind, Value};
+use crate::data::{Cells, DataColumn};
 use crate::statistics::Estimate;
 use crate::stresses::STRESSES;
 
@@ -278,3 +280,22 @@ const MEASURED: [Column; 31] = [
     column("correlation_strain", "1", "strain after which the viscosity of a run counts as independent", Content::Number(|p| p.correlation_strain)),
     column("effective_samples", "1", "independent samples all runs together are worth", Content::Number(|p| p.effective_samples)),
 ];
+
+/// The points as a table, with the columns that were chosen or all, in the units of the report.
+pub fn point_table(report: &Report) -> Vec<DataColumn> {
+    columns_of(report)
+        .into_iter()
+        .map(|column| {
+            let mut cells = Cells::with_capacity(column.content(), report.points.len());
+            for point in &report.points {
+                cells.push(column.shown(report, point));
+            }
+            DataColumn {
+                name: column.name.into(),
+                unit: column.unit_in(report),
+                meaning: column.meaning,
+                cells,
+            }
+        })
+        .collect()
+}

@@ -1,7 +1,8 @@
 //! Points as curves: one axis of the campaign along, one curve per value of all others.
 
 use super::axis_words::AxisWords;
-use super::{Point, Report, Units};
+use super::points::{Point, Report};
+use super::units::Units;
 use crate::axes::{AXES, Axis, Tag, identity};
 use sd_core::Params;
 use std::cmp::Ordering;

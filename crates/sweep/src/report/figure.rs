@@ -33,7 +33,9 @@ pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
 use origin::Origin;
 pub use outline::Outline;
 
-use super::{Report, ReportError, Selection, selected_runs};
+use super::error::ReportError;
+use super::points::{Report, selected_runs};
+use super::selection::Selection;
 use crate::axes::{Axis, identity};
 use crate::store::{PointRun, Store};
 use palette::{Colour, Marker, ORDERED_CURVES};

@@ -1,8 +1,8 @@
 //! The report for machines: one JSON object, its names and meanings a promise.
 
-use super::ReportError;
 use super::columns::columns;
-use super::{Point, Report};
+use super::error::ReportError;
+use super::points::{Point, Report};
 use serde::{Serialize, Serializer};
 use std::io::Write;
 

@@ -3,11 +3,12 @@
 //! The page asks nothing of any network. All text of users goes through JSON in a script element, with every `<`, `>` and
 //! `&` escaped, and reaches the page as text only.
 
-use super::ReportError;
 use super::columns::{Column, columns, quantities};
+use super::error::ReportError;
 use super::figure::{PageLook, curve_colours, page_look};
+use super::points::{Point, Report, selected_runs};
+use super::selection::Excerpt;
 use super::units::Units;
-use super::{Excerpt, Point, Report, selected_runs};
 use crate::axes::{self, AXES, Axis, identity};
 use crate::campaign::Discard;
 use crate::statistics::ratio;

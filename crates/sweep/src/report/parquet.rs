@@ -1,6 +1,8 @@
 //! The tidy table as a Parquet file.
 
-use super::{Report, ReportError, point_table};
+use super::columns::point_table;
+use super::error::ReportError;
+use super::points::Report;
 use crate::data::ParquetFile;
 
 /// The points as a Parquet file: one row each, the columns of the CSV. The file's metadata say `campaign`, and of every column

@@ -2,8 +2,10 @@
 
 mod meanings;
 
+use super::error::ReportError;
+use super::points::selected_runs;
+use super::selection::Excerpt;
 use super::units::{At, Units};
-use super::{Excerpt, ReportError, selected_runs};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::csv_rows;
 use crate::data::{Cells, DataColumn, ParquetFile, numbered, write_csv, write_csv_rows};

@@ -1,7 +1,9 @@
 //! Some of a campaign's points: `--where KEY=VALUE[,VALUE..]`.
 
-use super::ReportError;
+use super::error::ReportError;
+use super::units::Units;
 use crate::axes::{AXES, Axis, Value};
+use crate::store::Store;
 use sd_core::Params;
 use std::fmt;
 
@@ -12,6 +14,17 @@ pub struct Selection {
     wanted: Vec<(&'static Axis, Vec<Wanted>)>,
     /// Whether runs with doubtful numbers are averaged as well.
     pub(super) with_doubtful: bool,
+}
+
+/// What of a store is shown, one by one or on a page.
+#[derive(Clone, Copy)]
+pub struct Excerpt<'s> {
+    /// The store.
+    pub store: &'s Store,
+    /// Which of its points.
+    pub selection: &'s Selection,
+    /// The units of the numbers.
+    pub units: Units,
 }
 
 /// A value as it was asked for.

@@ -3,6 +3,8 @@
 mod latex;
 mod points;
 
+pub use latex::write_latex;
+
 use super::text::table;
 use crate::format::Uncertain;
 use comfy_table::CellAlignment;

@@ -1,6 +1,7 @@
 //! What to do about a point whose runs are not steady: what `discard` or `strain` would change.
 
-use super::{Point, ReportError};
+use super::error::ReportError;
+use super::points::Point;
 use crate::campaign::{Discard, Protocol};
 use crate::case::State;
 use crate::format::significant;

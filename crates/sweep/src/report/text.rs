@@ -2,8 +2,9 @@
 
 mod notes;
 
+use super::error::ReportError;
+use super::points::Report;
 use super::sheet::{NumberFormat, Shape, Sheet};
-use super::{Report, ReportError};
 use crate::campaign::Discard;
 use crate::format::duration;
 use comfy_table::{ColumnConstraint, ContentArrangement, LineStyle, Table, Width, presets};

@@ -2,9 +2,9 @@
 //!
 //! Units and meanings are in a sidecar, so that the table itself has one header row of plain names.
 
-use super::Report;
-use super::ReportError;
 use super::columns::{Column, columns_of};
+use super::error::ReportError;
+use super::points::Report;
 use crate::axes::{Axis, Value};
 use crate::csv_rows;
 use crate::format::short;

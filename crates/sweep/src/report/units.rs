@@ -9,7 +9,7 @@
 //! Without the critical load F_crit there is no time: rates and stresses then stay as they are. At the plateaus Γ = 0 and Γ = ∞ stresses
 //! and velocities are multiples of a rate that has no value, and are left out.
 
-use super::ReportError;
+use super::error::ReportError;
 use crate::axes::Axis;
 use sd_core::Params;
 use sd_core::law::StiffnessUnit;

@@ -297,8 +297,9 @@ struct Effect {
     area_fraction: f64,
     rise: f64,
     rise_ci95: f64,
-    /// Runs that it was taken from.
+    /// Runs that it was taken from, and those that jammed instead.
     seeds: usize,
+    jammed: usize,
 }
 
 /// A sum of means of samples with its interval; `None` where one of them has fewer than two values.
@@ -325,6 +326,15 @@ fn sum_of_means(terms: &[(f64, Vec<f64>)]) -> Option<Estimate> {
     })
 }
 
+/// A rise, and the runs that it was taken from.
+struct Rise {
+    estimate: Estimate,
+    /// Those that went to their end.
+    seeds: usize,
+    /// Those that jammed, and are in no mean.
+    jammed: usize,
+}
+
 /// The runs of a campaign.
 struct Runs(Vec<Run>);
 
@@ -334,9 +344,9 @@ impl Runs {
         Self(reader.deserialize().collect::<Result<_, _>>().unwrap())
     }
 
-    /// ln of the viscosities of a model's runs: at c, ν and Γ. Below the transition friction does not count, and was not varied. Of
-    /// cells of several sizes it is the one of the design.
-    fn values(&self, model: Model, [c, friction, rate]: [f64; 3], counted: Counted) -> Vec<f64> {
+    /// The runs of a model at c, ν and Γ. Below the transition friction does not count, and was not varied. Of cells of several sizes it is
+    /// the one of the design.
+    fn of(&self, model: Model, [c, friction, rate]: [f64; 3]) -> impl Iterator<Item = &Run> {
         let is_below = rate == BELOW;
         let tangential = if is_below {
             "roll-slip"
@@ -348,7 +358,7 @@ impl Runs {
         } else {
             400
         };
-        let runs = self.0.iter().filter(|run| {
+        self.0.iter().filter(move |run| {
             run.hydrodynamics == model.hydrodynamics
                 && run.tangential == tangential
                 && run.spheres == spheres
@@ -356,17 +366,16 @@ impl Runs {
                 && run.area_fraction == c
                 && run.shear_rate == rate
                 && (is_below || run.friction == friction)
-        });
-        runs.filter_map(|run| run.logarithm(counted)).collect()
+        })
     }
 
-    /// What the rise of a sum of models is, and the runs it was taken from.
+    /// The rise of a sum of models.
     fn rise(
         &self,
         sum: &[(f64, Model)],
         [c, friction]: [f64; 2],
         counted: Counted,
-    ) -> Option<(Estimate, usize)> {
+    ) -> Option<Rise> {
         // Models may occur more than once in a sum, and may share their runs below.
         let mut terms: Vec<(f64, Model, f64)> = Vec::new();
         for (weight, model) in sum {
@@ -387,12 +396,19 @@ impl Runs {
             }
         }
         terms.retain(|term| term.0.abs() > 1e-12);
-        let samples: Vec<(f64, Vec<f64>)> = terms
-            .into_iter()
-            .map(|(weight, model, rate)| (weight, self.values(model, [c, friction, rate], counted)))
-            .collect();
-        let runs = samples.iter().map(|(_, values)| values.len()).sum();
-        Some((sum_of_means(&samples)?, runs))
+        let mut samples = Vec::new();
+        let mut jammed = 0;
+        for (weight, model, rate) in terms {
+            let runs = || self.of(model, [c, friction, rate]);
+            let values: Vec<f64> = runs().filter_map(|run| run.logarithm(counted)).collect();
+            samples.push((weight, values));
+            jammed += runs().filter(|run| run.state == "jammed").count();
+        }
+        Some(Rise {
+            estimate: sum_of_means(&samples)?,
+            seeds: samples.iter().map(|(_, values)| values.len()).sum(),
+            jammed,
+        })
     }
 
     fn effects(&self) -> Vec<Effect> {
@@ -406,17 +422,16 @@ impl Runs {
             for (friction, c) in &places {
                 let [friction, c] = [f64::from_bits(*friction), f64::from_bits(*c)];
                 let known = self.rise(&question.sum, [c, friction], question.counted);
-                if let Some((estimate, seeds)) = known {
-                    all.push(Effect {
-                        kind: question.kind,
-                        choice: question.choice.clone(),
-                        friction,
-                        area_fraction: c,
-                        rise: estimate.mean,
-                        rise_ci95: estimate.ci95.unwrap(),
-                        seeds,
-                    });
-                }
+                all.extend(known.map(|known| Effect {
+                    kind: question.kind,
+                    choice: question.choice.clone(),
+                    friction,
+                    area_fraction: c,
+                    rise: known.estimate.mean,
+                    rise_ci95: known.estimate.ci95.unwrap(),
+                    seeds: known.seeds,
+                    jammed: known.jammed,
+                }));
             }
         }
         all

@@ -5,8 +5,8 @@ use super::look::Look;
 use super::origin::Origin;
 use super::sketch::{Field, Form, Height, Line as Drawn, Sketch, Spot};
 use super::{Format, Outline, file};
-use crate::report::ReportError;
 use crate::report::curves::Label;
+use crate::report::error::ReportError;
 use crate::statistics::Estimate;
 
 /// What is to be drawn.

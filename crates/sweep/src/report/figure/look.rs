@@ -3,7 +3,7 @@
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
 use super::refused_as;
 use crate::axes::Axis;
-use crate::report::ReportError;
+use crate::report::error::ReportError;
 use serde::Deserialize;
 use std::str::FromStr;
 

@@ -1,6 +1,6 @@
 //! What a figure says of where it comes from.
 
-use crate::report::Report;
+use crate::report::points::Report;
 use std::fmt;
 
 /// Characters of a key that tell a run from all others.

@@ -8,7 +8,7 @@ use super::palette::{Colour, Marker};
 use super::refused_as;
 use super::scale::Scale;
 use super::sketch::{Form, Height, Line, Sketch, Spot};
-use crate::report::ReportError;
+use crate::report::error::ReportError;
 use serde::Serialize;
 
 /// Height of a panel over its width.

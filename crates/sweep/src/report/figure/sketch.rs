@@ -6,7 +6,8 @@ use super::log_axis::LogAxis;
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::{Drawing, Kind, Quantity, Trace, refused, refused_as};
 use crate::report::curves::Label;
-use crate::report::{Point, Report, ReportError};
+use crate::report::error::ReportError;
+use crate::report::points::{Point, Report};
 use crate::statistics::Estimate;
 use draft::Draft;
 

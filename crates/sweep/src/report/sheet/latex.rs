@@ -1,7 +1,10 @@
 //! Tables as LaTeX.
 
-use super::{NumberFormat, Sheet, SheetColumn};
+use super::{NumberFormat, Shape, Sheet, SheetColumn};
 use crate::format::Uncertain;
+use crate::report::error::ReportError;
+use crate::report::figure::origin_of;
+use crate::report::points::Report;
 use std::io::{self, Write};
 
 impl Sheet {
@@ -106,6 +109,14 @@ fn symbols(text: &str) -> String {
     known.iter().fold(text.to_owned(), |text, (sign, command)| {
         text.replace(sign, command)
     })
+}
+
+/// Writes the points as a LaTeX table: the columns of the table on the screen, all the usual ones if it is wide.
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn write_latex(report: &Report, shape: Shape, out: &mut dyn Write) -> Result<(), ReportError> {
+    Ok(Sheet::of(report, shape, None).write_latex(&origin_of(report), out)?)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use crate::campaign::Discard;
 use crate::format::{Uncertain, significant};
 use crate::report::axis_words::AxisWords;
 use crate::report::columns::{Column, measured_named};
-use crate::report::{Point, Report};
+use crate::report::points::{Point, Report};
 
 /// Columns of a table that is as wide as it needs to be: name, heading, significant digits, and how soon it is left out where there is
 /// no room, the highest first.

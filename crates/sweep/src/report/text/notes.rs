@@ -2,7 +2,8 @@
 
 use crate::axes::Axis;
 use crate::format::significant;
-use crate::report::{Point, Report, ReportError};
+use crate::report::error::ReportError;
+use crate::report::points::{Point, Report};
 use crate::statistics::Verdict;
 use std::io::Write;
 

@@ -4,10 +4,12 @@ use super::{Field, Form, Height, Line, Measured, Sketch, Spot};
 use crate::axes::{AXES, Axis, Value, identity};
 use crate::report::axis_words::AxisWords;
 use crate::report::curves::{Curve, Label, Shared, curves, labels};
+use crate::report::error::ReportError;
 use crate::report::figure::log_axis::LogAxis;
 use crate::report::figure::{Drawing, Kind, Trace, refused_as};
+use crate::report::points::{Point, Report};
 use crate::report::units::At;
-use crate::report::{Point, Report, ReportError, Units};
+use crate::report::units::Units;
 use sd_core::Params;
 
 /// What reports are drawn as.
