@@ -313,7 +313,7 @@ impl Store {
             Loss::Deleted => {
                 // Our own log without its file; all of it is in what was rescued.
                 if self.files.as_ref().is_some_and(Files::has_own_log) {
-                    let _ = std::fs::remove_file(reading::log_of(path));
+                    let _ = std::fs::remove_file(place::log_of(path));
                 }
                 Some(set_aside(path).and_then(|()| name_new(rescued, path)))
             }

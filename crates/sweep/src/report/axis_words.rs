@@ -1,6 +1,6 @@
 //! Values on an axis as people read them: in the units of a report, to as few digits as keep different values apart.
 
-use super::figure::power_of_ten;
+use super::figure::log_axis::power_of_ten;
 use super::units::{At, Units};
 use crate::axes::{Axis, Kind, Value};
 use crate::format::{Digits, Uncertain};

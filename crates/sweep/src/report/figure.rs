@@ -14,7 +14,7 @@ mod font;
 mod graph;
 mod layout;
 mod legend;
-mod log_axis;
+pub(super) mod log_axis;
 mod look;
 mod origin;
 mod outline;
@@ -28,7 +28,6 @@ mod svg;
 
 pub(crate) use chart::chart;
 pub use graph::{Graph, Line, draw_graph};
-pub(super) use log_axis::power_of_ten;
 pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
 use origin::Origin;
 pub use outline::Outline;

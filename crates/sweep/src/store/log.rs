@@ -7,7 +7,7 @@
 
 mod index;
 
-use super::reading::log_of;
+use super::place::log_of;
 use super::{StoreError, guard};
 use index::Index;
 use rusqlite::{Connection, OpenFlags, OptionalExtension};
@@ -196,7 +196,7 @@ fn last_link(path: &Path) -> Result<Option<Link>, rusqlite::Error> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
         | OpenFlags::SQLITE_OPEN_NO_MUTEX
         | OpenFlags::SQLITE_OPEN_URI;
-    let file = Connection::open_with_flags(super::reading::address(path, "immutable=1"), flags)?;
+    let file = Connection::open_with_flags(super::place::address(path, "immutable=1"), flags)?;
     guard::distrust(&file)?;
     let made: bool = file
         .prepare("SELECT 1 FROM sqlite_schema WHERE type = 'table' AND name = 'log'")?

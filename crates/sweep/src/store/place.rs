@@ -1,7 +1,6 @@
 //! Where a store lies: whether its file is still the one that was opened, whether there is room, on what it is stored.
 
 use super::StoreError;
-use super::reading::log_of;
 use std::cell::Cell;
 use std::fs::Metadata;
 use std::os::unix::fs::MetadataExt as _;
@@ -260,6 +259,23 @@ fn network_name(magic: u32) -> Option<&'static str> {
         0x2003_0528 => "OrangeFS",
         _ => return None,
     })
+}
+
+/// The address of a file with options, as `SQLite` reads it.
+pub(super) fn address(path: &Path, options: &str) -> String {
+    let escaped = path
+        .to_string_lossy()
+        .replace('%', "%25")
+        .replace('?', "%3f")
+        .replace('#', "%23");
+    format!("file:{escaped}?{options}")
+}
+
+/// The write-ahead log beside a database.
+pub(super) fn log_of(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push("-wal");
+    PathBuf::from(name)
 }
 
 #[cfg(test)]

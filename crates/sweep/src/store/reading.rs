@@ -1,7 +1,7 @@
 //! Opening a store to read it: while others write, without write access, on a full disk.
 
 use super::log::Fault;
-use super::place::is_full;
+use super::place::{address, is_full, log_of};
 use super::schema::{self, Kind, identify};
 use super::source::{Files, FoundWhole};
 use super::{Store, StoreError, guard, log, wait_for_lock};
@@ -234,16 +234,6 @@ fn needs_another_way(error: &StoreError) -> bool {
     }
 }
 
-/// The address of a file with options, as `SQLite` reads it.
-pub(super) fn address(path: &Path, options: &str) -> String {
-    let escaped = path
-        .to_string_lossy()
-        .replace('%', "%25")
-        .replace('?', "%3f")
-        .replace('#', "%23");
-    format!("file:{escaped}?{options}")
-}
-
 /// Copies a database and its log, neither of which may change meanwhile, into a directory of our own.
 fn copy_unchanged(path: &Path, directory: &Path) -> io::Result<PathBuf> {
     let copy = directory.join("store.sqlite");
@@ -265,11 +255,4 @@ fn copy_unchanged(path: &Path, directory: &Path) -> io::Result<PathBuf> {
         }
     }
     Err(io::Error::other("it changes all the time"))
-}
-
-/// The write-ahead log beside a database.
-pub(super) fn log_of(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push("-wal");
-    PathBuf::from(name)
 }

@@ -83,9 +83,9 @@ pub fn salvage_in_place(path: &Path, campaign: Option<&Campaign>) -> Result<Salv
     let aside = path.with_extension(format!("set-aside-{}.sqlite", std::process::id()));
     let moved = || -> std::io::Result<()> {
         std::fs::rename(path, &aside)?;
-        let log = super::reading::log_of(path);
+        let log = super::place::log_of(path);
         if log.exists() {
-            std::fs::rename(log, super::reading::log_of(&aside))?;
+            std::fs::rename(log, super::place::log_of(&aside))?;
         }
         set_aside(path)?;
         name_new(&draft, path)

@@ -1,7 +1,7 @@
 //! What a user wants to see of a store: all it holds, or what a campaign file asks of it.
 
 use super::place::FileIdentity;
-use super::reading::log_of;
+use super::place::log_of;
 use super::{Store, StoreError};
 use crate::campaign::Campaign;
 use std::path::{Path, PathBuf};

@@ -80,7 +80,7 @@ mod tests {
                 "PRAGMA journal_mode = WAL; CREATE TABLE t (x); INSERT INTO t VALUES (1)",
             )
             .unwrap();
-        let log = std::fs::read(crate::store::reading::log_of(&path)).unwrap();
+        let log = std::fs::read(crate::store::place::log_of(&path)).unwrap();
         let index = Index::of(&path).unwrap();
         let pages = u32::try_from((log.len() - 32) / (24 + 4096)).unwrap();
         assert_eq!((index.pages, index.moved), (pages, 0));

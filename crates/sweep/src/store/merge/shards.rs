@@ -1,6 +1,6 @@
 //! Shards as a merge meets them: whole ones, of known builds, changed since the last time.
 
-use crate::store::reading::log_of;
+use crate::store::place::log_of;
 use crate::store::{Store, StoreError, integer};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
