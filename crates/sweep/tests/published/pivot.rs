@@ -193,6 +193,7 @@ fn symbol(column: &str) -> String {
         "overlap" => "largest overlap",
         "lubrication_regularisation" => "δ",
         "published_stress" => "6π σ'",
+        "rise" => "ln(η above / η below)",
         name => Axis::of_key(name).map_or(name, |axis| axis.symbol),
     };
     name.replace('_', if name == "η_S" { "_" } else { " " })

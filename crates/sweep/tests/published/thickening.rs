@@ -234,6 +234,33 @@ fn questions() -> Vec<Question> {
         Counted::All,
     );
 
+    // From the paper's reading of its model to the model of the field, one choice after the other: these add up.
+    let field = with(1e4, true).under(lubrication);
+    ask(
+        "step",
+        "the paper: rigid, roll-slip, stresslets alone",
+        vec![(1.0, with(RIGID, false))],
+        Counted::Stresslets,
+    );
+    ask(
+        "step",
+        "+ contact stress counted",
+        vec![(1.0, with(RIGID, false))],
+        Counted::Ratio,
+    );
+    for (words, sum) in [
+        (
+            "+ springs of k = 1e5",
+            less(with(1e5, false), with(RIGID, false)),
+        ),
+        ("+ friction that sticks", sticking(1e5)),
+        ("+ softer, k = 1e4", less(with(1e4, true), with(1e5, true))),
+        ("+ lubrication alone", less(field, with(1e4, true))),
+        ("= the field's model", vec![(1.0, field)]),
+    ] {
+        ask("step", words, sum, Counted::All);
+    }
+
     // Pairs.
     ask(
         "pair",
@@ -560,6 +587,8 @@ mod tests {
         ] {
             assert!((rise(choice) - wanted.ln()).abs() < 1e-12, "{choice}");
         }
+        let step = |choice: &str| rise(&format!("+ {choice}"));
+        assert!((step("softer, k = 1e4") - 0.8_f64.ln()).abs() < 1e-12);
         // What there are no runs for is not told.
         assert!(
             effects
