@@ -213,12 +213,14 @@ fn questions() -> Vec<Question> {
         mean(&springs.map(sticking)),
         Counted::All,
     );
-    ask(
-        "main",
-        "springs of k = 1e5 in place of rigid contacts (roll-slip)",
-        less(with(1e5, false), with(RIGID, false)),
-        Counted::All,
-    );
+    for (sticks, law) in [(false, "roll-slip"), (true, "sticking")] {
+        ask(
+            "main",
+            &format!("springs of k = 1e5 in place of rigid contacts ({law})"),
+            less(with(1e5, sticks), with(RIGID, sticks)),
+            Counted::All,
+        );
+    }
     ask("main", "k = 1e4 in place of 1e5", softer(1e4), Counted::All);
     ask("main", "k = 1e3 in place of 1e5", softer(1e3), Counted::All);
     ask(
@@ -324,9 +326,9 @@ struct Effect {
     area_fraction: f64,
     rise: f64,
     rise_ci95: f64,
-    /// Runs that it was taken from, and those that jammed instead.
+    /// Runs that it was taken from, and those that jammed or failed instead.
     seeds: usize,
-    jammed: usize,
+    lost: usize,
 }
 
 /// A sum of means of samples with its interval; `None` where one of them has fewer than two values.
@@ -358,8 +360,8 @@ struct Rise {
     estimate: Estimate,
     /// Those that went to their end.
     seeds: usize,
-    /// Those that jammed, and are in no mean.
-    jammed: usize,
+    /// Those that jammed or failed, and are in no mean.
+    lost: usize,
 }
 
 /// The runs of a campaign.
@@ -424,17 +426,19 @@ impl Runs {
         }
         terms.retain(|term| term.0.abs() > 1e-12);
         let mut samples = Vec::new();
-        let mut jammed = 0;
+        let mut lost = 0;
         for (weight, model, rate) in terms {
             let runs = || self.of(model, [c, friction, rate]);
             let values: Vec<f64> = runs().filter_map(|run| run.logarithm(counted)).collect();
             samples.push((weight, values));
-            jammed += runs().filter(|run| run.state == "jammed").count();
+            lost += runs()
+                .filter(|run| ["jammed", "failed"].contains(&run.state.as_str()))
+                .count();
         }
         Some(Rise {
             estimate: sum_of_means(&samples)?,
             seeds: samples.iter().map(|(_, values)| values.len()).sum(),
-            jammed,
+            lost,
         })
     }
 
@@ -457,7 +461,7 @@ impl Runs {
                     rise: known.estimate.mean,
                     rise_ci95: known.estimate.ci95.unwrap(),
                     seeds: known.seeds,
-                    jammed: known.jammed,
+                    lost: known.lost,
                 }));
             }
         }
