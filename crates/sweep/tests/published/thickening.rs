@@ -88,6 +88,15 @@ const fn with(stiffness: f64, sticks: bool) -> Model {
     }
 }
 
+/// A normal law in words.
+fn normal(stiffness: f64) -> String {
+    if stiffness.is_infinite() {
+        "rigid".to_owned()
+    } else {
+        format!("k = 1e{}", stiffness.log10().round())
+    }
+}
+
 impl Model {
     const fn under(self, hydrodynamics: &'static str) -> Self {
         Self {
@@ -107,16 +116,12 @@ impl Model {
 
     /// In words.
     fn words(self) -> String {
-        let normal = if self.stiffness.is_infinite() {
-            "rigid".to_owned()
-        } else {
-            format!("k = 1e{}", self.stiffness.log10().round())
-        };
         let hydrodynamics = match self.hydrodynamics {
             "ball-melrose" => "",
             "lubrication" => ", lubrication alone",
             _ => ", full",
         };
+        let normal = normal(self.stiffness);
         format!("{normal}, {}{hydrodynamics}", self.tangential())
     }
 }
@@ -151,170 +156,180 @@ struct Question {
     counted: Counted,
 }
 
-/// All that is asked, at every area fraction and friction at which there are runs for it.
-fn questions() -> Vec<Question> {
-    let mut all = Vec::new();
-    let mut ask = |kind, choice: &str, sum: Sum, counted| {
-        all.push(Question {
+impl Question {
+    fn new(kind: &'static str, choice: impl Into<String>, sum: Sum, counted: Counted) -> Self {
+        Self {
             kind,
-            choice: choice.to_owned(),
+            choice: choice.into(),
             sum,
             counted,
-        });
-    };
-    let springs = [1e5, 1e4, 1e3];
-    let [full, lubrication] = ["stokesian-dynamics", "lubrication"];
-    let normals = || std::iter::once(RIGID).chain(springs);
-    ask(
-        "rise",
-        "rigid, roll-slip, stresslets alone",
-        vec![(1.0, with(RIGID, false))],
-        Counted::Stresslets,
-    );
-    for sticks in [false, true] {
-        for stiffness in normals() {
-            let model = with(stiffness, sticks);
-            ask("rise", &model.words(), vec![(1.0, model)], Counted::All);
         }
     }
-    for hydrodynamics in [lubrication, full] {
-        for model in [
+}
+
+const SPRINGS: [f64; 3] = [1e5, 1e4, 1e3];
+const LUBRICATION: &str = "lubrication";
+const FULL: &str = "stokesian-dynamics";
+
+/// All normal laws.
+fn normals() -> impl Iterator<Item = f64> {
+    std::iter::once(RIGID).chain(SPRINGS)
+}
+
+/// A model alone.
+fn alone(model: Model) -> Sum {
+    vec![(1.0, model)]
+}
+
+/// What friction that sticks makes, under Ball-Melrose.
+fn sticking(stiffness: f64) -> Sum {
+    less(with(stiffness, true), with(stiffness, false))
+}
+
+/// The rise of every model that was run.
+fn rises() -> Vec<Question> {
+    let rise = |model: Model| Question::new("rise", model.words(), alone(model), Counted::All);
+    let first = Question::new(
+        "rise",
+        "rigid, roll-slip, stresslets alone",
+        alone(with(RIGID, false)),
+        Counted::Stresslets,
+    );
+    let mut all = vec![first];
+    for sticks in [false, true] {
+        all.extend(normals().map(|stiffness| rise(with(stiffness, sticks))));
+    }
+    for hydrodynamics in [LUBRICATION, FULL] {
+        let models = [
             with(RIGID, false),
             with(RIGID, true),
             with(1e4, false),
             with(1e4, true),
-        ] {
-            let model = model.under(hydrodynamics);
-            ask("rise", &model.words(), vec![(1.0, model)], Counted::All);
-        }
+        ];
+        all.extend(models.map(|model| rise(model.under(hydrodynamics))));
     }
+    all
+}
 
-    // Main effects.
-    let seven: Vec<Sum> = normals()
-        .map(|stiffness| with(stiffness, false))
-        .chain(springs.map(|stiffness| with(stiffness, true)))
-        .map(|model| vec![(1.0, model)])
-        .collect();
-    let sticking = |stiffness| less(with(stiffness, true), with(stiffness, false));
+/// From the paper's reading of its model to the model of the field, one choice after the other: these add up.
+fn steps() -> Vec<Question> {
+    let paper = with(RIGID, false);
+    let field = with(1e4, true).under(LUBRICATION);
+    [
+        (
+            "the paper: rigid, roll-slip, stresslets alone",
+            alone(paper),
+            Counted::Stresslets,
+        ),
+        ("+ contact stress counted", alone(paper), Counted::Ratio),
+        (
+            "+ springs of k = 1e5",
+            less(with(1e5, false), paper),
+            Counted::All,
+        ),
+        ("+ friction that sticks", sticking(1e5), Counted::All),
+        (
+            "+ softer, k = 1e4",
+            less(with(1e4, true), with(1e5, true)),
+            Counted::All,
+        ),
+        (
+            "+ lubrication alone",
+            less(field, with(1e4, true)),
+            Counted::All,
+        ),
+        ("= the field's model", alone(field), Counted::All),
+    ]
+    .map(|(choice, sum, counted)| Question::new("step", choice, sum, counted))
+    .into()
+}
+
+/// What each choice makes, averaged over the others.
+fn main_effects() -> Vec<Question> {
+    let seven = normals().map(|stiffness| with(stiffness, false));
+    let seven = seven.chain(SPRINGS.map(|stiffness| with(stiffness, true)));
+    let seven: Vec<Sum> = seven.map(alone).collect();
     let three = [with(RIGID, false), with(1e4, false), with(1e4, true)];
     let under = |hydrodynamics| mean(&three.map(|model| less(model.under(hydrodynamics), model)));
     let softer = |stiffness: f64| {
         mean(&[false, true].map(|sticks| less(with(stiffness, sticks), with(1e5, sticks))))
     };
-    ask(
+    let nearly_rigid = |sticks| less(with(1e5, sticks), with(RIGID, sticks));
+    let counted = Question::new(
         "main",
         "contact stress counted",
         mean(&seven),
         Counted::Ratio,
     );
-    ask(
-        "main",
-        "friction that sticks",
-        mean(&springs.map(sticking)),
-        Counted::All,
-    );
-    for (sticks, law) in [(false, "roll-slip"), (true, "sticking")] {
-        ask(
-            "main",
-            &format!("springs of k = 1e5 in place of rigid contacts ({law})"),
-            less(with(1e5, sticks), with(RIGID, sticks)),
-            Counted::All,
-        );
-    }
-    ask("main", "k = 1e4 in place of 1e5", softer(1e4), Counted::All);
-    ask("main", "k = 1e3 in place of 1e5", softer(1e3), Counted::All);
-    ask(
-        "main",
-        "lubrication alone in place of Ball-Melrose",
-        under(lubrication),
-        Counted::All,
-    );
-    ask(
-        "main",
-        "full in place of Ball-Melrose",
-        under(full),
-        Counted::All,
-    );
-
-    // From the paper's reading of its model to the model of the field, one choice after the other: these add up.
-    let field = with(1e4, true).under(lubrication);
-    ask(
-        "step",
-        "the paper: rigid, roll-slip, stresslets alone",
-        vec![(1.0, with(RIGID, false))],
-        Counted::Stresslets,
-    );
-    ask(
-        "step",
-        "+ contact stress counted",
-        vec![(1.0, with(RIGID, false))],
-        Counted::Ratio,
-    );
-    for (words, sum) in [
+    let others = [
+        ("friction that sticks", mean(&SPRINGS.map(sticking))),
         (
-            "+ springs of k = 1e5",
-            less(with(1e5, false), with(RIGID, false)),
+            "springs of k = 1e5 in place of rigid contacts (roll-slip)",
+            nearly_rigid(false),
         ),
-        ("+ friction that sticks", sticking(1e5)),
-        ("+ softer, k = 1e4", less(with(1e4, true), with(1e5, true))),
-        ("+ lubrication alone", less(field, with(1e4, true))),
-        ("= the field's model", vec![(1.0, field)]),
-    ] {
-        ask("step", words, sum, Counted::All);
-    }
+        (
+            "springs of k = 1e5 in place of rigid contacts (sticking)",
+            nearly_rigid(true),
+        ),
+        ("k = 1e4 in place of 1e5", softer(1e4)),
+        ("k = 1e3 in place of 1e5", softer(1e3)),
+        (
+            "lubrication alone in place of Ball-Melrose",
+            under(LUBRICATION),
+        ),
+        ("full in place of Ball-Melrose", under(FULL)),
+    ]
+    .map(|(choice, sum)| Question::new("main", choice, sum, Counted::All));
+    std::iter::once(counted).chain(others).collect()
+}
 
-    // Pairs.
-    ask(
-        "pair",
-        "contact stress counted, rigid and roll-slip",
-        vec![(1.0, with(RIGID, false))],
-        Counted::Ratio,
-    );
-    for stiffness in springs {
+/// What a choice makes where another is made as well, or how much more it makes there.
+fn pairs() -> Vec<Question> {
+    let pair = |choice: String, sum, counted| Question::new("pair", choice, sum, counted);
+    let mut all = Vec::new();
+    for stiffness in normals() {
         let model = with(stiffness, false);
-        let words = format!("contact stress counted, {}", model.words());
-        ask("pair", &words, vec![(1.0, model)], Counted::Ratio);
+        let choice = format!("contact stress counted, {}", model.words());
+        all.push(pair(choice, alone(model), Counted::Ratio));
     }
     for stiffness in normals() {
-        let normal = with(stiffness, false).words();
-        let normal = normal.trim_end_matches(", roll-slip");
-        ask(
-            "pair",
-            &format!("friction that sticks, {normal}"),
-            sticking(stiffness),
-            Counted::All,
-        );
+        let choice = format!("friction that sticks, {}", normal(stiffness));
+        all.push(pair(choice, sticking(stiffness), Counted::All));
     }
-    ask(
-        "pair",
-        "friction that sticks, on stresslets alone (k = 1e5)",
+    all.push(pair(
+        "friction that sticks, on stresslets alone (k = 1e5)".into(),
         sticking(1e5),
         Counted::Stresslets,
-    );
-    ask(
-        "pair",
-        "friction that sticks, more at k = 1e5 than at 1e3",
+    ));
+    all.push(pair(
+        "friction that sticks, more at k = 1e5 than at 1e3".into(),
         difference(sticking(1e5), &sticking(1e3)),
         Counted::All,
-    );
-    for (hydrodynamics, words) in [(lubrication, "lubrication alone"), (full, "full")] {
+    ));
+    for (hydrodynamics, words) in [(LUBRICATION, "lubrication alone"), (FULL, "full")] {
         let there = |model: Model| model.under(hydrodynamics);
         let sticking_there = less(there(with(1e4, true)), there(with(1e4, false)));
-        ask(
-            "pair",
-            &format!("friction that sticks, more under {words} than Ball-Melrose (k = 1e4)"),
+        all.push(pair(
+            format!("friction that sticks, more under {words} than Ball-Melrose (k = 1e4)"),
             difference(sticking_there, &sticking(1e4)),
             Counted::All,
-        );
+        ));
         let softer_there = less(there(with(1e4, false)), there(with(RIGID, false)));
-        ask(
-            "pair",
-            &format!("k = 1e4 in place of rigid, more under {words} than Ball-Melrose (roll-slip)"),
+        all.push(pair(
+            format!("k = 1e4 in place of rigid, more under {words} than Ball-Melrose (roll-slip)"),
             difference(softer_there, &less(with(1e4, false), with(RIGID, false))),
             Counted::All,
-        );
+        ));
     }
     all
+}
+
+/// All that is asked, at every area fraction and friction at which there are runs for it.
+fn questions() -> Vec<Question> {
+    [rises(), steps(), main_effects(), pairs()]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// What is known of a choice at a place of the design: a row of the file.
