@@ -1,7 +1,7 @@
 //! How much of the thickening of a layer each choice of its model makes: from the runs of the campaign `cause-of-thickening`.
 //!
 //! The rise of a model is ln(η above / η below): the mean over runs of ln η at Γ = 10, where the critical load no longer counts, less
-//! that at Γ = 0.01, where no contact bears it, so that neither friction nor its law does anything there. Rises are sums of means over
+//! that at Γ = 0.01, where hardly any contact bears it, so that neither friction nor its law does anything there. Rises are sums of means over
 //! runs, and so is what a choice makes of them: the rise with it less the rise without it, all else the same. A main effect is the mean
 //! of that over the other choices, a pair is how much more one choice makes where another is made as well.
 //!
