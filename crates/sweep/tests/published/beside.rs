@@ -1,5 +1,6 @@
 //! The figure of `published-2d`: what was published, and what the same model gives here, on the same axes.
 
+use crate::rows;
 use sd_core::Params;
 use sd_core::model::PublishedUnits;
 use serde::Deserialize;
@@ -59,11 +60,6 @@ impl Ours {
             _ => None,
         }
     }
-}
-
-fn rows<T: for<'row> Deserialize<'row>>(path: &Path) -> Vec<T> {
-    let mut reader = csv::Reader::from_path(path).unwrap();
-    reader.deserialize().collect::<Result<_, _>>().unwrap()
 }
 
 /// A panel for each area fraction that both have.

@@ -32,12 +32,23 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap()
 }
 
+/// The rows of a CSV file.
+fn rows<T: for<'row> serde::Deserialize<'row>>(path: &Path) -> Vec<T> {
+    let mut reader = csv::Reader::from_path(path).unwrap();
+    reader.deserialize().collect::<Result<_, _>>().unwrap()
+}
+
+/// Whether files are to be written anew, rather than compared.
+fn is_writing() -> bool {
+    std::env::var_os("PUBLISHED_TABLES").is_some_and(|value| value == "write")
+}
+
 #[test]
 fn every_table_is_what_its_csv_file_gives() {
     let path = folder().join("README.md");
     let page = read(&path);
     let made = table::with_tables(&page, &folder()).unwrap();
-    if std::env::var_os("PUBLISHED_TABLES").is_some_and(|value| value == "write") {
+    if is_writing() {
         std::fs::write(&path, &made).unwrap();
         return;
     }
@@ -55,7 +66,7 @@ fn every_table_is_what_its_csv_file_gives() {
 /// Writes a file of results where that is asked for, or else compares it.
 fn settle(name: &str, made: &[u8]) {
     let path = folder().join(name);
-    if std::env::var_os("PUBLISHED_TABLES").is_some_and(|value| value == "write") {
+    if is_writing() {
         std::fs::write(&path, made).unwrap();
     } else {
         let there = std::fs::read(&path).unwrap();

@@ -8,6 +8,10 @@
 //! Intervals are of 95 %, of Student's distribution with the degrees of freedom of Welch and Satterthwaite (B. L. Welch, Biometrika 34,
 //! 28 (1947)).
 
+mod questions;
+
+use crate::rows;
+use questions::{Counted, FULL, Model, questions};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::BTreeSet;
@@ -36,21 +40,12 @@ struct Run {
     viscosity_median: Option<f64>,
     viscosity_stresslet: Option<f64>,
     viscosity_stresslet_median: Option<f64>,
-}
-
-/// Which viscosity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Counted {
-    /// With the stress that contacts bear.
-    All,
-    /// Stresslets alone, as eq. (20) of the paper has it.
-    Stresslets,
-    /// The ratio of the first to the second: what the contact stress makes.
-    Ratio,
+    /// The rules that it broke: such runs are averaged nowhere.
+    doubts: Option<String>,
 }
 
 impl Run {
-    /// ln of a viscosity of a run that went to its end.
+    /// ln of a viscosity of a run that went to its end, and whose numbers are not doubtful.
     fn logarithm(&self, counted: Counted) -> Option<f64> {
         let is_near_jamming = self.area_fraction > NEAR_JAMMING;
         let [all, stresslets] = if is_near_jamming {
@@ -63,273 +58,8 @@ impl Run {
             Counted::Stresslets => stresslets?,
             Counted::Ratio => all? / stresslets?,
         };
-        (self.state == "done").then(|| value.ln())
+        (self.state == "done" && self.doubts.is_none()).then(|| value.ln())
     }
-}
-
-/// A model at one place of the design.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Model {
-    hydrodynamics: &'static str,
-    /// Infinite for rigid contacts.
-    stiffness: f64,
-    /// Whether friction sticks: coulomb on rigid contacts, stick-slide on springs.
-    sticks: bool,
-}
-
-const RIGID: f64 = f64::INFINITY;
-
-/// With Ball-Melrose hydrodynamics.
-const fn with(stiffness: f64, sticks: bool) -> Model {
-    Model {
-        hydrodynamics: "ball-melrose",
-        stiffness,
-        sticks,
-    }
-}
-
-/// A normal law in words.
-fn normal(stiffness: f64) -> String {
-    if stiffness.is_infinite() {
-        "rigid".to_owned()
-    } else {
-        format!("k = 1e{}", stiffness.log10().round())
-    }
-}
-
-impl Model {
-    const fn under(self, hydrodynamics: &'static str) -> Self {
-        Self {
-            hydrodynamics,
-            ..self
-        }
-    }
-
-    /// The friction law, in the word of the campaign file.
-    fn tangential(self) -> &'static str {
-        match (self.sticks, self.stiffness.is_infinite()) {
-            (false, _) => "roll-slip",
-            (true, true) => "coulomb",
-            (true, false) => "stick-slide",
-        }
-    }
-
-    /// In words.
-    fn words(self) -> String {
-        let hydrodynamics = match self.hydrodynamics {
-            "ball-melrose" => "",
-            "lubrication" => ", lubrication alone",
-            _ => ", full",
-        };
-        let normal = normal(self.stiffness);
-        format!("{normal}, {}{hydrodynamics}", self.tangential())
-    }
-}
-
-/// A sum over models: how often each counts.
-type Sum = Vec<(f64, Model)>;
-
-/// One model less another.
-fn less(with: Model, without: Model) -> Sum {
-    vec![(1.0, with), (-1.0, without)]
-}
-
-/// The mean of sums.
-fn mean(sums: &[Sum]) -> Sum {
-    let share = 1.0 / sums.len() as f64;
-    let all = sums.iter().flatten();
-    all.map(|(weight, model)| (share * weight, *model))
-        .collect()
-}
-
-/// One sum less another.
-fn difference(one: Sum, other: &[(f64, Model)]) -> Sum {
-    let other = other.iter().map(|(weight, model)| (-weight, *model));
-    one.into_iter().chain(other).collect()
-}
-
-/// What is told of a choice.
-struct Question {
-    kind: &'static str,
-    choice: String,
-    sum: Sum,
-    counted: Counted,
-}
-
-impl Question {
-    fn new(kind: &'static str, choice: impl Into<String>, sum: Sum, counted: Counted) -> Self {
-        Self {
-            kind,
-            choice: choice.into(),
-            sum,
-            counted,
-        }
-    }
-}
-
-const SPRINGS: [f64; 3] = [1e5, 1e4, 1e3];
-const LUBRICATION: &str = "lubrication";
-const FULL: &str = "stokesian-dynamics";
-
-/// All normal laws.
-fn normals() -> impl Iterator<Item = f64> {
-    std::iter::once(RIGID).chain(SPRINGS)
-}
-
-/// A model alone.
-fn alone(model: Model) -> Sum {
-    vec![(1.0, model)]
-}
-
-/// What friction that sticks makes, under Ball-Melrose.
-fn sticking(stiffness: f64) -> Sum {
-    less(with(stiffness, true), with(stiffness, false))
-}
-
-/// The rise of every model that was run.
-fn rises() -> Vec<Question> {
-    let rise = |model: Model| Question::new("rise", model.words(), alone(model), Counted::All);
-    let first = Question::new(
-        "rise",
-        "rigid, roll-slip, stresslets alone",
-        alone(with(RIGID, false)),
-        Counted::Stresslets,
-    );
-    let mut all = vec![first];
-    for sticks in [false, true] {
-        all.extend(normals().map(|stiffness| rise(with(stiffness, sticks))));
-    }
-    for hydrodynamics in [LUBRICATION, FULL] {
-        let models = [
-            with(RIGID, false),
-            with(RIGID, true),
-            with(1e4, false),
-            with(1e4, true),
-        ];
-        all.extend(models.map(|model| rise(model.under(hydrodynamics))));
-    }
-    all
-}
-
-/// From the paper's reading of its model to the model of the field, one choice after the other: these add up.
-fn steps() -> Vec<Question> {
-    let paper = with(RIGID, false);
-    let field = with(1e4, true).under(LUBRICATION);
-    [
-        (
-            "the paper: rigid, roll-slip, stresslets alone",
-            alone(paper),
-            Counted::Stresslets,
-        ),
-        ("+ contact stress counted", alone(paper), Counted::Ratio),
-        (
-            "+ springs of k = 1e5",
-            less(with(1e5, false), paper),
-            Counted::All,
-        ),
-        ("+ friction that sticks", sticking(1e5), Counted::All),
-        (
-            "+ softer, k = 1e4",
-            less(with(1e4, true), with(1e5, true)),
-            Counted::All,
-        ),
-        (
-            "+ lubrication alone",
-            less(field, with(1e4, true)),
-            Counted::All,
-        ),
-        ("= the field's model", alone(field), Counted::All),
-    ]
-    .map(|(choice, sum, counted)| Question::new("step", choice, sum, counted))
-    .into()
-}
-
-/// What each choice makes, averaged over the others.
-fn main_effects() -> Vec<Question> {
-    let seven = normals().map(|stiffness| with(stiffness, false));
-    let seven = seven.chain(SPRINGS.map(|stiffness| with(stiffness, true)));
-    let seven: Vec<Sum> = seven.map(alone).collect();
-    let three = [with(RIGID, false), with(1e4, false), with(1e4, true)];
-    let under = |hydrodynamics| mean(&three.map(|model| less(model.under(hydrodynamics), model)));
-    let softer = |stiffness: f64| {
-        mean(&[false, true].map(|sticks| less(with(stiffness, sticks), with(1e5, sticks))))
-    };
-    let nearly_rigid = |sticks| less(with(1e5, sticks), with(RIGID, sticks));
-    let counted = Question::new(
-        "main",
-        "contact stress counted",
-        mean(&seven),
-        Counted::Ratio,
-    );
-    let others = [
-        ("friction that sticks", mean(&SPRINGS.map(sticking))),
-        (
-            "springs of k = 1e5 in place of rigid contacts (roll-slip)",
-            nearly_rigid(false),
-        ),
-        (
-            "springs of k = 1e5 in place of rigid contacts (sticking)",
-            nearly_rigid(true),
-        ),
-        ("k = 1e4 in place of 1e5", softer(1e4)),
-        ("k = 1e3 in place of 1e5", softer(1e3)),
-        (
-            "lubrication alone in place of Ball-Melrose",
-            under(LUBRICATION),
-        ),
-        ("full in place of Ball-Melrose", under(FULL)),
-    ]
-    .map(|(choice, sum)| Question::new("main", choice, sum, Counted::All));
-    std::iter::once(counted).chain(others).collect()
-}
-
-/// What a choice makes where another is made as well, or how much more it makes there.
-fn pairs() -> Vec<Question> {
-    let pair = |choice: String, sum, counted| Question::new("pair", choice, sum, counted);
-    let mut all = Vec::new();
-    for stiffness in normals() {
-        let model = with(stiffness, false);
-        let choice = format!("contact stress counted, {}", model.words());
-        all.push(pair(choice, alone(model), Counted::Ratio));
-    }
-    for stiffness in normals() {
-        let choice = format!("friction that sticks, {}", normal(stiffness));
-        all.push(pair(choice, sticking(stiffness), Counted::All));
-    }
-    all.push(pair(
-        "friction that sticks, on stresslets alone (k = 1e5)".into(),
-        sticking(1e5),
-        Counted::Stresslets,
-    ));
-    all.push(pair(
-        "friction that sticks, more at k = 1e5 than at 1e3".into(),
-        difference(sticking(1e5), &sticking(1e3)),
-        Counted::All,
-    ));
-    for (hydrodynamics, words) in [(LUBRICATION, "lubrication alone"), (FULL, "full")] {
-        let there = |model: Model| model.under(hydrodynamics);
-        let sticking_there = less(there(with(1e4, true)), there(with(1e4, false)));
-        all.push(pair(
-            format!("friction that sticks, more under {words} than Ball-Melrose (k = 1e4)"),
-            difference(sticking_there, &sticking(1e4)),
-            Counted::All,
-        ));
-        let softer_there = less(there(with(1e4, false)), there(with(RIGID, false)));
-        all.push(pair(
-            format!("k = 1e4 in place of rigid, more under {words} than Ball-Melrose (roll-slip)"),
-            difference(softer_there, &less(with(1e4, false), with(RIGID, false))),
-            Counted::All,
-        ));
-    }
-    all
-}
-
-/// All that is asked, at every area fraction and friction at which there are runs for it.
-fn questions() -> Vec<Question> {
-    [rises(), steps(), main_effects(), pairs()]
-        .into_iter()
-        .flatten()
-        .collect()
 }
 
 /// What is known of a choice at a place of the design: a row of the file.
@@ -383,11 +113,6 @@ struct Rise {
 struct Runs(Vec<Run>);
 
 impl Runs {
-    fn read(path: &Path) -> Self {
-        let mut reader = csv::Reader::from_path(path).unwrap();
-        Self(reader.deserialize().collect::<Result<_, _>>().unwrap())
-    }
-
     /// The runs of a model at c, ν and Γ. Below the transition friction does not count, and was not varied. Of cells of several sizes it is
     /// the one of the design.
     fn of(&self, model: Model, [c, friction, rate]: [f64; 3]) -> impl Iterator<Item = &Run> {
@@ -397,7 +122,7 @@ impl Runs {
         } else {
             model.tangential()
         };
-        let spheres = if model.hydrodynamics == "stokesian-dynamics" {
+        let spheres = if model.hydrodynamics == FULL {
             200
         } else {
             400
@@ -534,7 +259,7 @@ fn figure(effects: &[Effect]) -> Vec<u8> {
 
 /// The files of the analysis as they should be, by name.
 pub(crate) fn files(folder: &Path) -> [(&'static str, Vec<u8>); 2] {
-    let effects = Runs::read(&folder.join("cause-of-thickening-runs.csv")).effects();
+    let effects = Runs(rows(&folder.join("cause-of-thickening-runs.csv"))).effects();
     let mut table = csv::Writer::from_writer(Vec::new());
     for effect in &effects {
         table.serialize(effect).unwrap();
@@ -550,6 +275,7 @@ pub(crate) fn files(folder: &Path) -> [(&'static str, Vec<u8>); 2] {
 
 #[cfg(test)]
 mod tests {
+    use super::questions::RIGID;
     use super::*;
 
     fn run(stiffness: f64, tangential: &str, rate: f64, viscosity: f64, noise: f64) -> Run {
@@ -568,6 +294,7 @@ mod tests {
             viscosity_median: None,
             viscosity_stresslet: Some(share * viscosity * noise * noise),
             viscosity_stresslet_median: None,
+            doubts: None,
         }
     }
 
