@@ -2,6 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod common;
+
 use nalgebra::Vector3;
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
@@ -172,23 +174,9 @@ fn resistance_is_symmetric_and_positive_definite_where_spheres_overlap() {
     }
 }
 
-/// A small dense layer of two sizes.
+/// The layer of these tests.
 fn params(contact: ContactScheme) -> Params {
-    // Spheres that weld together jam far earlier than others.
-    let welds = contact.laws().tangential == TangentialLaw::StickRotate;
-    Params {
-        spheres: 40,
-        area_fraction: if welds { 0.5 } else { 0.7 },
-        roughness: 0.01,
-        friction: 0.5,
-        shear_rate: 5.0,
-        size_ratio: 1.4,
-        large_fraction: 1.0 / 2.96,
-        hydrodynamics: LUBRICATION,
-        contact,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+    common::small_layer(contact, LUBRICATION)
 }
 
 /// Every normal law with every tangential law it goes with.

@@ -9,23 +9,9 @@ use sd_core::{
     Simulation, Snapshot, TangentialLaw,
 };
 
-/// A small dense layer of two sizes.
+/// The layer of these tests.
 fn params(contact: ContactScheme) -> Params {
-    // Spheres that weld together jam far earlier than others.
-    let welds = contact.laws().tangential == TangentialLaw::StickRotate;
-    Params {
-        spheres: 40,
-        area_fraction: if welds { 0.5 } else { 0.7 },
-        roughness: 0.01,
-        friction: 0.5,
-        shear_rate: 5.0,
-        size_ratio: 1.4,
-        large_fraction: 1.0 / 2.96,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+    crate::common::small_layer(contact, Hydrodynamics::BallMelrose)
 }
 
 fn spring(stiffness: f64, tangential: TangentialLaw) -> ContactScheme {

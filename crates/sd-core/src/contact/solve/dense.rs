@@ -342,6 +342,8 @@ impl System for DenseSystem {
     fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool {
         let [place, row_place] = &self.place;
         let contacts = problem.normal.len();
+        let count = contacts + problem.tangential.len();
+        matrix.reset(count, count);
         for (l, &b) in place.iter().enumerate() {
             let target = matrix.column_mut(l);
             let (normal, tangential) = (self.g_nn.column(b), self.g_tn.column(b));

@@ -188,8 +188,8 @@ pub(crate) trait System {
         forces: &mut Forces,
     ) -> Option<Noise>;
 
-    /// How all forces (f, t) move all contacts (w, z), without compliance: the leading entries of a square matrix of zeros. `false` where
-    /// there are too many of them.
+    /// How all forces (f, t) move all contacts (w, z), without compliance: a square matrix, which takes the shape. `false`, and nothing is
+    /// written, where there are too many of them.
     fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool;
 
     /// Slack and slip of given forces.

@@ -81,7 +81,6 @@ impl Tableau {
             return true;
         }
         self.entries.clear();
-        self.matrix.reset(size, size);
         if !system.fill_matrix(problem, &mut self.matrix) {
             return false;
         }

@@ -106,6 +106,7 @@ impl System for Network {
 
     fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool {
         let count = problem.normal.len();
+        matrix.reset(2 * count, 2 * count);
         for l in 0..count {
             for k in 0..count {
                 matrix[(k, l)] = self.normal[(k, l)];

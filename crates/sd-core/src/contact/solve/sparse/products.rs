@@ -29,14 +29,16 @@ impl ContactProducts {
         matrix: &mut Matrix,
     ) -> bool {
         let size = 3 * network.spheres();
-        if size.max(matrix.rows()) > 3 * MOST_SPHERES {
+        let contacts = problem.normal.len();
+        let count = contacts + problem.tangential.len();
+        if size.max(count) > 3 * MOST_SPHERES {
             return false;
         }
         network.fill_full(self.factor.full_matrix());
         if self.factor.factor().is_err() {
             return false;
         }
-        let contacts = problem.normal.len();
+        matrix.reset(count, count);
         let row = |at: usize| -> &Row {
             match at.checked_sub(contacts) {
                 None => &problem.normal[at].row,
@@ -44,7 +46,7 @@ impl ContactProducts {
             }
         };
         self.order.clear();
-        self.order.extend((0..matrix.rows()).map(|at| {
+        self.order.extend((0..count).map(|at| {
             let [i, j] = row(at).spheres;
             (3 * i.min(j), at)
         }));

@@ -1,0 +1,22 @@
+//! A layer that tests of several programs shear.
+
+use sd_core::{ContactScheme, Hydrodynamics, Params, TangentialLaw};
+
+/// A small dense layer of two sizes under these contacts, where friction acts on most of them.
+pub fn small_layer(contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
+    // Spheres that weld together jam far earlier than others.
+    let welds = contact.laws().tangential == TangentialLaw::StickRotate;
+    Params {
+        spheres: 40,
+        area_fraction: if welds { 0.5 } else { 0.7 },
+        roughness: 0.01,
+        friction: 0.5,
+        shear_rate: 5.0,
+        size_ratio: 1.4,
+        large_fraction: 1.0 / 2.96,
+        hydrodynamics,
+        contact,
+        time_step: 0.005,
+        ..Params::UNWRITTEN
+    }
+}
