@@ -136,14 +136,6 @@ impl Words for Hydrodynamics {
 }
 
 impl Hydrodynamics {
-    /// Most spheres of a layer or configuration: full matrices of the far field take a gigabyte for so many.
-    pub const fn most_spheres(self) -> usize {
-        match self {
-            Self::StokesianDynamics => 2_000,
-            Self::BallMelrose | Self::Lubrication(_) => 10_000,
-        }
-    }
-
     /// The numbers of leading-order lubrication.
     pub const fn leading_order(&self) -> Option<&LeadingOrder> {
         match self {

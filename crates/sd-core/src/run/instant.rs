@@ -190,6 +190,22 @@ fn move_under(
     Ok(())
 }
 
+/// How [`solve`] computes this instant.
+pub fn method(configuration: &Configuration, request: &ContactRequest) -> Method {
+    let contacts = match request {
+        ContactRequest::Listed { .. } | ContactRequest::Procedure { .. } => ContactKind::Procedure,
+        ContactRequest::Laws { laws, .. } if laws.is_soft() => ContactKind::Soft,
+        ContactRequest::None | ContactRequest::Laws { .. } => ContactKind::Rigid,
+    };
+    let Configuration {
+        hydrodynamics,
+        cell,
+        radii,
+        ..
+    } = configuration;
+    Method::of_instant(*hydrodynamics, cell, radii, contacts)
+}
+
 /// Solves one instant.
 ///
 /// # Errors
@@ -214,13 +230,8 @@ pub fn solve(
         .zip(&configuration.torques)
         .flat_map(|(f, &t)| [f.x, f.y, t])
         .collect();
-    let contacts = match request {
-        ContactRequest::Listed { .. } | ContactRequest::Procedure { .. } => ContactKind::Procedure,
-        ContactRequest::Laws { laws, .. } if laws.is_soft() => ContactKind::Soft,
-        ContactRequest::None | ContactRequest::Laws { .. } => ContactKind::Rigid,
-    };
-    let method = Method::of_instant(*hydrodynamics, cell, radii, contacts);
-    let mut stage = method.solver(*hydrodynamics, cell, radii, tables, &[])?;
+    let mut stage =
+        method(configuration, request).solver(*hydrodynamics, cell, radii, tables, &[])?;
     if hydrodynamics.admits_overlap() {
         stage.resistance.regularise(0.0, f64::INFINITY);
     } else if let ContactRequest::Laws {

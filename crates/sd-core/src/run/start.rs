@@ -13,6 +13,7 @@ use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
 use crate::geometry::neighbours::NeighbourList;
 use crate::model::{Params, Refusal, StartLayer, Words as _};
+use crate::stage::Method;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
@@ -63,14 +64,17 @@ pub fn check(params: &Params) -> Result<(), Error> {
             }
             .into())
         };
-    let most = params.hydrodynamics.most_spheres();
+    let most = Method::of(params).most_spheres(params.hydrodynamics);
     if params.spheres > most {
         return refuse(
             "spheres",
             params.spheres.to_string(),
-            format!("is out of range under {}", params.hydrodynamics.word()),
+            format!(
+                "is out of range under {} with the paper's procedure, which takes full matrices",
+                params.hydrodynamics.word()
+            ),
             format!("at most {most} there, which take a gigabyte"),
-            "hydrodynamics",
+            "contact",
         );
     }
     // Spheres that, with the roughness around them, cover more than discs can.
@@ -393,6 +397,19 @@ mod tests {
             }
         }
         smallest
+    }
+
+    #[test]
+    fn only_the_procedure_takes_full_matrices_for_many_spheres() {
+        let many = |spheres, contact| Params {
+            hydrodynamics: Hydrodynamics::StokesianDynamics,
+            contact,
+            ..params(spheres, 0.7, 1.0)
+        };
+        assert!(check(&many(10_000, ContactScheme::Rigid)).is_ok());
+        assert!(check(&many(2_000, ContactScheme::Procedure)).is_ok());
+        let refused = check(&many(2_001, ContactScheme::Procedure)).unwrap_err();
+        assert!(refused.to_string().contains("procedure"), "{refused}");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use sd_core::{ContactScheme, Hydrodynamics, Params, TangentialLaw};
 
 /// A small dense layer of two sizes under these contacts, where friction acts on most of them.
-pub fn small_layer(contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
+pub(crate) fn small_layer(contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
     // Spheres that weld together jam far earlier than others.
     let welds = contact.laws().tangential == TangentialLaw::StickRotate;
     Params {

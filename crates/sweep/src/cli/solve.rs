@@ -10,10 +10,10 @@ use crate::format::significant;
 use crate::tables;
 use sd_core::cell::Cell;
 use sd_core::contact::ContactState;
-use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::instant::{self, Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::model::Words;
 use sd_core::modes::{Background, Vec2};
-use sd_core::{Hydrodynamics, LeadingOrder, NearFields, StressComponents};
+use sd_core::{Hydrodynamics, LeadingOrder, Method, NearFields, StressComponents};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -184,13 +184,9 @@ pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), In
         }
     };
     let n = input.centres.len();
-    let most = hydrodynamics.most_spheres();
-    if n > most {
-        let word = hydrodynamics.word();
-        return refuse(
-            "centres",
-            &format!("{n} spheres, at most {most} under {word}"),
-        );
+    if n > Method::MOST_SPHERES {
+        let most = Method::MOST_SPHERES;
+        return refuse("centres", &format!("{n} spheres, at most {most}"));
     }
     let different: BTreeSet<u64> = input.radii.iter().flatten().map(|r| r.to_bits()).collect();
     if different.len() > RADIUS_LIMIT {
@@ -245,6 +241,14 @@ pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), In
         forces: input.forces.map_or_else(|| vec![Vec2::zeros(); n], vectors),
         torques: input.torques.unwrap_or_else(|| vec![0.0; n]),
     };
+    let most = instant::method(&configuration, &contact).most_spheres(hydrodynamics);
+    if n > most {
+        let word = hydrodynamics.word();
+        let message = format!(
+            "{n} spheres, at most {most} under {word} in unbounded fluid or with listed contacts or the paper's procedure"
+        );
+        return refuse("centres", &message);
+    }
     Ok((configuration, contact))
 }
 

@@ -237,6 +237,10 @@ fn hostile_sizes_are_refused_before_they_cost_anything() {
     let full = "stokesian-dynamics";
     assert!(message(&many(2_001, full, |_| 1.0)).contains("at most 2000"));
     assert!(message(&many(10_001, "ball-melrose", |_| 1.0)).contains("at most 10000"));
+    let mut periodic: serde_json::Value =
+        serde_json::from_str(&many(2_001, full, |_| 1.0)).unwrap();
+    periodic["cell"] = serde_json::json!([7000.0, 20.0]);
+    assert!(read(Path::new("in.json"), periodic.to_string().as_bytes()).is_ok());
     assert!(message(&many(1_000, full, |i| 1.0 + i as f64 * 1e-4)).contains("different"));
 }
 
