@@ -112,6 +112,9 @@ fn half() -> f64 {
 }
 
 impl Params {
+    /// Most spheres of a layer or configuration.
+    pub const MOST_SPHERES: usize = parameters::MOST_SPHERES;
+
     /// What parameters are before any is written: choices that hold the numbers of every other, and numbers that are none.
     pub const UNWRITTEN: Self = Self {
         spheres: 0,

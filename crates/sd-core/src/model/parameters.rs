@@ -7,6 +7,7 @@ mod table;
 pub use table::PARAMETERS;
 
 use quantities::FRICTION;
+pub(super) use quantities::MOST_SPHERES;
 
 use super::{ContactLaws, ContactScheme, Params};
 use crate::error::Refusal;

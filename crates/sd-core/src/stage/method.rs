@@ -41,14 +41,11 @@ pub(crate) enum ContactKind {
 }
 
 impl Method {
-    /// Most spheres of a layer or configuration.
-    pub const MOST_SPHERES: usize = 10_000;
-
     /// Most spheres with this method: full matrices of the far field take a gigabyte for 2000.
     pub const fn most_spheres(self, hydrodynamics: Hydrodynamics) -> usize {
         match (self, hydrodynamics) {
             (Self::Dense, Hydrodynamics::StokesianDynamics) => 2_000,
-            _ => Self::MOST_SPHERES,
+            _ => Params::MOST_SPHERES,
         }
     }
 

@@ -13,7 +13,7 @@ use sd_core::contact::ContactState;
 use sd_core::instant::{self, Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::model::Words;
 use sd_core::modes::{Background, Vec2};
-use sd_core::{Hydrodynamics, LeadingOrder, Method, NearFields, StressComponents};
+use sd_core::{Hydrodynamics, LeadingOrder, NearFields, Params, StressComponents};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -184,8 +184,8 @@ pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), In
         }
     };
     let n = input.centres.len();
-    if n > Method::MOST_SPHERES {
-        let most = Method::MOST_SPHERES;
+    let most = Params::MOST_SPHERES;
+    if n > most {
         return refuse("centres", &format!("{n} spheres, at most {most}"));
     }
     let different: BTreeSet<u64> = input.radii.iter().flatten().map(|r| r.to_bits()).collect();

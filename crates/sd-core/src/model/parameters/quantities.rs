@@ -2,13 +2,16 @@
 
 use crate::law::{Quantity, Range};
 
+/// Most spheres of a layer or configuration.
+pub(in crate::model) const MOST_SPHERES: usize = 10_000;
+
 /// N.
 pub(super) static SPHERES: Quantity = Quantity {
     key: "spheres",
     symbol: "N",
     unit: "1",
     meaning: "number of spheres N",
-    range: Range::from_to(1.0, 10_000.0),
+    range: Range::from_to(1.0, MOST_SPHERES as f64),
     note: "",
     example: "90",
     logarithmic: false,
