@@ -100,7 +100,7 @@ impl Law {
 struct Run {
     seconds: f64,
     stages: u64,
-    /// Mean viscosity after the strain from which it counts.
+    /// Mean viscosity after the strain from which it counts; no number if the run did not come so far.
     viscosity: f64,
     end: String,
 }
@@ -151,12 +151,16 @@ impl Run {
         } else {
             format!(" ({})", self.end)
         };
+        let viscosity = if self.viscosity.is_finite() {
+            format!("{:.2}", self.viscosity)
+        } else {
+            "–".to_owned()
+        };
         format!(
-            "{} | {:.3} | {:.2} s{note} | {:.2}",
+            "{} | {:.3} | {:.2} s{note} | {viscosity}",
             self.stages,
             1e3 * self.seconds / self.stages as f64,
-            self.seconds,
-            self.viscosity
+            self.seconds
         )
     }
 }
