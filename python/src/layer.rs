@@ -76,18 +76,18 @@ struct Place {
 }
 
 impl Run {
-    /// Does a step; what is measured belongs to its start. `wanted`: whether that is.
-    fn step(&mut self, wanted: bool) -> Result<Sample, sd_core::Error> {
+    /// Does a step.
+    fn step(&mut self) -> Result<Sample, sd_core::Error> {
         match self.ahead.take() {
             Some(ahead) => {
                 self.layer = ahead.layer;
                 Ok(ahead.sample)
             }
-            None => self.layer.step_sampled(wanted),
+            None => self.layer.step(),
         }
     }
 
-    /// What the next step measures at its start, which is the layer as it is now.
+    /// What the next step measures.
     fn look(&mut self, params: &Params, tables: &NearFields) -> Result<&Ahead, sd_core::Error> {
         let ahead = if let Some(ahead) = self.ahead.take() {
             ahead
@@ -164,11 +164,11 @@ impl Layer {
         Ok(())
     }
 
-    fn one_step(&self, py: Python<'_>, wanted: bool) -> PyResult<Sample> {
+    fn one_step(&self, py: Python<'_>) -> PyResult<Sample> {
         let (sample, place, took) = py.detach(|| {
             let mut run = self.run();
             let begun = Instant::now();
-            let sample = run.step(wanted);
+            let sample = run.step();
             (sample, run.place(), begun.elapsed().as_secs_f64())
         });
         // Written by threads that are attached to the interpreter, one at a time.
@@ -306,10 +306,10 @@ impl Layer {
     /// Returns
     /// -------
     /// dict
-    ///     What was measured at its start: `strain`, `viscosity`, `n1`, `n2`, `particle_pressure`, the stresses by their causes such as
+    ///     What was measured in it: `strain`, `viscosity`, `n1`, `n2`, `particle_pressure`, the stresses by their causes such as
     ///     `shear_normal_contact`, `contacts`, ...: the columns of `Store.samples`.
     fn step<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let sample = self.one_step(py, true)?;
+        let sample = self.one_step(py)?;
         dict_of(py, &sample)
     }
 
@@ -352,9 +352,8 @@ impl Layer {
         )]
         let steps = steps as usize;
         for step in 0..steps {
-            let wanted = step % every == 0;
-            let sample = self.one_step(py, wanted)?;
-            if wanted {
+            let sample = self.one_step(py)?;
+            if step % every == 0 {
                 samples.push(dict_of(py, &sample)?);
             }
             py.check_signals()?;
@@ -362,7 +361,8 @@ impl Layer {
         Ok(samples)
     }
 
-    /// What is measured of the layer as it is now, as `step` gives it. What it computes serves the next step.
+    /// What the next step measures, as `step` gives it: of the layer as it is, or where rigid contacts bear forces half a step ahead. What it computes serves
+    /// that step.
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sample = self.look(py, |ahead| ahead.sample)?;
         dict_of(py, &sample)

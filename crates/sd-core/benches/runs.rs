@@ -127,7 +127,7 @@ impl Run {
                 break format!("left at strain {:.2}", layer.strain());
             }
             let sampled = layer.steps().is_multiple_of(stride);
-            match layer.step_sampled(sampled) {
+            match layer.step() {
                 Ok(sample) if sampled && sample.strain >= RUN.1.min(0.5 * strain) => {
                     total += sample.viscosity;
                     samples += 1;
@@ -240,7 +240,7 @@ fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
     };
     let mut before = Simulation::new(&coarse, 1, &tables).expect("valid parameters");
     while before.strain() < strain - 0.5 * time_step {
-        before.step_sampled(false).expect("a step that succeeds");
+        before.step().expect("a step that succeeds");
     }
     let mut there = before.snapshot();
     drop(before);
@@ -251,11 +251,11 @@ fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
         ..params
     };
     let mut layer = Simulation::from_snapshot(&params, there, &tables).expect("a valid snapshot");
-    layer.step_sampled(false).expect("a step that succeeds");
+    layer.step().expect("a step that succeeds");
     let (stages, start) = (layer.counters().stages, Moment::now());
     let mut steps = 0;
     while steps < LONG_ENOUGH.1 || start.seconds() < LONG_ENOUGH.0 {
-        layer.step_sampled(false).expect("a step that succeeds");
+        layer.step().expect("a step that succeeds");
         steps += 1;
     }
     let each = 1e3 * start.seconds() / (layer.counters().stages - stages) as f64;

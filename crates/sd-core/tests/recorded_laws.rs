@@ -264,8 +264,7 @@ impl Record {
         let steps = self.run.len().min(2);
         (0..steps)
             .map(|_| {
-                // Recorded when samples took no contact problem of their own.
-                let sample = simulation.step_sampled(false).unwrap();
+                let sample = simulation.step().unwrap();
                 (sample.viscosity, sample.counters.unconverged_stages)
             })
             .collect()
@@ -329,9 +328,12 @@ fn check(law: &str) -> (Tally, Vec<String>) {
                 failures.push(format!("{what}, {method:?}: {failure}"));
             }
         }
-        // Coulomb's problem may have several solutions, or none, at some stage of a step in a dense layer.
-        let single = law != "rigid-coulomb" || p.area_fraction <= 0.6;
-        let run = if single { record.run() } else { Vec::new() };
+        // Rigid contacts were moved by another method then: the instants are what can be compared.
+        let run = if law.starts_with("rigid") {
+            Vec::new()
+        } else {
+            record.run()
+        };
         for (step, (found, recorded)) in run.iter().zip(&record.run).enumerate() {
             if found.1 > 0 || recorded.1 > 0 {
                 break;
@@ -353,12 +355,16 @@ fn check(law: &str) -> (Tally, Vec<String>) {
 /// Checks a law.
 fn hold(law: &str) {
     let (tally, failures) = check(law);
-    assert!(tally.instants > 5 && tally.runs > 5, "{tally:?}");
+    let no_runs = law.starts_with("rigid");
+    let enough = tally.instants > 5 && (tally.runs > 5 || no_runs);
+    assert!(enough, "{tally:?}");
     assert!(failures.is_empty(), "{failures:#?}");
     let share = f64::from(tally.other_sets) / f64::from(tally.instants);
     assert!(share <= OTHER_SETS, "{tally:?}");
-    let share = f64::from(tally.other_runs) / f64::from(tally.runs);
-    assert!(share <= OTHER_SETS, "{tally:?}");
+    assert!(
+        f64::from(tally.other_runs) <= OTHER_SETS * f64::from(tally.runs),
+        "{tally:?}"
+    );
 }
 
 #[test]

@@ -123,7 +123,10 @@ fn the_true_reason_is_given_where_a_file_is_something_else() {
             &["report", "small.toml", "--store", "none.sqlite"],
             "there is no store at /",
         ),
-        (&["show", "small.toml", "9"], "\"9\" is no case of /"),
+        (
+            &["show", "small.toml", "99999"],
+            "\"99999\" is no case of /",
+        ),
     ] {
         let output = sweep(at).args(arguments).output().unwrap();
         assert_eq!(output.status.code(), Some(2), "{output:?}");

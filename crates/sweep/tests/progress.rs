@@ -87,7 +87,7 @@ fn time_limit_checkpoints_and_the_same_command_goes_on() {
             "--workers",
             "1",
             "--time-limit",
-            "150ms",
+            "50ms",
         ],
     );
     assert_eq!(limited.status.code(), Some(4), "{limited:?}");

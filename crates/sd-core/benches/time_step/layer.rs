@@ -3,15 +3,16 @@
 use super::methods::Method;
 use sd_core::cell::Cell;
 use sd_core::contact::ContactMemory;
-use sd_core::contact::laws::{Laws, Span};
+use sd_core::contact::laws::{Laws, Phase, Span};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{NearFields, Params, Resistance, Snapshot, StageContact, StageSolver, StressWork};
 
-/// Viscosity with contacts that look ahead as far as the first stage does, and with those that look ahead by [`LOOK`], as samples do.
+/// Viscosity of a step: as the method has it, which is that of the first stage or where gaps are held of the second; and that of the layer at
+/// its start, with contacts that look ahead by [`LOOK`].
 pub(crate) type Viscosities = Vec2;
 
 /// Gaps below this share of the roughness height have a step done again, as in the program.
-const HELD_SHARE: f64 = 0.5;
+const HELD_SHARE: f64 = 0.8;
 /// Time span of contacts where the viscosity is measured apart from the step.
 const LOOK: f64 = 0.001;
 /// Smallest step, over the largest.
@@ -31,6 +32,8 @@ pub(crate) struct Layer {
     pub(crate) evaluations: u64,
     /// Velocities of the stages.
     velocities: Vec<Vec<Vec2>>,
+    /// Disturbances `[3N]` of the first stage.
+    disturbances: Vec<f64>,
     /// The first stage of the step, where it is known already: from the end of the step before, or a step refused.
     first: Option<Stage>,
     last: Option<Stage>,
@@ -69,6 +72,7 @@ impl Layer {
             stress: StressWork::default(),
             evaluations: 0,
             velocities: vec![Vec::new(); 8],
+            disturbances: Vec::new(),
             first: None,
             last: None,
             refused: 0,
@@ -76,16 +80,31 @@ impl Layer {
     }
 
     /// One right-hand side; `None` if spheres overlap.
-    fn stage(&mut self, number: usize, time: f64, span: f64, centres: &[Vec2]) -> Option<Stage> {
+    fn stage(
+        &mut self,
+        (number, phase): (usize, Phase),
+        time: f64,
+        span: f64,
+        centres: &[Vec2],
+    ) -> Option<Stage> {
         let background = Background::SHEAR;
         let cell = Cell::periodic(self.side, self.side, time * self.side).expect("positive sides");
         self.solver.assemble(&cell, centres).ok()?;
         let contact = StageContact::Laws {
             laws: &self.laws,
-            span: Span::alone(span),
+            span: Span {
+                time: span,
+                phase,
+                first: &self.disturbances,
+            },
             memory: &mut self.memory,
         };
         self.solver.solve(&background, &[], contact).ok()?;
+        if number == 0 {
+            self.disturbances.clear();
+            self.disturbances
+                .extend_from_slice(self.solver.velocities());
+        }
         self.evaluations += 1;
         let velocities = &mut self.velocities[number];
         velocities.clear();
@@ -138,7 +157,12 @@ impl Layer {
                 })
                 .collect();
             let time = self.time + method.nodes[number] * dt;
-            let stage = self.stage(number, time, method.spans[number] * dt, &centres)?;
+            let phase = if method.held && number == 1 {
+                Phase::Middle
+            } else {
+                Phase::Alone
+            };
+            let stage = self.stage((number, phase), time, method.spans[number] * dt, &centres)?;
             let first = self.first.get_or_insert(stage);
             if stage.gap < first.gap.min(HELD_SHARE * self.laws.surface.roughness) && !smallest {
                 return None;
@@ -146,7 +170,8 @@ impl Layer {
             last = Some(stage);
         }
         let first = self.first?;
-        let viscosity = Viscosities::new(first.viscosity, first.instant);
+        let own = last.filter(|_| method.held).unwrap_or(first);
+        let viscosity = Viscosities::new(own.viscosity, first.instant);
         let mut error: f64 = 0.0;
         for i in 0..start.len() {
             let sum = |weights: &[f64]| {

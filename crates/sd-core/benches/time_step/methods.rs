@@ -14,6 +14,8 @@ pub(crate) struct Method {
     pub(crate) embedded: Option<(&'static [f64], f64)>,
     /// Whether the last stage is the first of the next step.
     pub(crate) last_is_first: bool,
+    /// Whether the second stage holds the gaps of the step's start over the whole step.
+    pub(crate) held: bool,
 }
 
 /// One right-hand side per step.
@@ -25,6 +27,7 @@ pub(crate) const EULER: Method = Method {
     weights: &[1.0],
     embedded: None,
     last_is_first: false,
+    held: false,
 };
 /// Two right-hand sides per step.
 pub(crate) const MIDPOINT: Method = Method {
@@ -35,8 +38,16 @@ pub(crate) const MIDPOINT: Method = Method {
     weights: &[0.0, 1.0],
     embedded: None,
     last_is_first: false,
+    held: false,
 };
-/// The method of the program.
+/// The method of the program: the midpoint rule, with the gaps of the step's start held over the whole step.
+pub(crate) const HELD: Method = Method {
+    name: "midpoint, gaps held",
+    spans: &[1.0, 1.0],
+    held: true,
+    ..MIDPOINT
+};
+/// Four right-hand sides per step.
 pub(crate) const RK4: Method = Method {
     name: "RK4",
     nodes: &[0.0, 0.5, 0.5, 1.0],
@@ -45,6 +56,7 @@ pub(crate) const RK4: Method = Method {
     weights: &[1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
     embedded: None,
     last_is_first: false,
+    held: false,
 };
 /// Heun with Euler embedded.
 pub(crate) const HEUN: Method = Method {
@@ -55,6 +67,7 @@ pub(crate) const HEUN: Method = Method {
     weights: &[0.5, 0.5],
     embedded: Some((&[0.5, -0.5], 2.0)),
     last_is_first: false,
+    held: false,
 };
 /// Bogacki and Shampine (1989).
 pub(crate) const BOGACKI_SHAMPINE: Method = Method {
@@ -70,4 +83,5 @@ pub(crate) const BOGACKI_SHAMPINE: Method = Method {
     weights: &[2.0 / 9.0, 1.0 / 3.0, 4.0 / 9.0, 0.0],
     embedded: Some((&[-5.0 / 72.0, 1.0 / 12.0, 1.0 / 9.0, -1.0 / 8.0], 3.0)),
     last_is_first: true,
+    held: false,
 };

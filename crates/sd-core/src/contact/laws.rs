@@ -9,9 +9,10 @@
 //!
 //! so that a spring is a rigid contact with the compliance 1/B, and needs no smaller steps than the flow itself. At the second stage of a
 //! two-stage step v_n − 2 v_n1 stands for v_n in what looks ahead. A rigid pair above h may approach just far enough to touch; one below h
-//! is pushed out at the rate β/s.
+//! is pushed out at the rate β/s. In the middle of a step of rigid contacts g is the gap at its start, and s the whole step.
 
 use super::pair::Contact;
+use crate::geometry::modes::{Background, Vec2};
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::law::{FrictionOnset, Halt, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
@@ -212,11 +213,13 @@ impl NormalForce {
 /// Which stage of a step is solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// One like the others: Runge-Kutta, or a single instant.
+    /// One like the others: Runge-Kutta, a single instant, or the first of two under rigid contacts.
     Alone,
-    /// The first of two.
+    /// The middle of a step of rigid contacts, which hold the gaps of its start.
+    Middle,
+    /// The first of two where forces depend on gaps.
     First,
-    /// The second of two.
+    /// The second of these.
     Second,
 }
 
@@ -227,7 +230,7 @@ pub struct Span<'s> {
     pub time: f64,
     /// The stage.
     pub phase: Phase,
-    /// Disturbance velocities `[3N]` of the first stage, at the second.
+    /// Disturbance velocities `[3N]` of the first stage, at a later one that asks for them.
     pub first: &'s [f64],
 }
 
@@ -241,11 +244,34 @@ impl Span<'_> {
         }
     }
 
+    /// The gap that counts: that of the stage, what the first stage's motion takes back of it, or in the middle of a step the gap at its
+    /// start.
+    pub(super) fn gap(&self, contact: &Contact, background: &Background) -> f64 {
+        let pair = &contact.pair;
+        match self.phase {
+            Phase::Alone | Phase::First => pair.gap,
+            Phase::Middle => {
+                let half = 0.5 * self.time;
+                let [u_i, u_j] = [pair.i, pair.j]
+                    .map(|sphere| Vec2::new(self.first[3 * sphere], self.first[3 * sphere + 1]));
+                let drifted = pair.normal * pair.distance - (u_j - u_i) * half;
+                let start = background.carried_back(drifted, half);
+                pair.gap + (start.norm() - pair.distance)
+            }
+            Phase::Second => pair.gap - self.time * self.taken_back(contact),
+        }
+    }
+
     /// 2 v_n1 of a pair at the second stage, 0 at others.
     pub(super) fn taken_back(&self, contact: &Contact) -> f64 {
         match self.phase {
-            Phase::Alone | Phase::First => 0.0,
+            Phase::Alone | Phase::Middle | Phase::First => 0.0,
             Phase::Second => 2.0 * (contact.background[0] + contact.normal_row().read(self.first)),
         }
+    }
+
+    /// Whether rigid contacts that overlap are taken back at once, as those are whose forces depend on gaps.
+    pub(super) fn takes_back_at_once(&self) -> bool {
+        matches!(self.phase, Phase::First | Phase::Second)
     }
 }

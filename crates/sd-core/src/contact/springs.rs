@@ -42,14 +42,14 @@ impl Stretches {
     pub(crate) fn base(&self, contact: &Contact, forces: &SpringForces, phase: Phase) -> f64 {
         match phase {
             Phase::Second => self.of(contact).base(GAMMA),
-            Phase::Alone | Phase::First => forces.of(contact),
+            Phase::Alone | Phase::Middle | Phase::First => forces.of(contact),
         }
     }
 
     /// Takes the friction forces of a solved stage: springs move on at the end of a step, and within one wait for its second stage.
     pub(crate) fn take(&mut self, contacts: &[Contact], forces: &mut SpringForces, phase: Phase) {
         match phase {
-            Phase::Alone => {}
+            Phase::Alone | Phase::Middle => {}
             Phase::First => {
                 self.entries.clear();
                 for contact in contacts {

@@ -107,6 +107,19 @@ impl Background {
         )
     }
 
+    /// Where a point that the flow has carried to `x` over `time` at its first velocity was before: `x = (1 + time ∇u∞) x₀`.
+    pub fn carried_back(&self, x: Vec2, time: f64) -> Vec2 {
+        let (a, b) = (
+            1.0 + time * self.xx,
+            time * (self.xy - self.angular_velocity),
+        );
+        let (c, d) = (
+            time * (self.xy + self.angular_velocity),
+            1.0 + time * self.yy,
+        );
+        Vec2::new(d * x.x - b * x.y, a * x.y - c * x.x) / (a * d - b * c)
+    }
+
     /// Strain components `(e1, e2, e3)`.
     pub fn strain(&self) -> Vector3<f64> {
         strain_modes(self.xx, self.yy, self.xy)
@@ -142,6 +155,19 @@ mod tests {
         let pair = rotation_to_frame(n) * modes;
         let expected = strain_modes(0.5, -0.5, 0.0);
         assert!((pair.fixed_rows::<3>(3) - expected).norm() < 1e-14);
+    }
+
+    #[test]
+    fn what_the_flow_carried_away_is_carried_back() {
+        let flow = Background {
+            xx: 0.3,
+            yy: -0.4,
+            xy: 0.2,
+            angular_velocity: -0.6,
+        };
+        let before = Vec2::new(1.3, -0.7);
+        let after = before + flow.velocity(before) * 0.1;
+        assert!((flow.carried_back(after, 0.1) - before).norm() < 1e-15);
     }
 
     #[test]

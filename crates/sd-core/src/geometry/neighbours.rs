@@ -85,6 +85,19 @@ impl NeighbourList {
         })
     }
 
+    /// The nearest of the pairs found last, at other positions, to which the spheres moved by little.
+    pub(crate) fn closest_at(
+        &self,
+        cell: &Cell,
+        centres: &[Vec2],
+        radii: &[f64],
+    ) -> Option<Neighbours> {
+        let moved = self.pairs.iter().filter_map(|pair| {
+            Neighbours::within(f64::INFINITY, cell, centres, radii, [pair.i, pair.j])
+        });
+        moved.min_by(|a, b| a.gap.total_cmp(&b.gap))
+    }
+
     /// Refuses a pair that overlaps.
     fn admit(&self, pair: &Neighbours) -> Result<(), Error> {
         if pair.gap <= -self.deepest || pair.distance == 0.0 {

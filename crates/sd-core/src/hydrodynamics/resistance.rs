@@ -246,6 +246,11 @@ impl Resistance {
         self.neighbours.check(cell, centres, &self.radii)
     }
 
+    /// The nearest of the spheres that were in range, at other positions, to which they moved by little.
+    pub(crate) fn closest_at(&self, cell: &Cell, centres: &[Vec2]) -> Option<Neighbours> {
+        self.neighbours.closest_at(cell, centres, &self.radii)
+    }
+
     /// Factor of R_FU, `[3N × 3N]`, its rows in the order of [`Resistance::row`].
     ///
     /// # Panics

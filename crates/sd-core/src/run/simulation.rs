@@ -11,7 +11,6 @@ mod step;
 pub use crate::stress::JAM_VISCOSITY;
 pub use frame::{Frame, FrameContact};
 pub use sample::{Counters, Sample};
-pub use sampling::SAMPLE_SPAN;
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 
 use crate::contact::laws::Laws;
@@ -25,7 +24,7 @@ use crate::hydrodynamics::resistance::NearFields;
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Params};
 use crate::run::start;
 use crate::run::steppers::rosenbrock::Rosenbrock;
-use crate::run::steppers::{State, Stepper};
+use crate::run::steppers::{Midpoint, State, Stepper};
 use crate::stage::{Method, StageSolver};
 use crate::stress::StressWork;
 use drive::Drive;
@@ -48,7 +47,7 @@ enum Scheme {
     Laws {
         /// The laws.
         laws: Box<Laws>,
-        /// Disturbance velocities `[3N]` of the first stage of a two-stage step.
+        /// Disturbance velocities `[3N]` of the first stage of a step.
         first: Vec<f64>,
     },
     /// The paper's steps.
@@ -79,11 +78,9 @@ pub struct Simulation {
     stress: StressWork,
     /// Pairs that the procedure listed before the stage under way was solved.
     listed_before: ContactList,
-    /// The frame of the first stage, while one is asked for.
+    /// The frame of the step under way, while one is asked for.
     frame: Option<Box<Frame>>,
-    /// Whether the step under way is sampled with a contact problem of its own.
-    sampling: bool,
-    /// What contacts remembered before the layer was sampled, or where they are soft before the step.
+    /// What soft contacts remembered before the step.
     remembered: ContactMemory,
 }
 
@@ -140,11 +137,13 @@ impl Simulation {
             ContactScheme::Procedure => Scheme::Procedure,
             ContactScheme::Rigid | ContactScheme::Laws(_) => {
                 let choice = params.contact.laws();
-                if choice.is_soft() {
+                stepper = if choice.is_soft() {
                     let (gap, deepest) = (choice.lubrication_gap, DEEPEST_OVERLAP);
                     stage.resistance.regularise(gap, deepest);
-                    stepper = Stepper::Rosenbrock(Rosenbrock::default());
-                }
+                    Stepper::Rosenbrock(Rosenbrock::default())
+                } else {
+                    Stepper::Midpoint(Midpoint::default())
+                };
                 Scheme::Laws {
                     laws: Box::new(drive.laws(params)),
                     first: Vec::with_capacity(3 * params.spheres),
@@ -186,7 +185,6 @@ impl Simulation {
                 ContactScheme::Rigid | ContactScheme::Laws(_) => ContactList::default(),
             },
             frame: None,
-            sampling: false,
             remembered,
         })
     }

@@ -1,19 +1,24 @@
-//! Methods in time: Runge-Kutta of order four, and two stages per step for forces that depend on the gaps.
+//! Methods in time: Runge-Kutta of order four, and two stages per step for rigid contacts and for forces that depend on the gaps.
 
+mod midpoint;
 pub mod rosenbrock;
 mod runge_kutta;
 mod state;
 
 use crate::geometry::modes::Vec2;
+pub(crate) use midpoint::Midpoint;
 use rosenbrock::Rosenbrock;
 pub use runge_kutta::RungeKutta;
+pub(crate) use state::Bearing;
 pub use state::{Stage, State};
 
 /// The method of a run, with its workspace.
 #[derive(Debug)]
 pub(crate) enum Stepper {
-    /// For forces that do not depend on gaps, or hold them.
+    /// For contacts whose gaps are held by no law.
     RungeKutta(RungeKutta),
+    /// For rigid contacts.
+    Midpoint(Midpoint),
     /// For forces that depend on gaps, however stiffly.
     Rosenbrock(Rosenbrock),
 }
@@ -25,7 +30,8 @@ impl Default for Stepper {
 }
 
 impl Stepper {
-    /// One step. `rhs(stage, centres, velocities)` fills in the velocities `[3N]` at the given centres.
+    /// One step. `rhs(stage, centres, velocities)` fills in the velocities `[3N]` at the given centres, and says whether contacts bear forces
+    /// there.
     ///
     /// # Errors
     /// Whatever `rhs` returns; the state is then unchanged.
@@ -34,28 +40,16 @@ impl Stepper {
         state: &mut State,
         time: f64,
         dt: f64,
-        rhs: impl FnMut(Stage, &[Vec2], &mut [f64]) -> Result<(), E>,
+        mut rhs: impl FnMut(Stage, &[Vec2], &mut [f64]) -> Result<Bearing, E>,
     ) -> Result<(), E> {
         match self {
-            Self::RungeKutta(method) => method.step(state, time, dt, rhs),
-            Self::Rosenbrock(method) => method.step(state, time, dt, rhs),
-        }
-    }
-
-    /// A step with the velocities of the first stage alone: of order one.
-    ///
-    /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
-    pub(crate) fn first_stage_alone<E>(
-        &mut self,
-        state: &mut State,
-        time: f64,
-        dt: f64,
-        rhs: impl FnOnce(Stage, &[Vec2], &mut [f64]) -> Result<(), E>,
-    ) -> Result<(), E> {
-        match self {
-            Self::RungeKutta(method) => method.first_stage_alone(state, time, dt, rhs),
-            Self::Rosenbrock(_) => unreachable!("forces that depend on gaps let them overlap"),
+            Self::RungeKutta(method) => {
+                method.step(state, time, dt, |stage, x, u| rhs(stage, x, u).map(|_| ()))
+            }
+            Self::Midpoint(method) => method.step(state, time, dt, rhs),
+            Self::Rosenbrock(method) => {
+                method.step(state, time, dt, |stage, x, u| rhs(stage, x, u).map(|_| ()))
+            }
         }
     }
 }

@@ -111,8 +111,9 @@ fn layers_keep_their_laws_under_every_choice() {
         let counters = simulation.counters();
         assert_eq!(counters.unconverged_stages, 0, "{contact:?}");
         assert!(counters.worst_residual < 1e-8, "{contact:?}");
-        // Four and one for the sample, or two.
-        assert_eq!(counters.stages, 140 * if laws.is_soft() { 2 } else { 5 });
+        // Two a step, or four where rigid contacts bear nothing.
+        let most = if laws.is_soft() { 280 } else { 560 };
+        assert!((280..=most).contains(&counters.stages), "{contact:?}");
         let alone = laws.normal == NormalLaw::ExponentialRepulsion;
         assert_eq!(touching == 0, alone, "{contact:?}");
         assert_eq!(rubbing == 0, alone, "{contact:?}");

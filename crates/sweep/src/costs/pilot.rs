@@ -173,7 +173,7 @@ impl ShortRun {
             let step = self.measured(|| {
                 // As in a run, which keeps the state before every step.
                 before.replace(layer.snapshot());
-                layer.step_sampled(layer.steps().is_multiple_of(case.sample_stride))
+                layer.step()
             });
             match step {
                 Err(error) if measured == 0 => return Err(error.to_string()),
@@ -211,7 +211,7 @@ impl ShortRun {
         };
         let mut layer = Simulation::new(&coarse, seed, tables)?;
         while layer.strain() < strain && begun.elapsed() < time {
-            if self.measured(|| layer.step_sampled(false)).is_err() {
+            if self.measured(|| layer.step()).is_err() {
                 // Such steps are too long for it.
                 return Simulation::new(params, seed, tables);
             }

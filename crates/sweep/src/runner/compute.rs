@@ -319,7 +319,7 @@ impl Shared<'_> {
                     sample
                 })
             } else {
-                simulation.step_sampled(sampled)
+                simulation.step()
             };
             let sample = match outcome {
                 Ok(sample) => sample,

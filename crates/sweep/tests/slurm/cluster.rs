@@ -306,7 +306,7 @@ pub(crate) fn send(child: &Child, signal: Signal) {
     kill_process(Pid::from_child(child), signal).unwrap();
 }
 
-pub(crate) const LONG: &str = "strain = 4.0";
+pub(crate) const LONG: &str = "strain = 12.0";
 
 pub(crate) fn long() -> String {
     QUICK

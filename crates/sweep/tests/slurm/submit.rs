@@ -1,6 +1,6 @@
 //! Submitting: what is handed over, what is refused, what is left to tasks at work.
 
-use super::cluster::{Cluster, QUICK, contains, long, words};
+use super::cluster::{Cluster, LONG, QUICK, contains, long, words};
 use assert_cmd::cargo::cargo_bin;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -266,7 +266,7 @@ fn background_of_this_machine_is_an_engine_too() {
     cluster.ok(&["merge", "small.toml"]);
     cluster.equals_local_run();
     // Cancelled, its tasks checkpoint and end.
-    let more = long().replace("strain = 4.0", "strain = 40.0");
+    let more = long().replace(LONG, "strain = 40.0");
     std::fs::write(cluster.home().join("small.toml"), more).unwrap();
     cluster.ok(&submit);
     std::thread::sleep(Duration::from_millis(500));

@@ -92,7 +92,7 @@ fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
 
 #[test]
 fn killed_task_loses_no_more_than_since_it_published() {
-    let cluster = Cluster::new(&long().replace(LONG, "strain = 48.0"));
+    let cluster = Cluster::new(&long().replace(LONG, "strain = 96.0"));
     let script = cluster.submit(&["--tasks", "1", "--publish-every", "0"]);
     let mut task = Task::FIRST;
     let mut child = cluster.start(&script, task);
@@ -156,7 +156,7 @@ fn task_that_runs_twice_at_once_does_no_harm() {
 
 #[test]
 fn status_shows_tasks_and_slices_and_cancel_ends_them() {
-    let cluster = Cluster::new(&long().replace(LONG, "strain = 48.0"));
+    let cluster = Cluster::new(&long().replace(LONG, "strain = 96.0"));
     let script = cluster.submit(&["--tasks", "2"]);
     cluster.says("squeue", "0|RUNNING|n1\n1|PENDING|\n");
     let task = Task::FIRST;

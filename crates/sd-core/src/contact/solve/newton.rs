@@ -19,6 +19,8 @@ const MOST_SYSTEMS: u32 = 100;
 const MOST_CALLS: u32 = 8;
 /// Times that it is decided anew on which contacts friction acts.
 const DECISIONS: u32 = 10;
+/// The same between paths, each of which takes long.
+const DECISIONS_BETWEEN_PATHS: u32 = 1;
 /// How exact forces must be for that, over the critical load.
 const CLOSE: f64 = 1e-3;
 /// Systems without fewer contradictions after which another way is tried.
@@ -191,7 +193,7 @@ impl BoxSolver {
                 return Outcome::Admit { systems, all: true };
             }
             // From here on it is decided between paths.
-            let decisions = std::mem::take(&mut self.deciding);
+            let decisions = std::mem::take(&mut self.deciding).min(DECISIONS_BETWEEN_PATHS);
             for decision in 0..=decisions {
                 let (end, more) = self.find_path(problem, system);
                 systems += more;

@@ -14,8 +14,8 @@
 use super::newton::BoxSolver;
 use super::problem::{Forces, Grip, Problem, States, System, largest};
 
-/// Changes of state after which a path from forces at hand is given up, in small problems; in large ones half of the contacts and
-/// rows. Without a tableau any path.
+/// Changes of state after which a path from forces at hand is given up, in small problems; in large ones twice the contacts and rows, and
+/// without a tableau always these.
 const MOST_CHANGES: usize = 100;
 /// Force, in mu·a²·rate, above which it grows without bound.
 const UNBOUNDED: f64 = 1e8;
@@ -165,13 +165,18 @@ impl BoxSolver {
         problem.friction = friction.min(MOST_FRICTION);
         let contacts = problem.normal.len() + problem.tangential.len();
         let has_tableau = self.tableau.begin(problem, system);
+        if !has_tableau && begin == Begin::Open {
+            // Every contact that bears a force has to close on the way: so many systems are never worth it.
+            problem.friction = friction;
+            return (PathEnd::Lost, 0);
+        }
         match begin {
             Begin::Here => self.begin_here(problem, system),
             Begin::Open => self.begin_open(problem, system),
         }
         let most = match begin {
             _ if !has_tableau => MOST_CHANGES,
-            Begin::Here => MOST_CHANGES.max(contacts / 2),
+            Begin::Here => MOST_CHANGES.max(2 * contacts),
             Begin::Open => 10 * contacts,
         };
         let (mut systems, mut crossed) = (0, None);

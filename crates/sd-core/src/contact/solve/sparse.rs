@@ -34,7 +34,7 @@ const LEAST_COMPLIANCE: f64 = 1e-6;
 /// What a velocity counts in the norm of the residual: the force that it takes, in mu·a.
 const WEIGHT: f64 = 30.0;
 /// By how much one call lowers the residual.
-const GAIN: f64 = 1e-2;
+const GAIN: f64 = 1e-4;
 /// Residual that is small enough, over the norm of all forces: for contacts that do not give way, and for others, whose slopes multiply what
 /// is left; and as a velocity, in a·rate.
 const ROUNDING: [f64; 2] = [1e-10, 1e-12];
@@ -48,7 +48,7 @@ const MOST_CALLS: u32 = 8;
 /// Changes of the states that a factor outlives.
 const MOST_CHANGES: usize = 20;
 /// Iterations of a call beyond which a factor with other states is made anew.
-const PATIENT: usize = 6;
+const PATIENT: usize = 4;
 /// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
 const LEAST_FORCE: f64 = 6.0 * PI;
 /// Mobility of a contact, about, in 1/(mu·a).

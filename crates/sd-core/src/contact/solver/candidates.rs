@@ -1,6 +1,6 @@
 //! Which pairs take part in a contact problem.
 
-use super::super::laws::{Overlap, Phase};
+use super::super::laws::Overlap;
 use super::super::pair::Contact;
 use super::super::warm_start::WarmStart;
 use super::{ContactSolver, Posed};
@@ -80,11 +80,10 @@ impl ContactSolver {
     }
 }
 
-/// How much nearer than h a pair is, with what the first stage's motion takes back.
+/// How much nearer than h a pair is, by the gap that counts.
 pub(super) fn overlap_of(posed: &Posed<'_>, contact: &Contact) -> Overlap {
     let roughness = posed.laws.surface.roughness;
-    let taken_back = posed.span.time * posed.span.taken_back(contact);
-    let now = roughness - (contact.pair.gap - taken_back);
+    let now = roughness - posed.span.gap(contact, posed.background);
     Overlap {
         now,
         reference: now,
@@ -95,7 +94,7 @@ pub(super) fn overlap_of(posed: &Posed<'_>, contact: &Contact) -> Overlap {
 
 /// The normal velocity above which a pair bears no force.
 pub(super) fn parting_velocity(posed: &Posed<'_>, contact: &Contact) -> f64 {
-    let (overlap, held) = (overlap_of(posed, contact), posed.span.phase != Phase::Alone);
+    let (overlap, held) = (overlap_of(posed, contact), posed.span.takes_back_at_once());
     let normal = &posed.laws.normal;
     normal.parting_velocity(&overlap, posed.span.time, held)
 }

@@ -1,6 +1,6 @@
 //! What the laws of the candidates come down to: entries of the contact problem, and what its solution says of them.
 
-use super::super::laws::{COMPLIANCE, Overlap, Phase};
+use super::super::laws::{COMPLIANCE, Overlap};
 use super::super::pair::{Contact, ContactState};
 use super::super::row::Row;
 use super::super::solve::problem::{self, Forces, Grip, Problem};
@@ -15,7 +15,7 @@ impl ContactSolver {
     /// The normal entries of the candidates at hand.
     pub(super) fn pose(&mut self, posed: &Posed<'_>) {
         let laws = posed.laws;
-        let held = posed.span.phase != Phase::Alone;
+        let held = posed.span.takes_back_at_once();
         self.problem.friction = laws.friction();
         self.problem.offset = laws.offset();
         self.problem.isolated = laws.reads_isolated_motion() && laws.surface.has_friction();

@@ -130,8 +130,8 @@ impl Simulation {
         stage: Stage,
         cell: &Cell,
         centres: &[Vec2],
-        mut pass: Pass,
     ) -> Result<Quality, Error> {
+        let mut pass = Pass::First;
         let Drive::Stress {
             stress, mut load, ..
         } = self.drive

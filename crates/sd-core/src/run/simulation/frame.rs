@@ -1,15 +1,16 @@
-//! The layer at the first stage of a step: where the spheres are, which forces they bear, which of them touch.
+//! The layer as a step samples it: where the spheres are, which forces they bear, which of them touch.
 
-use super::{Sample, Simulation};
-use crate::contact::{Contact, ContactState};
+use super::{Sample, Scheme, Simulation};
+use crate::contact::ContactState;
+use crate::contact::laws::Phase;
 use crate::error::Error;
 use crate::geometry::modes::{Vec2, strain_tensor};
-use nalgebra::Vector3;
+use crate::run::steppers::Stage;
 
 /// The layer at one instant of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frame {
-    /// Strain.
+    /// Strain: that of the stage that was sampled, which is where the step begins or its middle.
     pub strain: f64,
     /// Side of the square cell, in a.
     pub side: f64,
@@ -47,50 +48,61 @@ pub struct FrameContact {
 }
 
 impl Simulation {
-    /// As [`Simulation::step`], and returns the frame of its first stage too. The numbers of the run are the same with it as without.
+    /// As [`Simulation::step`], and returns the frame of the sample too. The numbers of the run are the same with it as without.
     ///
     /// # Errors
     /// Those of [`Simulation::step`].
     pub fn step_with_frame(&mut self) -> Result<(Sample, Frame), Error> {
-        let strain = self.strain();
-        self.frame = Some(Box::new(Frame {
-            strain,
-            side: self.side,
-            offset: self.offset_at(strain),
-            radii: self.stage.resistance.radii().to_vec(),
-            centres: self.state.centres.iter().copied().map(plain).collect(),
-            orientations: self.state.orientations.clone(),
-            ..Frame::default()
-        }));
+        self.frame = Some(Box::default());
         let result = self.step();
         let frame = self.frame.take().map(|frame| *frame).unwrap_or_default();
         Ok((result?, frame))
     }
-}
 
-impl Frame {
-    /// Fills in the stresslets and contacts of the solved first stage.
-    pub(super) fn solved(&mut self, stresslets: &[Vector3<f64>], contacts: &[Contact]) {
-        self.stresslets = stresslets
-            .iter()
-            .map(|s| {
-                let (xx, yy, xy) = strain_tensor(s);
-                [xx, yy, xy]
-            })
-            .collect();
-        self.contacts = contacts
-            .iter()
-            .filter(|contact| contact.normal_force > 0.0)
-            .map(|contact| FrameContact {
-                i: contact.pair.i,
-                j: contact.pair.j,
-                normal: plain(contact.pair.normal),
-                gap: contact.pair.gap,
-                normal_force: contact.normal_force,
-                tangential_force: contact.tangential_force,
-                state: contact.state,
-            })
-            .collect();
+    /// Fills in the frame at the stage solved last.
+    pub(super) fn fill_frame(&mut self, stage: &Stage, centres: &[Vec2]) {
+        // From where the step began the first stage has turned them.
+        let ahead = stage.time - self.strain();
+        let turns = |sphere: usize| match &self.scheme {
+            Scheme::Laws { first, .. } if stage.phase == Phase::Middle => {
+                ahead * (first[3 * sphere + 2] + self.background.angular_velocity)
+            }
+            Scheme::Laws { .. } | Scheme::Procedure => 0.0,
+        };
+        let orientations = self.before.orientations.iter().enumerate();
+        let contacts = self.stage.contacts.list.iter();
+        let frame = Frame {
+            strain: stage.time,
+            side: self.side,
+            offset: self.offset_at(stage.time),
+            radii: self.stage.resistance.radii().to_vec(),
+            centres: centres.iter().copied().map(plain).collect(),
+            orientations: orientations
+                .map(|(sphere, angle)| angle + turns(sphere))
+                .collect(),
+            stresslets: self
+                .stress
+                .stresslets
+                .iter()
+                .map(|s| {
+                    let (xx, yy, xy) = strain_tensor(s);
+                    [xx, yy, xy]
+                })
+                .collect(),
+            contacts: contacts
+                .filter(|contact| contact.normal_force > 0.0)
+                .map(|contact| FrameContact {
+                    i: contact.pair.i,
+                    j: contact.pair.j,
+                    normal: plain(contact.pair.normal),
+                    gap: contact.pair.gap,
+                    normal_force: contact.normal_force,
+                    tangential_force: contact.tangential_force,
+                    state: contact.state,
+                })
+                .collect(),
+        };
+        self.frame = Some(Box::new(frame));
     }
 }
 

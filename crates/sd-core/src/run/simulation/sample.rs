@@ -3,10 +3,10 @@
 use crate::stress::{JAM_VISCOSITY, StressComponents};
 use serde::{Deserialize, Serialize};
 
-/// What is measured at the first stage of a step.
+/// What is measured in a step: at its first stage, or where rigid contacts bear forces in its middle, where these are their mean over it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Sample {
-    /// Strain at which it was taken.
+    /// Strain at which the step begins.
     pub strain: f64,
     /// Relative viscosity in full: stresslets and contact stress.
     pub viscosity: f64,
@@ -30,17 +30,17 @@ pub struct Sample {
     pub slipping: u32,
     /// Mean normal velocity over the contacts, negative for approach, in a·rate; 0 without contacts.
     pub normal_velocity: f64,
-    /// Smallest gap in the layer, in a; infinite if no pair is in lubrication range.
+    /// Smallest gap in the layer where the step begins, in a; infinite if no pair is in lubrication range.
     pub minimum_gap: f64,
-    /// What the run has met so far, this stage included.
+    /// What the run has met so far, this step included.
     pub counters: Counters,
 }
 
 /// What a run has met since its start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Contact problems solved: four per step, one more per sample of rigid contacts, and those of steps done again in halves (see
-    /// [`crate::Simulation::step`]).
+    /// Contact problems solved: two per step, or four where no contacts bear forces or the paper's procedure holds them, and those of steps
+    /// done again in halves (see [`crate::Simulation::step`]).
     pub stages: u64,
     /// Of these, problems that did not converge.
     pub unconverged_stages: u64,
@@ -55,7 +55,7 @@ pub struct Counters {
     pub minimum_gap: f64,
     /// Times the viscosity rose above [`JAM_VISCOSITY`], or there was no motion that the contacts admit.
     pub jam_events: u64,
-    /// Steps begun above it.
+    /// Steps above it.
     pub jammed_steps: u64,
     /// Steps since it was last below.
     pub jammed_steps_running: u64,
@@ -78,7 +78,7 @@ impl Default for Counters {
 }
 
 impl Counters {
-    /// Keeps the jam counters, at the first stage of each step. `jammed`: its contact problem has no solution.
+    /// Keeps the jam counters, once a step. `jammed`: a contact problem of it has no solution.
     pub(super) fn count_jam(&mut self, viscosity: f64, jammed: bool) {
         if viscosity > JAM_VISCOSITY || jammed {
             self.jam_events += u64::from(self.jammed_steps_running == 0);

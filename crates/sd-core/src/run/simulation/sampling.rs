@@ -1,55 +1,41 @@
-//! Samples: what the layer bears at the start of a step.
+//! Samples: what the layer bears in a step.
 //!
-//! Rigid contacts hold their gaps at the end of the time that a stage looks ahead. Contacts that will only close within it bear a force
-//! already, so that the viscosity of a step's own first stage is too high by about the step: 3 % at 0.025. A sample of rigid contacts
-//! therefore solves the contact problem once more, looking ahead by [`SAMPLE_SPAN`]. The motion knows nothing of it.
+//! Contacts that will only close within a step bear a force at its first stage already, so that the viscosity there is too high by about
+//! the step: 3 % at 0.025. Where rigid contacts bear forces the middle of the step is sampled, whose forces are those that hold the
+//! gaps of the step's start over all of it: their mean. Other layers are sampled at the first stage.
 
-use super::drive::Pass;
-use super::{Sample, Scheme, SchemeMemory, Simulation};
+use super::{Sample, Simulation};
 use crate::contact::Quality;
-use crate::error::Error;
-use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
 use crate::run::steppers::Stage;
 use crate::stress::{ContactCounts, Stress};
 
-/// How far the contacts of a sample look ahead at most, in strain.
-pub const SAMPLE_SPAN: f64 = 0.001;
+/// What is taken down while a step is under way.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Taken {
+    /// The strain at which it begins.
+    pub(super) strain: f64,
+    /// The sample, once there is one.
+    pub(super) sample: Option<Sample>,
+    /// The smallest gap at its start, in a.
+    pub(super) gap: f64,
+    /// Whether a contact problem of it had no solution.
+    pub(super) jammed: bool,
+}
+
+impl Taken {
+    /// Nothing yet.
+    pub(super) fn at(strain: f64) -> Self {
+        Self {
+            strain,
+            sample: None,
+            gap: f64::INFINITY,
+            jammed: false,
+        }
+    }
+}
 
 impl Simulation {
-    /// Whether a sample takes a contact problem of its own.
-    pub(super) fn samples_apart(&self, stage: &Stage) -> bool {
-        let rigid = matches!(&self.scheme, Scheme::Laws { laws, .. } if !laws.is_soft());
-        self.sampling && rigid && stage.span > SAMPLE_SPAN
-    }
-
-    /// A sample with a contact problem of its own. The positions are taken; all else is as before.
-    pub(super) fn sample_apart(
-        &mut self,
-        stage: Stage,
-        cell: &Cell,
-        centres: &[Vec2],
-    ) -> Result<Sample, Error> {
-        let drive = self.drive;
-        if let SchemeMemory::Laws(memory) = &self.memory {
-            self.remembered.copy_from(memory);
-        }
-        let short = Stage {
-            span: SAMPLE_SPAN,
-            ..stage
-        };
-        let quality = self.solve_driven(short, cell, centres, Pass::First)?;
-        self.count(quality);
-        let stress = self.stress_of_stage();
-        let sample = self.measure(stage.time, &stress);
-        if let SchemeMemory::Laws(memory) = &mut self.memory {
-            std::mem::swap(memory, &mut self.remembered);
-        }
-        self.drive = drive;
-        self.stage.begin_step();
-        Ok(sample)
-    }
-
     /// Counts a contact problem.
     pub(super) fn count(&mut self, quality: Quality) {
         let counters = &mut self.counters;
@@ -63,18 +49,6 @@ impl Simulation {
         }
     }
 
-    /// Counts what the first stage of a step says.
-    pub(super) fn count_first(&mut self, viscosity: f64, jammed: bool) {
-        let gap = self.minimum_gap();
-        self.counters.minimum_gap = self.counters.minimum_gap.min(gap);
-        self.counters.count_jam(viscosity, jammed);
-    }
-
-    /// The smallest gap, in a.
-    fn minimum_gap(&self) -> f64 {
-        self.stage.closest().map_or(f64::INFINITY, |pair| pair.gap)
-    }
-
     /// Stress of the contact problem solved last.
     pub(super) fn stress_of_stage(&mut self) -> Stress {
         let area = self.side * self.side;
@@ -82,15 +56,29 @@ impl Simulation {
         stress.along(self.params.direction)
     }
 
-    /// What the contact problem solved last says of the layer.
-    pub(super) fn measure(&mut self, strain: f64, stress: &Stress) -> Sample {
-        let contacts = &self.stage.contacts.list;
-        if let Some(frame) = &mut self.frame {
-            frame.solved(&self.stress.stresslets, contacts);
+    /// Notes what a stage says of the step under way, until that is sampled: at its first stage the smallest gap.
+    pub(super) fn begin_sample(&self, jammed: bool, taken: &mut Taken) {
+        if taken.sample.is_some() {
+            return;
         }
-        let counts = ContactCounts::of(contacts);
-        Sample {
-            strain,
+        taken.jammed |= jammed;
+        if taken.gap == f64::INFINITY {
+            taken.gap = self.stage.closest().map_or(f64::INFINITY, |pair| pair.gap);
+        }
+    }
+
+    /// Takes the sample of the step under way at the stage solved last, unless it has one.
+    pub(super) fn take_sample(&mut self, stage: &Stage, centres: &[Vec2], taken: &mut Taken) {
+        if taken.sample.is_some() {
+            return;
+        }
+        let stress = self.stress_of_stage();
+        if self.frame.is_some() {
+            self.fill_frame(stage, centres);
+        }
+        let counts = ContactCounts::of(&self.stage.contacts.list);
+        taken.sample = Some(Sample {
+            strain: taken.strain,
             viscosity: stress.viscosity,
             viscosity_stresslet: stress.viscosity_stresslet,
             normal_stress_difference: stress.components.n1.total(),
@@ -102,8 +90,18 @@ impl Simulation {
             rolling: counts.rolling,
             slipping: counts.slipping,
             normal_velocity: counts.normal_velocity,
-            minimum_gap: self.minimum_gap(),
+            minimum_gap: taken.gap,
             counters: self.counters,
-        }
+        });
+    }
+
+    /// Ends the step: its sample, with the counters of the run so far.
+    pub(super) fn count_step(&mut self, taken: &Taken) -> Sample {
+        let mut sample = taken.sample.expect("every step is sampled");
+        let counters = &mut self.counters;
+        counters.minimum_gap = counters.minimum_gap.min(taken.gap);
+        counters.count_jam(sample.viscosity, taken.jammed);
+        sample.counters = *counters;
+        sample
     }
 }

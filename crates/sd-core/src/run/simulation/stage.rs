@@ -1,47 +1,30 @@
 //! The right-hand side: from positions to velocities, with what contacts remember and how the shear is imposed.
 
 use super::drive::{Drive, Pass};
-use super::{Sample, Scheme, SchemeMemory, Simulation};
+use super::{Scheme, SchemeMemory, Simulation};
 use crate::contact::Quality;
-use crate::contact::laws::{Phase, Span};
+use crate::contact::laws::Span;
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
-use crate::run::steppers::Stage;
+use crate::run::steppers::{Bearing, Stage};
 use crate::stage::Contact;
 
 impl Simulation {
-    /// One right-hand side; the layer is sampled at the first of a step.
+    /// One right-hand side; whether its contact problem has no solution.
     pub(super) fn stage(
         &mut self,
         stage: Stage,
         centres: &[Vec2],
         velocities: &mut [f64],
-        sample: &mut Option<Sample>,
-    ) -> Result<(), Error> {
+    ) -> Result<bool, Error> {
         let cell = self.cell_at(stage.time)?;
-        let first = stage.number == 0;
-        // Not of a step that is done again in halves.
-        let sampled = first && sample.is_none();
-        let mut pass = Pass::First;
-        if first {
+        if stage.number == 0 {
             // A run that is resumed here then has the same bits.
             self.stage.begin_step();
-            if sampled && self.samples_apart(&stage) {
-                *sample = Some(self.sample_apart(stage, &cell, centres)?);
-                pass = Pass::Again;
-            }
         }
-        let quality = self.solve_driven(stage, &cell, centres, pass)?;
+        let quality = self.solve_driven(stage, &cell, centres)?;
         self.count(quality);
-        if sampled {
-            let stress = self.stress_of_stage();
-            self.count_first(stress.viscosity, quality.jammed);
-            match sample {
-                Some(sample) => sample.counters = self.counters,
-                None => *sample = Some(self.measure(stage.time, &stress)),
-            }
-        }
         let (background, solver) = (self.background, &self.stage);
         for ((u, v), &x) in velocities
             .chunks_exact_mut(3)
@@ -53,20 +36,29 @@ impl Simulation {
             u[1] = v[1] + flow.y;
             u[2] = v[2] + background.angular_velocity;
         }
-        Ok(())
+        Ok(quality.jammed)
+    }
+
+    /// Whether contacts bear forces at the stage solved last.
+    pub(super) fn bearing(&self) -> Bearing {
+        let mut contacts = self.stage.contacts.list.iter();
+        if contacts.any(|contact| contact.normal_force > 0.0) {
+            Bearing::Loaded
+        } else {
+            Bearing::Free
+        }
     }
 
     /// The contact problem of a stage and its motion, at the rate or the stress that is imposed.
-    pub(super) fn solve_driven(
+    fn solve_driven(
         &mut self,
         stage: Stage,
         cell: &Cell,
         centres: &[Vec2],
-        pass: Pass,
     ) -> Result<Quality, Error> {
         match &self.drive {
-            Drive::Rate => self.solve(stage, cell, centres, pass),
-            Drive::Stress { .. } => self.solve_at_stress(stage, cell, centres, pass),
+            Drive::Rate => self.solve(stage, cell, centres, Pass::First),
+            Drive::Stress { .. } => self.solve_at_stress(stage, cell, centres),
         }
     }
 
@@ -85,14 +77,9 @@ impl Simulation {
         let surface = self.drive.surface(&self.params);
         match (&mut self.scheme, &mut self.memory) {
             (Scheme::Laws { laws, first }, SchemeMemory::Laws(memory)) => {
-                let phase = match (laws.is_soft(), stage.number) {
-                    (false, _) => Phase::Alone,
-                    (true, 0) => Phase::First,
-                    (true, _) => Phase::Second,
-                };
                 let span = Span {
                     time: stage.span,
-                    phase,
+                    phase: stage.phase,
                     first,
                 };
                 let contact = Contact::Laws { laws, span, memory };
@@ -105,7 +92,8 @@ impl Simulation {
                 } else {
                     solver.solve_again(&background, contact)?
                 };
-                if phase == Phase::First {
+                if stage.number == 0 {
+                    // What a later stage of the step asks for.
                     first.clear();
                     first.extend_from_slice(solver.velocities());
                 }

@@ -1,57 +1,45 @@
 //! A step of a run: in one piece, or in halves where spheres would come too near on the way.
 
+use super::sampling::Taken;
 use super::{Sample, Scheme, SchemeMemory, Simulation};
 use crate::contact::ContactState;
+use crate::contact::laws::Phase;
 use crate::error::Error;
 use crate::geometry::modes::Vec2;
+use crate::geometry::pair::Neighbours;
 use crate::law::Halt;
-use crate::run::steppers::{State, Stepper};
+use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
 
 /// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
 const MOST_HALVINGS: u32 = 6;
-/// A gap counts as too low below this share of the roughness height.
-const HELD_SHARE: f64 = 0.5;
+/// A gap of rigid contacts counts as too low below this share of the roughness height.
+const HELD_SHARE: f64 = 0.8;
 
 impl Simulation {
-    /// One step, of RK4 or under soft laws of [`crate::run::steppers::rosenbrock`]; returns the sample taken at its start.
+    /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its start held, under soft ones by
+    /// [`crate::Rosenbrock`], and by [`crate::RungeKutta`] where nothing is pressed and under the paper's procedure.
     ///
-    /// Near jamming velocities can leap between two stages, so far that a gap falls below h/2 within a step under the
-    /// rigid scheme, which holds each stage's own gaps, or that soft spheres overlap by too much to be spheres. Such a step is done again
-    /// as two of half the size, down to 2⁻⁶ of it.
+    /// Near jamming velocities can leap between two stages, so far that a gap of rigid contacts falls well below h within a step or at its
+    /// end, or that soft spheres overlap by too much to be spheres. Such a step is done again as two of half the size, down to 2⁻⁶ of it.
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
     pub fn step(&mut self) -> Result<Sample, Error> {
-        self.step_sampled(true)
-    }
-
-    /// [`Simulation::step`] that leaves out, unless a sample is `wanted`, the contact problem which a sample of rigid contacts takes. What is
-    /// returned then has the forces of the first stage, which hold gaps over the whole step, and its viscosity is a little high. The layer
-    /// moves as it would with a sample, to the bit.
-    ///
-    /// # Errors
-    /// As there.
-    pub fn step_sampled(&mut self, wanted: bool) -> Result<Sample, Error> {
-        self.sampling = wanted;
-        self.one_step()
-    }
-
-    fn one_step(&mut self) -> Result<Sample, Error> {
         let (time, dt) = (self.strain(), self.params.time_step);
-        let mut sample = None;
+        let mut taken = Taken::at(time);
         let jammed = self.counters.jammed_stages;
         let mut stepper = std::mem::take(&mut self.stepper);
         let mut state = std::mem::take(&mut self.state);
         self.before.copy_from(&state);
-        let most = match &self.scheme {
-            Scheme::Procedure => 0,
-            Scheme::Laws { .. } => MOST_HALVINGS,
-        };
-        let result = match &stepper {
+        let result = match &mut stepper {
             Stepper::RungeKutta(_) => {
-                self.advance(&mut stepper, &mut state, time, dt, most, &mut sample)
+                self.attempt(&mut stepper, &mut state, [time, dt], &mut taken)
             }
-            Stepper::Rosenbrock(_) => self.advance_soft(&mut stepper, &mut state, &mut sample),
+            Stepper::Midpoint(method) => {
+                let span = [time, dt];
+                self.advance_rigid(method, &mut state, span, MOST_HALVINGS, &mut taken)
+            }
+            Stepper::Rosenbrock(_) => self.advance_soft(&mut stepper, &mut state, &mut taken),
         };
         if result.is_err() {
             state.copy_from(&self.before);
@@ -59,10 +47,11 @@ impl Simulation {
         self.stepper = stepper;
         self.state = state;
         if matches!(result, Err(Error::Overlap { .. }))
-            && let Some(sample) = sample
+            && taken.sample.is_some()
             && (self.counters.jammed_stages > jammed || self.is_held())
         {
             // There is no motion that the contacts admit: the layer stays where it is.
+            let sample = self.count_step(&taken);
             self.counters.jammed_steps_running = self.jam_steps();
             return Ok(sample);
         }
@@ -72,7 +61,7 @@ impl Simulation {
             source: Box::new(source),
         };
         result.map_err(failed)?;
-        let sample = sample.expect("the first stage of a step is sampled");
+        let sample = self.count_step(&taken);
         self.keep_mean_velocities(dt);
         self.steps += 1;
         let cell = self.cell_at(self.strain())?;
@@ -115,15 +104,34 @@ impl Simulation {
         spheres > 0 && taken >= 3 * spheres
     }
 
-    /// Moves the state of a soft layer over one step: in one piece, or where spheres would come to overlap by too much at its end, which only
-    /// the next step would find, in two, four and so on.
+    /// Moves the state by one step of `stepper`, sampled at its first stage.
+    fn attempt(
+        &mut self,
+        stepper: &mut Stepper,
+        state: &mut State,
+        [time, dt]: [f64; 2],
+        taken: &mut Taken,
+    ) -> Result<(), Error> {
+        stepper.step(state, time, dt, |stage, centres, velocities| {
+            let jammed = self.stage(stage, centres, velocities)?;
+            if stage.number == 0 {
+                self.begin_sample(jammed, taken);
+                self.take_sample(&stage, centres, taken);
+            }
+            Ok(self.bearing())
+        })
+    }
+
+    /// Moves the state of a soft layer over one step: in one piece, or where spheres would come to overlap by too much on the way or at its
+    /// end, which only the next step would find, in two, four and so on.
     fn advance_soft(
         &mut self,
         stepper: &mut Stepper,
         state: &mut State,
-        sample: &mut Option<Sample>,
+        taken: &mut Taken,
     ) -> Result<(), Error> {
         let (time, dt, drive) = (self.strain(), self.params.time_step, self.drive);
+        let jammed = self.counters.jammed_stages;
         if let SchemeMemory::Laws(memory) = &self.memory {
             self.remembered.copy_from(memory);
         }
@@ -133,14 +141,7 @@ impl Simulation {
             let part = dt / f64::from(parts);
             let moved = (0..parts).try_for_each(|k| {
                 let start = time + f64::from(k) * part;
-                self.advance(
-                    stepper,
-                    state,
-                    start,
-                    part,
-                    MOST_HALVINGS - halvings,
-                    sample,
-                )
+                self.attempt(stepper, state, [start, part], taken)
             });
             let end = self.cell_at(time + dt)?;
             let checked = moved.and_then(|()| {
@@ -158,7 +159,9 @@ impl Simulation {
                 **laws = drive.laws(&self.params);
                 memory.copy_from(&self.remembered);
             }
-            let helps = matches!(checked, Err(Error::Overlap { .. })) && !self.is_held();
+            // Smaller steps do not help where no motion is admitted.
+            let admitted = self.counters.jammed_stages == jammed && !self.is_held();
+            let helps = matches!(checked, Err(Error::Overlap { .. })) && admitted;
             if !helps || halvings == MOST_HALVINGS {
                 return checked;
             }
@@ -166,57 +169,60 @@ impl Simulation {
         }
     }
 
-    /// Moves the state over `dt`; where a gap falls too low on the way, in two halves, each halved at most `halvings - 1` times. What then
-    /// still fails moves with the velocities of its first stage, whose contact problem holds the gaps at the end of just this motion.
-    fn advance(
+    /// Moves the state of a rigid layer over `dt`; where a gap falls too low on the way or at the end, in two halves, each halved at most
+    /// `halvings - 1` times. What then still fails moves with the velocities of its first stage, whose contact problem holds the gaps at
+    /// the end of just this motion.
+    fn advance_rigid(
         &mut self,
-        stepper: &mut Stepper,
+        method: &mut Midpoint,
         state: &mut State,
-        time: f64,
-        dt: f64,
+        [time, dt]: [f64; 2],
         halvings: u32,
-        sample: &mut Option<Sample>,
+        taken: &mut Taken,
     ) -> Result<(), Error> {
-        let (mut start_gap, jammed) = (0.0, self.counters.jammed_stages);
-        let holds_gaps = matches!(
-            (&*stepper, &self.scheme),
-            (Stepper::RungeKutta(_), Scheme::Laws { .. })
-        );
-        let whole = stepper.step(state, time, dt, |stage, centres, velocities| {
-            self.stage(stage, centres, velocities, sample)?;
-            let Some(pair) = self.stage.closest() else {
-                return Ok(());
-            };
+        let (before, jammed) = (*taken, self.counters.jammed_stages);
+        let mut held = HELD_SHARE * self.params.roughness;
+        let mut whole = method.step(state, time, dt, |stage, centres, velocities| {
+            let jammed = self.stage(stage, centres, velocities)?;
+            let closest = self.stage.closest();
             if stage.number == 0 {
-                start_gap = pair.gap;
+                held = closest.map_or(held, |pair| held.min(pair.gap));
             }
-            let held = start_gap.min(HELD_SHARE * self.params.roughness);
-            if holds_gaps && pair.gap < held {
-                return Err(pair.overlap());
+            not_below(held, closest)?;
+            self.begin_sample(jammed, taken);
+            let bearing = self.bearing();
+            if bearing == Bearing::Free || stage.phase == Phase::Middle {
+                self.take_sample(&stage, centres, taken);
             }
-            Ok(())
+            Ok(bearing)
         });
-        match whole {
-            // Smaller steps do not help where no motion is admitted.
-            Err(Error::Overlap { .. })
-                if halvings > 0
-                    && self.counters.jammed_stages == jammed
-                    && (holds_gaps || !self.is_held()) =>
-            {
-                let half = 0.5 * dt;
-                self.advance(stepper, state, time, half, halvings - 1, sample)?;
-                self.advance(stepper, state, time + half, half, halvings - 1, sample)
+        let end = self.cell_at(time + dt)?;
+        if whole.is_ok() {
+            let closest = self.stage.resistance.closest_at(&end, &state.centres);
+            whole = not_below(held, closest.as_ref());
+            if whole.is_err() {
+                method.undo(state);
             }
-            Err(Error::Overlap { .. }) if holds_gaps => {
-                stepper.first_stage_alone(state, time, dt, |stage, centres, velocities| {
-                    self.stage(stage, centres, velocities, sample)
-                })?;
-                // What compliance let through is found now, while the start of the step is known.
-                let cell = self.cell_at(time + dt)?;
-                self.stage.assemble(&cell, &state.centres)
-            }
-            whole => whole,
         }
+        let Err(Error::Overlap { .. }) = whole else {
+            return whole;
+        };
+        *taken = before;
+        // Smaller steps do not help where no motion is admitted.
+        if halvings > 0 && self.counters.jammed_stages == jammed {
+            let half = 0.5 * dt;
+            self.advance_rigid(method, state, [time, half], halvings - 1, taken)?;
+            return self.advance_rigid(method, state, [time + half, half], halvings - 1, taken);
+        }
+        method.first_stage_alone(state, time, dt, |stage, centres, velocities| {
+            let jammed = self.stage(stage, centres, velocities)?;
+            self.begin_sample(jammed, taken);
+            self.take_sample(&stage, centres, taken);
+            Ok::<_, Error>(self.bearing())
+        })?;
+        // What compliance let through is found now, while the start of the step is known.
+        let resistance = &self.stage.resistance;
+        resistance.check_overlaps(&end, &state.centres)
     }
 
     /// Disturbance velocities of the step as a whole, at its mean positions, which the procedure needs.
@@ -237,5 +243,13 @@ impl Simulation {
             u[1] -= flow.y;
             u[2] -= background.angular_velocity;
         }
+    }
+}
+
+/// Refuses a gap that is too low.
+fn not_below(held: f64, closest: Option<&Neighbours>) -> Result<(), Error> {
+    match closest {
+        Some(pair) if pair.gap < held => Err(pair.overlap()),
+        _ => Ok(()),
     }
 }

@@ -12,6 +12,7 @@
 //! spring is at its rest after one step. Where a contact opens or closes within a step the error of that step is O(τ²).
 
 use super::state::{Stage, State};
+use crate::contact::laws::Phase;
 use crate::contact::springs::GAMMA;
 use crate::geometry::modes::Vec2;
 
@@ -43,6 +44,11 @@ impl Rosenbrock {
             number,
             time: time + number as f64 * dt,
             span: GAMMA * dt,
+            phase: if number == 0 {
+                Phase::First
+            } else {
+                Phase::Second
+            },
         };
         rhs(stage(0), &state.centres, first)?;
         self.centres.clear();

@@ -1,6 +1,7 @@
 //! Classical Runge-Kutta of order four.
 
 use super::state::{Stage, State};
+use crate::contact::laws::Phase;
 use crate::geometry::modes::Vec2;
 
 /// Nodes of the stages, in steps.
@@ -53,38 +54,13 @@ impl RungeKutta {
                 number,
                 time: time + NODES[number] * dt,
                 span: SPANS[number] * dt,
+                phase: Phase::Alone,
             };
             rhs(stage, &self.centres, &mut self.velocities)?;
             for (mean, u) in self.mean.iter_mut().zip(&self.velocities) {
                 *mean += WEIGHTS[number] * u;
             }
         }
-        for (i, x) in state.centres.iter_mut().enumerate() {
-            *x += Vec2::new(self.mean[3 * i], self.mean[3 * i + 1]) * dt;
-            state.orientations[i] += self.mean[3 * i + 2] * dt;
-        }
-        Ok(())
-    }
-
-    /// A step with the velocities of the first stage alone, whose time span is the whole step.
-    ///
-    /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
-    pub(crate) fn first_stage_alone<E>(
-        &mut self,
-        state: &mut State,
-        time: f64,
-        dt: f64,
-        rhs: impl FnOnce(Stage, &[Vec2], &mut [f64]) -> Result<(), E>,
-    ) -> Result<(), E> {
-        self.velocities.resize(3 * state.centres.len(), 0.0);
-        let stage = Stage {
-            number: 0,
-            time,
-            span: dt,
-        };
-        rhs(stage, &state.centres, &mut self.velocities)?;
-        self.mean.clone_from(&self.velocities);
         for (i, x) in state.centres.iter_mut().enumerate() {
             *x += Vec2::new(self.mean[3 * i], self.mean[3 * i + 1]) * dt;
             state.orientations[i] += self.mean[3 * i + 2] * dt;

@@ -1,5 +1,6 @@
 //! What a method in time moves, and the evaluations that it asks for.
 
+use crate::contact::laws::Phase;
 use crate::geometry::modes::Vec2;
 
 /// Centres and orientations of the spheres.
@@ -28,4 +29,15 @@ pub struct Stage {
     pub time: f64,
     /// The τ over which contact laws look ahead: how long Runge-Kutta moves the spheres by these velocities, γ steps of Rosenbrock.
     pub span: f64,
+    /// What contact laws make of it.
+    pub phase: Phase,
+}
+
+/// Whether contacts bear forces at a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Bearing {
+    /// None does.
+    Free,
+    /// One does, or more.
+    Loaded,
 }
