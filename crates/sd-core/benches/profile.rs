@@ -1,7 +1,7 @@
 //! Where the time of a run goes: shares of the parts of its right-hand sides, under either hydrodynamics.
 //!
 //! ```text
-//! cargo bench -p sd-core --bench profile [-- N...]
+//! cargo bench -p sd-core --bench profile [-- N...]          below 100 spheres, where all matrices are full
 //! ```
 //!
 //! A layer of c = 0.693 (h = 0.01, ν = 0.3, Γ = 100, rigid contacts) is sheared on from 0.8 by steps of 0.005, put together here from
@@ -230,6 +230,10 @@ fn main() {
     let given: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
     let all = if given.is_empty() { vec![90] } else { given };
     for spheres in all {
+        assert!(
+            spheres < 100,
+            "{spheres} spheres: from 100 on Ball-Melrose has no full matrices to take apart"
+        );
         let (full, full_whole) = profile(spheres, Hydrodynamics::StokesianDynamics);
         let (near, near_whole) = profile(spheres, Hydrodynamics::BallMelrose);
         println!("| share of the time of a run, N = {spheres} | full | Ball-Melrose |");

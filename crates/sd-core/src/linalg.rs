@@ -1,7 +1,7 @@
 //! Linear algebra: the only modules that name faer and pulp.
 //!
-//! Everything allocates only in constructors and sums in a fixed order, so the same input gives the same bits. Only the
-//! factorization of a large full matrix may be shared by an idle thread, in the same pieces and so with the same bits.
+//! Everything allocates only in constructors and sums in a fixed order, so the same input gives the same bits. Only
+//! large full matrices may be filled and factored with the help of an idle thread, in the same pieces and so with the same bits.
 
 pub(crate) mod anderson;
 pub(crate) mod cholesky;
@@ -9,6 +9,7 @@ pub(crate) mod conjugate_gradients;
 pub(crate) mod dense;
 pub(crate) mod error;
 pub(crate) mod gmres;
+pub(crate) mod join;
 pub(crate) mod lu;
 pub(crate) mod simd;
 pub(crate) mod staggered;

@@ -44,7 +44,7 @@ pub trait RunObserver: Sync {
 pub struct Options<'o> {
     /// Cases computed at a time, one thread each.
     pub workers: usize,
-    /// Threads, at least as many: those without a case share the large factorizations of the others.
+    /// Threads, at least as many: those without a case help to fill and to factor the large matrices of the others.
     pub threads: usize,
     /// Computing time after which a single case ends as failed; without one, many times what it is expected to take.
     pub wall_limit: Option<Duration>,

@@ -115,7 +115,8 @@ impl FarField {
                         factors,
                     ),
                     wave: WaveSpace::new(alpha, cut_offs.wave, factors),
-                    sums: Vec::new(),
+                    chunks: ewald::chunks(radii.len()),
+                    sums: Default::default(),
                 })
             }
         };

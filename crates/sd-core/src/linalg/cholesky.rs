@@ -1,7 +1,6 @@
 //! Cholesky factorizations, by how the matrix is held.
 
 pub(crate) mod dense;
-mod join;
 mod recursive;
 pub(crate) mod skyline;
 pub(crate) mod sparse;

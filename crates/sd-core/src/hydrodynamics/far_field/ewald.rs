@@ -3,12 +3,19 @@
 use super::kernels::{self, Blocks, FiniteSize, LANES, Lanes};
 use super::real_space::RealSpace;
 use super::unbounded::{self, RadialChain, self_mobility};
-use super::wave_space::{self, CHUNK, EVEN, ODD, WaveSpace};
+use super::wave_space::{self, CHUNK, EVEN, ODD, WaveSpace, WaveSums};
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
 use crate::linalg::cholesky::tiled::{TILE, TiledMatrix};
+use crate::linalg::join::join;
 use crate::linalg::simd::vectorised;
 use std::f64::consts::PI;
+use std::ops::Range;
+
+/// Chunks of pairs that one thread sums before they are written: many enough that sharing them pays, few enough for the cache.
+const BATCH: usize = 8;
+/// Spheres from which on the sums are shared with an idle thread.
+const LARGE: usize = 100;
 
 /// The two halves of the periodic sum.
 #[derive(Debug, Clone)]
@@ -24,8 +31,26 @@ pub(super) struct Ewald {
     pub(super) real: RealSpace,
     /// Long-ranged part.
     pub(super) wave: WaveSpace,
-    /// Real-space sums of the pairs that are being summed.
-    pub(super) sums: Vec<Lanes>,
+    /// The pairs in chunks of about [`CHUNK`].
+    pub(super) chunks: Vec<Chunk>,
+    /// Sums at hand, of one thread and of another that helps.
+    pub(super) sums: [Sums; 2],
+}
+
+/// All pairs (i, j), i > j, with j in a range.
+#[derive(Debug, Clone)]
+pub(super) struct Chunk {
+    columns: Range<usize>,
+    pairs: usize,
+}
+
+/// The sums of the pairs of some chunks, both halves together.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Sums {
+    /// Those of each pair, in one layer for equal radii and in two otherwise.
+    lanes: Vec<Lanes>,
+    /// The wave-space half of one chunk.
+    wave: WaveSums,
 }
 
 /// Cut-offs that reach the tolerance at one splitting parameter.
@@ -72,21 +97,23 @@ pub(super) fn cut_offs(alpha: f64, area: f64, radii: &[f64], tolerance: f64) -> 
     CutOffs { distance, wave }
 }
 
-/// The columns of the matrix in ranges of about [`CHUNK`] pairs, with their numbers of pairs.
-fn chunks(n: usize) -> impl Iterator<Item = (std::ops::Range<usize>, usize)> {
+/// The pairs of n spheres in chunks of about [`CHUNK`], unless a single column has more.
+pub(super) fn chunks(n: usize) -> Vec<Chunk> {
+    let mut chunks = Vec::new();
     let mut start = 0;
-    std::iter::from_fn(move || {
-        if start + 1 >= n {
-            return None;
-        }
+    while start + 1 < n {
         let first = start;
         let mut pairs = 0;
         while start + 1 < n && (pairs == 0 || pairs + n - 1 - start <= CHUNK) {
             pairs += n - 1 - start;
             start += 1;
         }
-        Some((first..start, pairs))
-    })
+        chunks.push(Chunk {
+            columns: first..start,
+            pairs,
+        });
+    }
+    chunks
 }
 
 impl Ewald {
@@ -99,42 +126,45 @@ impl Ewald {
         centres: &[Vec2],
         target: &mut Target<'_>,
     ) {
-        let n = radii.len();
         let real_self = self.real.update(cell);
         let wave_self = self.wave.update(cell, centres);
         self.fill_diagonal(sizes, radii, &real_self, &wave_self, target);
-        for (range, pairs) in chunks(n) {
-            self.fill_columns(sizes, centres, range, pairs, target);
+        let mut sums = std::mem::take(&mut self.sums);
+        let [own, helping] = &mut sums;
+        for both in self.chunks.chunks(2 * BATCH) {
+            let (first, second) = both.split_at(both.len().div_ceil(2));
+            join(
+                radii.len() >= LARGE,
+                || self.sum(centres, first, own),
+                || self.sum(centres, second, helping),
+            );
+            self.write(sizes, first, own, target);
+            self.write(sizes, second, helping, target);
         }
+        self.sums = sums;
     }
 
     /// The real-space sums of all pairs, and nothing else of [`Ewald::fill`].
     pub(super) fn real_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
-        let n = centres.len();
-        let layers = if self.equal { 1 } else { 2 };
         self.real.update(cell);
-        for (range, pairs) in chunks(n) {
-            self.sums.resize(pairs * layers, [0.0; LANES]);
-            let mut start = 0;
-            for j in range {
-                let end = start + n - 1 - j;
-                let sums = &mut self.sums[start * layers..end * layers];
-                let real = &self.real;
-                vectorised(
-                    #[inline(always)]
-                    || real.column(centres, j, sums),
-                );
-                start = end;
-            }
+        let mut sums = std::mem::take(&mut self.sums);
+        for chunk in self.chunks.chunks(BATCH) {
+            self.sum_real(centres, chunk, &mut sums[0]);
         }
+        self.sums = sums;
     }
 
     /// The wave-space sums of all pairs, and nothing else of [`Ewald::fill`].
     pub(super) fn wave_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
         self.wave.update(cell, centres);
-        for (range, _) in chunks(centres.len()) {
-            self.wave.columns(range);
+        for chunk in &self.chunks {
+            self.wave.sum(chunk.columns.clone(), &mut self.sums[0].wave);
         }
+    }
+
+    /// Layers of sums: one for equal radii, two otherwise.
+    fn layers(&self) -> usize {
+        if self.equal { 1 } else { 2 }
     }
 
     /// Fills in the blocks of each sphere with itself.
@@ -169,107 +199,89 @@ impl Ewald {
         }
     }
 
-    /// The blocks of all pairs (i, j), i > j, with j in a range.
-    fn fill_columns(
-        &mut self,
-        sizes: &[FiniteSize],
-        centres: &[Vec2],
-        range: std::ops::Range<usize>,
-        pairs: usize,
-        target: &mut Target<'_>,
-    ) {
-        let n = centres.len();
-        let layers = if self.equal { 1 } else { 2 };
-        self.wave.columns(range.clone());
-        self.sums.resize(pairs * layers, [0.0; LANES]);
-        let Self {
-            real,
-            wave,
-            sums,
-            uniform,
-            ..
-        } = self;
-        // Streams of the even lanes, then of the odd, per layer; the second layer is empty for equal radii.
-        let even: [[&[f64]; 12]; 2] = std::array::from_fn(|layer| {
-            std::array::from_fn(|k| {
-                if layer < layers {
-                    wave.even_sums.column(12 * layer + k)
-                } else {
-                    &[]
-                }
-            })
-        });
-        let odd: [[&[f64]; 8]; 2] = std::array::from_fn(|layer| {
-            std::array::from_fn(|k| {
-                if layer < layers {
-                    wave.odd_sums.column(8 * layer + k)
-                } else {
-                    &[]
-                }
-            })
-        });
-        let uniform = *uniform;
+    /// The sums of the pairs of some chunks.
+    fn sum(&self, centres: &[Vec2], chunks: &[Chunk], sums: &mut Sums) {
+        self.sum_real(centres, chunks, sums);
+        let layers = self.layers();
+        let mut rest = &mut sums.lanes[..];
+        for chunk in chunks {
+            self.wave.sum(chunk.columns.clone(), &mut sums.wave);
+            let (lanes, others) = rest.split_at_mut(chunk.pairs * layers);
+            rest = others;
+            let wave = &sums.wave;
+            vectorised(
+                #[inline(always)]
+                || add_waves(wave, layers, self.uniform, lanes),
+            );
+        }
+    }
+
+    /// The real-space sums of the pairs of some chunks.
+    fn sum_real(&self, centres: &[Vec2], chunks: &[Chunk], sums: &mut Sums) {
+        let (n, layers) = (centres.len(), self.layers());
+        let pairs: usize = chunks.iter().map(|chunk| chunk.pairs).sum();
+        sums.lanes.resize(pairs * layers, [0.0; LANES]);
         vectorised(
             #[inline(always)]
             || {
-                let mut start = 0;
-                for j in range.clone() {
-                    let end = start + n - 1 - j;
-                    real.column(centres, j, &mut sums[start * layers..end * layers]);
-                    start = end;
+                let mut rest = &mut sums.lanes[..];
+                for j in chunks.iter().flat_map(|chunk| chunk.columns.clone()) {
+                    let (lanes, others) = rest.split_at_mut((n - 1 - j) * layers);
+                    self.real.column(centres, j, lanes);
+                    rest = others;
                 }
             },
         );
+    }
+
+    /// Writes the blocks of the pairs of some chunks.
+    fn write(&self, sizes: &[FiniteSize], chunks: &[Chunk], sums: &Sums, target: &mut Target<'_>) {
+        let n = sizes.len();
+        let columns = chunks.iter().flat_map(|chunk| chunk.columns.clone());
+        let pairs = columns.flat_map(|j| (j + 1..n).map(move |i| (i, j)));
         vectorised(
             #[inline(always)]
             || {
-                let mut start = 0;
-                for j in range {
-                    let end = start + n - 1 - j;
-                    let even =
-                        even.map(|layer| layer.map(|stream| stream.get(start..end).unwrap_or(&[])));
-                    let odd =
-                        odd.map(|layer| layer.map(|stream| stream.get(start..end).unwrap_or(&[])));
-                    let sums = &sums[start * layers..end * layers];
-                    for i in j + 1..n {
-                        let pair = i - j - 1;
-                        let mut point = add_waves(&sums[pair * layers], &even[0], &odd[0], pair);
-                        point[16] += uniform;
-                        if layers == 1 {
-                            target.write_pair(i, j, &kernels::blocks(&point, &point));
-                        } else {
-                            let laplacian =
-                                add_waves(&sums[pair * layers + 1], &even[1], &odd[1], pair);
-                            let (i_size, j_size) = (&sizes[i], &sizes[j]);
-                            let ij =
-                                kernels::finite_size(&point, &laplacian, &i_size.factors(j_size));
-                            let ji =
-                                kernels::finite_size(&point, &laplacian, &j_size.factors(i_size));
-                            target.write_pair(i, j, &kernels::blocks(&ij, &ji));
-                        }
+                if self.equal {
+                    for ((i, j), lanes) in pairs.zip(&sums.lanes) {
+                        target.write_pair(i, j, &kernels::blocks(lanes, lanes));
                     }
-                    start = end;
+                } else {
+                    for ((i, j), lanes) in pairs.zip(sums.lanes.chunks_exact(2)) {
+                        let [ij, ji] = [(i, j), (j, i)].map(|(i, j)| {
+                            let factors = sizes[i].factors(&sizes[j]);
+                            kernels::finite_size(&lanes[0], &lanes[1], &factors)
+                        });
+                        target.write_pair(i, j, &kernels::blocks(&ij, &ji));
+                    }
                 }
             },
         );
     }
 }
 
-/// Lanes of one pair: its real-space sum, and its entry in each stream of wave-space sums.
+/// Adds the wave-space sums of a chunk to its real-space sums, in one layer or two, and the mobility of the uniform force.
 #[expect(
     clippy::inline_always,
     reason = "must be compiled for the caller's instruction set"
 )]
 #[inline(always)]
-fn add_waves(sum: &Lanes, even: &[&[f64]; 12], odd: &[&[f64]; 8], pair: usize) -> Lanes {
-    let mut lanes = *sum;
-    for (stream, lane) in even.iter().zip(EVEN) {
-        lanes[lane] += stream[pair];
+fn add_waves(wave: &WaveSums, layers: usize, uniform: f64, lanes: &mut [Lanes]) {
+    for layer in 0..layers {
+        let even: [&[f64]; 12] = std::array::from_fn(|k| wave.even.column(12 * layer + k));
+        let odd: [&[f64]; 8] = std::array::from_fn(|k| wave.odd.column(8 * layer + k));
+        for (pair, lanes) in lanes.iter_mut().skip(layer).step_by(layers).enumerate() {
+            for (stream, lane) in even.iter().zip(EVEN) {
+                lanes[lane] += stream[pair];
+            }
+            for (stream, lane) in odd.iter().zip(ODD) {
+                lanes[lane] += stream[pair];
+            }
+            if layer == 0 {
+                lanes[16] += uniform;
+            }
+        }
     }
-    for (stream, lane) in odd.iter().zip(ODD) {
-        lanes[lane] += stream[pair];
-    }
-    lanes
 }
 
 /// The grand mobility, and where the rows of each sphere are in it.

@@ -128,6 +128,30 @@ pub(super) fn mobility(far_field: &mut FarField, cell: &Cell, centres: &[Vec2]) 
     m
 }
 
+#[test]
+fn bits_of_the_mobility_do_not_depend_on_the_number_of_threads() {
+    for unequal in [false, true] {
+        let (cell, centres) = layer(12, 12, 0.6, 0.2, 1.3);
+        let radius = |i: i32| 1.0 - 0.3 * f64::from(i % 2);
+        let radii: Vec<_> = (0..144)
+            .map(|i| if unequal { radius(i) } else { 1.0 })
+            .collect();
+        let all = || {
+            let mut far_field = FarField::new(&cell, &radii, 1e-8).unwrap();
+            mobility(&mut far_field, &cell, &centres)
+        };
+        let alone = all();
+        for threads in [1, 2, 3] {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            let shared = pool.install(all);
+            assert!(shared.values() == alone.values());
+        }
+    }
+}
+
 /// Entry of mode k (order of [`crate::geometry::modes`]) of sphere i in a grand vector of n spheres.
 fn entry(n: usize, i: usize, k: usize) -> usize {
     if k < 3 {

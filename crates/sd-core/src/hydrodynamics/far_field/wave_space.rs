@@ -13,6 +13,7 @@ use super::kernels::{self, LANES, Lanes, RADIAL};
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
 use crate::linalg::dense::{Matrix, product};
+use crate::linalg::simd::vectorised;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// Pairs that are summed at once, unless one column of the matrix has more.
@@ -87,6 +88,8 @@ pub(crate) struct WaveSpace {
     equal: Option<[f64; RADIAL]>,
     /// Half of the wave vectors, as multiples (m, n) of the reciprocal lattice vectors.
     vectors: Vec<(usize, i32)>,
+    /// Most of them that any offset can bring.
+    most: usize,
     /// Weights `[K × 12]` or `[K × 24]` of the cosines.
     even: Matrix,
     /// Weights `[K × 8]` or `[K × 16]` of the sines.
@@ -99,14 +102,19 @@ pub(crate) struct WaveSpace {
     powers_x: Matrix,
     /// The same powers of the second coordinate.
     powers_y: Matrix,
-    /// `cos k·x_ij` of the pairs that are being summed.
-    pair_cosines: Matrix,
-    /// `sin k·x_ij` of the same pairs.
-    pair_sines: Matrix,
-    /// Even lanes `[pairs × 12]` (or 24) of the pairs at hand.
-    pub(crate) even_sums: Matrix,
+}
+
+/// Wave-space sums of some pairs.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct WaveSums {
+    /// Even lanes `[pairs × 12]` (or 24).
+    pub(crate) even: Matrix,
     /// Odd lanes `[pairs × 8]` (or 16).
-    pub(crate) odd_sums: Matrix,
+    pub(crate) odd: Matrix,
+    /// `cos k·x_ij` of the pairs.
+    cosines: Matrix,
+    /// `sin k·x_ij` of the pairs.
+    sines: Matrix,
 }
 
 impl WaveSpace {
@@ -117,16 +125,13 @@ impl WaveSpace {
             cut_off,
             equal,
             vectors: Vec::new(),
+            most: 0,
             even: Matrix::default(),
             odd: Matrix::default(),
             cosines: Matrix::default(),
             sines: Matrix::default(),
             powers_x: Matrix::default(),
             powers_y: Matrix::default(),
-            pair_cosines: Matrix::default(),
-            pair_sines: Matrix::default(),
-            even_sums: Matrix::default(),
-            odd_sums: Matrix::default(),
         }
     }
 
@@ -206,8 +211,8 @@ impl WaveSpace {
                 count(2.0 * (self.cut_off * self.cut_off - kx * kx).max(0.0).sqrt())
             })
             .sum();
-        let pairs = spheres.max(CHUNK);
         let layers = self.layers();
+        self.most = vectors;
         self.vectors.reserve(vectors);
         self.even.reshape(vectors, EVEN.len() * layers);
         self.odd.reshape(vectors, ODD.len() * layers);
@@ -216,10 +221,6 @@ impl WaveSpace {
         self.powers_x.reshape(spheres, 2 * (columns + 1));
         self.powers_y
             .reshape(spheres, 2 * (count(self.cut_off) + columns / 2 + 2));
-        self.pair_cosines.reshape(pairs, vectors);
-        self.pair_sines.reshape(pairs, vectors);
-        self.even_sums.reshape(pairs, EVEN.len() * layers);
-        self.odd_sums.reshape(pairs, ODD.len() * layers);
     }
 
     /// Weights of all wave vectors; returns their sum.
@@ -288,27 +289,25 @@ impl WaveSpace {
         }
     }
 
-    /// Lanes of all pairs (i, j), i > j, for j in a range, in [`WaveSpace::even_sums`] and [`WaveSpace::odd_sums`].
-    pub(crate) fn columns(&mut self, range: std::ops::Range<usize>) {
+    /// Lanes of all pairs (i, j), i > j, for j in a range.
+    pub(crate) fn sum(&self, range: std::ops::Range<usize>, sums: &mut WaveSums) {
         let n = self.cosines.rows();
         let pairs: usize = range.clone().map(|j| n - 1 - j).sum();
         let count = self.vectors.len();
-        self.pair_cosines.reshape(pairs, count);
-        self.pair_sines.reshape(pairs, count);
-        let Self {
-            cosines,
-            sines,
-            pair_cosines,
-            pair_sines,
-            ..
-        } = self;
-        crate::linalg::simd::vectorised(
+        let most = n.max(CHUNK);
+        for waves in [&mut sums.cosines, &mut sums.sines] {
+            waves.reserve(most * self.most);
+            waves.reshape(pairs, count);
+        }
+        sums.even.reserve(most * self.even.columns());
+        sums.odd.reserve(most * self.odd.columns());
+        vectorised(
             #[inline(always)]
             || {
                 for k in 0..count {
-                    let (c, s) = (cosines.column(k), sines.column(k));
-                    let mut pair_c = pair_cosines.column_mut(k);
-                    let mut pair_s = pair_sines.column_mut(k);
+                    let (c, s) = (self.cosines.column(k), self.sines.column(k));
+                    let mut pair_c = sums.cosines.column_mut(k);
+                    let mut pair_s = sums.sines.column_mut(k);
                     for j in range.clone() {
                         let (cj, sj) = (c[j], s[j]);
                         let (c, s) = (&c[j + 1..], &s[j + 1..]);
@@ -325,8 +324,8 @@ impl WaveSpace {
                 }
             },
         );
-        product(&self.pair_cosines, &self.even, &mut self.even_sums);
-        product(&self.pair_sines, &self.odd, &mut self.odd_sums);
+        product(&sums.cosines, &self.even, &mut sums.even);
+        product(&sums.sines, &self.odd, &mut sums.odd);
     }
 }
 

@@ -9,8 +9,8 @@
 //! threads that runs several simulations at once, all are busy and nothing is shared; when one simulation is left, the others help.
 //! Outside a pool no thread is started.
 
-use super::join::join;
 use crate::linalg::error::BadPivot;
+use crate::linalg::join::join;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::linalg::matmul::{self, triangular::BlockStructure};

@@ -13,8 +13,8 @@
 
 mod inverse;
 
-use super::join::join;
 use crate::linalg::error::BadPivot;
+use crate::linalg::join::join;
 use crate::linalg::simd::vectorised;
 use crate::linalg::vector;
 use faer::dyn_stack::{MemBuffer, MemStack};

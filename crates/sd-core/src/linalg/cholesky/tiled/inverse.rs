@@ -1,8 +1,8 @@
 //! The trailing block of an inverse, from the factor.
 
 use super::{LARGE, Shape, TILE, TiledCholesky, divide, strip, strip_mut};
-use crate::linalg::cholesky::join::join;
 use crate::linalg::dense::Matrix;
+use crate::linalg::join::join;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, Par};
 use std::ops::Range;
@@ -22,8 +22,8 @@ impl TiledCholesky {
         let lower = &self.matrix.values;
         let strips = TILE * half;
         let share = tiles >= LARGE;
-        // Later rows of V are shorter: the first third holds over half of the work.
-        let cut = first + (tiles - first) / 3;
+        // Row t of V is made by (last − t)² products of tiles, and so is column t of the product: the first fifth is half of the work.
+        let cut = first + (tiles - first).div_ceil(5);
         let (upper, rest) = self.inverse.split_at_mut(strips * (cut - first));
         join(
             share,
@@ -31,7 +31,6 @@ impl TiledCholesky {
             || shape.invert(lower, rest, cut..tiles, first),
         );
         let inverse = &self.inverse;
-        // Columns of the product are longest and deepest on the left.
         let columns = shape.starts[cut] - half;
         let (left, right) = out.values_mut().split_at_mut(half * columns);
         join(
