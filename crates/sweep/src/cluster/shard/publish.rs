@@ -63,15 +63,18 @@ impl Publisher {
     fn copy(&self) -> io::Result<()> {
         let folder = self.target.parent().unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder)?;
-        let snapshot = with_ending(&self.work, "snapshot");
-        let result = remove(&snapshot).and_then(|()| {
-            store::snapshot(&self.work, &snapshot).map_err(of_the_store)?;
-            write_whole(&self.target, |shard| {
-                io::copy(&mut File::open(&snapshot)?, shard).map(|_| ())
-            })
-        });
-        let _ = remove(&snapshot);
-        result
+        // Under a name of its own: a task that was started twice by mistake publishes from the same store.
+        let beside = self
+            .work
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
+        let snapshot = tempfile::Builder::new()
+            .prefix(".sweep-snapshot-")
+            .tempfile_in(beside.unwrap_or(Path::new(".")))?;
+        store::snapshot(&self.work, snapshot.path()).map_err(of_the_store)?;
+        write_whole(&self.target, |shard| {
+            io::copy(&mut File::open(snapshot.path())?, shard).map(|_| ())
+        })
     }
 
     /// Takes the store of the task away, which is published whole.
@@ -135,11 +138,6 @@ fn remove(path: &Path) -> io::Result<()> {
     }
 }
 
-/// A path with another ending.
-fn with_ending(path: &Path, ending: &str) -> PathBuf {
-    with_suffix(path, &format!(".{ending}"))
-}
-
 /// A path with something after it.
 fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
@@ -150,6 +148,32 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_two_of_one_name_publish_at_once_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let [work, target] = ["work", "shard"].map(|name| folder.path().join(name));
+        let store = rusqlite::Connection::open(&work).unwrap();
+        store
+            .execute_batch("CREATE TABLE t AS SELECT randomblob(1000000) AS x")
+            .unwrap();
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    let publisher = Publisher::new(work.clone(), target.clone(), Duration::ZERO);
+                    for _ in 0..20 {
+                        publisher.publish().unwrap();
+                        let shard = rusqlite::Connection::open(&target).unwrap();
+                        let length = "SELECT length(x) FROM t";
+                        let length = shard.query_row(length, [], |row| row.get(0));
+                        assert_eq!(length, Ok(1_000_000));
+                    }
+                });
+            }
+        });
+        // Nothing but the store and the shard is left.
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
 
     #[test]
     fn used_up_quota_is_named_with_what_to_do() {
