@@ -9,3 +9,19 @@ pub(crate) fn join(share: bool, a: impl FnOnce() + Send, b: impl FnOnce() + Send
         b();
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    /// Asserts that work whose pieces threads may share has the same result whoever does them.
+    #[track_caller]
+    pub(crate) fn assert_same_with_any_threads<R: PartialEq + Send>(work: impl Fn() -> R + Sync) {
+        let alone = work();
+        for threads in [1, 2, 3] {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            assert!(pool.install(&work) == alone, "{threads} threads");
+        }
+    }
+}

@@ -98,6 +98,7 @@ fn subtract_square(x: MatRef<'_, f64>, a: MatMut<'_, f64>) {
 #[cfg(test)]
 mod tests {
     use crate::linalg::cholesky::dense::DenseCholesky;
+    use crate::linalg::join::tests::assert_same_with_any_threads;
 
     /// The factor of a dense positive definite matrix without structure.
     fn factor(n: usize) -> Vec<f64> {
@@ -117,14 +118,7 @@ mod tests {
 
     #[test]
     fn bits_do_not_depend_on_the_number_of_threads() {
-        let alone = factor(2200);
-        for threads in [1, 2, 3] {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
-            assert!(pool.install(|| factor(2200)) == alone);
-        }
+        assert_same_with_any_threads(|| factor(2200));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 use super::*;
 use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::dense::Matrix;
+use crate::linalg::join::tests::assert_same_with_any_threads;
 
 /// Entries of a dense positive definite matrix without structure.
 fn entry(i: usize, j: usize) -> f64 {
@@ -93,7 +94,7 @@ fn trailing_half_of_the_inverse() {
 
 #[test]
 fn bits_do_not_depend_on_the_number_of_threads() {
-    let all = || {
+    assert_same_with_any_threads(|| {
         let mut cholesky = factored(600);
         let mut block = Matrix::default();
         cholesky.trailing_inverse(&mut block);
@@ -105,15 +106,7 @@ fn bits_do_not_depend_on_the_number_of_threads() {
             bits.extend(block.column(j)[j..].iter().map(|x| x.to_bits()));
         }
         bits
-    };
-    let alone = all();
-    for threads in [1, 2, 3] {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        assert!(pool.install(all) == alone);
-    }
+    });
 }
 
 #[test]
