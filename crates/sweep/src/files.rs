@@ -14,6 +14,13 @@ pub(crate) fn cache_folder() -> Option<PathBuf> {
     Some(cache.join("sweep"))
 }
 
+/// The folder of a file, which a name without one has in the working directory.
+pub(crate) fn folder_of(path: &Path) -> &Path {
+    path.parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."))
+}
+
 /// Writes a file under another name beside its own, syncs it, and gives it its name: whoever reads it never sees half of it, and
 /// what was there before stays until then.
 ///
@@ -29,10 +36,7 @@ pub(crate) fn write_whole(
     }
     let followed = std::fs::canonicalize(path);
     let path = followed.as_deref().unwrap_or(path);
-    let folder = path
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let mut file = tempfile::Builder::new()
         .prefix(".sweep-part-")
         // As any file the user makes, within the mask of the user.

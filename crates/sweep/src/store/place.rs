@@ -1,6 +1,7 @@
 //! Where a store lies: whether its file is still the one that was opened, whether there is room, on what it is stored.
 
 use super::StoreError;
+use crate::files::folder_of;
 use std::cell::Cell;
 use std::fs::Metadata;
 use std::os::unix::fs::MetadataExt as _;
@@ -192,10 +193,7 @@ fn takes_files(path: &Path) -> bool {
 
 /// Whether the disk of a file has next to no room left, or the quota of the user on it is used up.
 pub(crate) fn is_full(path: &Path) -> bool {
-    let place = path
-        .parent()
-        .filter(|parent| !parent.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
+    let place = folder_of(path);
     rustix::fs::statvfs(place)
         // What the kernel shows of itself has no room at all, and is not full.
         .is_ok_and(|disk| {

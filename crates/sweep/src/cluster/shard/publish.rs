@@ -1,7 +1,7 @@
 //! Publishing a shard: copied, synced and renamed, so that nobody ever sees half of one.
 
 use super::ShardError;
-use crate::files::write_whole;
+use crate::files::{folder_of, write_whole};
 use crate::store::{self, StoreError};
 use std::fs::File;
 use std::io;
@@ -64,13 +64,9 @@ impl Publisher {
         let folder = self.target.parent().unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder)?;
         // Under a name of its own: a task that was started twice by mistake publishes from the same store.
-        let beside = self
-            .work
-            .parent()
-            .filter(|folder| !folder.as_os_str().is_empty());
         let snapshot = tempfile::Builder::new()
             .prefix(".sweep-snapshot-")
-            .tempfile_in(beside.unwrap_or(Path::new(".")))?;
+            .tempfile_in(folder_of(&self.work))?;
         store::snapshot(&self.work, snapshot.path()).map_err(of_the_store)?;
         write_whole(&self.target, |shard| {
             io::copy(&mut File::open(snapshot.path())?, shard).map(|_| ())
