@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Raised whenever the same parameters and seed give other numbers than before: old results then keep their old keys.
+///
+/// Not raised where only contact problems change that were left unsolved, and counted as such: a run with one says itself that its numbers
+/// are not those of its law.
 pub const PHYSICS_VERSION: u32 = 8;
 
 /// One run of a campaign.

@@ -22,6 +22,7 @@
 //! problem is linear once each contact is known to be open, to stick or to slide. [`newton`] finds that out; the linear algebra behind it is
 //! [`dense`] in small layers and [`sparse`] in large ones.
 
+mod cone;
 pub(crate) mod dense;
 pub(crate) mod newton;
 mod path;

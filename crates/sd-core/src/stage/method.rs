@@ -131,15 +131,15 @@ impl Method {
 /// Memory of a run, in bytes, from above (near jamming).
 ///
 /// ```text
-/// dense:    R_FU (3N)², columns of the contacts 2 × 3N × K, their products 3 K², a tableau (2K)², with K ≈ 1.5 N candidates;
-///           under Stokesian Dynamics besides M (6N)² and two more matrices (3N)²
+/// dense:    R_FU (3N)², columns of the contacts 2 × 3N × K, their products 3 K², a tableau (2K)², with K ≈ 1.5 N candidates, and two
+///           more of that size where paths end nowhere; under Stokesian Dynamics besides M (6N)² and two more matrices (3N)²
 /// pairwise: pairs, two sparse factors, their pattern, vectors of the iteration: 32 kB per sphere; an iterated far field 32 kB more;
-///           besides, up to 1000 spheres, R_FU, columns, products and a tableau, (3N)² each, which hard problems take
+///           besides, up to 1000 spheres, R_FU, columns, products and three tableaus, (3N)² each, which hard problems take
 /// ```
 pub fn memory_bytes(params: &Params) -> f64 {
     let n = params.spheres as f64;
     let path = if params.spheres <= MOST_SPHERES {
-        8.0 * 36.0 * n * n
+        8.0 * 54.0 * n * n
     } else {
         0.0
     };
@@ -147,7 +147,7 @@ pub fn memory_bytes(params: &Params) -> f64 {
         Method::Pairwise => 32768.0 * n + path,
         Method::Iterated => 65536.0 * n + path,
         Method::Dense => {
-            let near = 9.0 + 9.0 + 6.75 + 9.0;
+            let near = 9.0 + 9.0 + 6.75 + 3.0 * 9.0;
             let far = match params.hydrodynamics {
                 Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => 0.0,
                 Hydrodynamics::StokesianDynamics => 36.0 + 2.0 * 9.0,

@@ -9,9 +9,11 @@
 //! and such a set need not exist: a load can be above F_crit without friction and below it with friction, which then stays. Where the law
 //! does not jump there is nothing to decide.
 
+use super::cone::Cones;
 use super::path::{Begin, PathEnd};
 use super::problem::{Forces, Grip, Noise, Problem, States, System, Tangential};
 use super::tableau::Tableau;
+use crate::contact::Quality;
 
 /// Systems before another way is tried.
 const MOST_SYSTEMS: u32 = 100;
@@ -133,6 +135,8 @@ pub(crate) struct BoxSolver {
     pub(super) point: Forces,
     /// The problem in the form of the states of a path.
     pub(super) tableau: Tableau,
+    /// What tells a jammed layer where paths end nowhere; made when it is first asked.
+    cones: Option<Box<Cones>>,
     /// Forces to begin with, and on which rows friction acted.
     start: Forces,
     acts: Vec<bool>,
@@ -195,15 +199,27 @@ impl BoxSolver {
             // From here on it is decided between paths.
             let decisions = std::mem::take(&mut self.deciding).min(DECISIONS_BETWEEN_PATHS);
             for decision in 0..=decisions {
-                let (end, more) = self.find_path(problem, system);
+                let (mut end, mut more);
+                (end, more) = self.find_path(problem, system);
                 systems += more;
-                jammed = end == PathEnd::Ray;
-                if end != PathEnd::Solved {
-                    break;
+                ended = Ended::Failed;
+                if end == PathEnd::Solved {
+                    (ended, more) = self.newton(problem, system, onset, &mut refine);
+                    systems += more;
                 }
-                let more;
-                (ended, more) = self.newton(problem, system, onset, &mut refine);
-                systems += more;
+                // Forces that only the compliance of rigid contacts bounds are rounding errors, and contradict the conditions.
+                let failed = ended == Ended::Failed
+                    || self.is_unbounded()
+                        && self.merit(problem, system).residual > Quality::RESIDUAL_LIMIT;
+                if failed && end != PathEnd::Ray {
+                    ended = Ended::Failed;
+                    end = self.find_out(problem, system);
+                    if end == PathEnd::Solved {
+                        (ended, more) = self.newton(problem, system, onset, &mut refine);
+                        systems += more;
+                    }
+                }
+                jammed = end == PathEnd::Ray;
                 if ended == Ended::Failed
                     || decision == decisions
                     || self.decide(problem, onset.critical_load, 0.0) == 0
@@ -246,6 +262,20 @@ impl BoxSolver {
             }
         }
         (end, systems)
+    }
+
+    /// Where no path has led to the solution: whether there is one at all, and if so the longest path to it.
+    fn find_out(&mut self, problem: &mut Problem, system: &mut impl System) -> PathEnd {
+        let cones = self.cones.get_or_insert_default();
+        match cones.jam(problem, system, &mut self.forces) {
+            Some(true) => {
+                self.clip(problem);
+                system.measure(problem, &mut self.forces);
+                PathEnd::Ray
+            }
+            Some(false) => self.follow_path(problem, system, Begin::Apart).0,
+            None => PathEnd::Lost,
+        }
     }
 
     /// Newton steps until no state is contradicted, and how many.

@@ -9,7 +9,7 @@
 //! Begun without any force, by contacts that all give way at the velocity λ that they need, the path can end in a ray: forces that grow
 //! without bound, within the bounds of friction and against each other, while contacts do not give way any less. Coulomb's problem need not
 //! have a solution, as it is not the gradient of anything; the layer is then jammed at that instant. What is left at hand are the
-//! forces at the beginning of the ray, and contacts that give way at λ.
+//! forces at the beginning of the ray, and contacts that give way at λ. A path that ends neither way says nothing; [`super::cone`] does.
 
 use super::newton::BoxSolver;
 use super::problem::{Forces, Grip, Problem, States, System, largest};
@@ -23,6 +23,13 @@ const UNBOUNDED: f64 = 1e8;
 const MOST_FRICTION: f64 = 100.0;
 /// Spread of what is added to the slack of contacts: no two of them change at once.
 const SPREAD: f64 = 0.3;
+/// The same, as powers of ten, on a path on which contacts close far apart.
+const FAR_APART: f64 = 4.0;
+/// Changes of state of such a path at most, over contacts and rows, and multiplications, which are some ten seconds.
+const MOST_TURNS: usize = 200;
+const MOST_MULTIPLICATIONS: usize = 20_000_000_000;
+/// Exchanges, over contacts and rows, after which it makes its tableau anew: rounding errors add up.
+const WORN: usize = 3;
 /// What slack and slip of the wrong sign are at the beginning of a path, in a·rate.
 const LEAST_SLACK: f64 = 0.01;
 
@@ -44,6 +51,9 @@ pub(super) enum Begin {
     Here,
     /// Without forces.
     Open,
+    /// Without forces either, but contacts give way at velocities so different that they close one after another. Such a path is shorter, and
+    /// it may take much longer than the others: it is for problems that have a solution.
+    Apart,
 }
 
 /// A boundary between two states of a contact, named by what happens there.
@@ -145,10 +155,15 @@ fn edges<'a>(problem: &'a Problem, states: &'a States) -> impl Iterator<Item = E
     normal.chain(tangential.flatten())
 }
 
-/// Numbers about 1 that look random, the same on every machine.
-fn weight(number: usize) -> f64 {
+/// Numbers from 0 to 1 that look random, the same on every machine.
+fn spread(number: usize) -> f64 {
     // The golden ratio's multiples are spread evenly.
-    1.0 + SPREAD * (0.618_033_988_749_894_9 * (number + 1) as f64).fract()
+    (0.618_033_988_749_894_9 * (number + 1) as f64).fract()
+}
+
+/// Such numbers about 1.
+fn weight(number: usize) -> f64 {
+    1.0 + SPREAD * spread(number)
 }
 
 impl BoxSolver {
@@ -165,23 +180,33 @@ impl BoxSolver {
         problem.friction = friction.min(MOST_FRICTION);
         let contacts = problem.normal.len() + problem.tangential.len();
         let has_tableau = self.tableau.begin(problem, system);
-        if !has_tableau && begin == Begin::Open {
+        if !has_tableau && begin != Begin::Here {
             // Every contact that bears a force has to close on the way: so many systems are never worth it.
             problem.friction = friction;
             return (PathEnd::Lost, 0);
         }
         match begin {
             Begin::Here => self.begin_here(problem, system),
-            Begin::Open => self.begin_open(problem, system),
+            Begin::Open => self.begin_open(problem, system, weight),
+            Begin::Apart => {
+                self.begin_open(problem, system, |k| 10_f64.powf(FAR_APART * spread(k)));
+            }
         }
         let most = match begin {
             _ if !has_tableau => MOST_CHANGES,
             Begin::Here => MOST_CHANGES.max(2 * contacts),
             Begin::Open => 10 * contacts,
+            Begin::Apart => {
+                (MOST_TURNS * contacts).min(MOST_MULTIPLICATIONS / (contacts * contacts))
+            }
         };
         let (mut systems, mut crossed) = (0, None);
         let mut end = PathEnd::Lost;
         for _ in 0..most {
+            if begin == Begin::Apart && self.tableau.exchanges() > WORN * contacts {
+                self.tableau.clear();
+                self.tableau.begin(problem, system);
+            }
             let solved = if has_tableau {
                 self.tableau.solve(problem, &self.states, &mut self.forces)
             } else {
@@ -215,7 +240,14 @@ impl BoxSolver {
     }
 
     /// Begins without forces, by contacts that all give way.
-    fn begin_open(&mut self, problem: &Problem, system: &mut impl System) {
+    ///
+    /// `weight`: of what is added to the slack of each contact.
+    fn begin_open(
+        &mut self,
+        problem: &Problem,
+        system: &mut impl System,
+        weight: impl Fn(usize) -> f64,
+    ) {
         self.forces.normal.fill(0.0);
         self.forces.tangential.fill(0.0);
         self.take_point(problem, system);

@@ -27,6 +27,8 @@ pub(super) struct Tableau {
     left: Matrix,
     right: Matrix,
     pending: usize,
+    /// Exchanges since the matrix was filled.
+    exchanges: usize,
     /// Velocity of a unit of force, about: entries of B are then about 1.
     unit: f64,
     /// Whether the force of each contact and row follows.
@@ -63,6 +65,11 @@ impl Tableau {
     /// Forgets the problem.
     pub(super) fn clear(&mut self) {
         self.entries.clear();
+    }
+
+    /// Exchanges of what follows and what is given since the problem was taken.
+    pub(super) fn exchanges(&self) -> usize {
+        self.exchanges
     }
 
     /// Takes a problem with all its contacts open, or leaves the tableau as it is where it is of this problem already; `false` where
@@ -109,6 +116,7 @@ impl Tableau {
             side.reset(size, PENDING);
         }
         self.pending = 0;
+        self.exchanges = 0;
         self.follows.clear();
         self.follows.resize(size, false);
         self.signs.clear();
@@ -235,6 +243,7 @@ impl Tableau {
         let c = self.constant[p] / pivot;
         add_scaled(&mut self.constant, self.left.column(self.pending), -c);
         self.pending += 1;
+        self.exchanges += 1;
         self.follows[p] ^= true;
         // Exactly, whatever rounding left.
         self.constant[p] = -c;

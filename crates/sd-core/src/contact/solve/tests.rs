@@ -1,5 +1,6 @@
 //! The conditions of the contact problem on random networks, under every law.
 
+use super::cone::Cones;
 use super::newton::{BoxSolver, Onset, Outcome};
 use super::problem::{Forces, Grip, Noise, Normal, Problem, States, System, Tangential, largest};
 use super::tableau::Tableau;
@@ -129,6 +130,9 @@ impl System for Network {
     }
 }
 
+/// Columns of contacts that forces move as slowly as in a layer, at about 1e-3 a·rate for a unit: bounds on forces are for these.
+const SCALE: f64 = 0.03;
+
 /// A law, in the entries of the problem.
 #[derive(Debug, Clone, Copy)]
 struct Law {
@@ -191,6 +195,13 @@ fn problem_of(law: Law, count: usize, given: &[f64]) -> Problem {
 
 /// The problem of a law, and its solution from all contacts closed.
 fn solve(law: Law, network: &mut Network, given: &[f64]) -> (Problem, BoxSolver, f64) {
+    let (problem, solver, residual, jammed) = solve_or_jam(law, network, given);
+    assert!(!jammed);
+    (problem, solver, residual)
+}
+
+/// The same, with whether there is no solution.
+fn solve_or_jam(law: Law, network: &mut Network, given: &[f64]) -> (Problem, BoxSolver, f64, bool) {
     let count = network.normal.nrows();
     let mut problem = problem_of(law, count, given);
     let mut solver = BoxSolver::default();
@@ -205,10 +216,10 @@ fn solve(law: Law, network: &mut Network, given: &[f64]) -> (Problem, BoxSolver,
         deciding: false,
     };
     let outcome = solver.solve(&mut problem, network, held, |_, _| 0);
-    let Outcome::Solved { merit, .. } = outcome else {
+    let Outcome::Solved { merit, jammed, .. } = outcome else {
         panic!("every candidate has a row");
     };
-    (problem, solver, merit.residual)
+    (problem, solver, merit.residual, jammed)
 }
 
 /// States that number says: any of the five that a contact and its row can be in.
@@ -265,6 +276,35 @@ proptest! {
         }
     }
 
+    /// Steep friction on rigid contacts, where Newton's method fails most and some networks are jammed.
+    #[test]
+    fn networks_with_steep_friction_are_solved_or_jammed(
+        columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 6), 12..20),
+        given in prop::collection::vec(-1.0..1.0f64, 20),
+    ) {
+        let columns: Vec<Vec<f64>> = columns
+            .into_iter()
+            .map(|mut column| {
+                column.resize(24, 0.0);
+                column.iter_mut().for_each(|x| *x *= SCALE);
+                column
+            })
+            .collect();
+        for friction in [1.0, 10.0] {
+            let law = Law {
+                compliance: 1e-10,
+                tangential_compliance: 1e-10,
+                friction,
+                offset: 0.0,
+                isolated: false,
+            };
+            let mut network = Network::new(&columns, false);
+            let (_, _, residual, jammed) = solve_or_jam(law, &mut network, &given);
+            // Unsolved ones have 0.1; forces are up to 1e8 here, and their rounding errors 1e-8.
+            prop_assert!(jammed || residual < 1e-6, "ν = {friction}: residual {residual}");
+        }
+    }
+
     #[test]
     fn conditions_hold_for_random_networks_under_every_law(
         columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 24), 4..20),
@@ -292,6 +332,83 @@ proptest! {
             }
         }
     }
+}
+
+/// A disc that two walls push along the bisector of the wedge between them, whose half angle has this tangent: friction holds it where ν is
+/// above that, and otherwise it slips out. Columns, and what the walls do.
+fn wedge(tangent: f64) -> (Vec<Vec<f64>>, Vec<f64>) {
+    let (s, c) = tangent.atan().sin_cos();
+    let column = |x: f64, y: f64| {
+        let mut column = vec![0.0; 24];
+        (column[0], column[1]) = (SCALE * x, SCALE * y);
+        column
+    };
+    let columns = vec![column(s, c), column(s, -c), column(-c, s), column(c, s)];
+    let mut given = vec![0.0; 20];
+    // At nearly the same rate: where one wall outruns the other, it can push the disc alone.
+    (given[0], given[1]) = (-1.0, -1.01);
+    (columns, given)
+}
+
+#[test]
+fn a_wedge_jams_where_friction_holds_the_disc() {
+    for tangent in [0.05, 0.5, 1.0, 3.0, 8.0] {
+        let (columns, given) = wedge(tangent);
+        let mut network = Network::new(&columns, false);
+        for (friction, holds) in [(0.9 * tangent, false), (1.1 * tangent, true)] {
+            let law = Law {
+                compliance: 1e-10,
+                tangential_compliance: 1e-10,
+                friction,
+                offset: 0.0,
+                isolated: false,
+            };
+            let problem = problem_of(law, 2, &given);
+            let mut forces = Forces::default();
+            let found = Cones::default().jam(&problem, &mut network, &mut forces);
+            assert_eq!(found, Some(holds), "tan = {tangent}, ν = {friction}");
+            if holds {
+                for (f, t) in forces.normal.iter().zip(&forces.tangential) {
+                    assert!(*f >= 0.0 && t.abs() <= friction * f * (1.0 + 1e-12));
+                }
+            }
+            let (_, _, residual, jammed) = solve_or_jam(law, &mut network, &given);
+            assert_eq!(jammed, holds, "tan = {tangent}, ν = {friction}");
+            assert!(jammed || residual < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn an_open_wedge_or_friction_that_is_no_reaction_jams_nothing() {
+    let (columns, given) = wedge(0.5);
+    let mut network = Network::new(&columns, false);
+    let law = Law {
+        compliance: 1e-10,
+        tangential_compliance: 1e-10,
+        friction: 1.0,
+        offset: 0.0,
+        isolated: false,
+    };
+    let mut cones = Cones::default();
+    let mut forces = Forces::default();
+    let parting: Vec<f64> = given.iter().map(|b| -b).collect();
+    let problem = problem_of(law, 2, &parting);
+    assert_eq!(cones.jam(&problem, &mut network, &mut forces), Some(false));
+    let mut without_friction = problem_of(law, 2, &given);
+    for row in &mut without_friction.tangential {
+        row.acts = false;
+    }
+    assert_eq!(
+        cones.jam(&without_friction, &mut network, &mut forces),
+        Some(false)
+    );
+    let isolated = Law {
+        isolated: true,
+        ..law
+    };
+    let problem = problem_of(isolated, 2, &given);
+    assert_eq!(cones.jam(&problem, &mut network, &mut forces), None);
 }
 
 #[test]

@@ -1,0 +1,206 @@
+//! Whether forces within the bounds of friction balance on all spheres however large they are.
+//!
+//! Coulomb's problem is not convex, as contacts that slide do not open. If they opened as they slide, at ν times the velocity of the slip, it
+//! would be: each contact would push along the edges of its friction cone alone, x ≥ 0, where the edge's own velocity y is at least 0,
+//!
+//! ```text
+//! f = x₊ + x₋,   t = ν (x₊ − x₋),   y = w ∓ ν z,   x y = 0
+//! ```
+//!
+//! and a second row of friction doubles the edges. [Lemke's method](super::path) always ends for that problem, and soon, since hardly any edge
+//! changes twice. It ends in a ray exactly where there are forces within the cones that balance on every sphere and that the flow works
+//! against: a jammed layer. Otherwise no such forces exist, and Coulomb's problem has a solution too (Acary, Cadoux, Lemaréchal & Malick, Z.
+//! Angew. Math. Mech. 91, 2011).
+
+use super::newton::BoxSolver;
+use super::path::{Begin, PathEnd};
+use super::problem::{Forces, Noise, Normal, Problem, States, System};
+use crate::linalg::dense::Matrix;
+
+/// Friction of an edge over its normal force, at most: of friction without a limit too. Forces within narrower cones are within wider ones.
+const STEEPEST: f64 = 10.0;
+/// Compliance of an edge, over its mobility.
+const COMPLIANCE: f64 = 1e-10;
+
+/// An edge of the cone of a contact.
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    /// Its candidate.
+    contact: usize,
+    /// Rows in which friction acts, and what it is there over the normal force.
+    rows: [Option<(usize, f64)>; 2],
+}
+
+impl Edge {
+    /// Rows in which friction acts.
+    fn rows(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.rows.into_iter().flatten()
+    }
+}
+
+/// The edges of all cones as contacts without friction, with their workspace.
+#[derive(Debug, Default)]
+pub(super) struct Cones {
+    edges: Vec<Edge>,
+    /// The convex problem: a normal force for each edge.
+    problem: Problem,
+    solver: BoxSolver,
+    /// How forces of contacts and rows move them.
+    matrix: Matrix,
+    /// Forces of the contacts that edges push.
+    forces: Forces,
+}
+
+impl Cones {
+    /// Whether there are forces that balance within the bounds and that the flow works against; `None` where that is not known.
+    ///
+    /// If so, `forces` are those of contacts that give way as little as they can.
+    pub(super) fn jam(
+        &mut self,
+        problem: &Problem,
+        system: &mut impl System,
+        forces: &mut Forces,
+    ) -> Option<bool> {
+        // Friction that is no reaction to the motion has no cone.
+        if problem.isolated {
+            return None;
+        }
+        self.take(problem, system);
+        let mut on_edges = OnEdges {
+            system,
+            problem,
+            edges: &self.edges,
+            matrix: &mut self.matrix,
+            forces: &mut self.forces,
+        };
+        for begin in [Begin::Open, Begin::Apart] {
+            let (convex, solver) = (&mut self.problem, &mut self.solver);
+            match solver.follow_path(convex, &mut on_edges, begin).0 {
+                PathEnd::Solved => return Some(false),
+                PathEnd::Ray => {
+                    forces.copy_from(on_edges.forces);
+                    return Some(true);
+                }
+                PathEnd::Lost => {}
+            }
+        }
+        None
+    }
+
+    /// Takes the contacts of a problem.
+    fn take(&mut self, problem: &Problem, system: &impl System) {
+        let friction = problem.friction.min(STEEPEST);
+        self.edges.clear();
+        let mut rows = problem.tangential.iter().enumerate().peekable();
+        for contact in 0..problem.normal.len() {
+            let first = self.edges.len();
+            self.edges.push(Edge {
+                contact,
+                rows: [None; 2],
+            });
+            while let Some((m, row)) = rows.next_if(|(_, row)| row.contact == contact) {
+                if !row.acts {
+                    continue;
+                }
+                for at in first..self.edges.len() {
+                    let mut other = self.edges[at];
+                    for (edge, slope) in [(&mut self.edges[at], friction), (&mut other, -friction)]
+                    {
+                        if let Some(place) = edge.rows.iter_mut().find(|place| place.is_none()) {
+                            *place = Some((m, slope));
+                        }
+                    }
+                    self.edges.push(other);
+                }
+            }
+        }
+        let normal = &mut self.problem.normal;
+        normal.clear();
+        // The contacts' own compliance is part of the matrix. Four edges have three directions, which leaves their forces open but for this.
+        normal.extend(self.edges.iter().map(|edge| {
+            let slopes: f64 = edge.rows().map(|(_, slope)| slope * slope).sum();
+            Normal {
+                compliance: COMPLIANCE * system.mobility(edge.contact) * (1.0 + slopes),
+                ..problem.normal[edge.contact]
+            }
+        }));
+        let zeros = &mut self.solver.forces.normal;
+        zeros.clear();
+        zeros.resize(self.edges.len(), 0.0);
+    }
+}
+
+/// How forces along edges move edges.
+struct OnEdges<'a, S> {
+    system: &'a mut S,
+    problem: &'a Problem,
+    edges: &'a [Edge],
+    matrix: &'a mut Matrix,
+    forces: &'a mut Forces,
+}
+
+impl<S: System> System for OnEdges<'_, S> {
+    /// Paths have a tableau here: no system is ever solved.
+    fn solve(&mut self, _: &Problem, _: &States, _: bool, _: &mut Forces) -> Option<Noise> {
+        None
+    }
+
+    fn fill_matrix(&mut self, _: &Problem, matrix: &mut Matrix) -> bool {
+        if !self.system.fill_matrix(self.problem, self.matrix) {
+            return false;
+        }
+        let contacts = self.problem.normal.len();
+        for (k, entry) in self.problem.normal.iter().enumerate() {
+            self.matrix[(k, k)] += entry.compliance;
+        }
+        for (m, row) in self.problem.tangential.iter().enumerate() {
+            self.matrix[(contacts + m, contacts + m)] -= row.compliance;
+        }
+        let count = self.edges.len();
+        matrix.reshape(count, count);
+        for (column, pushed) in self.edges.iter().enumerate() {
+            let move_of = |at: usize| {
+                let friction = pushed
+                    .rows()
+                    .map(|(m, slope)| slope * self.matrix[(at, contacts + m)]);
+                self.matrix[(at, pushed.contact)] + friction.sum::<f64>()
+            };
+            for (entry, moved) in matrix.column_mut(column).iter_mut().zip(self.edges) {
+                let slip = moved.rows().map(|(m, slope)| slope * move_of(contacts + m));
+                *entry = move_of(moved.contact) - slip.sum::<f64>();
+            }
+        }
+        true
+    }
+
+    fn measure(&mut self, convex: &Problem, forces: &mut Forces) {
+        let both = &mut *self.forces;
+        for (values, count) in [
+            (&mut both.normal, self.problem.normal.len()),
+            (&mut both.tangential, self.problem.tangential.len()),
+        ] {
+            values.clear();
+            values.resize(count, 0.0);
+        }
+        for (edge, x) in self.edges.iter().zip(&forces.normal) {
+            both.normal[edge.contact] += x;
+            for (m, slope) in edge.rows() {
+                both.tangential[m] += slope * x;
+            }
+        }
+        self.system.measure(self.problem, both);
+        forces.slack.clear();
+        let pushed = convex.normal.iter().zip(&forces.normal);
+        forces
+            .slack
+            .extend(self.edges.iter().zip(pushed).map(|(edge, (entry, x))| {
+                let slip = edge.rows().map(|(m, slope)| slope * both.slip[m]);
+                both.slack[edge.contact] - slip.sum::<f64>() + entry.compliance * x
+            }));
+        forces.slip.clear();
+    }
+
+    fn mobility(&self, candidate: usize) -> f64 {
+        self.system.mobility(self.edges[candidate].contact)
+    }
+}
