@@ -236,3 +236,28 @@ fn soft_layer_that_its_contacts_hold_ends_as_jammed() {
     assert!(steps.is_some(), "{:?}", simulation.counters());
     assert_eq!(simulation.counters().jammed_stages, 0);
 }
+
+#[test]
+fn rigid_layer_that_friction_holds_is_found_to_be_jammed() {
+    // Steep friction near jamming: here Newton's method and paths often end nowhere.
+    for area_fraction in [0.76, 0.80] {
+        let held = Params {
+            spheres: 50,
+            area_fraction,
+            friction: 10.0,
+            shear_rate: 10.0,
+            size_ratio: 1.0,
+            time_step: 0.01,
+            ..params(rigid(TangentialLaw::Coulomb))
+        };
+        let mut simulation = Simulation::new(&held, 1, &NearFields::default()).unwrap();
+        let steps = (0..100).find(|_| {
+            simulation.step().unwrap();
+            simulation.flow() == Flow::Jammed
+        });
+        let counters = simulation.counters();
+        assert!(steps.is_some(), "{counters:?}");
+        assert!(counters.jammed_stages > 0, "{counters:?}");
+        assert_eq!(counters.unconverged_stages, 0, "{counters:?}");
+    }
+}

@@ -124,6 +124,7 @@ impl Cones {
                 ..problem.normal[edge.contact]
             }
         }));
+        self.solver.tableau.clear();
         let zeros = &mut self.solver.forces.normal;
         zeros.clear();
         zeros.resize(self.edges.len(), 0.0);

@@ -197,7 +197,7 @@ impl BoxSolver {
             Begin::Here => MOST_CHANGES.max(2 * contacts),
             Begin::Open => 10 * contacts,
             Begin::Apart => {
-                (MOST_TURNS * contacts).min(MOST_MULTIPLICATIONS / (contacts * contacts))
+                (MOST_TURNS * contacts).min(MOST_MULTIPLICATIONS / (contacts * contacts).max(1))
             }
         };
         let (mut systems, mut crossed) = (0, None);
