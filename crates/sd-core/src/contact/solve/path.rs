@@ -25,9 +25,9 @@ const MOST_FRICTION: f64 = 100.0;
 const SPREAD: f64 = 0.3;
 /// The same, as powers of ten, on a path on which contacts close far apart.
 const FAR_APART: f64 = 4.0;
-/// Changes of state of such a path at most, over contacts and rows, and multiplications, which are some ten seconds.
+/// Changes of state of such a path at most, over contacts and rows, and multiplications, which take half a second.
 const MOST_TURNS: usize = 200;
-const MOST_MULTIPLICATIONS: usize = 20_000_000_000;
+const MOST_MULTIPLICATIONS: usize = 3_000_000_000;
 /// Exchanges, over contacts and rows, after which it makes its tableau anew: rounding errors add up.
 const WORN: usize = 3;
 /// What slack and slip of the wrong sign are at the beginning of a path, in a·rate.
