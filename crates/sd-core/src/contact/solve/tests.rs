@@ -286,7 +286,9 @@ proptest! {
             .into_iter()
             .map(|mut column| {
                 column.resize(24, 0.0);
-                column.iter_mut().for_each(|x| *x *= SCALE);
+                for x in &mut column {
+                    *x *= SCALE;
+                }
                 column
             })
             .collect();
