@@ -161,7 +161,7 @@ fn spread(number: usize) -> f64 {
     (0.618_033_988_749_894_9 * (number + 1) as f64).fract()
 }
 
-/// Such numbers about 1.
+/// What is added to the slack of a contact, over what all need: such numbers from 1 on.
 fn weight(number: usize) -> f64 {
     1.0 + SPREAD * spread(number)
 }

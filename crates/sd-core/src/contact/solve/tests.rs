@@ -163,6 +163,17 @@ fn laws() -> Vec<Law> {
     all
 }
 
+/// Rigid contacts with friction that halts slip, as a layer has them.
+fn rigid_coulomb(friction: f64) -> Law {
+    Law {
+        compliance: 1e-10,
+        tangential_compliance: 1e-10,
+        friction,
+        offset: 0.0,
+        isolated: false,
+    }
+}
+
 /// The problem of a law.
 fn problem_of(law: Law, count: usize, given: &[f64]) -> Problem {
     let row = Row {
@@ -293,13 +304,7 @@ proptest! {
             })
             .collect();
         for friction in [1.0, 10.0] {
-            let law = Law {
-                compliance: 1e-10,
-                tangential_compliance: 1e-10,
-                friction,
-                offset: 0.0,
-                isolated: false,
-            };
+            let law = rigid_coulomb(friction);
             let mut network = Network::new(&columns, false);
             let (_, _, residual, jammed) = solve_or_jam(law, &mut network, &given);
             // Unsolved ones have 0.1; forces are up to 1e8 here, and their rounding errors 1e-8.
@@ -358,13 +363,7 @@ fn a_wedge_jams_where_friction_holds_the_disc() {
         let (columns, given) = wedge(tangent);
         let mut network = Network::new(&columns, false);
         for (friction, holds) in [(0.9 * tangent, false), (1.1 * tangent, true)] {
-            let law = Law {
-                compliance: 1e-10,
-                tangential_compliance: 1e-10,
-                friction,
-                offset: 0.0,
-                isolated: false,
-            };
+            let law = rigid_coulomb(friction);
             let problem = problem_of(law, 2, &given);
             let mut forces = Forces::default();
             let found = Cones::default().jam(&problem, &mut network, &mut forces);
@@ -385,13 +384,7 @@ fn a_wedge_jams_where_friction_holds_the_disc() {
 fn an_open_wedge_or_friction_that_is_no_reaction_jams_nothing() {
     let (columns, given) = wedge(0.5);
     let mut network = Network::new(&columns, false);
-    let law = Law {
-        compliance: 1e-10,
-        tangential_compliance: 1e-10,
-        friction: 1.0,
-        offset: 0.0,
-        isolated: false,
-    };
+    let law = rigid_coulomb(1.0);
     let mut cones = Cones::default();
     let mut forces = Forces::default();
     let parting: Vec<f64> = given.iter().map(|b| -b).collect();

@@ -61,8 +61,7 @@ impl Publisher {
 
     /// Copies the store into the folder.
     fn copy(&self) -> io::Result<()> {
-        let folder = self.target.parent().unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder)?;
+        std::fs::create_dir_all(folder_of(&self.target))?;
         // Under a name of its own: a task that was started twice by mistake publishes from the same store.
         let snapshot = tempfile::Builder::new()
             .prefix(".sweep-snapshot-")
