@@ -64,7 +64,7 @@ fn parts(
         let factorization = milliseconds(|| layer.factor());
         // Solving factors for itself.
         layer.assemble();
-        let whole = milliseconds(|| layer.solve(0.5 * TIME_STEP));
+        let whole = milliseconds(|| layer.solve(TIME_STEP));
         [
             assembly,
             factorization,

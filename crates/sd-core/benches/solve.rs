@@ -29,17 +29,16 @@ fn parts(
     let n = snapshot.radii.len();
     let params = params(n, AREA_FRACTION, hydrodynamics);
     let mut layer = Layer::new(snapshot, &params);
-    let time_span = 0.5 * TIME_STEP;
     layer.assemble();
-    layer.solve(time_span);
+    layer.solve(TIME_STEP);
     group.bench_function("right_hand_side", |bench| {
         bench.iter(|| {
             layer.assemble();
-            layer.solve(time_span);
+            layer.solve(TIME_STEP);
         });
     });
     group.bench_function("contact_solve", |bench| {
-        bench.iter(|| layer.solve_contacts(time_span));
+        bench.iter(|| layer.solve_contacts(TIME_STEP));
     });
     group.bench_function("assembly", |bench| bench.iter(|| layer.assemble()));
     group.bench_function("assembly_and_factorization", |bench| {

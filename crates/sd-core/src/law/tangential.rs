@@ -21,6 +21,16 @@ pub enum Halt {
     SlipAndRotation,
 }
 
+impl Halt {
+    /// How many motions of a pair that is.
+    pub fn motions(self) -> usize {
+        match self {
+            Self::IsolatedSlip | Self::Slip | Self::SpringSlip => 1,
+            Self::SlipAndRotation => 2,
+        }
+    }
+}
+
 /// Lists the laws: a line has the name of the law and of its file, which declares all else.
 macro_rules! tangential_laws {
     ($($law:ident: $file:ident,)+) => {

@@ -131,15 +131,25 @@ impl Method {
 /// Memory of a run, in bytes, from above (near jamming).
 ///
 /// ```text
-/// dense:    R_FU (3N)², columns of the contacts 2 × 3N × K, their products 3 K², a tableau (2K)², with K ≈ 1.5 N candidates, and two
-///           more of that size where paths end nowhere; under Stokesian Dynamics besides M (6N)² and two more matrices (3N)²
+/// dense:    R_FU (3N)², columns of the contacts 3N × P, their products 3/4 P², and where paths end nowhere two matrices P² and one E²;
+///           under Stokesian Dynamics besides M (6N)² and two more matrices (3N)²
 /// pairwise: pairs, two sparse factors, their pattern, vectors of the iteration: 32 kB per sphere; an iterated far field 32 kB more;
-///           besides, up to 1000 spheres, R_FU, columns, products and three tableaus, (3N)² each, which hard problems take
+///           besides, up to 1000 spheres, R_FU, columns, products P² and those three matrices, which hard problems take
 /// ```
+///
+/// with K ≈ 1.5 N candidates, P = 2 K forces and E = 2 K edges of friction cones, or 3 K and 4 K where a contact halts two motions.
 pub fn memory_bytes(params: &Params) -> f64 {
     let n = params.spheres as f64;
+    let motions = match params.contact {
+        ContactScheme::Laws(laws) => laws.tangential.halts().motions(),
+        ContactScheme::Rigid | ContactScheme::Procedure => 1,
+    };
+    // Over N and N².
+    let forces = 1.5 * (1 + motions) as f64;
+    let edges = 1.5 * f64::from(1 << motions);
+    let hard = 2.0 * forces * forces + edges * edges;
     let path = if params.spheres <= MOST_SPHERES {
-        8.0 * 54.0 * n * n
+        8.0 * (9.0 + 3.0 * forces + forces * forces + hard) * n * n
     } else {
         0.0
     };
@@ -147,12 +157,44 @@ pub fn memory_bytes(params: &Params) -> f64 {
         Method::Pairwise => 32768.0 * n + path,
         Method::Iterated => 65536.0 * n + path,
         Method::Dense => {
-            let near = 9.0 + 9.0 + 6.75 + 3.0 * 9.0;
+            let near = 9.0 + 3.0 * forces + 0.75 * forces * forces + hard;
             let far = match params.hydrodynamics {
                 Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => 0.0,
                 Hydrodynamics::StokesianDynamics => 36.0 + 2.0 * 9.0,
             };
             8.0 * (near + far) * n * n + 8192.0 * n
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::TangentialLaw;
+    use crate::model::ContactLaws;
+
+    #[test]
+    fn contacts_that_halt_two_motions_take_larger_matrices() {
+        let memory = |spheres, tangential| {
+            memory_bytes(&Params {
+                spheres,
+                hydrodynamics: Hydrodynamics::BallMelrose,
+                contact: ContactScheme::Laws(ContactLaws {
+                    tangential,
+                    ..ContactLaws::PAPER
+                }),
+                ..Params::UNWRITTEN
+            })
+        };
+        for spheres in [50, MOST_SPHERES] {
+            let ratio = memory(spheres, TangentialLaw::StickRotate)
+                / memory(spheres, TangentialLaw::Coulomb);
+            assert!(ratio > 1.5 && ratio < 3.0, "{spheres} spheres: {ratio}");
+        }
+        let beyond = MOST_SPHERES + 1;
+        assert_eq!(
+            memory(beyond, TangentialLaw::StickRotate),
+            memory(beyond, TangentialLaw::Coulomb)
+        );
     }
 }

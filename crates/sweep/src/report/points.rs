@@ -175,7 +175,8 @@ impl Report {
                 continue;
             };
             if let Some((rule, decision)) = rules.get(&identity(&point.params)) {
-                point.follow(runs, *rule, *decision);
+                let averaged = averaged(runs, selection.with_doubtful);
+                point.follow(averaged, *rule, *decision);
             }
             point.advice = steady::advice(store, &point, runs, &protocol)?;
             points.push(point);
@@ -284,10 +285,7 @@ impl Point {
     /// Of the runs of one point, doubtful ones averaged too or not; `None` of none.
     fn of(runs: &[PointRun], with_doubtful: bool) -> Option<Self> {
         let params = runs.first()?.params.clone();
-        let done: Vec<&PointRun> = runs
-            .iter()
-            .filter(|run| run.is_sound() || (with_doubtful && run.is_doubtful()))
-            .collect();
+        let done: Vec<&PointRun> = averaged(runs, with_doubtful).collect();
         let values = |quantity: fn(&PointRun) -> Option<f64>| -> Vec<f64> {
             done.iter().filter_map(|run| quantity(run)).collect()
         };
@@ -343,18 +341,28 @@ impl Point {
         })
     }
 
-    /// Takes note of the precision that is asked for at this point of these runs.
-    fn follow(&mut self, runs: &[PointRun], rule: Precision, decision: Decision) {
+    /// Takes note of the precision that is asked for at this point, of these averaged runs.
+    fn follow<'r>(
+        &mut self,
+        averaged: impl Iterator<Item = &'r PointRun>,
+        rule: Precision,
+        decision: Decision,
+    ) {
         let quantity: fn(&PointRun) -> Option<f64> = match rule.quantity {
             Measure::Viscosity => |run| run.viscosity,
             Measure::ViscosityMedian => |run| run.viscosity_median,
             Measure::ViscosityStresslet => |run| run.viscosity_stresslet,
             Measure::NormalStressDifference => |run| run.normal_stress_difference,
         };
-        let done = runs.iter().filter(|run| run.state == State::Done);
-        let values: Vec<f64> = done.filter_map(quantity).collect();
+        let values: Vec<f64> = averaged.filter_map(quantity).collect();
         self.seeds_wanted = decision.wanted as u64;
         self.precision = relative_half_width(&values).filter(|width| width.is_finite());
         self.rule = Some((rule, decision));
     }
+}
+
+/// The runs of a point that are averaged: finished ones, doubtful ones only where asked for.
+fn averaged(runs: &[PointRun], with_doubtful: bool) -> impl Iterator<Item = &PointRun> {
+    runs.iter()
+        .filter(move |run| run.is_sound() || (with_doubtful && run.is_doubtful()))
 }

@@ -199,27 +199,26 @@ impl BoxSolver {
             // From here on it is decided between paths.
             let decisions = std::mem::take(&mut self.deciding).min(DECISIONS_BETWEEN_PATHS);
             for decision in 0..=decisions {
-                let (mut end, mut more);
-                (end, more) = self.find_path(problem, system);
-                systems += more;
-                ended = Ended::Failed;
-                if end == PathEnd::Solved {
-                    (ended, more) = self.newton(problem, system, onset, &mut refine);
+                for way in [Self::find_path, Self::find_out] {
+                    let (end, more) = way(self, problem, system);
                     systems += more;
-                }
-                // Forces that only the compliance of rigid contacts bounds are rounding errors, and contradict the conditions.
-                let failed = ended == Ended::Failed
-                    || self.is_unbounded()
-                        && self.merit(problem, system).residual > Quality::RESIDUAL_LIMIT;
-                if failed && end != PathEnd::Ray {
+                    jammed = end == PathEnd::Ray;
                     ended = Ended::Failed;
-                    end = self.find_out(problem, system);
                     if end == PathEnd::Solved {
+                        let more;
                         (ended, more) = self.newton(problem, system, onset, &mut refine);
                         systems += more;
+                        // Forces that only the compliance of rigid contacts bounds are rounding errors, and contradict the conditions.
+                        if self.is_unbounded()
+                            && self.merit(problem, system).residual > Quality::RESIDUAL_LIMIT
+                        {
+                            ended = Ended::Failed;
+                        }
+                    }
+                    if jammed || ended != Ended::Failed {
+                        break;
                     }
                 }
-                jammed = end == PathEnd::Ray;
                 if ended == Ended::Failed
                     || decision == decisions
                     || self.decide(problem, onset.critical_load, 0.0) == 0
@@ -265,16 +264,16 @@ impl BoxSolver {
     }
 
     /// Where no path has led to the solution: whether there is one at all, and if so the longest path to it.
-    fn find_out(&mut self, problem: &mut Problem, system: &mut impl System) -> PathEnd {
+    fn find_out(&mut self, problem: &mut Problem, system: &mut impl System) -> (PathEnd, u32) {
         let cones = self.cones.get_or_insert_default();
         match cones.jam(problem, system, &mut self.forces) {
             Some(true) => {
                 self.clip(problem);
                 system.measure(problem, &mut self.forces);
-                PathEnd::Ray
+                (PathEnd::Ray, 0)
             }
-            Some(false) => self.follow_path(problem, system, Begin::Apart).0,
-            None => PathEnd::Lost,
+            Some(false) => self.follow_path(problem, system, Begin::Apart),
+            None => (PathEnd::Lost, 0),
         }
     }
 

@@ -7,7 +7,6 @@ use crate::contact::laws::Phase;
 use crate::error::Error;
 use crate::geometry::modes::Vec2;
 use crate::geometry::pair::Neighbours;
-use crate::law::Halt;
 use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
 
 /// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
@@ -77,10 +76,7 @@ impl Simulation {
         let Scheme::Laws { laws, .. } = &self.scheme else {
             return false;
         };
-        let halted = match laws.tangential.halts() {
-            Halt::SlipAndRotation => 2,
-            Halt::IsolatedSlip | Halt::SpringSlip | Halt::Slip => 1,
-        };
+        let halted = laws.tangential.halts().motions();
         let contacts = self.stage.contacts.list.iter();
         let loaded = || {
             contacts

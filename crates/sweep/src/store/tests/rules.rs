@@ -240,3 +240,29 @@ fn discarded_strain_is_picked_for_each_point_and_recorded() {
         assert!((run.viscosity.unwrap() - 10.005).abs() < 1e-3);
     }
 }
+
+#[test]
+fn precision_is_that_of_the_runs_that_are_averaged() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = precise(directory.path());
+    while let Some(claim) = store.claim(1).unwrap() {
+        let mut run = run_of(viscosity(&claim));
+        if claim.case.seed == 2 {
+            run = run_of(1000.0);
+            run.counters.unconverged_stages = 39;
+        }
+        store.finish(&claim, &run).unwrap();
+    }
+    let states = store.point_states().unwrap();
+    let precision = |with_doubtful| {
+        let selection = crate::report::Selection::default().with_doubtful(with_doubtful);
+        let report = crate::report::Report::of(&store, &selection).unwrap();
+        let point = &report.points[0];
+        assert_eq!((point.params.area_fraction, point.doubtful), (0.6, 1));
+        point.precision.unwrap()
+    };
+    let reached = states[0].decision.reached.unwrap();
+    assert!(reached < 0.05, "{reached}");
+    assert_eq!(precision(false), reached);
+    assert!(precision(true) > 1.0);
+}
