@@ -171,14 +171,17 @@ impl Report {
         let protocol = store.protocol()?;
         let mut points = Vec::with_capacity(groups.len());
         for runs in &groups {
-            let Some(mut point) = Point::of(runs, selection.with_doubtful) else {
+            let averaged: Vec<_> = runs
+                .iter()
+                .filter(|run| run.is_sound() || (selection.with_doubtful && run.is_doubtful()))
+                .collect();
+            let Some(mut point) = Point::of(runs, &averaged) else {
                 continue;
             };
             if let Some((rule, decision)) = rules.get(&identity(&point.params)) {
-                let averaged = averaged(runs, selection.with_doubtful);
-                point.follow(averaged, *rule, *decision);
+                point.follow(&averaged, *rule, *decision);
             }
-            point.advice = steady::advice(store, &point, runs, &protocol)?;
+            point.advice = steady::advice(store, &point, &averaged, &protocol)?;
             points.push(point);
         }
         Ok(Self {
@@ -282,18 +285,17 @@ impl Point {
         self.stresses[place]
     }
 
-    /// Of the runs of one point, doubtful ones averaged too or not; `None` of none.
-    fn of(runs: &[PointRun], with_doubtful: bool) -> Option<Self> {
+    /// Of the runs of one point and those of them that are averaged; `None` of none.
+    fn of(runs: &[PointRun], averaged: &[&PointRun]) -> Option<Self> {
         let params = runs.first()?.params.clone();
-        let done: Vec<&PointRun> = averaged(runs, with_doubtful).collect();
         let values = |quantity: fn(&PointRun) -> Option<f64>| -> Vec<f64> {
-            done.iter().filter_map(|run| quantity(run)).collect()
+            averaged.iter().filter_map(|run| quantity(run)).collect()
         };
         let sum = |quantity: fn(&PointRun) -> u64| -> f64 {
-            done.iter().map(|run| quantity(run)).sum::<u64>() as f64
+            averaged.iter().map(|run| quantity(run)).sum::<u64>() as f64
         };
         let (contacts, activated) = (sum(|r| r.contacts), sum(|r| r.activated));
-        let parts: Vec<_> = done
+        let parts: Vec<_> = averaged
             .iter()
             .filter_map(|run| Some(run.steadiness?.parts))
             .collect();
@@ -301,19 +303,22 @@ impl Point {
         let medians = Distribution::of(values(|r| r.viscosity_median));
         let effective = values(|r| Some(r.samples as f64 / r.steadiness?.correlation));
         Some(Self {
-            seeds: done.len() as u64,
+            seeds: averaged.len() as u64,
             jammed: runs.iter().filter(|r| r.state == State::Jammed).count() as u64,
             failed: runs.iter().filter(|r| r.state == State::Failed).count() as u64,
             doubtful: runs.iter().filter(|r| r.is_doubtful()).count() as u64,
             viscosity: Estimate::of(&values(|r| r.viscosity)),
             viscosity_median: medians.map(|medians| medians.median),
             viscosity_quartiles: medians
-                .filter(|_| done.len() > 1)
+                .filter(|_| averaged.len() > 1)
                 .map(|medians| [medians.quartile_1, medians.quartile_3]),
             viscosity_stresslet: Estimate::of(&values(|r| r.viscosity_stresslet)),
             normal_stress_difference: Estimate::of(&values(|r| r.normal_stress_difference)),
             stresses: std::array::from_fn(|place| {
-                let means: Vec<f64> = done.iter().filter_map(|run| run.stresses[place]).collect();
+                let means: Vec<f64> = averaged
+                    .iter()
+                    .filter_map(|run| run.stresses[place])
+                    .collect();
                 Estimate::of(&means)
             }),
             contacts_per_sphere: ratio(contacts, sum(|r| r.samples) * params.spheres as f64),
@@ -321,12 +326,12 @@ impl Point {
             rolling_fraction: ratio(sum(|r| r.rolling), activated),
             minimum_gap: values(|r| r.minimum_gap).into_iter().reduce(f64::min),
             mean_approach_velocity: ratio(
-                done.iter().map(|run| run.approach).sum::<f64>(),
+                averaged.iter().map(|run| run.approach).sum::<f64>(),
                 contacts,
             ),
             worst_residual: values(|r| r.worst_residual).into_iter().reduce(f64::max),
             unconverged_fraction: ratio(sum(|r| r.unconverged_stages), sum(|r| r.stages)),
-            jammed_stages: done.iter().map(|run| run.jammed_stages).sum(),
+            jammed_stages: averaged.iter().map(|run| run.jammed_stages).sum(),
             wall_time_s: mean(&values(|r| r.wall_time_s)),
             cpu_time_s: mean(&values(|r| r.cpu_time_s)),
             seeds_wanted: runs.len() as u64,
@@ -342,27 +347,16 @@ impl Point {
     }
 
     /// Takes note of the precision that is asked for at this point, of these averaged runs.
-    fn follow<'r>(
-        &mut self,
-        averaged: impl Iterator<Item = &'r PointRun>,
-        rule: Precision,
-        decision: Decision,
-    ) {
+    fn follow(&mut self, averaged: &[&PointRun], rule: Precision, decision: Decision) {
         let quantity: fn(&PointRun) -> Option<f64> = match rule.quantity {
             Measure::Viscosity => |run| run.viscosity,
             Measure::ViscosityMedian => |run| run.viscosity_median,
             Measure::ViscosityStresslet => |run| run.viscosity_stresslet,
             Measure::NormalStressDifference => |run| run.normal_stress_difference,
         };
-        let values: Vec<f64> = averaged.filter_map(quantity).collect();
+        let values: Vec<f64> = averaged.iter().copied().filter_map(quantity).collect();
         self.seeds_wanted = decision.wanted as u64;
         self.precision = relative_half_width(&values).filter(|width| width.is_finite());
         self.rule = Some((rule, decision));
     }
-}
-
-/// The runs of a point that are averaged: finished ones, doubtful ones only where asked for.
-fn averaged(runs: &[PointRun], with_doubtful: bool) -> impl Iterator<Item = &PointRun> {
-    runs.iter()
-        .filter(move |run| run.is_sound() || (with_doubtful && run.is_doubtful()))
 }

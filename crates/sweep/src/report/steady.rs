@@ -3,16 +3,15 @@
 use super::error::ReportError;
 use super::points::Point;
 use crate::campaign::{Discard, Protocol};
-use crate::case::State;
 use crate::format::significant;
 use crate::statistics::{Drift, Steadiness, mser_5};
 use crate::store::{PointRun, Store};
 
-/// Advice about a point, if its runs drift or remember their start. Their samples are read only then.
+/// Advice about a point, if its averaged runs drift or remember their start. Their samples are read only then.
 pub(super) fn advice(
     store: &Store,
     point: &Point,
-    runs: &[PointRun],
+    averaged: &[&PointRun],
     protocol: &Protocol,
 ) -> Result<Option<String>, ReportError> {
     let Some(drift) = point
@@ -21,8 +20,8 @@ pub(super) fn advice(
     else {
         return Ok(None);
     };
-    let done = runs.iter().filter(|run| run.state == State::Done);
-    let traces = done
+    let traces = averaged
+        .iter()
         .map(|run| store.trace(&run.key))
         .collect::<Result<Vec<_>, _>>()?;
     let percent = |part: f64| significant(100.0 * part.abs(), 2);
