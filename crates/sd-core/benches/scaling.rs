@@ -50,21 +50,22 @@ fn rounds<const K: usize>(mut measure: impl FnMut() -> [f64; K]) -> Vec<[f64; K]
     all
 }
 
-/// Least times in ms: assembly, factorization, contact solve, bare Cholesky if there is one.
+/// Least times in ms: assembly, factorization, contact solve, bare Cholesky if there is one; and whether all contact problems were solved.
 fn parts(
     snapshot: &Snapshot,
     area_fraction: f64,
     hydrodynamics: Hydrodynamics,
     mut bare: Option<BareCholesky>,
-) -> [f64; 4] {
+) -> ([f64; 4], bool) {
     let params = params(snapshot.radii.len(), area_fraction, hydrodynamics);
     let mut layer = Layer::new(snapshot, &params);
+    let mut solved = true;
     let all = rounds(|| {
         let assembly = milliseconds(|| layer.assemble());
         let factorization = milliseconds(|| layer.factor());
         // Solving factors for itself.
         layer.assemble();
-        let whole = milliseconds(|| layer.solve(TIME_STEP));
+        let whole = milliseconds(|| solved &= layer.solve(TIME_STEP));
         [
             assembly,
             factorization,
@@ -80,7 +81,7 @@ fn parts(
         .reduce(|a, b| std::array::from_fn(|k| a[k].min(b[k])))
         .expect("rounds");
     let contacts = (whole - factorization).max(0.0);
-    [assembly, factorization, contacts, bare]
+    ([assembly, factorization, contacts, bare], solved)
 }
 
 /// Median time of steps in sequence, in ms.
@@ -114,9 +115,10 @@ fn table(hydrodynamics: Hydrodynamics, area_fraction: f64, all: &[usize]) {
     for &spheres in all {
         let snapshot = layer(spheres, area_fraction);
         let bare = full.then(|| BareCholesky::new(spheres));
-        let [assembly, factorization, contacts, bare] =
+        let ([assembly, factorization, contacts, bare], solved) =
             parts(&snapshot, area_fraction, hydrodynamics, bare);
         let total = assembly + factorization + contacts;
+        let mark = if solved { "" } else { " (unsolved)" };
         let step = step(&snapshot, area_fraction, hydrodynamics);
         let ratio = if full {
             format!(" {bare:.3} | {:.2} |", total / bare)
@@ -124,7 +126,7 @@ fn table(hydrodynamics: Hydrodynamics, area_fraction: f64, all: &[usize]) {
             String::new()
         };
         println!(
-            "| {spheres} | {total:.3} | {assembly:.3} | {factorization:.3} | {contacts:.3} | {step:.2} |{ratio} {:.2} s |",
+            "| {spheres} | {total:.3} | {assembly:.3} | {factorization:.3} | {contacts:.3}{mark} | {step:.2} |{ratio} {:.2} s |",
             1e-3 * step * RUN.1 / RUN.0
         );
     }

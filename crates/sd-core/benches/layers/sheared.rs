@@ -125,8 +125,8 @@ impl Layer {
     }
 
     /// Forces, factor and velocities of a stage that looks ahead by `time_span`, once for each [`Layer::assemble`]; a far field is iterated
-    /// from nothing.
-    pub(crate) fn solve(&mut self, time_span: f64) {
+    /// from nothing. Whether its contact problem is solved.
+    pub(crate) fn solve(&mut self, time_span: f64) -> bool {
         self.stage.begin_step();
         let contact = StageContact::Laws {
             laws: &self.laws,
@@ -134,7 +134,7 @@ impl Layer {
             memory: &mut self.memory,
         };
         let solved = self.stage.solve(&Background::SHEAR, &[], contact);
-        solved.expect("finite velocities");
+        solved.expect("finite velocities").converged()
     }
 
     /// The last part of [`Layer::solve`] alone, once more: contact forces and velocities.
