@@ -101,12 +101,24 @@ impl StageSolver {
         self.holds_friction = holds;
     }
 
-    /// Begins a step: what is known from stages before is forgotten, but for what [`ContactMemory`] holds. Results then depend on positions
-    /// and memory alone, so that a run that is resumed has the same bits.
+    /// Begins a step: what is known from stages before is forgotten, but for what [`ContactMemory`] holds and what
+    /// [`StageSolver::far_field`] tells. Results then depend on positions and these alone, so that a run that is resumed has the same bits.
     pub fn begin_step(&mut self) {
         self.contacts.begin_step();
         if let Some(far) = &mut self.far {
-            far.forget();
+            far.round();
+        }
+    }
+
+    /// From what the next solve starts its far field, where one is iterated: see [`crate::Snapshot::far_field`].
+    pub(crate) fn far_field(&self) -> Vec<f32> {
+        self.far.as_ref().map_or_else(Vec::new, |far| far.found())
+    }
+
+    /// Lets the next solve start its far field from what [`StageSolver::far_field`] told; from nothing, if that is empty.
+    pub fn start_far_field_from(&mut self, found: &[f32]) {
+        if let Some(far) = &mut self.far {
+            far.start_from(found);
         }
     }
 

@@ -110,6 +110,7 @@ impl Record {
             orientations: vec![0.0; self.params.spheres],
             memory,
             near_pairs: Vec::new(),
+            far_field: Vec::new(),
             critical_load: None,
             counters: Counters::default(),
         }

@@ -9,7 +9,11 @@ use std::fmt;
 ///
 /// Not raised where only contact problems change that were left unsolved, and counted as such: a run with one says itself that its numbers
 /// are not those of its law.
-pub const PHYSICS_VERSION: u32 = 8;
+///
+/// Where only some runs change, [`Case::physics`] says which: all others keep their keys, and results of theirs stand.
+pub const PHYSICS_VERSION: u32 = 9;
+/// The version that last changed runs of every kind.
+pub const CHANGED_ALL: u32 = 8;
 
 /// One run of a campaign.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +31,7 @@ pub struct Case {
 /// The canonical form a key is made of. Its field names and order are part of the key: never change them.
 #[derive(Serialize)]
 struct Canonical<'c> {
-    /// [`PHYSICS_VERSION`].
+    /// [`Case::physics`].
     physics: u32,
     /// Parameters.
     params: &'c Params,
@@ -50,13 +54,22 @@ impl Case {
         }
     }
 
+    /// The version of the physics that last changed runs of this kind. Version 9 iterates a far field from its near part on, and from step to
+    /// step.
+    pub fn physics(&self) -> u32 {
+        match Method::of(&self.params) {
+            Method::Iterated => 9,
+            Method::Dense | Method::Pairwise => CHANGED_ALL,
+        }
+    }
+
     /// Hash of everything that decides the samples of the run, and of nothing else.
     ///
     /// The name of the campaign, the strain discarded and the checkpoint interval are not in it: they change no sample. Nor is
     /// the length of the run: a short run is the beginning of a long one.
     pub fn key(&self) -> CaseKey {
         let canonical = Canonical {
-            physics: PHYSICS_VERSION,
+            physics: self.physics(),
             params: &self.params,
             seed: self.seed,
             sample_stride: self.sample_stride,

@@ -1,15 +1,15 @@
 //! The format of a checkpoint: versioned, checksummed, all that the rest of the run and its result need.
 
-use sd_core::simulation::Counters;
-use sd_core::{Sample, Snapshot};
+use sd_core::simulation::{Counters, SchemeMemory};
+use sd_core::{PairKey, Sample, Snapshot};
 use serde::{Deserialize, Serialize};
 
 /// First bytes of every checkpoint.
 const MAGIC: [u8; 4] = *b"SWCP";
 /// Version of the format.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 /// The version before it, which is read as well.
-const WITHOUT_CPU_TIME: u32 = 4;
+const WITHOUT_FAR_FIELD: u32 = 5;
 /// Bytes before the content: magic, version, checksum.
 const HEADER: usize = 4 + 4 + 32;
 
@@ -93,21 +93,15 @@ impl Checkpoint {
         let rest = header.strip_prefix(&MAGIC).ok_or(Damage::Foreign)?;
         let (version, checksum) = rest.split_first_chunk::<4>().ok_or(Damage::Foreign)?;
         let found = u32::from_le_bytes(*version);
-        if found != VERSION && found != WITHOUT_CPU_TIME {
+        if found != VERSION && found != WITHOUT_FAR_FIELD {
             return Err(Damage::Version { found });
         }
         if blake3::hash(content).as_bytes() != checksum {
             return Err(Damage::Checksum);
         }
-        let checkpoint = if found == WITHOUT_CPU_TIME {
-            let old: WithoutCpuTime = postcard::from_bytes(content).map_err(Damage::Content)?;
-            Self {
-                snapshot: old.snapshot,
-                samples: old.samples,
-                wall_time_s: old.wall_time_s,
-                cpu_time_s: old.wall_time_s,
-                resumed: old.resumed,
-            }
+        let checkpoint: Self = if found == WITHOUT_FAR_FIELD {
+            let old: WithoutFarField = postcard::from_bytes(content).map_err(Damage::Content)?;
+            old.into()
         } else {
             postcard::from_bytes(content).map_err(Damage::Content)?
         };
@@ -135,13 +129,54 @@ impl Checkpoint {
     }
 }
 
-/// A checkpoint of the format before, whose run had a thread to itself for all of its time.
+/// A checkpoint of the format before.
 #[derive(Serialize, Deserialize)]
-struct WithoutCpuTime {
-    snapshot: Snapshot,
+struct WithoutFarField {
+    snapshot: OlderSnapshot,
     samples: Vec<(u64, Sample)>,
     wall_time_s: f64,
+    cpu_time_s: f64,
     resumed: u32,
+}
+
+/// A [`Snapshot`] that did not keep an iterated far field.
+#[derive(Serialize, Deserialize)]
+struct OlderSnapshot {
+    version: u32,
+    steps: u64,
+    radii: Vec<f64>,
+    side: f64,
+    centres: Vec<[f64; 2]>,
+    orientations: Vec<f64>,
+    memory: SchemeMemory,
+    near_pairs: Vec<PairKey>,
+    critical_load: Option<f64>,
+    counters: Counters,
+}
+
+impl From<WithoutFarField> for Checkpoint {
+    fn from(old: WithoutFarField) -> Self {
+        let state = old.snapshot;
+        Self {
+            snapshot: Snapshot {
+                version: state.version,
+                steps: state.steps,
+                radii: state.radii,
+                side: state.side,
+                centres: state.centres,
+                orientations: state.orientations,
+                memory: state.memory,
+                near_pairs: state.near_pairs,
+                far_field: Vec::new(),
+                critical_load: state.critical_load,
+                counters: state.counters,
+            },
+            samples: old.samples,
+            wall_time_s: old.wall_time_s,
+            cpu_time_s: old.cpu_time_s,
+            resumed: old.resumed,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -207,22 +242,31 @@ mod tests {
     }
 
     #[test]
-    fn format_without_time_of_the_processor_is_read() {
+    fn format_without_far_field_is_read() {
         let now = checkpoint();
-        let old = WithoutCpuTime {
-            snapshot: now.snapshot.clone(),
+        let state = now.snapshot.clone();
+        let old = WithoutFarField {
+            snapshot: OlderSnapshot {
+                version: state.version,
+                steps: state.steps,
+                radii: state.radii,
+                side: state.side,
+                centres: state.centres,
+                orientations: state.orientations,
+                memory: state.memory,
+                near_pairs: state.near_pairs,
+                critical_load: state.critical_load,
+                counters: state.counters,
+            },
             samples: now.samples.clone(),
             wall_time_s: now.wall_time_s,
+            cpu_time_s: now.cpu_time_s,
             resumed: now.resumed,
         };
         let content = postcard::to_stdvec(&old).unwrap();
         let mut bytes = with_true_checksum(&content);
-        bytes[4..8].copy_from_slice(&WITHOUT_CPU_TIME.to_le_bytes());
-        let expected = Checkpoint {
-            cpu_time_s: now.wall_time_s,
-            ..now
-        };
-        assert_eq!(Checkpoint::decode(&bytes), Ok(expected));
+        bytes[4..8].copy_from_slice(&WITHOUT_FAR_FIELD.to_le_bytes());
+        assert_eq!(Checkpoint::decode(&bytes), Ok(now));
     }
 
     #[test]

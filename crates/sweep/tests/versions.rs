@@ -406,7 +406,7 @@ fn old_store(path: &Path, version: u32, of_today: bool) {
         };
         let canonical = format!(
             r#"{{"physics":{},"params":{params},"seed":{seed},{length}"sample_stride":{stride}}}"#,
-            sweep::case::PHYSICS_VERSION
+            sweep::case::CHANGED_ALL
         );
         let key = blake3::hash(canonical.as_bytes()).to_hex()[..32].to_owned();
         store

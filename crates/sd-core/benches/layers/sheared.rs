@@ -65,6 +65,7 @@ fn copied(small: &Snapshot, area_fraction: f64, copies: usize) -> Snapshot {
     large.side = copies as f64 * small.side;
     large.memory = SchemeMemory::Laws(ContactMemory::default());
     large.near_pairs.clear();
+    large.far_field.clear();
     let shift = small.steps as f64 * TIME_STEP * small.side;
     for copy in 1..copies * copies {
         let (right, up) = ((copy % copies) as f64, (copy / copies) as f64);
@@ -128,6 +129,7 @@ impl Layer {
     /// from nothing. Whether its contact problem is solved.
     pub(crate) fn solve(&mut self, time_span: f64) -> bool {
         self.stage.begin_step();
+        self.stage.start_far_field_from(&[]);
         let contact = StageContact::Laws {
             laws: &self.laws,
             span: Span::alone(time_span),
@@ -141,6 +143,7 @@ impl Layer {
     #[allow(dead_code, reason = "shared between benches, of which some time it")]
     pub(crate) fn solve_contacts(&mut self, time_span: f64) {
         self.stage.begin_step();
+        self.stage.start_far_field_from(&[]);
         let contact = StageContact::Laws {
             laws: &self.laws,
             span: Span::alone(time_span),

@@ -1,15 +1,18 @@
-//! Stokesian Dynamics of large layers: the far field is iterated on top of Ball-Melrose hydrodynamics.
+//! Stokesian Dynamics of large layers: the far field is iterated on top of a sparse resistance that has its near part.
 //!
 //! ```text
-//! x = (−E; v),   q the force modes of the far field, M its mobility, M₀ that of isolated spheres
+//! x = (−E; v),   q the force modes of the far field, M its mobility, M₀ that of isolated spheres, P a sparse approximation of M⁻¹
 //! M q = x − V c,   Vᵀ q = 0,   q_F + R_n v − R_n,FE E = F        V: translations of the layer; R_n: the pair terms
-//! q = M₀⁻¹ x + δ:   R_BM v = F + R_n,FE E − δ_F,   R_BM = M₀⁻¹ + R_n      Ball-Melrose under forces −δ_F more
-//! y = M₀ δ:         y + (M − M₀) (q₀ + W y) + V c = 0,   W = M₀⁻¹ − M₀⁻¹ R_BM⁻¹ M₀⁻¹ on velocity rows, M₀⁻¹ on strains
+//! q = P x + δ:     R_P v = F + (R_n + P)_FE E − δ_F,   R_P = P_FU + R_n         sparse, under forces −δ_F more
+//! δ = P y:         y + (M − P⁻¹) (q₀ + W y) + V c = 0,   W = P − P (0; R_P⁻¹ (P ·)_F)
 //! ```
 //!
-//! W is symmetric, positive semidefinite and at most M₀⁻¹, and `z = W y` obeys `(W⁺ + M − M₀) z + V c = −(M − M₀) q₀`, `Vᵀ z = 0`,
+//! P is M₀⁻¹ and the inverse mobilities of near pairs ([`Resistance`] has it in its terms); M₀⁻¹ alone would do, in twice as many
+//! iterations, and R_P is then that of Ball-Melrose hydrodynamics.
+//!
+//! W is symmetric, positive semidefinite and at most P, and `z = W y` obeys `(W⁺ + M − P⁻¹) z + V c = −(M − P⁻¹) q₀`, `Vᵀ z = 0`,
 //! whose operator is at least M: positive definite. Conjugate gradients with W as preconditioner, less the part that would break
-//! the constraint, need one product with M and one Ball-Melrose solve per iteration. Where M is far above M₀, in long waves, the
+//! the constraint, need one product with M and one solve with R_P per iteration. Where M is far above P⁻¹, in long waves, the
 //! pair terms resist little and W all but vanishes, so iterations hardly depend on N.
 //!
 //! The far field leaves a translation of the layer alone, but the pair terms resist it a little, as their two parts are not of one
@@ -20,6 +23,7 @@
 
 mod ball_melrose;
 pub(crate) mod fixed_point;
+mod local;
 mod split;
 mod uniform;
 
@@ -31,6 +35,7 @@ use crate::hydrodynamics::far_field::unbounded::self_mobility;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
 use ball_melrose::BallMelroseSolver;
+use local::LocalResistance;
 use nalgebra::Vector3;
 use split::SplitMotion;
 use uniform::{Uniform, translation, translations};
@@ -41,7 +46,7 @@ const OPERATOR_TOLERANCE: f64 = 0.1;
 /// How an iteration ended.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Convergence {
-    /// Iterations, each with one product with M and one Ball-Melrose solve for each part of the motion.
+    /// Iterations, each with one product with M and one solve with R_P for each part of the motion.
     pub iterations: u32,
     /// Evaluations of the map of contacts; 0 without contacts.
     pub evaluations: u32,
@@ -49,12 +54,14 @@ pub struct Convergence {
     pub residual: f64,
 }
 
-/// The far field of Stokesian Dynamics, iterated on top of a factored Ball-Melrose [`Resistance`]. Memory is O(N).
+/// The far field of Stokesian Dynamics, iterated on top of a [`Resistance`] without it. Memory is O(N).
 pub struct IterativeFarField {
     /// M.
     operator: FarOperator,
     /// Diagonal of M₀⁻¹, `[6N]`, strains first.
     drag: Vec<f64>,
+    /// P.
+    local: LocalResistance,
     /// Relative residual to be reached.
     residual: f64,
     /// Limit of the iterations of one solve.
@@ -74,15 +81,17 @@ struct Work {
     residual: Vec<f64>,
     /// `W r`.
     preconditioned: Vec<f64>,
-    /// `R_BM⁻¹ M₀⁻¹ r`, `[3N]`.
+    /// `P r`.
+    pushed: Vec<f64>,
+    /// `R_P⁻¹ (P r)_F`, as `(0; ·)`.
     lag: Vec<f64>,
-    /// u, the search direction of y.
+    /// `P u`, u the search direction of y.
     direction: Vec<f64>,
     /// `p = W u`.
     step: Vec<f64>,
-    /// `R_BM⁻¹ M₀⁻¹ u`, `[3N]`.
+    /// `R_P⁻¹ (P u)_F`, as `(0; ·)`.
     step_lag: Vec<f64>,
-    /// `M p + R_BM⁻¹ M₀⁻¹ u`.
+    /// `M p + R_P⁻¹ (P u)_F`.
     image: Vec<f64>,
     /// Translations of the layer.
     uniform: Uniform,
@@ -124,10 +133,10 @@ impl IterativeFarField {
         }
         let split = SplitMotion::new(&drag);
         let vector = || vec![0.0; 6 * n];
-        let half = || vec![0.0; 3 * n];
         Ok(Self {
             operator,
             drag,
+            local: LocalResistance::default(),
             residual,
             most: Self::MOST_ITERATIONS,
             excess: vector(),
@@ -135,10 +144,11 @@ impl IterativeFarField {
                 densities: vector(),
                 residual: vector(),
                 preconditioned: vector(),
-                lag: half(),
+                pushed: vector(),
+                lag: vector(),
                 direction: vector(),
                 step: vector(),
-                step_lag: half(),
+                step_lag: vector(),
                 image: vector(),
                 uniform: Uniform::default(),
                 ball_melrose: BallMelroseSolver::default(),
@@ -158,6 +168,23 @@ impl IterativeFarField {
         self.split.forget();
     }
 
+    /// Rounds what the last solve with contacts found to single precision, as [`IterativeFarField::found`] tells it: the next one then
+    /// starts from the same numbers wherever it is made.
+    pub(crate) fn round(&mut self) {
+        self.split.round();
+    }
+
+    /// Where the next solve with contacts starts, in single precision: force modes and translations, scaled; `[12N + 4]`.
+    pub(crate) fn found(&self) -> Vec<f32> {
+        self.split.found()
+    }
+
+    /// Lets the next solve with contacts start from what [`IterativeFarField::found`] told; from nothing, if that is empty.
+    pub(crate) fn start_from(&mut self, found: &[f32]) {
+        self.forget();
+        self.split.start_from(found);
+    }
+
     /// Takes new positions. The next solve starts from what was found at the last ones.
     ///
     /// # Errors
@@ -169,7 +196,7 @@ impl IterativeFarField {
     /// Disturbance velocities `[3N]` under forces, without contacts. Allocates nothing after the first call.
     ///
     /// # Arguments
-    /// - `near`: Ball-Melrose, factored or held pair by pair, updated at the positions of [`IterativeFarField::update`].
+    /// - `near`: Ball-Melrose with or without the far field of near pairs, factored or held pair by pair, updated at the positions of [`IterativeFarField::update`].
     /// - `strain`: background `(e1, e2, e3)`.
     /// - `forces`: external ones and those of [`Resistance::background_forces`] of `near`, `[3N]`. External ones should add up to
     ///   zero: hardly anything would resist their sum.
@@ -190,42 +217,44 @@ impl IterativeFarField {
         let Self {
             operator,
             drag,
+            local,
             excess,
             work,
             ..
         } = self;
+        local.update(drag, near);
         for ((v, f), excess) in velocities.iter_mut().zip(forces).zip(&excess[half..]) {
             *v = f - excess;
         }
         work.ball_melrose.start(near)?;
         work.ball_melrose.solve(near, velocities);
-        work.uniform.update(near, &drag[half..]);
-        work.uniform
-            .solve(near, &mut work.ball_melrose, &drag[half..]);
-        let rows = velocities.iter().zip(&drag[half..]).zip(&excess[half..]);
-        work.lag.clear();
-        work.lag
-            .extend(rows.map(|((v, drag), excess)| drag * v + excess));
-        let c = work.uniform.against(translations(&work.lag));
-        for (k, v) in velocities.iter_mut().enumerate() {
-            *v += translation(c, k) - work.uniform.answer(c, k);
-            excess[half + k] -= drag[half + k] * translation(c, k);
-        }
-        // r = x − M q with q = M₀⁻¹ x + δ.
+        work.uniform.update(near, local, &drag[half..]);
+        work.uniform.solve(near, local, &mut work.ball_melrose);
+        // q = P x + δ, and the translation that makes the force on the layer zero.
         let x = &mut work.residual;
         for e in x[..half].chunks_exact_mut(3) {
             e.copy_from_slice((-strain).as_slice());
         }
         x[half..].copy_from_slice(velocities);
-        for (k, q) in work.densities.iter_mut().enumerate() {
-            *q = drag[k] * x[k] + excess[k];
+        local.apply(x, &mut work.densities);
+        add_scaled(&mut work.densities, excess, 1.0);
+        let c = work.uniform.against(translations(&work.densities[half..]));
+        for (k, v) in velocities.iter_mut().enumerate() {
+            *v += translation(c, k) - work.uniform.answer(c, k);
         }
+        for (k, excess) in excess.iter_mut().enumerate() {
+            *excess -= work.uniform.pushed(c, k);
+        }
+        // r = x − M q.
+        x[half..].copy_from_slice(velocities);
+        local.apply(x, &mut work.densities);
+        add_scaled(&mut work.densities, excess, 1.0);
         operator.apply(&work.densities, &mut work.image);
         add_scaled(x, &work.image, -1.0);
         let mut before = 0.0;
         let mut reached = f64::INFINITY;
         for iterations in 0..=self.most {
-            let square = work.precondition(near, drag);
+            let square = work.precondition(near, local);
             let whole: f64 = weighted_square(&work.densities, drag);
             reached = if square > 0.0 {
                 (square / whole).sqrt()
@@ -250,14 +279,12 @@ impl IterativeFarField {
             before = square;
             work.turn(share);
             operator.apply(&work.step, &mut work.image);
-            add_scaled(&mut work.image[half..], &work.step_lag, 1.0);
+            add_scaled(&mut work.image, &work.step_lag, 1.0);
             let length = square / dot(&work.step, &work.image);
             add_scaled(&mut work.densities, &work.step, length);
             add_scaled(&mut work.residual, &work.image, -length);
-            add_scaled(velocities, &work.step_lag, -length);
-            for ((excess, drag), u) in excess.iter_mut().zip(&*drag).zip(&work.direction) {
-                *excess += length * drag * u;
-            }
+            add_scaled(velocities, &work.step_lag[half..], -length);
+            add_scaled(excess, &work.direction, length);
         }
         let iterations = self.most;
         self.forget();
@@ -269,8 +296,7 @@ impl IterativeFarField {
         })
     }
 
-    /// Adds the far field, beyond isolated drag, to what [`Resistance::apply`] of the Ball-Melrose `near` gave for the velocities of
-    /// the last solve: counterforces `[3N]`, and stresslets of each sphere.
+    /// Adds the far field, beyond P, to what [`Resistance::apply`] of `near` gave for the velocities of the last solve: counterforces `[3N]`, and stresslets of each sphere.
     pub fn correct(&self, forces: &mut [f64], stresslets: &mut [Vector3<f64>]) {
         let (strains, velocities) = self.excess.split_at(self.excess.len() / 2);
         for (force, excess) in forces.iter_mut().zip(velocities) {
@@ -284,31 +310,28 @@ impl IterativeFarField {
 
 impl Work {
     /// `W r` and the lag that belongs to it; returns `rᵀ W r`.
-    fn precondition(&mut self, near: &Resistance, drag: &[f64]) -> f64 {
-        let half = self.lag.len();
+    fn precondition(&mut self, near: &Resistance, local: &LocalResistance) -> f64 {
+        let half = self.lag.len() / 2;
         centre(&mut self.residual[half..]);
-        let drag_v = &drag[half..];
-        let r = &self.residual[half..];
-        for ((lag, r), drag) in self.lag.iter_mut().zip(r).zip(drag_v) {
-            *lag = drag * r;
-        }
-        self.ball_melrose.solve(near, &mut self.lag);
-        let (strains, velocities) = self.preconditioned.split_at_mut(half);
-        for ((s, r), drag) in strains.iter_mut().zip(&self.residual).zip(drag) {
-            *s = drag * r;
-        }
-        for (k, s) in velocities.iter_mut().enumerate() {
-            *s = drag_v[k] * (r[k] - self.lag[k]);
+        local.apply(&self.residual, &mut self.pushed);
+        self.lag[half..].copy_from_slice(&self.pushed[half..]);
+        self.ball_melrose.solve(near, &mut self.lag[half..]);
+        local.apply(&self.lag, &mut self.preconditioned);
+        for (z, pushed) in self.preconditioned.iter_mut().zip(&self.pushed) {
+            *z = pushed - *z;
         }
         // The translation of y that keeps the force on the layer zero.
         let c = self
             .uniform
             .against(translations(&self.preconditioned[half..]));
-        for (k, drag) in drag_v.iter().enumerate() {
+        for k in 0..half {
             let (moved, answer) = (translation(c, k), self.uniform.answer(c, k));
             self.residual[half + k] -= moved;
-            self.lag[k] -= moved - answer;
-            self.preconditioned[half + k] -= drag * answer;
+            self.lag[half + k] -= moved - answer;
+        }
+        for (k, pushed) in self.pushed.iter_mut().enumerate() {
+            *pushed -= self.uniform.pushed(c, k);
+            self.preconditioned[k] -= self.uniform.pushed_answer(c, k);
         }
         dot(&self.residual, &self.preconditioned)
     }
@@ -316,7 +339,7 @@ impl Work {
     /// The next direction: that of the residual, and a share of the last one.
     fn turn(&mut self, share: f64) {
         for (next, last) in [
-            (&self.residual, &mut self.direction),
+            (&self.pushed, &mut self.direction),
             (&self.preconditioned, &mut self.step),
             (&self.lag, &mut self.step_lag),
         ] {

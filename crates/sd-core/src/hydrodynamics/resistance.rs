@@ -14,6 +14,7 @@
 //! `R_FU` is held in one of three forms: full with the far field in it, within a skyline, or pair by pair without a factor.
 
 mod dense;
+mod far_pairs;
 mod isolated;
 mod pair_terms;
 mod pairwise;
@@ -30,6 +31,7 @@ use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::model::Hydrodynamics;
 use dense::DenseResistance;
+use far_pairs::FarPairs;
 use nalgebra::Vector3;
 pub use pairwise::PairwiseResistance;
 use skyline::SkylineResistance;
@@ -56,8 +58,10 @@ pub struct Resistance {
     /// Gap below which near-field terms are those of this gap, in a.
     lubrication_gap: f64,
     neighbours: NeighbourList,
-    /// Their near-field terms.
+    /// Their terms.
     terms: Vec<PairTerm>,
+    /// The far field of near pairs, which their terms then have in them: where a far field is iterated on top.
+    far_pairs: Option<FarPairs>,
     form: Form,
 }
 
@@ -107,7 +111,8 @@ impl Resistance {
 
     /// As [`Resistance::new`] with `R_FU` held as a [`PairwiseResistance`] in place of a factor: O(N), for many spheres.
     ///
-    /// Under Stokesian Dynamics it is that of Ball-Melrose, on top of which the far field is iterated.
+    /// Under Stokesian Dynamics it is that of Ball-Melrose and of the far field of near pairs alone, on top of which the rest of the far
+    /// field is iterated.
     ///
     /// `pattern_pairs`: pairs of the near part's pattern where a run goes on, ordered; else empty.
     ///
@@ -121,9 +126,16 @@ impl Resistance {
         pattern_pairs: &[PairKey],
     ) -> Result<Self, Error> {
         let near = NearTerms::new(hydrodynamics, radii, tables)?;
-        Self::with_form(cell, radii, near, || {
+        let pairwise = Self::with_form(cell, radii, near, || {
             let pairwise = PairwiseResistance::new(radii.len(), pattern_pairs)?;
             Ok(Form::Pairwise(Box::new(pairwise)))
+        })?;
+        Ok(Self {
+            far_pairs: match hydrodynamics {
+                Hydrodynamics::StokesianDynamics => Some(FarPairs::new(radii)?),
+                Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => None,
+            },
+            ..pairwise
         })
     }
 
@@ -150,6 +162,7 @@ impl Resistance {
             lubrication_gap: 0.0,
             neighbours: NeighbourList::new(radii.len()),
             terms: Vec::with_capacity(MOST_NEIGHBOURS * radii.len() / 2),
+            far_pairs: None,
             form: form()?,
         })
     }
@@ -179,6 +192,9 @@ impl Resistance {
         let (radii, pairs) = (&self.radii, self.neighbours.pairs());
         let (least, terms) = (self.lubrication_gap, &mut self.terms);
         self.near.evaluate(radii, pairs, least, terms);
+        if let Some(far_pairs) = &mut self.far_pairs {
+            far_pairs.add(radii, pairs, terms);
+        }
         match &mut self.form {
             Form::Dense(dense) => dense.assemble(cell, centres, pairs, terms),
             Form::Skyline(skyline) => {
@@ -226,6 +242,13 @@ impl Resistance {
             Form::Pairwise(pairwise) => Some(pairwise),
             Form::Dense(_) | Form::Skyline(_) => None,
         }
+    }
+
+    /// What the far field of near pairs adds to their terms, where it does.
+    pub(crate) fn far_pairs(&self) -> impl Iterator<Item = (&Neighbours, &PairTerm)> {
+        let pairs = self.neighbours.pairs();
+        let terms = self.far_pairs.as_ref().map_or(&[][..], FarPairs::terms);
+        terms.iter().map(|(number, term)| (&pairs[*number], term))
     }
 
     /// Radii, in a.

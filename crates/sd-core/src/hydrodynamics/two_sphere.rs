@@ -10,9 +10,11 @@
 //! - `leading_order`: the singular terms alone, softened, as leading-order lubrication has them
 //! - `pair_frame`: the 34 independent entries of a pair matrix
 //! - `table`: [`NearField`], 0.2 µs per pair
+//! - `far_pair`: `R2B∞` near contact
 //! - `pair_term`: [`PairTerm`], its result in the frame of the layer
 
 mod equal_spheres;
+mod far_pair;
 mod leading_order;
 mod near_contact;
 mod pair_frame;
@@ -20,6 +22,7 @@ mod pair_term;
 mod series;
 mod table;
 
+pub(crate) use far_pair::FarPair;
 pub(crate) use leading_order::LeadingOrderPair;
 pub use pair_frame::PairMatrix;
 pub use pair_term::{PairTerm, PairVector};

@@ -104,6 +104,7 @@ impl Simulation {
             orientations: start.orientations,
             memory,
             near_pairs: Vec::new(),
+            far_field: Vec::new(),
             critical_load: None,
             counters: Counters::default(),
         };
@@ -131,6 +132,7 @@ impl Simulation {
             tables,
             &snapshot.near_pairs,
         )?;
+        stage.start_far_field_from(&snapshot.far_field);
         let mut stepper = Stepper::default();
         let drive = Drive::new(params, snapshot.critical_load);
         let scheme = match &params.contact {
@@ -275,6 +277,7 @@ impl Simulation {
             orientations: self.state.orientations.clone(),
             memory: self.memory.clone(),
             near_pairs: self.near_pairs(),
+            far_field: self.stage.far_field(),
             critical_load: self.drive.critical_load(),
             counters: self.counters,
         }

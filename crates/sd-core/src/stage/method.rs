@@ -12,11 +12,11 @@ use std::f64::consts::PI;
 
 /// Spheres from which on Ball-Melrose costs less pair by pair.
 const LEAST_PAIRWISE: usize = 100;
-/// Spheres from which on Stokesian Dynamics costs less with the far field iterated, up to an area fraction: near jamming the iteration takes
-/// longer, as every evaluation solves a contact problem. Measured in runs under every law, see `scripts/bench`.
-const LEAST_ITERATED: [(f64, usize); 3] = [(0.72, 250), (0.78, 400), (f64::INFINITY, 1600)];
+/// Spheres from which on Stokesian Dynamics costs less with the far field iterated, up to an area fraction: near jamming a contact problem
+/// can cost more than the far field, and every evaluation of the iteration solves one. Measured in runs under every law.
+const LEAST_ITERATED: [(f64, usize); 2] = [(0.72, 160), (f64::INFINITY, 300)];
 /// The same where contacts are soft, whose problems cost little at any area fraction.
-const LEAST_ITERATED_SOFT: usize = 200;
+const LEAST_ITERATED_SOFT: usize = 160;
 
 /// How a stage is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -76,6 +76,21 @@ fn near_factored(
     (near, forces)
 }
 
+/// As [`near_factored`] held pair by pair, under Stokesian Dynamics with the far field of near pairs.
+fn near_by_pairs(
+    hydrodynamics: Hydrodynamics,
+    (cell, centres, radii): (&Cell, &[Vec2], &[f64]),
+    external: &[f64],
+) -> (Resistance, Vec<f64>) {
+    let tables = NearFields::default();
+    let mut near = Resistance::new_pairwise(hydrodynamics, cell, radii, &tables, &[]).unwrap();
+    near.update(cell, centres).unwrap();
+    let mut forces = vec![0.0; external.len()];
+    near.background_forces(&Background::SHEAR.strain(), &mut forces);
+    add_scaled(&mut forces, external, 1.0);
+    (near, forces)
+}
+
 /// Full Stokesian Dynamics with periodic sums closer than usual.
 fn dense_resistance(cell: &Cell, radii: &[f64]) -> Resistance {
     Resistance::new_dense(cell, radii, &NearFields::default(), 1e-13).unwrap()
@@ -102,8 +117,17 @@ fn linear_motion_is_that_of_the_dense_far_field() {
         dense.solve(&shear, &external, StageContact::None).unwrap();
         let mut expected = StressWork::default();
         let power = expected.update(&dense, &shear);
-        let (near, forces) = near_factored(&cell, &centres, &radii, &external);
-        for residual in [1e-4, 1e-6, 1e-7] {
+        let layer = (&cell, &centres[..], &radii[..]);
+        let cases = [1e-4, 1e-6, 1e-7]
+            .map(|residual| (residual, false))
+            .into_iter()
+            .chain([1e-4, 1e-6, 1e-7].map(|residual| (residual, true)));
+        for (residual, with_far_pairs) in cases {
+            let (near, forces) = if with_far_pairs {
+                near_by_pairs(Hydrodynamics::StokesianDynamics, layer, &external)
+            } else {
+                near_factored(&cell, &centres, &radii, &external)
+            };
             let mut far = IterativeFarField::new(&cell, &radii, residual).unwrap();
             far.update(&cell, &centres).unwrap();
             let mut v = vec![0.0; 180];
@@ -123,7 +147,11 @@ fn linear_motion_is_that_of_the_dense_far_field() {
                 (total / power - 1.0).abs() < 0.5 * residual,
                 "{total} {power}"
             );
-            assert!(relative_difference(&external, &counter) < 1e-12);
+            // Held pair by pair the sparse part is solved to 1e-10 of the largest force.
+            let size = (dot(&forces, &forces) / dot(&external, &external)).sqrt();
+            let exact = if with_far_pairs { 1e-9 * size } else { 1e-12 };
+            let error = relative_difference(&external, &counter);
+            assert!(error < exact, "{error:e}");
             // Started again from its own end there is nothing left to do.
             let again = far.solve(&near, &strain, &forces, &mut v).unwrap();
             assert!(again.iterations <= 1);
@@ -230,28 +258,26 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
 #[test]
 fn motion_without_contacts_held_pair_by_pair_is_that_of_the_factor() {
     let (cell, centres, radii) = sheared(&params(150, 1.0));
-    let mut near = Resistance::new_pairwise(
-        Hydrodynamics::BallMelrose,
-        &cell,
-        &radii,
-        &NearFields::default(),
-        &[],
-    )
-    .unwrap();
-    near.update(&cell, &centres).unwrap();
-    let (strain, mut forces) = (Background::SHEAR.strain(), vec![0.0; 450]);
-    near.background_forces(&strain, &mut forces);
+    let (layer, none) = ((&cell, &centres[..], &radii[..]), [0.0; 450]);
+    let (near, forces) = near_by_pairs(Hydrodynamics::BallMelrose, layer, &none);
+    let strain = Background::SHEAR.strain();
     let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
     far.update(&cell, &centres).unwrap();
     let (mut by_pairs, mut by_factor) = (vec![0.0; 450], vec![0.0; 450]);
     let first = far.solve(&near, &strain, &forces, &mut by_pairs).unwrap();
-    let (factored, _) = near_factored(&cell, &centres, &radii, &[0.0; 450]);
+    let (factored, _) = near_factored(&cell, &centres, &radii, &none);
     far.forget();
     let second = far
         .solve(&factored, &strain, &forces, &mut by_factor)
         .unwrap();
     assert_eq!(first.iterations, second.iterations);
     assert!(relative_difference(&by_factor, &by_pairs) < 1e-8);
+    // Beginning with the far field of near pairs there is less to iterate.
+    let (near, forces) = near_by_pairs(Hydrodynamics::StokesianDynamics, layer, &none);
+    far.forget();
+    let third = far.solve(&near, &strain, &forces, &mut by_pairs).unwrap();
+    assert!(3 * third.iterations < 2 * first.iterations, "{third:?}");
+    assert!(relative_difference(&by_factor, &by_pairs) < 2e-6);
 }
 
 #[test]
@@ -290,10 +316,8 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
                 stage
             };
             let dense = solve(StageSolver::new(dense_resistance(&cell, &radii)));
-            let tables = NearFields::default();
-            let near =
-                Resistance::new_pairwise(Hydrodynamics::BallMelrose, &cell, &radii, &tables, &[])
-                    .unwrap();
+            let near = Hydrodynamics::StokesianDynamics;
+            let near = near_by_pairs(near, (&cell, &centres, &radii), &vec![0.0; 3 * spheres]).0;
             let far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
             let iterated = solve(StageSolver::with_far_field(near, far));
             let error = relative_difference(dense.velocities(), iterated.velocities());
@@ -354,7 +378,13 @@ fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
     };
     let dense = solve(StageSolver::new(dense_resistance(&cell, &radii)));
     let tables = NearFields::default();
-    let near = Resistance::new_pairwise(Hydrodynamics::BallMelrose, &cell, &radii, &tables, &[]);
+    let near = Resistance::new_pairwise(
+        Hydrodynamics::StokesianDynamics,
+        &cell,
+        &radii,
+        &tables,
+        &[],
+    );
     let far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
     let iterated = solve(StageSolver::with_far_field(near.unwrap(), far));
     let error = relative_difference(&dense, &iterated);

@@ -346,8 +346,9 @@ impl CaseRow<'_> {
             );
             has_hash(&canonical, self.key)
         })?;
-        if physics == PHYSICS_VERSION {
-            return Some(self.case()?.key().to_string());
+        let case = self.case()?;
+        if physics == case.physics() {
+            return Some(case.key().to_string());
         }
         Some(hash(&format!(
             r#"{{"physics":{physics},"params":{params},"seed":{seed},"sample_stride":{sample_stride}}}"#
@@ -432,7 +433,7 @@ mod tests {
             case.seed, case.sample_stride
         );
         assert_eq!(row.key_of_today(), Some(hash(&without_steps)));
-        let of_today = format!(r#"{{"physics":{PHYSICS_VERSION},"#);
+        let of_today = format!(r#"{{"physics":{},"#, case.physics());
         let of_today = without_steps.replacen(r#"{"physics":3,"#, &of_today, 1);
         assert_eq!(case.key().to_string(), hash(&of_today));
         let other = CaseRow { steps: 1, ..row };

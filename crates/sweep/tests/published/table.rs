@@ -23,6 +23,7 @@
 use crate::pivot::{Pivot, Results};
 use std::fmt::Write as _;
 use std::path::Path;
+use sweep::campaign::Campaign;
 use sweep::format::Uncertain;
 
 /// How a table begins.
@@ -117,7 +118,10 @@ fn campaigns(folder: &Path) -> Result<String, String> {
             Some((time, physics.split_once(',')?.0))
         });
         let (time, physics) = parts.ok_or(format!("{name}.txt says no time or no physics"))?;
-        let is_present = physics == sweep::case::PHYSICS_VERSION.to_string();
+        let version: u32 = physics
+            .parse()
+            .map_err(|_| format!("{name}.txt says no version of the physics"))?;
+        let is_present = version >= needed(folder, name)?;
         lines.push(vec![
             name.to_owned(),
             format!("`scripts/published {name}`"),
@@ -126,6 +130,14 @@ fn campaigns(folder: &Path) -> Result<String, String> {
         ]);
     }
     Ok(markdown(&lines))
+}
+
+/// The version of the physics that last changed runs of a campaign.
+fn needed(folder: &Path, name: &str) -> Result<u32, String> {
+    let file = folder.join(format!("../../sweeps/{name}.toml"));
+    let campaign = Campaign::read(&file).map_err(|error| format!("{name}: {error}"))?;
+    let versions = campaign.cases.iter().map(|(_, case)| case.physics());
+    versions.max().ok_or(format!("{name} has no cases"))
 }
 
 /// What stands in the marker of a line: its parts, the first of them the files.

@@ -1,8 +1,8 @@
 //! Motion with contacts under an iterated far field.
 //!
 //! ```text
-//! given q and c:   contact forces and velocities under Ball-Melrose hydrodynamics and the forces −δ of the far field
-//! next:            M₀⁻¹ x + δ of both parts as in `split`
+//! given q and c:   contact forces and velocities under sparse hydrodynamics and the forces −δ of the far field
+//! next:            P x + δ of both parts as in `split`
 //! ```
 //! One evaluation solves one contact problem, whose forces and states are those of the evaluation before but for little.
 
@@ -20,7 +20,7 @@ pub struct Progress {
     pub residual: f64,
 }
 
-/// The map whose fixed point is sought along with the far field: a contact problem under Ball-Melrose hydrodynamics.
+/// The map whose fixed point is sought along with the far field: a contact problem under sparse hydrodynamics.
 pub trait FixedPointMap {
     /// Evaluates the map once.
     ///
@@ -65,7 +65,10 @@ impl IterativeFarField {
         check_length("forces", forces.len(), half)?;
         check_length("velocities", velocities.len(), half)?;
         check_length("near field", 3 * near.radii().len(), half)?;
-        self.work.uniform.update(near, &self.drag[half..]);
+        self.local.update(&self.drag, near);
+        self.work
+            .uniform
+            .update(near, &self.local, &self.drag[half..]);
         self.split.anderson.restart();
         let mut found = Convergence {
             residual: f64::INFINITY,
@@ -74,7 +77,7 @@ impl IterativeFarField {
         let mut best = f64::INFINITY;
         let result = loop {
             let work = &mut self.split;
-            work.take_flow(&mut self.operator, &self.drag, forces);
+            work.take_flow(&mut self.operator, &self.local, forces);
             let progress = Progress {
                 evaluations: found.evaluations,
                 residual: found.residual,
@@ -85,8 +88,8 @@ impl IterativeFarField {
                 Err(error) => break Err(error),
             };
             found.evaluations += 1;
-            work.take_change(&self.work.uniform, strain);
-            found.residual = work.relative_change();
+            work.take_change(&self.work.uniform, &self.local, strain);
+            found.residual = work.relative_residual();
             let done = found.residual <= self.residual && !changed;
             if done || found.iterations == self.most || !found.residual.is_finite() {
                 break Ok(done);
@@ -103,7 +106,7 @@ impl IterativeFarField {
         let work = &mut self.split;
         match result {
             Ok(true) => {
-                work.finish(&self.drag, &mut self.excess, velocities);
+                work.finish(&mut self.excess, velocities);
                 Ok(found)
             }
             Ok(false) => {

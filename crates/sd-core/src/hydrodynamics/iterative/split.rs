@@ -2,19 +2,19 @@
 //!
 //! ```text
 //! v_N: the motion under the forces N,   v_T: what the forces T add,   v = v_N + v_T
-//! R_BM v_N = F + R_n,FE E + Cᵀ f − δ_N,   R_BM v_T = −Dᵀ F_t − δ_T        contact law on v and the slip of v_N
-//! M q_N = (−E; v_N) − V c_N,   M q_T = (0; v_T) − V c_T                   q = M₀⁻¹ x + δ, Vᵀ q = 0 for each part
+//! R_P v_N = F + (R_n + P)_FE E + Cᵀ f − δ_N,   R_P v_T = −Dᵀ F_t − δ_T        contact law on v and the slip of v_N
+//! M q_N = (−E; v_N) − V c_N,   M q_T = (0; v_T) − V c_T                       q = P x + δ, Vᵀ q = 0 for each part
 //! ```
-//! Contacts are solved under Ball-Melrose hydrodynamics, on which the far field acts as the forces −δ. Given q and c, take
-//! `δ = q − M₀⁻¹ (M q + V c)` and let the spheres move; `M₀⁻¹ x + δ` is the next q, and c moves by what the pair terms would need to
+//! Contacts are solved under the sparse hydrodynamics R_P, on which the far field acts as the forces −δ. Given q and c, take
+//! `δ = q − P (M q + V c)` and let the spheres move; `P x + δ` is the next q, and c moves by what the pair terms would need to
 //! take up the force on the layer, `(Vᵀ R_n V)⁻¹ Vᵀ q`. This map is what the preconditioned conjugate gradients of [`super`]
 //! iterate; contacts make it piecewise linear, and friction takes its symmetry: [`super::fixed_point`] accelerates it, remembering many
 //! steps.
 
+use super::local::LocalResistance;
 use super::uniform::{Uniform, translation};
 use crate::hydrodynamics::far_field::operator::FarOperator;
 use crate::linalg::anderson::Anderson;
-use crate::linalg::dense::dot;
 use nalgebra::Vector3;
 
 /// Steps that the acceleration remembers.
@@ -30,9 +30,15 @@ pub(super) struct SplitMotion {
     densities: Vec<f64>,
     /// `M q + V c`.
     flow: Vec<f64>,
+    /// `P (M q + V c)`.
+    pushed: Vec<f64>,
+    /// P times the residual of one part, `[6N]`.
+    work: Vec<f64>,
+    /// The residual `x − M q − V c`.
+    residual: Vec<f64>,
     /// Change of `scaled` in one iteration, `[12N + 4]`.
     pub(super) change: Vec<f64>,
-    /// Forces on the Ball-Melrose spheres, `[6N]`.
+    /// Forces on the spheres under sparse hydrodynamics, `[6N]`.
     pub(super) forces: Vec<f64>,
     /// Velocities, `[6N]`.
     pub(super) velocities: Vec<f64>,
@@ -51,6 +57,9 @@ impl SplitMotion {
             roots,
             densities: vec![0.0; 2 * n],
             flow: vec![0.0; 2 * n],
+            pushed: vec![0.0; 2 * n],
+            work: vec![0.0; n],
+            residual: vec![0.0; 2 * n],
             change: vec![0.0; 2 * n + 4],
             forces: vec![0.0; n],
             velocities: vec![0.0; n],
@@ -63,8 +72,28 @@ impl SplitMotion {
         self.scaled.fill(0.0);
     }
 
-    /// Norm of `change` over that of the next `√M₀ q` of both parts together: near jamming the two are large and all but cancel.
-    pub(super) fn relative_change(&self) -> f64 {
+    /// Rounds `scaled` to single precision.
+    pub(super) fn round(&mut self) {
+        for x in &mut self.scaled {
+            *x = f64::from(single(*x));
+        }
+    }
+
+    /// `scaled` in single precision.
+    pub(super) fn found(&self) -> Vec<f32> {
+        self.scaled.iter().map(|&x| single(x)).collect()
+    }
+
+    /// Takes back what [`SplitMotion::found`] gave.
+    pub(super) fn start_from(&mut self, found: &[f32]) {
+        for (x, &found) in self.scaled.iter_mut().zip(found) {
+            *x = f64::from(found);
+        }
+    }
+
+    /// Norm of the residual, as a change of `scaled` under isolated drag, over that of the next `√M₀ q` of both parts together: near
+    /// jamming the two are large and all but cancel.
+    pub(super) fn relative_residual(&self) -> f64 {
         let part = (self.roots.len() - 4) / 2;
         let next: f64 = (0..part)
             .map(|k| {
@@ -72,7 +101,12 @@ impl SplitMotion {
                 (n + t) * (n + t)
             })
             .sum();
-        let square = dot(&self.change, &self.change);
+        let rows = self.residual.iter().zip(&self.roots);
+        let translations = &self.change[2 * part..];
+        let square = rows
+            .map(|(r, root)| r * r * root * root)
+            .chain(translations.iter().map(|c| c * c))
+            .sum::<f64>();
         if square > 0.0 {
             (square / next).sqrt()
         } else {
@@ -80,11 +114,16 @@ impl SplitMotion {
         }
     }
 
-    /// Computes `M q`, and with it the forces on the Ball-Melrose spheres.
+    /// Computes `M q`, and with it the forces on the spheres under sparse hydrodynamics.
     ///
-    /// `drag`: the diagonal of M₀⁻¹, `[6N]`; `forces`: on the spheres, `[3N]`.
-    pub(super) fn take_flow(&mut self, operator: &mut FarOperator, drag: &[f64], forces: &[f64]) {
-        let whole = drag.len();
+    /// `forces`: on the spheres, `[3N]`.
+    pub(super) fn take_flow(
+        &mut self,
+        operator: &mut FarOperator,
+        local: &LocalResistance,
+        forces: &[f64],
+    ) {
+        let whole = self.velocities.len();
         let half = whole / 2;
         for ((q, scaled), root) in self.densities.iter_mut().zip(&self.scaled).zip(&self.roots) {
             *q = scaled * root;
@@ -102,15 +141,24 @@ impl SplitMotion {
             });
             for k in 0..half {
                 flow[half + k] += translation(c, k);
+            }
+            let pushed = &mut self.pushed[part * whole..(part + 1) * whole];
+            local.apply(flow, pushed);
+            for k in 0..half {
                 let external = if part == 0 { forces[k] } else { 0.0 };
-                let excess = q[half + k] - drag[half + k] * flow[half + k];
+                let excess = q[half + k] - pushed[half + k];
                 self.forces[part * half + k] = external - excess;
             }
         }
     }
 
-    /// Computes the change for the velocities found: `√M₀⁻¹ (x − M q − V c)`, and that of c.
-    pub(super) fn take_change(&mut self, uniform: &Uniform, strain: &Vector3<f64>) {
+    /// Computes the residual of the velocities found, and the changes for them: `√M₀ P (x − M q − V c)`, and that of c.
+    pub(super) fn take_change(
+        &mut self,
+        uniform: &Uniform,
+        local: &LocalResistance,
+        strain: &Vector3<f64>,
+    ) {
         let whole = self.velocities.len();
         let half = whole / 2;
         for part in 0..2 {
@@ -121,7 +169,12 @@ impl SplitMotion {
                     _ => 0.0,
                 };
                 let at = part * whole + k;
-                self.change[at] = self.roots[at] * (x - self.flow[at]);
+                self.residual[at] = x - self.flow[at];
+            }
+            let rows = part * whole..(part + 1) * whole;
+            local.apply(&self.residual[rows.clone()], &mut self.work);
+            for (at, pushed) in rows.zip(&self.work) {
+                self.change[at] = pushed / self.roots[at];
             }
             // The next q, whose sum the pair terms are to take up.
             let mut net = [0.0; 2];
@@ -138,16 +191,22 @@ impl SplitMotion {
     }
 
     /// Writes the excess δ `[6N]` of both parts together, and the sum of their velocities `[3N]`.
-    pub(super) fn finish(&self, drag: &[f64], excess: &mut [f64], velocities: &mut [f64]) {
-        let whole = drag.len();
+    pub(super) fn finish(&self, excess: &mut [f64], velocities: &mut [f64]) {
+        let whole = excess.len();
         let half = whole / 2;
         let (n, t) = self.velocities.split_at(half);
         for ((v, n), t) in velocities.iter_mut().zip(n).zip(t) {
             *v = n + t;
         }
         for (k, excess) in excess.iter_mut().enumerate() {
-            let parts = [k, k + whole].map(|at| self.densities[at] - drag[k] * self.flow[at]);
+            let parts = [k, k + whole].map(|at| self.densities[at] - self.pushed[at]);
             *excess = parts[0] + parts[1];
         }
     }
+}
+
+/// The nearest number of single precision.
+#[expect(clippy::cast_possible_truncation, reason = "to round is what is meant")]
+fn single(x: f64) -> f32 {
+    x as f32
 }

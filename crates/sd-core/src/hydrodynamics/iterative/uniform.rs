@@ -1,22 +1,30 @@
 //! Translations of the layer as a whole: what resists them, and what keeps the far field's forces adding up to zero.
 
 use super::ball_melrose::BallMelroseSolver;
+use super::local::LocalResistance;
 use crate::hydrodynamics::resistance::Resistance;
+use crate::linalg::dense::add_scaled;
 use nalgebra::Vector3;
 
 /// Resistance of the pair terms to a translation, over isolated drag, below which it counts as none.
 const LEAST: f64 = 1e-9;
 
-/// The two translations V at one set of positions, under Ball-Melrose hydrodynamics.
+/// The two translations V at one set of positions, under sparse hydrodynamics.
 #[derive(Default)]
 pub(super) struct Uniform {
+    /// `P (0; V)`, two vectors `[6N]`.
+    pushed: [Vec<f64>; 2],
     /// `R_n V`, two vectors `[3N]`.
     resisted: [Vec<f64>; 2],
-    /// `R_BM⁻¹ R_n V`, two vectors `[3N]`; `W V` over drag.
+    /// `R_P⁻¹ R_n V`, as `(0; ·)`, two vectors `[6N]`.
     answers: [Vec<f64>; 2],
+    /// P times that, two vectors `[6N]`: `W (0; V)`.
+    pushed_answers: [Vec<f64>; 2],
+    /// Drag of all spheres, isolated, along one direction.
+    drag: f64,
     /// Inverse of `Vᵀ R_n V` or of `Vᵀ W V`, zero where these are.
     inverse: [[f64; 2]; 2],
-    /// A translation of all spheres, `[3N]`.
+    /// A translation of all spheres, `(0; V)`, `[6N]`.
     velocities: Vec<f64>,
     work: Vec<f64>,
     /// Stresslets that come with the forces and are not used.
@@ -25,66 +33,58 @@ pub(super) struct Uniform {
 
 impl Uniform {
     /// Computes how the pair terms resist translations; `drag` is that of the velocity rows, `[3N]`.
-    pub(super) fn update(&mut self, near: &Resistance, drag: &[f64]) {
+    pub(super) fn update(&mut self, near: &Resistance, local: &LocalResistance, drag: &[f64]) {
+        let half = drag.len();
         for c in 0..2 {
             let velocity = &mut self.velocities;
             velocity.clear();
-            velocity.resize(drag.len(), 0.0);
-            velocity
+            velocity.resize(2 * half, 0.0);
+            velocity[half..]
                 .iter_mut()
                 .skip(c)
                 .step_by(3)
                 .for_each(|v| *v = 1.0);
             let (force, strain) = (&mut self.resisted[c], Vector3::zeros());
             near.apply(
-                velocity,
+                &velocity[half..],
                 &strain,
                 &mut self.work,
                 force,
                 &mut self.stresslets,
             );
-            for ((force, v), drag) in force.iter_mut().zip(&*velocity).zip(drag) {
-                *force -= drag * v;
-            }
+            let pushed = &mut self.pushed[c];
+            pushed.resize(2 * half, 0.0);
+            local.apply(velocity, pushed);
+            add_scaled(force, &pushed[half..], -1.0);
         }
-        self.invert(drag, |own, _| own.map(translations));
+        let [a, b] = &self.resisted;
+        self.drag = drag.iter().step_by(3).sum();
+        self.invert([a, b].map(|force| translations(force)));
     }
 
     /// Solves for the motion that the translations' resistance drives: `Vᵀ W V`.
     pub(super) fn solve(
         &mut self,
         near: &Resistance,
+        local: &LocalResistance,
         solver: &mut BallMelroseSolver,
-        drag: &[f64],
     ) {
-        for (answer, force) in self.answers.iter_mut().zip(&self.resisted) {
+        for c in 0..2 {
+            let (answer, half) = (&mut self.answers[c], self.resisted[c].len());
             answer.clear();
-            answer.extend_from_slice(force);
-            solver.solve(near, answer);
+            answer.resize(half, 0.0);
+            answer.extend_from_slice(&self.resisted[c]);
+            solver.solve(near, &mut answer[half..]);
+            self.pushed_answers[c].resize(2 * half, 0.0);
+            local.apply(answer, &mut self.pushed_answers[c]);
         }
-        self.invert(drag, |_, answers| {
-            answers.map(|answer| {
-                let mut sums = [0.0; 2];
-                for (k, (answer, drag)) in answer.iter().zip(drag).enumerate() {
-                    if k % 3 < 2 {
-                        sums[k % 3] += drag * answer;
-                    }
-                }
-                sums
-            })
-        });
+        let [a, b] = &self.pushed_answers;
+        self.invert([a, b].map(|force| translations(&force[force.len() / 2..])));
     }
 
-    /// Inverts what a product with V is of the resisted and of the answers; whole drag is the scale.
-    fn invert(
-        &mut self,
-        drag: &[f64],
-        product: impl FnOnce([&[f64]; 2], [&[f64]; 2]) -> [[f64; 2]; 2],
-    ) {
-        let [a, b] = &self.resisted;
-        let [c, d] = &self.answers;
-        let m = product([a, b], [c, d]);
-        let least = LEAST * drag.iter().step_by(3).sum::<f64>();
+    /// Inverts the products of V with two vectors, symmetric up to rounding; whole drag is the scale.
+    fn invert(&mut self, m: [[f64; 2]; 2]) {
+        let least = LEAST * self.drag;
         let off = 0.5 * (m[0][1] + m[1][0]);
         let determinant = m[0][0] * m[1][1] - off * off;
         self.inverse = if determinant > least * least {
@@ -102,9 +102,20 @@ impl Uniform {
         self.inverse.map(|row| row[0] * net[0] + row[1] * net[1])
     }
 
-    /// `R_BM⁻¹ R_n V c` in row k.
+    /// `R_P⁻¹ R_n V c` in velocity row k of `[3N]`.
     pub(super) fn answer(&self, c: [f64; 2], k: usize) -> f64 {
-        self.answers[0][k] * c[0] + self.answers[1][k] * c[1]
+        let half = self.resisted[0].len();
+        self.answers[0][half + k] * c[0] + self.answers[1][half + k] * c[1]
+    }
+
+    /// `P (0; V c)` in row k of `[6N]`.
+    pub(super) fn pushed(&self, c: [f64; 2], k: usize) -> f64 {
+        self.pushed[0][k] * c[0] + self.pushed[1][k] * c[1]
+    }
+
+    /// `P (0; R_P⁻¹ R_n V c)` in row k of `[6N]`.
+    pub(super) fn pushed_answer(&self, c: [f64; 2], k: usize) -> f64 {
+        self.pushed_answers[0][k] * c[0] + self.pushed_answers[1][k] * c[1]
     }
 }
 

@@ -10,7 +10,7 @@ use crate::linalg::simd::vectorised;
 
 /// Pairs closer than this, in s', must be in the pattern of the near part. What is left out counts by its diagonal blocks; with these
 /// limits conjugate gradients then gain a factor of about thirty in each iteration.
-const NEAR: f64 = 2.4;
+pub(super) const NEAR: f64 = 2.4;
 /// A new pattern takes in pairs up to this, in s', so that it serves for a while.
 const PATTERN: f64 = 2.7;
 

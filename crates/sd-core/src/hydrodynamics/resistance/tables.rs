@@ -64,7 +64,7 @@ pub(super) struct BySizes<T> {
 
 impl<T> BySizes<T> {
     /// Makes it for every pair of sizes in order.
-    fn new(
+    pub(super) fn new(
         radii: &[f64],
         mut make: impl FnMut([f64; 2]) -> Result<T, Error>,
     ) -> Result<Self, Error> {
@@ -90,7 +90,7 @@ impl<T> BySizes<T> {
 
     /// That of spheres i and j.
     #[inline(always)]
-    fn of(&self, i: usize, j: usize) -> &T {
+    pub(super) fn of(&self, i: usize, j: usize) -> &T {
         &self.pairs[self.size_count * self.sizes[i] + self.sizes[j]]
     }
 }

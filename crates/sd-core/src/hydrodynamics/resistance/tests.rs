@@ -1,6 +1,8 @@
 //! Forms of the resistance beside each other.
 
 use super::*;
+use nalgebra::SVector;
+use std::f64::consts::PI;
 
 /// Four spheres, each near another, in a cell.
 fn layer() -> (Cell, Vec<Vec2>, Vec<f64>) {
@@ -36,4 +38,60 @@ fn a_spring_pulls_its_two_spheres_whichever_way_the_resistance_is_held() {
     for (force, found) in forces.iter().zip(&found) {
         assert!((force - found).abs() < 1e-12, "{force} {found}");
     }
+}
+
+#[test]
+fn far_pairs_leave_a_positive_definite_resistance() {
+    // Touching spheres on a hexagonal lattice, where every sphere has six: pairs summed up would leave less than nothing.
+    let (rows, distance) = (8, 2.02);
+    let height = distance * 0.75_f64.sqrt();
+    let cell = Cell::periodic(
+        f64::from(rows) * distance,
+        f64::from(rows) * height,
+        f64::from(rows / 2) * distance,
+    )
+    .unwrap();
+    let centres: Vec<Vec2> = (0..rows * rows)
+        .map(|k| {
+            let (column, row) = (f64::from(k % rows), f64::from(k / rows));
+            Vec2::new(distance * (column + 0.5 * row), height * row)
+        })
+        .collect();
+    let radii = vec![1.0; centres.len()];
+    let tables = NearFields::default();
+    let full = Hydrodynamics::StokesianDynamics;
+    let mut near = Resistance::new_pairwise(full, &cell, &radii, &tables, &[]).unwrap();
+    near.assemble(&cell, &centres).unwrap();
+    let drag = PI * 6.0;
+    let together = SVector::<f64, 6>::new(1.0, 0.0, 0.0, 1.0, 0.0, 0.0);
+    let (mut added, mut pairs) = (0.0, 0);
+    for (pair, term) in near.far_pairs() {
+        added += (term.force_velocity(pair.normal) * together).dot(&together);
+        pairs += 1;
+    }
+    assert_eq!(pairs, 3 * centres.len());
+    let left = 1.0 + added / (drag * centres.len() as f64);
+    assert!(left > 0.05 && left < 0.5, "{left}");
+}
+
+#[test]
+fn far_pair_alone_is_the_whole_two_sphere_resistance() {
+    let cell = Cell::periodic(30.0, 30.0, 0.0).unwrap();
+    let centres = [Vec2::new(0.0, 0.0), Vec2::new(2.1, 0.0)];
+    let tables = NearFields::default();
+    let resisted = |hydrodynamics, v: &[f64]| {
+        let mut near =
+            Resistance::new_pairwise(hydrodynamics, &cell, &[1.0; 2], &tables, &[]).unwrap();
+        near.assemble(&cell, &centres).unwrap();
+        let (mut work, mut forces, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
+        let strain = Vector3::zeros();
+        near.apply(v, &strain, &mut work, &mut forces, &mut stresslets);
+        forces
+    };
+    // Two touching spheres that move side by side: 6π 0.6453 each along their line (Stimson & Jeffery 1926), a little more apart.
+    let both = [1.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+    let whole = resisted(Hydrodynamics::StokesianDynamics, &both)[0] / (6.0 * PI);
+    assert!((whole - 0.65).abs() < 0.01, "{whole}");
+    let without = resisted(Hydrodynamics::BallMelrose, &both)[0] / (6.0 * PI);
+    assert!(without > 0.9, "{without}");
 }

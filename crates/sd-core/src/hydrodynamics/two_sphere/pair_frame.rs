@@ -175,6 +175,22 @@ pub(super) fn expand(entries: &[f64; ENTRIES]) -> PairMatrix {
     basis * reduced * basis.transpose()
 }
 
+/// Entries of the drag of both spheres, each alone.
+pub(super) fn isolated_entries(radii: [f64; 2]) -> [f64; ENTRIES] {
+    let mut out = [0.0; ENTRIES];
+    for (sphere, radius) in radii.into_iter().enumerate() {
+        let drag = self_mobility(radius).map(f64::recip);
+        let (velocity, strain) = (2 * sphere, 2 * sphere + 1);
+        out[axial(velocity, velocity)] = drag[0];
+        out[axial(strain, strain)] = drag[3];
+        out[transverse(sphere, sphere)] = drag[3];
+        for (row, mode) in [1, 2, 4].into_iter().enumerate() {
+            out[odd(3 * sphere + row, 3 * sphere + row)] = drag[mode];
+        }
+    }
+    out
+}
+
 /// Entries of the inverse of the far-field mobility of the pair alone.
 ///
 /// Positive definite and finite at every gap, contact included.

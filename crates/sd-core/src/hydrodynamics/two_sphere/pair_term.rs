@@ -70,6 +70,22 @@ impl PairTerm {
         Self { entries: *entries }
     }
 
+    /// The same times a factor.
+    #[inline]
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
+        Self {
+            entries: self.entries.map(|entry| factor * entry),
+        }
+    }
+
+    /// Adds another term of the same pair.
+    #[inline]
+    pub(crate) fn add(&mut self, other: &Self) {
+        for (entry, other) in self.entries.iter_mut().zip(other.entries) {
+            *entry += other;
+        }
+    }
+
     #[inline]
     fn axial(&self, row: usize, column: usize) -> f64 {
         self.entries[axial(row, column)]
@@ -119,6 +135,43 @@ impl PairTerm {
                 self.odd(3 * p + 1, 3 * q + 1),
             ],
         ]
+    }
+
+    /// Block (p, q) of the whole matrix, by columns: `(s1, s2, s3, F_x, F_y, T)` of sphere p from `(−e1, −e2, −e3, U_x, U_y, Ω)` of q.
+    #[inline]
+    pub(crate) fn mode_block(&self, n: Vec2, p: usize, q: usize) -> [[f64; 6]; 6] {
+        let (velocity, strain) = (|k: usize| 2 * k, |k: usize| 2 * k + 1);
+        let transverse = self.entries[transverse(p, q)];
+        let stretch = self.axial(strain(p), strain(q));
+        let mut block = [[0.0; 6]; 6];
+        // In the frame of the pair, where the axial strain is (√3/2, ·, 1/2) and the transverse one (−1/2, ·, √3/2).
+        block[0][0] = 0.75 * stretch + 0.25 * transverse;
+        block[2][2] = 0.25 * stretch + 0.75 * transverse;
+        block[0][2] = 0.5 * ROOT * (stretch - transverse);
+        block[2][0] = block[0][2];
+        let push = self.axial(velocity(p), strain(q));
+        (block[0][3], block[2][3]) = (ROOT * push, 0.5 * push);
+        let pull = self.axial(strain(p), velocity(q));
+        (block[3][0], block[3][2]) = (ROOT * pull, 0.5 * pull);
+        block[3][3] = self.axial(velocity(p), velocity(q));
+        let modes = [4, 5, 1];
+        for (row, &to) in modes.iter().enumerate() {
+            for (column, &from) in modes.iter().enumerate() {
+                block[from][to] = self.odd(3 * p + row, 3 * q + column);
+            }
+        }
+        // To the frame of the layer: velocities turn by θ, strains by 2θ.
+        let turns = [(0, double_angle(n)), (3, (n.x, n.y))];
+        for (first, (c, s)) in turns {
+            for column in &mut block {
+                let (x, y) = (column[first], column[first + 1]);
+                (column[first], column[first + 1]) = (c * x - s * y, s * x + c * y);
+            }
+            let (x, y) = (block[first], block[first + 1]);
+            block[first] = std::array::from_fn(|row| c * x[row] - s * y[row]);
+            block[first + 1] = std::array::from_fn(|row| s * x[row] + c * y[row]);
+        }
+        block
     }
 
     /// `R_FE e`: forces and torques of both from strains `(e1, e2, e3)` of both.
@@ -227,6 +280,18 @@ mod tests {
         ];
         for (found, expected) in pairs {
             assert!((found - expected).norm() < 1e-13, "{found} {expected}");
+        }
+        // Modes of a block are strains first.
+        let order = [3, 4, 5, 0, 1, 2];
+        for p in 0..2 {
+            for q in 0..2 {
+                for (column, entries) in pair.mode_block(n, p, q).into_iter().enumerate() {
+                    for (row, entry) in entries.into_iter().enumerate() {
+                        let expected = lab[(6 * p + order[row], 6 * q + order[column])];
+                        assert!((entry - expected).abs() < 1e-13, "{row} {column}");
+                    }
+                }
+            }
         }
     }
 }

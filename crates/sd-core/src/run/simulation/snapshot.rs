@@ -8,6 +8,7 @@ use crate::error::Error;
 use crate::geometry::pair::PairKey;
 use crate::model::{ContactScheme, Params, StartLayer};
 use crate::run::start;
+use crate::stage::Method;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`Snapshot`].
@@ -35,6 +36,10 @@ pub struct Snapshot {
     /// them.
     #[serde(default)]
     pub near_pairs: Vec<PairKey>,
+    /// Where the far field is iterated, from what the next solve starts, `[12N + 4]`: force modes that the last one found, and what goes
+    /// with them, in single precision. Empty before the first step, and where nothing is iterated.
+    #[serde(default)]
+    pub far_field: Vec<f32>,
     /// F_crit at the last stage, in mu·a²·rate, where the stress is imposed; forces of tangential springs belong to it. `None` before the
     /// first stage, and where the rate is imposed.
     #[serde(default)]
@@ -167,7 +172,13 @@ impl Snapshot {
         {
             return refuse("near pairs of spheres that are not there, or not in order");
         }
+        let iterated = Method::of(params) == Method::Iterated;
+        let expected = if iterated { 12 * n + 4 } else { 0 };
+        if !(self.far_field.is_empty() || self.far_field.len() == expected) {
+            return refuse("a far field of another number of spheres");
+        }
         let finite = self.centres.iter().flatten().all(|x| x.is_finite())
+            && self.far_field.iter().all(|x| x.is_finite())
             && self.orientations.iter().all(|x| x.is_finite());
         if !finite {
             return refuse("not all numbers are finite");

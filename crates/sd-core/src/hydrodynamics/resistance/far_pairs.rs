@@ -1,0 +1,69 @@
+//! The far field of near pairs, each pair alone: a sparse resistance near that of the whole far field, which is iterated on top of it.
+//!
+//! ```text
+//! P = D + Σ_near θ_ij (R2B∞ − D_ij),   θ_ij = min(1, LARGEST / max(w_i, w_j)),   w_i = Σ_j w_ij
+//! ```
+//! With θ = 1 a pair far from others is exact. A sphere among many moves with all of them, which pairs summed up would count too
+//! often: as `R2B∞ − D ≥ −w_ij D`, these θ keep P at least `(1 − LARGEST) D`. Of isolated spheres alone, `P = D`, the iteration takes
+//! about twice as many steps.
+
+use super::pairwise::NEAR;
+use super::tables::BySizes;
+use crate::error::Error;
+use crate::geometry::pair::Neighbours;
+use crate::hydrodynamics::two_sphere::{FarPair, PairTerm, check_size_ratio};
+
+/// Largest share of its drag that a sphere's pairs may take away.
+const LARGEST: f64 = 0.95;
+
+/// `θ (R2B∞ − D)` of near pairs.
+pub(super) struct FarPairs {
+    tables: BySizes<FarPair>,
+    /// Number of each near pair among all pairs, and its term.
+    terms: Vec<(usize, PairTerm)>,
+    /// w of each sphere.
+    totals: Vec<f64>,
+}
+
+impl FarPairs {
+    /// Tables for spheres of the given radii.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a size ratio outside 0.01 to 100.
+    pub(super) fn new(radii: &[f64]) -> Result<Self, Error> {
+        let tables = BySizes::new(radii, |radii| {
+            check_size_ratio(radii[1] / radii[0])?;
+            Ok(FarPair::new(radii, NEAR))
+        });
+        Ok(Self {
+            tables: tables?,
+            terms: Vec::new(),
+            totals: vec![0.0; radii.len()],
+        })
+    }
+
+    /// Finds the terms of the near ones among all pairs, and adds them to those that `terms` has.
+    pub(super) fn add(&mut self, radii: &[f64], pairs: &[Neighbours], terms: &mut [PairTerm]) {
+        self.terms.clear();
+        self.totals.fill(0.0);
+        for (number, pair) in pairs.iter().enumerate() {
+            if pair.distance < 0.5 * NEAR * (radii[pair.i] + radii[pair.j]) {
+                let (term, weight) = self.tables.of(pair.i, pair.j).evaluate(pair.distance);
+                self.terms.push((number, term));
+                self.totals[pair.i] += weight;
+                self.totals[pair.j] += weight;
+            }
+        }
+        for (number, term) in &mut self.terms {
+            let pair = &pairs[*number];
+            let most = self.totals[pair.i].max(self.totals[pair.j]);
+            *term = term.scaled((LARGEST / most).min(1.0));
+            terms[*number].add(term);
+        }
+    }
+
+    /// The terms, with the numbers of their pairs.
+    pub(super) fn terms(&self) -> &[(usize, PairTerm)] {
+        &self.terms
+    }
+}

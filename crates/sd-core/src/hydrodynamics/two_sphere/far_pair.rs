@@ -1,0 +1,116 @@
+//! The far field of two spheres alone, as a function of their distance.
+//!
+//! ```text
+//! R2B∞ − D,   D the drag of both spheres isolated,   w = 1 − λ_min(D^−1/2 R2B∞ D^−1/2)
+//! ```
+//! w says how much less than isolated drag the pair can resist: `R2B∞ − D ≥ −w D`.
+
+use super::pair_frame::{self, ENTRIES};
+use super::pair_term::PairTerm;
+use crate::hydrodynamics::far_field::unbounded::self_mobility;
+use nalgebra::SVector;
+use std::f64::consts::PI;
+
+/// Nodes of the polynomials, which have one degree less: 1e-6 of the drag, test `polynomials_meet_the_inverse_mobility`.
+const NODES: usize = 8;
+/// The entries, and w.
+const LANES: usize = ENTRIES + 1;
+/// Least distance in s'; nearer pairs, which overlap, have the term of this one.
+const LEAST: f64 = 2.0;
+
+/// `R2B∞ − D` of two spheres of given radii.
+pub(crate) struct FarPair {
+    /// Half the sum of the radii, in a.
+    mean_radius: f64,
+    /// Largest distance in s'.
+    range: f64,
+    /// Coefficients by Chebyshev polynomial of the distance between [`LEAST`] and the range.
+    coefficients: [[f64; LANES]; NODES],
+}
+
+impl FarPair {
+    /// Tabulates the term up to a distance in s', above 2.
+    pub(crate) fn new(radii: [f64; 2], range: f64) -> Self {
+        let mean_radius = 0.5 * (radii[0] + radii[1]);
+        let angle = |node: usize| PI * (node as f64 + 0.5) / NODES as f64;
+        let mut coefficients = [[0.0; LANES]; NODES];
+        for node in 0..NODES {
+            let place = 0.5 * (1.0 + angle(node).cos());
+            let distance = mean_radius * (LEAST + (range - LEAST) * place);
+            let values = values(radii, distance);
+            for (degree, coefficients) in coefficients.iter_mut().enumerate() {
+                let share = if degree == 0 { 1.0 } else { 2.0 } / NODES as f64;
+                let weight = share * (degree as f64 * angle(node)).cos();
+                for (coefficient, value) in coefficients.iter_mut().zip(values) {
+                    *coefficient += weight * value;
+                }
+            }
+        }
+        Self {
+            mean_radius,
+            range,
+            coefficients,
+        }
+    }
+
+    /// The term of a pair in range, and w; `distance` between the centres, in a.
+    #[inline(always)]
+    pub(crate) fn evaluate(&self, distance: f64) -> (PairTerm, f64) {
+        let place = (distance / self.mean_radius - LEAST) / (self.range - LEAST);
+        let x = 2.0 * place.clamp(0.0, 1.0) - 1.0;
+        let (mut before, mut polynomial) = (x, 1.0_f64);
+        let mut sums = [0.0; LANES];
+        for coefficients in &self.coefficients {
+            for (sum, coefficient) in sums.iter_mut().zip(coefficients) {
+                *sum = polynomial.mul_add(*coefficient, *sum);
+            }
+            (before, polynomial) = (polynomial, 2.0 * x * polynomial - before);
+        }
+        let entries: &[f64; ENTRIES] = sums.first_chunk().expect("more lanes than entries");
+        (PairTerm::new(entries), sums[ENTRIES])
+    }
+}
+
+/// The entries of `R2B∞ − D`, then w.
+fn values(radii: [f64; 2], distance: f64) -> [f64; LANES] {
+    let far = pair_frame::far_field_entries(radii, distance);
+    let mut roots = SVector::<f64, 12>::zeros();
+    for (sphere, radius) in radii.into_iter().enumerate() {
+        let mobility = self_mobility(radius).map(f64::sqrt);
+        roots.fixed_rows_mut::<6>(6 * sphere).copy_from(&mobility);
+    }
+    let scaled = pair_frame::expand(&far).component_mul(&(roots * roots.transpose()));
+    let mut values = [0.0; LANES];
+    values[..ENTRIES].copy_from_slice(&far);
+    for (entry, drag) in values.iter_mut().zip(pair_frame::isolated_entries(radii)) {
+        *entry -= drag;
+    }
+    values[ENTRIES] = 1.0 - scaled.symmetric_eigenvalues().min();
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polynomials_meet_the_inverse_mobility() {
+        for radii in [[1.0, 1.0], [1.0, 1.4], [1.4, 1.0], [1.0, 3.0]] {
+            let table = FarPair::new(radii, 2.4);
+            let mean = 0.5 * (radii[0] + radii[1]);
+            let drag = pair_frame::isolated_entries(radii);
+            let largest = drag.into_iter().fold(0.0, f64::max);
+            for k in 0..=20 {
+                let distance = mean * (2.0 + 0.02 * f64::from(k));
+                let (term, weight) = table.evaluate(distance);
+                let expected = values(radii, distance);
+                let exact = pair_frame::far_field_entries(radii, distance);
+                let found = term.matrix() + pair_frame::expand(&drag);
+                let error = (found - pair_frame::expand(&exact)).abs().max();
+                assert!(error < 1e-6 * largest, "{radii:?} {distance}: {error:e}");
+                assert!((weight - expected[ENTRIES]).abs() < 1e-5, "{weight}");
+                assert!(weight > 0.0 && weight < 1.0, "{weight}");
+            }
+        }
+    }
+}
