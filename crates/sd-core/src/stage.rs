@@ -248,8 +248,13 @@ impl StageSolver {
                             decided: DECIDING / CLOSER,
                         };
                         let strain = background.strain();
-                        far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
-                        let quality = map.quality;
+                        let found = far
+                            .solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
+                        let mut quality = map.quality;
+                        if !found.converged {
+                            // A flow that the spheres are subjected to besides the background.
+                            quality.residual = quality.residual.max(found.residual);
+                        }
                         contacts.take_motion(velocities);
                         contacts.keep_springs(&posed, &mut memory.springs);
                         Ok(quality)

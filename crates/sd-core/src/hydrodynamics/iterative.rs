@@ -52,6 +52,8 @@ pub struct Convergence {
     pub evaluations: u32,
     /// Relative residual reached.
     pub residual: f64,
+    /// Whether it is the one asked for.
+    pub converged: bool,
 }
 
 /// The far field of Stokesian Dynamics, iterated on top of a [`Resistance`] without it. Memory is O(N).
@@ -64,7 +66,7 @@ pub struct IterativeFarField {
     local: LocalResistance,
     /// Relative residual to be reached.
     residual: f64,
-    /// Limit of the iterations of one solve.
+    /// Limit of the iterations of one solve without contacts.
     most: u32,
     /// δ of the last solve, `[6N]`.
     excess: Vec<f64>,
@@ -101,7 +103,7 @@ struct Work {
 impl IterativeFarField {
     /// Default of the relative residual to be reached.
     pub const DEFAULT_RESIDUAL: f64 = 1e-6;
-    /// Default limit of the iterations of one solve.
+    /// Default limit of the iterations of one solve without contacts.
     pub const MOST_ITERATIONS: u32 = 300;
 
     /// Makes a plan for cells of the given sides.
@@ -157,7 +159,7 @@ impl IterativeFarField {
         })
     }
 
-    /// Sets another limit of the iterations of one solve than [`IterativeFarField::MOST_ITERATIONS`].
+    /// Sets another limit of the iterations of one solve without contacts than [`IterativeFarField::MOST_ITERATIONS`].
     pub fn limit_iterations(&mut self, most: u32) {
         self.most = most;
     }
@@ -266,6 +268,7 @@ impl IterativeFarField {
                     iterations,
                     evaluations: 0,
                     residual: reached,
+                    converged: true,
                 });
             }
             if !reached.is_finite() || iterations == self.most {

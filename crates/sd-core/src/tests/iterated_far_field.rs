@@ -6,6 +6,7 @@ use crate::contact::laws::{Laws, NormalForce, Span};
 use crate::contact::{Contact, ContactMemory, ContactState, Surface};
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2, strain_tensor};
+use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::iterative::{Convergence, IterativeFarField};
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
@@ -253,6 +254,59 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
             );
         }
     }
+}
+
+/// A map that gives another answer at every call: its velocities are off by `size` to either side in turn.
+struct Flipping<'a> {
+    near: &'a Resistance,
+    size: f64,
+}
+
+impl FixedPointMap for Flipping<'_> {
+    fn evaluate(
+        &mut self,
+        forces: &[f64],
+        _: Progress,
+        velocities: &mut [f64],
+    ) -> Result<bool, Error> {
+        self.size = -self.size;
+        let (v, v_t) = velocities.split_at_mut(forces.len() / 2);
+        let mut rows = Vec::new();
+        self.near.to_rows(&forces[..v.len()], &mut rows);
+        self.near.solver().solve(&mut rows);
+        self.near.from_rows(&rows, v);
+        for (k, v) in v.iter_mut().enumerate() {
+            *v += self.size * (k as f64).sin();
+        }
+        v_t.fill(0.0);
+        Ok(false)
+    }
+}
+
+#[test]
+fn contacts_that_do_not_settle_leave_the_best_motion_and_say_so() {
+    let (cell, centres, radii) = sheared(&params(40, 1.0));
+    let (near, forces) = near_factored(&cell, &centres, &radii, &external(40));
+    let strain = Background::SHEAR.strain();
+    let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
+    far.update(&cell, &centres).unwrap();
+    let (mut settled, mut v) = (vec![0.0; 120], vec![0.0; 120]);
+    far.solve(&near, &strain, &forces, &mut settled).unwrap();
+    let mut solve = |size, v: &mut [f64]| {
+        far.forget();
+        let mut map = Flipping { near: &near, size };
+        far.solve_fixed_point(&near, &mut map, &strain, &forces, v)
+    };
+    assert!(solve(0.0, &mut v).unwrap().converged);
+    assert!(relative_difference(&settled, &v) < 1e-5);
+    let found = solve(1e-3, &mut v).unwrap();
+    assert!(!found.converged && found.evaluations >= 100, "{found:?}");
+    assert!(found.residual > 1e-5 && found.residual < 1e-2, "{found:?}");
+    assert!(relative_difference(&settled, &v) < 0.05);
+    assert!(matches!(
+        solve(10.0, &mut v),
+        Err(Error::NotConverged { .. })
+    ));
 }
 
 #[test]

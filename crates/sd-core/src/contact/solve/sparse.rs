@@ -19,6 +19,7 @@ pub(crate) mod products;
 use self::linear::Linear;
 use self::products::ContactProducts;
 use super::problem::{Driving, Forces, Grip, Noise, Problem, States, System, largest};
+use crate::contact::Quality;
 use crate::contact::laws::COMPLIANCE;
 use crate::contact::row::Row;
 use crate::error::Error;
@@ -39,6 +40,9 @@ const GAIN: f64 = 1e-4;
 /// is left; and as a velocity, in a·rate.
 const ROUNDING: [f64; 2] = [1e-10, 1e-12];
 const SLOW: f64 = 1e-9;
+/// What is asked from outside, over the norm of driving forces, below which it may be for the last time: contacts are then solved as well
+/// as they are judged.
+const ENDING: f64 = 1e-8;
 /// Residual that is rounding, over the norm of all forces.
 const LEAST_ROUNDING: f64 = 1e-14;
 /// Most iterations of one call.
@@ -278,7 +282,12 @@ impl System for OnNetwork<'_> {
             .max(LEAST_ROUNDING * size);
         // Forces that contacts exchange among themselves, however large, are none of what an iteration from outside is wrong by.
         let driven = square(&system.driving[0]).sqrt() + LEAST_FORCE;
-        let floor = floor.max(self.enough * driven);
+        let enough = if self.enough < ENDING {
+            (self.enough * driven).min(0.5 * WEIGHT * Quality::RESIDUAL_LIMIT)
+        } else {
+            self.enough * driven
+        };
+        let floor = floor.max(enough);
         let before = square(&system.residual).sqrt();
         let goal = if last {
             floor
