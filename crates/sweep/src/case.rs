@@ -96,7 +96,7 @@ impl Case {
             (Method::Dense, Hydrodynamics::StokesianDynamics) => {
                 3e-6 * n + 2.6e-7 * n * n + 2.7e-9 * n.powi(3)
             }
-            (Method::Iterated, _) => 2e-4 * n * (n / 400.0).sqrt(),
+            (Method::Iterated, _) => 1e-4 * n * (n / 400.0).sqrt(),
             // Sparse; contacts of a small layer take fewer systems.
             (Method::Pairwise, _) => 2e-5 * n * (n / 400.0).sqrt().min(1.0),
             // Dense in the contacts alone.
