@@ -14,6 +14,7 @@ use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
 use crate::geometry::neighbours::NeighbourList;
+use crate::linalg::join::join;
 use crate::linalg::simd::vectorised;
 use std::f64::consts::PI;
 
@@ -53,6 +54,8 @@ pub(crate) struct FarOperator {
     sources: Vec<[f64; 6]>,
     /// Velocity modes of each sphere, of all vectors at hand.
     results: Vec<[f64; 6]>,
+    /// What the long-ranged part adds to them.
+    waves: Vec<[f64; 6]>,
 }
 
 impl FarOperator {
@@ -138,6 +141,7 @@ impl FarOperator {
             grid: Grid::new(sides, &sizes, alpha, wave, tolerance),
             sources: Vec::with_capacity(2 * radii.len()),
             results: Vec::with_capacity(2 * radii.len()),
+            waves: Vec::with_capacity(2 * radii.len()),
             sizes,
             list: NeighbourList::new(radii.len()),
             reach: distance,
@@ -204,7 +208,7 @@ impl FarOperator {
     }
 
     /// `y ← M x`; both `[6N]`, stresslets or strains of all spheres first, then forces and torques or velocities; or several such
-    /// vectors one after another, which share the reading of the near pairs.
+    /// vectors one after another, which share the reading of the near pairs. Two threads may share the work: the bits are the same.
     ///
     /// # Accuracy
     /// The tolerance of the plan, relative to the largest entry of M; test `operator_is_the_dense_mobility`.
@@ -222,14 +226,35 @@ impl FarOperator {
                     .push(std::array::from_fn(|k| own[k] * source[k]));
             }
         }
-        let (pairs, sources, results) = (&self.pairs, &self.sources, &mut self.results);
-        vectorised(
-            #[inline(always)]
-            || add_pairs(n, pairs, sources, results),
+        let Self {
+            grid,
+            pairs,
+            sources,
+            results,
+            waves,
+            ..
+        } = self;
+        waves.clear();
+        waves.resize(sources.len(), [0.0; 6]);
+        join(
+            true,
+            || {
+                vectorised(
+                    #[inline(always)]
+                    || add_pairs(n, pairs, sources, results),
+                );
+            },
+            || {
+                let vectors = sources.chunks_exact(n).zip(waves.chunks_exact_mut(n));
+                for (sources, waves) in vectors {
+                    grid.add(sources, waves);
+                }
+            },
         );
-        let vectors = sources.chunks_exact(n).zip(results.chunks_exact_mut(n));
-        for (sources, results) in vectors {
-            self.grid.add(sources, results);
+        for (result, wave) in results.iter_mut().zip(waves) {
+            for (result, wave) in result.iter_mut().zip(wave) {
+                *result += *wave;
+            }
         }
         for (y, results) in y.chunks_exact_mut(6 * n).zip(self.results.chunks_exact(n)) {
             let (strains, velocities) = y.split_at_mut(3 * n);

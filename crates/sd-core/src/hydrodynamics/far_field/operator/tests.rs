@@ -4,6 +4,7 @@ use super::super::FarField;
 use super::super::tests::{layer, mobility};
 use super::*;
 use crate::linalg::dense::Matrix;
+use crate::linalg::join::tests::assert_same_with_any_threads;
 
 /// The whole of an operator, column by column.
 fn whole(operator: &mut FarOperator) -> Matrix {
@@ -147,4 +148,20 @@ fn bad_input_is_refused() {
     assert!(operator.update(&cell, &centres[1..]).is_err());
     let other = Cell::periodic(20.0, 20.0, 0.0).unwrap();
     assert!(operator.update(&other, &centres).is_err());
+}
+
+#[test]
+fn bits_of_a_product_do_not_depend_on_the_number_of_threads() {
+    for unequal in [false, true] {
+        let (cell, centres) = layer(6, 5, 0.6, 0.2, 1.3);
+        let x: Vec<f64> = (0..360).map(|k| (1.7 * f64::from(k)).sin()).collect();
+        let radii = radii(unequal);
+        assert_same_with_any_threads(|| {
+            let mut operator = FarOperator::new(&cell, &radii, 1e-7).unwrap();
+            operator.update(&cell, &centres).unwrap();
+            let mut y = vec![0.0; x.len()];
+            operator.apply(&x, &mut y);
+            y
+        });
+    }
 }
