@@ -220,10 +220,11 @@ mod tests {
             (BallMelrose, 10_000, 600.0),
             (StokesianDynamics, 50, 2.3),
             (StokesianDynamics, 90, 9.0),
-            (StokesianDynamics, 200, 65.0),
-            (StokesianDynamics, 400, 150.0),
-            (StokesianDynamics, 800, 450.0),
-            (StokesianDynamics, 2000, 2000.0),
+            (StokesianDynamics, 200, 35.0),
+            (StokesianDynamics, 400, 83.0),
+            (StokesianDynamics, 800, 250.0),
+            (StokesianDynamics, 2000, 890.0),
+            (StokesianDynamics, 10_000, 9500.0),
         ] {
             let ratio = 1e3 * cost(hydrodynamics, spheres) / measured;
             assert!(
