@@ -67,6 +67,8 @@ pub struct StageSolver {
     forces: Vec<f64>,
     /// Disturbance velocities `[3N]` of the last solve.
     velocities: Vec<f64>,
+    /// Forces that drive the spheres in one evaluation of the iteration, `[3N]`.
+    driving: Vec<f64>,
     /// Far field iterated on top of a pairwise Ball-Melrose resistance.
     far: Option<Box<IterativeFarField>>,
     /// Whether friction acts where it did in the solve before, whatever the loads.
@@ -83,6 +85,7 @@ impl StageSolver {
             repelled: Repelled::default(),
             forces: vec![0.0; n],
             velocities: vec![0.0; n],
+            driving: Vec::with_capacity(n),
             far: None,
             holds_friction: false,
         }
@@ -111,7 +114,7 @@ impl StageSolver {
     }
 
     /// From what the next solve starts its far field, where one is iterated: see [`crate::Snapshot::far_field`].
-    pub(crate) fn far_field(&self) -> Vec<f32> {
+    pub fn far_field(&self) -> Vec<f32> {
         self.far.as_ref().map_or_else(Vec::new, |far| far.found())
     }
 
@@ -243,6 +246,7 @@ impl StageSolver {
                             posed,
                             contacts,
                             memory,
+                            driving: &mut self.driving,
                             quality: Quality::default(),
                             changes: if self.holds_friction { MOST_CHANGES } else { 0 },
                             decided: DECIDING / CLOSER,
@@ -287,6 +291,8 @@ struct ContactMap<'a> {
     contacts: &'a mut ContactSolver,
     /// What contacts remember.
     memory: &'a mut ContactMemory,
+    /// Forces of both parts together, `[3N]`.
+    driving: &'a mut Vec<f64>,
     /// How well it was solved last.
     quality: Quality,
     /// How often the contacts on which friction acts have changed.
@@ -304,9 +310,11 @@ impl FixedPointMap for ContactMap<'_> {
     ) -> Result<bool, Error> {
         let half = velocities.len() / 2;
         let (normal, by_friction) = forces.split_at(half);
-        let all: Vec<f64> = normal.iter().zip(by_friction).map(|(n, t)| n + t).collect();
+        self.driving.clear();
+        self.driving
+            .extend(normal.iter().zip(by_friction).map(|(n, t)| n + t));
         let driving = Driving {
-            all: &all,
+            all: self.driving,
             isolated: normal,
             enough: STRICT * progress.residual.min(FIRST),
         };

@@ -21,9 +21,9 @@
 //! The relative residual is `√(rᵀ W r)/√(qᵀ M₀ q)`, r = x − M q − V c. A remaining r is a flow that the spheres are subjected to
 //! besides the background.
 
-mod ball_melrose;
 pub(crate) mod fixed_point;
 mod local;
+mod near_solver;
 mod split;
 mod uniform;
 
@@ -34,9 +34,9 @@ use crate::hydrodynamics::far_field::operator::FarOperator;
 use crate::hydrodynamics::far_field::unbounded::self_mobility;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
-use ball_melrose::BallMelroseSolver;
 use local::LocalResistance;
 use nalgebra::Vector3;
+use near_solver::NearSolver;
 use split::SplitMotion;
 use uniform::{Uniform, translation, translations};
 
@@ -97,7 +97,7 @@ struct Work {
     image: Vec<f64>,
     /// Translations of the layer.
     uniform: Uniform,
-    ball_melrose: BallMelroseSolver,
+    solver: NearSolver,
 }
 
 impl IterativeFarField {
@@ -153,7 +153,7 @@ impl IterativeFarField {
                 step_lag: vector(),
                 image: vector(),
                 uniform: Uniform::default(),
-                ball_melrose: BallMelroseSolver::default(),
+                solver: NearSolver::default(),
             },
             split,
         })
@@ -228,10 +228,10 @@ impl IterativeFarField {
         for ((v, f), excess) in velocities.iter_mut().zip(forces).zip(&excess[half..]) {
             *v = f - excess;
         }
-        work.ball_melrose.start(near)?;
-        work.ball_melrose.solve(near, velocities);
+        work.solver.start(near)?;
+        work.solver.solve(near, velocities);
         work.uniform.update(near, local, &drag[half..]);
-        work.uniform.solve(near, local, &mut work.ball_melrose);
+        work.uniform.solve(near, local, &mut work.solver);
         // q = P x + δ, and the translation that makes the force on the layer zero.
         let x = &mut work.residual;
         for e in x[..half].chunks_exact_mut(3) {
@@ -318,7 +318,7 @@ impl Work {
         centre(&mut self.residual[half..]);
         local.apply(&self.residual, &mut self.pushed);
         self.lag[half..].copy_from_slice(&self.pushed[half..]);
-        self.ball_melrose.solve(near, &mut self.lag[half..]);
+        self.solver.solve(near, &mut self.lag[half..]);
         local.apply(&self.lag, &mut self.preconditioned);
         for (z, pushed) in self.preconditioned.iter_mut().zip(&self.pushed) {
             *z = pushed - *z;

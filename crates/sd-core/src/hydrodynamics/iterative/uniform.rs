@@ -1,7 +1,7 @@
 //! Translations of the layer as a whole: what resists them, and what keeps the far field's forces adding up to zero.
 
-use super::ball_melrose::BallMelroseSolver;
 use super::local::LocalResistance;
+use super::near_solver::NearSolver;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::add_scaled;
 use nalgebra::Vector3;
@@ -67,7 +67,7 @@ impl Uniform {
         &mut self,
         near: &Resistance,
         local: &LocalResistance,
-        solver: &mut BallMelroseSolver,
+        solver: &mut NearSolver,
     ) {
         for c in 0..2 {
             let (answer, half) = (&mut self.answers[c], self.resisted[c].len());

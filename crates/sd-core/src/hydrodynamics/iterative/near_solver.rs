@@ -1,4 +1,4 @@
-//! Ball-Melrose solves: by the factor, or pair by pair with conjugate gradients.
+//! Solves with the sparse resistance R_P: by its factor, or pair by pair with conjugate gradients.
 
 use crate::error::Error;
 use crate::hydrodynamics::resistance::Resistance;
@@ -9,9 +9,9 @@ use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 const LEFT: f64 = 1e-10;
 const MOST_ITERATIONS: u32 = 100;
 
-/// Workspace of solves with the Ball-Melrose `R_FU`.
+/// Workspace of solves with the `R_FU` of what the far field is iterated on.
 #[derive(Default)]
-pub(super) struct BallMelroseSolver {
+pub(super) struct NearSolver {
     /// Vector in the order of the factor's rows, `[3N]`.
     rows: Vec<f64>,
     forces: Vec<f64>,
@@ -21,7 +21,7 @@ pub(super) struct BallMelroseSolver {
     gradients: ConjugateGradients,
 }
 
-impl BallMelroseSolver {
+impl NearSolver {
     /// Prepares solves with a resistance at its present positions.
     ///
     /// # Errors
@@ -41,7 +41,7 @@ impl BallMelroseSolver {
             })
     }
 
-    /// `x ← R_BM⁻¹ x`, `[3N]`.
+    /// `x ← R_P⁻¹ x`, `[3N]`.
     pub(super) fn solve(&mut self, near: &Resistance, x: &mut [f64]) {
         let Some(pairwise) = near.pairwise() else {
             near.to_rows(x, &mut self.rows);
