@@ -282,11 +282,10 @@ impl System for OnNetwork<'_> {
             .max(LEAST_ROUNDING * size);
         // Forces that contacts exchange among themselves, however large, are none of what an iteration from outside is wrong by.
         let driven = square(&system.driving[0]).sqrt() + LEAST_FORCE;
-        let enough = if self.enough < ENDING {
-            (self.enough * driven).min(0.5 * WEIGHT * Quality::RESIDUAL_LIMIT)
-        } else {
-            self.enough * driven
-        };
+        let mut enough = self.enough * driven;
+        if self.enough < ENDING {
+            enough = enough.min(0.5 * WEIGHT * Quality::RESIDUAL_LIMIT);
+        }
         let floor = floor.max(enough);
         let before = square(&system.residual).sqrt();
         let goal = if last {
