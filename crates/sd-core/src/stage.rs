@@ -20,8 +20,8 @@ use crate::hydrodynamics::resistance::Resistance;
 use nalgebra::Vector3;
 
 /// What a far-field iteration asks of the contact problem, over its own relative residual: the differences of its steps, from which it
-/// learns, are that much more exact.
-const STRICT: f64 = 1e-3;
+/// learns, are that much more exact. Of contacts that do not give way, and of others, whose slopes multiply what is left.
+const STRICT: [f64; 2] = [4e-3, 1e-3];
 /// Relative residual that the first evaluation is made for.
 const FIRST: f64 = 1e-2;
 /// Relative residual below which it is decided anew on which contacts friction acts; before, loads mean little.
@@ -313,10 +313,11 @@ impl FixedPointMap for ContactMap<'_> {
         self.driving.clear();
         self.driving
             .extend(normal.iter().zip(by_friction).map(|(n, t)| n + t));
+        let strict = STRICT[usize::from(!self.posed.laws.normal.is_rigid())];
         let driving = Driving {
             all: self.driving,
             isolated: normal,
-            enough: STRICT * progress.residual.min(FIRST),
+            enough: strict * progress.residual.min(FIRST),
         };
         let (v, v_t) = velocities.split_at_mut(half);
         let first = progress.evaluations == 0;

@@ -41,6 +41,11 @@ impl Anderson {
         self.connected = false;
     }
 
+    /// Learns nothing from the step that led to the present x: g has changed since. What was learned before serves still.
+    pub(crate) fn skip_step(&mut self) {
+        self.connected = false;
+    }
+
     /// Replaces x by the next guess; `residual` is g(x) − x.
     pub(crate) fn advance(&mut self, x: &mut [f64], residual: &[f64]) {
         if self.connected {
@@ -125,5 +130,36 @@ mod tests {
             anderson.advance(&mut x, &r);
         }
         assert!(residual(&x).iter().all(|r| r.abs() < 1e-12), "{x:?}");
+    }
+
+    #[test]
+    fn what_was_learned_serves_another_problem_of_the_same_slopes() {
+        // g(x) = A x + b, whose b changes once all directions are known.
+        let slopes = [[1.5, -0.3], [0.4, 0.2]];
+        let residual = |x: &[f64], b: [f64; 2]| -> Vec<f64> {
+            let rows = slopes.iter().zip(b);
+            let images = rows.map(|(a, b)| a[0] * x[0] + a[1] * x[1] + b);
+            images.zip(x).map(|(g, x)| g - x).collect()
+        };
+        let (before, after) = ([1.0, -2.0], [-3.0, 0.5]);
+        let solved = |skips: bool| {
+            let mut anderson = Anderson::new(40, 2);
+            let mut x = vec![0.0; 2];
+            for _ in 0..2 {
+                let r = residual(&x, before);
+                anderson.advance(&mut x, &r);
+            }
+            // The second direction is learned from the step after the change, or from one that is none.
+            if skips {
+                anderson.skip_step();
+            }
+            for _ in 0..2 {
+                let r = residual(&x, after);
+                anderson.advance(&mut x, &r);
+            }
+            residual(&x, after).iter().all(|r| r.abs() < 1e-12)
+        };
+        assert!(solved(true));
+        assert!(!solved(false));
     }
 }

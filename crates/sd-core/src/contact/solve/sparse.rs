@@ -49,10 +49,10 @@ const LEAST_ROUNDING: f64 = 1e-14;
 const MOST_ITERATIONS: usize = 40;
 /// Calls for the motion under given forces.
 const MOST_CALLS: u32 = 8;
-/// Changes of the states that a factor outlives.
-const MOST_CHANGES: usize = 20;
-/// Iterations of a call beyond which a factor with other states is made anew.
-const PATIENT: usize = 4;
+/// Changes of the states that a factor outlives, and iterations of a call beyond which one with other states is made anew: where a stage has
+/// one problem, and where it has many that are alike, of which each is solved with the factor at hand.
+const MOST_CHANGES: [usize; 2] = [20, 5];
+const PATIENT: [usize; 2] = [4, 3];
 /// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
 const LEAST_FORCE: f64 = 6.0 * PI;
 /// Mobility of a contact, about, in 1/(mu·a).
@@ -184,7 +184,13 @@ impl SparseSystem {
     }
 
     /// Makes the factors that the states need, unless those at hand serve.
-    fn prepare(&mut self, linear: &Linear<'_>, pattern: &BlockPattern) -> Result<(), BadPivot> {
+    /// `repeated`: whether the stage has many problems that are alike.
+    fn prepare(
+        &mut self,
+        linear: &Linear<'_>,
+        pattern: &BlockPattern,
+        repeated: bool,
+    ) -> Result<(), BadPivot> {
         linear.stiffnesses(&mut self.stiffness);
         let problem = linear.problem;
         let rows = if problem.isolated {
@@ -198,7 +204,8 @@ impl SparseSystem {
         } else {
             usize::MAX
         };
-        if changes > MOST_CHANGES || changes > 0 && self.iterations > PATIENT {
+        let [most, patient] = [MOST_CHANGES, PATIENT].map(|of| of[usize::from(repeated)]);
+        if changes > most || changes > 0 && self.iterations > patient {
             linear.network.fill(pattern, &mut self.held);
             for (at, &s) in self.stiffness[..rows].iter().enumerate() {
                 if s != 0.0 {
@@ -295,7 +302,9 @@ impl System for OnNetwork<'_> {
         };
         let mut left = before;
         if before > floor {
-            system.prepare(&linear, self.pattern).ok()?;
+            system
+                .prepare(&linear, self.pattern, self.enough > 0.0)
+                .ok()?;
             system.correction.clear();
             system.correction.resize(system.residual.len(), 0.0);
             let (held, free, work) = (&mut system.held, &mut system.free.0, &mut system.work);

@@ -110,7 +110,10 @@ impl IterativeFarField {
                 break Ok(found.residual <= WORST);
             }
             found.iterations += 1;
-            // Another choice of contacts changes few directions: the steps learned still serve.
+            // Another choice of contacts changes few directions: the steps learned still serve, but not the one to that choice.
+            if changed {
+                work.anderson.skip_step();
+            }
             if found.residual > WORSE * best {
                 work.anderson.restart();
                 best = found.residual;
