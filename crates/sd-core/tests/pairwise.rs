@@ -15,16 +15,14 @@ use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
     ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField,
-    LeadingOrder, Method, NearFields, NormalLaw, Params, Resistance, Simulation, Snapshot,
-    StageContact, StageSolver, TangentialLaw,
+    LeadingOrder, NearFields, NormalLaw, Params, Resistance, Simulation, Snapshot, StageContact,
+    StageSolver, TangentialLaw,
 };
 
 /// Spheres from which on layers are held pair by pair.
 const PAIRWISE: usize = 100;
 /// Spheres from which on the far field is iterated.
 const ITERATED: usize = 160;
-/// The same where contacts are soft.
-const ITERATED_SOFT: usize = 160;
 
 fn params(spheres: usize, area_fraction: f64, friction: f64) -> Params {
     Params {
@@ -345,39 +343,6 @@ fn an_iterated_far_field_refuses_the_procedure() {
     };
     let solved = stage.solve(&Background::SHEAR, &[], contact);
     assert_eq!(solved.unwrap_err(), Error::ProcedureNeedsDense);
-}
-
-#[test]
-fn method_follows_from_hydrodynamics_scheme_and_number_of_spheres() {
-    let at = |spheres, hydrodynamics, contact| {
-        Method::of(&Params {
-            hydrodynamics,
-            contact,
-            ..params(spheres, 0.5, 0.3)
-        })
-    };
-    let coulomb = ContactScheme::Laws(ContactLaws {
-        tangential: TangentialLaw::Coulomb,
-        ..ContactLaws::PAPER
-    });
-    let (near, full) = (Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics);
-    for contact in [ContactScheme::Rigid, coulomb] {
-        assert_eq!(at(PAIRWISE - 1, near, contact), Method::Dense);
-        assert_eq!(at(PAIRWISE, near, contact), Method::Pairwise);
-        assert_eq!(at(ITERATED - 1, full, contact), Method::Dense);
-        assert_eq!(at(ITERATED, full, contact), Method::Iterated);
-    }
-    let soft = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
-    for (spheres, method) in [
-        (ITERATED_SOFT - 1, Method::Dense),
-        (ITERATED_SOFT, Method::Iterated),
-    ] {
-        assert_eq!(at(spheres, full, ContactScheme::Laws(soft)), method);
-    }
-    for hydrodynamics in [near, full] {
-        let method = at(1000, hydrodynamics, ContactScheme::Procedure);
-        assert_eq!(method, Method::Dense);
-    }
 }
 
 #[test]

@@ -174,6 +174,46 @@ mod tests {
     use crate::model::ContactLaws;
 
     #[test]
+    fn method_follows_from_hydrodynamics_contacts_and_number_of_spheres() {
+        let (near, full) = (Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics);
+        let coulomb = ContactScheme::Laws(ContactLaws {
+            tangential: TangentialLaw::Coulomb,
+            ..ContactLaws::PAPER
+        });
+        let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
+        let springs = ContactScheme::Laws(springs);
+        // The first number of spheres with the second method, at an area fraction.
+        let rows = [
+            (near, 0.5, [ContactScheme::Rigid, coulomb], 100),
+            (near, 0.8, [ContactScheme::Rigid, springs], 100),
+            (full, 0.5, [ContactScheme::Rigid, coulomb], 160),
+            (full, 0.73, [ContactScheme::Rigid, coulomb], 300),
+            (full, 0.8, [springs; 2], 160),
+        ];
+        for (hydrodynamics, area_fraction, schemes, first) in rows {
+            let method = if hydrodynamics == near {
+                Method::Pairwise
+            } else {
+                Method::Iterated
+            };
+            let at = |spheres, contact| {
+                Method::of(&Params {
+                    spheres,
+                    area_fraction,
+                    hydrodynamics,
+                    contact,
+                    ..Params::UNWRITTEN
+                })
+            };
+            for contact in schemes {
+                assert_eq!(at(first - 1, contact), Method::Dense);
+                assert_eq!(at(first, contact), method);
+            }
+            assert_eq!(at(1000, ContactScheme::Procedure), Method::Dense);
+        }
+    }
+
+    #[test]
     fn contacts_that_halt_two_motions_take_larger_matrices() {
         let memory = |spheres, tangential| {
             memory_bytes(&Params {
