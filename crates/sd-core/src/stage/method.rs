@@ -188,6 +188,7 @@ mod tests {
             (near, 0.8, [ContactScheme::Rigid, springs], 100),
             (full, 0.5, [ContactScheme::Rigid, coulomb], 160),
             (full, 0.73, [ContactScheme::Rigid, coulomb], 300),
+            (full, 0.5, [springs; 2], 160),
             (full, 0.8, [springs; 2], 160),
         ];
         for (hydrodynamics, area_fraction, schemes, first) in rows {

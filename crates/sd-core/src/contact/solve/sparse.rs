@@ -49,9 +49,10 @@ const LEAST_ROUNDING: f64 = 1e-14;
 const MOST_ITERATIONS: usize = 40;
 /// Calls for the motion under given forces.
 const MOST_CALLS: u32 = 8;
-/// Changes of the states that a factor outlives, and iterations of a call beyond which one with other states is made anew: where a stage has
-/// one problem, and where it has many that are alike, of which each is solved with the factor at hand.
+/// Changes of the states that a factor outlives: where a stage has one problem, and where it has many that are alike, so that a new factor
+/// serves more of them.
 const MOST_CHANGES: [usize; 2] = [20, 5];
+/// Iterations of a call beyond which a factor with other states is made anew, for the same two.
 const PATIENT: [usize; 2] = [4, 3];
 /// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
 const LEAST_FORCE: f64 = 6.0 * PI;
@@ -184,6 +185,7 @@ impl SparseSystem {
     }
 
     /// Makes the factors that the states need, unless those at hand serve.
+    ///
     /// `repeated`: whether the stage has many problems that are alike.
     fn prepare(
         &mut self,
