@@ -1,4 +1,5 @@
-//! How much of the thickening of a layer each choice of its model makes: from the runs of the campaign `cause-of-thickening`.
+//! How much of the thickening of a layer each choice of its model makes: from the runs of the campaigns
+//! `cause-of-thickening` and, with full Stokesian Dynamics, `cause-of-thickening-full`.
 //!
 //! The rise of a model is ln(η above / η below): the mean over runs of ln η at Γ = 10, where the critical load no longer counts, less
 //! that at Γ = 0.01, where hardly any contact bears it, so that neither friction nor its law does anything there. Rises are sums of means over
@@ -109,7 +110,7 @@ struct Rise {
     lost: usize,
 }
 
-/// The runs of a campaign.
+/// The runs of both campaigns.
 struct Runs(Vec<Run>);
 
 impl Runs {
@@ -259,7 +260,9 @@ fn figure(effects: &[Effect]) -> Vec<u8> {
 
 /// The files of the analysis as they should be, by name.
 pub(crate) fn files(folder: &Path) -> [(&'static str, Vec<u8>); 2] {
-    let effects = Runs(rows(&folder.join("cause-of-thickening-runs.csv"))).effects();
+    let campaigns = ["cause-of-thickening", "cause-of-thickening-full"];
+    let runs = campaigns.map(|campaign| rows(&folder.join(format!("{campaign}-runs.csv"))));
+    let effects = Runs(runs.concat()).effects();
     let mut table = csv::Writer::from_writer(Vec::new());
     for effect in &effects {
         table.serialize(effect).unwrap();
