@@ -29,6 +29,7 @@ mod path;
 pub(crate) mod problem;
 pub(crate) mod sparse;
 mod tableau;
+mod ways;
 
 #[cfg(test)]
 mod tests;

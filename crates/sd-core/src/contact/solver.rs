@@ -206,7 +206,7 @@ impl ContactSolver {
                 systems: quality.systems + found.systems,
                 ..found
             };
-            if !self.add_closing(posed, velocities, &mut memory.warm_start) {
+            if !self.add_closing(posed, velocities, &mut memory.warm_start, quality.jammed) {
                 return Ok((quality, changed));
             }
             changed = true;

@@ -11,6 +11,10 @@
 //! changes twice. It ends in a ray exactly where there are forces within the cones that balance on every sphere and that the flow works
 //! against: a jammed layer. Otherwise no such forces exist, and Coulomb's problem has a solution too (Acary, Cadoux, Lemaréchal & Malick, Z.
 //! Angew. Math. Mech. 91, 2011).
+//!
+//! That solution is where contacts open by ν times the velocity of their slip less than they would so. What they open too much is added to
+//! their slack, at the slips of the problem before, and the convex problem solved again: a fixed point of this is the solution. Each problem
+//! differs little from the one before, and its path crosses few boundaries.
 
 use super::newton::BoxSolver;
 use super::path::{Begin, PathEnd};
@@ -19,6 +23,8 @@ use crate::linalg::dense::Matrix;
 
 /// Friction of an edge over its normal force, at most: of friction without a limit too. Forces within narrower cones are within wider ones.
 const STEEPEST: f64 = 10.0;
+/// Changes of state from one convex problem to the next, over edges, at most.
+const MOST_CHANGES: usize = 10;
 /// Compliance of an edge, over its mobility.
 const COMPLIANCE: f64 = 1e-10;
 
@@ -42,6 +48,9 @@ impl Edge {
 #[derive(Debug, Default)]
 pub(super) struct Cones {
     edges: Vec<Edge>,
+    /// What is added to the slack of each contact in the problem at hand, and how that changes for each edge.
+    added: Vec<f64>,
+    change: Vec<f64>,
     /// The convex problem: a normal force for each edge.
     problem: Problem,
     solver: BoxSolver,
@@ -54,13 +63,8 @@ pub(super) struct Cones {
 impl Cones {
     /// Whether there are forces that balance within the bounds and that the flow works against; `None` where that is not known.
     ///
-    /// If so, `forces` are those of contacts that give way as little as they can.
-    pub(super) fn jam(
-        &mut self,
-        problem: &Problem,
-        system: &mut impl System,
-        forces: &mut Forces,
-    ) -> Option<bool> {
+    /// If so, [forces](Self::forces) are then those of contacts that give way as little as they can.
+    pub(super) fn jam(&mut self, problem: &Problem, system: &mut impl System) -> Option<bool> {
         // Friction that is no reaction to the motion has no cone.
         if problem.isolated {
             return None;
@@ -77,14 +81,48 @@ impl Cones {
             let (convex, solver) = (&mut self.problem, &mut self.solver);
             match solver.follow_path(convex, &mut on_edges, begin).0 {
                 PathEnd::Solved => return Some(false),
-                PathEnd::Ray => {
-                    forces.copy_from(on_edges.forces);
-                    return Some(true);
-                }
+                PathEnd::Ray => return Some(true),
                 PathEnd::Lost => {}
             }
         }
         None
+    }
+
+    /// The forces of the last solution.
+    pub(super) fn forces(&self) -> &Forces {
+        &self.forces
+    }
+
+    /// From the solution of the convex problem at hand to that in which contacts open less, by what they slide now; whether it was found.
+    pub(super) fn approach(&mut self, problem: &Problem, system: &mut impl System) -> bool {
+        self.change.clear();
+        for cone in self.edges.chunk_by(|a, b| a.contact == b.contact) {
+            let first = self.change.len();
+            let slack = &self.solver.forces.slack[first..first + cone.len()];
+            let least = slack.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = slack.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            // Half of what lies between the edges.
+            let opens = 0.5 * (most - least);
+            let added = &mut self.added[cone[0].contact];
+            let change = opens - *added;
+            *added = opens;
+            self.change.extend(cone.iter().map(|_| change));
+        }
+        for (entry, change) in self.problem.normal.iter_mut().zip(&self.change) {
+            entry.bias += change;
+        }
+        self.solver.tableau.shift(&self.change);
+        let mut on_edges = OnEdges {
+            system,
+            problem,
+            edges: &self.edges,
+            matrix: &mut self.matrix,
+            forces: &mut self.forces,
+        };
+        let most = MOST_CHANGES * self.edges.len();
+        let end = self.solver.follow_shift(&self.problem, &mut on_edges, most);
+        on_edges.push(&self.solver.forces);
+        end == PathEnd::Solved
     }
 
     /// Takes the contacts of a problem.
@@ -124,6 +162,8 @@ impl Cones {
                 ..problem.normal[edge.contact]
             }
         }));
+        self.added.clear();
+        self.added.resize(problem.normal.len(), 0.0);
         self.solver.tableau.clear();
         let zeros = &mut self.solver.forces.normal;
         zeros.clear();
@@ -140,10 +180,34 @@ struct OnEdges<'a, S> {
     forces: &'a mut Forces,
 }
 
+impl<S> OnEdges<'_, S> {
+    /// The forces of contacts that forces along edges are.
+    fn push(&mut self, along: &Forces) {
+        let both = &mut *self.forces;
+        for (values, count) in [
+            (&mut both.normal, self.problem.normal.len()),
+            (&mut both.tangential, self.problem.tangential.len()),
+        ] {
+            values.clear();
+            values.resize(count, 0.0);
+        }
+        for (edge, x) in self.edges.iter().zip(&along.normal) {
+            both.normal[edge.contact] += x;
+            for (m, slope) in edge.rows() {
+                both.tangential[m] += slope * x;
+            }
+        }
+    }
+}
+
 impl<S: System> System for OnEdges<'_, S> {
     /// Paths have a tableau here: no system is ever solved.
     fn solve(&mut self, _: &Problem, _: &States, _: bool, _: &mut Forces) -> Option<Noise> {
         None
+    }
+
+    fn has_matrix(&self, _: &Problem) -> bool {
+        self.system.has_matrix(self.problem)
     }
 
     fn fill_matrix(&mut self, _: &Problem, matrix: &mut Matrix) -> bool {
@@ -175,20 +239,8 @@ impl<S: System> System for OnEdges<'_, S> {
     }
 
     fn measure(&mut self, convex: &Problem, forces: &mut Forces) {
+        self.push(forces);
         let both = &mut *self.forces;
-        for (values, count) in [
-            (&mut both.normal, self.problem.normal.len()),
-            (&mut both.tangential, self.problem.tangential.len()),
-        ] {
-            values.clear();
-            values.resize(count, 0.0);
-        }
-        for (edge, x) in self.edges.iter().zip(&forces.normal) {
-            both.normal[edge.contact] += x;
-            for (m, slope) in edge.rows() {
-                both.tangential[m] += slope * x;
-            }
-        }
         self.system.measure(self.problem, both);
         forces.slack.clear();
         let pushed = convex.normal.iter().zip(&forces.normal);
@@ -196,7 +248,8 @@ impl<S: System> System for OnEdges<'_, S> {
             .slack
             .extend(self.edges.iter().zip(pushed).map(|(edge, (entry, x))| {
                 let slip = edge.rows().map(|(m, slope)| slope * both.slip[m]);
-                both.slack[edge.contact] - slip.sum::<f64>() + entry.compliance * x
+                let changed = entry.bias - self.problem.normal[edge.contact].bias;
+                both.slack[edge.contact] + changed - slip.sum::<f64>() + entry.compliance * x
             }));
         forces.slip.clear();
     }

@@ -339,6 +339,10 @@ impl System for DenseSystem {
         })
     }
 
+    fn has_matrix(&self, _: &Problem) -> bool {
+        true
+    }
+
     fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool {
         let [place, row_place] = &self.place;
         let contacts = problem.normal.len();

@@ -10,10 +10,8 @@
 //! does not jump there is nothing to decide.
 
 use super::cone::Cones;
-use super::path::{Begin, PathEnd};
 use super::problem::{Forces, Grip, Noise, Problem, States, System, Tangential};
 use super::tableau::Tableau;
-use crate::contact::Quality;
 
 /// Systems before another way is tried.
 const MOST_SYSTEMS: u32 = 100;
@@ -25,8 +23,10 @@ const DECISIONS: u32 = 10;
 const DECISIONS_BETWEEN_PATHS: u32 = 1;
 /// How exact forces must be for that, over the critical load.
 const CLOSE: f64 = 1e-3;
-/// Systems without fewer contradictions after which another way is tried.
-const PATIENCE: u32 = 10;
+/// Systems without fewer contradictions after which another way is tried; and the same where those are quick and mostly needed: for contacts
+/// that do not give way, in layers that are not too large.
+pub(super) const PATIENCE: u32 = 10;
+const LITTLE_PATIENCE: u32 = 3;
 /// Systems without fewer contradictions after which contacts change one by one, and contradictions at most for that: contacts that change
 /// at once can go back and forth (Júdice & Pires, Comput. Oper. Res. 21, 1994).
 const TOGETHER: u32 = 2;
@@ -64,7 +64,7 @@ pub(crate) enum Outcome {
 
 /// How a row of Newton steps ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Ended {
+pub(super) enum Ended {
     /// No state is contradicted.
     Solved,
     /// A candidate needs a tangential row.
@@ -91,7 +91,7 @@ impl Progress {
     };
 
     /// Counts a system with that many contradictions; whether another is worth while.
-    fn goes_on(&mut self, found: usize) -> bool {
+    fn goes_on(&mut self, found: usize, patience: u32) -> bool {
         let one_by_one = self.alone.is_some();
         if one_by_one && found > FEW {
             return false;
@@ -107,7 +107,7 @@ impl Progress {
         {
             (self.alone, self.stalled) = (Some(found), 0);
         }
-        self.stalled < PATIENCE
+        self.stalled < patience
     }
 }
 
@@ -136,7 +136,7 @@ pub(crate) struct BoxSolver {
     /// The problem in the form of the states of a path.
     pub(super) tableau: Tableau,
     /// What tells a jammed layer where paths end nowhere; made when it is first asked.
-    cones: Option<Box<Cones>>,
+    pub(super) cones: Option<Box<Cones>>,
     /// Forces to begin with, and on which rows friction acted.
     start: Forces,
     acts: Vec<bool>,
@@ -181,7 +181,12 @@ impl BoxSolver {
         } else {
             0
         };
-        let (mut ended, mut systems) = self.newton(problem, system, onset, &mut refine);
+        let patience = if problem.is_soft() || problem.isolated || !system.has_matrix(problem) {
+            PATIENCE
+        } else {
+            LITTLE_PATIENCE
+        };
+        let (mut ended, mut systems) = self.newton(problem, system, onset, patience, &mut refine);
         let mut jammed = false;
         if ended == Ended::Solved && self.is_unbounded() {
             ended = Ended::Failed;
@@ -199,27 +204,10 @@ impl BoxSolver {
             // From here on it is decided between paths.
             let decisions = std::mem::take(&mut self.deciding).min(DECISIONS_BETWEEN_PATHS);
             for decision in 0..=decisions {
-                for way in [Self::find_path, Self::find_out] {
-                    let (end, more) = way(self, problem, system);
-                    systems += more;
-                    jammed = end == PathEnd::Ray;
-                    ended = Ended::Failed;
-                    if end == PathEnd::Solved {
-                        let more;
-                        (ended, more) = self.newton(problem, system, onset, &mut refine);
-                        systems += more;
-                        // Forces that only the compliance of rigid contacts bounds are rounding errors, and contradict the conditions.
-                        if self.is_unbounded()
-                            && self.merit(problem, system).residual > Quality::RESIDUAL_LIMIT
-                        {
-                            ended = Ended::Failed;
-                        }
-                    }
-                    if jammed || ended != Ended::Failed {
-                        break;
-                    }
-                }
-                if ended == Ended::Failed
+                let more;
+                (ended, jammed, more) = self.find_out(problem, system, onset, &mut refine);
+                systems += more;
+                if ended != Ended::Solved
                     || decision == decisions
                     || self.decide(problem, onset.critical_load, 0.0) == 0
                 {
@@ -243,46 +231,13 @@ impl BoxSolver {
         }
     }
 
-    /// Follows paths, the shortest first, until one leads to the solution or shows that there is none.
-    fn find_path(&mut self, problem: &mut Problem, system: &mut impl System) -> (PathEnd, u32) {
-        let (mut end, mut systems) = (PathEnd::Lost, 0);
-        for begin in [Begin::Here, Begin::Open] {
-            let more;
-            (end, more) = self.follow_path(problem, system, begin);
-            systems += more;
-            // The ray of a path that does not begin without forces says nothing.
-            let at_end = match end {
-                PathEnd::Solved => true,
-                PathEnd::Ray => begin == Begin::Open,
-                PathEnd::Lost => false,
-            };
-            if at_end {
-                break;
-            }
-        }
-        (end, systems)
-    }
-
-    /// Where no path has led to the solution: whether there is one at all, and if so the longest path to it.
-    fn find_out(&mut self, problem: &mut Problem, system: &mut impl System) -> (PathEnd, u32) {
-        let cones = self.cones.get_or_insert_default();
-        match cones.jam(problem, system, &mut self.forces) {
-            Some(true) => {
-                self.clip(problem);
-                system.measure(problem, &mut self.forces);
-                (PathEnd::Ray, 0)
-            }
-            Some(false) => self.follow_path(problem, system, Begin::Apart),
-            None => (PathEnd::Lost, 0),
-        }
-    }
-
-    /// Newton steps until no state is contradicted, and how many.
-    fn newton(
+    /// Newton steps until no state is contradicted, and how many; given up after `patience` of them without fewer contradictions.
+    pub(super) fn newton(
         &mut self,
         problem: &mut Problem,
         system: &mut impl System,
         onset: Onset,
+        patience: u32,
         refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
     ) -> (Ended, u32) {
         let mut progress = Progress::NEW;
@@ -314,7 +269,7 @@ impl BoxSolver {
             if last && noise.exact {
                 return (Ended::Solved, count);
             }
-            if !last && !progress.goes_on(found) {
+            if !last && !progress.goes_on(found, patience) {
                 return (Ended::Failed, count);
             }
         }
@@ -384,7 +339,7 @@ impl BoxSolver {
     }
 
     /// Merit of the forces at hand, whose slack and slip are known.
-    fn merit(&self, problem: &Problem, system: &impl System) -> Merit {
+    pub(super) fn merit(&self, problem: &Problem, system: &impl System) -> Merit {
         let (mut residual, mut error, mut most) = (0.0_f64, 0.0_f64, f64::MIN_POSITIVE);
         let mut count = |violation: f64| {
             residual = if violation.is_nan() {

@@ -14,8 +14,8 @@
 use super::newton::BoxSolver;
 use super::problem::{Forces, Grip, Problem, States, System, largest};
 
-/// Changes of state after which a path from forces at hand is given up, in small problems; in large ones twice the contacts and rows, and
-/// without a tableau always these.
+/// Changes of state after which a path from forces at hand is given up, and any without a tableau: one that leads to the solution mostly
+/// takes fewer.
 const MOST_CHANGES: usize = 100;
 /// Force, in mu·a²·rate, above which it grows without bound.
 const UNBOUNDED: f64 = 1e8;
@@ -193,17 +193,45 @@ impl BoxSolver {
             }
         }
         let most = match begin {
-            _ if !has_tableau => MOST_CHANGES,
-            Begin::Here => MOST_CHANGES.max(2 * contacts),
+            Begin::Here => MOST_CHANGES,
             Begin::Open => 10 * contacts,
             Begin::Apart => {
                 (MOST_TURNS * contacts).min(MOST_MULTIPLICATIONS / (contacts * contacts).max(1))
             }
         };
+        let renews = begin == Begin::Apart;
+        let found = self.walk(problem, system, most, (has_tableau, renews));
+        problem.friction = friction;
+        found
+    }
+
+    /// Follows a path on from the solution at hand, whose problem was [shifted](super::tableau::Tableau::shift) since, to that of the
+    /// present one.
+    pub(super) fn follow_shift(
+        &mut self,
+        problem: &Problem,
+        system: &mut impl System,
+        most: usize,
+    ) -> PathEnd {
+        self.point.copy_all_from(&self.forces);
+        self.walk(problem, system, most, (true, false)).0
+    }
+
+    /// Goes on from the point at hand, at most so many changes of state.
+    ///
+    /// `has_tableau`: whether there is a tableau, and whether it is made anew once it is worn.
+    fn walk(
+        &mut self,
+        problem: &Problem,
+        system: &mut impl System,
+        most: usize,
+        (has_tableau, renews): (bool, bool),
+    ) -> (PathEnd, u32) {
+        let contacts = problem.normal.len() + problem.tangential.len();
         let (mut systems, mut crossed) = (0, None);
         let mut end = PathEnd::Lost;
         for _ in 0..most {
-            if begin == Begin::Apart && self.tableau.exchanges() > WORN * contacts {
+            if renews && self.tableau.exchanges() > WORN * contacts {
                 self.tableau.clear();
                 self.tableau.begin(problem, system);
             }
@@ -227,7 +255,6 @@ impl BoxSolver {
             self.clip(problem);
             system.measure(problem, &mut self.forces);
         }
-        problem.friction = friction;
         (end, systems)
     }
 

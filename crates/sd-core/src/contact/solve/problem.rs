@@ -1,5 +1,6 @@
 //! The entries of the contact problem: what every law comes down to at one stage.
 
+use crate::contact::laws::COMPLIANCE;
 use crate::contact::row::Row;
 use crate::linalg::dense::Matrix;
 
@@ -48,6 +49,12 @@ pub(crate) struct Problem {
 }
 
 impl Problem {
+    /// Whether contacts give way under their forces.
+    pub(crate) fn is_soft(&self) -> bool {
+        let mut entries = self.normal.iter();
+        entries.any(|entry| entry.compliance > COMPLIANCE)
+    }
+
     /// Bound ρ of |t| in a row, at normal forces f.
     pub(crate) fn bound(&self, row: &Tangential, f: &[f64]) -> f64 {
         let load = f[row.contact] - self.offset;
@@ -188,8 +195,11 @@ pub(crate) trait System {
         forces: &mut Forces,
     ) -> Option<Noise>;
 
+    /// Whether there is a matrix of all forces and contacts: whether there are not too many of them.
+    fn has_matrix(&self, problem: &Problem) -> bool;
+
     /// How all forces (f, t) move all contacts (w, z), without compliance: a square matrix, which takes the shape. `false`, and nothing is
-    /// written, where there are too many of them.
+    /// written, where there is none.
     fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool;
 
     /// Slack and slip of given forces.

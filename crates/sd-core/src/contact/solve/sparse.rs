@@ -20,7 +20,6 @@ use self::linear::Linear;
 use self::products::ContactProducts;
 use super::problem::{Driving, Forces, Grip, Noise, Problem, States, System, largest};
 use crate::contact::Quality;
-use crate::contact::laws::COMPLIANCE;
 use crate::contact::row::Row;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
@@ -282,11 +281,7 @@ impl System for OnNetwork<'_> {
             + square(&forces.tangential)
             + LEAST_FORCE * LEAST_FORCE;
         let size = size.sqrt();
-        let soft = problem
-            .normal
-            .iter()
-            .any(|entry| entry.compliance > COMPLIANCE);
-        let floor = (ROUNDING[usize::from(soft)] * size)
+        let floor = (ROUNDING[usize::from(problem.is_soft())] * size)
             .min(WEIGHT * SLOW)
             .max(LEAST_ROUNDING * size);
         // Forces that contacts exchange among themselves, however large, are none of what an iteration from outside is wrong by.
@@ -337,6 +332,10 @@ impl System for OnNetwork<'_> {
             velocity: (left / WEIGHT).max(1e-13),
             exact: left <= floor,
         })
+    }
+
+    fn has_matrix(&self, problem: &Problem) -> bool {
+        ContactProducts::serves(self.network, problem)
     }
 
     fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool {

@@ -9,7 +9,7 @@
 //! it is zero while the row slides. Another s is one more combination of rows or columns, and costs n.
 
 use super::problem::{Forces, Grip, Problem, States, System, largest};
-use crate::linalg::dense::{Matrix, add_outer, add_scaled};
+use crate::linalg::dense::{Matrix, add_outer, add_scaled, dot};
 
 /// Pivots below this, over the largest entry of their column, are no pivots.
 const LEAST_PIVOT: f64 = 1e-14;
@@ -248,6 +248,28 @@ impl Tableau {
         // Exactly, whatever rounding left.
         self.constant[p] = -c;
         true
+    }
+
+    /// Adds to the velocities of all contacts and rows without forces, and so to the bias and shift for which the tableau stands.
+    pub(super) fn shift(&mut self, change: &[f64]) {
+        for ([bias, _], change) in self.entries.iter_mut().zip(change) {
+            *bias += change;
+        }
+        // A velocity that is given is given with the change in it.
+        self.make_room();
+        let taken = self.right.column_mut(self.pending).iter_mut();
+        for (at, (taken, change)) in taken.zip(change).enumerate() {
+            *taken = if self.follows[at] { -change } else { 0.0 };
+            if !self.follows[at] {
+                self.constant[at] += change;
+            }
+        }
+        let taken = self.right.column(self.pending);
+        self.matrix.add_product(taken, &mut self.constant);
+        for l in 0..self.pending {
+            let weight = dot(self.right.column(l), taken);
+            add_scaled(&mut self.constant, self.left.column(l), -weight);
+        }
     }
 
     /// The pending columns to write next.

@@ -9,6 +9,8 @@ use super::{ContactSolver, Posed};
 const EXPECTED_APPROACH: f64 = 3.0;
 /// Change of a normal velocity from one stage to the next, in a·rate, that the next choice of candidates allows for.
 const EXPECTED_CHANGE: f64 = 0.3;
+/// Velocity, in a·rate, by which pairs fail to close that are added nevertheless.
+const NEARLY_CLOSING: f64 = 1.0;
 
 impl ContactSolver {
     /// The first candidates: pairs that touched or were about to in the stage before, or all near ones where there was none.
@@ -32,7 +34,10 @@ impl ContactSolver {
         }
     }
 
-    /// Adds to `list` the pairs left out that would close within the time span after all; whether there were any.
+    /// Adds to `list` the pairs left out that would close within the time span after all, and with them those that nearly would: forces of
+    /// new contacts push others together. Whether there were any.
+    ///
+    /// In a layer that is `jammed` the velocities say little, and more pairs are added.
     ///
     /// Remembers the forces of all others, and who may touch in the next stage.
     pub(super) fn add_closing(
@@ -40,14 +45,20 @@ impl ContactSolver {
         posed: &Posed<'_>,
         velocities: &[f64],
         warm_start: &mut WarmStart,
+        jammed: bool,
     ) -> bool {
         warm_start.forces.clear();
         if !posed.laws.normal.law.touches() {
             return false;
         }
+        let nearly = if jammed {
+            EXPECTED_APPROACH
+        } else {
+            NEARLY_CLOSING
+        };
         let radii = posed.resistance.radii();
         let before = self.list.len();
-        let mut known = 0;
+        let (mut known, mut closes) = (0, false);
         // Pairs and list are both ordered by (i, j).
         for pair in posed.resistance.neighbours() {
             let (forces, parting, velocity);
@@ -63,7 +74,8 @@ impl ContactSolver {
                 forces = [0.0, 0.0];
                 parting = parting_velocity(posed, &contact);
                 velocity = contact.background[0] + contact.normal_row().read(velocities);
-                if velocity < parting {
+                closes |= velocity < parting;
+                if velocity < parting + nearly {
                     self.list.push(contact);
                 }
             }
@@ -72,11 +84,12 @@ impl ContactSolver {
                 warm_start.keep(pair, forces);
             }
         }
-        let added = self.list.len() > before;
-        if added {
+        if closes {
             self.list.sort_unstable_by_key(|contact| contact.pair.key());
+        } else {
+            self.list.truncate(before);
         }
-        added
+        closes
     }
 }
 

@@ -21,6 +21,12 @@ pub(super) struct ContactProducts {
 }
 
 impl ContactProducts {
+    /// Whether the matrices are not too large.
+    pub(super) fn serves(network: &PairwiseResistance, problem: &Problem) -> bool {
+        let count = problem.normal.len() + problem.tangential.len();
+        count.max(3 * network.spheres()) <= 3 * MOST_SPHERES
+    }
+
     /// See [`System::fill_matrix`](crate::contact::solve::problem::System::fill_matrix).
     pub(super) fn fill(
         &mut self,
@@ -28,12 +34,12 @@ impl ContactProducts {
         problem: &Problem,
         matrix: &mut Matrix,
     ) -> bool {
+        if !Self::serves(network, problem) {
+            return false;
+        }
         let size = 3 * network.spheres();
         let contacts = problem.normal.len();
         let count = contacts + problem.tangential.len();
-        if size.max(count) > 3 * MOST_SPHERES {
-            return false;
-        }
         network.fill_full(self.factor.full_matrix());
         if self.factor.factor().is_err() {
             return false;
