@@ -83,6 +83,10 @@ pub struct ContactSolver {
     pub(super) backend: Backend,
     /// Tangential springs within a step.
     stretches: Stretches,
+    /// Whether linear systems are dear and candidates cost nearly nothing: in layers held pair by pair whose far field is not iterated.
+    has_dear_systems: bool,
+    /// Whether the problem is that of the stage once more, with more candidates, where systems are dear: friction then acts where it did.
+    is_again: bool,
 }
 
 impl ContactSolver {
@@ -102,6 +106,8 @@ impl ContactSolver {
             solver: BoxSolver::default(),
             backend,
             stretches: Stretches::default(),
+            has_dear_systems: resistance.pairwise().is_some() && !resistance.is_iterated_on(),
+            is_again: false,
         };
         solver.problem.normal.reserve(most);
         solver.problem.tangential.reserve(2 * most);
@@ -198,7 +204,8 @@ impl ContactSolver {
     ) -> Result<(Quality, bool), Error> {
         let mut quality = Quality::default();
         let mut changed = false;
-        for _ in 0..MOST_ROUNDS {
+        for round in 0..MOST_ROUNDS {
+            self.is_again = round > 0 && self.has_dear_systems;
             let (found, decided) =
                 self.solve_candidates(posed, driving, memory, deciding, velocities)?;
             changed |= decided;
@@ -292,6 +299,7 @@ impl ContactSolver {
             smooth: laws.is_smooth(),
             admits: friction && !sparse,
             deciding,
+            eager: self.has_dear_systems,
         };
         if friction {
             let loaded = self.list.iter().filter(|c| c.normal_force > load).count();

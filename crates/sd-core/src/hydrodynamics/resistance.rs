@@ -34,6 +34,7 @@ use dense::DenseResistance;
 use far_pairs::FarPairs;
 use nalgebra::Vector3;
 pub use pairwise::PairwiseResistance;
+use pairwise::Reach;
 use skyline::SkylineResistance;
 use tables::NearTerms;
 
@@ -126,17 +127,30 @@ impl Resistance {
         pattern_pairs: &[PairKey],
     ) -> Result<Self, Error> {
         let near = NearTerms::new(hydrodynamics, radii, tables)?;
+        let (far_pairs, reach) = match hydrodynamics {
+            Hydrodynamics::StokesianDynamics => (Some(FarPairs::new(radii)?), Reach::LONG),
+            Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => (None, Reach::SHORT),
+        };
         let pairwise = Self::with_form(cell, radii, near, || {
-            let pairwise = PairwiseResistance::new(radii.len(), pattern_pairs)?;
+            let pairwise = PairwiseResistance::new(radii.len(), reach, pattern_pairs)?;
             Ok(Form::Pairwise(Box::new(pairwise)))
         })?;
         Ok(Self {
-            far_pairs: match hydrodynamics {
-                Hydrodynamics::StokesianDynamics => Some(FarPairs::new(radii)?),
-                Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => None,
-            },
+            far_pairs,
             ..pairwise
         })
+    }
+
+    /// Whether it is but the near part of a resistance, on top of which a far field is iterated.
+    pub(crate) fn is_iterated_on(&self) -> bool {
+        self.far_pairs.is_some()
+    }
+
+    /// Says how high the asperities are that contacts touch at, in a, which serves layers held pair by pair.
+    pub(crate) fn expect_contacts(&mut self, height: f64) {
+        if let Form::Pairwise(pairwise) = &mut self.form {
+            pairwise.expect_contacts(height, &self.radii);
+        }
     }
 
     /// Makes what all forms share, and then the form.

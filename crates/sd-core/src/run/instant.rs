@@ -243,6 +243,9 @@ pub fn solve(
             .resistance
             .regularise(*lubrication_gap, DEEPEST_OVERLAP);
     }
+    if let ContactRequest::Laws { laws, .. } = request {
+        stage.resistance.expect_contacts(laws.surface.roughness);
+    }
     stage.assemble(cell, centres)?;
     move_under(&mut stage, background, &external, request)?;
     let mut work = StressWork::default();

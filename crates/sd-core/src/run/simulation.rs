@@ -133,6 +133,7 @@ impl Simulation {
             &snapshot.near_pairs,
         )?;
         stage.start_far_field_from(&snapshot.far_field);
+        stage.resistance.expect_contacts(params.roughness);
         let mut stepper = Stepper::default();
         let drive = Drive::new(params, snapshot.critical_load);
         let scheme = match &params.contact {

@@ -7,7 +7,7 @@
 //!
 //! On which contacts friction acts (f > F_crit) is decided anew for every solution until the set agrees with itself. The law jumps there,
 //! and such a set need not exist: a load can be above F_crit without friction and below it with friction, which then stays. Where the law
-//! does not jump there is nothing to decide.
+//! does not jump there is nothing to decide. In large layers, whose linear systems are dear, it is decided from the first systems on.
 
 use super::cone::Cones;
 use super::problem::{Forces, Grip, Noise, Problem, States, System, Tangential};
@@ -19,6 +19,8 @@ const MOST_SYSTEMS: u32 = 100;
 const MOST_CALLS: u32 = 8;
 /// Times that it is decided anew on which contacts friction acts.
 const DECISIONS: u32 = 10;
+/// The same from systems whose forces still contradict the states, where systems are dear.
+const EARLY_DECISIONS: u32 = 6;
 /// The same between paths, each of which takes long.
 const DECISIONS_BETWEEN_PATHS: u32 = 1;
 /// How exact forces must be for that, over the critical load.
@@ -122,6 +124,8 @@ pub(crate) struct Onset {
     pub(crate) admits: bool,
     /// Whether the set may still change at all, where the law jumps.
     pub(crate) deciding: bool,
+    /// Whether it changes before states and forces agree: where linear systems are dear.
+    pub(crate) eager: bool,
 }
 
 /// States, forces and workspace.
@@ -142,6 +146,8 @@ pub(crate) struct BoxSolver {
     acts: Vec<bool>,
     /// Times that the set of contacts with friction may still be decided.
     deciding: u32,
+    /// Times that it may be before states and forces agree.
+    early: u32,
 }
 
 impl BoxSolver {
@@ -181,10 +187,11 @@ impl BoxSolver {
         } else {
             0
         };
-        let patience = if problem.is_soft() || problem.isolated || !system.has_matrix(problem) {
-            PATIENCE
-        } else {
+        self.early = if onset.eager { EARLY_DECISIONS } else { 0 };
+        let patience = if problem.can_jam() && system.has_matrix(problem) {
             LITTLE_PATIENCE
+        } else {
+            PATIENCE
         };
         let (mut ended, mut systems) = self.newton(problem, system, onset, patience, &mut refine);
         let mut jammed = false;
@@ -209,7 +216,7 @@ impl BoxSolver {
                 systems += more;
                 if ended != Ended::Solved
                     || decision == decisions
-                    || self.decide(problem, onset.critical_load, 0.0) == 0
+                    || self.decide(problem, system, onset, 0.0) == 0
                 {
                     break;
                 }
@@ -254,11 +261,17 @@ impl BoxSolver {
                 return (Ended::Admit, count);
             }
             let refined = refine(problem, &self.forces);
-            let found = refined + self.mend(problem, noise, progress.alone.is_some());
+            let alone = progress.alone.is_some();
+            let mut found = refined + self.mend(problem, noise, alone);
+            if found > 0 && self.early > 0 && deciding && !alone {
+                let changes = self.decide(problem, system, onset, noise.force);
+                self.early -= u32::from(changes > 0);
+                found += changes;
+            }
             last = found == 0;
             if last && deciding && (noise.exact || noise.force < CLOSE * onset.critical_load) {
                 // Only now, as forces of states that are contradicted say nothing about loads.
-                if self.decide(problem, onset.critical_load, noise.force) > 0 {
+                if self.decide(problem, system, onset, noise.force) > 0 {
                     self.deciding -= 1;
                     // That is another problem.
                     progress = Progress::NEW;
@@ -289,10 +302,20 @@ impl BoxSolver {
     }
 
     /// Lets friction act where the load is above the critical one, by more than `noise`; the number of changes.
-    fn decide(&mut self, problem: &mut Problem, critical_load: f64, noise: f64) -> usize {
+    ///
+    /// A contact on which it begins to act sticks, or slides at once where systems are dear and its own mobility says that it will.
+    fn decide(
+        &mut self,
+        problem: &mut Problem,
+        system: &impl System,
+        onset: Onset,
+        noise: f64,
+    ) -> usize {
         let mut changes = 0;
+        let guesses = onset.eager && problem.friction.is_finite();
         for (m, row) in problem.tangential.iter_mut().enumerate() {
-            let excess = self.forces.normal[row.contact] - critical_load;
+            let load = self.forces.normal[row.contact];
+            let excess = load - onset.critical_load;
             let acts = excess > 0.0;
             let closed = self.states.closed[row.contact];
             if closed && row.ceased && !acts {
@@ -304,7 +327,15 @@ impl BoxSolver {
                 if closed {
                     row.ceased |= !acts;
                     changes += 1;
-                    self.states.grip[m] = if acts { Grip::Stick } else { Grip::Off };
+                    let slip = self.forces.slip[m];
+                    let halted = (system.mobility(row.contact) + row.compliance)
+                        * problem.friction
+                        * (load - problem.offset);
+                    self.states.grip[m] = match acts {
+                        false => Grip::Off,
+                        true if guesses && slip.abs() > halted => Grip::sliding(slip),
+                        true => Grip::Stick,
+                    };
                 }
             }
         }

@@ -14,8 +14,8 @@
 use super::newton::BoxSolver;
 use super::problem::{Forces, Grip, Problem, States, System, largest};
 
-/// Changes of state after which a path from forces at hand is given up, and any without a tableau: one that leads to the solution mostly
-/// takes fewer.
+/// Changes of state after which a path from forces at hand is given up where layers can jam, and any without a tableau: one that leads to
+/// the solution mostly takes fewer. Elsewhere there is less to try besides, and these may be twice the contacts and rows.
 const MOST_CHANGES: usize = 100;
 /// Force, in mu·a²·rate, above which it grows without bound.
 const UNBOUNDED: f64 = 1e8;
@@ -193,7 +193,8 @@ impl BoxSolver {
             }
         }
         let most = match begin {
-            Begin::Here => MOST_CHANGES,
+            Begin::Here if problem.can_jam() || !has_tableau => MOST_CHANGES,
+            Begin::Here => MOST_CHANGES.max(2 * contacts),
             Begin::Open => 10 * contacts,
             Begin::Apart => {
                 (MOST_TURNS * contacts).min(MOST_MULTIPLICATIONS / (contacts * contacts).max(1))

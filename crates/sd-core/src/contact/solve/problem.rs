@@ -55,6 +55,11 @@ impl Problem {
         entries.any(|entry| entry.compliance > COMPLIANCE)
     }
 
+    /// Whether contacts do not give way and friction is a reaction to the motion that it slows: such a problem need not have a solution.
+    pub(crate) fn can_jam(&self) -> bool {
+        !self.isolated && !self.is_soft()
+    }
+
     /// Bound ρ of |t| in a row, at normal forces f.
     pub(crate) fn bound(&self, row: &Tangential, f: &[f64]) -> f64 {
         let load = f[row.contact] - self.offset;

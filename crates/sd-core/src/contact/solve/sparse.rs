@@ -48,10 +48,10 @@ const LEAST_ROUNDING: f64 = 1e-14;
 const MOST_ITERATIONS: usize = 40;
 /// Calls for the motion under given forces.
 const MOST_CALLS: u32 = 8;
-/// Changes of the states that a factor outlives: where a stage has one problem, and where it has many that are alike, so that a new factor
-/// serves more of them.
-const MOST_CHANGES: [usize; 2] = [20, 5];
-/// Iterations of a call beyond which a factor with other states is made anew, for the same two.
+/// Changes of the states that a factor outlives.
+const MOST_CHANGES: usize = 5;
+/// Iterations of a call beyond which a factor with other states is made anew: where a stage has one problem, and where it has many that are
+/// alike, so that a new factor serves more of them.
 const PATIENT: [usize; 2] = [4, 3];
 /// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
 const LEAST_FORCE: f64 = 6.0 * PI;
@@ -205,8 +205,8 @@ impl SparseSystem {
         } else {
             usize::MAX
         };
-        let [most, patient] = [MOST_CHANGES, PATIENT].map(|of| of[usize::from(repeated)]);
-        if changes > most || changes > 0 && self.iterations > patient {
+        let patient = PATIENT[usize::from(repeated)];
+        if changes > MOST_CHANGES || changes > 0 && self.iterations > patient {
             linear.network.fill(pattern, &mut self.held);
             for (at, &s) in self.stiffness[..rows].iter().enumerate() {
                 if s != 0.0 {

@@ -217,6 +217,23 @@ fn solve(law: Law, network: &mut Network, given: &[f64]) -> (Problem, BoxSolver,
 
 /// The same, with whether there is no solution.
 fn solve_or_jam(law: Law, network: &mut Network, given: &[f64]) -> (Problem, BoxSolver, f64, bool) {
+    let held = Onset {
+        critical_load: 0.0,
+        smooth: false,
+        admits: false,
+        deciding: false,
+        eager: false,
+    };
+    solve_from(law, network, given, held)
+}
+
+/// The same, with friction that begins as `onset` has it.
+fn solve_from(
+    law: Law,
+    network: &mut Network,
+    given: &[f64],
+    onset: Onset,
+) -> (Problem, BoxSolver, f64, bool) {
     let count = network.normal.nrows();
     let mut problem = problem_of(law, count, given);
     let mut solver = BoxSolver::default();
@@ -224,13 +241,7 @@ fn solve_or_jam(law: Law, network: &mut Network, given: &[f64]) -> (Problem, Box
     solver.states.grip.resize(count, Grip::Stick);
     solver.forces.normal.resize(count, 0.0);
     solver.forces.tangential.resize(count, 0.0);
-    let held = Onset {
-        critical_load: 0.0,
-        smooth: false,
-        admits: false,
-        deciding: false,
-    };
-    let outcome = solver.solve(&mut problem, network, held, |_, _| 0);
+    let outcome = solver.solve(&mut problem, network, onset, |_, _| 0);
     let Outcome::Solved { merit, jammed, .. } = outcome else {
         panic!("every candidate has a row");
     };
@@ -313,6 +324,32 @@ proptest! {
             let (_, _, residual, jammed) = solve_or_jam(law, &mut network, &given);
             // Unsolved ones have 0.1; forces are up to 1e8 here, and their rounding errors 1e-8.
             prop_assert!(jammed || residual < 1e-6, "ν = {friction}: residual {residual}");
+        }
+    }
+
+    #[test]
+    fn friction_acts_where_loads_say_however_early_it_is_decided(
+        columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 24), 4..20),
+        given in prop::collection::vec(-1.0..1.0f64, 20),
+    ) {
+        for law in laws().into_iter().filter(|law| law.offset == 0.0 && law.friction.is_finite()) {
+            for eager in [false, true] {
+                let mut network = Network::new(&columns, law.isolated);
+                let onset = Onset {
+                    critical_load: 0.05,
+                    smooth: false,
+                    admits: false,
+                    deciding: true,
+                    eager,
+                };
+                let (problem, solver, residual, _) = solve_from(law, &mut network, &given, onset);
+                prop_assert!(residual < 1e-9, "{law:?}, {eager}: residual {residual}");
+                for row in &problem.tangential {
+                    let loaded = solver.forces.normal[row.contact] > onset.critical_load;
+                    // One that ceased has got its friction back, and keeps it.
+                    prop_assert!(row.acts == loaded || row.ceased, "{law:?}, {eager}: {row:?}");
+                }
+            }
         }
     }
 

@@ -9,11 +9,14 @@ use super::{ContactSolver, Posed};
 const EXPECTED_APPROACH: f64 = 3.0;
 /// Change of a normal velocity from one stage to the next, in a·rate, that the next choice of candidates allows for.
 const EXPECTED_CHANGE: f64 = 0.3;
+/// Approach velocity, in a·rate, that the choice of candidates allows for where they cost nearly nothing.
+const LIKELY_APPROACH: f64 = 1.0;
 /// Velocity, in a·rate, by which pairs fail to close that are added nevertheless.
 const NEARLY_CLOSING: f64 = 1.0;
 
 impl ContactSolver {
-    /// The first candidates: pairs that touched or were about to in the stage before, or all near ones where there was none.
+    /// The first candidates: pairs that touched or were about to in the stage before, or all near ones where there was none. Where systems
+    /// are dear, so that none had better be solved again for a pair that was left out, near ones are always among them.
     pub(super) fn choose(&mut self, posed: &Posed<'_>, warm_start: &WarmStart) {
         let (radii, pairs) = (posed.resistance.radii(), posed.resistance.neighbours());
         self.list.clear();
@@ -27,16 +30,27 @@ impl ContactSolver {
                 .extend(near.map(|pair| Contact::new(*pair, radii, posed.background)));
             return;
         }
-        for (pair, [f, t]) in warm_start.known(pairs) {
-            let mut contact = Contact::new(*pair, radii, posed.background);
-            (contact.normal_force, contact.tangential_force) = (f, t);
-            self.list.push(contact);
+        let reach = if self.has_dear_systems {
+            posed.laws.surface.roughness + LIKELY_APPROACH * posed.span.time
+        } else {
+            f64::NEG_INFINITY
+        };
+        let mut known = warm_start.known(pairs).peekable();
+        for pair in pairs {
+            let forces = known.next_if(|(other, _)| other.key() == pair.key());
+            if forces.is_some() || pair.gap < reach {
+                let mut contact = Contact::new(*pair, radii, posed.background);
+                if let Some((_, [f, t])) = forces {
+                    (contact.normal_force, contact.tangential_force) = (f, t);
+                }
+                self.list.push(contact);
+            }
         }
     }
 
-    /// Adds to `list` the pairs left out that would close within the time span after all, and with them those that nearly would: forces of
-    /// new contacts push others together. Whether there were any.
+    /// Adds to `list` the pairs left out that would close within the time span after all; whether there were any.
     ///
+    /// Where it takes long to solve the problem again, those that nearly would come with them: forces of new contacts push others together.
     /// In a layer that is `jammed` the velocities say little, and more pairs are added.
     ///
     /// Remembers the forces of all others, and who may touch in the next stage.
@@ -51,7 +65,9 @@ impl ContactSolver {
         if !posed.laws.normal.law.touches() {
             return false;
         }
-        let nearly = if jammed {
+        let nearly = if !self.problem.can_jam() && !self.has_dear_systems {
+            0.0
+        } else if jammed {
             EXPECTED_APPROACH
         } else {
             NEARLY_CLOSING

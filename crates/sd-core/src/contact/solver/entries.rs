@@ -84,12 +84,14 @@ impl ContactSolver {
         let load = posed.laws.surface.critical_load;
         for row in rows {
             let contact = &self.list[row.contact];
+            let loaded = contact.normal_force > load;
             row.acts = posed.laws.is_smooth()
-                || if deciding {
-                    contact.normal_force > load
+                || if deciding && !self.is_again {
+                    loaded
                 } else {
                     contact.friction_acts
                 };
+            row.ceased = self.is_again && row.acts && !loaded;
         }
     }
 

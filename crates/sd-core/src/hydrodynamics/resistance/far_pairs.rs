@@ -7,12 +7,13 @@
 //! often: as `R2B∞ − D ≥ −w_ij D`, these θ keep P at least `(1 − LARGEST) D`. Of isolated spheres alone, `P = D`, the iteration takes
 //! about twice as many steps.
 
-use super::pairwise::NEAR;
 use super::tables::BySizes;
 use crate::error::Error;
 use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::two_sphere::{FarPair, PairTerm, check_size_ratio};
 
+/// Pairs closer than this, in s', are near.
+const NEAR: f64 = 2.4;
 /// Largest share of its drag that a sphere's pairs may take away.
 const LARGEST: f64 = 0.95;
 

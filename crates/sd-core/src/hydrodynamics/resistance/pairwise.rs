@@ -8,11 +8,38 @@ use crate::linalg::cholesky::sparse::{Block, BlockCholesky, BlockPattern};
 use crate::linalg::dense::Matrix;
 use crate::linalg::simd::vectorised;
 
-/// Pairs closer than this, in s', must be in the pattern of the near part. What is left out counts by its diagonal blocks; with these
-/// limits conjugate gradients then gain a factor of about thirty in each iteration.
-pub(super) const NEAR: f64 = 2.4;
-/// A new pattern takes in pairs up to this, in s', so that it serves for a while.
-const PATTERN: f64 = 2.7;
+/// Which pairs the near part has, in s'. Others count by their diagonal blocks alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Reach {
+    /// Pairs closer than this must be in the pattern.
+    pub(super) needed: f64,
+    /// A new pattern takes in pairs up to this, so that it serves for a while.
+    pub(super) taken: f64,
+}
+
+impl Reach {
+    /// Pairs that touch or soon may: the factor is then small, and iterations on it are quick, if a third more of them.
+    pub(super) const SHORT: Self = Self {
+        needed: 2.1,
+        taken: 2.2,
+    };
+    /// First neighbours too: each iteration then gains a factor of about thirty.
+    pub(super) const LONG: Self = Self {
+        needed: 2.4,
+        taken: 2.7,
+    };
+    /// Gap, in s' − 2, that is needed beyond the height of contacts, which approach and are then stiff.
+    const AHEAD: f64 = 0.08;
+
+    /// The same, with all contacts of asperities of that height, in the mean radius of a pair.
+    fn with_contacts(self, height: f64) -> Self {
+        let needed = self.needed.max(2.0 + height + Self::AHEAD);
+        Self {
+            needed,
+            taken: self.taken + (needed - self.needed),
+        }
+    }
+}
 
 /// `R_FU` of all spheres: the block of each sphere with itself, and of each pair in range.
 pub struct PairwiseResistance {
@@ -27,6 +54,7 @@ pub struct PairwiseResistance {
     pattern: BlockPattern,
     /// Whether the pattern was made for positions of these spheres; before the first ones it has no pair.
     has_positions: bool,
+    reach: Reach,
 }
 
 impl PairwiseResistance {
@@ -34,7 +62,11 @@ impl PairwiseResistance {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(super) fn new(spheres: usize, pattern_pairs: &[PairKey]) -> Result<Self, Error> {
+    pub(super) fn new(
+        spheres: usize,
+        reach: Reach,
+        pattern_pairs: &[PairKey],
+    ) -> Result<Self, Error> {
         Ok(Self {
             own: Vec::with_capacity(spheres),
             couplings: Vec::new(),
@@ -42,7 +74,14 @@ impl PairwiseResistance {
             pattern_pairs: pattern_pairs.to_vec(),
             pattern: pattern(spheres, pattern_pairs)?,
             has_positions: !pattern_pairs.is_empty(),
+            reach,
         })
+    }
+
+    /// Takes all pairs into the near part that touch at asperities of that height, in a.
+    pub(super) fn expect_contacts(&mut self, height: f64, radii: &[f64]) {
+        let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
+        self.reach = self.reach.with_contacts(height / smallest);
     }
 
     /// Takes over the pair terms, and makes a new pattern where a near pair is not in the old one.
@@ -82,8 +121,9 @@ impl PairwiseResistance {
         let closer = |pair: &Neighbours, limit: f64| {
             pair.distance < 0.5 * limit * (radii[pair.i] + radii[pair.j])
         };
-        if !self.number(pairs, |pair| closer(pair, NEAR)) || !self.has_positions {
-            let near = pairs.iter().filter(|pair| closer(pair, PATTERN));
+        let Reach { needed, taken } = self.reach;
+        if !self.number(pairs, |pair| closer(pair, needed)) || !self.has_positions {
+            let near = pairs.iter().filter(|pair| closer(pair, taken));
             self.pattern_pairs.clear();
             self.pattern_pairs.extend(near.map(Neighbours::key));
             self.pattern = pattern(radii.len(), &self.pattern_pairs)?;

@@ -11,13 +11,14 @@ use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
 use faer::sparse::linalg::cholesky::simplicial::prefactorize_symbolic_cholesky;
 use faer::sparse::linalg::cholesky::simplicial::prefactorize_symbolic_cholesky_scratch;
 use faer::sparse::linalg::cholesky::supernodal::{
-    SupernodalLltRef, SymbolicSupernodalCholesky, factorize_supernodal_numeric_llt,
+    SymbolicSupernodalCholesky, factorize_supernodal_numeric_llt,
     factorize_supernodal_numeric_llt_scratch, factorize_supernodal_symbolic_cholesky,
     factorize_supernodal_symbolic_cholesky_scratch,
 };
 use faer::sparse::linalg::{SymbolicSupernodalParams, amd};
 use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef};
 use faer::{Par, Spec};
+use std::ops::Range;
 
 /// A 3 × 3 block, by columns.
 pub(crate) type Block = [f64; 9];
@@ -45,6 +46,8 @@ pub struct BlockPattern {
     couplings: Vec<Place>,
     /// Symbolic factorization.
     symbolic: SymbolicSupernodalCholesky<usize>,
+    /// Its supernodes.
+    nodes: Vec<Node>,
 }
 
 impl BlockPattern {
@@ -87,11 +90,13 @@ impl BlockPattern {
             let (row_i, row_j) = (rows[i], rows[j]);
             place(row_i.max(row_j), row_i.min(row_j), row_j < row_i)
         });
+        // The analysis reads the upper triangle, the factorization the lower one.
+        let symbolic = analyse(scalars(&above).as_ref()).ok()?;
         Some(Self {
             diagonal,
             couplings: couplings.collect(),
-            // The analysis reads the upper triangle, the factorization the lower one.
-            symbolic: analyse(scalars(&above).as_ref()).ok()?,
+            nodes: Node::all(&symbolic),
+            symbolic,
             scalar: scalars(&below),
             rows,
         })
@@ -244,13 +249,12 @@ impl BlockCholesky {
                 target[k] = value;
             }
         }
-        let factor = SupernodalLltRef::new(&pattern.symbolic, &self.factor);
-        let (x, gathered) = (&mut self.ordered, &mut self.gathered);
+        let (factor, x, rows) = (&self.factor, &mut self.ordered, &mut self.gathered);
         vectorised(
             #[inline(always)]
             || {
-                solve_lower(&factor, x, gathered);
-                solve_upper(&factor, x, gathered);
+                solve_lower(pattern, factor, x, rows);
+                solve_upper(pattern, factor, x, rows);
             },
         );
         for (z, &row) in z.chunks_exact_mut(3).zip(&pattern.rows) {
@@ -277,66 +281,67 @@ fn add(values: &mut [f32], place: Place, block: &Block) {
     }
 }
 
-/// One supernode of a factor: its first row, its number of columns, the columns three by three, the rows below its triangle.
-struct Node<'a> {
+/// Where one supernode of a factor is: its rows and columns, and its values.
+#[derive(Debug, Clone)]
+struct Node {
     /// First row and column.
     start: usize,
     /// Number of columns: three for each sphere, whose columns have the same rows.
     width: usize,
-    height: usize,
     /// Entries, column after column.
-    values: &'a [f32],
-    /// Rows below the triangle.
-    below: &'a [usize],
+    values: Range<usize>,
+    /// Rows below the triangle, in the list of all.
+    below: Range<usize>,
 }
 
-impl<'a> Node<'a> {
-    /// The supernode of that number.
-    #[inline(always)]
-    fn new(factor: &SupernodalLltRef<'a, usize, f32>, number: usize) -> Self {
-        let symbolic = factor.symbolic();
-        let node = factor.supernode(number);
-        let starts = symbolic.col_ptr_for_val();
-        Self {
-            start: node.start(),
-            width: node.val().ncols(),
-            height: node.val().nrows(),
-            values: &factor.values()[starts[number]..starts[number + 1]],
-            below: node.pattern(),
-        }
+impl Node {
+    /// The supernodes of a factor.
+    fn all(symbolic: &SymbolicSupernodalCholesky<usize>) -> Vec<Self> {
+        let (begins, ends) = (symbolic.supernode_begin(), symbolic.supernode_end());
+        let (values, rows) = (symbolic.col_ptr_for_val(), symbolic.col_ptr_for_row_idx());
+        let nodes = 0..symbolic.n_supernodes();
+        nodes
+            .map(|k| Self {
+                start: begins[k],
+                width: ends[k] - begins[k],
+                values: values[k]..values[k + 1],
+                below: rows[k]..rows[k + 1],
+            })
+            .collect()
     }
 
-    /// The three columns of a sphere from row `first` of the node on.
+    /// The three columns of a sphere, which begin at column `j`, from the row of the first of them on.
     #[inline(always)]
-    fn columns(&self, j: usize, first: usize) -> [&'a [f32]; 3] {
-        [0, 1, 2].map(|k| &self.values[(j + k) * self.height..][first..self.height])
+    fn columns<'f>(&self, factor: &'f [f32], j: usize) -> [&'f [f32]; 3] {
+        let height = self.width + self.below.len();
+        let values = &factor[self.values.clone()];
+        [0, 1, 2].map(|k| &values[(j + k) * height..][j..height])
     }
 }
 
 /// `x ← L⁻¹ x`, for callers that are vectorised themselves.
 #[inline(always)]
-fn solve_lower(factor: &SupernodalLltRef<'_, usize, f32>, x: &mut [f32], gathered: &mut Vec<f32>) {
-    for number in 0..factor.symbolic().n_supernodes() {
-        let node = Node::new(factor, number);
-        let own = &mut x[node.start..node.start + node.width];
-        gathered.clear();
-        gathered.resize(node.below.len(), 0.0);
+fn solve_lower(pattern: &BlockPattern, factor: &[f32], x: &mut [f32], local: &mut Vec<f32>) {
+    for node in &pattern.nodes {
+        let below = &pattern.symbolic.row_idx()[node.below.clone()];
+        let own = node.start..node.start + node.width;
+        local.clear();
+        local.extend_from_slice(&x[own.clone()]);
+        local.resize(node.width + below.len(), 0.0);
         for j in (0..node.width).step_by(3) {
-            let [a, b, c] = node.columns(j, j);
-            let own = &mut own[j..];
-            let xa = own[0] / a[0];
-            let xb = (own[1] - a[1] * xa) / b[1];
-            let xc = (own[2] - a[2] * xa - b[2] * xb) / c[2];
-            own[..3].copy_from_slice(&[xa, xb, xc]);
-            let (inside, outside) = (3..node.width - j, node.width - j..node.height - j);
-            for (target, rows) in [(&mut own[3..], inside), (&mut gathered[..], outside)] {
-                let [a, b, c] = [a, b, c].map(|column| &column[rows.clone()]);
-                for (k, x) in target.iter_mut().enumerate() {
-                    *x -= a[k] * xa + b[k] * xb + c[k] * xc;
-                }
+            let [a, b, c] = node.columns(factor, j);
+            let (top, rest) = local[j..].split_at_mut(3);
+            let xa = top[0] / a[0];
+            let xb = (top[1] - a[1] * xa) / b[1];
+            let xc = (top[2] - a[2] * xa - b[2] * xb) / c[2];
+            top.copy_from_slice(&[xa, xb, xc]);
+            let [a, b, c] = [a, b, c].map(|column| &column[3..][..rest.len()]);
+            for (k, x) in rest.iter_mut().enumerate() {
+                *x -= a[k] * xa + b[k] * xb + c[k] * xc;
             }
         }
-        for (&row, sum) in node.below.iter().zip(&*gathered) {
+        x[own].copy_from_slice(&local[..node.width]);
+        for (&row, sum) in below.iter().zip(&local[node.width..]) {
             x[row] += sum;
         }
     }
@@ -344,15 +349,16 @@ fn solve_lower(factor: &SupernodalLltRef<'_, usize, f32>, x: &mut [f32], gathere
 
 /// `x ← L⁻ᵀ x`, for callers that are vectorised themselves.
 #[inline(always)]
-fn solve_upper(factor: &SupernodalLltRef<'_, usize, f32>, x: &mut [f32], gathered: &mut Vec<f32>) {
-    for number in (0..factor.symbolic().n_supernodes()).rev() {
-        let node = Node::new(factor, number);
+fn solve_upper(pattern: &BlockPattern, factor: &[f32], x: &mut [f32], gathered: &mut Vec<f32>) {
+    for node in pattern.nodes.iter().rev() {
+        let below = &pattern.symbolic.row_idx()[node.below.clone()];
         gathered.clear();
-        gathered.extend(node.below.iter().map(|&row| x[row]));
+        gathered.extend(below.iter().map(|&row| x[row]));
         let own = &mut x[node.start..node.start + node.width];
         for j in (0..node.width).step_by(3).rev() {
-            let [a, b, c] = node.columns(j, j);
-            let (inside, outside) = (3..node.width - j, node.width - j..node.height - j);
+            let [a, b, c] = node.columns(factor, j);
+            let inside = 3..node.width - j;
+            let outside = inside.end..inside.end + gathered.len();
             let mut sums = [0.0; 3];
             for (known, rows) in [(&own[j + 3..], inside), (&gathered[..], outside)] {
                 let parts = dot_three([a, b, c].map(|column| &column[rows.clone()]), known);
