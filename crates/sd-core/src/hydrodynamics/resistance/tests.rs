@@ -41,6 +41,24 @@ fn a_spring_pulls_its_two_spheres_whichever_way_the_resistance_is_held() {
 }
 
 #[test]
+fn contacts_of_high_asperities_are_in_the_near_part() {
+    let cell = Cell::periodic(30.0, 30.0, 0.0).unwrap();
+    // Gaps of 0.25 and 0.3.
+    let centres = [[5.0, 5.0], [7.25, 5.0], [7.25, 7.0]].map(Vec2::from);
+    let radii = [1.0, 1.0, 0.7];
+    let tables = NearFields::default();
+    for (height, pairs) in [(0.01, 0), (0.1, 1), (0.3, 2)] {
+        let mut near =
+            Resistance::new_pairwise(Hydrodynamics::BallMelrose, &cell, &radii, &tables, &[])
+                .unwrap();
+        near.expect_contacts(height);
+        near.assemble(&cell, &centres).unwrap();
+        let pairwise = near.pairwise().unwrap();
+        assert_eq!(pairwise.pattern_pairs().len(), pairs, "{height}");
+    }
+}
+
+#[test]
 fn far_pairs_leave_a_positive_definite_resistance() {
     // Touching spheres on a hexagonal lattice, where every sphere has six: pairs summed up would leave less than nothing.
     let (rows, distance) = (8, 2.02);
