@@ -9,7 +9,7 @@ use self::entries::refine;
 use super::laws::{Laws, Overlap, Span};
 use super::pair::Contact;
 use super::solve::dense::DenseSystem;
-use super::solve::newton::{BoxSolver, Onset, Outcome};
+use super::solve::newton::{BoxSolver, Deciding, Onset, Outcome};
 use super::solve::problem::{Forces, Problem, System};
 use super::solve::sparse::{OnNetwork, SparseSystem};
 use super::springs::Stretches;
@@ -298,8 +298,11 @@ impl ContactSolver {
             critical_load: load,
             smooth: laws.is_smooth(),
             admits: friction && !sparse,
-            deciding,
-            eager: self.has_dear_systems,
+            deciding: match deciding {
+                false => Deciding::Held,
+                true if self.has_dear_systems => Deciding::Early,
+                true => Deciding::Late,
+            },
         };
         if friction {
             let loaded = self.list.iter().filter(|c| c.normal_force > load).count();

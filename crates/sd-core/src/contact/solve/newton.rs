@@ -122,10 +122,19 @@ pub(crate) struct Onset {
     pub(crate) smooth: bool,
     /// Whether contacts without a tangential row get one once they are loaded.
     pub(crate) admits: bool,
-    /// Whether the set may still change at all, where the law jumps.
-    pub(crate) deciding: bool,
-    /// Whether it changes before states and forces agree: where linear systems are dear.
-    pub(crate) eager: bool,
+    /// When that is decided, where the law jumps.
+    pub(crate) deciding: Deciding,
+}
+
+/// From which solutions it is decided on which contacts friction acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Deciding {
+    /// From none: it stays as it is.
+    Held,
+    /// From those whose states and forces agree.
+    Late,
+    /// From unfinished ones too: where linear systems are dear.
+    Early,
 }
 
 /// States, forces and workspace.
@@ -182,12 +191,16 @@ impl BoxSolver {
         self.acts.clear();
         self.acts
             .extend(problem.tangential.iter().map(|row| row.acts));
-        self.deciding = if onset.deciding && !onset.smooth {
+        self.deciding = if onset.deciding != Deciding::Held && !onset.smooth {
             DECISIONS
         } else {
             0
         };
-        self.early = if onset.eager { EARLY_DECISIONS } else { 0 };
+        self.early = if onset.deciding == Deciding::Early {
+            EARLY_DECISIONS
+        } else {
+            0
+        };
         let patience = if problem.can_jam() && system.has_matrix(problem) {
             LITTLE_PATIENCE
         } else {
@@ -312,7 +325,7 @@ impl BoxSolver {
         noise: f64,
     ) -> usize {
         let mut changes = 0;
-        let guesses = onset.eager && problem.friction.is_finite();
+        let guesses = onset.deciding == Deciding::Early && problem.friction.is_finite();
         for (m, row) in problem.tangential.iter_mut().enumerate() {
             let load = self.forces.normal[row.contact];
             let excess = load - onset.critical_load;

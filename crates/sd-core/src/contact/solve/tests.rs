@@ -1,7 +1,7 @@
 //! The conditions of the contact problem on random networks, under every law.
 
 use super::cone::Cones;
-use super::newton::{BoxSolver, Onset, Outcome};
+use super::newton::{BoxSolver, Deciding, Onset, Outcome};
 use super::problem::{Forces, Grip, Noise, Normal, Problem, States, System, Tangential, largest};
 use super::tableau::Tableau;
 use crate::contact::row::Row;
@@ -221,8 +221,7 @@ fn solve_or_jam(law: Law, network: &mut Network, given: &[f64]) -> (Problem, Box
         critical_load: 0.0,
         smooth: false,
         admits: false,
-        deciding: false,
-        eager: false,
+        deciding: Deciding::Held,
     };
     solve_from(law, network, given, held)
 }
@@ -333,21 +332,20 @@ proptest! {
         given in prop::collection::vec(-1.0..1.0f64, 20),
     ) {
         for law in laws().into_iter().filter(|law| law.offset == 0.0 && law.friction.is_finite()) {
-            for eager in [false, true] {
+            for deciding in [Deciding::Late, Deciding::Early] {
                 let mut network = Network::new(&columns, law.isolated);
                 let onset = Onset {
                     critical_load: 0.05,
                     smooth: false,
                     admits: false,
-                    deciding: true,
-                    eager,
+                    deciding,
                 };
                 let (problem, solver, residual, _) = solve_from(law, &mut network, &given, onset);
-                prop_assert!(residual < 1e-9, "{law:?}, {eager}: residual {residual}");
+                prop_assert!(residual < 1e-9, "{law:?}, {deciding:?}: residual {residual}");
                 for row in &problem.tangential {
                     let loaded = solver.forces.normal[row.contact] > onset.critical_load;
                     // One that ceased has got its friction back, and keeps it.
-                    prop_assert!(row.acts == loaded || row.ceased, "{law:?}, {eager}: {row:?}");
+                    prop_assert!(row.acts == loaded || row.ceased, "{law:?}, {deciding:?}: {row:?}");
                 }
             }
         }
