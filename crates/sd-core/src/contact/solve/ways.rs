@@ -11,6 +11,7 @@ use crate::contact::Quality;
 
 /// Convex problems on the way from one in which contacts open as they slide, after which a path is tried.
 const APPROACHES: [u32; 3] = [16, 64, 256];
+
 /// Ways to the solution that follow a path, in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Way {

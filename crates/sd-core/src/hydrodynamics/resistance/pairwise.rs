@@ -18,7 +18,7 @@ pub(super) struct Reach {
 }
 
 impl Reach {
-    /// Pairs that touch or soon may: the factor is then small, and iterations on it are quick, if a third more of them.
+    /// Pairs that touch or soon may: the factor is then small, and iterations on it are quick, if more of them.
     pub(super) const SHORT: Self = Self {
         needed: 2.1,
         taken: 2.2,
