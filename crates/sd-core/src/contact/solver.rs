@@ -85,8 +85,6 @@ pub struct ContactSolver {
     stretches: Stretches,
     /// Whether linear systems are dear and candidates cost nearly nothing: in layers held pair by pair whose far field is not iterated.
     has_dear_systems: bool,
-    /// Whether the problem is that of the stage once more, with more candidates, where systems are dear: friction then acts where it did.
-    is_again: bool,
 }
 
 impl ContactSolver {
@@ -107,7 +105,6 @@ impl ContactSolver {
             backend,
             stretches: Stretches::default(),
             has_dear_systems: resistance.pairwise().is_some() && !resistance.is_iterated_on(),
-            is_again: false,
         };
         solver.problem.normal.reserve(most);
         solver.problem.tangential.reserve(2 * most);
@@ -205,7 +202,12 @@ impl ContactSolver {
         let mut quality = Quality::default();
         let mut changed = false;
         for round in 0..MOST_ROUNDS {
-            self.is_again = round > 0 && self.has_dear_systems;
+            let deciding = match deciding {
+                false => Deciding::Held,
+                true if !self.has_dear_systems => Deciding::Late,
+                true if round == 0 => Deciding::Early,
+                true => Deciding::Again,
+            };
             let (found, decided) =
                 self.solve_candidates(posed, driving, memory, deciding, velocities)?;
             changed |= decided;
@@ -286,7 +288,7 @@ impl ContactSolver {
         posed: &Posed<'_>,
         driving: Driving<'_>,
         memory: &ContactMemory,
-        deciding: bool,
+        deciding: Deciding,
         velocities: &mut [f64],
     ) -> Result<(Quality, bool), Error> {
         self.pose(posed);
@@ -298,18 +300,15 @@ impl ContactSolver {
             critical_load: load,
             smooth: laws.is_smooth(),
             admits: friction && !sparse,
-            deciding: match deciding {
-                false => Deciding::Held,
-                true if self.has_dear_systems => Deciding::Early,
-                true => Deciding::Late,
-            },
+            deciding,
         };
         if friction {
             let loaded = self.list.iter().filter(|c| c.normal_force > load).count();
             // Rows cost a dense system much: the solution says who needs one. The few others cost less now than later.
             let all = sparse || 10 * loaded >= 9 * self.list.len();
             self.add_rows(posed, memory, deciding, |_, contact| {
-                all || contact.normal_force > load || contact.friction_acts && !deciding
+                all || contact.normal_force > load
+                    || contact.friction_acts && deciding == Deciding::Held
             });
         }
         let solver = &mut self.solver;

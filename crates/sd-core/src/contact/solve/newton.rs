@@ -135,6 +135,15 @@ pub(crate) enum Deciding {
     Late,
     /// From unfinished ones too: where linear systems are dear.
     Early,
+    /// The same, in a problem solved again with more candidates: friction acts at first where it did.
+    Again,
+}
+
+impl Deciding {
+    /// Whether from unfinished solutions too.
+    fn is_early(self) -> bool {
+        matches!(self, Self::Early | Self::Again)
+    }
 }
 
 /// States, forces and workspace.
@@ -196,7 +205,7 @@ impl BoxSolver {
         } else {
             0
         };
-        self.early = if onset.deciding == Deciding::Early {
+        self.early = if onset.deciding.is_early() {
             EARLY_DECISIONS
         } else {
             0
@@ -283,7 +292,7 @@ impl BoxSolver {
             }
             last = found == 0;
             if last && deciding && (noise.exact || noise.force < CLOSE * onset.critical_load) {
-                // Only now, as forces of states that are contradicted say nothing about loads.
+                // The last word, as forces of states that are contradicted say little about loads.
                 if self.decide(problem, system, onset, noise.force) > 0 {
                     self.deciding -= 1;
                     // That is another problem.
@@ -325,7 +334,7 @@ impl BoxSolver {
         noise: f64,
     ) -> usize {
         let mut changes = 0;
-        let guesses = onset.deciding == Deciding::Early && problem.friction.is_finite();
+        let guesses = onset.deciding.is_early() && problem.friction.is_finite();
         for (m, row) in problem.tangential.iter_mut().enumerate() {
             let load = self.forces.normal[row.contact];
             let excess = load - onset.critical_load;

@@ -12,7 +12,7 @@ use crate::contact::Quality;
 /// Convex problems on the way from one in which contacts open as they slide, after which a path is tried.
 const APPROACHES: [u32; 3] = [16, 64, 256];
 
-/// Ways to the solution that follow a path, in this order.
+/// Ways to the solution, in the order in which they are tried.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Way {
     /// From the forces at hand.
@@ -39,21 +39,20 @@ impl BoxSolver {
         let (mut systems, mut can_move) = (0, None);
         let mut found = (Ended::Failed, false);
         for way in [Way::Here, Way::Cones, Way::Apart, Way::Open] {
-            let path = match way {
-                Way::Here => Some(Begin::Here),
+            let (end, more) = match way {
+                Way::Here => self.follow_path(problem, system, Begin::Here),
                 Way::Cones => {
-                    let jams = cones.jam(problem, system);
-                    can_move = jams.map(|jams| !jams);
-                    None
+                    can_move = cones.jam(problem, system).map(|jams| !jams);
+                    if can_move != Some(true) {
+                        continue;
+                    }
+                    self.approach(&mut cones, problem, system)
                 }
-                Way::Apart if can_move == Some(true) => Some(Begin::Apart),
+                Way::Apart if can_move == Some(true) => {
+                    self.follow_path(problem, system, Begin::Apart)
+                }
                 Way::Apart => continue,
-                Way::Open => Some(Begin::Open),
-            };
-            let (end, more) = match path {
-                Some(begin) => self.follow_path(problem, system, begin),
-                None if can_move == Some(true) => self.approach(&mut cones, problem, system),
-                None => (PathEnd::Lost, 0),
+                Way::Open => self.follow_path(problem, system, Begin::Open),
             };
             systems += more;
             // The ray of a path that does not begin without forces says nothing.

@@ -3,6 +3,7 @@
 use super::super::laws::{COMPLIANCE, Overlap};
 use super::super::pair::{Contact, ContactState};
 use super::super::row::Row;
+use super::super::solve::newton::Deciding;
 use super::super::solve::problem::{self, Forces, Grip, Problem};
 use super::candidates::overlap_of;
 use super::{ContactMemory, ContactSolver, Posed};
@@ -42,7 +43,7 @@ impl ContactSolver {
         &mut self,
         posed: &Posed<'_>,
         memory: &ContactMemory,
-        deciding: bool,
+        deciding: Deciding,
         wanted: impl Fn(usize, &Contact) -> bool,
     ) {
         let rows = &mut self.problem.tangential;
@@ -86,12 +87,11 @@ impl ContactSolver {
             let contact = &self.list[row.contact];
             let loaded = contact.normal_force > load;
             row.acts = posed.laws.is_smooth()
-                || if deciding && !self.is_again {
-                    loaded
-                } else {
-                    contact.friction_acts
+                || match deciding {
+                    Deciding::Late | Deciding::Early => loaded,
+                    Deciding::Held | Deciding::Again => contact.friction_acts,
                 };
-            row.ceased = self.is_again && row.acts && !loaded;
+            row.ceased = deciding == Deciding::Again && row.acts && !loaded;
         }
     }
 
