@@ -25,6 +25,8 @@ use crate::linalg::dense::Matrix;
 const STEEPEST: f64 = 10.0;
 /// Changes of state from one convex problem to the next, over edges, at most.
 const MOST_CHANGES: usize = 10;
+/// The same through all of them.
+const MOST_CHANGES_IN_ALL: usize = 25;
 /// Compliance of an edge, over its mobility.
 const COMPLIANCE: f64 = 1e-10;
 
@@ -51,6 +53,8 @@ pub(super) struct Cones {
     /// What is added to the slack of each contact in the problem at hand, and how that changes for each edge.
     added: Vec<f64>,
     change: Vec<f64>,
+    /// Changes of state from one convex problem to the next, of all so far.
+    changes: usize,
     /// The convex problem: a normal force for each edge.
     problem: Problem,
     solver: BoxSolver,
@@ -120,9 +124,17 @@ impl Cones {
             forces: &mut self.forces,
         };
         let most = MOST_CHANGES * self.edges.len();
-        let end = self.solver.follow_shift(&self.problem, &mut on_edges, most);
+        let (end, changes) = self
+            .solver
+            .follow_shift(&self.problem, &mut on_edges, most);
+        self.changes += changes;
         on_edges.push(&self.solver.forces);
         end == PathEnd::Solved
+    }
+
+    /// Whether the convex problems have taken as long as they may.
+    pub(super) fn are_spent(&self) -> bool {
+        self.changes > MOST_CHANGES_IN_ALL * self.edges.len()
     }
 
     /// Takes the contacts of a problem.
@@ -162,6 +174,7 @@ impl Cones {
                 ..problem.normal[edge.contact]
             }
         }));
+        self.changes = 0;
         self.added.clear();
         self.added.resize(problem.normal.len(), 0.0);
         self.solver.tableau.clear();

@@ -16,7 +16,7 @@ use super::problem::{Forces, Grip, Problem, States, System, largest};
 
 /// Changes of state after which a path from forces at hand is given up where layers can jam, and any without a tableau: one that leads to
 /// the solution mostly takes fewer. Elsewhere there is less to try besides, and these may be twice the contacts and rows.
-const MOST_CHANGES: usize = 100;
+const MOST_CHANGES: [usize; 2] = [300, 100];
 /// Force, in mu·a²·rate, above which it grows without bound.
 const UNBOUNDED: f64 = 1e8;
 /// What a bound on friction is at most on the way.
@@ -25,9 +25,10 @@ const MOST_FRICTION: f64 = 100.0;
 const SPREAD: f64 = 0.3;
 /// The same, as powers of ten, on a path on which contacts close far apart.
 const FAR_APART: f64 = 4.0;
-/// Changes of state of such a path at most, over contacts and rows, and multiplications, which take half a second.
-const MOST_TURNS: usize = 200;
-const MOST_MULTIPLICATIONS: usize = 3_000_000_000;
+/// Changes of state of a path without forces at hand at most, over contacts and rows: of one on which all give way alike, and of such a path.
+const MOST_TURNS: [usize; 2] = [10, 200];
+/// Multiplications at most: a sixth of a second, and half a second.
+const MOST_MULTIPLICATIONS: [usize; 2] = [1_000_000_000, 3_000_000_000];
 /// Exchanges, over contacts and rows, after which it makes its tableau anew: rounding errors add up.
 const WORN: usize = 3;
 /// What slack and slip of the wrong sign are at the beginning of a path, in a·rate.
@@ -42,6 +43,15 @@ pub(super) enum PathEnd {
     Ray,
     /// Nowhere: too long, or where the states have no solution.
     Lost,
+}
+
+/// A path as far as it was followed.
+struct Walked {
+    end: PathEnd,
+    /// Changes of state.
+    changes: usize,
+    /// Linear systems, where there is no tableau.
+    systems: u32,
 }
 
 /// Where a path begins.
@@ -193,29 +203,33 @@ impl BoxSolver {
             }
         }
         let most = match begin {
-            Begin::Here if problem.can_jam() || !has_tableau => MOST_CHANGES,
-            Begin::Here => MOST_CHANGES.max(2 * contacts),
-            Begin::Open => 10 * contacts,
-            Begin::Apart => {
-                (MOST_TURNS * contacts).min(MOST_MULTIPLICATIONS / (contacts * contacts).max(1))
+            Begin::Here if !has_tableau => MOST_CHANGES[1],
+            Begin::Here if problem.can_jam() => MOST_CHANGES[0],
+            Begin::Here => MOST_CHANGES[1].max(2 * contacts),
+            Begin::Open if !problem.can_jam() => MOST_TURNS[0] * contacts,
+            Begin::Open | Begin::Apart => {
+                let kind = usize::from(begin == Begin::Apart);
+                let affordable = MOST_MULTIPLICATIONS[kind] / (contacts * contacts).max(1);
+                affordable.min(MOST_TURNS[kind] * contacts)
             }
         };
-        let renews = begin == Begin::Apart;
-        let found = self.walk(problem, system, most, (has_tableau, renews));
+        let renews = problem.can_jam();
+        let walked = self.walk(problem, system, most, (has_tableau, renews));
         problem.friction = friction;
-        found
+        (walked.end, walked.systems)
     }
 
     /// Follows a path on from the solution at hand, whose problem was [shifted](super::tableau::Tableau::shift) since, to that of the
-    /// present one.
+    /// present one; how it ended, and after how many changes of state.
     pub(super) fn follow_shift(
         &mut self,
         problem: &Problem,
         system: &mut impl System,
         most: usize,
-    ) -> PathEnd {
+    ) -> (PathEnd, usize) {
         self.point.copy_all_from(&self.forces);
-        self.walk(problem, system, most, (true, false)).0
+        let walked = self.walk(problem, system, most, (true, true));
+        (walked.end, walked.changes)
     }
 
     /// Goes on from the point at hand, at most so many changes of state.
@@ -227,11 +241,15 @@ impl BoxSolver {
         system: &mut impl System,
         most: usize,
         (has_tableau, renews): (bool, bool),
-    ) -> (PathEnd, u32) {
+    ) -> Walked {
         let contacts = problem.normal.len() + problem.tangential.len();
-        let (mut systems, mut crossed) = (0, None);
-        let mut end = PathEnd::Lost;
-        for _ in 0..most {
+        let mut crossed = None;
+        let mut walked = Walked {
+            end: PathEnd::Lost,
+            changes: 0,
+            systems: 0,
+        };
+        while walked.changes < most {
             if renews && self.tableau.exchanges() > WORN * contacts {
                 self.tableau.clear();
                 self.tableau.begin(problem, system);
@@ -240,23 +258,24 @@ impl BoxSolver {
                 self.tableau.solve(problem, &self.states, &mut self.forces)
             } else {
                 let (solved, more) = self.solve_states(problem, system);
-                systems += more;
+                walked.systems += more;
                 solved
             };
             if !solved {
                 break;
             }
-            if let Some(at_end) = self.go(problem, &mut crossed) {
-                end = at_end;
+            if let Some(end) = self.go(problem, &mut crossed) {
+                walked.end = end;
                 break;
             }
+            walked.changes += 1;
         }
-        if end != PathEnd::Solved {
+        if walked.end != PathEnd::Solved {
             self.forces.copy_from(&self.point);
             self.clip(problem);
             system.measure(problem, &mut self.forces);
         }
-        (end, systems)
+        walked
     }
 
     /// The forces at hand, within their bounds, as the first point, with their states and their own slack and slip.

@@ -9,20 +9,19 @@ use super::path::{Begin, PathEnd};
 use super::problem::{Forces, Problem, System};
 use crate::contact::Quality;
 
-/// Convex problems on the way from one in which contacts open as they slide, after which a path is tried.
-const APPROACHES: [u32; 3] = [16, 64, 256];
+/// Convex problems on the way from one in which contacts open as they slide, after which a path is tried: after few, and then time and again.
+const FIRST_TRIES: [u32; 3] = [16, 64, 256];
+const TRIES: u32 = 512;
+/// Such problems at most.
+const MOST_APPROACHES: u32 = 8192;
 
-/// Ways to the solution, in the order in which they are tried.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Way {
-    /// From the forces at hand.
-    Here,
-    /// From the solution for contacts that open as they slide, if there is one.
-    Cones,
-    /// Without forces, on the longest path, where the layer can move.
-    Apart,
-    /// Without forces: what is left, and where the layer may be jammed.
-    Open,
+/// The problem whose solution is looked for, and how many systems that took so far.
+struct Search<'a, S, R> {
+    problem: &'a mut Problem,
+    system: &'a mut S,
+    onset: Onset,
+    refine: &'a mut R,
+    systems: u32,
 }
 
 impl BoxSolver {
@@ -35,75 +34,94 @@ impl BoxSolver {
         onset: Onset,
         refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
     ) -> (Ended, bool, u32) {
+        let mut search = Search {
+            problem,
+            system,
+            onset,
+            refine,
+            systems: 0,
+        };
         let mut cones = self.cones.take().unwrap_or_default();
-        let (mut systems, mut can_move) = (0, None);
-        let mut found = (Ended::Failed, false);
-        for way in [Way::Here, Way::Cones, Way::Apart, Way::Open] {
-            let (end, more) = match way {
-                Way::Here => self.follow_path(problem, system, Begin::Here),
-                Way::Cones => {
-                    can_move = cones.jam(problem, system).map(|jams| !jams);
-                    if can_move != Some(true) {
-                        continue;
-                    }
-                    self.approach(&mut cones, problem, system)
-                }
-                Way::Apart if can_move == Some(true) => {
-                    self.follow_path(problem, system, Begin::Apart)
-                }
-                Way::Apart => continue,
-                Way::Open => self.follow_path(problem, system, Begin::Open),
-            };
-            systems += more;
-            // The ray of a path that does not begin without forces says nothing.
-            if end == PathEnd::Ray && way == Way::Open && can_move != Some(true) {
-                found = (Ended::Failed, true);
-                break;
-            }
-            if end == PathEnd::Solved {
-                let (ended, more) = self.newton(problem, system, onset, PATIENCE, refine);
-                systems += more;
-                // Forces that only the compliance of rigid contacts bounds are rounding errors, and contradict the conditions.
-                if ended != Ended::Failed
-                    && !(self.is_unbounded()
-                        && self.merit(problem, system).residual > Quality::RESIDUAL_LIMIT)
-                {
-                    found = (ended, false);
-                    break;
-                }
-            }
-        }
-        if found == (Ended::Failed, false) && can_move == Some(false) {
-            found.1 = true;
-            self.forces.copy_from(cones.forces());
-            self.clip(problem);
-            system.measure(problem, &mut self.forces);
-        }
+        let (ended, jammed) = self.try_ways(&mut search, &mut cones);
         self.cones = Some(cones);
-        (found.0, found.1, systems)
+        (ended, jammed, search.systems)
     }
 
-    /// From the solution for contacts that open as they slide to that of the problem, where the layer can move.
-    fn approach(
+    /// How it ended, and whether the layer is jammed.
+    fn try_ways<S: System, R: FnMut(&mut Problem, &Forces) -> usize>(
         &mut self,
+        search: &mut Search<'_, S, R>,
         cones: &mut Cones,
-        problem: &mut Problem,
-        system: &mut impl System,
-    ) -> (PathEnd, u32) {
-        let mut systems = 0;
-        for count in 1..=APPROACHES[APPROACHES.len() - 1] {
-            if !cones.approach(problem, system) {
+    ) -> (Ended, bool) {
+        if let (_, Some(ended)) = self.try_path(search, Begin::Here) {
+            return (ended, false);
+        }
+        let jams = cones.jam(search.problem, search.system);
+        if jams == Some(false) {
+            let ended = self.approach(search, cones);
+            return (ended.unwrap_or(Ended::Failed), false);
+        }
+        match self.try_path(search, Begin::Open) {
+            (_, Some(ended)) => (ended, false),
+            (PathEnd::Ray, None) => (Ended::Failed, true),
+            _ if jams == Some(true) => {
+                self.take_forces(search, cones);
+                (Ended::Failed, true)
+            }
+            _ => (Ended::Failed, false),
+        }
+    }
+
+    /// From the solution for contacts that open as they slide to that of the problem, where the layer can move; how that ended, if there.
+    fn approach<S: System, R: FnMut(&mut Problem, &Forces) -> usize>(
+        &mut self,
+        search: &mut Search<'_, S, R>,
+        cones: &mut Cones,
+    ) -> Option<Ended> {
+        for count in 1..=MOST_APPROACHES {
+            if !cones.approach(search.problem, search.system) {
                 break;
             }
-            if APPROACHES.contains(&count) {
+            let last = cones.are_spent();
+            if last || FIRST_TRIES.contains(&count) || count.is_multiple_of(TRIES) {
                 self.forces.copy_from(cones.forces());
-                let (end, more) = self.follow_path(problem, system, Begin::Here);
-                systems += more;
-                if end == PathEnd::Solved {
-                    return (end, systems);
+                if let (_, Some(ended)) = self.try_path(search, Begin::Here) {
+                    return Some(ended);
                 }
             }
+            if last {
+                break;
+            }
         }
-        (PathEnd::Lost, systems)
+        self.take_forces(search, cones);
+        None
+    }
+
+    /// Follows a path and, from its end, Newton's method; how the path ended, and how it all ended if at the solution or where a row is
+    /// missing.
+    fn try_path<S: System, R: FnMut(&mut Problem, &Forces) -> usize>(
+        &mut self,
+        search: &mut Search<'_, S, R>,
+        begin: Begin,
+    ) -> (PathEnd, Option<Ended>) {
+        let (problem, system) = (&mut *search.problem, &mut *search.system);
+        let (end, more) = self.follow_path(problem, system, begin);
+        search.systems += more;
+        if end != PathEnd::Solved {
+            return (end, None);
+        }
+        let (ended, more) = self.newton(problem, system, search.onset, PATIENCE, search.refine);
+        search.systems += more;
+        // Forces that only the compliance of rigid contacts bounds are rounding errors, and contradict the conditions.
+        let contradicts = self.is_unbounded()
+            && self.merit(problem, system).residual > Quality::RESIDUAL_LIMIT;
+        (end, (ended != Ended::Failed && !contradicts).then_some(ended))
+    }
+
+    /// Takes the forces of the last convex problem, within their bounds.
+    fn take_forces<S: System, R>(&mut self, search: &mut Search<'_, S, R>, cones: &Cones) {
+        self.forces.copy_from(cones.forces());
+        self.clip(search.problem);
+        search.system.measure(search.problem, &mut self.forces);
     }
 }

@@ -102,8 +102,10 @@ impl IterativeFarField {
             least = least.min(found.residual);
             let most = if found.residual <= NEAR_LEAST * least {
                 MOST_EVALUATIONS
-            } else {
+            } else if found.residual <= WORST {
                 2 * MOST_EVALUATIONS
+            } else {
+                4 * MOST_EVALUATIONS
             };
             found.converged = found.residual <= self.residual && !changed;
             if found.converged || found.evaluations >= most || !found.residual.is_finite() {
