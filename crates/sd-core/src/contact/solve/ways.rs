@@ -58,7 +58,12 @@ impl BoxSolver {
         }
         let jams = cones.jam(search.problem, search.system);
         if jams == Some(false) {
-            let ended = self.approach(search, cones);
+            let ended = self
+                .approach(search, cones)
+                .or_else(|| self.try_path(search, Begin::Apart).1);
+            if ended.is_none() {
+                self.take_forces(search, cones);
+            }
             return (ended.unwrap_or(Ended::Failed), false);
         }
         match self.try_path(search, Begin::Open) {
@@ -93,7 +98,6 @@ impl BoxSolver {
                 break;
             }
         }
-        self.take_forces(search, cones);
         None
     }
 
