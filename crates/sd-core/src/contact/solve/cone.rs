@@ -124,9 +124,7 @@ impl Cones {
             forces: &mut self.forces,
         };
         let most = MOST_CHANGES * self.edges.len();
-        let (end, changes) = self
-            .solver
-            .follow_shift(&self.problem, &mut on_edges, most);
+        let (end, changes) = self.solver.follow_shift(&self.problem, &mut on_edges, most);
         self.changes += changes;
         on_edges.push(&self.solver.forces);
         end == PathEnd::Solved

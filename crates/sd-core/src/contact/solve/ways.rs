@@ -117,9 +117,12 @@ impl BoxSolver {
         let (ended, more) = self.newton(problem, system, search.onset, PATIENCE, search.refine);
         search.systems += more;
         // Forces that only the compliance of rigid contacts bounds are rounding errors, and contradict the conditions.
-        let contradicts = self.is_unbounded()
-            && self.merit(problem, system).residual > Quality::RESIDUAL_LIMIT;
-        (end, (ended != Ended::Failed && !contradicts).then_some(ended))
+        let contradicts =
+            self.is_unbounded() && self.merit(problem, system).residual > Quality::RESIDUAL_LIMIT;
+        (
+            end,
+            (ended != Ended::Failed && !contradicts).then_some(ended),
+        )
     }
 
     /// Takes the forces of the last convex problem, within their bounds.
