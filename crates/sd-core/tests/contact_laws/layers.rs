@@ -261,3 +261,23 @@ fn rigid_layer_that_friction_holds_is_found_to_be_jammed() {
         assert_eq!(counters.unconverged_stages, 0, "{counters:?}");
     }
 }
+
+#[test]
+fn every_stage_of_a_large_layer_with_steep_friction_is_solved() {
+    // A few convex problems do not lead near the solution here, and contacts slide or stick otherwise than a short path finds.
+    let steep = Params {
+        spheres: 200,
+        area_fraction: 0.76,
+        friction: 10.0,
+        shear_rate: 10.0,
+        size_ratio: 1.0,
+        time_step: 0.01,
+        ..params(rigid(TangentialLaw::Coulomb))
+    };
+    let mut simulation = Simulation::new(&steep, 1, &NearFields::default()).unwrap();
+    for _ in 0..20 {
+        simulation.step().unwrap();
+    }
+    let counters = simulation.counters();
+    assert_eq!(counters.unconverged_stages, 0, "{counters:?}");
+}
