@@ -125,3 +125,21 @@ fn waves_of_tasks_give_the_same_table() {
     assert!(number > 1, "one wave is the first batches only");
     assert_eq!(table(waves.path()), table(alone.path()));
 }
+
+#[test]
+fn store_from_which_runs_were_pruned_goes_on() {
+    let directory = directory();
+    let at = directory.path();
+    let (file, quiet) = (at.join("precise.toml"), ["run", "precise.toml", "--quiet"]);
+    sweep(at, &quiet);
+    let expected = table(at);
+    std::fs::write(&file, CAMPAIGN.replace("[0.3, 0.6]", "[0.6]")).unwrap();
+    let pruned = json(at, &["prune", "precise.toml", "--yes"]);
+    assert!(pruned["removed"].as_u64() >= Some(3), "{pruned}");
+    // Seeds that were not needed have their place still.
+    sweep(at, &quiet);
+    assert_eq!(table(at)[..], expected[1..]);
+    std::fs::write(&file, CAMPAIGN).unwrap();
+    sweep(at, &quiet);
+    assert_eq!(table(at), expected);
+}

@@ -28,7 +28,8 @@ impl Store {
                 [],
                 |row| row.get(0).map(count),
             )?;
-            let orphans = "position IS NULL AND state != 'running'";
+            // Seeds that a precision may still take have no position, but their place.
+            let orphans = "position IS NULL AND reserve IS NULL AND state != 'running'";
             let of_orphans = format!("case_id IN (SELECT id FROM cases WHERE {orphans})");
             transaction.execute(
                 &format!(

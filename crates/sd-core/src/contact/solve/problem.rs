@@ -40,7 +40,7 @@ pub(crate) struct Problem {
     pub(crate) normal: Vec<Normal>,
     /// Tangential rows, ordered by candidate; candidates without one have no friction.
     pub(crate) tangential: Vec<Tangential>,
-    /// ν; infinite where friction has no limit.
+    /// ν; infinite where friction has no limit, 0 where there is none.
     pub(crate) friction: f64,
     /// Load taken off before friction.
     pub(crate) offset: f64,
@@ -57,7 +57,7 @@ impl Problem {
 
     /// Whether contacts do not give way and friction is a reaction to the motion that it slows: such a problem need not have a solution.
     pub(crate) fn can_jam(&self) -> bool {
-        !self.isolated && !self.is_soft()
+        self.friction > 0.0 && !self.isolated && !self.is_soft()
     }
 
     /// Bound ρ of |t| in a row, at normal forces f.

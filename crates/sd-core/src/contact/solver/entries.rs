@@ -17,9 +17,10 @@ impl ContactSolver {
     pub(super) fn pose(&mut self, posed: &Posed<'_>) {
         let laws = posed.laws;
         let held = posed.span.takes_back_at_once();
-        self.problem.friction = laws.friction();
+        let has_friction = laws.surface.has_friction();
+        self.problem.friction = if has_friction { laws.friction() } else { 0.0 };
         self.problem.offset = laws.offset();
-        self.problem.isolated = laws.reads_isolated_motion() && laws.surface.has_friction();
+        self.problem.isolated = laws.reads_isolated_motion() && has_friction;
         self.problem.tangential.clear();
         self.problem.normal.clear();
         self.overlaps.clear();
