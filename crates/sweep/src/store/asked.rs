@@ -216,4 +216,4 @@ pub(super) fn inventory(connection: &Connection) -> Result<Inventory, rusqlite::
 }
 
 /// What is true of a case in no grid of which something was computed.
-pub(super) const ORPHANED: &str = "position IS NULL AND reserve IS NULL AND (state != 'pending' OR steps_done > 0 OR id IN (SELECT case_id FROM ends))";
+pub(super) const ORPHANED: &str = "position IS NULL AND (state != 'pending' OR steps_done > 0 OR id IN (SELECT case_id FROM ends))";

@@ -28,8 +28,7 @@ impl Store {
                 [],
                 |row| row.get(0).map(count),
             )?;
-            // Seeds that a precision may still take have no position, but their place.
-            let orphans = "position IS NULL AND reserve IS NULL AND state != 'running'";
+            let orphans = "position IS NULL AND state != 'running'";
             let of_orphans = format!("case_id IN (SELECT id FROM cases WHERE {orphans})");
             transaction.execute(
                 &format!(
@@ -42,7 +41,18 @@ impl Store {
             for table in TABLES {
                 transaction.execute(&format!("DELETE FROM {table} WHERE {of_orphans}"), [])?;
             }
-            transaction.execute(&format!("DELETE FROM cases WHERE {orphans}"), [])?;
+            // Seeds that a precision may still take keep their place.
+            transaction.execute(
+                &format!(
+                    "UPDATE cases SET state = 'pending', steps_done = 0, attempts = 0, deaths = 0
+                         WHERE {orphans} AND reserve IS NOT NULL"
+                ),
+                [],
+            )?;
+            transaction.execute(
+                &format!("DELETE FROM cases WHERE {orphans} AND reserve IS NULL"),
+                [],
+            )?;
             Ok(removed)
         })?;
         self.read(
