@@ -216,18 +216,23 @@ fn soft_becomes_rigid_as_stiffness_grows() {
     }
 }
 
-#[test]
-fn soft_layer_that_its_contacts_hold_ends_as_jammed() {
-    // Springs are crushed where ν = 10 lets nothing slide: spheres overlap more than is admitted.
-    let held = Params {
-        spheres: 50,
-        area_fraction: 0.76,
+/// Equal spheres with steep friction, which begins with a jump.
+fn steep(contact: ContactScheme, spheres: usize, area_fraction: f64) -> Params {
+    Params {
+        spheres,
+        area_fraction,
         friction: 10.0,
         shear_rate: 10.0,
         size_ratio: 1.0,
         time_step: 0.01,
-        ..params(spring(1e4, TangentialLaw::Coulomb))
-    };
+        ..params(contact)
+    }
+}
+
+#[test]
+fn soft_layer_that_its_contacts_hold_ends_as_jammed() {
+    // Springs are crushed where ν = 10 lets nothing slide: spheres overlap more than is admitted.
+    let held = steep(spring(1e4, TangentialLaw::Coulomb), 50, 0.76);
     let mut simulation = Simulation::new(&held, 1, &NearFields::default()).unwrap();
     let steps = (0..100).find(|_| {
         simulation.step().unwrap();
@@ -241,15 +246,7 @@ fn soft_layer_that_its_contacts_hold_ends_as_jammed() {
 fn rigid_layer_that_friction_holds_is_found_to_be_jammed() {
     // Steep friction near jamming: here Newton's method and paths often end nowhere. Of six layers at 0.76 three jam within a strain.
     for area_fraction in [0.76, 0.80] {
-        let held = Params {
-            spheres: 50,
-            area_fraction,
-            friction: 10.0,
-            shear_rate: 10.0,
-            size_ratio: 1.0,
-            time_step: 0.01,
-            ..params(rigid(TangentialLaw::Coulomb))
-        };
+        let held = steep(rigid(TangentialLaw::Coulomb), 50, area_fraction);
         let mut simulation = Simulation::new(&held, 4, &NearFields::default()).unwrap();
         let steps = (0..100).find(|_| {
             simulation.step().unwrap();
@@ -265,16 +262,8 @@ fn rigid_layer_that_friction_holds_is_found_to_be_jammed() {
 #[test]
 fn every_stage_of_a_large_layer_with_steep_friction_is_solved() {
     // A few convex problems do not lead near the solution here, and contacts slide or stick otherwise than a short path finds.
-    let steep = Params {
-        spheres: 200,
-        area_fraction: 0.76,
-        friction: 10.0,
-        shear_rate: 10.0,
-        size_ratio: 1.0,
-        time_step: 0.01,
-        ..params(rigid(TangentialLaw::Coulomb))
-    };
-    let mut simulation = Simulation::new(&steep, 1, &NearFields::default()).unwrap();
+    let layer = steep(rigid(TangentialLaw::Coulomb), 200, 0.76);
+    let mut simulation = Simulation::new(&layer, 1, &NearFields::default()).unwrap();
     for _ in 0..20 {
         simulation.step().unwrap();
     }

@@ -138,6 +138,7 @@ impl Cones {
     /// Takes the contacts of a problem.
     fn take(&mut self, problem: &Problem, system: &impl System) {
         let friction = problem.friction.min(STEEPEST);
+        // Paths among edges ask whether the layer can jam.
         self.problem.friction = friction;
         self.edges.clear();
         let mut rows = problem.tangential.iter().enumerate().peekable();

@@ -14,9 +14,10 @@
 use super::newton::BoxSolver;
 use super::problem::{Forces, Grip, Problem, States, System, largest};
 
-/// Changes of state after which a path from forces at hand is given up where layers can jam, and any without a tableau: one that leads to
-/// the solution mostly takes fewer. Elsewhere there is less to try besides, and these may be twice the contacts and rows.
-const MOST_CHANGES: [usize; 2] = [300, 100];
+/// Changes of state after which a path from forces at hand is given up where layers can jam: one that leads to the solution mostly takes fewer.
+const MOST_CHANGES: usize = 300;
+/// The same where there is no tableau. With one, where there is less to try besides, it may be twice the contacts and rows if these are more.
+const FEW_CHANGES: usize = 100;
 /// Force, in mu·a²·rate, above which it grows without bound.
 const UNBOUNDED: f64 = 1e8;
 /// What a bound on friction is at most on the way.
@@ -29,7 +30,7 @@ const FAR_APART: f64 = 4.0;
 const MOST_TURNS: [usize; 2] = [10, 200];
 /// Multiplications at most: a sixth of a second, and half a second.
 const MOST_MULTIPLICATIONS: [usize; 2] = [1_000_000_000, 3_000_000_000];
-/// Exchanges, over contacts and rows, after which it makes its tableau anew: rounding errors add up.
+/// Exchanges, over contacts and rows, after which a path makes its tableau anew where layers can jam: rounding errors add up.
 const WORN: usize = 3;
 /// What slack and slip of the wrong sign are at the beginning of a path, in a·rate.
 const LEAST_SLACK: f64 = 0.01;
@@ -203,9 +204,9 @@ impl BoxSolver {
             }
         }
         let most = match begin {
-            Begin::Here if !has_tableau => MOST_CHANGES[1],
-            Begin::Here if problem.can_jam() => MOST_CHANGES[0],
-            Begin::Here => MOST_CHANGES[1].max(2 * contacts),
+            Begin::Here if !has_tableau => FEW_CHANGES,
+            Begin::Here if problem.can_jam() => MOST_CHANGES,
+            Begin::Here => FEW_CHANGES.max(2 * contacts),
             Begin::Open if !problem.can_jam() => MOST_TURNS[0] * contacts,
             Begin::Open | Begin::Apart => {
                 let kind = usize::from(begin == Begin::Apart);
