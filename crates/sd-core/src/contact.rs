@@ -21,7 +21,6 @@ pub mod warm_start;
 
 pub use crate::model::Surface;
 pub use pair::{Contact, ContactState, tangent};
-pub(crate) use solve::sparse::products::MOST_SPHERES;
 pub use solver::{ContactMemory, ContactSolver};
 
 /// How well a stage's contact problem was solved.

@@ -114,6 +114,9 @@ fn half() -> f64 {
 impl Params {
     /// Most spheres of a layer or configuration.
     pub const MOST_SPHERES: usize = parameters::MOST_SPHERES;
+    /// A layer of more spheres than this is large: matrices of all its contacts would not fit into memory, so that contact problems are
+    /// solved without them; the layer that a seed makes is numbered row by row, and sparse factors are corrected where few contacts change.
+    pub const LARGE_ABOVE: usize = 1000;
 
     /// What parameters are before any is written: choices that hold the numbers of every other, and numbers that are none.
     pub const UNWRITTEN: Self = Self {

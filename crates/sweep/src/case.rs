@@ -11,7 +11,7 @@ use std::fmt;
 /// are not those of its law.
 ///
 /// Where only some runs change, [`Case::physics`] says which: all others keep their keys, and results of theirs stand.
-pub const PHYSICS_VERSION: u32 = 12;
+pub const PHYSICS_VERSION: u32 = 13;
 /// The version that last changed runs of every kind.
 pub const CHANGED_ALL: u32 = 8;
 
@@ -57,7 +57,8 @@ impl Case {
     /// The version of the physics that last changed runs of this kind. Version 9 iterates a far field from its near part on, and from step to
     /// step; version 10 solves the contact problems on the way less strictly, and with factors made more often; version 11 finds contact
     /// forces in layers held pair by pair in fewer systems, and near jamming by other ways where friction answers the motion that it slows;
-    /// version 12 goes on longer with one of them where contacts are rigid too.
+    /// version 12 goes on longer with one of them where contacts are rigid too; version 13 numbers spheres of large layers row by row, and
+    /// corrects their factors.
     pub fn physics(&self) -> u32 {
         let (answers, is_rigid) = match &self.params.contact {
             ContactScheme::Laws(laws) => (
@@ -67,6 +68,7 @@ impl Case {
             ContactScheme::Rigid | ContactScheme::Procedure => (false, true),
         };
         match Method::of(&self.params) {
+            _ if self.params.spheres > Params::LARGE_ABOVE => 13,
             _ if answers && is_rigid => 12,
             Method::Pairwise => 11,
             Method::Dense | Method::Iterated if answers => 11,
@@ -292,12 +294,16 @@ mod tests {
         assert_eq!(of(StokesianDynamics, 90, rigid), CHANGED_ALL);
         assert_eq!(of(StokesianDynamics, 400, rigid), 10);
         assert_eq!(of(BallMelrose, 400, rigid), 11);
+        let large = Params::LARGE_ABOVE + 1;
+        for contact in [rigid, coulomb, ContactScheme::Procedure] {
+            assert_eq!(of(BallMelrose, large, contact), PHYSICS_VERSION);
+        }
         // The paper's procedure is dense at any number of spheres.
         assert_eq!(of(BallMelrose, 400, ContactScheme::Procedure), CHANGED_ALL);
         let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
         for spheres in [90, 400] {
             for hydrodynamics in [BallMelrose, StokesianDynamics] {
-                assert_eq!(of(hydrodynamics, spheres, coulomb), PHYSICS_VERSION);
+                assert_eq!(of(hydrodynamics, spheres, coulomb), 12);
                 let soft = ContactScheme::Laws(springs);
                 assert_eq!(of(hydrodynamics, spheres, soft), 11);
             }

@@ -26,6 +26,8 @@ const EASY: f64 = 0.80;
 const SCATTERS: u32 = 3;
 /// Shakes tried with each of these gaps.
 const SHAKES: u32 = 100;
+/// Height of the rows in which spheres of large layers are numbered, in a.
+const ROW: f64 = 3.0;
 
 /// Radii, centres and cell of a layer at strain 0.
 #[derive(Debug, Clone, PartialEq)]
@@ -221,7 +223,10 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
             }
             smallest = smallest.max(gap);
             if gap >= params.roughness {
-                let centres = packing.centres.iter().map(|&x| cell.wrap(x)).collect();
+                let mut centres: Vec<_> = packing.centres.iter().map(|&x| cell.wrap(x)).collect();
+                if params.spheres > Params::LARGE_ABOVE {
+                    number_by_rows(&packing.radii, &mut centres);
+                }
                 return Ok(Start {
                     orientations: vec![0.0; packing.radii.len()],
                     springs: Vec::new(),
@@ -241,6 +246,20 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
         reached,
         advice: "lower the area fraction or the roughness, use other numbers of spheres, or two sizes",
     })
+}
+
+/// Numbers spheres of the same size row by row along the flow. Neighbours in the layer are then neighbours in memory too, and stay so for
+/// long, since shear moves whole rows past each other.
+fn number_by_rows(radii: &[f64], centres: &mut [Vec2]) {
+    let mut rest = centres;
+    for alike in radii.chunk_by(|a, b| a == b) {
+        let (same_size, others) = rest.split_at_mut(alike.len());
+        same_size.sort_by(|a, b| {
+            let [row_a, row_b] = [a, b].map(|x| (x.y / ROW).floor());
+            row_a.total_cmp(&row_b).then(a.x.total_cmp(&b.x))
+        });
+        rest = others;
+    }
 }
 
 /// Discs that are being packed into a layer.
@@ -428,6 +447,19 @@ mod tests {
             let mean = start.radii.iter().sum::<f64>() / spheres as f64;
             assert!((mean - 1.0).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn large_layers_are_numbered_row_by_row_and_keep_their_sizes() {
+        let params = params(Params::LARGE_ABOVE + 1, 0.5, 1.4);
+        let start = layer(&params, 1).unwrap();
+        let (radii, _) = radii_and_side(&params).unwrap();
+        assert_eq!(start.radii, radii);
+        assert!(smallest_gap(&start) >= params.roughness);
+        // Of numbers next to each other all but a few, at the ends of rows, are of spheres nearby.
+        let next = start.centres.windows(2);
+        let far = next.filter(|pair| (pair[1] - pair[0]).norm() > 4.0 * ROW);
+        assert!(far.count() < params.spheres / 10);
     }
 
     #[test]

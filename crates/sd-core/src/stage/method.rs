@@ -1,7 +1,6 @@
 //! How a stage is computed: dense, pair by pair, or with the far field iterated. The one place that decides.
 
 use super::StageSolver;
-use crate::contact::MOST_SPHERES;
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::pair::PairKey;
@@ -134,7 +133,7 @@ impl Method {
 /// dense:    R_FU (3N)², columns of the contacts 3N × P, their products 3/4 P², and where paths end nowhere two matrices P² and one E²;
 ///           under Stokesian Dynamics besides M (6N)² and two more matrices (3N)²
 /// pairwise: pairs, two sparse factors, their pattern, vectors of the iteration: 32 kB per sphere; an iterated far field 32 kB more;
-///           besides, up to 1000 spheres, R_FU, columns, products P² and those three matrices, which hard problems take
+///           besides, in layers that are not large, R_FU, columns, products P² and those three matrices, which hard problems take
 /// ```
 ///
 /// with K ≈ 1.5 N candidates, P = 2 K forces and E = 2 K edges of friction cones, or 3 K and 4 K where a contact halts two motions.
@@ -148,7 +147,7 @@ pub fn memory_bytes(params: &Params) -> f64 {
     let forces = 1.5 * (1 + motions) as f64;
     let edges = 1.5 * f64::from(1 << motions);
     let hard = 2.0 * forces * forces + edges * edges;
-    let path = if params.spheres <= MOST_SPHERES {
+    let path = if params.spheres <= Params::LARGE_ABOVE {
         8.0 * (9.0 + 3.0 * forces + forces * forces + hard) * n * n
     } else {
         0.0
@@ -227,12 +226,12 @@ mod tests {
                 ..Params::UNWRITTEN
             })
         };
-        for spheres in [50, MOST_SPHERES] {
+        for spheres in [50, Params::LARGE_ABOVE] {
             let ratio = memory(spheres, TangentialLaw::StickRotate)
                 / memory(spheres, TangentialLaw::Coulomb);
             assert!(ratio > 1.5 && ratio < 3.0, "{spheres} spheres: {ratio}");
         }
-        let beyond = MOST_SPHERES + 1;
+        let beyond = Params::LARGE_ABOVE + 1;
         assert_eq!(
             memory(beyond, TangentialLaw::StickRotate),
             memory(beyond, TangentialLaw::Coulomb)

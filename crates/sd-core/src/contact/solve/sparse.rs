@@ -13,10 +13,12 @@
 //! unsymmetric; eliminating the forces from it leaves `R + Cᵀ S C + Dᵀ S D` with the stiffnesses S = 1/κ of springs over the time
 //! ahead, or a large one for rigid contacts: a sparse Cholesky factor in single precision. So soft and rigid contacts cost the same.
 
+mod corrections;
 mod linear;
-pub(crate) mod products;
+mod products;
 
-use self::linear::Linear;
+use self::corrections::{Change, Corrections};
+use self::linear::{Linear, Preconditioner, row_of};
 use self::products::ContactProducts;
 use super::problem::{Driving, Forces, Grip, Noise, Problem, States, System, largest};
 use crate::contact::Quality;
@@ -27,6 +29,7 @@ use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
 use crate::linalg::dense::{Matrix, add_scaled, dot};
 use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
+use crate::model::Params;
 use std::f64::consts::PI;
 
 /// Smallest compliance in the preconditioner, in a/(mu·a²·rate): single precision holds its inverse well.
@@ -35,6 +38,8 @@ const LEAST_COMPLIANCE: f64 = 1e-6;
 const WEIGHT: f64 = 30.0;
 /// By how much one call lowers the residual.
 const GAIN: f64 = 1e-4;
+/// The same for the first call of a stage in large layers: what contradicts its states is then hardly ever its residual, which saves systems.
+const FIRST_GAIN: f64 = 1e-6;
 /// Residual that is small enough, over the norm of all forces: for contacts that do not give way, and for others, whose slopes multiply what
 /// is left; and as a velocity, in a·rate.
 const ROUNDING: [f64; 2] = [1e-10, 1e-12];
@@ -74,6 +79,8 @@ pub(crate) struct SparseSystem {
     /// Stiffnesses of the candidates and rows in it, and whether it was made in this stage.
     factored: Vec<f64>,
     is_factored: bool,
+    /// What it lacks of what the states ask for.
+    corrections: Corrections,
     /// Stiffnesses that the states ask for.
     stiffness: Vec<f64>,
     /// Iterations of the last call with this factor.
@@ -205,17 +212,18 @@ impl SparseSystem {
         } else {
             usize::MAX
         };
-        let patient = PATIENT[usize::from(repeated)];
-        if changes > MOST_CHANGES || changes > 0 && self.iterations > patient {
+        let needs_factor = if is_large(linear.network) {
+            changes == usize::MAX || !self.corrects(problem, pattern, rows)
+        } else {
+            let patient = PATIENT[usize::from(repeated)];
+            changes > MOST_CHANGES || changes > 0 && self.iterations > patient
+        };
+        if needs_factor {
+            self.corrections.clear();
             linear.network.fill(pattern, &mut self.held);
             for (at, &s) in self.stiffness[..rows].iter().enumerate() {
                 if s != 0.0 {
-                    let (contact, row) = if at < problem.normal.len() {
-                        (at, &problem.normal[at].row)
-                    } else {
-                        let entry = &problem.tangential[at - problem.normal.len()];
-                        (entry.contact, &entry.row)
-                    };
+                    let (contact, row) = row_of(problem, at);
                     add_stiffness(&mut self.held, pattern, row, self.numbers[contact], s);
                 }
             }
@@ -226,6 +234,25 @@ impl SparseSystem {
         }
         Ok(())
     }
+}
+
+impl SparseSystem {
+    /// Whether corrections make up for what the factor lacks; `rows`: number of stiffnesses in it.
+    fn corrects(&mut self, problem: &Problem, pattern: &BlockPattern, rows: usize) -> bool {
+        let both = self.factored.iter().zip(&self.stiffness[..rows]);
+        let changed = both.enumerate().filter(|(_, (old, new))| old != new);
+        let changes = changed.map(|(at, (old, new))| Change {
+            at,
+            by: new - old,
+            row: *row_of(problem, at).1,
+        });
+        self.corrections.take((&mut self.held, pattern), changes)
+    }
+}
+
+/// Whether a layer is [large](Params::LARGE_ABOVE). Others keep their bits: they too would gain by what is done in large ones, an eighth.
+fn is_large(network: &PairwiseResistance) -> bool {
+    network.spheres() > Params::LARGE_ABOVE
 }
 
 /// Adds `s rowᵀ row` to the matrix.
@@ -292,10 +319,15 @@ impl System for OnNetwork<'_> {
         }
         let floor = floor.max(enough);
         let before = square(&system.residual).sqrt();
+        let gain = if is_large(self.network) && !system.is_factored {
+            FIRST_GAIN
+        } else {
+            GAIN
+        };
         let goal = if last {
             floor
         } else {
-            floor.max(GAIN * before)
+            floor.max(gain * before)
         };
         let mut left = before;
         if before > floor {
@@ -304,14 +336,20 @@ impl System for OnNetwork<'_> {
                 .ok()?;
             system.correction.clear();
             system.correction.resize(system.residual.len(), 0.0);
-            let (held, free, work) = (&mut system.held, &mut system.free.0, &mut system.work);
-            let stiffness = &system.stiffness;
+            let mut preconditioner = Preconditioner {
+                pattern: self.pattern,
+                held: &mut system.held,
+                corrections: &mut system.corrections,
+                free: &mut system.free.0,
+                stiffness: &system.stiffness,
+                work: &mut system.work,
+            };
             let reached = system.gmres.solve(
                 &system.residual,
                 &mut system.correction,
                 (goal, MOST_ITERATIONS),
                 |x, y| linear.apply(x, y),
-                |r, z| linear.precondition((self.pattern, held, free), stiffness, r, z, work),
+                |r, z| linear.precondition(&mut preconditioner, r, z),
             );
             system.iterations = reached.iterations;
             left = reached.residual;

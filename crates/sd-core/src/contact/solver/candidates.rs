@@ -4,13 +4,15 @@ use super::super::laws::Overlap;
 use super::super::pair::Contact;
 use super::super::warm_start::WarmStart;
 use super::{ContactSolver, Posed};
+use crate::model::Params;
 
 /// Approach velocity, in a·rate, that the first choice of candidates allows for.
 const EXPECTED_APPROACH: f64 = 3.0;
 /// Change of a normal velocity from one stage to the next, in a·rate, that the next choice of candidates allows for.
 const EXPECTED_CHANGE: f64 = 0.3;
-/// Approach velocity, in a·rate, that the choice of candidates allows for where they cost nearly nothing.
-const LIKELY_APPROACH: f64 = 1.0;
+/// Approach velocity, in a·rate, that the choice of candidates allows for where they cost nearly nothing; and in large layers, of whose many
+/// pairs some approach faster.
+const LIKELY_APPROACH: [f64; 2] = [1.0, 2.0];
 /// Velocity, in a·rate, by which pairs fail to close that are added nevertheless.
 const NEARLY_CLOSING: f64 = 1.0;
 
@@ -31,7 +33,8 @@ impl ContactSolver {
             return;
         }
         let reach = if self.has_dear_systems {
-            posed.laws.surface.roughness + LIKELY_APPROACH * posed.span.time
+            let large = usize::from(radii.len() > Params::LARGE_ABOVE);
+            posed.laws.surface.roughness + LIKELY_APPROACH[large] * posed.span.time
         } else {
             f64::NEG_INFINITY
         };

@@ -4,6 +4,8 @@
 //! minimum degree on the graph of the spheres; the factorization is faer's supernodal one. Matrix and factor are in **single
 //! precision**: they precondition [`crate::linalg::conjugate_gradients`], which iterates in double precision, at half the traffic.
 
+pub(crate) mod lanes;
+
 use crate::linalg::error::BadPivot;
 use crate::linalg::simd::vectorised;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -183,6 +185,8 @@ pub struct BlockCholesky {
     /// Its rows below the supernode at work.
     gathered: Vec<f32>,
     scratch: Option<MemBuffer>,
+    /// Room for eight right-hand sides at once.
+    lanes: lanes::Workspace,
 }
 
 impl BlockCholesky {
@@ -415,6 +419,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::cast_possible_truncation, reason = "the factor's precision")]
     fn solves_are_those_of_the_whole_matrix_to_single_precision() {
         let n = 40;
         let pairs = ring(n);
@@ -449,6 +454,17 @@ mod tests {
         whole.solve(&mut expected);
         for (a, b) in z.iter().zip(&expected) {
             assert!((a - b).abs() < 1e-5, "{a} {b}");
+        }
+        // The same beside seven others, the first of which is zero.
+        let mut eight: Vec<_> = r
+            .iter()
+            .map(|&r| std::array::from_fn(|lane| (lane as f64 * r) as f32))
+            .collect();
+        sparse.solve_lanes(&pattern, &mut eight);
+        for (lanes, b) in eight.iter().zip(&expected) {
+            for (lane, &a) in lanes.iter().enumerate() {
+                assert!((f64::from(a) - lane as f64 * b).abs() < 1e-4);
+            }
         }
     }
 

@@ -1,6 +1,8 @@
 //! The linear system of given states, as products with it and with its preconditioner.
 
+use super::corrections::Corrections;
 use super::{LEAST_COMPLIANCE, WEIGHT};
+use crate::contact::row::Row;
 use crate::contact::solve::problem::{Grip, Problem, States};
 use crate::hydrodynamics::resistance::PairwiseResistance;
 use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
@@ -10,6 +12,28 @@ pub(super) struct Linear<'a> {
     pub(super) network: &'a PairwiseResistance,
     pub(super) problem: &'a Problem,
     pub(super) states: &'a States,
+}
+
+/// Candidate and row of a contact or friction row, numbered as stiffnesses are: candidates come first.
+pub(super) fn row_of(problem: &Problem, at: usize) -> (usize, &Row) {
+    match at.checked_sub(problem.normal.len()) {
+        None => (at, &problem.normal[at].row),
+        Some(m) => (problem.tangential[m].contact, &problem.tangential[m].row),
+    }
+}
+
+/// What the preconditioner is made of.
+pub(super) struct Preconditioner<'a> {
+    pub(super) pattern: &'a BlockPattern,
+    /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`, and what it lacks of it.
+    pub(super) held: &'a mut BlockCholesky,
+    pub(super) corrections: &'a mut Corrections,
+    /// Factor of the near part of R.
+    pub(super) free: &'a mut BlockCholesky,
+    /// Stiffness of each candidate, then of each row.
+    pub(super) stiffness: &'a [f64],
+    /// Forces on the spheres, `[3N]`.
+    pub(super) work: &'a mut [f64],
 }
 
 impl Linear<'_> {
@@ -104,17 +128,11 @@ impl Linear<'_> {
     }
 
     /// `z = P⁻¹ r`.
-    pub(super) fn precondition(
-        &self,
-        (pattern, held, free): (&BlockPattern, &mut BlockCholesky, &mut BlockCholesky),
-        stiffness: &[f64],
-        r: &[f64],
-        z: &mut [f64],
-        work: &mut [f64],
-    ) {
+    pub(super) fn precondition(&self, by: &mut Preconditioner<'_>, r: &[f64], z: &mut [f64]) {
+        let (pattern, work) = (by.pattern, &mut *by.work);
         let [r_v, r_n, r_f, r_t] = self.split(r);
         let [z_v, z_n, z_f, z_t] = self.split_mut(z);
-        let (normal, tangential) = stiffness.split_at(self.problem.normal.len());
+        let (normal, tangential) = by.stiffness.split_at(self.problem.normal.len());
         let isolated = self.problem.isolated;
         work.copy_from_slice(r_v);
         for ((entry, &s), r) in self.problem.normal.iter().zip(normal).zip(r_f) {
@@ -129,7 +147,8 @@ impl Linear<'_> {
                 }
             }
         }
-        held.solve(pattern, work, z_v);
+        by.held.solve(pattern, work, z_v);
+        by.corrections.correct(z_v);
         if isolated {
             work.copy_from_slice(r_n);
         }
@@ -143,7 +162,7 @@ impl Linear<'_> {
             }
         }
         if isolated {
-            free.solve(pattern, work, z_n);
+            by.free.solve(pattern, work, z_n);
         }
         let read_from: &[f64] = if isolated { z_n } else { z_v };
         for (m, (entry, &s)) in self.problem.tangential.iter().zip(tangential).enumerate() {

@@ -6,9 +6,7 @@ use crate::hydrodynamics::resistance::PairwiseResistance;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::linalg::dense::Matrix;
 use crate::linalg::staggered::StaggeredColumns;
-
-/// Most spheres: the matrices are then 72 MB each.
-pub(crate) const MOST_SPHERES: usize = 1000;
+use crate::model::Params;
 
 /// `R = L Lᵀ`, columns `Y = L⁻¹ (Cᵀ, Dᵀ)`, and their products `Yᵀ Y`.
 #[derive(Default)]
@@ -21,10 +19,10 @@ pub(super) struct ContactProducts {
 }
 
 impl ContactProducts {
-    /// Whether the matrices are not too large.
+    /// Whether the matrices are not too large: they have 72 MB each at most.
     pub(super) fn serves(network: &PairwiseResistance, problem: &Problem) -> bool {
         let count = problem.normal.len() + problem.tangential.len();
-        count.max(3 * network.spheres()) <= 3 * MOST_SPHERES
+        count.max(3 * network.spheres()) <= 3 * Params::LARGE_ABOVE
     }
 
     /// See [`System::fill_matrix`](crate::contact::solve::problem::System::fill_matrix).
