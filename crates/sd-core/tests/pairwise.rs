@@ -425,6 +425,32 @@ fn a_run_resumed_has_the_same_bits_under_every_law() {
 }
 
 #[test]
+fn a_layer_too_large_for_matrices_of_contacts_moves_as_the_factored_one_and_resumes_to_the_bit() {
+    let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
+    let tables = NearFields::default();
+    for contact in [ContactScheme::Laws(springs), ContactScheme::Rigid] {
+        let params = Params {
+            contact,
+            shear_rate: 1.0,
+            ..params(Params::LARGE_ABOVE + 1, 0.70, 0.3)
+        };
+        let mut whole = Simulation::new(&params, 2, &tables).unwrap();
+        for _ in 0..30 {
+            whole.step().unwrap();
+        }
+        let layer = Layer::of(&whole);
+        let mut rest = Simulation::from_snapshot(&params, whole.snapshot(), &tables).unwrap();
+        let last = whole.step().unwrap();
+        assert_eq!(last, rest.step().unwrap());
+        assert_eq!(whole.snapshot(), rest.snapshot());
+        assert_eq!(last.counters.unconverged_stages, 0, "{last:?}");
+        let laws = Laws::new(params.contact.laws(), params.surface());
+        let [expected, found] = [false, true].map(|pairwise| stage(&layer, &laws, 0.0, pairwise));
+        assert!(compare(&found, &expected, [1e-6, 1e-5], &contact) > 100);
+    }
+}
+
+#[test]
 fn a_large_layer_satisfies_its_conditions_near_jamming() {
     let params = params(PAIRWISE, 0.8, 1.0);
     let layer = sheared(&params, 25);
