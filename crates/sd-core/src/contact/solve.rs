@@ -25,7 +25,7 @@
 mod cone;
 pub(crate) mod dense;
 pub(crate) mod newton;
-mod path;
+pub(crate) mod path;
 pub(crate) mod problem;
 pub(crate) mod sparse;
 mod tableau;

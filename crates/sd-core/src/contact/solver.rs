@@ -10,8 +10,9 @@ use super::laws::{Laws, Overlap, Span};
 use super::pair::Contact;
 use super::solve::dense::DenseSystem;
 use super::solve::newton::{BoxSolver, Deciding, Onset, Outcome};
+use super::solve::path::Effort;
 use super::solve::problem::{Forces, Problem, System};
-use super::solve::sparse::{OnNetwork, SparseSystem};
+use super::solve::sparse::{OnNetwork, SparseSystem, has_products};
 use super::springs::Stretches;
 use super::warm_start::{SpringForces, WarmStart};
 use super::{Quality, most_contacts};
@@ -201,6 +202,7 @@ impl ContactSolver {
     ) -> Result<(Quality, bool), Error> {
         let mut quality = Quality::default();
         let mut changed = false;
+        self.solver.effort = Effort::Usual;
         for round in 0..MOST_ROUNDS {
             let deciding = match deciding {
                 false => Deciding::Held,
@@ -215,16 +217,28 @@ impl ContactSolver {
                 systems: quality.systems + found.systems,
                 ..found
             };
-            if !self.add_closing(posed, velocities, &mut memory.warm_start, quality.jammed) {
+            if self.add_closing(posed, velocities, &mut memory.warm_start, quality.jammed) {
+                changed = true;
+            } else if quality.converged() || driving.enough > 0.0 || !self.try_harder(posed) {
                 return Ok((quality, changed));
             }
-            changed = true;
         }
         // By how much pairs still close counts as a violation.
         let closing = self.list.iter().filter(|c| c.normal_force == 0.0);
         let closing = closing.map(|c| parting_velocity(posed, c) - c.normal_velocity);
         quality.residual = closing.fold(quality.residual, f64::max);
         Ok((quality, changed))
+    }
+
+    /// Whether there is more to try for the problem at hand, which is then tried from now on.
+    fn try_harder(&mut self, posed: &Posed<'_>) -> bool {
+        let network = posed.resistance.pairwise();
+        let has_paths = network.is_none_or(|network| has_products(network, &self.problem));
+        let harder = has_paths && self.solver.effort == Effort::Usual;
+        if harder {
+            self.solver.effort = Effort::Last;
+        }
+        harder
     }
 
     /// Velocities `[3N]` of the spheres without contacts.

@@ -17,7 +17,7 @@
 //! differs little from the one before, and its path crosses few boundaries.
 
 use super::newton::BoxSolver;
-use super::path::{Begin, PathEnd};
+use super::path::{Begin, Effort, PathEnd};
 use super::problem::{Forces, Noise, Normal, Problem, States, System};
 use crate::linalg::dense::Matrix;
 
@@ -68,12 +68,23 @@ impl Cones {
     /// Whether there are forces that balance within the bounds and that the flow works against; `None` where that is not known.
     ///
     /// If so, [forces](Self::forces) are then those of contacts that give way as little as they can.
-    pub(super) fn jam(&mut self, problem: &Problem, system: &mut impl System) -> Option<bool> {
+    pub(super) fn jam(
+        &mut self,
+        problem: &Problem,
+        system: &mut impl System,
+        effort: Effort,
+    ) -> Option<bool> {
         // Friction that is no reaction to the motion has no cone.
         if problem.isolated {
             return None;
         }
         self.take(problem, system);
+        self.solver.effort = effort;
+        // Where edges are steep, contacts that close one after another come further than those that close as they come.
+        let begins: &[Begin] = match effort {
+            Effort::Usual => &[Begin::Open, Begin::Apart],
+            Effort::Last => &[Begin::Apart],
+        };
         let mut on_edges = OnEdges {
             system,
             problem,
@@ -81,7 +92,7 @@ impl Cones {
             matrix: &mut self.matrix,
             forces: &mut self.forces,
         };
-        for begin in [Begin::Open, Begin::Apart] {
+        for &begin in begins {
             let (convex, solver) = (&mut self.problem, &mut self.solver);
             match solver.follow_path(convex, &mut on_edges, begin).0 {
                 PathEnd::Solved => return Some(false),
@@ -115,7 +126,7 @@ impl Cones {
         for (entry, change) in self.problem.normal.iter_mut().zip(&self.change) {
             entry.bias += change;
         }
-        self.solver.tableau.shift(&self.change);
+        self.solver.tableau.shift(self.change.iter().copied());
         let mut on_edges = OnEdges {
             system,
             problem,

@@ -10,6 +10,7 @@
 //! does not jump there is nothing to decide. In large layers, whose linear systems are dear, it is decided from the first systems on.
 
 use super::cone::Cones;
+use super::path::Effort;
 use super::problem::{Forces, Grip, Noise, Problem, States, System, Tangential};
 use super::tableau::Tableau;
 
@@ -159,6 +160,8 @@ pub(crate) struct BoxSolver {
     pub(super) tableau: Tableau,
     /// What tells a jammed layer where paths end nowhere; made when it is first asked.
     pub(super) cones: Option<Box<Cones>>,
+    /// How much is done for a solution.
+    pub(crate) effort: Effort,
     /// Forces to begin with, and on which rows friction acted.
     start: Forces,
     acts: Vec<bool>,

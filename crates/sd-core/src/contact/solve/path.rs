@@ -20,8 +20,8 @@ const MOST_CHANGES: usize = 300;
 const FEW_CHANGES: usize = 100;
 /// Force, in mu·a²·rate, above which it grows without bound.
 const UNBOUNDED: f64 = 1e8;
-/// What a bound on friction is at most on the way.
-const MOST_FRICTION: f64 = 100.0;
+/// What a bound on friction is at most on the way, over the load.
+pub(super) const MOST_FRICTION: f64 = 100.0;
 /// Spread of what is added to the slack of contacts: no two of them change at once.
 const SPREAD: f64 = 0.3;
 /// The same, as powers of ten, on a path on which contacts close far apart.
@@ -34,6 +34,19 @@ const MOST_MULTIPLICATIONS: [usize; 2] = [1_000_000_000, 3_000_000_000];
 const WORN: usize = 3;
 /// What slack and slip of the wrong sign are at the beginning of a path, in a·rate.
 const LEAST_SLACK: f64 = 0.01;
+/// How much longer than usual paths may be at the last effort.
+const LONGER: usize = 10;
+
+/// How much is done for a solution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Effort {
+    /// What mostly is enough.
+    #[default]
+    Usual,
+    /// Where that was not enough: much longer paths, whose tableaus are made anew before rounding errors add up, and whose ends are taken as
+    /// the tableaus have them.
+    Last,
+}
 
 /// How a path ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -214,7 +227,10 @@ impl BoxSolver {
                 affordable.min(MOST_TURNS[kind] * contacts)
             }
         };
-        let renews = problem.can_jam();
+        let (most, renews) = match self.effort {
+            Effort::Usual => (most, problem.can_jam()),
+            Effort::Last => (LONGER * most, true),
+        };
         let walked = self.walk(problem, system, most, (has_tableau, renews));
         problem.friction = friction;
         (walked.end, walked.systems)

@@ -20,6 +20,7 @@ mod products;
 use self::corrections::{Change, Corrections};
 use self::linear::{Linear, Preconditioner, row_of};
 use self::products::ContactProducts;
+pub(crate) use self::products::has_products;
 use super::problem::{Driving, Forces, Grip, Noise, Problem, States, System, largest};
 use crate::contact::Quality;
 use crate::contact::row::Row;
@@ -373,7 +374,7 @@ impl System for OnNetwork<'_> {
     }
 
     fn has_matrix(&self, problem: &Problem) -> bool {
-        ContactProducts::serves(self.network, problem)
+        has_products(self.network, problem)
     }
 
     fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool {

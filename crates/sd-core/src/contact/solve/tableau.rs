@@ -251,8 +251,8 @@ impl Tableau {
     }
 
     /// Adds to the velocities of all contacts and rows without forces, and so to the bias and shift for which the tableau stands.
-    pub(super) fn shift(&mut self, change: &[f64]) {
-        for ([bias, _], change) in self.entries.iter_mut().zip(change) {
+    pub(super) fn shift(&mut self, change: impl Iterator<Item = f64> + Clone) {
+        for ([bias, _], change) in self.entries.iter_mut().zip(change.clone()) {
             *bias += change;
         }
         // A velocity that is given is given with the change in it.

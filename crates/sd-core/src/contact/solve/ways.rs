@@ -5,7 +5,7 @@
 
 use super::cone::Cones;
 use super::newton::{BoxSolver, Ended, Onset, PATIENCE};
-use super::path::{Begin, PathEnd};
+use super::path::{Begin, Effort, MOST_FRICTION, PathEnd};
 use super::problem::{Forces, Problem, System};
 use crate::contact::Quality;
 
@@ -14,6 +14,8 @@ const FIRST_TRIES: [u32; 3] = [16, 64, 256];
 const TRIES: u32 = 512;
 /// Such problems at most.
 const MOST_APPROACHES: u32 = 8192;
+/// Times that what rounding left in the forces at the end of a path is taken off.
+const MOST_REFINEMENTS: u32 = 5;
 
 /// The problem whose solution is looked for, and how many systems that took so far.
 struct Search<'a, S, R> {
@@ -41,6 +43,10 @@ impl BoxSolver {
             refine,
             systems: 0,
         };
+        if self.effort == Effort::Last {
+            // Friction without a limit can leave no states that agree: it holds on to contacts that bear nothing.
+            search.problem.friction = search.problem.friction.min(MOST_FRICTION);
+        }
         let mut cones = self.cones.take().unwrap_or_default();
         let (ended, jammed) = self.try_ways(&mut search, &mut cones);
         self.cones = Some(cones);
@@ -56,7 +62,7 @@ impl BoxSolver {
         if let (_, Some(ended)) = self.try_path(search, Begin::Here) {
             return (ended, false);
         }
-        let jams = cones.jam(search.problem, search.system);
+        let jams = cones.jam(search.problem, search.system, self.effort);
         if jams == Some(false) {
             let ended = self
                 .approach(search, cones)
@@ -114,6 +120,12 @@ impl BoxSolver {
         if end != PathEnd::Solved {
             return (end, None);
         }
+        if self.effort == Effort::Last
+            && self.settle(problem, system)
+            && (search.refine)(problem, &self.forces) == 0
+        {
+            return (end, Some(Ended::Solved));
+        }
         let (ended, more) = self.newton(problem, system, search.onset, PATIENCE, search.refine);
         search.systems += more;
         // Forces that only the compliance of rigid contacts bounds are rounding errors, and contradict the conditions.
@@ -123,6 +135,36 @@ impl BoxSolver {
             end,
             (ended != Ended::Failed && !contradicts).then_some(ended),
         )
+    }
+
+    /// Solves the states at the end of a path by a tableau made anew; whether the conditions hold.
+    ///
+    /// Where forces of nearly rigid networks answer to hardly any motion, the iterated systems of Newton's method are wrong by more than what
+    /// tells one state from another, and lead away from the solution. A tableau is exact but for its rounding errors, which show as
+    /// velocities that contradict its states: those are measured, and taken off.
+    fn settle(&mut self, problem: &Problem, system: &mut impl System) -> bool {
+        self.tableau.clear();
+        if !self.tableau.begin(problem, system) {
+            return false;
+        }
+        for _ in 0..MOST_REFINEMENTS {
+            if !self.tableau.solve(problem, &self.states, &mut self.forces) {
+                return false;
+            }
+            self.point.copy_all_from(&self.forces);
+            system.measure(problem, &mut self.forces);
+            let merit = self.merit(problem, system);
+            if merit.residual <= Quality::RESIDUAL_LIMIT
+                && merit.friction_error <= Quality::FRICTION_LIMIT
+            {
+                return true;
+            }
+            let measured = self.forces.slack.iter().chain(&self.forces.slip);
+            let expected = self.point.slack.iter().chain(&self.point.slip);
+            self.tableau
+                .shift(measured.zip(expected).map(|(y, x)| y - x));
+        }
+        false
     }
 
     /// Takes the forces of the last convex problem, within their bounds.

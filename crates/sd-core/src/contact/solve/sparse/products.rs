@@ -18,13 +18,13 @@ pub(super) struct ContactProducts {
     order: Vec<(usize, usize)>,
 }
 
-impl ContactProducts {
-    /// Whether the matrices are not too large: they have 72 MB each at most.
-    pub(super) fn serves(network: &PairwiseResistance, problem: &Problem) -> bool {
-        let count = problem.normal.len() + problem.tangential.len();
-        count.max(3 * network.spheres()) <= 3 * Params::LARGE_ABOVE
-    }
+/// Whether the matrices are not too large: they have 72 MB each at most.
+pub(crate) fn has_products(network: &PairwiseResistance, problem: &Problem) -> bool {
+    let count = problem.normal.len() + problem.tangential.len();
+    count.max(3 * network.spheres()) <= 3 * Params::LARGE_ABOVE
+}
 
+impl ContactProducts {
     /// See [`System::fill_matrix`](crate::contact::solve::problem::System::fill_matrix).
     pub(super) fn fill(
         &mut self,
@@ -32,7 +32,7 @@ impl ContactProducts {
         problem: &Problem,
         matrix: &mut Matrix,
     ) -> bool {
-        if !Self::serves(network, problem) {
+        if !has_products(network, problem) {
             return false;
         }
         let size = 3 * network.spheres();

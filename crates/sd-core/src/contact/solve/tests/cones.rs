@@ -1,6 +1,7 @@
 //! Whether forces within the cones of friction balance, and the convex problems on the way to a solution.
 
 use super::super::cone::Cones;
+use super::super::path::Effort;
 use super::*;
 
 /// A disc that two walls push along the bisector of the wedge between them, whose half angle has this tangent: friction holds it where ν is
@@ -28,7 +29,7 @@ fn a_wedge_jams_where_friction_holds_the_disc() {
             let law = rigid_coulomb(friction);
             let problem = problem_of(law, 2, &given);
             let mut cones = Cones::default();
-            let found = cones.jam(&problem, &mut network);
+            let found = cones.jam(&problem, &mut network, Effort::Usual);
             assert_eq!(found, Some(holds), "tan = {tangent}, ν = {friction}");
             if holds {
                 let forces = cones.forces();
@@ -51,18 +52,24 @@ fn an_open_wedge_or_friction_that_is_no_reaction_jams_nothing() {
     let mut cones = Cones::default();
     let parting: Vec<f64> = given.iter().map(|b| -b).collect();
     let problem = problem_of(law, 2, &parting);
-    assert_eq!(cones.jam(&problem, &mut network), Some(false));
+    assert_eq!(
+        cones.jam(&problem, &mut network, Effort::Usual),
+        Some(false)
+    );
     let mut without_friction = problem_of(law, 2, &given);
     for row in &mut without_friction.tangential {
         row.acts = false;
     }
-    assert_eq!(cones.jam(&without_friction, &mut network), Some(false));
+    assert_eq!(
+        cones.jam(&without_friction, &mut network, Effort::Usual),
+        Some(false)
+    );
     let isolated = Law {
         isolated: true,
         ..law
     };
     let problem = problem_of(isolated, 2, &given);
-    assert_eq!(cones.jam(&problem, &mut network), None);
+    assert_eq!(cones.jam(&problem, &mut network, Effort::Usual), None);
 }
 
 #[test]
@@ -74,7 +81,10 @@ fn convex_problems_lead_to_the_solution() {
     (given[0], given[10]) = (-2.0, 1.0);
     let problem = problem_of(rigid_coulomb(0.2), 1, &given);
     let mut cones = Cones::default();
-    assert_eq!(cones.jam(&problem, &mut network), Some(false));
+    assert_eq!(
+        cones.jam(&problem, &mut network, Effort::Usual),
+        Some(false)
+    );
     let off = |cones: &Cones| {
         let forces = cones.forces();
         assert!((forces.tangential[0] - 0.2 * forces.normal[0]).abs() < 1e-12);
