@@ -108,6 +108,7 @@ impl SparseSystem {
     pub(crate) fn start(&mut self) {
         self.free.1 = false;
         self.is_factored = false;
+        self.products.start();
     }
 
     /// Forgets the motion of the stage before: the next one begins with spheres at rest in the background.

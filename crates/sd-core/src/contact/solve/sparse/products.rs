@@ -12,6 +12,10 @@ use crate::model::Params;
 #[derive(Default)]
 pub(super) struct ContactProducts {
     factor: SkylineCholesky,
+    /// Whether the factor is that of the stage.
+    is_factored: bool,
+    /// Rows whose products are at hand: a stage has many problems of the same rows.
+    rows: Vec<Row>,
     columns: StaggeredColumns,
     products: Matrix,
     /// Where each column begins and which contact or row it belongs to, in the order of the columns.
@@ -25,6 +29,12 @@ pub(crate) fn has_products(network: &PairwiseResistance, problem: &Problem) -> b
 }
 
 impl ContactProducts {
+    /// Begins a stage at new positions.
+    pub(super) fn start(&mut self) {
+        self.is_factored = false;
+        self.rows.clear();
+    }
+
     /// See [`System::fill_matrix`](crate::contact::solve::problem::System::fill_matrix).
     pub(super) fn fill(
         &mut self,
@@ -35,35 +45,23 @@ impl ContactProducts {
         if !has_products(network, problem) {
             return false;
         }
-        let size = 3 * network.spheres();
-        let contacts = problem.normal.len();
-        let count = contacts + problem.tangential.len();
-        network.fill_full(self.factor.full_matrix());
-        if self.factor.factor().is_err() {
-            return false;
-        }
-        matrix.reset(count, count);
-        let row = |at: usize| -> &Row {
-            match at.checked_sub(contacts) {
-                None => &problem.normal[at].row,
-                Some(m) => &problem.tangential[m].row,
+        if !self.is_factored {
+            network.fill_full(self.factor.full_matrix());
+            if self.factor.factor().is_err() {
+                return false;
             }
-        };
-        self.order.clear();
-        self.order.extend((0..count).map(|at| {
-            let [i, j] = row(at).spheres;
-            (3 * i.min(j), at)
-        }));
-        self.order.sort_unstable();
-        let starts = self.order.iter().map(|(start, _)| *start);
-        self.columns.reset(size, starts);
-        for (column, &(_, at)) in self.order.iter().enumerate() {
-            let row = row(at);
-            let starts = row.spheres.map(|sphere| 3 * sphere);
-            row.add_at(1.0, starts, self.columns.column_mut(column));
+            self.is_factored = true;
         }
-        self.columns.solve_lower(&self.factor);
-        self.columns.gram(&mut self.products);
+        let contacts = problem.normal.len();
+        let normal = problem.normal.iter().map(|entry| entry.row);
+        let rows = normal.chain(problem.tangential.iter().map(|entry| entry.row));
+        if !self.rows.iter().copied().eq(rows.clone()) {
+            self.rows.clear();
+            self.rows.extend(rows);
+            self.multiply(3 * network.spheres());
+        }
+        let count = self.rows.len();
+        matrix.reset(count, count);
         for (column, &(_, b)) in self.order.iter().enumerate() {
             // Forces of friction hold back what normal forces push.
             let sign = if b < contacts { 1.0 } else { -1.0 };
@@ -76,5 +74,25 @@ impl ContactProducts {
             }
         }
         true
+    }
+
+    /// The products of the rows at hand; `size`: that of the factor.
+    fn multiply(&mut self, size: usize) {
+        self.order.clear();
+        self.order
+            .extend(self.rows.iter().enumerate().map(|(at, row)| {
+                let [i, j] = row.spheres;
+                (3 * i.min(j), at)
+            }));
+        self.order.sort_unstable();
+        let starts = self.order.iter().map(|(start, _)| *start);
+        self.columns.reset(size, starts);
+        for (column, &(_, at)) in self.order.iter().enumerate() {
+            let row = &self.rows[at];
+            let starts = row.spheres.map(|sphere| 3 * sphere);
+            row.add_at(1.0, starts, self.columns.column_mut(column));
+        }
+        self.columns.solve_lower(&self.factor);
+        self.columns.gram(&mut self.products);
     }
 }
