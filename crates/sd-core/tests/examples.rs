@@ -39,6 +39,20 @@ fn easy_runs_of_every_law_are_done() {
     assert!(tables.contains("None failed"), "{tables}");
 }
 
+/// Each of these had one stage that was left unsolved, for a reason of its own: systems that come to no end, a solution that rounding keeps
+/// from the limit, friction without a limit that leaves no states that agree.
+#[test]
+fn stages_that_are_hardest_are_solved() {
+    for options in [
+        "--law rigid+roll-slip --area-fraction 0.84 --friction 1 --roughness 0.001 --spheres 110 --seeds 1",
+        "--law rigid+roll-slip --area-fraction 0.84 --friction 1 --roughness 0.01 --spheres 100 --seeds 1 --first-seed 2",
+        "--law rigid+stick-rotate --area-fraction 0.76 --friction 1 --roughness 0.001 --spheres 50 --seeds 1",
+    ] {
+        let tables = hard_runs(options);
+        assert!(tables.contains("None failed"), "{tables}");
+    }
+}
+
 #[test]
 fn hard_run_that_is_refused_is_told_with_its_options() {
     // Ten spheres have no room for the lubrication cut-off; roughness 0.4 leaves discs larger than the plane.

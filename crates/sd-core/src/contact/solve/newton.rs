@@ -218,7 +218,10 @@ impl BoxSolver {
         } else {
             PATIENCE
         };
-        let (mut ended, mut systems) = self.newton(problem, system, onset, patience, &mut refine);
+        let (mut ended, mut systems) = match self.effort {
+            Effort::Usual => self.newton(problem, system, onset, patience, &mut refine),
+            Effort::Last => (Ended::Failed, 0),
+        };
         let mut jammed = false;
         if ended == Ended::Solved && self.is_unbounded() {
             ended = Ended::Failed;

@@ -1,6 +1,7 @@
 //! The conditions of the contact problem on random networks, under every law.
 
 mod cones;
+mod effort;
 
 use super::newton::{BoxSolver, Deciding, Onset, Outcome};
 use super::problem::{Forces, Grip, Noise, Normal, Problem, States, System, Tangential, largest};
