@@ -36,7 +36,7 @@ const WORN: usize = 3;
 const LEAST_SLACK: f64 = 0.01;
 /// By how much a boundary comes later than another for sure, whatever is rounded.
 const LATER: f64 = 1.0 + 1e-9;
-/// How much longer than usual paths may be at the last effort.
+/// How much longer than usual, and than half a second, paths may be at the last effort.
 const LONGER: usize = 10;
 
 /// How much is done for a solution.
@@ -234,6 +234,7 @@ impl BoxSolver {
                 self.begin_open(problem, system, |k| 10_f64.powf(FAR_APART * spread(k)));
             }
         }
+        let affordable = |multiplications: usize| multiplications / (contacts * contacts).max(1);
         let most = match begin {
             Begin::Here if !has_tableau => FEW_CHANGES,
             Begin::Here if problem.can_jam() => MOST_CHANGES,
@@ -241,13 +242,15 @@ impl BoxSolver {
             Begin::Open if !problem.can_jam() => MOST_TURNS[0] * contacts,
             Begin::Open | Begin::Apart => {
                 let kind = usize::from(begin == Begin::Apart);
-                let affordable = MOST_MULTIPLICATIONS[kind] / (contacts * contacts).max(1);
-                affordable.min(MOST_TURNS[kind] * contacts)
+                affordable(MOST_MULTIPLICATIONS[kind]).min(MOST_TURNS[kind] * contacts)
             }
         };
         let (most, renews) = match self.effort {
             Effort::Usual => (most, problem.can_jam()),
-            Effort::Last => (LONGER * most, true),
+            Effort::Last => {
+                let longer = most.min(affordable(MOST_MULTIPLICATIONS[1]));
+                (most.max(LONGER * longer), true)
+            }
         };
         let walked = self.walk(problem, system, most, (has_tableau, renews));
         problem.friction = friction;
