@@ -19,7 +19,7 @@
 use super::newton::BoxSolver;
 use super::path::{Begin, Effort, PathEnd};
 use super::problem::{Forces, Noise, Normal, Problem, States, System};
-use crate::linalg::dense::Matrix;
+use crate::linalg::dense::{Matrix, add_scaled};
 
 /// Friction of an edge over its normal force, at most: of friction without a limit too. Forces within narrower cones are within wider ones.
 const STEEPEST: f64 = 10.0;
@@ -58,8 +58,9 @@ pub(super) struct Cones {
     /// The convex problem: a normal force for each edge.
     problem: Problem,
     solver: BoxSolver,
-    /// How forces of contacts and rows move them.
+    /// How forces of contacts and rows move them, and how one edge does.
     matrix: Matrix,
+    moves: Vec<f64>,
     /// Forces of the contacts that edges push.
     forces: Forces,
 }
@@ -90,6 +91,7 @@ impl Cones {
             problem,
             edges: &self.edges,
             matrix: &mut self.matrix,
+            moves: &mut self.moves,
             forces: &mut self.forces,
         };
         for &begin in begins {
@@ -132,6 +134,7 @@ impl Cones {
             problem,
             edges: &self.edges,
             matrix: &mut self.matrix,
+            moves: &mut self.moves,
             forces: &mut self.forces,
         };
         let most = MOST_CHANGES * self.edges.len();
@@ -201,6 +204,7 @@ struct OnEdges<'a, S> {
     problem: &'a Problem,
     edges: &'a [Edge],
     matrix: &'a mut Matrix,
+    moves: &'a mut Vec<f64>,
     forces: &'a mut Forces,
 }
 
@@ -248,15 +252,17 @@ impl<S: System> System for OnEdges<'_, S> {
         let count = self.edges.len();
         matrix.reshape(count, count);
         for (column, pushed) in self.edges.iter().enumerate() {
-            let move_of = |at: usize| {
-                let friction = pushed
-                    .rows()
-                    .map(|(m, slope)| slope * self.matrix[(at, contacts + m)]);
-                self.matrix[(at, pushed.contact)] + friction.sum::<f64>()
-            };
+            // What the edge moves: its contact's normal force, and the friction that goes with it.
+            let moves = &mut *self.moves;
+            moves.clear();
+            moves.resize(self.matrix.rows(), 0.0);
+            for (m, slope) in pushed.rows() {
+                add_scaled(moves, self.matrix.column(contacts + m), slope);
+            }
+            add_scaled(moves, self.matrix.column(pushed.contact), 1.0);
             for (entry, moved) in matrix.column_mut(column).iter_mut().zip(self.edges) {
-                let slip = moved.rows().map(|(m, slope)| slope * move_of(contacts + m));
-                *entry = move_of(moved.contact) - slip.sum::<f64>();
+                let slip = moved.rows().map(|(m, slope)| slope * moves[contacts + m]);
+                *entry = moves[moved.contact] - slip.sum::<f64>();
             }
         }
         true
