@@ -16,8 +16,6 @@ use super::tableau::Tableau;
 
 /// Systems before another way is tried.
 const MOST_SYSTEMS: u32 = 100;
-/// Linear systems for the same states: iterations may stop early.
-const MOST_CALLS: u32 = 8;
 /// Times that it is decided anew on which contacts friction acts.
 const DECISIONS: u32 = 10;
 /// The same from systems whose forces still contradict the states, where systems are dear.
@@ -368,22 +366,6 @@ impl BoxSolver {
             }
         }
         changes
-    }
-
-    /// Forces of either sign that the states at hand give; whether there are any, and how many systems they took.
-    pub(crate) fn solve_states(
-        &mut self,
-        problem: &Problem,
-        system: &mut impl System,
-    ) -> (bool, u32) {
-        for count in 1..=MOST_CALLS {
-            match system.solve(problem, &self.states, true, &mut self.forces) {
-                Some(noise) if noise.exact => return (true, count),
-                Some(_) => {}
-                None => return (false, count),
-            }
-        }
-        (false, MOST_CALLS)
     }
 
     /// Brings forces that are out of their bounds back.

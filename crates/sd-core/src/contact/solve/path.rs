@@ -32,6 +32,8 @@ const MOST_TURNS: [usize; 2] = [10, 200];
 const MOST_MULTIPLICATIONS: [usize; 2] = [1_000_000_000, 3_000_000_000];
 /// Exchanges, over contacts and rows, after which a path makes its tableau anew where layers can jam: rounding errors add up.
 const WORN: usize = 3;
+/// Linear systems for the same states: iterations may stop early.
+const MOST_CALLS: u32 = 8;
 /// What slack and slip of the wrong sign are at the beginning of a path, in a·rate.
 const LEAST_SLACK: f64 = 0.01;
 /// By how much a boundary comes later than another for sure, whatever is rounded.
@@ -314,6 +316,22 @@ impl BoxSolver {
             system.measure(problem, &mut self.forces);
         }
         walked
+    }
+
+    /// Forces of either sign that the states at hand give; whether there are any, and how many systems they took.
+    pub(crate) fn solve_states(
+        &mut self,
+        problem: &Problem,
+        system: &mut impl System,
+    ) -> (bool, u32) {
+        for count in 1..=MOST_CALLS {
+            match system.solve(problem, &self.states, true, &mut self.forces) {
+                Some(noise) if noise.exact => return (true, count),
+                Some(_) => {}
+                None => return (false, count),
+            }
+        }
+        (false, MOST_CALLS)
     }
 
     /// The forces at hand, within their bounds, as the first point, with their states and their own slack and slip.
