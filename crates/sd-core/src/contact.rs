@@ -45,8 +45,12 @@ impl Quality {
 
     /// Whether the problem was solved, or found to have no solution.
     pub fn converged(&self) -> bool {
-        self.jammed
-            || self.residual <= Self::RESIDUAL_LIMIT && self.friction_error <= Self::FRICTION_LIMIT
+        self.jammed || Self::holds(self.residual, self.friction_error)
+    }
+
+    /// Whether the conditions hold with such a residual and friction error.
+    pub(crate) fn holds(residual: f64, friction_error: f64) -> bool {
+        residual <= Self::RESIDUAL_LIMIT && friction_error <= Self::FRICTION_LIMIT
     }
 }
 

@@ -4,6 +4,7 @@ mod cones;
 mod effort;
 
 use super::newton::{BoxSolver, Deciding, Onset, Outcome};
+use super::path::Effort;
 use super::problem::{Forces, Grip, Noise, Normal, Problem, States, System, Tangential, largest};
 use super::tableau::Tableau;
 use crate::contact::row::Row;
@@ -217,15 +218,17 @@ fn solve(law: Law, network: &mut Network, given: &[f64]) -> (Problem, BoxSolver,
     (problem, solver, residual)
 }
 
+/// Friction that acts where the problem says.
+const HELD: Onset = Onset {
+    critical_load: 0.0,
+    smooth: false,
+    admits: false,
+    deciding: Deciding::Held,
+};
+
 /// The same, with whether there is no solution.
 fn solve_or_jam(law: Law, network: &mut Network, given: &[f64]) -> (Problem, BoxSolver, f64, bool) {
-    let held = Onset {
-        critical_load: 0.0,
-        smooth: false,
-        admits: false,
-        deciding: Deciding::Held,
-    };
-    solve_from(law, network, given, held)
+    solve_from(law, network, given, HELD)
 }
 
 /// The same, with friction that begins as `onset` has it.
@@ -236,13 +239,24 @@ fn solve_from(
     onset: Onset,
 ) -> (Problem, BoxSolver, f64, bool) {
     let count = network.normal.nrows();
-    let mut problem = problem_of(law, count, given);
+    solve_system(problem_of(law, count, given), network, onset, Effort::Usual)
+}
+
+/// A problem solved from all contacts closed, with that effort.
+fn solve_system(
+    mut problem: Problem,
+    system: &mut impl System,
+    onset: Onset,
+    effort: Effort,
+) -> (Problem, BoxSolver, f64, bool) {
+    let count = problem.normal.len();
     let mut solver = BoxSolver::default();
     solver.states.closed.resize(count, true);
     solver.states.grip.resize(count, Grip::Stick);
     solver.forces.normal.resize(count, 0.0);
     solver.forces.tangential.resize(count, 0.0);
-    let outcome = solver.solve(&mut problem, network, onset, |_, _| 0);
+    solver.effort = effort;
+    let outcome = solver.solve(&mut problem, system, onset, |_, _| 0);
     let Outcome::Solved { merit, jammed, .. } = outcome else {
         panic!("every candidate has a row");
     };

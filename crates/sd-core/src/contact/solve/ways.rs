@@ -154,9 +154,7 @@ impl BoxSolver {
             self.point.copy_all_from(&self.forces);
             system.measure(problem, &mut self.forces);
             let merit = self.merit(problem, system);
-            if merit.residual <= Quality::RESIDUAL_LIMIT
-                && merit.friction_error <= Quality::FRICTION_LIMIT
-            {
+            if Quality::holds(merit.residual, merit.friction_error) {
                 return true;
             }
             let measured = self.forces.slack.iter().chain(&self.forces.slip);

@@ -1,7 +1,6 @@
 //! Whether forces within the cones of friction balance, and the convex problems on the way to a solution.
 
 use super::super::cone::Cones;
-use super::super::path::Effort;
 use super::*;
 
 /// A disc that two walls push along the bisector of the wedge between them, whose half angle has this tangent: friction holds it where ν is

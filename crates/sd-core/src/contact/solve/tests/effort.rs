@@ -1,6 +1,5 @@
 //! What is done for problems that the usual effort leaves unsolved.
 
-use super::super::path::Effort;
 use super::*;
 
 /// A network whose linear systems come to no end, as iterated ones of nearly rigid layers do, and whose matrix is a little wrong.
@@ -37,25 +36,10 @@ impl System for Iterated {
 
 /// How well the problem of a law is solved with that effort.
 fn residual(law: Law, system: &mut Iterated, given: &[f64], effort: Effort) -> f64 {
-    let held = Onset {
-        critical_load: 0.0,
-        smooth: false,
-        admits: false,
-        deciding: Deciding::Held,
-    };
-    let count = system.network.normal.nrows();
-    let mut problem = problem_of(law, count, given);
-    let mut solver = BoxSolver::default();
-    solver.forces.normal.resize(count, 0.0);
-    solver.forces.tangential.resize(count, 0.0);
-    solver.effort = effort;
-    solver.read_states(&problem);
-    let outcome = solver.solve(&mut problem, system, held, |_, _| 0);
-    let Outcome::Solved { merit, jammed, .. } = outcome else {
-        panic!("every candidate has a row");
-    };
+    let problem = problem_of(law, system.network.normal.nrows(), given);
+    let (_, _, residual, jammed) = solve_system(problem, system, HELD, effort);
     assert!(!jammed);
-    merit.residual
+    residual
 }
 
 proptest! {
