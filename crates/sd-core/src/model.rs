@@ -118,6 +118,10 @@ impl Params {
     /// solved without them; the layer that a seed makes is numbered row by row, and sparse factors are corrected where few contacts change.
     pub const LARGE_ABOVE: usize = 1000;
 
+    /// A coefficient of friction above this is steep: where friction answers the motion of rigid contacts, problems near jamming are then
+    /// harder, and more often without a solution, so that both are looked for by shorter ways.
+    pub const STEEP_ABOVE: f64 = 1.0;
+
     /// What parameters are before any is written: choices that hold the numbers of every other, and numbers that are none.
     pub const UNWRITTEN: Self = Self {
         spheres: 0,

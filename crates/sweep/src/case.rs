@@ -11,7 +11,7 @@ use std::fmt;
 /// are not those of its law.
 ///
 /// Where only some runs change, [`Case::physics`] says which: all others keep their keys, and results of theirs stand.
-pub const PHYSICS_VERSION: u32 = 13;
+pub const PHYSICS_VERSION: u32 = 14;
 /// The version that last changed runs of every kind.
 pub const CHANGED_ALL: u32 = 8;
 
@@ -58,16 +58,18 @@ impl Case {
     /// step; version 10 solves the contact problems on the way less strictly, and with factors made more often; version 11 finds contact
     /// forces in layers held pair by pair in fewer systems, and near jamming by other ways where friction answers the motion that it slows;
     /// version 12 goes on longer with one of them where contacts are rigid too; version 13 numbers spheres of large layers row by row, and
-    /// corrects their factors.
+    /// corrects their factors; version 14 leaps over convex problems on the way to the solution where friction is steep.
     pub fn physics(&self) -> u32 {
-        let (answers, is_rigid) = match &self.params.contact {
+        let (answers, is_rigid, is_steep) = match &self.params.contact {
             ContactScheme::Laws(laws) => (
                 laws.tangential != TangentialLaw::RollSlip,
                 laws.normal == NormalLaw::Rigid,
+                laws.tangential.bound(self.params.friction, 1.0) > Params::STEEP_ABOVE,
             ),
-            ContactScheme::Rigid | ContactScheme::Procedure => (false, true),
+            ContactScheme::Rigid | ContactScheme::Procedure => (false, true, false),
         };
         match Method::of(&self.params) {
+            _ if answers && is_rigid && is_steep => 14,
             _ if self.params.spheres > Params::LARGE_ABOVE => 13,
             _ if answers && is_rigid => 12,
             Method::Pairwise => 11,
@@ -296,8 +298,31 @@ mod tests {
         assert_eq!(of(BallMelrose, 400, rigid), 11);
         let large = Params::LARGE_ABOVE + 1;
         for contact in [rigid, coulomb, ContactScheme::Procedure] {
-            assert_eq!(of(BallMelrose, large, contact), PHYSICS_VERSION);
+            assert_eq!(of(BallMelrose, large, contact), 13);
         }
+        let of_friction = |friction, contact| {
+            let params = Params {
+                friction,
+                contact,
+                ..case().params
+            };
+            Case { params, ..case() }.physics()
+        };
+        let laws = |tangential| {
+            ContactScheme::Laws(ContactLaws {
+                tangential,
+                ..ContactLaws::PAPER
+            })
+        };
+        assert_eq!(of_friction(1.0, coulomb), 12);
+        assert_eq!(of_friction(1.1, coulomb), PHYSICS_VERSION);
+        assert_eq!(of_friction(1.1, rigid), CHANGED_ALL);
+        assert_eq!(of_friction(1.1, laws(TangentialLaw::RollSlip)), CHANGED_ALL);
+        // Its friction has no limit, whatever its coefficient is called.
+        assert_eq!(
+            of_friction(0.3, laws(TangentialLaw::StickRotate)),
+            PHYSICS_VERSION
+        );
         // The paper's procedure is dense at any number of spheres.
         assert_eq!(of(BallMelrose, 400, ContactScheme::Procedure), CHANGED_ALL);
         let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);

@@ -219,6 +219,7 @@ impl ContactSolver {
             };
             if self.add_closing(posed, velocities, &mut memory.warm_start, quality.jammed) {
                 changed = true;
+                self.solver.relax(&self.problem);
             } else if quality.converged() || driving.enough > 0.0 || !self.try_harder(posed) {
                 return Ok((quality, changed));
             }

@@ -15,11 +15,16 @@
 //! That solution is where contacts open by ν times the velocity of their slip less than they would so. What they open too much is added to
 //! their slack, at the slips of the problem before, and the convex problem solved again: a fixed point of this is the solution. Each problem
 //! differs little from the one before, and its path crosses few boundaries.
+//!
+//! Where friction is steep that takes thousands of problems. Most of them change nothing but the forces, in the same direction as the one before
+//! and by nearly as much, and are left out: as long as no edge changes what it does the fixed point is linear, and all changes to come add up to
+//! a geometric series (Aitken). A leap leads to the end of the series, or as far as the first boundary, beyond which the direction is another.
+//! Where the changes grow, the end of the series lies behind: at a fixed point that repels.
 
 use super::newton::BoxSolver;
 use super::path::{Begin, Effort, PathEnd};
-use super::problem::{Forces, Noise, Normal, Problem, States, System};
-use crate::linalg::dense::{Matrix, add_scaled};
+use super::problem::{Forces, Noise, Normal, Problem, States, System, largest};
+use crate::linalg::dense::{Matrix, add_scaled, dot};
 
 /// Friction of an edge over its normal force, at most: of friction without a limit too. Forces within narrower cones are within wider ones.
 const STEEPEST: f64 = 10.0;
@@ -27,6 +32,15 @@ const STEEPEST: f64 = 10.0;
 const MOST_CHANGES: usize = 10;
 /// The same through all of them.
 const MOST_CHANGES_IN_ALL: usize = 25;
+/// Problems between two leaps at least: what changes in other directions dies away in them.
+const STEADY: u32 = 2;
+/// Cosine between the directions of two changes above which they have one direction.
+const ALIGNED: f64 = 0.999;
+/// Problems left out by a leap at most, which no boundary ends.
+const FARTHEST: f64 = 1e4;
+/// What contacts open too much, in a·rate, where a leap has led near the fixed point; and by how much nearer it is before that is said again.
+const NEAR: f64 = 0.01;
+const NEARER: f64 = 0.1;
 /// Compliance of an edge, over its mobility.
 const COMPLIANCE: f64 = 1e-10;
 
@@ -53,6 +67,14 @@ pub(super) struct Cones {
     /// What is added to the slack of each contact in the problem at hand, and how that changes for each edge.
     added: Vec<f64>,
     change: Vec<f64>,
+    /// What each contact opens too much in the solution at hand; that beyond what is added; the same one problem before; and how many
+    /// problems there were since the last leap.
+    opens: Vec<f64>,
+    excess: [Vec<f64>; 2],
+    since_leap: u32,
+    /// Whether the last leap met no boundary, nor did any problem since; and what counts as near then.
+    has_landed: bool,
+    near: f64,
     /// Changes of state from one convex problem to the next, of all so far.
     changes: usize,
     /// The convex problem: a normal force for each edge.
@@ -111,23 +133,94 @@ impl Cones {
     }
 
     /// From the solution of the convex problem at hand to that in which contacts open less, by what they slide now; whether it was found.
+    ///
+    /// Where friction is steep, to a later one of that kind if those before it change nothing but the forces.
     pub(super) fn approach(&mut self, problem: &Problem, system: &mut impl System) -> bool {
-        self.change.clear();
+        self.find_excess();
+        let steep = problem.is_steep();
+        let ahead = if steep { self.problems_ahead() } else { None };
+        let mut solved = match ahead {
+            // Changes that grow lead away from a fixed point behind, if there is no boundary before it.
+            Some(count) if count < 0.0 => {
+                self.leap(count) && (self.has_landed || self.leap(FARTHEST))
+            }
+            Some(count) => self.leap(count),
+            None => self.step(problem, system),
+        };
+        if !solved && steep {
+            solved = self.solve_anew(problem, system);
+        }
+        push(&self.edges, problem, &self.solver.forces, &mut self.forces);
+        solved
+    }
+
+    /// What contacts open too much: half of what lies between their edges.
+    fn find_excess(&mut self) {
+        self.excess.swap(0, 1);
+        let (opens, excess) = (&mut self.opens, &mut self.excess[0]);
+        opens.clear();
+        let slack = &self.solver.forces.slack;
+        let mut first = 0;
         for cone in self.edges.chunk_by(|a, b| a.contact == b.contact) {
-            let first = self.change.len();
-            let slack = &self.solver.forces.slack[first..first + cone.len()];
+            let slack = &slack[first..first + cone.len()];
+            first += cone.len();
             let least = slack.iter().copied().fold(f64::INFINITY, f64::min);
             let most = slack.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            // Half of what lies between the edges.
-            let opens = 0.5 * (most - least);
-            let added = &mut self.added[cone[0].contact];
-            let change = opens - *added;
-            *added = opens;
-            self.change.extend(cone.iter().map(|_| change));
+            opens.push(0.5 * (most - least));
         }
+        excess.clear();
+        excess.extend(opens.iter().zip(&self.added).map(|(x, y)| x - y));
+    }
+
+    /// How many problems it is to a fixed point in the direction of the changes, if they have one and no boundary is met before; negative for
+    /// one that lies behind.
+    fn problems_ahead(&self) -> Option<f64> {
+        if self.since_leap < STEADY {
+            return None;
+        }
+        let [now, before] = &self.excess;
+        let (product, square) = (dot(now, before), dot(before, before));
+        let is_aligned = product > ALIGNED * (dot(now, now) * square).sqrt();
+        let slowing = 1.0 - product / square;
+        let count = if slowing.abs() * FARTHEST > 1.0 {
+            1.0 / slowing
+        } else {
+            FARTHEST
+        };
+        is_aligned.then_some(count)
+    }
+
+    /// Takes what contacts open too much off so many times at once, or as often as no edge changes what it does; whether that has a solution.
+    fn leap(&mut self, count: f64) -> bool {
+        self.change.clear();
+        let excess = &self.excess[0];
+        self.change
+            .extend(self.edges.iter().map(|edge| count * excess[edge.contact]));
+        let share = self.solver.shift_to_boundary(&self.problem, &self.change);
+        let Some(share) = share else {
+            return false;
+        };
+        for (entry, change) in self.problem.normal.iter_mut().zip(&self.change) {
+            entry.bias += share * change;
+        }
+        for (added, excess) in self.added.iter_mut().zip(excess) {
+            *added += share * count * excess;
+        }
+        self.since_leap = 0;
+        self.has_landed = share == 1.0 && count < FARTHEST;
+        true
+    }
+
+    /// Follows the path to the next problem; whether it was found.
+    fn step(&mut self, problem: &Problem, system: &mut impl System) -> bool {
+        self.change.clear();
+        let excess = &self.excess[0];
+        self.change
+            .extend(self.edges.iter().map(|edge| excess[edge.contact]));
         for (entry, change) in self.problem.normal.iter_mut().zip(&self.change) {
             entry.bias += change;
         }
+        self.added.clone_from(&self.opens);
         self.solver.tableau.shift(self.change.iter().copied());
         let mut on_edges = OnEdges {
             system,
@@ -140,8 +233,35 @@ impl Cones {
         let most = MOST_CHANGES * self.edges.len();
         let (end, changes) = self.solver.follow_shift(&self.problem, &mut on_edges, most);
         self.changes += changes;
-        on_edges.push(&self.solver.forces);
+        self.since_leap += 1;
+        self.has_landed &= changes == 0;
         end == PathEnd::Solved
+    }
+
+    /// Solves the problem at hand from the beginning, where rounding errors ended the path to it; whether it was found.
+    fn solve_anew(&mut self, problem: &Problem, system: &mut impl System) -> bool {
+        self.solver.tableau.clear();
+        self.has_landed = false;
+        self.since_leap = 0;
+        let mut on_edges = OnEdges {
+            system,
+            problem,
+            edges: &self.edges,
+            matrix: &mut self.matrix,
+            moves: &mut self.moves,
+            forces: &mut self.forces,
+        };
+        let (convex, solver) = (&mut self.problem, &mut self.solver);
+        solver.follow_path(convex, &mut on_edges, Begin::Open).0 == PathEnd::Solved
+    }
+
+    /// Whether leaps have led so near to the fixed point that its states are known; said again only much nearer to it.
+    pub(super) fn have_arrived(&mut self) -> bool {
+        let arrived = self.has_landed && largest(&self.excess[0]) < self.near;
+        if arrived {
+            self.near *= NEARER;
+        }
+        arrived
     }
 
     /// Whether the convex problems have taken as long as they may.
@@ -191,6 +311,9 @@ impl Cones {
         self.changes = 0;
         self.added.clear();
         self.added.resize(problem.normal.len(), 0.0);
+        self.since_leap = 0;
+        self.has_landed = false;
+        self.near = NEAR;
         self.solver.tableau.clear();
         let zeros = &mut self.solver.forces.normal;
         zeros.clear();
@@ -208,22 +331,19 @@ struct OnEdges<'a, S> {
     forces: &'a mut Forces,
 }
 
-impl<S> OnEdges<'_, S> {
-    /// The forces of contacts that forces along edges are.
-    fn push(&mut self, along: &Forces) {
-        let both = &mut *self.forces;
-        for (values, count) in [
-            (&mut both.normal, self.problem.normal.len()),
-            (&mut both.tangential, self.problem.tangential.len()),
-        ] {
-            values.clear();
-            values.resize(count, 0.0);
-        }
-        for (edge, x) in self.edges.iter().zip(&along.normal) {
-            both.normal[edge.contact] += x;
-            for (m, slope) in edge.rows() {
-                both.tangential[m] += slope * x;
-            }
+/// The forces of the contacts of a problem that forces along edges are.
+fn push(edges: &[Edge], problem: &Problem, along: &Forces, both: &mut Forces) {
+    for (values, count) in [
+        (&mut both.normal, problem.normal.len()),
+        (&mut both.tangential, problem.tangential.len()),
+    ] {
+        values.clear();
+        values.resize(count, 0.0);
+    }
+    for (edge, x) in edges.iter().zip(&along.normal) {
+        both.normal[edge.contact] += x;
+        for (m, slope) in edge.rows() {
+            both.tangential[m] += slope * x;
         }
     }
 }
@@ -269,8 +389,8 @@ impl<S: System> System for OnEdges<'_, S> {
     }
 
     fn measure(&mut self, convex: &Problem, forces: &mut Forces) {
-        self.push(forces);
         let both = &mut *self.forces;
+        push(self.edges, self.problem, forces, both);
         self.system.measure(self.problem, both);
         forces.slack.clear();
         let pushed = convex.normal.iter().zip(&forces.normal);

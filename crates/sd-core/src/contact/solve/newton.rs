@@ -16,6 +16,8 @@ use super::tableau::Tableau;
 
 /// Systems before another way is tried.
 const MOST_SYSTEMS: u32 = 100;
+/// Systems for the same states, none of them exact, after which another way is tried where friction is steep: their forces grow without bound.
+const MOST_REPEATS: u32 = 8;
 /// Times that it is decided anew on which contacts friction acts.
 const DECISIONS: u32 = 10;
 /// The same from systems whose forces still contradict the states, where systems are dear.
@@ -186,6 +188,13 @@ impl BoxSolver {
         }
     }
 
+    /// Takes up the problem with more candidates: where friction is steep, with the usual effort again.
+    pub(crate) fn relax(&mut self, problem: &Problem) {
+        if problem.is_steep() {
+            self.effort = Effort::Usual;
+        }
+    }
+
     /// Solves from the states and forces at hand, which are then those of the solution or of the best found.
     ///
     /// `refine`: called after every system with problem and forces, for entries that depend on the solution; how many changed.
@@ -274,7 +283,7 @@ impl BoxSolver {
         refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
     ) -> (Ended, u32) {
         let mut progress = Progress::NEW;
-        let mut last = false;
+        let (mut last, mut repeats) = (false, 0);
         for count in 1..=MOST_SYSTEMS {
             let Some(noise) = system.solve(problem, &self.states, last, &mut self.forces) else {
                 return (Ended::Failed, count);
@@ -308,7 +317,9 @@ impl BoxSolver {
             if last && noise.exact {
                 return (Ended::Solved, count);
             }
-            if !last && !progress.goes_on(found, patience) {
+            repeats = if last { repeats + 1 } else { 0 };
+            let in_vain = repeats == MOST_REPEATS && problem.is_steep();
+            if in_vain || !last && !progress.goes_on(found, patience) {
                 return (Ended::Failed, count);
             }
         }

@@ -28,8 +28,11 @@ const SPREAD: f64 = 0.3;
 const FAR_APART: f64 = 4.0;
 /// Changes of state of a path without forces at hand at most, over contacts and rows: of one on which all give way alike, and of such a path.
 const MOST_TURNS: [usize; 2] = [10, 200];
-/// Multiplications at most: a sixth of a second, and half a second.
-const MOST_MULTIPLICATIONS: [usize; 2] = [1_000_000_000, 3_000_000_000];
+/// Multiplications at most of a path without forces at hand: a sixth of a second; half a second for one on which contacts close far apart; and
+/// of paths that are tried from many forces, or where there hardly is a solution: a hundredth.
+const MOST_MULTIPLICATIONS: usize = 1_000_000_000;
+const FEW_MULTIPLICATIONS: usize = 30_000_000;
+const MANY_MULTIPLICATIONS: usize = 3_000_000_000;
 /// Exchanges, over contacts and rows, after which a path makes its tableau anew where layers can jam: rounding errors add up.
 const WORN: usize = 3;
 /// Linear systems for the same states: iterations may stop early.
@@ -79,6 +82,8 @@ pub(super) enum Begin {
     Here,
     /// Without forces.
     Open,
+    /// The same, not as far, and in small layers alone: for problems that hardly have a solution.
+    Briefly,
     /// Without forces either, but contacts give way at velocities so different that they close one after another. Such a path is shorter, and
     /// it may take much longer than the others: it is for problems that have a solution.
     Apart,
@@ -220,37 +225,43 @@ impl BoxSolver {
         system: &mut impl System,
         begin: Begin,
     ) -> (PathEnd, u32) {
+        let contacts = problem.normal.len() + problem.tangential.len();
+        let affordable = |multiplications: usize| multiplications / (contacts * contacts).max(1);
+        if begin == Begin::Briefly && affordable(FEW_MULTIPLICATIONS) < contacts {
+            // Every contact that bears a force has to close on the way.
+            return (PathEnd::Lost, 0);
+        }
         let friction = problem.friction;
         problem.friction = friction.min(MOST_FRICTION);
-        let contacts = problem.normal.len() + problem.tangential.len();
         let has_tableau = self.tableau.begin(problem, system);
         if !has_tableau && begin != Begin::Here {
-            // Every contact that bears a force has to close on the way: so many systems are never worth it.
+            // As many systems as there are contacts are never worth it.
             problem.friction = friction;
             return (PathEnd::Lost, 0);
         }
         match begin {
             Begin::Here => self.begin_here(problem, system),
-            Begin::Open => self.begin_open(problem, system, weight),
+            Begin::Open | Begin::Briefly => self.begin_open(problem, system, weight),
             Begin::Apart => {
                 self.begin_open(problem, system, |k| 10_f64.powf(FAR_APART * spread(k)));
             }
         }
-        let affordable = |multiplications: usize| multiplications / (contacts * contacts).max(1);
         let most = match begin {
             Begin::Here if !has_tableau => FEW_CHANGES,
+            Begin::Here if problem.is_steep() => affordable(FEW_MULTIPLICATIONS).min(MOST_CHANGES),
             Begin::Here if problem.can_jam() => MOST_CHANGES,
             Begin::Here => FEW_CHANGES.max(2 * contacts),
             Begin::Open if !problem.can_jam() => MOST_TURNS[0] * contacts,
-            Begin::Open | Begin::Apart => {
-                let kind = usize::from(begin == Begin::Apart);
-                affordable(MOST_MULTIPLICATIONS[kind]).min(MOST_TURNS[kind] * contacts)
-            }
+            Begin::Open => affordable(MOST_MULTIPLICATIONS).min(MOST_TURNS[0] * contacts),
+            Begin::Briefly => affordable(FEW_MULTIPLICATIONS).min(MOST_TURNS[0] * contacts),
+            Begin::Apart => affordable(MANY_MULTIPLICATIONS).min(MOST_TURNS[1] * contacts),
         };
         let (most, renews) = match self.effort {
             Effort::Usual => (most, problem.can_jam()),
+            // More paths, each from other forces, lead there sooner than a long one.
+            Effort::Last if begin == Begin::Here && problem.is_steep() => (most, true),
             Effort::Last => {
-                let longer = most.min(affordable(MOST_MULTIPLICATIONS[1]));
+                let longer = most.min(affordable(MANY_MULTIPLICATIONS));
                 (most.max(LONGER * longer), true)
             }
         };
@@ -270,6 +281,28 @@ impl BoxSolver {
         self.point.copy_all_from(&self.forces);
         let walked = self.walk(problem, system, most, (true, true));
         (walked.end, walked.changes)
+    }
+
+    /// Goes from the solution at hand towards that of a problem whose slack has `change` added to it, as far as no contact changes what it
+    /// does; the share of the way, and so of the change that the problem then has. `None` where the states have no solution.
+    pub(super) fn shift_to_boundary(&mut self, problem: &Problem, change: &[f64]) -> Option<f64> {
+        self.point.copy_all_from(&self.forces);
+        self.tableau.shift(change.iter().copied());
+        let solved = self.tableau.solve(problem, &self.states, &mut self.forces);
+        let mut share = 1.0_f64;
+        visit_edges(problem, &self.states, |edge| {
+            let states = [&self.point, &self.forces];
+            let [distance, change] = edge.change(problem, &self.states.grip, states);
+            if change < 0.0 {
+                share = share.min(distance.max(0.0) / -change);
+            }
+        });
+        if !solved || share == 1.0 {
+            return solved.then_some(share);
+        }
+        self.tableau.shift(change.iter().map(|x| (share - 1.0) * x));
+        let solved = self.tableau.solve(problem, &self.states, &mut self.forces);
+        solved.then_some(share)
     }
 
     /// Goes on from the point at hand, at most so many changes of state.

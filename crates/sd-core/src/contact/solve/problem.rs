@@ -3,6 +3,7 @@
 use crate::contact::laws::COMPLIANCE;
 use crate::contact::row::Row;
 use crate::linalg::dense::Matrix;
+use crate::model::Params;
 
 /// Normal part of one candidate: `w = C v + bias + compliance f`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,6 +59,12 @@ impl Problem {
     /// Whether contacts do not give way and friction is a reaction to the motion that it slows: such a problem need not have a solution.
     pub(crate) fn can_jam(&self) -> bool {
         self.friction > 0.0 && !self.isolated && !self.is_soft()
+    }
+
+    /// Whether it can jam, and friction is [steep](Params::STEEP_ABOVE). What is done for such problems alone would be right for others too:
+    /// those keep their bits.
+    pub(crate) fn is_steep(&self) -> bool {
+        self.friction > Params::STEEP_ABOVE && self.can_jam()
     }
 
     /// Bound ρ of |t| in a row, at normal forces f.

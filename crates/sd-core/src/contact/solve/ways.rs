@@ -14,6 +14,11 @@ const FIRST_TRIES: [u32; 3] = [16, 64, 256];
 const TRIES: u32 = 512;
 /// Such problems at most.
 const MOST_APPROACHES: u32 = 8192;
+/// The same where friction is steep, and leaps lead past most of these problems: mostly they are seen to arrive. Where they are not, they lead
+/// around the solution, and a path from any of them may lead there.
+const FIRST_STEEP_TRY: u32 = 256;
+const STEEP_TRIES: u32 = 128;
+const MOST_STEEP_APPROACHES: u32 = 2048;
 /// Times that what rounding left in the forces at the end of a path is taken off.
 const MOST_REFINEMENTS: u32 = 5;
 
@@ -72,7 +77,13 @@ impl BoxSolver {
             }
             return (ended.unwrap_or(Ended::Failed), false);
         }
-        match self.try_path(search, Begin::Open) {
+        // Forces that balance without motion do not exclude a solution, but hardly any is found beside them.
+        let begin = if jams == Some(true) && search.problem.is_steep() {
+            Begin::Briefly
+        } else {
+            Begin::Open
+        };
+        match self.try_path(search, begin) {
             (_, Some(ended)) => (ended, false),
             (PathEnd::Ray, None) => (Ended::Failed, true),
             _ if jams == Some(true) => {
@@ -89,12 +100,25 @@ impl BoxSolver {
         search: &mut Search<'_, S, R>,
         cones: &mut Cones,
     ) -> Option<Ended> {
-        for count in 1..=MOST_APPROACHES {
+        let steep = search.problem.is_steep();
+        // At the last effort there are more paths, as they are no longer.
+        let most = if steep && self.effort == Effort::Usual {
+            MOST_STEEP_APPROACHES
+        } else {
+            MOST_APPROACHES
+        };
+        for count in 1..=most {
             if !cones.approach(search.problem, search.system) {
                 break;
             }
             let last = cones.are_spent();
-            if last || FIRST_TRIES.contains(&count) || count.is_multiple_of(TRIES) {
+            let due = if steep {
+                cones.have_arrived()
+                    || count >= FIRST_STEEP_TRY && count.is_multiple_of(STEEP_TRIES)
+            } else {
+                FIRST_TRIES.contains(&count) || count.is_multiple_of(TRIES)
+            };
+            if last || due {
                 self.forces.copy_from(cones.forces());
                 if let (_, Some(ended)) = self.try_path(search, Begin::Here) {
                     return Some(ended);

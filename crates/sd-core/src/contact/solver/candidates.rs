@@ -70,7 +70,7 @@ impl ContactSolver {
         }
         let nearly = if !self.problem.can_jam() && !self.has_dear_systems {
             0.0
-        } else if jammed {
+        } else if jammed || self.problem.is_steep() {
             EXPECTED_APPROACH
         } else {
             NEARLY_CLOSING

@@ -1,6 +1,7 @@
 //! Whether forces within the cones of friction balance, and the convex problems on the way to a solution.
 
 use super::super::cone::Cones;
+use super::super::path::{Begin, PathEnd};
 use super::*;
 
 /// A disc that two walls push along the bisector of the wedge between them, whose half angle has this tangent: friction holds it where ν is
@@ -99,5 +100,61 @@ fn convex_problems_lead_to_the_solution() {
             "{count}: {}",
             off(&cones)
         );
+    }
+}
+
+#[test]
+fn where_friction_is_steep_a_leap_leads_to_the_solution() {
+    // The same contact under friction that would take back 1/101 with each problem: seven hundred of them come as near as one leap.
+    let column = |row| (0..24).map(|k| f64::from(u8::from(k == row))).collect();
+    let mut network = Network::new(&[column(0), column(1)], false);
+    let mut given = vec![0.0; 20];
+    (given[0], given[10]) = (-2.0, 25.0);
+    let off = |friction: f64, approaches: u32, network: &mut Network| {
+        let problem = problem_of(rigid_coulomb(friction), 1, &given);
+        let mut cones = Cones::default();
+        assert_eq!(cones.jam(&problem, network, Effort::Usual), Some(false));
+        let mut arrived = Vec::new();
+        for _ in 0..approaches {
+            assert!(cones.approach(&problem, network));
+            arrived.push(cones.have_arrived());
+        }
+        (cones.forces().normal[0] - 2.0, arrived)
+    };
+    let square = 10.0 * 10.0_f64;
+    let first = (2.0 + 250.0) / (1.0 + square) - 2.0;
+    for plain in 1..=2 {
+        let (off, _) = off(10.0, plain, &mut network);
+        let expected = first * (square / (1.0 + square)).powi(i32::try_from(plain).unwrap());
+        assert!((off - expected).abs() < 1e-7, "{plain}: {off}, {expected}");
+    }
+    let (leapt, arrived) = off(10.0, 4, &mut network);
+    assert!(leapt.abs() < 1e-7, "{leapt}");
+    assert_eq!(arrived, [false, false, false, true]);
+    // Friction that is not steep never leaps: half of what is too much is left each time.
+    let first = 13.5 - 2.0;
+    let (plain, arrived) = off(1.0, 12, &mut network);
+    assert!((plain - first * 0.5_f64.powi(12)).abs() < 1e-7, "{plain}");
+    assert!(arrived.iter().all(|arrived| !arrived));
+}
+
+#[test]
+fn a_shift_ends_where_a_contact_changes_what_it_does() {
+    let column = |row| (0..24).map(|k| f64::from(u8::from(k == row))).collect();
+    let mut network = Network::new(&[column(0), column(1)], false);
+    let mut given = vec![0.0; 20];
+    given[0] = -2.0;
+    for (change, share, left) in [(1.0, 1.0, 1.0), (4.0, 0.5, 0.0), (-3.0, 1.0, 5.0)] {
+        let mut problem = problem_of(rigid_coulomb(0.0), 1, &given);
+        let mut solver = BoxSolver::default();
+        solver.forces.normal.push(0.0);
+        solver.forces.tangential.push(0.0);
+        let (end, _) = solver.follow_path(&mut problem, &mut network, Begin::Open);
+        assert_eq!(end, PathEnd::Solved);
+        assert!((solver.forces.normal[0] - 2.0).abs() < 1e-9);
+        // Added to its slack, the contact presses less; it opens when that is 2.
+        let gone = solver.shift_to_boundary(&problem, &[change, 0.0]).unwrap();
+        assert!((gone - share).abs() < 1e-9, "{change}: {gone}");
+        assert!((solver.forces.normal[0] - left).abs() < 1e-9, "{change}");
     }
 }
