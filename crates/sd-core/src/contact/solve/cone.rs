@@ -63,7 +63,7 @@ impl Edge {
 /// The edges of all cones as contacts without friction, with their workspace.
 #[derive(Debug, Default)]
 pub(super) struct Cones {
-    edges: Vec<Edge>,
+    edges: Edges,
     /// What is added to the slack of each contact in the problem at hand, and how that changes for each edge.
     added: Vec<f64>,
     change: Vec<f64>,
@@ -80,11 +80,73 @@ pub(super) struct Cones {
     /// The convex problem: a normal force for each edge.
     problem: Problem,
     solver: BoxSolver,
+}
+
+/// The edges of all contacts, ordered by contact.
+#[derive(Debug, Default)]
+struct Edges {
+    list: Vec<Edge>,
     /// How forces of contacts and rows move them, and how one edge does.
     matrix: Matrix,
     moves: Vec<f64>,
     /// Forces of the contacts that edges push.
     forces: Forces,
+}
+
+impl Edges {
+    /// The contacts of a problem as edges have them.
+    fn seen_in<'a, S>(&'a mut self, problem: &'a Problem, system: &'a mut S) -> OnEdges<'a, S> {
+        OnEdges {
+            system,
+            problem,
+            edges: self,
+        }
+    }
+
+    /// Takes the contacts of a problem, with edges as steep as `friction`.
+    fn take(&mut self, problem: &Problem, friction: f64) {
+        self.list.clear();
+        let mut rows = problem.tangential.iter().enumerate().peekable();
+        for contact in 0..problem.normal.len() {
+            let first = self.list.len();
+            self.list.push(Edge {
+                contact,
+                rows: [None; 2],
+            });
+            while let Some((m, row)) = rows.next_if(|(_, row)| row.contact == contact) {
+                if !row.acts {
+                    continue;
+                }
+                for at in first..self.list.len() {
+                    let mut other = self.list[at];
+                    for (edge, slope) in [(&mut self.list[at], friction), (&mut other, -friction)] {
+                        if let Some(place) = edge.rows.iter_mut().find(|place| place.is_none()) {
+                            *place = Some((m, slope));
+                        }
+                    }
+                    self.list.push(other);
+                }
+            }
+        }
+    }
+
+    /// Takes the forces of the contacts of a problem that forces along edges are.
+    fn push(&mut self, problem: &Problem, along: &Forces) {
+        let both = &mut self.forces;
+        for (values, count) in [
+            (&mut both.normal, problem.normal.len()),
+            (&mut both.tangential, problem.tangential.len()),
+        ] {
+            values.clear();
+            values.resize(count, 0.0);
+        }
+        for (edge, x) in self.list.iter().zip(&along.normal) {
+            both.normal[edge.contact] += x;
+            for (m, slope) in edge.rows() {
+                both.tangential[m] += slope * x;
+            }
+        }
+    }
 }
 
 impl Cones {
@@ -108,14 +170,7 @@ impl Cones {
             Effort::Usual => &[Begin::Open, Begin::Apart],
             Effort::Last => &[Begin::Apart],
         };
-        let mut on_edges = OnEdges {
-            system,
-            problem,
-            edges: &self.edges,
-            matrix: &mut self.matrix,
-            moves: &mut self.moves,
-            forces: &mut self.forces,
-        };
+        let mut on_edges = self.edges.seen_in(problem, system);
         for &begin in begins {
             let (convex, solver) = (&mut self.problem, &mut self.solver);
             match solver.follow_path(convex, &mut on_edges, begin).0 {
@@ -129,7 +184,7 @@ impl Cones {
 
     /// The forces of the last solution.
     pub(super) fn forces(&self) -> &Forces {
-        &self.forces
+        &self.edges.forces
     }
 
     /// From the solution of the convex problem at hand to that in which contacts open less, by what they slide now; whether it was found.
@@ -150,7 +205,7 @@ impl Cones {
         if !solved && steep {
             solved = self.solve_anew(problem, system);
         }
-        push(&self.edges, problem, &self.solver.forces, &mut self.forces);
+        self.edges.push(problem, &self.solver.forces);
         solved
     }
 
@@ -161,7 +216,7 @@ impl Cones {
         opens.clear();
         let slack = &self.solver.forces.slack;
         let mut first = 0;
-        for cone in self.edges.chunk_by(|a, b| a.contact == b.contact) {
+        for cone in self.edges.list.chunk_by(|a, b| a.contact == b.contact) {
             let slack = &slack[first..first + cone.len()];
             first += cone.len();
             let least = slack.iter().copied().fold(f64::INFINITY, f64::min);
@@ -194,8 +249,12 @@ impl Cones {
     fn leap(&mut self, count: f64) -> bool {
         self.change.clear();
         let excess = &self.excess[0];
-        self.change
-            .extend(self.edges.iter().map(|edge| count * excess[edge.contact]));
+        self.change.extend(
+            self.edges
+                .list
+                .iter()
+                .map(|edge| count * excess[edge.contact]),
+        );
         let share = self.solver.shift_to_boundary(&self.problem, &self.change);
         let Some(share) = share else {
             return false;
@@ -216,21 +275,14 @@ impl Cones {
         self.change.clear();
         let excess = &self.excess[0];
         self.change
-            .extend(self.edges.iter().map(|edge| excess[edge.contact]));
+            .extend(self.edges.list.iter().map(|edge| excess[edge.contact]));
         for (entry, change) in self.problem.normal.iter_mut().zip(&self.change) {
             entry.bias += change;
         }
         self.added.clone_from(&self.opens);
         self.solver.tableau.shift(self.change.iter().copied());
-        let mut on_edges = OnEdges {
-            system,
-            problem,
-            edges: &self.edges,
-            matrix: &mut self.matrix,
-            moves: &mut self.moves,
-            forces: &mut self.forces,
-        };
-        let most = MOST_CHANGES * self.edges.len();
+        let most = MOST_CHANGES * self.edges.list.len();
+        let mut on_edges = self.edges.seen_in(problem, system);
         let (end, changes) = self.solver.follow_shift(&self.problem, &mut on_edges, most);
         self.changes += changes;
         self.since_leap += 1;
@@ -243,14 +295,7 @@ impl Cones {
         self.solver.tableau.clear();
         self.has_landed = false;
         self.since_leap = 0;
-        let mut on_edges = OnEdges {
-            system,
-            problem,
-            edges: &self.edges,
-            matrix: &mut self.matrix,
-            moves: &mut self.moves,
-            forces: &mut self.forces,
-        };
+        let mut on_edges = self.edges.seen_in(problem, system);
         let (convex, solver) = (&mut self.problem, &mut self.solver);
         solver.follow_path(convex, &mut on_edges, Begin::Open).0 == PathEnd::Solved
     }
@@ -266,7 +311,7 @@ impl Cones {
 
     /// Whether the convex problems have taken as long as they may.
     pub(super) fn are_spent(&self) -> bool {
-        self.changes > MOST_CHANGES_IN_ALL * self.edges.len()
+        self.changes > MOST_CHANGES_IN_ALL * self.edges.list.len()
     }
 
     /// Takes the contacts of a problem.
@@ -274,34 +319,11 @@ impl Cones {
         let friction = problem.friction.min(STEEPEST);
         // Paths among edges ask whether the layer can jam.
         self.problem.friction = friction;
-        self.edges.clear();
-        let mut rows = problem.tangential.iter().enumerate().peekable();
-        for contact in 0..problem.normal.len() {
-            let first = self.edges.len();
-            self.edges.push(Edge {
-                contact,
-                rows: [None; 2],
-            });
-            while let Some((m, row)) = rows.next_if(|(_, row)| row.contact == contact) {
-                if !row.acts {
-                    continue;
-                }
-                for at in first..self.edges.len() {
-                    let mut other = self.edges[at];
-                    for (edge, slope) in [(&mut self.edges[at], friction), (&mut other, -friction)]
-                    {
-                        if let Some(place) = edge.rows.iter_mut().find(|place| place.is_none()) {
-                            *place = Some((m, slope));
-                        }
-                    }
-                    self.edges.push(other);
-                }
-            }
-        }
+        self.edges.take(problem, friction);
         let normal = &mut self.problem.normal;
         normal.clear();
         // The contacts' own compliance is part of the matrix. Four edges have three directions, which leaves their forces open but for this.
-        normal.extend(self.edges.iter().map(|edge| {
+        normal.extend(self.edges.list.iter().map(|edge| {
             let slopes: f64 = edge.rows().map(|(_, slope)| slope * slope).sum();
             Normal {
                 compliance: COMPLIANCE * system.mobility(edge.contact) * (1.0 + slopes),
@@ -317,7 +339,7 @@ impl Cones {
         self.solver.tableau.clear();
         let zeros = &mut self.solver.forces.normal;
         zeros.clear();
-        zeros.resize(self.edges.len(), 0.0);
+        zeros.resize(self.edges.list.len(), 0.0);
     }
 }
 
@@ -325,27 +347,7 @@ impl Cones {
 struct OnEdges<'a, S> {
     system: &'a mut S,
     problem: &'a Problem,
-    edges: &'a [Edge],
-    matrix: &'a mut Matrix,
-    moves: &'a mut Vec<f64>,
-    forces: &'a mut Forces,
-}
-
-/// The forces of the contacts of a problem that forces along edges are.
-fn push(edges: &[Edge], problem: &Problem, along: &Forces, both: &mut Forces) {
-    for (values, count) in [
-        (&mut both.normal, problem.normal.len()),
-        (&mut both.tangential, problem.tangential.len()),
-    ] {
-        values.clear();
-        values.resize(count, 0.0);
-    }
-    for (edge, x) in edges.iter().zip(&along.normal) {
-        both.normal[edge.contact] += x;
-        for (m, slope) in edge.rows() {
-            both.tangential[m] += slope * x;
-        }
-    }
+    edges: &'a mut Edges,
 }
 
 impl<S: System> System for OnEdges<'_, S> {
@@ -359,28 +361,32 @@ impl<S: System> System for OnEdges<'_, S> {
     }
 
     fn fill_matrix(&mut self, _: &Problem, matrix: &mut Matrix) -> bool {
-        if !self.system.fill_matrix(self.problem, self.matrix) {
+        let Edges {
+            list,
+            matrix: both,
+            moves,
+            ..
+        } = &mut *self.edges;
+        if !self.system.fill_matrix(self.problem, both) {
             return false;
         }
         let contacts = self.problem.normal.len();
         for (k, entry) in self.problem.normal.iter().enumerate() {
-            self.matrix[(k, k)] += entry.compliance;
+            both[(k, k)] += entry.compliance;
         }
         for (m, row) in self.problem.tangential.iter().enumerate() {
-            self.matrix[(contacts + m, contacts + m)] -= row.compliance;
+            both[(contacts + m, contacts + m)] -= row.compliance;
         }
-        let count = self.edges.len();
-        matrix.reshape(count, count);
-        for (column, pushed) in self.edges.iter().enumerate() {
+        matrix.reshape(list.len(), list.len());
+        for (column, pushed) in list.iter().enumerate() {
             // What the edge moves: its contact's normal force, and the friction that goes with it.
-            let moves = &mut *self.moves;
             moves.clear();
-            moves.resize(self.matrix.rows(), 0.0);
+            moves.resize(both.rows(), 0.0);
             for (m, slope) in pushed.rows() {
-                add_scaled(moves, self.matrix.column(contacts + m), slope);
+                add_scaled(moves, both.column(contacts + m), slope);
             }
-            add_scaled(moves, self.matrix.column(pushed.contact), 1.0);
-            for (entry, moved) in matrix.column_mut(column).iter_mut().zip(self.edges) {
+            add_scaled(moves, both.column(pushed.contact), 1.0);
+            for (entry, moved) in matrix.column_mut(column).iter_mut().zip(&*list) {
                 let slip = moved.rows().map(|(m, slope)| slope * moves[contacts + m]);
                 *entry = moves[moved.contact] - slip.sum::<f64>();
             }
@@ -389,14 +395,16 @@ impl<S: System> System for OnEdges<'_, S> {
     }
 
     fn measure(&mut self, convex: &Problem, forces: &mut Forces) {
-        let both = &mut *self.forces;
-        push(self.edges, self.problem, forces, both);
+        self.edges.push(self.problem, forces);
+        let Edges {
+            list, forces: both, ..
+        } = &mut *self.edges;
         self.system.measure(self.problem, both);
         forces.slack.clear();
         let pushed = convex.normal.iter().zip(&forces.normal);
         forces
             .slack
-            .extend(self.edges.iter().zip(pushed).map(|(edge, (entry, x))| {
+            .extend(list.iter().zip(pushed).map(|(edge, (entry, x))| {
                 let slip = edge.rows().map(|(m, slope)| slope * both.slip[m]);
                 let changed = entry.bias - self.problem.normal[edge.contact].bias;
                 both.slack[edge.contact] + changed - slip.sum::<f64>() + entry.compliance * x
@@ -405,6 +413,6 @@ impl<S: System> System for OnEdges<'_, S> {
     }
 
     fn mobility(&self, candidate: usize) -> f64 {
-        self.system.mobility(self.edges[candidate].contact)
+        self.system.mobility(self.edges.list[candidate].contact)
     }
 }

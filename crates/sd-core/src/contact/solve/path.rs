@@ -29,7 +29,7 @@ const FAR_APART: f64 = 4.0;
 /// Changes of state of a path without forces at hand at most, over contacts and rows: of one on which all give way alike, and of such a path.
 const MOST_TURNS: [usize; 2] = [10, 200];
 /// Multiplications at most of a path without forces at hand: a sixth of a second; half a second for one on which contacts close far apart; and
-/// of paths that are tried from many forces, or where there hardly is a solution: a hundredth.
+/// of paths that are tried from many forces, or where there hardly is a solution: five milliseconds.
 const MOST_MULTIPLICATIONS: usize = 1_000_000_000;
 const FEW_MULTIPLICATIONS: usize = 30_000_000;
 const MANY_MULTIPLICATIONS: usize = 3_000_000_000;
