@@ -268,7 +268,7 @@ impl Grid {
         }
     }
 
-    /// The reverse of [`Grid::transform`].
+    /// The reverse of [`Grid::transform_forward`].
     fn transform_back(&mut self) {
         let Self {
             axes,
