@@ -277,10 +277,13 @@ mod tests {
     #[test]
     fn version_of_the_physics_is_that_which_last_changed_runs_of_the_kind() {
         use Hydrodynamics::{BallMelrose, StokesianDynamics};
-        let coulomb = ContactScheme::Laws(ContactLaws {
-            tangential: TangentialLaw::Coulomb,
-            ..ContactLaws::PAPER
-        });
+        let laws = |tangential| {
+            ContactScheme::Laws(ContactLaws {
+                tangential,
+                ..ContactLaws::PAPER
+            })
+        };
+        let coulomb = laws(TangentialLaw::Coulomb);
         let of = |hydrodynamics, spheres, contact| {
             let params = Params {
                 hydrodynamics,
@@ -307,12 +310,6 @@ mod tests {
                 ..case().params
             };
             Case { params, ..case() }.physics()
-        };
-        let laws = |tangential| {
-            ContactScheme::Laws(ContactLaws {
-                tangential,
-                ..ContactLaws::PAPER
-            })
         };
         assert_eq!(of_friction(1.0, coulomb), 12);
         assert_eq!(of_friction(1.1, coulomb), PHYSICS_VERSION);

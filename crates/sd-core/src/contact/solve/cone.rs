@@ -209,7 +209,7 @@ impl Cones {
         solved
     }
 
-    /// What contacts open too much: half of what lies between their edges.
+    /// What contacts open too much, half of what lies between their edges; and how much of that is not added yet.
     fn find_excess(&mut self) {
         self.excess.swap(0, 1);
         let (opens, excess) = (&mut self.opens, &mut self.excess[0]);
@@ -245,16 +245,17 @@ impl Cones {
         is_aligned.then_some(count)
     }
 
+    /// Puts what contacts open too much, so many times, into the change of each edge.
+    fn set_change(&mut self, count: f64) {
+        let (edges, excess) = (&self.edges.list, &self.excess[0]);
+        self.change.clear();
+        self.change
+            .extend(edges.iter().map(|edge| count * excess[edge.contact]));
+    }
+
     /// Takes what contacts open too much off so many times at once, or as often as no edge changes what it does; whether that has a solution.
     fn leap(&mut self, count: f64) -> bool {
-        self.change.clear();
-        let excess = &self.excess[0];
-        self.change.extend(
-            self.edges
-                .list
-                .iter()
-                .map(|edge| count * excess[edge.contact]),
-        );
+        self.set_change(count);
         let share = self.solver.shift_to_boundary(&self.problem, &self.change);
         let Some(share) = share else {
             return false;
@@ -262,7 +263,7 @@ impl Cones {
         for (entry, change) in self.problem.normal.iter_mut().zip(&self.change) {
             entry.bias += share * change;
         }
-        for (added, excess) in self.added.iter_mut().zip(excess) {
+        for (added, excess) in self.added.iter_mut().zip(&self.excess[0]) {
             *added += share * count * excess;
         }
         self.since_leap = 0;
@@ -272,10 +273,7 @@ impl Cones {
 
     /// Follows the path to the next problem; whether it was found.
     fn step(&mut self, problem: &Problem, system: &mut impl System) -> bool {
-        self.change.clear();
-        let excess = &self.excess[0];
-        self.change
-            .extend(self.edges.list.iter().map(|edge| excess[edge.contact]));
+        self.set_change(1.0);
         for (entry, change) in self.problem.normal.iter_mut().zip(&self.change) {
             entry.bias += change;
         }

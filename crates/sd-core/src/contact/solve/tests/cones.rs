@@ -105,7 +105,7 @@ fn convex_problems_lead_to_the_solution() {
 
 #[test]
 fn where_friction_is_steep_a_leap_leads_to_the_solution() {
-    // The same contact under friction that would take back 1/101 with each problem: seven hundred of them come as near as one leap.
+    // The same contact under friction that would take back 1/101 with each problem: fifteen hundred of them come as near as one leap.
     let column = |row| (0..24).map(|k| f64::from(u8::from(k == row))).collect();
     let mut network = Network::new(&[column(0), column(1)], false);
     let mut given = vec![0.0; 20];
