@@ -33,7 +33,7 @@ impl Row {
     /// The velocity, of velocities `[3N]`.
     #[inline(always)]
     pub(crate) fn read(&self, v: &[f64]) -> f64 {
-        let [i, j] = self.spheres.map(|sphere| 3 * sphere);
+        let (i, j) = (3 * self.spheres[0], 3 * self.spheres[1]);
         let (w, v_i, v_j) = (&self.weights, &v[i..i + 3], &v[j..j + 3]);
         (w[0] * v_i[0] + w[1] * v_i[1] + w[2] * v_i[2])
             + (w[3] * v_j[0] + w[4] * v_j[1] + w[5] * v_j[2])
@@ -53,6 +53,26 @@ impl Row {
     /// Adds `f` times the transpose to forces `[3N]` in the order of the spheres.
     #[inline(always)]
     pub(crate) fn add(&self, f: f64, forces: &mut [f64]) {
-        self.add_at(f, self.spheres.map(|sphere| 3 * sphere), forces);
+        self.add_at(f, [3 * self.spheres[0], 3 * self.spheres[1]], forces);
+    }
+
+    /// The same in the first M of L kinds of forces side by side.
+    #[inline(always)]
+    pub(crate) fn add_to_first<const M: usize, const L: usize>(
+        &self,
+        f: f64,
+        forces: &mut [[[f64; L]; 3]],
+    ) {
+        for (sphere, weights) in self
+            .spheres
+            .into_iter()
+            .zip(self.weights.as_chunks::<3>().0)
+        {
+            for (forces, weight) in forces[sphere].iter_mut().zip(weights) {
+                for force in &mut forces[..M] {
+                    *force += f * weight;
+                }
+            }
+        }
     }
 }

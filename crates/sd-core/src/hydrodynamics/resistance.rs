@@ -35,6 +35,7 @@ use far_pairs::FarPairs;
 use nalgebra::Vector3;
 pub use pairwise::PairwiseResistance;
 use pairwise::Reach;
+pub(crate) use pairwise::{Motion, side_by_side_mut};
 use skyline::SkylineResistance;
 use tables::NearTerms;
 

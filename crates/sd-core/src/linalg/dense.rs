@@ -2,7 +2,7 @@
 
 use super::simd::vectorised;
 use super::vector;
-pub(crate) use super::vector::{add_scaled, dot};
+pub(crate) use super::vector::{add_scaled, add_scaled_and_dot, dot};
 use faer::linalg::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 

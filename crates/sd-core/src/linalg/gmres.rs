@@ -6,7 +6,7 @@
 //!
 //! For systems that are not symmetric. The preconditioner may be of any precision, since the residual is that of A itself.
 
-use super::dense::{add_scaled, dot};
+use super::dense::{add_scaled, add_scaled_and_dot, dot};
 
 /// How far a solve went.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,11 +69,13 @@ impl Gmres {
             apply(&self.preconditioned[iterations], image);
             let column = &mut self.triangle[iterations];
             column.clear();
-            for vector in known.iter() {
-                let share = dot(vector, image);
-                add_scaled(image, vector, -share);
+            let mut share = dot(&known[0], image);
+            for pair in known.windows(2) {
                 column.push(share);
+                share = add_scaled_and_dot(image, &pair[0], -share, &pair[1]);
             }
+            column.push(share);
+            add_scaled(image, &known[iterations], -share);
             let norm = dot(image, image).sqrt();
             if norm > 0.0 {
                 scale(image, norm.recip());

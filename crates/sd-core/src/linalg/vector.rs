@@ -58,6 +58,36 @@ pub(crate) fn add_scaled(y: &mut [f64], x: &[f64], s: f64) {
     vectorised(|| add_scaled_inline(y, x, s));
 }
 
+/// `y ← y + s x`, then the dot product of y with z, in one pass; the bits are those of [`add_scaled`] and [`dot`].
+pub(crate) fn add_scaled_and_dot(y: &mut [f64], x: &[f64], s: f64, z: &[f64]) -> f64 {
+    vectorised(
+        #[inline(always)]
+        || {
+            let (x16, x_rest) = x[..y.len()].as_chunks::<16>();
+            let (z16, z_rest) = z[..y.len()].as_chunks::<16>();
+            let (y16, y_rest) = y.as_chunks_mut::<16>();
+            let mut total = 0.0;
+            for ((y, x), z) in y_rest.iter_mut().zip(x_rest).zip(z_rest) {
+                *y += s * x;
+                total += z * *y;
+            }
+            let mut sums = [0.0; 16];
+            for ((y, x), z) in y16.iter_mut().zip(x16).zip(z16) {
+                let mut new = *y;
+                for k in 0..16 {
+                    new[k] += s * x[k];
+                    sums[k] += z[k] * new[k];
+                }
+                *y = new;
+            }
+            for sum in sums {
+                total += sum;
+            }
+            total
+        },
+    )
+}
+
 /// [`add_scaled`] for callers that are vectorised themselves.
 #[inline(always)]
 pub(super) fn add_scaled_inline(y: &mut [f64], x: &[f64], s: f64) {

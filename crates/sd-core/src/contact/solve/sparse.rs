@@ -18,7 +18,7 @@ mod linear;
 mod products;
 
 use self::corrections::{Change, Corrections};
-use self::linear::{Linear, Preconditioner, row_of};
+use self::linear::{BothMotions, Linear, Preconditioner, row_of};
 use self::products::ContactProducts;
 pub(crate) use self::products::has_products;
 use super::problem::{Driving, Forces, Grip, Noise, Problem, States, System, largest};
@@ -95,6 +95,7 @@ pub(crate) struct SparseSystem {
     correction: Vec<f64>,
     /// Forces on the spheres, `[3N]`.
     work: Vec<f64>,
+    both: BothMotions,
     /// What belongs to the motion under given forces: driving forces with those of contacts, contacts that are open, no forces.
     given: [Vec<f64>; 2],
     /// One dense matrix of contacts, where one problem would take many systems.
@@ -133,14 +134,16 @@ impl SparseSystem {
         self.residual.clear();
         self.residual.resize(size, 0.0);
         let [r_v, r_n, r_f, r_t] = linear.split_mut(&mut self.residual);
-        linear.network.apply(&self.velocities, &mut self.work);
-        for ((r, f), moved) in r_v.iter_mut().zip(&self.driving[0]).zip(&self.work) {
-            *r = f - moved;
-        }
         if problem.isolated {
-            linear.network.apply(&self.isolated, &mut self.work);
-            for ((r, f), moved) in r_n.iter_mut().zip(&self.driving[1]).zip(&self.work) {
-                *r = f - moved;
+            let both = &mut self.both;
+            both.multiply(linear.network, &self.velocities, &self.isolated);
+            both.read(r_v, r_n);
+        } else {
+            linear.network.apply(&self.velocities, r_v);
+        }
+        for (r, driving) in [&mut *r_v, &mut *r_n].into_iter().zip(&self.driving) {
+            for (r, f) in r.iter_mut().zip(driving) {
+                *r = f - *r;
             }
         }
         for (k, entry) in problem.normal.iter().enumerate() {
@@ -222,7 +225,12 @@ impl SparseSystem {
         };
         if needs_factor {
             self.corrections.clear();
-            linear.network.fill(pattern, &mut self.held);
+            if problem.isolated {
+                // The near part of R is at hand.
+                self.held.copy_matrix(pattern, &self.free.0);
+            } else {
+                linear.network.fill(pattern, &mut self.held);
+            }
             for (at, &s) in self.stiffness[..rows].iter().enumerate() {
                 if s != 0.0 {
                     let (contact, row) = row_of(problem, at);
@@ -350,7 +358,7 @@ impl System for OnNetwork<'_> {
                 &system.residual,
                 &mut system.correction,
                 (goal, MOST_ITERATIONS),
-                |x, y| linear.apply(x, y),
+                |x, y| linear.apply(x, y, &mut system.both),
                 |r, z| linear.precondition(&mut preconditioner, r, z),
             );
             system.iterations = reached.iterations;

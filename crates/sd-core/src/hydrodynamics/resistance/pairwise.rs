@@ -45,8 +45,8 @@ impl Reach {
 pub struct PairwiseResistance {
     /// Block of each sphere with itself.
     own: Vec<Block>,
-    /// Pairs (i, j) and their blocks: rows of j, columns of i.
-    couplings: Vec<([usize; 2], Block)>,
+    /// Pairs (i, j) and their blocks: rows of j, columns of i. Products read all of them, so the numbers are short.
+    couplings: Vec<([u32; 2], Block)>,
     /// Number in the pattern of each pair that is in it.
     numbers: Vec<Option<usize>>,
     /// Pairs of the pattern, ordered.
@@ -114,7 +114,8 @@ impl PairwiseResistance {
                             coupling[3 * column + row] = block[(3 + row, column)];
                         }
                     }
-                    couplings.push(([pair.i, pair.j], coupling));
+                    let (i, j) = pair.key();
+                    couplings.push(([i, j], coupling));
                 }
             },
         );
@@ -152,9 +153,10 @@ impl PairwiseResistance {
     /// Adds `slope` n nᵀ of a pair's relative velocity, for a pair that was assembled.
     pub(super) fn add_spring(&mut self, pair: &Neighbours, slope: f64) {
         let (n, spheres) = (pair.normal, [pair.i, pair.j]);
+        let (i, j) = pair.key();
         let at = self
             .couplings
-            .binary_search_by_key(&spheres, |(key, _)| *key)
+            .binary_search_by_key(&[i, j], |(key, _)| *key)
             .expect("springs join pairs in range, which were all assembled");
         for column in 0..2 {
             for row in 0..2 {
@@ -189,23 +191,32 @@ impl PairwiseResistance {
 
     /// `y = R_FU v`, vectors `[3N]`.
     pub fn apply(&self, v: &[f64], y: &mut [f64]) {
+        self.multiply(side_by_side(v), side_by_side_mut(y));
+    }
+
+    /// The same for L motions at once, of which each sphere has its velocities side by side: that reads the blocks once.
+    pub(crate) fn multiply<const L: usize>(&self, v: &[Motion<L>], y: &mut [Motion<L>]) {
         vectorised(
             #[inline(always)]
             || {
-                let spheres = y.chunks_exact_mut(3).zip(v.chunks_exact(3));
-                for ((y, v), b) in spheres.zip(&self.own) {
+                for ((y, v), b) in y.iter_mut().zip(v).zip(&self.own) {
                     for k in 0..3 {
-                        y[k] = b[k] * v[0] + b[3 + k] * v[1] + b[6 + k] * v[2];
+                        y[k] = product([b[k], b[3 + k], b[6 + k]], v);
                     }
                 }
                 for ([i, j], b) in &self.couplings {
-                    let [i, j] = [3 * i, 3 * j];
-                    let [v_i, v_j] = [i, j].map(|at| [v[at], v[at + 1], v[at + 2]]);
+                    let (i, j) = (*i as usize, *j as usize);
+                    let (v_i, v_j) = (v[i], v[j]);
+                    let (mut y_i, mut y_j) = (y[i], y[j]);
                     for k in 0..3 {
-                        y[j + k] += b[k] * v_i[0] + b[3 + k] * v_i[1] + b[6 + k] * v_i[2];
-                        let rows = [b[3 * k], b[3 * k + 1], b[3 * k + 2]];
-                        y[i + k] += rows[0] * v_j[0] + rows[1] * v_j[1] + rows[2] * v_j[2];
+                        let of_j = product([b[k], b[3 + k], b[6 + k]], &v_i);
+                        let of_i = product([b[3 * k], b[3 * k + 1], b[3 * k + 2]], &v_j);
+                        for lane in 0..L {
+                            y_j[k][lane] += of_j[lane];
+                            y_i[k][lane] += of_i[lane];
+                        }
                     }
+                    (y[i], y[j]) = (y_i, y_j);
                 }
             },
         );
@@ -227,7 +238,7 @@ impl PairwiseResistance {
             add(sphere, sphere, block);
         }
         for ([i, j], block) in &self.couplings {
-            add(*j, *i, block);
+            add(*j as usize, *i as usize, block);
         }
     }
 
@@ -243,6 +254,29 @@ impl PairwiseResistance {
             }
         }
     }
+}
+
+/// `(U_x, U_y, Ω)` of a sphere, or the forces on it, of each of L motions.
+pub(crate) type Motion<const L: usize> = [[f64; L]; 3];
+
+/// A vector `[3N]`, as the one of its kind.
+pub(crate) fn side_by_side(x: &[f64]) -> &[Motion<1>] {
+    x.as_chunks().0.as_chunks().0
+}
+
+/// The same, to write.
+pub(crate) fn side_by_side_mut(x: &mut [f64]) -> &mut [Motion<1>] {
+    x.as_chunks_mut().0.as_chunks_mut().0
+}
+
+/// A row of a block times the velocities of a sphere.
+#[inline(always)]
+fn product<const L: usize>(row: [f64; 3], v: &Motion<L>) -> [f64; L] {
+    let mut sums = [0.0; L];
+    for (lane, sum) in sums.iter_mut().enumerate() {
+        *sum = row[0] * v[0][lane] + row[1] * v[1][lane] + row[2] * v[2][lane];
+    }
+    sums
 }
 
 /// The pattern of these pairs.

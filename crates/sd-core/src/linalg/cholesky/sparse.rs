@@ -5,21 +5,21 @@
 //! precision**: they precondition [`crate::linalg::conjugate_gradients`], which iterates in double precision, at half the traffic.
 
 pub(crate) mod lanes;
+mod levels;
+mod numeric;
+mod single;
 
 use crate::linalg::error::BadPivot;
 use crate::linalg::simd::vectorised;
 use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
 use faer::sparse::linalg::cholesky::simplicial::prefactorize_symbolic_cholesky;
 use faer::sparse::linalg::cholesky::simplicial::prefactorize_symbolic_cholesky_scratch;
 use faer::sparse::linalg::cholesky::supernodal::{
-    SymbolicSupernodalCholesky, factorize_supernodal_numeric_llt,
-    factorize_supernodal_numeric_llt_scratch, factorize_supernodal_symbolic_cholesky,
+    SymbolicSupernodalCholesky, factorize_supernodal_symbolic_cholesky,
     factorize_supernodal_symbolic_cholesky_scratch,
 };
 use faer::sparse::linalg::{SymbolicSupernodalParams, amd};
-use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef};
-use faer::{Par, Spec};
+use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
 use std::ops::Range;
 
 /// A 3 × 3 block, by columns.
@@ -50,6 +50,11 @@ pub struct BlockPattern {
     symbolic: SymbolicSupernodalCholesky<usize>,
     /// Its supernodes.
     nodes: Vec<Node>,
+    /// Where values go in it.
+    schedule: numeric::Schedule,
+    /// The order of a solve, and where each sphere is in it: its first place, and from there to the next.
+    order: levels::SolveOrder,
+    places: Vec<(usize, usize)>,
 }
 
 impl BlockPattern {
@@ -94,12 +99,18 @@ impl BlockPattern {
         });
         // The analysis reads the upper triangle, the factorization the lower one.
         let symbolic = analyse(scalars(&above).as_ref()).ok()?;
+        let scalar = scalars(&below);
+        let nodes = Node::all(&symbolic);
+        let order = levels::SolveOrder::new(&nodes, symbolic.row_idx(), 3 * spheres);
         Some(Self {
             diagonal,
             couplings: couplings.collect(),
-            nodes: Node::all(&symbolic),
+            schedule: numeric::Schedule::new(&nodes, symbolic.row_idx(), scalar.as_ref()),
+            places: rows.iter().map(|&row| order.place(3 * row)).collect(),
+            order,
+            nodes,
             symbolic,
-            scalar: scalars(&below),
+            scalar,
             rows,
         })
     }
@@ -180,10 +191,13 @@ pub struct BlockCholesky {
     values: Vec<f32>,
     /// Values of the factor.
     factor: Vec<f32>,
-    /// Right-hand side in the order of elimination.
-    ordered: Vec<f32>,
-    /// Its rows below the supernode at work.
-    gathered: Vec<f32>,
+    /// The same, as solves read them.
+    packed: Vec<lanes::Lanes>,
+    /// Right-hand side in the order of a solve.
+    ordered: Vec<lanes::Lanes>,
+    /// Rows below the supernode that is factored.
+    rows: Vec<f32>,
+    work: levels::Workspace,
     scratch: Option<MemBuffer>,
     /// Room for eight right-hand sides at once.
     lanes: lanes::Workspace,
@@ -194,13 +208,22 @@ impl BlockCholesky {
     pub fn reset(&mut self, pattern: &BlockPattern) {
         self.values.clear();
         self.values.resize(pattern.scalar.row_idx().len(), 0.0);
-        self.ordered.resize(3 * pattern.spheres(), 0.0);
+        self.make_room(pattern);
+    }
+
+    /// Takes over the matrix of another of the same pattern.
+    pub fn copy_matrix(&mut self, pattern: &BlockPattern, other: &Self) {
+        self.values.clone_from(&other.values);
+        self.make_room(pattern);
+    }
+
+    /// Room for a factor and its solves.
+    fn make_room(&mut self, pattern: &BlockPattern) {
+        self.ordered.clear();
+        self.ordered
+            .resize(pattern.order.length(), [0.0; lanes::LANES]);
         self.factor.resize(pattern.symbolic.len_val(), 0.0);
-        let needed = factorize_supernodal_numeric_llt_scratch::<usize, f32>(
-            &pattern.symbolic,
-            Par::Seq,
-            Spec::default(),
-        );
+        let needed = numeric::scratch(&pattern.nodes);
         let held = self.scratch.as_ref().map_or(0, |memory| memory.len());
         if held < needed.unaligned_bytes_required() {
             self.scratch = Some(MemBuffer::new(needed));
@@ -225,45 +248,47 @@ impl BlockCholesky {
         let Some(memory) = &mut self.scratch else {
             return Err(BadPivot { pivot: 0 });
         };
-        factorize_supernodal_numeric_llt(
+        numeric::factor(
+            pattern,
+            &self.values,
             &mut self.factor,
-            SparseColMatRef::new(pattern.scalar.as_ref(), &self.values),
-            LltRegularization::default(),
-            &pattern.symbolic,
-            Par::Seq,
+            &mut self.rows,
             MemStack::new(memory),
-            Spec::default(),
         )
-        .map_err(|LltError::NonPositivePivot { index }| {
-            let sphere = pattern.rows.iter().position(|&row| row == index / 3);
+        .map_err(|row| {
+            let sphere = pattern.rows.iter().position(|&other| other == row / 3);
             BadPivot {
-                pivot: 3 * sphere.unwrap_or(0) + index % 3,
+                pivot: 3 * sphere.unwrap_or(0) + row % 3,
             }
         })?;
+        pattern
+            .order
+            .pack(&pattern.nodes, &self.factor, &mut self.packed);
         Ok(())
     }
 
     /// `z ≈ A⁻¹ r` by the factor; vectors `[3N]` in the order of the spheres.
     pub fn solve(&mut self, pattern: &BlockPattern, r: &[f64], z: &mut [f64]) {
-        for (r, &row) in r.chunks_exact(3).zip(&pattern.rows) {
-            let target = &mut self.ordered[3 * row..3 * row + 3];
+        let x = self.ordered.as_flattened_mut();
+        for (r, &(first, stride)) in r.chunks_exact(3).zip(&pattern.places) {
             for k in 0..3 {
                 #[expect(clippy::cast_possible_truncation, reason = "the factor's precision")]
                 let value = r[k] as f32;
-                target[k] = value;
+                x[first + k * stride] = value;
             }
         }
-        let (factor, x, rows) = (&self.factor, &mut self.ordered, &mut self.gathered);
+        let (nodes, x, work) = (&pattern.nodes, &mut self.ordered, &mut self.work);
         vectorised(
             #[inline(always)]
             || {
-                solve_lower(pattern, factor, x, rows);
-                solve_upper(pattern, factor, x, rows);
+                let order = &pattern.order;
+                order.solve(nodes, &self.factor, &self.packed, x, work);
             },
         );
-        for (z, &row) in z.chunks_exact_mut(3).zip(&pattern.rows) {
-            for (z, &value) in z.iter_mut().zip(&self.ordered[3 * row..3 * row + 3]) {
-                *z = f64::from(value);
+        let x = self.ordered.as_flattened();
+        for (z, &(first, stride)) in z.chunks_exact_mut(3).zip(&pattern.places) {
+            for k in 0..3 {
+                z[k] = f64::from(x[first + k * stride]);
             }
         }
     }
@@ -299,6 +324,11 @@ struct Node {
 }
 
 impl Node {
+    /// Number of rows.
+    fn height(&self) -> usize {
+        self.width + self.below.len()
+    }
+
     /// The supernodes of a factor.
     fn all(symbolic: &SymbolicSupernodalCholesky<usize>) -> Vec<Self> {
         let (begins, ends) = (symbolic.supernode_begin(), symbolic.supernode_end());
@@ -317,91 +347,10 @@ impl Node {
     /// The three columns of a sphere, which begin at column `j`, from the row of the first of them on.
     #[inline(always)]
     fn columns<'f>(&self, factor: &'f [f32], j: usize) -> [&'f [f32]; 3] {
-        let height = self.width + self.below.len();
+        let height = self.height();
         let values = &factor[self.values.clone()];
         [0, 1, 2].map(|k| &values[(j + k) * height..][j..height])
     }
-}
-
-/// `x ← L⁻¹ x`, for callers that are vectorised themselves.
-#[inline(always)]
-fn solve_lower(pattern: &BlockPattern, factor: &[f32], x: &mut [f32], local: &mut Vec<f32>) {
-    for node in &pattern.nodes {
-        let below = &pattern.symbolic.row_idx()[node.below.clone()];
-        let own = node.start..node.start + node.width;
-        local.clear();
-        local.extend_from_slice(&x[own.clone()]);
-        local.resize(node.width + below.len(), 0.0);
-        for j in (0..node.width).step_by(3) {
-            let [a, b, c] = node.columns(factor, j);
-            let (top, rest) = local[j..].split_at_mut(3);
-            let xa = top[0] / a[0];
-            let xb = (top[1] - a[1] * xa) / b[1];
-            let xc = (top[2] - a[2] * xa - b[2] * xb) / c[2];
-            top.copy_from_slice(&[xa, xb, xc]);
-            let [a, b, c] = [a, b, c].map(|column| &column[3..][..rest.len()]);
-            for (k, x) in rest.iter_mut().enumerate() {
-                *x -= a[k] * xa + b[k] * xb + c[k] * xc;
-            }
-        }
-        x[own].copy_from_slice(&local[..node.width]);
-        for (&row, sum) in below.iter().zip(&local[node.width..]) {
-            x[row] += sum;
-        }
-    }
-}
-
-/// `x ← L⁻ᵀ x`, for callers that are vectorised themselves.
-#[inline(always)]
-fn solve_upper(pattern: &BlockPattern, factor: &[f32], x: &mut [f32], gathered: &mut Vec<f32>) {
-    for node in pattern.nodes.iter().rev() {
-        let below = &pattern.symbolic.row_idx()[node.below.clone()];
-        gathered.clear();
-        gathered.extend(below.iter().map(|&row| x[row]));
-        let own = &mut x[node.start..node.start + node.width];
-        for j in (0..node.width).step_by(3).rev() {
-            let [a, b, c] = node.columns(factor, j);
-            let inside = 3..node.width - j;
-            let outside = inside.end..inside.end + gathered.len();
-            let mut sums = [0.0; 3];
-            for (known, rows) in [(&own[j + 3..], inside), (&gathered[..], outside)] {
-                let parts = dot_three([a, b, c].map(|column| &column[rows.clone()]), known);
-                for k in 0..3 {
-                    sums[k] += parts[k];
-                }
-            }
-            let own = &mut own[j..j + 3];
-            own[2] = (own[2] - sums[2]) / c[2];
-            own[1] = (own[1] - sums[1] - b[2] * own[2]) / b[1];
-            own[0] = (own[0] - sums[0] - a[1] * own[1] - a[2] * own[2]) / a[0];
-        }
-    }
-}
-
-/// Dot products of three vectors with one, in eight partial sums each, for callers that are vectorised themselves.
-#[inline(always)]
-fn dot_three(a: [&[f32]; 3], b: &[f32]) -> [f32; 3] {
-    let length = b.len();
-    let a = a.map(|x| &x[..length]);
-    let mut sums = [[0.0; 8]; 3];
-    let whole = length - length % 8;
-    for at in (0..whole).step_by(8) {
-        let y = &b[at..at + 8];
-        for (sum, x) in sums.iter_mut().zip(a) {
-            let x = &x[at..at + 8];
-            for k in 0..8 {
-                sum[k] += x[k] * y[k];
-            }
-        }
-    }
-    let mut totals =
-        sums.map(|s| ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7])));
-    for at in whole..length {
-        for (total, x) in totals.iter_mut().zip(a) {
-            *total += x[at] * b[at];
-        }
-    }
-    totals
 }
 
 #[cfg(test)]
@@ -416,6 +365,40 @@ mod tests {
         pairs.sort_unstable();
         pairs.dedup();
         pairs
+    }
+
+    /// A matrix of a periodic lattice of `side²` spheres, some of whose neighbours are missing, and its pattern.
+    pub(super) fn lattice(side: usize) -> (BlockPattern, BlockCholesky) {
+        let at = |x: usize, y: usize| (y % side) * side + x % side;
+        let all = (0..side * side).flat_map(|i| {
+            let (x, y) = (i % side, i / side);
+            [at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)].map(|j| (i.min(j), i.max(j)))
+        });
+        let kept = all.enumerate().filter(|(k, _)| (k * k) % 7 < 4);
+        matrix(side * side, kept.map(|(_, pair)| pair).collect())
+    }
+
+    /// A matrix of spheres two and two, without anything between these pairs, and its pattern.
+    pub(super) fn couples(n: usize) -> (BlockPattern, BlockCholesky) {
+        matrix(2 * n, (0..n).map(|k| (2 * k, 2 * k + 1)).collect())
+    }
+
+    fn matrix(n: usize, mut pairs: Vec<(usize, usize)>) -> (BlockPattern, BlockCholesky) {
+        pairs.sort_unstable();
+        pairs.dedup();
+        let pattern = BlockPattern::new(n, &pairs).unwrap();
+        let mut matrix = BlockCholesky::default();
+        matrix.reset(&pattern);
+        for i in 0..n {
+            let spin = 20.0 + (i as f64).sin();
+            let own = [19.0, 0.5, 0.1, 0.5, 18.0, -0.3, 0.1, -0.3, spin];
+            matrix.add_own(&pattern, i, &own);
+        }
+        for k in 0..pairs.len() {
+            let block = std::array::from_fn(|m| (0.7 * k as f64 + m as f64).sin());
+            matrix.add_coupling(&pattern, k, &block);
+        }
+        (pattern, matrix)
     }
 
     #[test]

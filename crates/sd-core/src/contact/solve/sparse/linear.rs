@@ -4,7 +4,7 @@ use super::corrections::Corrections;
 use super::{LEAST_COMPLIANCE, WEIGHT};
 use crate::contact::row::Row;
 use crate::contact::solve::problem::{Grip, Problem, States};
-use crate::hydrodynamics::resistance::PairwiseResistance;
+use crate::hydrodynamics::resistance::{Motion, PairwiseResistance, side_by_side_mut};
 use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
 
 /// The spheres, contacts and what they do: all that the linear system is made of.
@@ -34,6 +34,39 @@ pub(super) struct Preconditioner<'a> {
     pub(super) stiffness: &'a [f64],
     /// Forces on the spheres, `[3N]`.
     pub(super) work: &'a mut [f64],
+}
+
+/// Workspace for v and v_N side by side, and for the forces of both.
+#[derive(Default)]
+pub(super) struct BothMotions {
+    velocities: Vec<Motion<2>>,
+    forces: Vec<Motion<2>>,
+}
+
+impl BothMotions {
+    /// The forces R v and R v_N.
+    pub(super) fn multiply(&mut self, network: &PairwiseResistance, v: &[f64], v_n: &[f64]) {
+        for both in [&mut self.velocities, &mut self.forces] {
+            both.resize(network.spheres(), [[0.0; 2]; 3]);
+        }
+        let parts = v.chunks_exact(3).zip(v_n.chunks_exact(3));
+        for (both, (v, v_n)) in self.velocities.iter_mut().zip(parts) {
+            for k in 0..3 {
+                both[k] = [v[k], v_n[k]];
+            }
+        }
+        network.multiply(&self.velocities, &mut self.forces);
+    }
+
+    /// Puts the forces into vectors `[3N]`.
+    pub(super) fn read(&self, y: &mut [f64], y_n: &mut [f64]) {
+        let parts = y.chunks_exact_mut(3).zip(y_n.chunks_exact_mut(3));
+        for ((y, y_n), both) in parts.zip(&self.forces) {
+            for k in 0..3 {
+                [y[k], y_n[k]] = both[k];
+            }
+        }
+    }
 }
 
 impl Linear<'_> {
@@ -76,31 +109,42 @@ impl Linear<'_> {
     }
 
     /// `y = A x` of the linear system; rows of velocities times [`WEIGHT`].
-    pub(super) fn apply(&self, x: &[f64], y: &mut [f64]) {
-        let [v, v_n, f, t] = self.split(x);
+    pub(super) fn apply(&self, x: &[f64], y: &mut [f64], both: &mut BothMotions) {
+        let [v, v_n, _, _] = self.split(x);
         let [y_v, y_n, y_f, y_t] = self.split_mut(y);
-        self.network.apply(v, y_v);
         if self.problem.isolated {
-            self.network.apply(v_n, y_n);
+            both.multiply(self.network, v, v_n);
+            self.add_contacts(x, &mut both.forces, y_f, y_t);
+            both.read(y_v, y_n);
+        } else {
+            self.network.apply(v, y_v);
+            self.add_contacts(x, side_by_side_mut(y_v), y_f, y_t);
         }
+    }
+
+    /// What contacts and their forces add to `y = A x`; normal forces act in all L motions, friction in the first.
+    fn add_contacts<const L: usize>(
+        &self,
+        x: &[f64],
+        y: &mut [Motion<L>],
+        y_f: &mut [f64],
+        y_t: &mut [f64],
+    ) {
+        let [v, v_n, f, t] = self.split(x);
         for (k, entry) in self.problem.normal.iter().enumerate() {
             y_f[k] = 0.0;
-            if !self.states.closed[k] {
-                continue;
+            if self.states.closed[k] {
+                entry.row.add_to_first::<L, L>(-f[k], y);
+                y_f[k] = WEIGHT * (entry.row.read(v) + self.compliance(k) * f[k]);
             }
-            entry.row.add(-f[k], y_v);
-            if self.problem.isolated {
-                entry.row.add(-f[k], y_n);
-            }
-            y_f[k] = WEIGHT * (entry.row.read(v) + self.compliance(k) * f[k]);
         }
         for (m, entry) in self.problem.tangential.iter().enumerate() {
             y_t[m] = 0.0;
             let slope = self.slope(m);
             if slope != 0.0 {
-                entry.row.add(slope * f[entry.contact], y_v);
+                entry.row.add_to_first::<1, L>(slope * f[entry.contact], y);
             } else if self.states.grip[m] == Grip::Stick {
-                entry.row.add(t[m], y_v);
+                entry.row.add_to_first::<1, L>(t[m], y);
                 let read = entry.row.read(if self.problem.isolated { v_n } else { v });
                 y_t[m] = WEIGHT * (read - self.row_compliance(m) * t[m]);
             }

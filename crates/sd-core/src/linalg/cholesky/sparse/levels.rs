@@ -1,0 +1,536 @@
+//! Solves with one right-hand side, eight supernodes at a time.
+//!
+//! Most supernodes have a few spheres. Alone, each of their steps waits for the one before; those none of which is below another can go
+//! side by side. A level has all supernodes whose descendants are in the levels before. Up to eight of a level are held like one, with zeros
+//! where one is smaller than another: in the first columns, and between the rows below that are summed eight at a time and the others. So
+//! every sum has the bits it has in [`super::single`].
+//!
+//! Vectors are held in that order too: eight entries side by side for each column of a batch, one after another for a supernode alone.
+
+use super::lanes::{LANES, Lanes};
+use super::{Node, single};
+use std::ops::Range;
+
+/// Which supernodes go together, and in what order.
+#[derive(Debug, Default)]
+pub(super) struct SolveOrder {
+    levels: Vec<Level>,
+    batches: Vec<Batch>,
+    singles: Vec<Single>,
+    /// Where each row is in a vector, and the length of vectors, in eights. The last eight are zeros.
+    places: Vec<u32>,
+    length: usize,
+    /// Places of the rows below: of batches, eight side by side; then of supernodes alone. Where there is none, that of a zero.
+    batched_below: Vec<[u32; LANES]>,
+    single_below: Vec<u32>,
+    /// What supernodes leave for rows of later levels.
+    arrivals: Vec<Arrival>,
+    /// Number of values of all batches, and of what supernodes leave, in eights.
+    values: usize,
+    slots: usize,
+}
+
+/// Parts of the lists that make up a level.
+#[derive(Debug)]
+struct Level {
+    arrivals: Range<usize>,
+    batches: Range<usize>,
+    singles: Range<usize>,
+}
+
+/// Up to eight supernodes side by side.
+#[derive(Debug)]
+struct Batch {
+    nodes: Vec<usize>,
+    /// Columns of the widest, and where they begin in a vector, in eights.
+    width: usize,
+    start: usize,
+    /// Rows below that are summed eight at a time, and the others.
+    whole: usize,
+    rest: usize,
+    /// Where its rows below begin in the list.
+    below: usize,
+    /// Where its values begin: row after row.
+    values: usize,
+    /// Where what it leaves begins.
+    slots: usize,
+}
+
+/// A supernode alone.
+#[derive(Debug)]
+struct Single {
+    node: usize,
+    /// Where its columns begin in a vector.
+    start: usize,
+    /// Its rows below in the list.
+    below: Range<usize>,
+    /// Where what it leaves begins.
+    slots: usize,
+}
+
+/// A place in a vector, and what is added there.
+#[derive(Debug)]
+struct Arrival {
+    place: u32,
+    slot: u32,
+}
+
+/// Workspace.
+#[derive(Default)]
+pub(super) struct Workspace {
+    /// What supernodes leave.
+    left: Vec<Lanes>,
+    /// Rows below the batch at work.
+    eights: Vec<Lanes>,
+    /// Rows below the single supernode at work.
+    rows: Vec<f32>,
+}
+
+impl Batch {
+    /// Rows that sums of eight partial sums leave over.
+    fn rest(node: &Node) -> usize {
+        node.below.len() % LANES
+    }
+
+    /// Number of rows below.
+    fn below(&self) -> usize {
+        self.whole + self.rest
+    }
+
+    /// Where a row below of one of its supernodes is among its own.
+    fn row_below(&self, node: &Node, row: usize) -> usize {
+        let whole = node.below.len() - Self::rest(node);
+        if row < whole {
+            row
+        } else {
+            self.whole + row - whole
+        }
+    }
+
+    /// Its part of all values.
+    fn values(&self) -> Range<usize> {
+        self.values..self.values + self.width * (self.width + self.below())
+    }
+}
+
+impl SolveOrder {
+    /// The levels of supernodes of a matrix `[size × size]`, whose rows below are those of the list `below`.
+    pub(super) fn new(nodes: &[Node], below: &[usize], size: usize) -> Self {
+        let mut owner = vec![0; size];
+        for (k, node) in nodes.iter().enumerate() {
+            owner[node.start..node.start + node.width].fill(k);
+        }
+        let mut level = vec![0; nodes.len()];
+        for (k, node) in nodes.iter().enumerate() {
+            for &row in &below[node.below.clone()] {
+                level[owner[row]] = level[owner[row]].max(level[k] + 1);
+            }
+        }
+        let count = level.iter().max().map_or(0, |last| last + 1);
+        let mut all = Self {
+            places: vec![0; size],
+            ..Self::default()
+        };
+        // Where each row below of a supernode leaves what it has.
+        let mut slots = vec![Vec::new(); nodes.len()];
+        for number in 0..count {
+            let mut same: Vec<usize> = (0..nodes.len()).filter(|&k| level[k] == number).collect();
+            same.sort_by_key(|&k| (nodes[k].below.len(), nodes[k].width));
+            let (first_batch, first_single) = (all.batches.len(), all.singles.len());
+            for eight in same.chunks(LANES) {
+                if is_worth_while(nodes, eight) {
+                    all.add_batch(nodes, eight, &mut slots);
+                } else {
+                    for &node in eight {
+                        all.add_single(nodes, node, &mut slots);
+                    }
+                }
+            }
+            all.levels.push(Level {
+                arrivals: 0..0,
+                batches: first_batch..all.batches.len(),
+                singles: first_single..all.singles.len(),
+            });
+        }
+        // Every row takes what arrives in the order of the supernodes.
+        for (number, own) in all.levels.iter_mut().enumerate() {
+            let begin = all.arrivals.len();
+            for (node, slots) in nodes.iter().zip(&slots) {
+                let both = below[node.below.clone()].iter().zip(slots);
+                let here = both.filter(|(row, _)| level[owner[**row]] == number);
+                all.arrivals.extend(here.map(|(&row, &slot)| Arrival {
+                    place: all.places[row],
+                    slot,
+                }));
+            }
+            own.arrivals = begin..all.arrivals.len();
+        }
+        all.find_rows_below(nodes, below);
+        all
+    }
+
+    /// Adds a batch of some supernodes.
+    fn add_batch(&mut self, nodes: &[Node], eight: &[usize], slots: &mut [Vec<u32>]) {
+        let most = |of: &dyn Fn(&Node) -> usize| {
+            let all = eight.iter().map(|&k| of(&nodes[k]));
+            all.max().unwrap_or(0)
+        };
+        let batch = Batch {
+            nodes: eight.to_vec(),
+            width: most(&|node| node.width),
+            start: self.length,
+            whole: most(&|node| node.below.len() - Batch::rest(node)),
+            rest: most(&Batch::rest),
+            below: 0,
+            values: self.values,
+            slots: self.slots,
+        };
+        for (lane, &k) in eight.iter().enumerate() {
+            let node = &nodes[k];
+            let first = batch.start + batch.width - node.width;
+            for column in 0..node.width {
+                self.places[node.start + column] = narrow(LANES * (first + column) + lane);
+            }
+            let rows = 0..node.below.len();
+            let eights = rows.map(|row| batch.slots + batch.row_below(node, row));
+            slots[k].extend(eights.map(|eight| narrow(LANES * eight + lane)));
+        }
+        self.length += batch.width;
+        self.values = batch.values().end;
+        self.slots += batch.below();
+        self.batches.push(batch);
+    }
+
+    /// Adds a supernode alone.
+    fn add_single(&mut self, nodes: &[Node], k: usize, slots: &mut [Vec<u32>]) {
+        let node = &nodes[k];
+        let start = LANES * self.length;
+        for column in 0..node.width {
+            self.places[node.start + column] = narrow(start + column);
+        }
+        let rows = 0..node.below.len();
+        slots[k].extend(rows.map(|row| narrow(LANES * self.slots + row)));
+        self.singles.push(Single {
+            node: k,
+            start,
+            below: 0..0,
+            slots: self.slots,
+        });
+        self.length += node.width.div_ceil(LANES);
+        self.slots += node.below.len().div_ceil(LANES);
+    }
+
+    /// Looks up the places of all rows below, once every row has one.
+    fn find_rows_below(&mut self, nodes: &[Node], below: &[usize]) {
+        let zero = narrow(LANES * self.length);
+        self.length += 1;
+        for batch in &mut self.batches {
+            batch.below = self.batched_below.len();
+            let mut places = vec![[zero; LANES]; batch.below()];
+            for (lane, &k) in batch.nodes.iter().enumerate() {
+                for (number, &row) in below[nodes[k].below.clone()].iter().enumerate() {
+                    places[batch.row_below(&nodes[k], number)][lane] = self.places[row];
+                }
+            }
+            self.batched_below.extend(places);
+        }
+        for single in &mut self.singles {
+            let begin = self.single_below.len();
+            let rows = &below[nodes[single.node].below.clone()];
+            self.single_below
+                .extend(rows.iter().map(|&row| self.places[row]));
+            single.below = begin..self.single_below.len();
+        }
+    }
+
+    /// Where a row is in a vector, and from there to the next row of the same sphere.
+    pub(super) fn place(&self, row: usize) -> (usize, usize) {
+        let [first, second] = [0, 1].map(|k| self.places[row + k] as usize);
+        (first, second - first)
+    }
+
+    /// Length of a vector, in eights.
+    pub(super) fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Puts the values of a factor side by side.
+    pub(super) fn pack(&self, nodes: &[Node], factor: &[f32], values: &mut Vec<Lanes>) {
+        values.clear();
+        values.resize(self.values, [0.0; LANES]);
+        for batch in &self.batches {
+            let values = &mut values[batch.values()];
+            // What is not there solves nothing: 1 · 0 = 0.
+            for column in 0..batch.width {
+                values[column * (batch.width + 1)] = [1.0; LANES];
+            }
+            for (lane, &k) in batch.nodes.iter().enumerate() {
+                let node = &nodes[k];
+                let skipped = batch.width - node.width;
+                let whole = node.below.len() - Batch::rest(node);
+                let columns = factor[node.values.clone()].chunks_exact(node.height());
+                for (column, source) in columns.enumerate() {
+                    let mut put = |row: usize, source: &[f32]| {
+                        let from = row * batch.width + skipped + column;
+                        let targets = values.iter_mut().skip(from).step_by(batch.width);
+                        for (target, &value) in targets.zip(source) {
+                            target[lane] = value;
+                        }
+                    };
+                    let (own, below) = source.split_at(node.width);
+                    put(skipped + column, &own[column..]);
+                    put(batch.width, &below[..whole]);
+                    put(batch.width + batch.whole, &below[whole..]);
+                }
+            }
+        }
+    }
+
+    /// `x ← L⁻ᵀ L⁻¹ x` by a factor and its values side by side, for callers that are vectorised themselves.
+    #[inline(always)]
+    pub(super) fn solve(
+        &self,
+        nodes: &[Node],
+        factor: &[f32],
+        values: &[Lanes],
+        x: &mut [Lanes],
+        work: &mut Workspace,
+    ) {
+        let Workspace { left, eights, rows } = work;
+        left.resize(self.slots, [0.0; LANES]);
+        for level in &self.levels {
+            for &Arrival { place, slot } in &self.arrivals[level.arrivals.clone()] {
+                x.as_flattened_mut()[place as usize] += left.as_flattened()[slot as usize];
+            }
+            for batch in &self.batches[level.batches.clone()] {
+                let own = &mut x[batch.start..batch.start + batch.width];
+                let left = &mut left[batch.slots..batch.slots + batch.below()];
+                lower(&values[batch.values()], own, left);
+            }
+            for single in &self.singles[level.singles.clone()] {
+                let node = &nodes[single.node];
+                let own = &mut x.as_flattened_mut()[single.start..single.start + node.width];
+                let left = &mut left.as_flattened_mut()[LANES * single.slots..][..node.below.len()];
+                single::lower(node, factor, own, left);
+            }
+        }
+        for level in self.levels.iter().rev() {
+            for batch in &self.batches[level.batches.clone()] {
+                let places = &self.batched_below[batch.below..batch.below + batch.below()];
+                eights.resize(places.len().max(eights.len()), [0.0; LANES]);
+                let below = &mut eights[..places.len()];
+                for (below, places) in below.iter_mut().zip(places) {
+                    for (value, &place) in below.iter_mut().zip(places) {
+                        *value = x.as_flattened()[place as usize];
+                    }
+                }
+                let own = &mut x[batch.start..batch.start + batch.width];
+                upper(&values[batch.values()], batch.whole, own, below);
+            }
+            for single in &self.singles[level.singles.clone()] {
+                let (node, x) = (&nodes[single.node], x.as_flattened_mut());
+                rows.clear();
+                let places = self.single_below[single.below.clone()].iter();
+                rows.extend(places.map(|&row| x[row as usize]));
+                let own = &mut x[single.start..single.start + node.width];
+                single::upper(node, factor, own, rows);
+            }
+        }
+    }
+}
+
+/// Whether supernodes take less time together: each alone takes that of its steps one after another, all together that of every value.
+fn is_worth_while(nodes: &[Node], eight: &[usize]) -> bool {
+    let rows = eight.iter().map(|&k| nodes[k].height()).max().unwrap_or(0);
+    eight.len() > 2 + rows / 16
+}
+
+fn narrow(number: usize) -> u32 {
+    u32::try_from(number).expect("factors have fewer than 2^32 values")
+}
+
+/// Solves with the columns of a batch; what is left for the rows below. `values`: `[rows × columns]`.
+#[inline(always)]
+fn lower(values: &[Lanes], own: &mut [Lanes], below: &mut [Lanes]) {
+    let width = own.len();
+    let mut rows = values.chunks_exact(width);
+    for j in (0..width).step_by(3) {
+        let (known, top) = own.split_at_mut(j);
+        let mut next = |k: usize| {
+            let row = rows.next().unwrap_or_default();
+            (subtracted(top[k], row, known), &row[j..])
+        };
+        let [(first, a), (second, b), (third, c)] = [next(0), next(1), next(2)];
+        let first = over(first, a[0]);
+        let second = over(less(second, b[0], first), b[1]);
+        let third = over(less(less(third, c[0], first), c[1], second), c[2]);
+        top[..3].copy_from_slice(&[first, second, third]);
+    }
+    for (below, row) in below.iter_mut().zip(rows) {
+        *below = subtracted([0.0; LANES], row, own);
+    }
+}
+
+/// `start − row · known`, three columns at a time.
+#[inline(always)]
+fn subtracted(start: Lanes, row: &[Lanes], known: &[Lanes]) -> Lanes {
+    let (row, known) = (row[..known.len()].as_chunks().0, known.as_chunks().0);
+    row.iter()
+        .zip(known)
+        .fold(start, |sum, ([a, b, c], [x, y, z])| {
+            let three = plus(plus(times(*a, *x), times(*b, *y)), times(*c, *z));
+            minus(sum, three)
+        })
+}
+
+/// Solves with the transpose of the columns of a batch, from the rows below; see [`lower`]. `whole`: how many of these are summed eight at a
+/// time.
+#[inline(always)]
+fn upper(values: &[Lanes], whole: usize, own: &mut [Lanes], below: &[Lanes]) {
+    let width = own.len();
+    let (top_rows, rows_below) = values.split_at(width * width);
+    for j in (0..width).step_by(3).rev() {
+        let (top, known) = own[j..].split_at_mut(3);
+        let inside = known.len();
+        let (columns, whole_inside) = (j..j + 3, inside - inside % LANES);
+        let by_own = dot_three(
+            (&top_rows[(j + 3) * width..], width),
+            &columns,
+            known,
+            whole_inside,
+        );
+        let by_below = dot_three((rows_below, width), &columns, below, whole);
+        let row = |k: usize| &top_rows[(j + k) * width + j..][..3];
+        let (a, b, c) = (row(0), row(1), row(2));
+        let known = |k: usize| minus(top[k], plus(by_own[k], by_below[k]));
+        let third = over(known(2), c[2]);
+        let second = over(less(known(1), c[1], third), b[1]);
+        let first = over(less(less(known(0), b[0], second), c[0], third), a[0]);
+        top.copy_from_slice(&[first, second, third]);
+    }
+}
+
+/// Dot products of three columns with x, of rows that are `width` long: of the first `whole` in eight partial sums, then one by one.
+#[inline(always)]
+fn dot_three(
+    (rows, width): (&[Lanes], usize),
+    columns: &Range<usize>,
+    x: &[Lanes],
+    whole: usize,
+) -> [Lanes; 3] {
+    let mut totals = [[0.0; LANES]; 3];
+    if whole > 0 {
+        for (column, total) in columns.clone().zip(&mut totals) {
+            let mut s = [[0.0; LANES]; 8];
+            for (number, x) in x[..whole].as_chunks::<8>().0.iter().enumerate() {
+                for (k, s) in s.iter_mut().enumerate() {
+                    *s = plus(*s, times(rows[(8 * number + k) * width + column], x[k]));
+                }
+            }
+            *total = plus(
+                plus(plus(s[0], s[4]), plus(s[1], s[5])),
+                plus(plus(s[2], s[6]), plus(s[3], s[7])),
+            );
+        }
+    }
+    for (row, x) in x.iter().enumerate().skip(whole) {
+        let three = &rows[row * width..][columns.clone()];
+        for (total, value) in totals.iter_mut().zip(three) {
+            *total = plus(*total, times(*value, *x));
+        }
+    }
+    totals
+}
+
+#[inline(always)]
+fn plus(mut a: Lanes, b: Lanes) -> Lanes {
+    for (a, b) in a.iter_mut().zip(b) {
+        *a += b;
+    }
+    a
+}
+
+#[inline(always)]
+fn minus(mut a: Lanes, b: Lanes) -> Lanes {
+    for (a, b) in a.iter_mut().zip(b) {
+        *a -= b;
+    }
+    a
+}
+
+#[inline(always)]
+fn times(mut a: Lanes, b: Lanes) -> Lanes {
+    for (a, b) in a.iter_mut().zip(b) {
+        *a *= b;
+    }
+    a
+}
+
+#[inline(always)]
+fn over(mut a: Lanes, b: Lanes) -> Lanes {
+    for (a, b) in a.iter_mut().zip(b) {
+        *a /= b;
+    }
+    a
+}
+
+/// `sum − a x`.
+#[inline(always)]
+fn less(sum: Lanes, a: Lanes, x: Lanes) -> Lanes {
+    minus(sum, times(a, x))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{couples, lattice};
+    use super::*;
+
+    #[test]
+    fn side_by_side_supernodes_are_solved_with_the_bits_of_each_alone() {
+        let many = lattice(25);
+        let order = &many.0.order;
+        assert!(order.batches.len() > 10 && order.singles.len() > 3 && order.levels.len() > 3);
+        for (pattern, mut matrix) in [lattice(2), lattice(7), many, couples(9)] {
+            matrix.factor(&pattern).unwrap();
+            let (order, size) = (&pattern.order, 3 * pattern.spheres());
+            // Twice, as zeros must stay zeros.
+            for shift in [0.0, 0.7] {
+                let start = |row: usize| (row as f32 + shift).cos();
+                let mut expected: Vec<f32> = (0..size).map(start).collect();
+                let below = |node: &Node| &pattern.symbolic.row_idx()[node.below.clone()];
+                for node in &pattern.nodes {
+                    let mut left = vec![0.0; node.below.len()];
+                    let own = &mut expected[node.start..node.start + node.width];
+                    single::lower(node, &matrix.factor, own, &mut left);
+                    for (&row, left) in below(node).iter().zip(left) {
+                        expected[row] += left;
+                    }
+                }
+                for node in pattern.nodes.iter().rev() {
+                    let known: Vec<f32> = below(node).iter().map(|&row| expected[row]).collect();
+                    let own = &mut expected[node.start..node.start + node.width];
+                    single::upper(node, &matrix.factor, own, &known);
+                }
+                for row in 0..size {
+                    let place = order.places[row] as usize;
+                    matrix.ordered.as_flattened_mut()[place] = start(row);
+                }
+                order.solve(
+                    &pattern.nodes,
+                    &matrix.factor,
+                    &matrix.packed,
+                    &mut matrix.ordered,
+                    &mut matrix.work,
+                );
+                for row in 0..size {
+                    let found = matrix.ordered.as_flattened()[order.places[row] as usize];
+                    assert_eq!(
+                        found.to_bits(),
+                        expected[row].to_bits(),
+                        "row {row} of {size}"
+                    );
+                }
+            }
+        }
+    }
+}

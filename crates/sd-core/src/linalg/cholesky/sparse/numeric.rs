@@ -1,0 +1,247 @@
+//! The factorization of the values of a sparse matrix: columns of a supernode, then what they do to all later ones.
+//!
+//! ```text
+//! L_ss L_ssᵀ = A_ss,   L_bs = A_bs L_ss⁻ᵀ,   A_bb ← A_bb − L_bs L_bsᵀ          s: columns of a supernode, b: its rows below
+//! ```
+//!
+//! Supernodes have a few spheres each, so that the time goes into hundreds of small products. Where each of them goes is looked up once for
+//! a pattern; blocks of columns are factored by faer. The factor has the bits of faer's own supernodal factorization, which takes twice as long.
+
+use super::{BlockPattern, Node};
+use crate::linalg::simd::vectorised;
+use faer::dyn_stack::{MemStack, StackReq};
+use faer::linalg::cholesky::llt::factor::{
+    LltError, LltRegularization, cholesky_in_place, cholesky_in_place_scratch,
+};
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::sparse::SymbolicSparseColMatRef;
+use faer::{MatMut, Par, Spec};
+use std::ops::Range;
+
+/// Rows at a time.
+const ROWS: usize = 8;
+/// Columns of a sphere.
+const COLUMNS: usize = 3;
+
+/// Where values go in a factor.
+#[derive(Debug, Default)]
+pub(super) struct Schedule {
+    /// Place in the factor of each value of the matrix.
+    places: Vec<u32>,
+    /// What each supernode does to later ones, and which of it is each one's.
+    updates: Vec<Update>,
+    of_node: Vec<Range<usize>>,
+    /// Rows of the targets.
+    rows: Vec<u32>,
+}
+
+/// What a supernode does to the columns of a later one.
+#[derive(Debug)]
+struct Update {
+    /// The first of its rows below that is a column of the target, and how many are.
+    first: usize,
+    columns: usize,
+    /// Where the target begins, and from one of its columns to the next.
+    start: usize,
+    height: usize,
+    /// The target's row for each of its own from the first on, among all; of columns these are their numbers too.
+    rows: Range<usize>,
+}
+
+impl Schedule {
+    /// The schedule of supernodes, whose rows below are those of the list `below`; `matrix`: the lower triangle.
+    pub(super) fn new(
+        nodes: &[Node],
+        below: &[usize],
+        matrix: SymbolicSparseColMatRef<'_, usize>,
+    ) -> Self {
+        let size = matrix.ncols();
+        let mut owner = vec![0; size];
+        for (k, node) in nodes.iter().enumerate() {
+            owner[node.start..node.start + node.width].fill(k);
+        }
+        // Where a row is in a supernode.
+        let local = |node: &Node, row: usize| {
+            if row < node.start + node.width {
+                row - node.start
+            } else {
+                let rows = &below[node.below.clone()];
+                node.width + rows.partition_point(|&other| other < row)
+            }
+        };
+        let mut schedule = Self::default();
+        for column in 0..size {
+            let node = &nodes[owner[column]];
+            let start = node.values.start + (column - node.start) * node.height();
+            let rows = matrix.row_idx_of_col(column);
+            schedule.places.extend(rows.map(|row| {
+                // Values above the diagonal, which nobody reads, need a place too.
+                narrow(start + local(node, row.max(node.start)))
+            }));
+        }
+        for node in nodes {
+            let first_update = schedule.updates.len();
+            let rows = &below[node.below.clone()];
+            let mut first = 0;
+            for same in rows.chunk_by(|&a, &b| owner[a] == owner[b]) {
+                let target = &nodes[owner[same[0]]];
+                let begin = schedule.rows.len();
+                let targets = rows[first..].iter().map(|&row| narrow(local(target, row)));
+                schedule.rows.extend(targets);
+                schedule.updates.push(Update {
+                    first,
+                    columns: same.len(),
+                    start: target.values.start,
+                    height: target.height(),
+                    rows: begin..schedule.rows.len(),
+                });
+                first += same.len();
+            }
+            schedule.of_node.push(first_update..schedule.updates.len());
+        }
+        schedule
+    }
+}
+
+fn narrow(place: usize) -> u32 {
+    u32::try_from(place).expect("factors have fewer than 2^32 values")
+}
+
+/// Scratch of [`factor`].
+pub(super) fn scratch(nodes: &[Node]) -> StackReq {
+    let widest = nodes.iter().map(|node| node.width).max().unwrap_or(0);
+    cholesky_in_place_scratch::<f32>(widest, Par::Seq, Spec::default())
+}
+
+/// Factors a matrix of the pattern. `rows`: workspace.
+///
+/// # Errors
+/// The row of a pivot that is not positive.
+pub(super) fn factor(
+    pattern: &BlockPattern,
+    values: &[f32],
+    factor: &mut [f32],
+    rows: &mut Vec<f32>,
+    stack: &mut MemStack,
+) -> Result<(), usize> {
+    let schedule = &pattern.schedule;
+    factor.fill(0.0);
+    for (&place, &value) in schedule.places.iter().zip(values) {
+        factor[place as usize] = value;
+    }
+    for (node, updates) in pattern.nodes.iter().zip(&schedule.of_node) {
+        let panel = &mut factor[node.values.clone()];
+        let panel = MatMut::from_column_major_slice_mut(panel, node.height(), node.width);
+        let (mut top, mut bottom) = panel.split_at_row_mut(node.width);
+        cholesky_in_place(
+            top.as_mut(),
+            LltRegularization::default(),
+            Par::Seq,
+            stack,
+            Spec::default(),
+        )
+        .map_err(|LltError::NonPositivePivot { index }| node.start + index)?;
+        solve_lower_triangular_in_place(top.as_ref(), bottom.as_mut().transpose_mut(), Par::Seq);
+        let updates = &schedule.updates[updates.clone()];
+        vectorised(
+            #[inline(always)]
+            || update(&schedule.rows, updates, node, factor, rows),
+        );
+    }
+    Ok(())
+}
+
+/// What a factored supernode does to later ones, whose rows are those of the list, for callers that are vectorised themselves.
+#[inline(always)]
+fn update(
+    targets: &[u32],
+    updates: &[Update],
+    node: &Node,
+    factor: &mut [f32],
+    rows: &mut Vec<f32>,
+) {
+    // Its rows below, column after column, with room for whole rows at a time beyond the end, where anything may stand.
+    let count = node.below.len();
+    let height = count.next_multiple_of(ROWS) + ROWS;
+    rows.resize((node.width * height).max(rows.len()), 0.0);
+    let rows = &mut rows[..node.width * height];
+    let columns = factor[node.values.clone()].chunks_exact(node.height());
+    for (target, column) in rows.chunks_exact_mut(height).zip(columns) {
+        target[..count].copy_from_slice(&column[node.width..]);
+    }
+    for update in updates {
+        let targets = &targets[update.rows.clone()];
+        for column in (0..update.columns).step_by(COLUMNS) {
+            let place = |c: usize| update.start + targets[column + c] as usize * update.height;
+            let places = [place(0), place(1), place(2)];
+            let from = update.first + column;
+            for (number, targets) in targets[column..].chunks(ROWS).enumerate() {
+                let sums = products(rows, height, from + ROWS * number, from);
+                for (place, sums) in places.into_iter().zip(&sums) {
+                    let target = &mut factor[place..place + update.height];
+                    for (&row, sum) in targets.iter().zip(sums) {
+                        target[row as usize] -= sum;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Products of rows from `i` on with the three rows from `j` on, summed in the order of the columns.
+#[inline(always)]
+fn products(rows: &[f32], height: usize, i: usize, j: usize) -> [[f32; ROWS]; COLUMNS] {
+    let mut sums = [[0.0_f32; ROWS]; COLUMNS];
+    for column in rows.chunks_exact(height) {
+        let x = &column[i..i + ROWS];
+        for (sums, y) in sums.iter_mut().zip(&column[j..j + COLUMNS]) {
+            for (sum, x) in sums.iter_mut().zip(x) {
+                *sum = x.mul_add(*y, *sum);
+            }
+        }
+    }
+    sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::lattice;
+    use faer::dyn_stack::{MemBuffer, MemStack};
+    use faer::linalg::cholesky::llt::factor::LltRegularization;
+    use faer::sparse::SparseColMatRef;
+    use faer::sparse::linalg::cholesky::supernodal::{
+        factorize_supernodal_numeric_llt, factorize_supernodal_numeric_llt_scratch,
+    };
+    use faer::{Par, Spec};
+
+    #[test]
+    fn factor_has_the_bits_of_the_libraries() {
+        for side in [2, 7, 25] {
+            let (pattern, mut matrix) = lattice(side);
+            matrix.factor(&pattern).unwrap();
+            let scratch = factorize_supernodal_numeric_llt_scratch::<usize, f32>(
+                &pattern.symbolic,
+                Par::Seq,
+                Spec::default(),
+            );
+            let mut expected = vec![0.0; pattern.symbolic.len_val()];
+            factorize_supernodal_numeric_llt(
+                &mut expected,
+                SparseColMatRef::new(pattern.scalar.as_ref(), &matrix.values),
+                LltRegularization::default(),
+                &pattern.symbolic,
+                Par::Seq,
+                MemStack::new(&mut MemBuffer::new(scratch)),
+                Spec::default(),
+            )
+            .unwrap();
+            for node in &pattern.nodes {
+                for column in 0..node.width {
+                    let start = node.values.start + column * node.height();
+                    let below = start + column..start + node.height();
+                    assert_eq!(matrix.factor[below.clone()], expected[below], "side {side}");
+                }
+            }
+        }
+    }
+}
