@@ -105,15 +105,14 @@ impl PairwiseResistance {
             #[inline(always)]
             || {
                 for (pair, term) in pairs.iter().zip(terms) {
-                    let block = term.force_velocity(pair.normal);
-                    let mut coupling = [0.0; 9];
-                    for column in 0..3 {
-                        for row in 0..3 {
-                            own[pair.i][3 * column + row] += block[(row, column)];
-                            own[pair.j][3 * column + row] += block[(3 + row, 3 + column)];
-                            coupling[3 * column + row] = block[(3 + row, column)];
+                    let block = |p: usize, q: usize| term.block(pair.normal, p, q);
+                    for (sphere, block) in [(pair.i, block(0, 0)), (pair.j, block(1, 1))] {
+                        for (x, entry) in own[sphere].iter_mut().zip(block.as_flattened()) {
+                            *x += entry;
                         }
                     }
+                    let mut coupling = [0.0; 9];
+                    coupling.copy_from_slice(block(1, 0).as_flattened());
                     let (i, j) = pair.key();
                     couplings.push(([i, j], coupling));
                 }

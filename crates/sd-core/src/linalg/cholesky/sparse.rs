@@ -1,8 +1,12 @@
 //! Sparse symmetric positive definite matrices of 3 × 3 blocks, one block row per sphere, and their Cholesky factors.
 //!
 //! Pattern, order and symbolic factorization are made once and serve all matrices of that pattern. The order is that of approximate
-//! minimum degree on the graph of the spheres; the factorization is faer's supernodal one. Matrix and factor are in **single
-//! precision**: they precondition [`crate::linalg::conjugate_gradients`], which iterates in double precision, at half the traffic.
+//! minimum degree on the graph of the spheres; the supernodes, columns that have the same rows, are those that faer finds. Matrix and factor
+//! are in **single precision**: they precondition [`crate::linalg::conjugate_gradients`] and [`crate::linalg::gmres`], which iterate in double
+//! precision, at half the traffic.
+//!
+//! [`numeric`] factors, [`levels`] solves, supernodes that do not wait for each other side by side and others as in [`single`]; [`lanes`] solves
+//! with eight right-hand sides at once.
 
 pub(crate) mod lanes;
 mod levels;
@@ -52,9 +56,9 @@ pub struct BlockPattern {
     nodes: Vec<Node>,
     /// Where values go in it.
     schedule: numeric::Schedule,
-    /// The order of a solve, and where each sphere is in it: its first place, and from there to the next.
+    /// The order of a solve, and where the rows of each sphere are in it.
     order: levels::SolveOrder,
-    places: Vec<(usize, usize)>,
+    places: Vec<[u32; 3]>,
 }
 
 impl BlockPattern {
@@ -106,7 +110,7 @@ impl BlockPattern {
             diagonal,
             couplings: couplings.collect(),
             schedule: numeric::Schedule::new(&nodes, symbolic.row_idx(), scalar.as_ref()),
-            places: rows.iter().map(|&row| order.place(3 * row)).collect(),
+            places: rows.iter().map(|&row| order.places(3 * row)).collect(),
             order,
             nodes,
             symbolic,
@@ -270,11 +274,11 @@ impl BlockCholesky {
     /// `z ≈ A⁻¹ r` by the factor; vectors `[3N]` in the order of the spheres.
     pub fn solve(&mut self, pattern: &BlockPattern, r: &[f64], z: &mut [f64]) {
         let x = self.ordered.as_flattened_mut();
-        for (r, &(first, stride)) in r.chunks_exact(3).zip(&pattern.places) {
-            for k in 0..3 {
+        for (r, places) in r.chunks_exact(3).zip(&pattern.places) {
+            for (&r, &place) in r.iter().zip(places) {
                 #[expect(clippy::cast_possible_truncation, reason = "the factor's precision")]
-                let value = r[k] as f32;
-                x[first + k * stride] = value;
+                let value = r as f32;
+                x[place as usize] = value;
             }
         }
         let (nodes, x, work) = (&pattern.nodes, &mut self.ordered, &mut self.work);
@@ -286,9 +290,9 @@ impl BlockCholesky {
             },
         );
         let x = self.ordered.as_flattened();
-        for (z, &(first, stride)) in z.chunks_exact_mut(3).zip(&pattern.places) {
-            for k in 0..3 {
-                z[k] = f64::from(x[first + k * stride]);
+        for (z, places) in z.chunks_exact_mut(3).zip(&pattern.places) {
+            for (z, &place) in z.iter_mut().zip(places) {
+                *z = f64::from(x[place as usize]);
             }
         }
     }
@@ -310,6 +314,11 @@ fn add(values: &mut [f32], place: Place, block: &Block) {
     }
 }
 
+/// A place in a factor or in a vector, as patterns keep many of them.
+fn narrow(place: usize) -> u32 {
+    u32::try_from(place).expect("factors have fewer than 2^32 values")
+}
+
 /// Where one supernode of a factor is: its rows and columns, and its values.
 #[derive(Debug, Clone)]
 struct Node {
@@ -324,6 +333,15 @@ struct Node {
 }
 
 impl Node {
+    /// The supernode of each of that many columns.
+    fn owners(nodes: &[Self], size: usize) -> Vec<usize> {
+        let mut owners = vec![0; size];
+        for (k, node) in nodes.iter().enumerate() {
+            owners[node.start..node.start + node.width].fill(k);
+        }
+        owners
+    }
+
     /// Number of rows.
     fn height(&self) -> usize {
         self.width + self.below.len()

@@ -8,7 +8,7 @@
 //! Vectors are held in that order too: eight entries side by side for each column of a batch, one after another for a supernode alone.
 
 use super::lanes::{LANES, Lanes};
-use super::{Node, single};
+use super::{Node, narrow, single};
 use std::ops::Range;
 
 /// Which supernodes go together, and in what order.
@@ -116,10 +116,7 @@ impl Batch {
 impl SolveOrder {
     /// The levels of supernodes of a matrix `[size × size]`, whose rows below are those of the list `below`.
     pub(super) fn new(nodes: &[Node], below: &[usize], size: usize) -> Self {
-        let mut owner = vec![0; size];
-        for (k, node) in nodes.iter().enumerate() {
-            owner[node.start..node.start + node.width].fill(k);
-        }
+        let owner = Node::owners(nodes, size);
         let mut level = vec![0; nodes.len()];
         for (k, node) in nodes.iter().enumerate() {
             for &row in &below[node.below.clone()] {
@@ -153,16 +150,16 @@ impl SolveOrder {
             });
         }
         // Every row takes what arrives in the order of the supernodes.
-        for (number, own) in all.levels.iter_mut().enumerate() {
-            let begin = all.arrivals.len();
-            for (node, slots) in nodes.iter().zip(&slots) {
-                let both = below[node.below.clone()].iter().zip(slots);
-                let here = both.filter(|(row, _)| level[owner[**row]] == number);
-                all.arrivals.extend(here.map(|(&row, &slot)| Arrival {
-                    place: all.places[row],
-                    slot,
-                }));
+        let mut arrivals: Vec<_> = (0..count).map(|_| Vec::new()).collect();
+        for (node, slots) in nodes.iter().zip(&slots) {
+            for (&row, &slot) in below[node.below.clone()].iter().zip(slots) {
+                let place = all.places[row];
+                arrivals[level[owner[row]]].push(Arrival { place, slot });
             }
+        }
+        for (own, arrivals) in all.levels.iter_mut().zip(arrivals) {
+            let begin = all.arrivals.len();
+            all.arrivals.extend(arrivals);
             own.arrivals = begin..all.arrivals.len();
         }
         all.find_rows_below(nodes, below);
@@ -243,10 +240,9 @@ impl SolveOrder {
         }
     }
 
-    /// Where a row is in a vector, and from there to the next row of the same sphere.
-    pub(super) fn place(&self, row: usize) -> (usize, usize) {
-        let [first, second] = [0, 1].map(|k| self.places[row + k] as usize);
-        (first, second - first)
+    /// Where the three rows of a sphere are in a vector, from the first of them.
+    pub(super) fn places(&self, row: usize) -> [u32; 3] {
+        [0, 1, 2].map(|k| self.places[row + k])
     }
 
     /// Length of a vector, in eights.
@@ -345,42 +341,50 @@ fn is_worth_while(nodes: &[Node], eight: &[usize]) -> bool {
     eight.len() > 2 + rows / 16
 }
 
-fn narrow(number: usize) -> u32 {
-    u32::try_from(number).expect("factors have fewer than 2^32 values")
-}
-
 /// Solves with the columns of a batch; what is left for the rows below. `values`: `[rows × columns]`.
 #[inline(always)]
 fn lower(values: &[Lanes], own: &mut [Lanes], below: &mut [Lanes]) {
     let width = own.len();
-    let mut rows = values.chunks_exact(width);
-    for j in (0..width).step_by(3) {
+    let (top_rows, rows_below) = values.split_at(width * width);
+    for (j, rows) in (0..width).step_by(3).zip(top_rows.chunks_exact(3 * width)) {
         let (known, top) = own.split_at_mut(j);
-        let mut next = |k: usize| {
-            let row = rows.next().unwrap_or_default();
-            (subtracted(top[k], row, known), &row[j..])
-        };
-        let [(first, a), (second, b), (third, c)] = [next(0), next(1), next(2)];
+        let [first, second, third] = subtracted([top[0], top[1], top[2]], rows, width, known);
+        let (a, b, c) = (&rows[j..], &rows[width + j..], &rows[2 * width + j..]);
         let first = over(first, a[0]);
         let second = over(less(second, b[0], first), b[1]);
         let third = over(less(less(third, c[0], first), c[1], second), c[2]);
         top[..3].copy_from_slice(&[first, second, third]);
     }
-    for (below, row) in below.iter_mut().zip(rows) {
-        *below = subtracted([0.0; LANES], row, own);
+    let (pairs, last) = below.as_chunks_mut::<2>();
+    for (pair, rows) in pairs.iter_mut().zip(rows_below.chunks_exact(2 * width)) {
+        *pair = subtracted([[0.0; LANES]; 2], rows, width, own);
+    }
+    for last in last {
+        let row = &rows_below[rows_below.len() - width..];
+        [*last] = subtracted([[0.0; LANES]], row, width, own);
     }
 }
 
-/// `start − row · known`, three columns at a time.
+/// `start − row · known` for some rows of that width, three columns at a time.
 #[inline(always)]
-fn subtracted(start: Lanes, row: &[Lanes], known: &[Lanes]) -> Lanes {
-    let (row, known) = (row[..known.len()].as_chunks().0, known.as_chunks().0);
-    row.iter()
-        .zip(known)
-        .fold(start, |sum, ([a, b, c], [x, y, z])| {
-            let three = plus(plus(times(*a, *x), times(*b, *y)), times(*c, *z));
-            minus(sum, three)
-        })
+fn subtracted<const ROWS: usize>(
+    mut sums: [Lanes; ROWS],
+    rows: &[Lanes],
+    width: usize,
+    known: &[Lanes],
+) -> [Lanes; ROWS] {
+    for (number, [x, y, z]) in known.as_chunks().0.iter().enumerate() {
+        for (row, sum) in sums.iter_mut().enumerate() {
+            let three = &rows[row * width + 3 * number..][..3];
+            let (a, b, c) = (
+                times(three[0], *x),
+                times(three[1], *y),
+                times(three[2], *z),
+            );
+            *sum = minus(*sum, plus(plus(a, b), c));
+        }
+    }
+    sums
 }
 
 /// Solves with the transpose of the columns of a batch, from the rows below; see [`lower`]. `whole`: how many of these are summed eight at a
@@ -522,13 +526,9 @@ mod tests {
                     &mut matrix.ordered,
                     &mut matrix.work,
                 );
-                for row in 0..size {
+                for (row, expected) in expected.iter().enumerate() {
                     let found = matrix.ordered.as_flattened()[order.places[row] as usize];
-                    assert_eq!(
-                        found.to_bits(),
-                        expected[row].to_bits(),
-                        "row {row} of {size}"
-                    );
+                    assert_eq!(found.to_bits(), expected.to_bits(), "row {row} of {size}");
                 }
             }
         }

@@ -5,9 +5,9 @@
 //! ```
 //!
 //! Supernodes have a few spheres each, so that the time goes into hundreds of small products. Where each of them goes is looked up once for
-//! a pattern; blocks of columns are factored by faer. The factor has the bits of faer's own supernodal factorization, which takes twice as long.
+//! a pattern; blocks of columns are factored by faer. The factor has the bits of faer's own supernodal factorization, which takes nearly twice as long.
 
-use super::{BlockPattern, Node};
+use super::{BlockPattern, Node, narrow};
 use crate::linalg::simd::vectorised;
 use faer::dyn_stack::{MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor::{
@@ -56,10 +56,7 @@ impl Schedule {
         matrix: SymbolicSparseColMatRef<'_, usize>,
     ) -> Self {
         let size = matrix.ncols();
-        let mut owner = vec![0; size];
-        for (k, node) in nodes.iter().enumerate() {
-            owner[node.start..node.start + node.width].fill(k);
-        }
+        let owner = Node::owners(nodes, size);
         // Where a row is in a supernode.
         let local = |node: &Node, row: usize| {
             if row < node.start + node.width {
@@ -73,11 +70,10 @@ impl Schedule {
         for column in 0..size {
             let node = &nodes[owner[column]];
             let start = node.values.start + (column - node.start) * node.height();
+            // Those above the diagonal, which nobody reads, have a place too.
             let rows = matrix.row_idx_of_col(column);
-            schedule.places.extend(rows.map(|row| {
-                // Values above the diagonal, which nobody reads, need a place too.
-                narrow(start + local(node, row.max(node.start)))
-            }));
+            let places = rows.map(|row| narrow(start + local(node, row)));
+            schedule.places.extend(places);
         }
         for node in nodes {
             let first_update = schedule.updates.len();
@@ -101,10 +97,6 @@ impl Schedule {
         }
         schedule
     }
-}
-
-fn narrow(place: usize) -> u32 {
-    u32::try_from(place).expect("factors have fewer than 2^32 values")
 }
 
 /// Scratch of [`factor`].
@@ -133,14 +125,9 @@ pub(super) fn factor(
         let panel = &mut factor[node.values.clone()];
         let panel = MatMut::from_column_major_slice_mut(panel, node.height(), node.width);
         let (mut top, mut bottom) = panel.split_at_row_mut(node.width);
-        cholesky_in_place(
-            top.as_mut(),
-            LltRegularization::default(),
-            Par::Seq,
-            stack,
-            Spec::default(),
-        )
-        .map_err(|LltError::NonPositivePivot { index }| node.start + index)?;
+        let none = LltRegularization::default();
+        cholesky_in_place(top.as_mut(), none, Par::Seq, stack, Spec::default())
+            .map_err(|LltError::NonPositivePivot { index }| node.start + index)?;
         solve_lower_triangular_in_place(top.as_ref(), bottom.as_mut().transpose_mut(), Par::Seq);
         let updates = &schedule.updates[updates.clone()];
         vectorised(

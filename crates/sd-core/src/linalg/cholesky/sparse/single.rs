@@ -13,16 +13,28 @@ pub(super) fn lower(node: &Node, factor: &[f32], x: &mut [f32], left: &mut [f32]
         let xb = (top[1] - a[1] * xa) / b[1];
         let xc = (top[2] - a[2] * xa - b[2] * xb) / c[2];
         top.copy_from_slice(&[xa, xb, xc]);
-        let (inside, outside) = (3..3 + rest.len(), 3 + rest.len()..);
-        for (x, rows) in [
-            (rest, inside.start..inside.end),
-            (&mut *left, outside.start..a.len()),
-        ] {
-            let [a, b, c] = [a, b, c].map(|column| &column[rows.clone()][..x.len()]);
-            for (k, x) in x.iter_mut().enumerate() {
-                *x -= a[k] * xa + b[k] * xb + c[k] * xc;
-            }
+        let (inside, outside) = (3..node.width - j, node.width - j..a.len());
+        for (x, rows) in [(rest, inside), (&mut *left, outside)] {
+            let columns = [&a[rows.clone()], &b[rows.clone()], &c[rows]];
+            subtract_three(x, columns, [xa, xb, xc]);
         }
+    }
+}
+
+/// `x ← x − Σ weight · column`, eight rows at a time.
+#[inline(always)]
+fn subtract_three(x: &mut [f32], columns: [&[f32]; 3], [wa, wb, wc]: [f32; 3]) {
+    let (eights, rest) = x.as_chunks_mut::<8>();
+    let [(a, a_rest), (b, b_rest), (c, c_rest)] = columns.map(|column| column.as_chunks::<8>());
+    for (x, ((a, b), c)) in eights.iter_mut().zip(a.iter().zip(b).zip(c)) {
+        let mut new = *x;
+        for k in 0..8 {
+            new[k] -= a[k] * wa + b[k] * wb + c[k] * wc;
+        }
+        *x = new;
+    }
+    for (x, ((a, b), c)) in rest.iter_mut().zip(a_rest.iter().zip(b_rest).zip(c_rest)) {
+        *x -= a * wa + b * wb + c * wc;
     }
 }
 
