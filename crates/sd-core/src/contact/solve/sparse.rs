@@ -237,7 +237,12 @@ impl SparseSystem {
                     add_stiffness(&mut self.held, pattern, row, self.numbers[contact], s);
                 }
             }
-            self.held.factor(pattern)?;
+            // Where it fails there is none.
+            if std::mem::take(&mut self.is_factored) {
+                self.held.factor_again(pattern)?;
+            } else {
+                self.held.factor(pattern)?;
+            }
             self.is_factored = true;
             self.factored.clear();
             self.factored.extend_from_slice(&self.stiffness[..rows]);

@@ -193,8 +193,10 @@ fn analyse(
 pub struct BlockCholesky {
     /// Values of the matrix.
     values: Vec<f32>,
-    /// Values of the factor.
+    /// Values of the factor, of the matrix that was factored, and which supernodes are factored.
     factor: Vec<f32>,
+    factored: Vec<f32>,
+    is_new: Vec<bool>,
     /// The same, as solves read them.
     packed: Vec<lanes::Lanes>,
     /// Right-hand side in the order of a solve.
@@ -249,12 +251,35 @@ impl BlockCholesky {
     /// # Errors
     /// [`BadPivot`] with `3 × sphere + component`.
     pub fn factor(&mut self, pattern: &BlockPattern) -> Result<(), BadPivot> {
+        self.is_new.clear();
+        self.is_new.resize(pattern.nodes.len(), true);
+        pattern.order.make_room(&mut self.packed);
+        self.factor_new(pattern)
+    }
+
+    /// The same for a matrix of the pattern it was when it was factored last: takes only what other values change, with the same bits.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn factor_again(&mut self, pattern: &BlockPattern) -> Result<(), BadPivot> {
+        if self.factored.len() != self.values.len() {
+            return self.factor(pattern);
+        }
+        let schedule = &pattern.schedule;
+        schedule.find_changes(&self.factored, &self.values, &mut self.is_new);
+        self.factor_new(pattern)
+    }
+
+    /// Factors the supernodes that are new.
+    fn factor_new(&mut self, pattern: &BlockPattern) -> Result<(), BadPivot> {
+        // Of a factorization that fails nothing is left.
+        self.factored.clear();
         let Some(memory) = &mut self.scratch else {
             return Err(BadPivot { pivot: 0 });
         };
         numeric::factor(
             pattern,
-            &self.values,
+            (&self.values, &self.is_new),
             &mut self.factor,
             &mut self.rows,
             MemStack::new(memory),
@@ -265,9 +290,9 @@ impl BlockCholesky {
                 pivot: 3 * sphere.unwrap_or(0) + row % 3,
             }
         })?;
-        pattern
-            .order
-            .pack(&pattern.nodes, &self.factor, &mut self.packed);
+        let (nodes, order) = (&pattern.nodes, &pattern.order);
+        order.pack(nodes, &self.is_new, &self.factor, &mut self.packed);
+        self.factored.extend_from_slice(&self.values);
         Ok(())
     }
 
@@ -467,6 +492,35 @@ mod tests {
                 assert!((f64::from(a) - lane as f64 * b).abs() < 1e-4);
             }
         }
+    }
+
+    #[test]
+    fn factor_of_a_matrix_that_changed_a_little_has_the_bits_of_a_new_one() {
+        let (pattern, mut matrix) = lattice(25);
+        matrix.factor(&pattern).unwrap();
+        let stiff = [50.0, 1.0, 2.0, 1.0, 40.0, 3.0, 2.0, 3.0, 60.0];
+        for spheres in [&[][..], &[17], &[3, 250, 600]] {
+            for &sphere in spheres {
+                matrix.add_own(&pattern, sphere, &stiff);
+            }
+            matrix.factor_again(&pattern).unwrap();
+            let changed = matrix.is_new.iter().filter(|&&is_new| is_new).count();
+            assert!(changed < pattern.nodes.len() / 2 && (changed > 0) != spheres.is_empty());
+            let mut new = BlockCholesky::default();
+            new.copy_matrix(&pattern, &matrix);
+            new.factor(&pattern).unwrap();
+            assert!(new.factor == matrix.factor && new.packed == matrix.packed);
+        }
+        // After one that failed there is nothing to keep.
+        let (_, whole) = lattice(25);
+        matrix.add_own(&pattern, 40, &[-1e3; 9]);
+        assert!(matrix.factor_again(&pattern).is_err());
+        matrix.copy_matrix(&pattern, &whole);
+        matrix.factor_again(&pattern).unwrap();
+        let mut new = BlockCholesky::default();
+        new.copy_matrix(&pattern, &whole);
+        new.factor(&pattern).unwrap();
+        assert!(new.factor == matrix.factor && new.packed == matrix.packed);
     }
 
     #[test]

@@ -250,8 +250,8 @@ impl SolveOrder {
         self.length
     }
 
-    /// Puts the values of a factor side by side.
-    pub(super) fn pack(&self, nodes: &[Node], factor: &[f32], values: &mut Vec<Lanes>) {
+    /// Room for the values of a factor side by side, with what stands where supernodes have none.
+    pub(super) fn make_room(&self, values: &mut Vec<Lanes>) {
         values.clear();
         values.resize(self.values, [0.0; LANES]);
         for batch in &self.batches {
@@ -260,7 +260,23 @@ impl SolveOrder {
             for column in 0..batch.width {
                 values[column * (batch.width + 1)] = [1.0; LANES];
             }
+        }
+    }
+
+    /// Puts the values of the supernodes that are new in a factor side by side.
+    pub(super) fn pack(
+        &self,
+        nodes: &[Node],
+        is_new: &[bool],
+        factor: &[f32],
+        values: &mut [Lanes],
+    ) {
+        for batch in &self.batches {
+            let values = &mut values[batch.values()];
             for (lane, &k) in batch.nodes.iter().enumerate() {
+                if !is_new[k] {
+                    continue;
+                }
                 let node = &nodes[k];
                 let skipped = batch.width - node.width;
                 let whole = node.below.len() - Batch::rest(node);

@@ -26,8 +26,9 @@ const COLUMNS: usize = 3;
 /// Where values go in a factor.
 #[derive(Debug, Default)]
 pub(super) struct Schedule {
-    /// Place in the factor of each value of the matrix.
+    /// Place in the factor of each value of the matrix, and which of them are in the columns of each supernode.
     places: Vec<u32>,
+    values: Vec<Range<usize>>,
     /// What each supernode does to later ones, and which of it is each one's.
     updates: Vec<Update>,
     of_node: Vec<Range<usize>>,
@@ -38,6 +39,8 @@ pub(super) struct Schedule {
 /// What a supernode does to the columns of a later one.
 #[derive(Debug)]
 struct Update {
+    /// The later supernode.
+    target: usize,
     /// The first of its rows below that is a column of the target, and how many are.
     first: usize,
     columns: usize,
@@ -75,7 +78,10 @@ impl Schedule {
             let places = rows.map(|row| narrow(start + local(node, row)));
             schedule.places.extend(places);
         }
+        let starts = matrix.col_ptr();
         for node in nodes {
+            let values = starts[node.start]..starts[node.start + node.width];
+            schedule.values.push(values);
             let first_update = schedule.updates.len();
             let rows = &below[node.below.clone()];
             let mut first = 0;
@@ -85,6 +91,7 @@ impl Schedule {
                 let targets = rows[first..].iter().map(|&row| narrow(local(target, row)));
                 schedule.rows.extend(targets);
                 schedule.updates.push(Update {
+                    target: owner[same[0]],
                     first,
                     columns: same.len(),
                     start: target.values.start,
@@ -105,44 +112,70 @@ pub(super) fn scratch(nodes: &[Node]) -> StackReq {
     cholesky_in_place_scratch::<f32>(widest, Par::Seq, Spec::default())
 }
 
-/// Factors a matrix of the pattern. `rows`: workspace.
+impl Schedule {
+    /// Which supernodes of a factor change with the values of the matrix: their own, or those of a supernode that they depend on.
+    pub(super) fn find_changes(&self, old: &[f32], new: &[f32], changes: &mut Vec<bool>) {
+        changes.clear();
+        changes.resize(self.values.len(), false);
+        for (k, values) in self.values.iter().enumerate() {
+            changes[k] |= old[values.clone()] != new[values.clone()];
+            if changes[k] {
+                for update in &self.updates[self.of_node[k].clone()] {
+                    changes[update.target] = true;
+                }
+            }
+        }
+    }
+}
+
+/// Factors a matrix of the pattern, in the supernodes that are new; the others of the factor stay. `rows`: workspace.
 ///
 /// # Errors
 /// The row of a pivot that is not positive.
 pub(super) fn factor(
     pattern: &BlockPattern,
-    values: &[f32],
+    (values, is_new): (&[f32], &[bool]),
     factor: &mut [f32],
     rows: &mut Vec<f32>,
     stack: &mut MemStack,
 ) -> Result<(), usize> {
-    let schedule = &pattern.schedule;
-    factor.fill(0.0);
-    for (&place, &value) in schedule.places.iter().zip(values) {
-        factor[place as usize] = value;
+    let (nodes, schedule) = (&pattern.nodes, &pattern.schedule);
+    for k in (0..nodes.len()).filter(|&k| is_new[k]) {
+        factor[nodes[k].values.clone()].fill(0.0);
+        let range = &schedule.values[k];
+        let places = &schedule.places[range.clone()];
+        for (&place, &value) in places.iter().zip(&values[range.clone()]) {
+            factor[place as usize] = value;
+        }
     }
-    for (node, updates) in pattern.nodes.iter().zip(&schedule.of_node) {
-        let panel = &mut factor[node.values.clone()];
-        let panel = MatMut::from_column_major_slice_mut(panel, node.height(), node.width);
-        let (mut top, mut bottom) = panel.split_at_row_mut(node.width);
-        let none = LltRegularization::default();
-        cholesky_in_place(top.as_mut(), none, Par::Seq, stack, Spec::default())
-            .map_err(|LltError::NonPositivePivot { index }| node.start + index)?;
-        solve_lower_triangular_in_place(top.as_ref(), bottom.as_mut().transpose_mut(), Par::Seq);
-        let updates = &schedule.updates[updates.clone()];
-        vectorised(
-            #[inline(always)]
-            || update(&schedule.rows, updates, node, factor, rows),
-        );
+    for (k, node) in nodes.iter().enumerate() {
+        if is_new[k] {
+            let panel = &mut factor[node.values.clone()];
+            let panel = MatMut::from_column_major_slice_mut(panel, node.height(), node.width);
+            let (mut top, mut bottom) = panel.split_at_row_mut(node.width);
+            let none = LltRegularization::default();
+            cholesky_in_place(top.as_mut(), none, Par::Seq, stack, Spec::default())
+                .map_err(|LltError::NonPositivePivot { index }| node.start + index)?;
+            let (top, bottom) = (top.as_ref(), bottom.as_mut().transpose_mut());
+            solve_lower_triangular_in_place(top, bottom, Par::Seq);
+        }
+        let updates = &schedule.updates[schedule.of_node[k].clone()];
+        if updates.iter().any(|update| is_new[update.target]) {
+            let updates = updates.iter().filter(|update| is_new[update.target]);
+            vectorised(
+                #[inline(always)]
+                || update(&schedule.rows, updates, node, factor, rows),
+            );
+        }
     }
     Ok(())
 }
 
 /// What a factored supernode does to later ones, whose rows are those of the list, for callers that are vectorised themselves.
 #[inline(always)]
-fn update(
+fn update<'u>(
     targets: &[u32],
-    updates: &[Update],
+    updates: impl Iterator<Item = &'u Update>,
     node: &Node,
     factor: &mut [f32],
     rows: &mut Vec<f32>,
