@@ -1,6 +1,7 @@
 //! What reads a velocity of two surfaces off the motion of their spheres.
 
 use crate::geometry::modes::Vec2;
+use crate::hydrodynamics::resistance::Motion;
 
 /// Reads one velocity of a pair off the velocities of its two spheres; its transpose exerts a force on them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,13 +62,10 @@ impl Row {
     pub(crate) fn add_to_first<const M: usize, const L: usize>(
         &self,
         f: f64,
-        forces: &mut [[[f64; L]; 3]],
+        forces: &mut [Motion<L>],
     ) {
-        for (sphere, weights) in self
-            .spheres
-            .into_iter()
-            .zip(self.weights.as_chunks::<3>().0)
-        {
+        let weights = self.weights.as_chunks::<3>().0;
+        for (sphere, weights) in self.spheres.into_iter().zip(weights) {
             for (forces, weight) in forces[sphere].iter_mut().zip(weights) {
                 for force in &mut forces[..M] {
                     *force += f * weight;

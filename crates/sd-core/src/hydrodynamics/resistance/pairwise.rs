@@ -258,7 +258,7 @@ impl PairwiseResistance {
 /// `(U_x, U_y, Ω)` of a sphere, or the forces on it, of each of L motions.
 pub(crate) type Motion<const L: usize> = [[f64; L]; 3];
 
-/// A vector `[3N]`, as the one of its kind.
+/// A vector `[3N]`, as one motion.
 pub(crate) fn side_by_side(x: &[f64]) -> &[Motion<1>] {
     x.as_chunks().0.as_chunks().0
 }
