@@ -5,9 +5,10 @@
 //! are in **single precision**: they precondition [`crate::linalg::conjugate_gradients`] and [`crate::linalg::gmres`], which iterate in double
 //! precision, at half the traffic.
 //!
-//! [`numeric`] factors, [`levels`] solves, supernodes that do not wait for each other side by side and others as in [`single`]; [`lanes`] solves
+//! [`numeric`] factors, [`levels`] solves: supernodes that do not wait for each other as in [`eight`], others as in [`single`]; [`lanes`] solves
 //! with eight right-hand sides at once.
 
+mod eight;
 pub(crate) mod lanes;
 mod levels;
 mod numeric;
