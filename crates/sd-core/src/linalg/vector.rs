@@ -155,3 +155,19 @@ pub(super) fn largest(x: &[f64]) -> f64 {
     }
     most.iter().chain(rest).fold(0.0, |m, &x| larger(m, x))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_pass_has_the_bits_of_two() {
+        let vector = |shift: f64| (0..37).map(move |k| (f64::from(k) + shift).sin());
+        let (x, z): (Vec<_>, Vec<_>) = (vector(0.3).collect(), vector(1.1).collect());
+        let (mut one, mut two): (Vec<_>, Vec<_>) = (vector(0.0).collect(), vector(0.0).collect());
+        let product = add_scaled_and_dot(&mut one, &x, -0.7, &z);
+        add_scaled(&mut two, &x, -0.7);
+        assert_eq!(one, two);
+        assert_eq!(product.to_bits(), dot(&z, &two).to_bits());
+    }
+}
