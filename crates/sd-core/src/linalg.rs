@@ -15,6 +15,15 @@ pub(crate) mod simd;
 pub(crate) mod staggered;
 mod vector;
 
+/// When an iteration ends: whichever comes first.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Until {
+    /// The residual is at most this.
+    pub(crate) residual: f64,
+    /// So many iterations are done.
+    pub(crate) iterations: usize,
+}
+
 pub use cholesky::skyline::SkylineCholesky;
 pub use cholesky::tiled::{TiledCholesky, TiledMatrix};
 pub use dense::Matrix;

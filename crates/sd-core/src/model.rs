@@ -115,11 +115,12 @@ impl Params {
     /// Most spheres of a layer or configuration.
     pub const MOST_SPHERES: usize = parameters::MOST_SPHERES;
     /// A layer of more spheres than this is large: matrices of all its contacts would not fit into memory, so that contact problems are
-    /// solved without them; the layer that a seed makes is numbered row by row, and sparse factors are corrected where few contacts change.
+    /// solved without them, and the layer that a seed makes is numbered row by row.
     pub const LARGE_ABOVE: usize = 1000;
 
     /// A coefficient of friction above this is steep: where friction answers the motion of rigid contacts, problems near jamming are then
-    /// harder, and more often without a solution, so that both are looked for by shorter ways.
+    /// harder, and more often without a solution, so that both are looked for by shorter ways. Below it these would gain nothing, and call
+    /// layers jammed that can move.
     pub const STEEP_ABOVE: f64 = 1.0;
 
     /// What parameters are before any is written: choices that hold the numbers of every other, and numbers that are none.

@@ -271,13 +271,8 @@ impl StageSolver {
             }
             Contact::Procedure { surface, listed } => match &self.far {
                 Some(_) => Err(Error::ProcedureNeedsDense),
-                None => contacts.solve_procedure(
-                    (resistance, background),
-                    &surface,
-                    forces,
-                    listed,
-                    velocities,
-                ),
+                None => contacts
+                    .solve_procedure(resistance, background, &surface, forces, listed, velocities),
             },
         }
     }

@@ -237,7 +237,7 @@ fn lay_out(
     let mut total = 0_u64;
     let mut grids = Vec::with_capacity(tables.len());
     for (span, entries) in tables {
-        let grid = Grid::read((entries, span.clone()), protocol, folder, problems);
+        let grid = Grid::read(entries, span.clone(), protocol, folder, problems);
         total = total.saturating_add(grid.len());
         // Before the next grid is read: a count of seeds is short in the file and long in memory.
         if total > CASE_LIMIT {

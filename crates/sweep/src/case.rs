@@ -7,13 +7,15 @@ use std::fmt;
 
 /// Raised whenever the same parameters and seed give other numbers than before: old results then keep their old keys.
 ///
-/// Not raised where only contact problems change that were left unsolved, and counted as such: a run with one says itself that its numbers
-/// are not those of its law.
+/// Not raised where only contact problems change that were left unsolved or found jammed, and counted as such: a run with one says itself
+/// that its numbers may not be those of its law.
 ///
 /// Where only some runs change, [`Case::physics`] says which: all others keep their keys, and results of theirs stand.
-pub const PHYSICS_VERSION: u32 = 14;
+pub const PHYSICS_VERSION: u32 = 15;
 /// The version that last changed runs of every kind.
 pub const CHANGED_ALL: u32 = 8;
+/// Number of spheres below which soft layers too were solved densely before version 15.
+const SOFT_DENSE_BEFORE: usize = 100;
 
 /// One run of a campaign.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,20 +59,26 @@ impl Case {
     /// The version of the physics that last changed runs of this kind. Version 9 iterates a far field from its near part on, and from step to
     /// step; version 10 solves the contact problems on the way less strictly, and with factors made more often; version 11 finds contact
     /// forces in layers held pair by pair in fewer systems, and near jamming by other ways where friction answers the motion that it slows;
-    /// version 12 goes on longer with one of them where contacts are rigid too; version 13 numbers spheres of large layers row by row, and
-    /// corrects their factors; version 14 leaps over convex problems on the way to the solution where friction is steep.
+    /// version 12 goes on longer with one of them where contacts are rigid too; version 13 numbers spheres of large layers row by row; version
+    /// 14 leaps over convex problems on the way to the solution where friction is steep; version 15 makes factors of large layers as those of
+    /// others, and holds soft layers pair by pair from fewer spheres on.
     pub fn physics(&self) -> u32 {
-        let (answers, is_rigid, is_steep) = match &self.params.contact {
+        let (answers, is_rigid, is_soft, is_steep) = match &self.params.contact {
             ContactScheme::Laws(laws) => (
                 laws.tangential != TangentialLaw::RollSlip,
                 laws.normal == NormalLaw::Rigid,
+                laws.is_soft(),
                 laws.tangential.bound(self.params.friction, 1.0) > Params::STEEP_ABOVE,
             ),
-            ContactScheme::Rigid | ContactScheme::Procedure => (false, true, false),
+            ContactScheme::Rigid | ContactScheme::Procedure => (false, true, false, false),
         };
+        let spheres = self.params.spheres;
         match Method::of(&self.params) {
+            Method::Pairwise | Method::Iterated if spheres > Params::LARGE_ABOVE => 15,
+            Method::Pairwise if is_soft && spheres < SOFT_DENSE_BEFORE => 15,
             _ if answers && is_rigid && is_steep => 14,
-            _ if self.params.spheres > Params::LARGE_ABOVE => 13,
+            // The paper's procedure.
+            Method::Dense if spheres > Params::LARGE_ABOVE => 13,
             _ if answers && is_rigid => 12,
             Method::Pairwise => 11,
             Method::Dense | Method::Iterated if answers => 11,
@@ -300,9 +308,11 @@ mod tests {
         assert_eq!(of(StokesianDynamics, 400, rigid), 10);
         assert_eq!(of(BallMelrose, 400, rigid), 11);
         let large = Params::LARGE_ABOVE + 1;
-        for contact in [rigid, coulomb, ContactScheme::Procedure] {
-            assert_eq!(of(BallMelrose, large, contact), 13);
+        for contact in [rigid, coulomb] {
+            assert_eq!(of(BallMelrose, large, contact), PHYSICS_VERSION);
+            assert_eq!(of(StokesianDynamics, large, contact), PHYSICS_VERSION);
         }
+        assert_eq!(of(BallMelrose, large, ContactScheme::Procedure), 13);
         let of_friction = |friction, contact| {
             let params = Params {
                 friction,
@@ -312,23 +322,23 @@ mod tests {
             Case { params, ..case() }.physics()
         };
         assert_eq!(of_friction(1.0, coulomb), 12);
-        assert_eq!(of_friction(1.1, coulomb), PHYSICS_VERSION);
+        assert_eq!(of_friction(1.1, coulomb), 14);
         assert_eq!(of_friction(1.1, rigid), CHANGED_ALL);
         assert_eq!(of_friction(1.1, laws(TangentialLaw::RollSlip)), CHANGED_ALL);
         // Its friction has no limit, whatever its coefficient is called.
-        assert_eq!(
-            of_friction(0.3, laws(TangentialLaw::StickRotate)),
-            PHYSICS_VERSION
-        );
+        assert_eq!(of_friction(0.3, laws(TangentialLaw::StickRotate)), 14);
         // The paper's procedure is dense at any number of spheres.
         assert_eq!(of(BallMelrose, 400, ContactScheme::Procedure), CHANGED_ALL);
         let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
+        let soft = ContactScheme::Laws(springs);
         for spheres in [90, 400] {
             for hydrodynamics in [BallMelrose, StokesianDynamics] {
                 assert_eq!(of(hydrodynamics, spheres, coulomb), 12);
-                let soft = ContactScheme::Laws(springs);
-                assert_eq!(of(hydrodynamics, spheres, soft), 11);
             }
+            assert_eq!(of(StokesianDynamics, spheres, soft), 11);
+        }
+        for (spheres, physics) in [(50, 11), (90, PHYSICS_VERSION), (400, 11)] {
+            assert_eq!(of(BallMelrose, spheres, soft), physics);
         }
     }
 

@@ -74,7 +74,8 @@ impl ContactSolver {
     /// [`Error::NotPositiveDefinite`]; [`Error::OutOfMemory`].
     pub fn solve_procedure(
         &mut self,
-        (resistance, background): (&Resistance, &Background),
+        resistance: &Resistance,
+        background: &Background,
         surface: &Surface,
         forces: &[f64],
         listed: &mut ContactList,

@@ -51,7 +51,7 @@ pub struct ContactMemory {
 impl ContactMemory {
     /// Becomes equal to the other, without allocating once there is room.
     pub(crate) fn copy_from(&mut self, other: &Self) {
-        self.warm_start.forces.clone_from(&other.warm_start.forces);
+        self.warm_start.copy_from(&other.warm_start);
         self.springs.0.clone_from(&other.springs.0);
     }
 
@@ -86,6 +86,9 @@ pub struct ContactSolver {
     stretches: Stretches,
     /// Whether linear systems are dear and candidates cost nearly nothing: in layers held pair by pair whose far field is not iterated.
     has_dear_systems: bool,
+    /// What was known before the stage, and whether the stage is solved anew from there, since at first it seemed jammed.
+    known_before: WarmStart,
+    is_anew: bool,
 }
 
 impl ContactSolver {
@@ -106,13 +109,21 @@ impl ContactSolver {
             backend,
             stretches: Stretches::default(),
             has_dear_systems: resistance.pairwise().is_some() && !resistance.is_iterated_on(),
+            known_before: WarmStart::default(),
+            is_anew: false,
         };
         solver.problem.normal.reserve(most);
         solver.problem.tangential.reserve(2 * most);
         let dense = matches!(solver.backend, Backend::Dense(_));
         solver.solver.reserve(most, dense);
         solver.stretches.reserve(most);
+        solver.known_before.forces.reserve(most);
         solver
+    }
+
+    /// Whether linear systems are saved, by candidates and decisions that may turn out not to be needed.
+    fn saves_systems(&self) -> bool {
+        self.has_dear_systems && !self.is_anew
     }
 
     /// Begins a step: what is known of the motion from stages before is forgotten.
@@ -183,10 +194,14 @@ impl ContactSolver {
         if let Backend::Sparse(system) = &mut self.backend {
             system.start();
         }
+        self.known_before.copy_from(&memory.warm_start);
         self.choose(posed, &memory.warm_start);
     }
 
     /// Solves the problem of the stage once, from the forces of the last time: under other driving forces than before, if need be.
+    ///
+    /// What saves linear systems lets friction act on more contacts than it has to, and a layer can be jammed by that alone where friction
+    /// answers the motion. A stage that seems jammed is therefore solved anew without, as in small layers, before it counts as such.
     ///
     /// `deciding`: whether it may still change on which contacts friction acts. Returns with the quality whether it did.
     ///
@@ -200,13 +215,39 @@ impl ContactSolver {
         deciding: bool,
         velocities: &mut [f64],
     ) -> Result<(Quality, bool), Error> {
+        let first = self.solve_rounds(posed, driving, memory, deciding, velocities)?;
+        let is_solved = first.0.converged() && !first.0.jammed;
+        if is_solved || !deciding || !self.may_jam_by_haste(posed) {
+            return Ok(first);
+        }
+        self.is_anew = true;
+        memory.warm_start.copy_from(&self.known_before);
+        self.choose(posed, &memory.warm_start);
+        let anew = self.solve_rounds(posed, driving, memory, deciding, velocities);
+        self.is_anew = false;
+        let (mut quality, changed) = anew?;
+        // Where no solution was found this time either, the first verdict stands.
+        quality.jammed |= first.0.jammed && !quality.converged();
+        quality.systems += first.0.systems;
+        Ok((quality, changed))
+    }
+
+    /// Solves the problem of the stage with ever more candidates, until none of the others closes.
+    fn solve_rounds(
+        &mut self,
+        posed: &Posed<'_>,
+        driving: Driving<'_>,
+        memory: &mut ContactMemory,
+        deciding: bool,
+        velocities: &mut [f64],
+    ) -> Result<(Quality, bool), Error> {
         let mut quality = Quality::default();
         let mut changed = false;
         self.solver.effort = Effort::Usual;
         for round in 0..MOST_ROUNDS {
             let deciding = match deciding {
                 false => Deciding::Held,
-                true if !self.has_dear_systems => Deciding::Late,
+                true if !self.saves_systems() => Deciding::Late,
                 true if round == 0 => Deciding::Early,
                 true => Deciding::Again,
             };
@@ -217,6 +258,9 @@ impl ContactSolver {
                 systems: quality.systems + found.systems,
                 ..found
             };
+            if quality.jammed && deciding != Deciding::Held && self.may_jam_by_haste(posed) {
+                return Ok((quality, changed));
+            }
             if self.add_closing(posed, velocities, &mut memory.warm_start, quality.jammed) {
                 changed = true;
                 self.solver.relax(&self.problem);
@@ -231,11 +275,20 @@ impl ContactSolver {
         Ok((quality, changed))
     }
 
+    /// Whether the problem at hand has a matrix, in which paths are followed.
+    fn has_paths(&self, posed: &Posed<'_>) -> bool {
+        let network = posed.resistance.pairwise();
+        network.is_none_or(|network| has_products(network, &self.problem))
+    }
+
+    /// Whether the problem at hand could seem jammed only because linear systems are saved.
+    fn may_jam_by_haste(&self, posed: &Posed<'_>) -> bool {
+        self.saves_systems() && self.problem.can_jam() && self.has_paths(posed)
+    }
+
     /// Whether there is more to try for the problem at hand, which is then tried from now on.
     fn try_harder(&mut self, posed: &Posed<'_>) -> bool {
-        let network = posed.resistance.pairwise();
-        let has_paths = network.is_none_or(|network| has_products(network, &self.problem));
-        let harder = has_paths && self.solver.effort == Effort::Usual;
+        let harder = self.has_paths(posed) && self.solver.effort == Effort::Usual && !self.is_anew;
         if harder {
             self.solver.effort = Effort::Last;
         }
@@ -310,17 +363,18 @@ impl ContactSolver {
         let (laws, resistance) = (posed.laws, posed.resistance);
         let friction = laws.surface.has_friction();
         let load = laws.surface.critical_load;
-        let sparse = matches!(self.backend, Backend::Sparse(_));
+        // Rows cost a dense system much: the solution says who needs one.
+        let admits = matches!(self.backend, Backend::Dense(_)) || self.is_anew;
         let onset = Onset {
             critical_load: load,
             smooth: laws.is_smooth(),
-            admits: friction && !sparse,
+            admits: friction && admits,
             deciding,
         };
         if friction {
             let loaded = self.list.iter().filter(|c| c.normal_force > load).count();
-            // Rows cost a dense system much: the solution says who needs one. The few others cost less now than later.
-            let all = sparse || 10 * loaded >= 9 * self.list.len();
+            // The few others cost less now than later.
+            let all = !admits || 10 * loaded >= 9 * self.list.len();
             self.add_rows(posed, memory, deciding, |_, contact| {
                 all || contact.normal_force > load
                     || contact.friction_acts && deciding == Deciding::Held

@@ -37,6 +37,11 @@ impl WarmStart {
         self.forces.push((i, j, forces[0], forces[1]));
     }
 
+    /// Becomes equal to the other, without allocating once there is room.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.forces.clone_from(&other.forces);
+    }
+
     /// Whether nothing is known.
     pub(crate) fn is_empty(&self) -> bool {
         self.forces.is_empty()

@@ -1,5 +1,6 @@
 //! Conjugate gradients with a preconditioner (Hestenes & Stiefel 1952).
 
+use super::Until;
 use super::dense::dot;
 use super::simd::vectorised;
 use super::vector::add_scaled_inline;
@@ -15,7 +16,7 @@ pub(crate) struct ConjugateGradients {
 }
 
 impl ConjugateGradients {
-    /// `x ≈ A⁻¹ b` from x = 0, until no entry of the residual is larger than `tolerance` or `most` iterations are done; their number.
+    /// `x ≈ A⁻¹ b` from x = 0, the residual measured by its largest entry; how many iterations that took.
     ///
     /// # Arguments
     /// - `apply`: writes A times its first argument to the second; A symmetric and positive definite, as is
@@ -24,10 +25,10 @@ impl ConjugateGradients {
         &mut self,
         b: &[f64],
         x: &mut [f64],
-        (tolerance, most): (f64, u32),
+        until: Until,
         mut apply: impl FnMut(&[f64], &mut [f64]),
         mut precondition: impl FnMut(&[f64], &mut [f64]),
-    ) -> u32 {
+    ) -> usize {
         self.residual.clear();
         self.residual.extend_from_slice(b);
         for vector in [
@@ -40,8 +41,8 @@ impl ConjugateGradients {
         }
         x.fill(0.0);
         let mut product_before = f64::INFINITY;
-        for iteration in 0..most {
-            if largest(&self.residual) <= tolerance {
+        for iteration in 0..until.iterations {
+            if largest(&self.residual) <= until.residual {
                 return iteration;
             }
             precondition(&self.residual, &mut self.preconditioned);
@@ -63,7 +64,7 @@ impl ConjugateGradients {
             );
             product_before = product;
         }
-        most
+        until.iterations
     }
 }
 
@@ -75,6 +76,13 @@ pub(crate) fn largest(x: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn until(residual: f64, iterations: usize) -> Until {
+        Until {
+            residual,
+            iterations,
+        }
+    }
 
     #[test]
     fn three_eigenvalues_take_three_iterations() {
@@ -88,7 +96,7 @@ mod tests {
         let b = [1.0, 2.0, -3.0, 0.5, 4.0, 1.0];
         let mut x = [0.0; 6];
         let mut solver = ConjugateGradients::default();
-        assert_eq!(solver.solve(&b, &mut x, (1e-12, 10), apply, copy), 3);
+        assert_eq!(solver.solve(&b, &mut x, until(1e-12, 10), apply, copy), 3);
         for k in 0..6 {
             assert!((x[k] - b[k] / diagonal[k]).abs() < 1e-12);
         }
@@ -99,7 +107,7 @@ mod tests {
         let mut x = [1.0];
         let never = |_: &[f64], _: &mut [f64]| panic!("not needed");
         let iterations =
-            ConjugateGradients::default().solve(&[0.0], &mut x, (0.0, 5), never, never);
+            ConjugateGradients::default().solve(&[0.0], &mut x, until(0.0, 5), never, never);
         assert_eq!((iterations, x), (0, [0.0]));
     }
 }

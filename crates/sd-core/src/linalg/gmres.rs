@@ -6,6 +6,7 @@
 //!
 //! For systems that are not symmetric. The preconditioner may be of any precision, since the residual is that of A itself.
 
+use super::Until;
 use super::dense::{add_scaled, add_scaled_and_dot, dot};
 
 /// How far a solve went.
@@ -33,7 +34,7 @@ pub(crate) struct Gmres {
 }
 
 impl Gmres {
-    /// `x ≈ A⁻¹ b` from x = 0, until the norm of the residual is at most `tolerance` or `most` iterations are done.
+    /// `x ≈ A⁻¹ b` from x = 0, the residual measured by its norm.
     ///
     /// # Arguments
     /// - `apply`: writes A times its first argument to the second.
@@ -42,7 +43,7 @@ impl Gmres {
         &mut self,
         b: &[f64],
         x: &mut [f64],
-        (tolerance, most): (f64, usize),
+        until: Until,
         mut apply: impl FnMut(&[f64], &mut [f64]),
         mut precondition: impl FnMut(&[f64], &mut [f64]),
     ) -> Reached {
@@ -51,7 +52,7 @@ impl Gmres {
         self.rhs.clear();
         self.rhs.push(norm);
         self.rotations.clear();
-        if norm <= tolerance || most == 0 {
+        if norm <= until.residual || until.iterations == 0 {
             return Reached {
                 iterations: 0,
                 residual: norm,
@@ -61,7 +62,7 @@ impl Gmres {
         first.copy_from_slice(b);
         scale(first, norm.recip());
         let mut iterations = 0;
-        while iterations < most && self.rhs[iterations].abs() > tolerance {
+        while iterations < until.iterations && self.rhs[iterations].abs() > until.residual {
             self.vector(iterations + 1, b.len());
             let (known, new) = self.basis.split_at_mut(iterations + 1);
             let image = &mut new[0];
@@ -145,6 +146,13 @@ fn scale(x: &mut [f64], s: f64) {
 mod tests {
     use super::*;
 
+    fn until(residual: f64, iterations: usize) -> Until {
+        Until {
+            residual,
+            iterations,
+        }
+    }
+
     /// A matrix without symmetry, `[4 × 4]`.
     fn apply(x: &[f64], y: &mut [f64]) {
         for (row, value) in y.iter_mut().enumerate() {
@@ -166,7 +174,7 @@ mod tests {
             }
         };
         let mut x = [0.0; 4];
-        let reached = Gmres::default().solve(&b, &mut x, (1e-12, 10), apply, diagonal);
+        let reached = Gmres::default().solve(&b, &mut x, until(1e-12, 10), apply, diagonal);
         assert_eq!(reached.iterations, 4);
         let mut image = [0.0; 4];
         apply(&x, &mut image);
@@ -181,7 +189,7 @@ mod tests {
         let copy = |r: &[f64], z: &mut [f64]| z.copy_from_slice(r);
         let (mut x, mut solver) = ([0.0; 4], Gmres::default());
         for most in 1..4 {
-            let reached = solver.solve(&b, &mut x, (0.0, most), apply, copy);
+            let reached = solver.solve(&b, &mut x, until(0.0, most), apply, copy);
             let mut image = [0.0; 4];
             apply(&x, &mut image);
             let left: f64 = b.iter().zip(&image).map(|(b, y)| (b - y).powi(2)).sum();
@@ -193,7 +201,7 @@ mod tests {
     fn nothing_is_done_where_nothing_is_wanted() {
         let never = |_: &[f64], _: &mut [f64]| panic!("not needed");
         let mut x = [1.0];
-        let reached = Gmres::default().solve(&[0.0], &mut x, (0.0, 5), never, never);
+        let reached = Gmres::default().solve(&[0.0], &mut x, until(0.0, 5), never, never);
         assert_eq!((reached.iterations, x), (0, [0.0]));
     }
 }

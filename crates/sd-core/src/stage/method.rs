@@ -9,8 +9,10 @@ use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::model::{ContactScheme, Hydrodynamics, Params};
 use std::f64::consts::PI;
 
-/// Spheres from which on Ball-Melrose costs less pair by pair.
+/// Spheres from which on Ball-Melrose costs less pair by pair; and the same where contacts are soft, whose problems have a solution that few
+/// systems lead to.
 const LEAST_PAIRWISE: usize = 100;
+const LEAST_PAIRWISE_SOFT: usize = 60;
 /// Spheres from which on Stokesian Dynamics costs less with the far field iterated, up to an area fraction: near jamming a contact problem
 /// can cost more than the far field, and every evaluation of the iteration solves one. Measured in runs under every law.
 const LEAST_ITERATED: [(f64, usize); 2] = [(0.72, 160), (f64::INFINITY, 300)];
@@ -79,18 +81,22 @@ impl Method {
         area_fraction: f64,
         contacts: ContactKind,
     ) -> Self {
-        let iterates = match contacts {
-            ContactKind::Soft => spheres >= LEAST_ITERATED_SOFT,
+        let (iterates, is_pairwise) = match contacts {
+            ContactKind::Soft => (
+                spheres >= LEAST_ITERATED_SOFT,
+                spheres >= LEAST_PAIRWISE_SOFT,
+            ),
             ContactKind::Procedure | ContactKind::Rigid => {
                 let least = LEAST_ITERATED.iter().find(|(c, _)| area_fraction <= *c);
-                least.is_some_and(|&(_, least)| spheres >= least)
+                (
+                    least.is_some_and(|&(_, least)| spheres >= least),
+                    spheres >= LEAST_PAIRWISE,
+                )
             }
         };
         match hydrodynamics {
             _ if contacts == ContactKind::Procedure => Self::Dense,
-            Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_)
-                if spheres >= LEAST_PAIRWISE =>
-            {
+            Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) if is_pairwise => {
                 Self::Pairwise
             }
             Hydrodynamics::StokesianDynamics if iterates => Self::Iterated,
@@ -184,7 +190,9 @@ mod tests {
         // The first number of spheres with the second method, at an area fraction.
         let rows = [
             (near, 0.5, [ContactScheme::Rigid, coulomb], 100),
-            (near, 0.8, [ContactScheme::Rigid, springs], 100),
+            (near, 0.8, [ContactScheme::Rigid, coulomb], 100),
+            (near, 0.5, [springs; 2], 60),
+            (near, 0.8, [springs; 2], 60),
             (full, 0.5, [ContactScheme::Rigid, coulomb], 160),
             (full, 0.73, [ContactScheme::Rigid, coulomb], 300),
             (full, 0.5, [springs; 2], 160),

@@ -40,7 +40,8 @@ type Combination<'g> = Vec<Option<&'g Located<Value>>>;
 impl Grid {
     /// Reads a grid and checks the range of every value in it. The protocol's values count where the grid has none.
     pub(super) fn read(
-        (entries, span): (&DeTable<'_>, ops::Range<usize>),
+        entries: &DeTable<'_>,
+        span: ops::Range<usize>,
         protocol: &Written,
         folder: &Path,
         problems: &mut Vec<Problem>,

@@ -11,7 +11,7 @@
 
 use super::cone::Cones;
 use super::path::Effort;
-use super::problem::{Forces, Grip, Noise, Problem, States, System, Tangential};
+use super::problem::{Forces, Grip, Noise, Problem, States, System};
 use super::tableau::Tableau;
 
 /// Systems before another way is tried.
@@ -436,7 +436,11 @@ impl BoxSolver {
             let closes = *closed ^ wrong;
             while let Some((m, row)) = rows.next_if(|(_, row)| row.contact == k) {
                 let grip = &mut states.grip[m];
-                let next = next_grip(problem, forces, (m, row), *grip, (closes, alone), noise);
+                let next = if row.acts && closes {
+                    next_grip(problem, forces, m, *grip, alone, noise)
+                } else {
+                    Grip::Off
+                };
                 found += usize::from(next != *grip);
                 if changes {
                     *grip = next;
@@ -468,22 +472,21 @@ impl BoxSolver {
     }
 }
 
-/// What a row of a candidate does next, by the forces that its present state gives.
+/// What row `m`, of a closed candidate on which friction acts, does next, by the forces that its present state gives; `alone`: where contacts
+/// change one by one.
 fn next_grip(
     problem: &Problem,
     forces: &Forces,
-    (m, row): (usize, &Tangential),
+    m: usize,
     grip: Grip,
-    (closed, alone): (bool, bool),
+    alone: bool,
     noise: Noise,
 ) -> Grip {
-    let load = forces.normal[row.contact] - problem.offset;
+    let load = forces.normal[problem.tangential[m].contact] - problem.offset;
     let (t, z) = (forces.tangential[m], forces.slip[m]);
-    let gripped = row.acts && closed;
     let limited = problem.friction.is_finite();
     let below_offset = problem.offset > 0.0 && load <= noise.force;
     match grip {
-        _ if !gripped => Grip::Off,
         // A contact that has just closed grips; one whose load came over the offset slides as it did.
         Grip::Off if below_offset => Grip::Off,
         Grip::Off if limited && (alone || problem.offset > 0.0) => Grip::sliding(z),

@@ -66,6 +66,17 @@ pub(super) enum PathEnd {
     Lost,
 }
 
+/// What gives the forces of each state on a path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum StatesBy {
+    /// A linear system each.
+    Systems,
+    /// The tableau at hand.
+    Tableau,
+    /// The same, made anew once it is worn.
+    RenewedTableau,
+}
+
 /// A path as far as it was followed.
 struct Walked {
     end: PathEnd,
@@ -265,7 +276,12 @@ impl BoxSolver {
                 (most.max(LONGER * longer), true)
             }
         };
-        let walked = self.walk(problem, system, most, (has_tableau, renews));
+        let states = match (has_tableau, renews) {
+            (false, _) => StatesBy::Systems,
+            (true, false) => StatesBy::Tableau,
+            (true, true) => StatesBy::RenewedTableau,
+        };
+        let walked = self.walk(problem, system, most, states);
         problem.friction = friction;
         (walked.end, walked.systems)
     }
@@ -279,7 +295,7 @@ impl BoxSolver {
         most: usize,
     ) -> (PathEnd, usize) {
         self.point.copy_all_from(&self.forces);
-        let walked = self.walk(problem, system, most, (true, true));
+        let walked = self.walk(problem, system, most, StatesBy::RenewedTableau);
         (walked.end, walked.changes)
     }
 
@@ -306,14 +322,12 @@ impl BoxSolver {
     }
 
     /// Goes on from the point at hand, at most so many changes of state.
-    ///
-    /// `has_tableau`: whether there is a tableau, and whether it is made anew once it is worn.
     fn walk(
         &mut self,
         problem: &Problem,
         system: &mut impl System,
         most: usize,
-        (has_tableau, renews): (bool, bool),
+        states: StatesBy,
     ) -> Walked {
         let contacts = problem.normal.len() + problem.tangential.len();
         let mut crossed = None;
@@ -323,16 +337,17 @@ impl BoxSolver {
             systems: 0,
         };
         while walked.changes < most {
-            if renews && self.tableau.exchanges() > WORN * contacts {
+            let is_worn = self.tableau.exchanges() > WORN * contacts;
+            if states == StatesBy::RenewedTableau && is_worn {
                 self.tableau.clear();
                 self.tableau.begin(problem, system);
             }
-            let solved = if has_tableau {
-                self.tableau.solve(problem, &self.states, &mut self.forces)
-            } else {
+            let solved = if states == StatesBy::Systems {
                 let (solved, more) = self.solve_states(problem, system);
                 walked.systems += more;
                 solved
+            } else {
+                self.tableau.solve(problem, &self.states, &mut self.forces)
             };
             if !solved {
                 break;

@@ -61,8 +61,7 @@ impl Problem {
         self.friction > 0.0 && !self.isolated && !self.is_soft()
     }
 
-    /// Whether it can jam, and friction is [steep](Params::STEEP_ABOVE). What is done for such problems alone would be right for others too:
-    /// those keep their bits.
+    /// Whether it can jam, and friction is [steep](Params::STEEP_ABOVE).
     pub(crate) fn is_steep(&self) -> bool {
         self.friction > Params::STEEP_ABOVE && self.can_jam()
     }

@@ -13,11 +13,9 @@
 //! unsymmetric; eliminating the forces from it leaves `R + Cᵀ S C + Dᵀ S D` with the stiffnesses S = 1/κ of springs over the time
 //! ahead, or a large one for rigid contacts: a sparse Cholesky factor in single precision. So soft and rigid contacts cost the same.
 
-mod corrections;
 mod linear;
 mod products;
 
-use self::corrections::{Change, Corrections};
 use self::linear::{BothMotions, Linear, Preconditioner, row_of};
 use self::products::ContactProducts;
 pub(crate) use self::products::has_products;
@@ -26,11 +24,11 @@ use crate::contact::Quality;
 use crate::contact::row::Row;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
+use crate::linalg::Until;
 use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
 use crate::linalg::dense::{Matrix, add_scaled, dot};
 use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
-use crate::model::Params;
 use std::f64::consts::PI;
 
 /// Smallest compliance in the preconditioner, in a/(mu·a²·rate): single precision holds its inverse well.
@@ -39,8 +37,6 @@ const LEAST_COMPLIANCE: f64 = 1e-6;
 const WEIGHT: f64 = 30.0;
 /// By how much one call lowers the residual.
 const GAIN: f64 = 1e-4;
-/// The same for the first call of a stage in large layers: what contradicts its states is then hardly ever its residual, which saves systems.
-const FIRST_GAIN: f64 = 1e-6;
 /// Residual that is small enough, over the norm of all forces: for contacts that do not give way, and for others, whose slopes multiply what
 /// is left; and as a velocity, in a·rate.
 const ROUNDING: [f64; 2] = [1e-10, 1e-12];
@@ -80,8 +76,6 @@ pub(crate) struct SparseSystem {
     /// Stiffnesses of the candidates and rows in it, and whether it was made in this stage.
     factored: Vec<f64>,
     is_factored: bool,
-    /// What it lacks of what the states ask for.
-    corrections: Corrections,
     /// Stiffnesses that the states ask for.
     stiffness: Vec<f64>,
     /// Iterations of the last call with this factor.
@@ -217,14 +211,8 @@ impl SparseSystem {
         } else {
             usize::MAX
         };
-        let needs_factor = if is_large(linear.network) {
-            changes == usize::MAX || !self.corrects(problem, pattern, rows)
-        } else {
-            let patient = PATIENT[usize::from(repeated)];
-            changes > MOST_CHANGES || changes > 0 && self.iterations > patient
-        };
-        if needs_factor {
-            self.corrections.clear();
+        let patient = PATIENT[usize::from(repeated)];
+        if changes > MOST_CHANGES || changes > 0 && self.iterations > patient {
             if problem.isolated {
                 // The near part of R is at hand.
                 self.held.copy_matrix(pattern, &self.free.0);
@@ -249,25 +237,6 @@ impl SparseSystem {
         }
         Ok(())
     }
-}
-
-impl SparseSystem {
-    /// Whether corrections make up for what the factor lacks; `rows`: number of stiffnesses in it.
-    fn corrects(&mut self, problem: &Problem, pattern: &BlockPattern, rows: usize) -> bool {
-        let both = self.factored.iter().zip(&self.stiffness[..rows]);
-        let changed = both.enumerate().filter(|(_, (old, new))| old != new);
-        let changes = changed.map(|(at, (old, new))| Change {
-            at,
-            by: new - old,
-            row: *row_of(problem, at).1,
-        });
-        self.corrections.take((&mut self.held, pattern), changes)
-    }
-}
-
-/// Whether a layer is [large](Params::LARGE_ABOVE). Others keep their bits: they too would gain by what is done in large ones, an eighth.
-fn is_large(network: &PairwiseResistance) -> bool {
-    network.spheres() > Params::LARGE_ABOVE
 }
 
 /// Adds `s rowᵀ row` to the matrix.
@@ -334,15 +303,10 @@ impl System for OnNetwork<'_> {
         }
         let floor = floor.max(enough);
         let before = square(&system.residual).sqrt();
-        let gain = if is_large(self.network) && !system.is_factored {
-            FIRST_GAIN
-        } else {
-            GAIN
-        };
         let goal = if last {
             floor
         } else {
-            floor.max(gain * before)
+            floor.max(GAIN * before)
         };
         let mut left = before;
         if before > floor {
@@ -354,7 +318,6 @@ impl System for OnNetwork<'_> {
             let mut preconditioner = Preconditioner {
                 pattern: self.pattern,
                 held: &mut system.held,
-                corrections: &mut system.corrections,
                 free: &mut system.free.0,
                 stiffness: &system.stiffness,
                 work: &mut system.work,
@@ -362,7 +325,10 @@ impl System for OnNetwork<'_> {
             let reached = system.gmres.solve(
                 &system.residual,
                 &mut system.correction,
-                (goal, MOST_ITERATIONS),
+                Until {
+                    residual: goal,
+                    iterations: MOST_ITERATIONS,
+                },
                 |x, y| linear.apply(x, y, &mut system.both),
                 |r, z| linear.precondition(&mut preconditioner, r, z),
             );

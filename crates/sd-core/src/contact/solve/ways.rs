@@ -77,7 +77,7 @@ impl BoxSolver {
             }
             return (ended.unwrap_or(Ended::Failed), false);
         }
-        // Forces that balance without motion do not exclude a solution, but hardly any is found beside them.
+        // Forces that balance without motion do not exclude a solution. Where friction is steep one beside them is not worth a long path.
         let begin = if jams == Some(true) && search.problem.is_steep() {
             Begin::Briefly
         } else {

@@ -32,7 +32,7 @@ impl ContactSolver {
                 .extend(near.map(|pair| Contact::new(*pair, radii, posed.background)));
             return;
         }
-        let reach = if self.has_dear_systems {
+        let reach = if self.saves_systems() {
             let large = usize::from(radii.len() > Params::LARGE_ABOVE);
             posed.laws.surface.roughness + LIKELY_APPROACH[large] * posed.span.time
         } else {
@@ -68,7 +68,7 @@ impl ContactSolver {
         if !posed.laws.normal.law.touches() {
             return false;
         }
-        let nearly = if !self.problem.can_jam() && !self.has_dear_systems {
+        let nearly = if !self.problem.can_jam() && !self.saves_systems() {
             0.0
         } else if jammed || self.problem.is_steep() {
             EXPECTED_APPROACH

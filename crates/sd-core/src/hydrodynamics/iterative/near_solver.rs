@@ -2,12 +2,13 @@
 
 use crate::error::Error;
 use crate::hydrodynamics::resistance::Resistance;
+use crate::linalg::Until;
 use crate::linalg::cholesky::sparse::BlockCholesky;
 use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 
 /// Largest residual force at which conjugate gradients stop, over the largest force.
 const LEFT: f64 = 1e-10;
-const MOST_ITERATIONS: u32 = 100;
+const MOST_ITERATIONS: usize = 100;
 
 /// Workspace of solves with the `R_FU` of what the far field is iterated on.
 #[derive(Default)]
@@ -56,7 +57,10 @@ impl NearSolver {
         self.gradients.solve(
             &self.forces,
             x,
-            (LEFT * largest(&self.forces), MOST_ITERATIONS),
+            Until {
+                residual: LEFT * largest(&self.forces),
+                iterations: MOST_ITERATIONS,
+            },
             |v, y| pairwise.apply(v, y),
             |r, z| factor.solve(pattern, r, z),
         );

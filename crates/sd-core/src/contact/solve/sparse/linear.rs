@@ -1,6 +1,5 @@
 //! The linear system of given states, as products with it and with its preconditioner.
 
-use super::corrections::Corrections;
 use super::{LEAST_COMPLIANCE, WEIGHT};
 use crate::contact::row::Row;
 use crate::contact::solve::problem::{Grip, Problem, States};
@@ -25,9 +24,8 @@ pub(super) fn row_of(problem: &Problem, at: usize) -> (usize, &Row) {
 /// What the preconditioner is made of.
 pub(super) struct Preconditioner<'a> {
     pub(super) pattern: &'a BlockPattern,
-    /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`, and what it lacks of it.
+    /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
     pub(super) held: &'a mut BlockCholesky,
-    pub(super) corrections: &'a mut Corrections,
     /// Factor of the near part of R.
     pub(super) free: &'a mut BlockCholesky,
     /// Stiffness of each candidate, then of each row.
@@ -192,7 +190,6 @@ impl Linear<'_> {
             }
         }
         by.held.solve(pattern, work, z_v);
-        by.corrections.correct(z_v);
         if isolated {
             work.copy_from_slice(r_n);
         }

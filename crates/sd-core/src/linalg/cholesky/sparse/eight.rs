@@ -61,12 +61,13 @@ pub(super) fn upper(values: &[Lanes], whole: usize, own: &mut [Lanes], below: &[
         let inside = known.len();
         let (columns, whole_inside) = (j..j + 3, inside - inside % LANES);
         let by_own = dot_three(
-            (&top_rows[(j + 3) * width..], width),
+            &top_rows[(j + 3) * width..],
+            width,
             &columns,
             known,
             whole_inside,
         );
-        let by_below = dot_three((rows_below, width), &columns, below, whole);
+        let by_below = dot_three(rows_below, width, &columns, below, whole);
         let row = |k: usize| &top_rows[(j + k) * width + j..][..3];
         let (a, b, c) = (row(0), row(1), row(2));
         let known = |k: usize| minus(top[k], plus(by_own[k], by_below[k]));
@@ -80,7 +81,8 @@ pub(super) fn upper(values: &[Lanes], whole: usize, own: &mut [Lanes], below: &[
 /// Dot products of three columns with x, of rows that are `width` long: of the first `whole` in eight partial sums, then one by one.
 #[inline(always)]
 fn dot_three(
-    (rows, width): (&[Lanes], usize),
+    rows: &[Lanes],
+    width: usize,
     columns: &Range<usize>,
     x: &[Lanes],
     whole: usize,

@@ -134,7 +134,8 @@ impl Schedule {
 /// The row of a pivot that is not positive.
 pub(super) fn factor(
     pattern: &BlockPattern,
-    (values, is_new): (&[f32], &[bool]),
+    values: &[f32],
+    is_new: &[bool],
     factor: &mut [f32],
     rows: &mut Vec<f32>,
     stack: &mut MemStack,
