@@ -24,6 +24,15 @@ pub(crate) struct Until {
     pub(crate) iterations: usize,
 }
 
+impl Until {
+    pub(crate) fn new(residual: f64, iterations: usize) -> Self {
+        Self {
+            residual,
+            iterations,
+        }
+    }
+}
+
 pub use cholesky::skyline::SkylineCholesky;
 pub use cholesky::tiled::{TiledCholesky, TiledMatrix};
 pub use dense::Matrix;

@@ -77,13 +77,6 @@ pub(crate) fn largest(x: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    fn until(residual: f64, iterations: usize) -> Until {
-        Until {
-            residual,
-            iterations,
-        }
-    }
-
     #[test]
     fn three_eigenvalues_take_three_iterations() {
         let diagonal = [1.0, 4.0, 9.0, 4.0, 1.0, 9.0];
@@ -96,7 +89,10 @@ mod tests {
         let b = [1.0, 2.0, -3.0, 0.5, 4.0, 1.0];
         let mut x = [0.0; 6];
         let mut solver = ConjugateGradients::default();
-        assert_eq!(solver.solve(&b, &mut x, until(1e-12, 10), apply, copy), 3);
+        assert_eq!(
+            solver.solve(&b, &mut x, Until::new(1e-12, 10), apply, copy),
+            3
+        );
         for k in 0..6 {
             assert!((x[k] - b[k] / diagonal[k]).abs() < 1e-12);
         }
@@ -107,7 +103,7 @@ mod tests {
         let mut x = [1.0];
         let never = |_: &[f64], _: &mut [f64]| panic!("not needed");
         let iterations =
-            ConjugateGradients::default().solve(&[0.0], &mut x, until(0.0, 5), never, never);
+            ConjugateGradients::default().solve(&[0.0], &mut x, Until::new(0.0, 5), never, never);
         assert_eq!((iterations, x), (0, [0.0]));
     }
 }

@@ -146,13 +146,6 @@ fn scale(x: &mut [f64], s: f64) {
 mod tests {
     use super::*;
 
-    fn until(residual: f64, iterations: usize) -> Until {
-        Until {
-            residual,
-            iterations,
-        }
-    }
-
     /// A matrix without symmetry, `[4 × 4]`.
     fn apply(x: &[f64], y: &mut [f64]) {
         for (row, value) in y.iter_mut().enumerate() {
@@ -174,7 +167,7 @@ mod tests {
             }
         };
         let mut x = [0.0; 4];
-        let reached = Gmres::default().solve(&b, &mut x, until(1e-12, 10), apply, diagonal);
+        let reached = Gmres::default().solve(&b, &mut x, Until::new(1e-12, 10), apply, diagonal);
         assert_eq!(reached.iterations, 4);
         let mut image = [0.0; 4];
         apply(&x, &mut image);
@@ -189,7 +182,7 @@ mod tests {
         let copy = |r: &[f64], z: &mut [f64]| z.copy_from_slice(r);
         let (mut x, mut solver) = ([0.0; 4], Gmres::default());
         for most in 1..4 {
-            let reached = solver.solve(&b, &mut x, until(0.0, most), apply, copy);
+            let reached = solver.solve(&b, &mut x, Until::new(0.0, most), apply, copy);
             let mut image = [0.0; 4];
             apply(&x, &mut image);
             let left: f64 = b.iter().zip(&image).map(|(b, y)| (b - y).powi(2)).sum();
@@ -201,7 +194,7 @@ mod tests {
     fn nothing_is_done_where_nothing_is_wanted() {
         let never = |_: &[f64], _: &mut [f64]| panic!("not needed");
         let mut x = [1.0];
-        let reached = Gmres::default().solve(&[0.0], &mut x, until(0.0, 5), never, never);
+        let reached = Gmres::default().solve(&[0.0], &mut x, Until::new(0.0, 5), never, never);
         assert_eq!((reached.iterations, x), (0, [0.0]));
     }
 }

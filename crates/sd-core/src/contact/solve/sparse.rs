@@ -325,10 +325,7 @@ impl System for OnNetwork<'_> {
             let reached = system.gmres.solve(
                 &system.residual,
                 &mut system.correction,
-                Until {
-                    residual: goal,
-                    iterations: MOST_ITERATIONS,
-                },
+                Until::new(goal, MOST_ITERATIONS),
                 |x, y| linear.apply(x, y, &mut system.both),
                 |r, z| linear.precondition(&mut preconditioner, r, z),
             );

@@ -57,10 +57,7 @@ impl NearSolver {
         self.gradients.solve(
             &self.forces,
             x,
-            Until {
-                residual: LEFT * largest(&self.forces),
-                iterations: MOST_ITERATIONS,
-            },
+            Until::new(LEFT * largest(&self.forces), MOST_ITERATIONS),
             |v, y| pairwise.apply(v, y),
             |r, z| factor.solve(pattern, r, z),
         );
