@@ -29,6 +29,7 @@ use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
 use crate::linalg::dense::{Matrix, add_scaled, dot};
 use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
+use crate::model::Params;
 use std::f64::consts::PI;
 
 /// Smallest compliance in the preconditioner, in a/(mu·a²·rate): single precision holds its inverse well.
@@ -60,6 +61,16 @@ const LEAST_FORCE: f64 = 6.0 * PI;
 /// Mobility of a contact, about, in 1/(mu·a).
 const MOBILITY: f64 = 0.02;
 
+/// What is at hand of the near part of R.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+enum HasNear {
+    #[default]
+    Nothing,
+    Matrix,
+    /// The matrix too.
+    Factor,
+}
+
 /// Velocities, factors and workspace.
 #[derive(Default)]
 pub(crate) struct SparseSystem {
@@ -80,8 +91,9 @@ pub(crate) struct SparseSystem {
     stiffness: Vec<f64>,
     /// Iterations of the last call with this factor.
     iterations: usize,
-    /// Factor of the near part of R, and whether it is that of the stage.
-    free: (BlockCholesky, bool),
+    /// The near part of R, and what of it is that of the stage.
+    near: BlockCholesky,
+    has_near: HasNear,
     /// Solver of the system.
     gmres: Gmres,
     /// Residual and correction: of v, of v_N, of f, of t.
@@ -101,7 +113,7 @@ pub(crate) struct SparseSystem {
 impl SparseSystem {
     /// Begins a stage at new positions.
     pub(crate) fn start(&mut self) {
-        self.free.1 = false;
+        self.has_near = HasNear::Nothing;
         self.is_factored = false;
         self.products.start();
     }
@@ -213,12 +225,7 @@ impl SparseSystem {
         };
         let patient = PATIENT[usize::from(repeated)];
         if changes > MOST_CHANGES || changes > 0 && self.iterations > patient {
-            if problem.isolated {
-                // The near part of R is at hand.
-                self.held.copy_matrix(pattern, &self.free.0);
-            } else {
-                linear.network.fill(pattern, &mut self.held);
-            }
+            self.held.copy_matrix(&self.near);
             for (at, &s) in self.stiffness[..rows].iter().enumerate() {
                 if s != 0.0 {
                     let (contact, row) = row_of(problem, at);
@@ -255,6 +262,16 @@ fn add_stiffness(
     matrix.add_own(pattern, row.spheres[1], &block(j, j));
     if let Some(number) = number {
         matrix.add_coupling(pattern, number, &block(j, i));
+    }
+}
+
+/// What one contact may be wrong by, over the norm of all residuals: in large layers its own share, as otherwise states that are wrong are
+/// seen only some systems later; in others all of it.
+fn share_of_one(spheres: usize) -> f64 {
+    if spheres > Params::LARGE_ABOVE {
+        (spheres as f64).sqrt().recip()
+    } else {
+        1.0
     }
 }
 
@@ -318,7 +335,7 @@ impl System for OnNetwork<'_> {
             let mut preconditioner = Preconditioner {
                 pattern: self.pattern,
                 held: &mut system.held,
-                free: &mut system.free.0,
+                near: &mut system.near,
                 stiffness: &system.stiffness,
                 work: &mut system.work,
             };
@@ -343,9 +360,10 @@ impl System for OnNetwork<'_> {
             return None;
         }
         self.read(problem, forces);
+        let left_at_one = left * share_of_one(self.network.spheres());
         Some(Noise {
-            force: left.max(1e-13 * largest(&forces.normal)),
-            velocity: (left / WEIGHT).max(1e-13),
+            force: left_at_one.max(1e-13 * largest(&forces.normal)),
+            velocity: (left_at_one / WEIGHT).max(1e-13),
             exact: left <= floor,
         })
     }
@@ -432,15 +450,18 @@ impl<'a> OnNetwork<'a> {
         });
         system.numbers.extend(numbers);
         let pattern = network.pattern();
-        if problem.isolated && !system.free.1 {
-            network.fill(pattern, &mut system.free.0);
-            let factored = system.free.0.factor(pattern);
+        if system.has_near == HasNear::Nothing {
+            network.fill(pattern, &mut system.near);
+            system.has_near = HasNear::Matrix;
+        }
+        if problem.isolated && system.has_near < HasNear::Factor {
+            let factored = system.near.factor(pattern);
             factored.map_err(|bad| Error::NotPositiveDefinite {
                 matrix: "near part of the resistance",
                 pivot: bad.pivot,
                 sphere: bad.pivot / 3,
             })?;
-            system.free.1 = true;
+            system.has_near = HasNear::Factor;
         }
         Ok(Self {
             pattern,

@@ -208,17 +208,15 @@ pub struct BlockCholesky {
 }
 
 impl BlockCholesky {
-    /// Sets the matrix to zero, with room for that pattern. Allocates only for a pattern larger than all before.
+    /// Sets the matrix to zero. Allocates only for a pattern larger than all before.
     pub fn reset(&mut self, pattern: &BlockPattern) {
         self.values.clear();
         self.values.resize(pattern.scalar.row_idx().len(), 0.0);
-        self.make_room(pattern);
     }
 
     /// Takes over the matrix of another of the same pattern.
-    pub fn copy_matrix(&mut self, pattern: &BlockPattern, other: &Self) {
+    pub fn copy_matrix(&mut self, other: &Self) {
         self.values.clone_from(&other.values);
-        self.make_room(pattern);
     }
 
     /// Room for a factor and its solves.
@@ -244,11 +242,12 @@ impl BlockCholesky {
         add(&mut self.values, pattern.couplings[coupling], block);
     }
 
-    /// Factors the matrix, which stays as it is.
+    /// Factors the matrix, which stays as it is. Allocates only for a pattern larger than all before.
     ///
     /// # Errors
     /// [`BadPivot`] with `3 × sphere + component`.
     pub fn factor(&mut self, pattern: &BlockPattern) -> Result<(), BadPivot> {
+        self.make_room(pattern);
         self.is_new.clear();
         self.is_new.resize(pattern.nodes.len(), true);
         pattern.order.make_room(&mut self.packed);
@@ -494,7 +493,7 @@ mod tests {
             let changed = matrix.is_new.iter().filter(|&&is_new| is_new).count();
             assert!(changed < pattern.nodes.len() / 2 && (changed > 0) != spheres.is_empty());
             let mut new = BlockCholesky::default();
-            new.copy_matrix(&pattern, &matrix);
+            new.copy_matrix(&matrix);
             new.factor(&pattern).unwrap();
             assert!(new.factor == matrix.factor && new.packed == matrix.packed);
         }
@@ -502,10 +501,10 @@ mod tests {
         let (_, whole) = lattice(25);
         matrix.add_own(&pattern, 40, &[-1e3; 9]);
         assert!(matrix.factor_again(&pattern).is_err());
-        matrix.copy_matrix(&pattern, &whole);
+        matrix.copy_matrix(&whole);
         matrix.factor_again(&pattern).unwrap();
         let mut new = BlockCholesky::default();
-        new.copy_matrix(&pattern, &whole);
+        new.copy_matrix(&whole);
         new.factor(&pattern).unwrap();
         assert!(new.factor == matrix.factor && new.packed == matrix.packed);
     }

@@ -26,8 +26,8 @@ pub(super) struct Preconditioner<'a> {
     pub(super) pattern: &'a BlockPattern,
     /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
     pub(super) held: &'a mut BlockCholesky,
-    /// Factor of the near part of R.
-    pub(super) free: &'a mut BlockCholesky,
+    /// The near part of R, factored.
+    pub(super) near: &'a mut BlockCholesky,
     /// Stiffness of each candidate, then of each row.
     pub(super) stiffness: &'a [f64],
     /// Forces on the spheres, `[3N]`.
@@ -203,7 +203,7 @@ impl Linear<'_> {
             }
         }
         if isolated {
-            by.free.solve(pattern, work, z_n);
+            by.near.solve(pattern, work, z_n);
         }
         let read_from: &[f64] = if isolated { z_n } else { z_v };
         for (m, (entry, &s)) in self.problem.tangential.iter().zip(tangential).enumerate() {
