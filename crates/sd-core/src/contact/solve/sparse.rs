@@ -265,16 +265,6 @@ fn add_stiffness(
     }
 }
 
-/// What one contact may be wrong by, over the norm of all residuals: in large layers its own share, as otherwise states that are wrong are
-/// seen only some systems later; in others all of it.
-fn share_of_one(spheres: usize) -> f64 {
-    if spheres > Params::LARGE_ABOVE {
-        (spheres as f64).sqrt().recip()
-    } else {
-        1.0
-    }
-}
-
 /// A [`SparseSystem`] with the network it belongs to.
 pub(crate) struct OnNetwork<'a> {
     /// R pair by pair.
@@ -360,7 +350,7 @@ impl System for OnNetwork<'_> {
             return None;
         }
         self.read(problem, forces);
-        let left_at_one = left * share_of_one(self.network.spheres());
+        let left_at_one = left * self.share_of_one();
         Some(Noise {
             force: left_at_one.max(1e-13 * largest(&forces.normal)),
             velocity: (left_at_one / WEIGHT).max(1e-13),
@@ -469,6 +459,17 @@ impl<'a> OnNetwork<'a> {
             system,
             enough: driving.enough,
         })
+    }
+
+    /// What one contact may be wrong by, over the norm of all residuals: in large layers its own share, as otherwise states that are wrong
+    /// are seen only some systems later; in others all of it. Where an iteration from outside moves all contacts anyway, it saves nothing.
+    fn share_of_one(&self) -> f64 {
+        let spheres = self.network.spheres();
+        if spheres > Params::LARGE_ABOVE && self.enough == 0.0 {
+            (spheres as f64).sqrt().recip()
+        } else {
+            1.0
+        }
     }
 
     /// Slack and slip of the velocities at hand.
