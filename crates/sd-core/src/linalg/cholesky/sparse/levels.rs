@@ -132,7 +132,7 @@ impl SolveOrder {
         let mut slots = vec![Vec::new(); nodes.len()];
         for number in 0..count {
             let mut same: Vec<usize> = (0..nodes.len()).filter(|&k| level[k] == number).collect();
-            same.sort_by_key(|&k| (nodes[k].below.len(), nodes[k].width));
+            same.sort_by_key(|&k| (nodes[k].width, nodes[k].below.len()));
             let (first_batch, first_single) = (all.batches.len(), all.singles.len());
             for eight in same.chunks(LANES) {
                 if is_worth_while(nodes, eight) {

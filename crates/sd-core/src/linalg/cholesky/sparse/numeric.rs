@@ -18,10 +18,12 @@ use faer::sparse::SymbolicSparseColMatRef;
 use faer::{MatMut, Par, Spec};
 use std::ops::Range;
 
-/// Rows at a time.
-const ROWS: usize = 8;
-/// Columns of a sphere.
+/// Rows at a time: as many products side by side as the processor has registers for, and fewer for the last rows.
+const ROWS: usize = 16;
+const LAST_ROWS: usize = 8;
+/// Columns of a sphere, and of two.
 const COLUMNS: usize = 3;
+const TWO: usize = 2 * COLUMNS;
 
 /// Where values go in a factor.
 #[derive(Debug, Default)]
@@ -192,30 +194,64 @@ fn update<'u>(
     }
     for update in updates {
         let targets = &targets[update.rows.clone()];
-        for column in (0..update.columns).step_by(COLUMNS) {
-            let place = |c: usize| update.start + targets[column + c] as usize * update.height;
-            let places = [place(0), place(1), place(2)];
-            let from = update.first + column;
-            for (number, targets) in targets[column..].chunks(ROWS).enumerate() {
-                let sums = products(rows, height, from + ROWS * number, from);
-                for (place, sums) in places.into_iter().zip(&sums) {
-                    let target = &mut factor[place..place + update.height];
-                    for (&row, sum) in targets.iter().zip(sums) {
-                        target[row as usize] -= sum;
-                    }
-                }
-            }
+        let even = update.columns - update.columns % TWO;
+        for column in (0..even).step_by(TWO) {
+            subtract::<TWO>(rows, height, update, targets, column, factor);
+        }
+        for column in (even..update.columns).step_by(COLUMNS) {
+            subtract::<COLUMNS>(rows, height, update, targets, column, factor);
         }
     }
 }
 
-/// Products of rows from `i` on with the three rows from `j` on, summed in the order of the columns.
+/// Takes products of rows with C of them, from one of them on, off those columns of a later supernode.
+///
+/// Rows begin with the first of these columns: what is above the diagonal then nobody reads.
 #[inline(always)]
-fn products(rows: &[f32], height: usize, i: usize, j: usize) -> [[f32; ROWS]; COLUMNS] {
-    let mut sums = [[0.0_f32; ROWS]; COLUMNS];
+fn subtract<const C: usize>(
+    rows: &[f32],
+    height: usize,
+    update: &Update,
+    targets: &[u32],
+    column: usize,
+    factor: &mut [f32],
+) {
+    let places = std::array::from_fn::<_, C, _>(|c| {
+        update.start + targets[column + c] as usize * update.height
+    });
+    let mut take = |targets: &[u32], sums: &[&[f32]; C]| {
+        for (place, sums) in places.into_iter().zip(sums) {
+            let target = &mut factor[place..place + update.height];
+            for (&row, sum) in targets.iter().zip(*sums) {
+                target[row as usize] -= sum;
+            }
+        }
+    };
+    let from = update.first + column;
+    let (whole, last) = targets[column..].as_chunks::<ROWS>();
+    for (number, targets) in whole.iter().enumerate() {
+        let sums = products::<ROWS, C>(rows, height, from + ROWS * number, from);
+        take(targets, &sums.each_ref().map(|sums| &sums[..]));
+    }
+    let begin = from + ROWS * whole.len();
+    for (number, targets) in last.chunks(LAST_ROWS).enumerate() {
+        let sums = products::<LAST_ROWS, C>(rows, height, begin + LAST_ROWS * number, from);
+        take(targets, &sums.each_ref().map(|sums| &sums[..]));
+    }
+}
+
+/// Products of R rows from `i` on with the C rows from `j` on, summed in the order of the columns.
+#[inline(always)]
+fn products<const R: usize, const C: usize>(
+    rows: &[f32],
+    height: usize,
+    i: usize,
+    j: usize,
+) -> [[f32; R]; C] {
+    let mut sums = [[0.0_f32; R]; C];
     for column in rows.chunks_exact(height) {
-        let x = &column[i..i + ROWS];
-        for (sums, y) in sums.iter_mut().zip(&column[j..j + COLUMNS]) {
+        let x = &column[i..i + R];
+        for (sums, y) in sums.iter_mut().zip(&column[j..j + C]) {
             for (sum, x) in sums.iter_mut().zip(x) {
                 *sum = x.mul_add(*y, *sum);
             }

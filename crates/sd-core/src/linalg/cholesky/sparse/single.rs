@@ -2,10 +2,12 @@
 
 use super::Node;
 
+/// Spheres whose columns are taken off the rows below at a time.
+const SPHERES: usize = 4;
+
 /// `x ← L⁻¹ x` in the columns of a supernode; `left`: what that leaves for its rows below.
 #[inline(always)]
 pub(super) fn lower(node: &Node, factor: &[f32], x: &mut [f32], left: &mut [f32]) {
-    left.fill(0.0);
     for j in (0..node.width).step_by(3) {
         let [a, b, c] = node.columns(factor, j);
         let (top, rest) = x[j..].split_at_mut(3);
@@ -13,28 +15,50 @@ pub(super) fn lower(node: &Node, factor: &[f32], x: &mut [f32], left: &mut [f32]
         let xb = (top[1] - a[1] * xa) / b[1];
         let xc = (top[2] - a[2] * xa - b[2] * xb) / c[2];
         top.copy_from_slice(&[xa, xb, xc]);
-        let (inside, outside) = (3..node.width - j, node.width - j..a.len());
-        for (x, rows) in [(rest, inside), (&mut *left, outside)] {
-            let columns = [&a[rows.clone()], &b[rows.clone()], &c[rows]];
-            subtract_three(x, columns, [xa, xb, xc]);
-        }
+        let inside = 3..node.width - j;
+        let columns = [a, b, c].map(|column| &column[inside.clone()]);
+        subtract(rest, [columns], [[xa, xb, xc]]);
+    }
+    left.fill(0.0);
+    let below = |j: usize| {
+        node.columns(factor, j)
+            .map(|column| &column[node.width - j..])
+    };
+    let (many, few) = x.as_chunks::<3>().0.as_chunks::<SPHERES>();
+    for (number, weights) in many.iter().enumerate() {
+        let first = 3 * SPHERES * number;
+        subtract(
+            left,
+            std::array::from_fn(|g| below(first + 3 * g)),
+            *weights,
+        );
+    }
+    for (number, weights) in few.iter().enumerate() {
+        let first = 3 * (SPHERES * many.len() + number);
+        subtract(left, [below(first)], [*weights]);
     }
 }
 
-/// `x ← x − Σ weight · column`, eight rows at a time.
+/// `x ← x − Σ weight · column` for the three columns of one sphere after the other, eight rows at a time.
 #[inline(always)]
-fn subtract_three(x: &mut [f32], columns: [&[f32]; 3], [wa, wb, wc]: [f32; 3]) {
+fn subtract<const G: usize>(x: &mut [f32], columns: [[&[f32]; 3]; G], weights: [[f32; 3]; G]) {
+    let columns = columns.map(|three| three.map(|column| &column[..x.len()]));
+    let whole = x.len() - x.len() % 8;
     let (eights, rest) = x.as_chunks_mut::<8>();
-    let [(a, a_rest), (b, b_rest), (c, c_rest)] = columns.map(|column| column.as_chunks::<8>());
-    for (x, ((a, b), c)) in eights.iter_mut().zip(a.iter().zip(b).zip(c)) {
+    for (number, x) in eights.iter_mut().enumerate() {
         let mut new = *x;
-        for k in 0..8 {
-            new[k] -= a[k] * wa + b[k] * wb + c[k] * wc;
+        for (three, [wa, wb, wc]) in columns.iter().zip(weights) {
+            let [a, b, c] = three.map(|column| &column[8 * number..8 * number + 8]);
+            for k in 0..8 {
+                new[k] -= a[k] * wa + b[k] * wb + c[k] * wc;
+            }
         }
         *x = new;
     }
-    for (x, ((a, b), c)) in rest.iter_mut().zip(a_rest.iter().zip(b_rest).zip(c_rest)) {
-        *x -= a * wa + b * wb + c * wc;
+    for (row, x) in (whole..).zip(rest) {
+        for ([a, b, c], [wa, wb, wc]) in columns.iter().zip(weights) {
+            *x -= a[row] * wa + b[row] * wb + c[row] * wc;
+        }
     }
 }
 
