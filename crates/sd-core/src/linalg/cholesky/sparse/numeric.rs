@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Supernodes have a few spheres each, so that the time goes into hundreds of small products. Where each of them goes is looked up once for
-//! a pattern; blocks of columns are factored by faer. The factor has the bits of faer's own supernodal factorization, which takes nearly twice as long.
+//! a pattern; blocks of columns are factored by faer. The factor has the bits of faer's own supernodal factorization, which takes about twice as long.
 
 use super::{BlockPattern, Node, narrow};
 use crate::linalg::simd::vectorised;
@@ -18,7 +18,7 @@ use faer::sparse::SymbolicSparseColMatRef;
 use faer::{MatMut, Par, Spec};
 use std::ops::Range;
 
-/// Rows at a time: as many products side by side as the processor has registers for, and fewer for the last rows.
+/// Rows at a time: with the columns of two spheres, as many sums as the registers hold, none of which waits for another; and for the last rows.
 const ROWS: usize = 16;
 const LAST_ROWS: usize = 8;
 /// Columns of a sphere, and of two.
