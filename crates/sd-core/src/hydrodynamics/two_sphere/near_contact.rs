@@ -182,13 +182,12 @@ mod tests {
 
     /// Largest difference, over the larger of the value and `floor`.
     fn difference(a: &[Scalars; 2], b: &[Scalars; 2], floor: f64) -> f64 {
-        let mut worst = 0.0_f64;
-        for label in 0..2 {
-            for (x, y) in a[label].to_array().iter().zip(b[label].to_array()) {
-                worst = worst.max((x - y).abs() / y.abs().max(floor));
-            }
-        }
-        worst
+        let pairs = a
+            .iter()
+            .zip(b)
+            .flat_map(|(a, b)| a.to_array().into_iter().zip(b.to_array()));
+        let differences = pairs.map(|(x, y)| (x - y).abs() / y.abs().max(floor));
+        differences.fold(0.0, f64::max)
     }
 
     #[test]
