@@ -132,7 +132,7 @@ impl SolveOrder {
         let mut slots = vec![Vec::new(); nodes.len()];
         for number in 0..count {
             let mut same: Vec<usize> = (0..nodes.len()).filter(|&k| level[k] == number).collect();
-            // Alike in width first: that takes an eighth fewer zeros than alike in height first.
+            // Alike in width first: with 10 000 spheres that holds an eighth fewer values, zeros included, than alike in height first.
             same.sort_by_key(|&k| (nodes[k].width, nodes[k].below.len()));
             let (first_batch, first_single) = (all.batches.len(), all.singles.len());
             for eight in same.chunks(LANES) {

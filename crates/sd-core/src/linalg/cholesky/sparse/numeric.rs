@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Supernodes have a few spheres each, so that the time goes into hundreds of small products. Where each of them goes is looked up once for
-//! a pattern; blocks of columns are factored by faer. The factor has the bits of faer's own supernodal factorization, which takes about twice as long.
+//! a pattern; blocks of columns are factored by faer. The factor has the bits of faer's own supernodal factorization, which takes longer.
 
 use super::{BlockPattern, Node, narrow};
 use crate::linalg::simd::vectorised;
@@ -18,12 +18,14 @@ use faer::sparse::SymbolicSparseColMatRef;
 use faer::{MatMut, Par, Spec};
 use std::ops::Range;
 
-/// Rows at a time: with the columns of two spheres, as many sums as the registers hold, none of which waits for another; and for the last rows.
+/// Rows at a time: with the columns of two spheres, as many sums as the registers hold, none of which waits for another.
 const ROWS: usize = 16;
+/// The same at the end, where there are fewer.
 const LAST_ROWS: usize = 8;
-/// Columns of a sphere, and of two.
+/// Columns of a sphere.
 const COLUMNS: usize = 3;
-const TWO: usize = 2 * COLUMNS;
+/// Columns of two spheres.
+const TWO_SPHERES: usize = 2 * COLUMNS;
 
 /// Where values go in a factor.
 #[derive(Debug, Default)]
@@ -183,9 +185,9 @@ fn update<'u>(
     factor: &mut [f32],
     rows: &mut Vec<f32>,
 ) {
-    // Its rows below, column after column, with room for whole rows at a time beyond the end, where anything may stand.
+    // Its rows below, column after column, with room for the last rows at a time beyond the end, where anything may stand.
     let count = node.below.len();
-    let height = count.next_multiple_of(ROWS) + ROWS;
+    let height = count.next_multiple_of(LAST_ROWS) + LAST_ROWS;
     rows.resize((node.width * height).max(rows.len()), 0.0);
     let rows = &mut rows[..node.width * height];
     let columns = factor[node.values.clone()].chunks_exact(node.height());
@@ -194,19 +196,17 @@ fn update<'u>(
     }
     for update in updates {
         let targets = &targets[update.rows.clone()];
-        let even = update.columns - update.columns % TWO;
-        for column in (0..even).step_by(TWO) {
-            subtract::<TWO>(rows, height, update, targets, column, factor);
+        let in_twos = update.columns - update.columns % TWO_SPHERES;
+        for column in (0..in_twos).step_by(TWO_SPHERES) {
+            subtract::<TWO_SPHERES>(rows, height, update, targets, column, factor);
         }
-        for column in (even..update.columns).step_by(COLUMNS) {
+        for column in (in_twos..update.columns).step_by(COLUMNS) {
             subtract::<COLUMNS>(rows, height, update, targets, column, factor);
         }
     }
 }
 
-/// Takes products of rows with C of them, from one of them on, off those columns of a later supernode.
-///
-/// Rows begin with the first of these columns: what is above the diagonal then nobody reads.
+/// What a supernode does to C columns of a later one, from `column` of the update on. What that puts above the diagonal nobody reads.
 #[inline(always)]
 fn subtract<const C: usize>(
     rows: &[f32],
@@ -219,10 +219,11 @@ fn subtract<const C: usize>(
     let places = std::array::from_fn::<_, C, _>(|c| {
         update.start + targets[column + c] as usize * update.height
     });
-    let mut take = |targets: &[u32], sums: &[&[f32]; C]| {
-        for (place, sums) in places.into_iter().zip(sums) {
+    // Sums of all rows at a time for one column after the other.
+    let mut take = |targets: &[u32], sums: &[f32]| {
+        for (place, sums) in places.into_iter().zip(sums.chunks_exact(sums.len() / C)) {
             let target = &mut factor[place..place + update.height];
-            for (&row, sum) in targets.iter().zip(*sums) {
+            for (&row, sum) in targets.iter().zip(sums) {
                 target[row as usize] -= sum;
             }
         }
@@ -231,12 +232,12 @@ fn subtract<const C: usize>(
     let (whole, last) = targets[column..].as_chunks::<ROWS>();
     for (number, targets) in whole.iter().enumerate() {
         let sums = products::<ROWS, C>(rows, height, from + ROWS * number, from);
-        take(targets, &sums.each_ref().map(|sums| &sums[..]));
+        take(targets, sums.as_flattened());
     }
     let begin = from + ROWS * whole.len();
     for (number, targets) in last.chunks(LAST_ROWS).enumerate() {
         let sums = products::<LAST_ROWS, C>(rows, height, begin + LAST_ROWS * number, from);
-        take(targets, &sums.each_ref().map(|sums| &sums[..]));
+        take(targets, sums.as_flattened());
     }
 }
 

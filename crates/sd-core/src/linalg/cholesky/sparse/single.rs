@@ -39,12 +39,12 @@ pub(super) fn lower(node: &Node, factor: &[f32], x: &mut [f32], left: &mut [f32]
     }
 }
 
-/// `x ← x − Σ weight · column` for the three columns of one sphere after the other, eight rows at a time.
+/// `x ← x − Σ weight · column` for the three columns of G spheres, one sphere after the other, eight rows at a time.
 #[inline(always)]
 fn subtract<const G: usize>(x: &mut [f32], columns: [[&[f32]; 3]; G], weights: [[f32; 3]; G]) {
     let columns = columns.map(|three| three.map(|column| &column[..x.len()]));
-    let whole = x.len() - x.len() % 8;
     let (eights, rest) = x.as_chunks_mut::<8>();
+    let whole = 8 * eights.len();
     for (number, x) in eights.iter_mut().enumerate() {
         let mut new = *x;
         for (three, [wa, wb, wc]) in columns.iter().zip(weights) {
