@@ -13,9 +13,11 @@
 //! unsymmetric; eliminating the forces from it leaves `R + Cᵀ S C + Dᵀ S D` with the stiffnesses S = 1/κ of springs over the time
 //! ahead, or a large one for rigid contacts: a sparse Cholesky factor in single precision. So soft and rigid contacts cost the same.
 
+mod active;
 mod linear;
 mod products;
 
+use self::active::Active;
 use self::linear::{BothMotions, Linear, Preconditioner, row_of};
 use self::products::ContactProducts;
 pub(crate) use self::products::has_products;
@@ -89,6 +91,8 @@ pub(crate) struct SparseSystem {
     is_factored: bool,
     /// Stiffnesses that the states ask for.
     stiffness: Vec<f64>,
+    /// What the states put into the system.
+    active: Active,
     /// Iterations of the last call with this factor.
     iterations: usize,
     /// The near part of R, and what of it is that of the stage.
@@ -152,31 +156,30 @@ impl SparseSystem {
                 *r = f - *r;
             }
         }
-        for (k, entry) in problem.normal.iter().enumerate() {
+        for entry in &linear.active.closed {
+            let (k, row) = (entry.at as usize, entry.row());
             let f = forces.normal[k];
-            if linear.states.closed[k] {
-                entry.row.add(f, r_v);
-                if problem.isolated {
-                    entry.row.add(f, r_n);
-                }
-                let moved = entry.row.read(&self.velocities) + linear.compliance(k) * f;
-                r_f[k] = -WEIGHT * (moved + entry.bias);
+            row.add(f, r_v);
+            if problem.isolated {
+                row.add(f, r_n);
             }
+            let moved = row.read(&self.velocities) + entry.compliance * f;
+            r_f[k] = -WEIGHT * (moved + problem.normal[k].bias);
         }
-        for (m, entry) in problem.tangential.iter().enumerate() {
-            let t = forces.tangential[m];
+        for (entry, &t) in problem.tangential.iter().zip(&forces.tangential) {
             if t != 0.0 {
                 entry.row.add(-t, r_v);
             }
-            if linear.states.grip[m] == Grip::Stick {
-                let flow = if problem.isolated {
-                    &self.isolated
-                } else {
-                    &self.velocities
-                };
-                let moved = entry.row.read(flow) - linear.row_compliance(m) * t;
-                r_t[m] = -WEIGHT * (moved + entry.shift);
-            }
+        }
+        let flow = if problem.isolated {
+            &self.isolated
+        } else {
+            &self.velocities
+        };
+        for entry in &linear.active.sticking {
+            let m = entry.at as usize;
+            let moved = entry.row().read(flow) - entry.compliance * forces.tangential[m];
+            r_t[m] = -WEIGHT * (moved + problem.tangential[m].shift);
         }
     }
 
@@ -285,77 +288,17 @@ impl System for OnNetwork<'_> {
         last: bool,
         forces: &mut Forces,
     ) -> Option<Noise> {
+        let mut active = std::mem::take(&mut self.system.active);
+        active.list(problem, states);
         let linear = Linear {
             network: self.network,
             problem,
             states,
+            active: &active,
         };
-        let system = &mut *self.system;
-        SparseSystem::follow(&linear, forces);
-        system.find_residual(&linear, forces);
-        let square = |x: &[f64]| dot(x, x);
-        let size = square(&system.driving[0])
-            + square(&forces.normal)
-            + square(&forces.tangential)
-            + LEAST_FORCE * LEAST_FORCE;
-        let size = size.sqrt();
-        let floor = (ROUNDING[usize::from(problem.is_soft())] * size)
-            .min(WEIGHT * SLOW)
-            .max(LEAST_ROUNDING * size);
-        // Forces that contacts exchange among themselves, however large, are none of what an iteration from outside is wrong by.
-        let driven = square(&system.driving[0]).sqrt() + LEAST_FORCE;
-        let mut enough = self.enough * driven;
-        if self.enough < ENDING {
-            enough = enough.min(0.5 * WEIGHT * Quality::RESIDUAL_LIMIT);
-        }
-        let floor = floor.max(enough);
-        let before = square(&system.residual).sqrt();
-        let goal = if last {
-            floor
-        } else {
-            floor.max(GAIN * before)
-        };
-        let mut left = before;
-        if before > floor {
-            system
-                .prepare(&linear, self.pattern, self.enough > 0.0)
-                .ok()?;
-            system.correction.clear();
-            system.correction.resize(system.residual.len(), 0.0);
-            let mut preconditioner = Preconditioner {
-                pattern: self.pattern,
-                held: &mut system.held,
-                near: &mut system.near,
-                stiffness: &system.stiffness,
-                work: &mut system.work,
-            };
-            let reached = system.gmres.solve(
-                &system.residual,
-                &mut system.correction,
-                Until::new(goal, MOST_ITERATIONS),
-                |x, y| linear.apply(x, y, &mut system.both),
-                |r, z| linear.precondition(&mut preconditioner, r, z),
-            );
-            system.iterations = reached.iterations;
-            left = reached.residual;
-            let [v, v_n, f, t] = linear.split(&system.correction);
-            let add = |x: &mut [f64], dx: &[f64]| add_scaled(&mut x[..dx.len()], dx, 1.0);
-            add(&mut system.velocities, v);
-            add(&mut system.isolated, v_n);
-            add(&mut forces.normal, f);
-            add(&mut forces.tangential, t);
-            SparseSystem::follow(&linear, forces);
-        }
-        if !left.is_finite() {
-            return None;
-        }
-        self.read(problem, forces);
-        let left_at_one = left * self.share_of_one();
-        Some(Noise {
-            force: left_at_one.max(1e-13 * largest(&forces.normal)),
-            velocity: (left_at_one / WEIGHT).max(1e-13),
-            exact: left <= floor,
-        })
+        let noise = self.solve_linear(&linear, last, forces);
+        self.system.active = active;
+        noise
     }
 
     fn has_matrix(&self, problem: &Problem) -> bool {
@@ -458,6 +401,81 @@ impl<'a> OnNetwork<'a> {
             network,
             system,
             enough: driving.enough,
+        })
+    }
+
+    /// See [`System::solve`].
+    fn solve_linear(
+        &mut self,
+        linear: &Linear<'_>,
+        last: bool,
+        forces: &mut Forces,
+    ) -> Option<Noise> {
+        let (problem, system) = (linear.problem, &mut *self.system);
+        SparseSystem::follow(linear, forces);
+        system.find_residual(linear, forces);
+        let square = |x: &[f64]| dot(x, x);
+        let size = square(&system.driving[0])
+            + square(&forces.normal)
+            + square(&forces.tangential)
+            + LEAST_FORCE * LEAST_FORCE;
+        let size = size.sqrt();
+        let floor = (ROUNDING[usize::from(problem.is_soft())] * size)
+            .min(WEIGHT * SLOW)
+            .max(LEAST_ROUNDING * size);
+        // Forces that contacts exchange among themselves, however large, are none of what an iteration from outside is wrong by.
+        let driven = square(&system.driving[0]).sqrt() + LEAST_FORCE;
+        let mut enough = self.enough * driven;
+        if self.enough < ENDING {
+            enough = enough.min(0.5 * WEIGHT * Quality::RESIDUAL_LIMIT);
+        }
+        let floor = floor.max(enough);
+        let before = square(&system.residual).sqrt();
+        let goal = if last {
+            floor
+        } else {
+            floor.max(GAIN * before)
+        };
+        let mut left = before;
+        if before > floor {
+            system
+                .prepare(linear, self.pattern, self.enough > 0.0)
+                .ok()?;
+            system.correction.clear();
+            system.correction.resize(system.residual.len(), 0.0);
+            let mut preconditioner = Preconditioner {
+                pattern: self.pattern,
+                held: &mut system.held,
+                near: &mut system.near,
+                stiffness: &system.stiffness,
+                work: &mut system.work,
+            };
+            let reached = system.gmres.solve(
+                &system.residual,
+                &mut system.correction,
+                Until::new(goal, MOST_ITERATIONS),
+                |x, y| linear.apply(x, y, &mut system.both),
+                |r, z| linear.precondition(&mut preconditioner, r, z),
+            );
+            system.iterations = reached.iterations;
+            left = reached.residual;
+            let [v, v_n, f, t] = linear.split(&system.correction);
+            let add = |x: &mut [f64], dx: &[f64]| add_scaled(&mut x[..dx.len()], dx, 1.0);
+            add(&mut system.velocities, v);
+            add(&mut system.isolated, v_n);
+            add(&mut forces.normal, f);
+            add(&mut forces.tangential, t);
+            SparseSystem::follow(linear, forces);
+        }
+        if !left.is_finite() {
+            return None;
+        }
+        self.read(problem, forces);
+        let left_at_one = left * self.share_of_one();
+        Some(Noise {
+            force: left_at_one.max(1e-13 * largest(&forces.normal)),
+            velocity: (left_at_one / WEIGHT).max(1e-13),
+            exact: left <= floor,
         })
     }
 

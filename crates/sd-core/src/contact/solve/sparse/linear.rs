@@ -1,5 +1,6 @@
 //! The linear system of given states, as products with it and with its preconditioner.
 
+use super::active::Active;
 use super::{LEAST_COMPLIANCE, WEIGHT};
 use crate::contact::row::Row;
 use crate::contact::solve::problem::{Grip, Problem, States};
@@ -11,6 +12,7 @@ pub(super) struct Linear<'a> {
     pub(super) network: &'a PairwiseResistance,
     pub(super) problem: &'a Problem,
     pub(super) states: &'a States,
+    pub(super) active: &'a Active,
 }
 
 /// Candidate and row of a contact or friction row, numbered as stiffnesses are: candidates come first.
@@ -129,23 +131,22 @@ impl Linear<'_> {
         y_t: &mut [f64],
     ) {
         let [v, v_n, f, t] = self.split(x);
-        for (k, entry) in self.problem.normal.iter().enumerate() {
-            y_f[k] = 0.0;
-            if self.states.closed[k] {
-                entry.row.add_to_first::<L, L>(-f[k], y);
-                y_f[k] = WEIGHT * (entry.row.read(v) + self.compliance(k) * f[k]);
-            }
+        let forces = &x[x.len() - f.len() - t.len()..];
+        y_f.fill(0.0);
+        for closed in &self.active.closed {
+            let (k, row) = (closed.at as usize, closed.row());
+            row.add_to_first::<L, L>(-f[k], y);
+            y_f[k] = WEIGHT * (row.read(v) + closed.compliance * f[k]);
         }
-        for (m, entry) in self.problem.tangential.iter().enumerate() {
-            y_t[m] = 0.0;
-            let slope = self.slope(m);
-            if slope != 0.0 {
-                entry.row.add_to_first::<1, L>(slope * f[entry.contact], y);
-            } else if self.states.grip[m] == Grip::Stick {
-                entry.row.add_to_first::<1, L>(t[m], y);
-                let read = entry.row.read(if self.problem.isolated { v_n } else { v });
-                y_t[m] = WEIGHT * (read - self.row_compliance(m) * t[m]);
-            }
+        for acting in &self.active.acting {
+            let force = acting.factor * forces[acting.force as usize];
+            acting.row().add_to_first::<1, L>(force, y);
+        }
+        y_t.fill(0.0);
+        let flow = if self.problem.isolated { v_n } else { v };
+        for sticking in &self.active.sticking {
+            let m = sticking.at as usize;
+            y_t[m] = WEIGHT * (sticking.row().read(flow) - sticking.compliance * t[m]);
         }
     }
 
@@ -176,42 +177,40 @@ impl Linear<'_> {
         let [z_v, z_n, z_f, z_t] = self.split_mut(z);
         let (normal, tangential) = by.stiffness.split_at(self.problem.normal.len());
         let isolated = self.problem.isolated;
+        let Active {
+            closed, sticking, ..
+        } = self.active;
         work.copy_from_slice(r_v);
-        for ((entry, &s), r) in self.problem.normal.iter().zip(normal).zip(r_f) {
-            if s != 0.0 {
-                entry.row.add(s * r / WEIGHT, work);
-            }
+        for entry in closed {
+            let k = entry.at as usize;
+            entry.row().add(normal[k] * r_f[k] / WEIGHT, work);
         }
         if !isolated {
-            for ((entry, &s), r) in self.problem.tangential.iter().zip(tangential).zip(r_t) {
-                if s != 0.0 {
-                    entry.row.add(s * r / WEIGHT, work);
-                }
+            for entry in sticking {
+                let m = entry.at as usize;
+                entry.row().add(tangential[m] * r_t[m] / WEIGHT, work);
             }
         }
         by.held.solve(pattern, work, z_v);
         if isolated {
             work.copy_from_slice(r_n);
         }
-        for (k, (entry, &s)) in self.problem.normal.iter().zip(normal).enumerate() {
-            z_f[k] = 0.0;
-            if s != 0.0 {
-                z_f[k] = s * (r_f[k] / WEIGHT - entry.row.read(z_v));
-                if isolated {
-                    entry.row.add(z_f[k], work);
-                }
+        z_f.fill(0.0);
+        for entry in closed {
+            let (k, row) = (entry.at as usize, entry.row());
+            z_f[k] = normal[k] * (r_f[k] / WEIGHT - row.read(z_v));
+            if isolated {
+                row.add(z_f[k], work);
             }
         }
         if isolated {
             by.near.solve(pattern, work, z_n);
         }
         let read_from: &[f64] = if isolated { z_n } else { z_v };
-        for (m, (entry, &s)) in self.problem.tangential.iter().zip(tangential).enumerate() {
-            z_t[m] = if s == 0.0 {
-                0.0
-            } else {
-                s * (entry.row.read(read_from) - r_t[m] / WEIGHT)
-            };
+        z_t.fill(0.0);
+        for entry in sticking {
+            let m = entry.at as usize;
+            z_t[m] = tangential[m] * (entry.row().read(read_from) - r_t[m] / WEIGHT);
         }
     }
 }
