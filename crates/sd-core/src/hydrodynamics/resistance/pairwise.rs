@@ -203,19 +203,22 @@ impl PairwiseResistance {
                         y[k] = product([b[k], b[3 + k], b[6 + k]], v);
                     }
                 }
-                for ([i, j], b) in &self.couplings {
-                    let (i, j) = (*i as usize, *j as usize);
-                    let (v_i, v_j) = (v[i], v[j]);
-                    let (mut y_i, mut y_j) = (y[i], y[j]);
-                    for k in 0..3 {
-                        let of_j = product([b[k], b[3 + k], b[6 + k]], &v_i);
-                        let of_i = product([b[3 * k], b[3 * k + 1], b[3 * k + 2]], &v_j);
-                        for lane in 0..L {
-                            y_j[k][lane] += of_j[lane];
-                            y_i[k][lane] += of_i[lane];
+                // All pairs of a sphere i follow each other: what they do to it is summed before it is written.
+                for of_one in self.couplings.chunk_by(|([a, _], _), ([b, _], _)| a == b) {
+                    let i = of_one[0].0[0] as usize;
+                    let (v_i, mut y_i) = (v[i], y[i]);
+                    for ([_, j], b) in of_one {
+                        let (v_j, y_j) = (v[*j as usize], &mut y[*j as usize]);
+                        for k in 0..3 {
+                            let of_j = product([b[k], b[3 + k], b[6 + k]], &v_i);
+                            let of_i = product([b[3 * k], b[3 * k + 1], b[3 * k + 2]], &v_j);
+                            for lane in 0..L {
+                                y_j[k][lane] += of_j[lane];
+                                y_i[k][lane] += of_i[lane];
+                            }
                         }
                     }
-                    (y[i], y[j]) = (y_i, y_j);
+                    y[i] = y_i;
                 }
             },
         );
