@@ -2,50 +2,60 @@
 //! with one, with the same bits.
 
 use super::lanes::{LANES, Lanes};
-use std::ops::Range;
 
-/// Solves with their columns; what is left for the rows below. `values`: `[rows × columns]`.
+/// Number of values of supernodes side by side: for each sphere its three columns, row after row from its own first row on.
+pub(super) fn values(width: usize, below: usize) -> usize {
+    start(width, width + below)
+}
+
+/// Where the values of the sphere begin whose columns begin at `column`, of supernodes of that height.
+#[inline(always)]
+pub(super) fn start(column: usize, height: usize) -> usize {
+    // Each sphere before has three columns and starts three rows below the one before it.
+    let spheres = column / 3;
+    3 * spheres * height - 9 * (spheres * spheres.saturating_sub(1) / 2)
+}
+
+/// Solves with their columns; what is left for the rows below.
 #[inline(always)]
 pub(super) fn lower(values: &[Lanes], own: &mut [Lanes], below: &mut [Lanes]) {
-    let width = own.len();
-    let (top_rows, rows_below) = values.split_at(width * width);
-    for (j, rows) in (0..width).step_by(3).zip(top_rows.chunks_exact(3 * width)) {
+    let (width, height) = (own.len(), own.len() + below.len());
+    for j in (0..width).step_by(3) {
         let (known, top) = own.split_at_mut(j);
-        let [first, second, third] = subtracted([top[0], top[1], top[2]], rows, width, known);
-        let (a, b, c) = (&rows[j..], &rows[width + j..], &rows[2 * width + j..]);
+        let [first, second, third] = subtracted([top[0], top[1], top[2]], values, j, height, known);
+        let triangle = &values[start(j, height)..][..9];
+        let (a, b, c) = (&triangle[..3], &triangle[3..6], &triangle[6..]);
         let first = over(first, a[0]);
         let second = over(less(second, b[0], first), b[1]);
         let third = over(less(less(third, c[0], first), c[1], second), c[2]);
         top[..3].copy_from_slice(&[first, second, third]);
     }
     let (pairs, last) = below.as_chunks_mut::<2>();
-    for (pair, rows) in pairs.iter_mut().zip(rows_below.chunks_exact(2 * width)) {
-        *pair = subtracted([[0.0; LANES]; 2], rows, width, own);
+    for (row, pair) in (width..).step_by(2).zip(pairs) {
+        *pair = subtracted([[0.0; LANES]; 2], values, row, height, own);
     }
     for last in last {
-        let row = &rows_below[rows_below.len() - width..];
-        [*last] = subtracted([[0.0; LANES]], row, width, own);
+        [*last] = subtracted([[0.0; LANES]], values, height - 1, height, own);
     }
 }
 
-/// `start − row · known` for some rows of that width, three columns at a time.
+/// `start − row · known` for some rows from `first` on, three columns at a time.
 #[inline(always)]
 fn subtracted<const ROWS: usize>(
     mut sums: [Lanes; ROWS],
-    rows: &[Lanes],
-    width: usize,
+    values: &[Lanes],
+    first: usize,
+    height: usize,
     known: &[Lanes],
 ) -> [Lanes; ROWS] {
+    let mut at = 3 * first;
     for (number, [x, y, z]) in known.as_chunks().0.iter().enumerate() {
-        for (row, sum) in sums.iter_mut().enumerate() {
-            let three = &rows[row * width + 3 * number..][..3];
-            let (a, b, c) = (
-                times(three[0], *x),
-                times(three[1], *y),
-                times(three[2], *z),
-            );
+        let rows = values[at..at + 3 * ROWS].as_chunks::<3>().0;
+        for (row, sum) in rows.iter().zip(&mut sums) {
+            let (a, b, c) = (times(row[0], *x), times(row[1], *y), times(row[2], *z));
             *sum = minus(*sum, plus(plus(a, b), c));
         }
+        at += 3 * (height - 3 * number) - 9;
     }
     sums
 }
@@ -54,22 +64,17 @@ fn subtracted<const ROWS: usize>(
 /// time.
 #[inline(always)]
 pub(super) fn upper(values: &[Lanes], whole: usize, own: &mut [Lanes], below: &[Lanes]) {
-    let width = own.len();
-    let (top_rows, rows_below) = values.split_at(width * width);
+    let (width, height) = (own.len(), own.len() + below.len());
     for j in (0..width).step_by(3).rev() {
         let (top, known) = own[j..].split_at_mut(3);
         let inside = known.len();
-        let (columns, whole_inside) = (j..j + 3, inside - inside % LANES);
-        let by_own = dot_three(
-            &top_rows[(j + 3) * width..],
-            width,
-            &columns,
-            known,
-            whole_inside,
-        );
-        let by_below = dot_three(rows_below, width, &columns, below, whole);
-        let row = |k: usize| &top_rows[(j + k) * width + j..][..3];
-        let (a, b, c) = (row(0), row(1), row(2));
+        let rows = values[start(j, height)..][..3 * (height - j)]
+            .as_chunks::<3>()
+            .0;
+        let ([a, b, c], rows) = rows.split_first_chunk::<3>().expect("three rows");
+        let (rows_inside, rows_below) = rows.split_at(inside);
+        let by_own = dot_three(rows_inside, known, inside - inside % LANES);
+        let by_below = dot_three(rows_below, below, whole);
         let known = |k: usize| minus(top[k], plus(by_own[k], by_below[k]));
         let third = over(known(2), c[2]);
         let second = over(less(known(1), c[1], third), b[1]);
@@ -78,22 +83,19 @@ pub(super) fn upper(values: &[Lanes], whole: usize, own: &mut [Lanes], below: &[
     }
 }
 
-/// Dot products of three columns with x, of rows that are `width` long: of the first `whole` in eight partial sums, then one by one.
+/// Dot products of three columns with x: of the first `whole` rows in eight partial sums, then one by one.
 #[inline(always)]
-fn dot_three(
-    rows: &[Lanes],
-    width: usize,
-    columns: &Range<usize>,
-    x: &[Lanes],
-    whole: usize,
-) -> [Lanes; 3] {
+fn dot_three(rows: &[[Lanes; 3]], x: &[Lanes], whole: usize) -> [Lanes; 3] {
     let mut totals = [[0.0; LANES]; 3];
+    let (whole_rows, last_rows) = rows.split_at(whole);
+    let (whole_x, last_x) = x.split_at(whole);
     if whole > 0 {
-        for (column, total) in columns.clone().zip(&mut totals) {
+        for (column, total) in totals.iter_mut().enumerate() {
             let mut s = [[0.0; LANES]; 8];
-            for (number, x) in x[..whole].as_chunks::<8>().0.iter().enumerate() {
-                for (k, s) in s.iter_mut().enumerate() {
-                    *s = plus(*s, times(rows[(8 * number + k) * width + column], x[k]));
+            let eights = whole_rows.as_chunks::<8>().0;
+            for (rows, x) in eights.iter().zip(whole_x.as_chunks::<8>().0) {
+                for ((s, row), x) in s.iter_mut().zip(rows).zip(x) {
+                    *s = plus(*s, times(row[column], *x));
                 }
             }
             *total = plus(
@@ -102,9 +104,8 @@ fn dot_three(
             );
         }
     }
-    for (row, x) in x.iter().enumerate().skip(whole) {
-        let three = &rows[row * width..][columns.clone()];
-        for (total, value) in totals.iter_mut().zip(three) {
+    for (row, x) in last_rows.iter().zip(last_x) {
+        for (total, value) in totals.iter_mut().zip(row) {
             *total = plus(*total, times(*value, *x));
         }
     }

@@ -50,7 +50,7 @@ struct Batch {
     rest: usize,
     /// Where its rows below begin in the list.
     below: usize,
-    /// Where its values begin: row after row.
+    /// Where its values begin.
     values: usize,
     /// Where what it leaves begins.
     slots: usize,
@@ -107,9 +107,15 @@ impl Batch {
         }
     }
 
+    /// Where an entry is among its values; the one below it is three after it.
+    fn place(&self, row: usize, column: usize) -> usize {
+        let (first, rest) = (column - column % 3, column % 3);
+        eight::start(first, self.width + self.below()) + 3 * (row - first) + rest
+    }
+
     /// Its part of all values.
     fn values(&self) -> Range<usize> {
-        self.values..self.values + self.width * (self.width + self.below())
+        self.values..self.values + eight::values(self.width, self.below())
     }
 }
 
@@ -259,7 +265,7 @@ impl SolveOrder {
             let values = &mut values[batch.values()];
             // What is not there solves nothing: 1 · 0 = 0.
             for column in 0..batch.width {
-                values[column * (batch.width + 1)] = [1.0; LANES];
+                values[batch.place(column, column)] = [1.0; LANES];
             }
         }
     }
@@ -284,8 +290,8 @@ impl SolveOrder {
                 let columns = factor[node.values.clone()].chunks_exact(node.height());
                 for (column, source) in columns.enumerate() {
                     let mut put = |row: usize, source: &[f32]| {
-                        let from = row * batch.width + skipped + column;
-                        let targets = values.iter_mut().skip(from).step_by(batch.width);
+                        let from = batch.place(row, skipped + column);
+                        let targets = values.iter_mut().skip(from).step_by(3);
                         for (target, &value) in targets.zip(source) {
                             target[lane] = value;
                         }
