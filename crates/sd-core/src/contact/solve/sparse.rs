@@ -14,16 +14,16 @@
 //! ahead, or a large one for rigid contacts: a sparse Cholesky factor in single precision. So soft and rigid contacts cost the same.
 
 mod active;
+mod assembly;
 mod linear;
 mod products;
 
 use self::active::Active;
-use self::linear::{BothMotions, Linear, Preconditioner, row_of};
+use self::linear::{BothMotions, Linear, Preconditioner};
 use self::products::ContactProducts;
 pub(crate) use self::products::has_products;
 use super::problem::{Driving, Forces, Grip, Noise, Problem, States, System, largest};
 use crate::contact::Quality;
-use crate::contact::row::Row;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
 use crate::linalg::Until;
@@ -89,6 +89,9 @@ pub(crate) struct SparseSystem {
     /// Stiffnesses of the candidates and rows in it, and whether it was made in this stage.
     factored: Vec<f64>,
     is_factored: bool,
+    /// Whether its candidates and rows are those at hand; spheres whose stiffness is another now.
+    is_same: bool,
+    changed: Vec<bool>,
     /// Stiffnesses that the states ask for.
     stiffness: Vec<f64>,
     /// What the states put into the system.
@@ -228,13 +231,7 @@ impl SparseSystem {
         };
         let patient = PATIENT[usize::from(repeated)];
         if changes > MOST_CHANGES || changes > 0 && self.iterations > patient {
-            self.held.copy_matrix(&self.near);
-            for (at, &s) in self.stiffness[..rows].iter().enumerate() {
-                if s != 0.0 {
-                    let (contact, row) = row_of(problem, at);
-                    add_stiffness(&mut self.held, pattern, row, self.numbers[contact], s);
-                }
-            }
+            self.assemble(problem, pattern, rows);
             // Where it fails there is none.
             if std::mem::take(&mut self.is_factored) {
                 self.held.factor_again(pattern)?;
@@ -246,25 +243,6 @@ impl SparseSystem {
             self.factored.extend_from_slice(&self.stiffness[..rows]);
         }
         Ok(())
-    }
-}
-
-/// Adds `s rowᵀ row` to the matrix.
-fn add_stiffness(
-    matrix: &mut BlockCholesky,
-    pattern: &BlockPattern,
-    row: &Row,
-    number: Option<usize>,
-    s: f64,
-) {
-    let (i, j) = row.weights.split_at(3);
-    let block = |rows: &[f64], columns: &[f64]| {
-        std::array::from_fn(|at| s * rows[at % 3] * columns[at / 3])
-    };
-    matrix.add_own(pattern, row.spheres[0], &block(i, i));
-    matrix.add_own(pattern, row.spheres[1], &block(j, j));
-    if let Some(number) = number {
-        matrix.add_coupling(pattern, number, &block(j, i));
     }
 }
 
@@ -382,6 +360,7 @@ impl<'a> OnNetwork<'a> {
             network.number_of((i as u32, j as u32))
         });
         system.numbers.extend(numbers);
+        system.is_same = false;
         let pattern = network.pattern();
         if system.has_near == HasNear::Nothing {
             network.fill(pattern, &mut system.near);

@@ -10,9 +10,11 @@
 mod eight;
 mod lanes;
 mod levels;
+mod node;
 mod numeric;
 mod single;
 
+use self::node::Node;
 use crate::linalg::error::BadPivot;
 use crate::linalg::simd::vectorised;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -24,7 +26,6 @@ use faer::sparse::linalg::cholesky::supernodal::{
 };
 use faer::sparse::linalg::{SymbolicSupernodalParams, amd};
 use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
-use std::ops::Range;
 
 /// A 3 × 3 block, by columns.
 pub(crate) type Block = [f64; 9];
@@ -219,6 +220,16 @@ impl BlockCholesky {
         self.values.clone_from(&other.values);
     }
 
+    /// Takes over the diagonal block of a sphere from another of the same pattern.
+    pub(crate) fn copy_own(&mut self, pattern: &BlockPattern, other: &Self, sphere: usize) {
+        copy(&mut self.values, &other.values, pattern.diagonal[sphere]);
+    }
+
+    /// The same for the block of a coupling.
+    pub(crate) fn copy_coupling(&mut self, pattern: &BlockPattern, other: &Self, coupling: usize) {
+        copy(&mut self.values, &other.values, pattern.couplings[coupling]);
+    }
+
     /// Room for a factor and its solves.
     fn make_room(&mut self, pattern: &BlockPattern) {
         self.ordered.clear();
@@ -321,6 +332,13 @@ impl BlockCholesky {
     }
 }
 
+fn copy(values: &mut [f32], from: &[f32], place: Place) {
+    for column in 0..3 {
+        let entries = place.start + column * place.stride..place.start + column * place.stride + 3;
+        values[entries.clone()].copy_from_slice(&from[entries]);
+    }
+}
+
 fn add(values: &mut [f32], place: Place, block: &Block) {
     for column in 0..3 {
         let target = &mut values[place.start + column * place.stride..][..3];
@@ -340,58 +358,6 @@ fn add(values: &mut [f32], place: Place, block: &Block) {
 /// A place in a factor or in a vector, as patterns keep many of them.
 fn narrow(place: usize) -> u32 {
     u32::try_from(place).expect("factors have fewer than 2^32 values")
-}
-
-/// Where one supernode of a factor is: its rows and columns, and its values.
-#[derive(Debug, Clone)]
-struct Node {
-    /// First row and column.
-    start: usize,
-    /// Number of columns: three for each sphere, whose columns have the same rows.
-    width: usize,
-    /// Entries, column after column.
-    values: Range<usize>,
-    /// Rows below the triangle, in the list of all.
-    below: Range<usize>,
-}
-
-impl Node {
-    /// The supernode of each of that many columns.
-    fn owners(nodes: &[Self], size: usize) -> Vec<usize> {
-        let mut owners = vec![0; size];
-        for (k, node) in nodes.iter().enumerate() {
-            owners[node.start..node.start + node.width].fill(k);
-        }
-        owners
-    }
-
-    /// Number of rows.
-    fn height(&self) -> usize {
-        self.width + self.below.len()
-    }
-
-    /// The supernodes of a factor.
-    fn all(symbolic: &SymbolicSupernodalCholesky<usize>) -> Vec<Self> {
-        let (begins, ends) = (symbolic.supernode_begin(), symbolic.supernode_end());
-        let (values, rows) = (symbolic.col_ptr_for_val(), symbolic.col_ptr_for_row_idx());
-        let nodes = 0..symbolic.n_supernodes();
-        nodes
-            .map(|k| Self {
-                start: begins[k],
-                width: ends[k] - begins[k],
-                values: values[k]..values[k + 1],
-                below: rows[k]..rows[k + 1],
-            })
-            .collect()
-    }
-
-    /// The three columns of a sphere, which begin at column `j`, from the row of the first of them on.
-    #[inline(always)]
-    fn columns<'f>(&self, factor: &'f [f32], j: usize) -> [&'f [f32]; 3] {
-        let height = self.height();
-        let values = &factor[self.values.clone()];
-        [0, 1, 2].map(|k| &values[(j + k) * height..][j..height])
-    }
 }
 
 #[cfg(test)]

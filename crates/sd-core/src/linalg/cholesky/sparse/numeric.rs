@@ -122,7 +122,7 @@ impl Schedule {
         changes.clear();
         changes.resize(self.values.len(), false);
         for (k, values) in self.values.iter().enumerate() {
-            changes[k] |= old[values.clone()] != new[values.clone()];
+            changes[k] |= differ(&old[values.clone()], &new[values.clone()]);
             if changes[k] {
                 for update in &self.updates[self.of_node[k].clone()] {
                     changes[update.target] = true;
@@ -130,6 +130,12 @@ impl Schedule {
             }
         }
     }
+}
+
+/// Whether values differ; all are looked at, as most are equal, and a loop that may end early takes one after the other.
+fn differ(old: &[f32], new: &[f32]) -> bool {
+    let pairs = old.iter().zip(new);
+    pairs.filter(|(old, new)| old != new).count() > 0
 }
 
 /// Factors a matrix of the pattern, in the supernodes that are new; the others of the factor stay. `rows`: workspace.
