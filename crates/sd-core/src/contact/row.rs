@@ -14,6 +14,7 @@ pub(crate) struct Row {
 
 impl Row {
     /// v_n = n·(U_j − U_i).
+    #[inline(always)]
     pub(crate) fn normal(spheres: [usize; 2], n: Vec2) -> Self {
         let weights = [-n.x, -n.y, 0.0, n.x, n.y, 0.0];
         Self { spheres, weights }

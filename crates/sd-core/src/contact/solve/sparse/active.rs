@@ -5,6 +5,7 @@
 
 use crate::contact::row::Row;
 use crate::contact::solve::problem::{Grip, Problem, States};
+use crate::geometry::modes::Vec2;
 
 /// A [`Row`] in fewer bytes, as each product reads all of them.
 #[derive(Clone, Copy)]
@@ -13,9 +14,16 @@ struct ShortRow {
     weights: [f64; 6],
 }
 
-/// A closed candidate or a sticking row.
+/// A closed candidate, by its number and its line of centres, of which its row has nothing but the components.
+pub(super) struct Closed {
+    pub(super) at: u32,
+    spheres: [u32; 2],
+    pub(super) compliance: f64,
+    normal: Vec2,
+}
+
+/// A sticking row, by its number.
 pub(super) struct Held {
-    /// Its number among candidates or among rows.
     pub(super) at: u32,
     pub(super) compliance: f64,
     row: ShortRow,
@@ -31,7 +39,7 @@ pub(super) struct Acting {
 /// What is in the linear system.
 #[derive(Default)]
 pub(super) struct Active {
-    pub(super) closed: Vec<Held>,
+    pub(super) closed: Vec<Closed>,
     pub(super) sticking: Vec<Held>,
     pub(super) acting: Vec<Acting>,
 }
@@ -50,6 +58,13 @@ impl ShortRow {
             spheres: self.spheres.map(|sphere| sphere as usize),
             weights: self.weights,
         }
+    }
+}
+
+impl Closed {
+    #[inline(always)]
+    pub(super) fn row(&self) -> Row {
+        Row::normal(self.spheres.map(|sphere| sphere as usize), self.normal)
     }
 }
 
@@ -73,10 +88,12 @@ impl Active {
         self.closed.clear();
         for (k, entry) in problem.normal.iter().enumerate() {
             if states.closed[k] {
-                self.closed.push(Held {
+                let [.., x, y, _] = entry.row.weights;
+                self.closed.push(Closed {
                     at: number(k),
+                    spheres: entry.row.spheres.map(number),
                     compliance: entry.compliance,
-                    row: ShortRow::new(&entry.row),
+                    normal: Vec2::new(x, y),
                 });
             }
         }
