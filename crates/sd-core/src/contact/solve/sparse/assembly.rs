@@ -27,11 +27,10 @@ impl SparseSystem {
             for (sphere, _) in changed.iter().enumerate().filter(|(_, changed)| **changed) {
                 held.copy_own(pattern, &self.near, sphere);
             }
-            for (entry, number) in problem.normal.iter().zip(&self.numbers) {
-                if let (true, Some(number)) =
-                    (entry.row.spheres.iter().all(|&i| changed[i]), number)
-                {
-                    held.copy_coupling(pattern, &self.near, *number);
+            for (entry, &number) in problem.normal.iter().zip(&self.numbers) {
+                let both = entry.row.spheres.iter().all(|&sphere| changed[sphere]);
+                if let Some(number) = number.filter(|_| both) {
+                    held.copy_coupling(pattern, &self.near, number);
                 }
             }
         } else {
@@ -40,33 +39,123 @@ impl SparseSystem {
         for (at, &s) in self.stiffness[..rows].iter().enumerate() {
             if s != 0.0 {
                 let (contact, row) = row_of(problem, at);
-                let blocks = row.spheres.map(|sphere| changed[sphere]);
-                if blocks != [false, false] {
-                    add_stiffness(held, pattern, (row, self.numbers[contact]), s, blocks);
+                let meant = row.spheres.map(|sphere| changed[sphere]);
+                if meant != [false, false] {
+                    add_stiffness(held, pattern, row, self.numbers[contact], s, meant);
                 }
             }
         }
     }
 }
 
-/// Adds `s rowᵀ row` to the blocks of those of its spheres, and to that between them if both are.
+/// Adds `s rowᵀ row` to the diagonal blocks of those of its two spheres that are meant, and to the block between them where both are.
 fn add_stiffness(
     matrix: &mut BlockCholesky,
     pattern: &BlockPattern,
-    (row, number): (&Row, Option<usize>),
+    row: &Row,
+    number: Option<usize>,
     s: f64,
-    blocks: [bool; 2],
+    meant: [bool; 2],
 ) {
     let (i, j) = row.weights.split_at(3);
     let block = |rows: &[f64], columns: &[f64]| {
         std::array::from_fn(|at| s * rows[at % 3] * columns[at / 3])
     };
-    for ((sphere, weights), is_meant) in row.spheres.into_iter().zip([i, j]).zip(blocks) {
+    for ((sphere, weights), is_meant) in row.spheres.into_iter().zip([i, j]).zip(meant) {
         if is_meant {
             matrix.add_own(pattern, sphere, &block(weights, weights));
         }
     }
-    if let (Some(number), [true, true]) = (number, blocks) {
+    if let (Some(number), [true, true]) = (number, meant) {
         matrix.add_coupling(pattern, number, &block(j, i));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::solve::problem::{Normal, Tangential};
+    use crate::geometry::modes::Vec2;
+
+    /// A ring of spheres, each in contact with the next, with friction at every second contact.
+    fn ring(n: usize) -> (Problem, BlockPattern, SparseSystem) {
+        let next = |i: usize| (i + 1) % n;
+        let mut pairs: Vec<_> = (0..n).map(|i| (i.min(next(i)), i.max(next(i)))).collect();
+        pairs.sort_unstable();
+        let pattern = BlockPattern::new(n, &pairs).unwrap();
+        let mut system = SparseSystem::default();
+        system.near.reset(&pattern);
+        for i in 0..n {
+            let own = [9.0, 0.5, 0.1, 0.5, 8.0, -0.3, 0.1, -0.3, 10.0 + i as f64];
+            system.near.add_own(&pattern, i, &own);
+        }
+        let mut problem = Problem::default();
+        for (k, &(i, j)) in pairs.iter().enumerate() {
+            let block = std::array::from_fn(|m| (0.7 * k as f64 + m as f64).sin());
+            system.near.add_coupling(&pattern, k, &block);
+            let (y, x) = (k as f64).sin_cos();
+            problem.normal.push(Normal {
+                row: Row::normal([i, j], Vec2::new(x, y)),
+                bias: 0.0,
+                compliance: 0.0,
+            });
+            if k % 2 == 0 {
+                problem.tangential.push(Tangential {
+                    contact: k,
+                    row: Row::slip([i, j], Vec2::new(-y, x), [1.0, 1.0]),
+                    shift: 0.0,
+                    compliance: 0.0,
+                    acts: true,
+                    ceased: false,
+                });
+            }
+        }
+        // One pair is none of the pattern's.
+        system.numbers = (0..n).map(|k| (k != 5).then_some(k)).collect();
+        (problem, pattern, system)
+    }
+
+    /// The matrix of these stiffnesses, factored, read by a solve.
+    fn read(system: &mut SparseSystem, problem: &Problem, pattern: &BlockPattern) -> Vec<f64> {
+        let rows = system.stiffness.len();
+        system.assemble(problem, pattern, rows);
+        system.held.factor(pattern).unwrap();
+        system.is_factored = true;
+        system.factored.clone_from(&system.stiffness);
+        let forces: Vec<f64> = (0..3 * pattern.spheres())
+            .map(|k| (k as f64).cos())
+            .collect();
+        let mut velocities = vec![0.0; forces.len()];
+        system.held.solve(pattern, &forces, &mut velocities);
+        velocities
+    }
+
+    #[test]
+    fn a_matrix_of_other_stiffnesses_has_the_bits_of_one_made_anew() {
+        let (problem, pattern, mut system) = ring(24);
+        let rows = problem.normal.len() + problem.tangential.len();
+        // Five contacts are open, each time others.
+        let stiffness = |number: usize| {
+            let of = |at: usize| {
+                if at / 5 == number {
+                    0.0
+                } else {
+                    30.0 + at as f64
+                }
+            };
+            (0..rows).map(of).collect()
+        };
+        let mut last = Vec::new();
+        for number in 0..4 {
+            system.stiffness = stiffness(number);
+            let found = read(&mut system, &problem, &pattern);
+            let kept = system.changed.iter().any(|changed| !changed);
+            assert_eq!(kept, number > 0, "only blocks that changed are made anew");
+            let (_, _, mut new) = ring(24);
+            new.stiffness = stiffness(number);
+            assert_eq!(found, read(&mut new, &problem, &pattern));
+            assert_ne!(found, last);
+            last = found;
+        }
     }
 }
