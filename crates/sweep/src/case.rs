@@ -11,7 +11,7 @@ use std::fmt;
 /// that its numbers may not be those of its law.
 ///
 /// Where only some runs change, [`Case::physics`] says which: all others keep their keys, and results of theirs stand.
-pub const PHYSICS_VERSION: u32 = 16;
+pub const PHYSICS_VERSION: u32 = 17;
 /// The version that last changed runs of every kind.
 pub const CHANGED_ALL: u32 = 8;
 /// Number of spheres below which soft layers too were solved densely before version 15.
@@ -61,8 +61,8 @@ impl Case {
     /// forces in layers held pair by pair in fewer systems, and near jamming by other ways where friction answers the motion that it slows;
     /// version 12 goes on longer with one of them where contacts are rigid too; version 13 numbers spheres of large layers row by row; version
     /// 14 leaps over convex problems on the way to the solution where friction is steep; version 15 makes factors of large layers as those of
-    /// others, holds soft layers pair by pair from fewer spheres on, and jams later under an imposed stress; version 16 sees sooner which states
-    /// of contacts are wrong in large layers held pair by pair.
+    /// others, holds soft layers pair by pair from fewer spheres on, and jams later under an imposed stress; versions 16 and 17 see sooner which
+    /// states of contacts are wrong in large layers held pair by pair.
     pub fn physics(&self) -> u32 {
         let (answers, is_rigid, is_soft, is_steep) = match &self.params.contact {
             ContactScheme::Laws(laws) => (
@@ -75,7 +75,7 @@ impl Case {
         };
         let spheres = self.params.spheres;
         match Method::of(&self.params) {
-            Method::Pairwise if spheres > Params::LARGE_ABOVE => 16,
+            Method::Pairwise if spheres > Params::LARGE_ABOVE => 17,
             Method::Iterated if spheres > Params::LARGE_ABOVE => 15,
             Method::Pairwise if is_soft && spheres < SOFT_DENSE_BEFORE => 15,
             // The search for the rate that bears a stress may meet jammed problems that no stage ends with, and so no counter tells.
