@@ -18,7 +18,7 @@ mod assembly;
 mod linear;
 mod products;
 
-use self::active::Active;
+use self::active::{Active, slope};
 use self::linear::{BothMotions, Linear, Preconditioner};
 use self::products::ContactProducts;
 pub(crate) use self::products::has_products;
@@ -89,7 +89,7 @@ pub(crate) struct SparseSystem {
     /// Stiffnesses of the candidates and rows in it, and whether it was made in this stage.
     factored: Vec<f64>,
     is_factored: bool,
-    /// Whether its candidates and rows are those at hand; spheres whose stiffness is another now.
+    /// Whether the matrix is of the candidates and rows at hand; spheres whose stiffness in it is another now.
     is_same: bool,
     changed: Vec<bool>,
     /// Stiffnesses that the states ask for.
@@ -180,8 +180,8 @@ impl SparseSystem {
             &self.velocities
         };
         for entry in &linear.active.sticking {
-            let m = entry.at as usize;
-            let moved = entry.row().read(flow) - entry.compliance * forces.tangential[m];
+            let m = entry.at;
+            let moved = entry.row.read(flow) - entry.compliance * forces.tangential[m];
             r_t[m] = -WEIGHT * (moved + problem.tangential[m].shift);
         }
     }
@@ -197,7 +197,7 @@ impl SparseSystem {
             }
         }
         for (m, t) in forces.tangential.iter_mut().enumerate() {
-            let slope = linear.slope(m);
+            let slope = slope(problem, linear.states, m);
             if slope != 0.0 {
                 let contact = problem.tangential[m].contact;
                 *t = slope * (forces.normal[contact] - problem.offset);

@@ -334,8 +334,8 @@ impl BlockCholesky {
 
 fn copy(values: &mut [f32], from: &[f32], place: Place) {
     for column in 0..3 {
-        let entries = place.start + column * place.stride..place.start + column * place.stride + 3;
-        values[entries.clone()].copy_from_slice(&from[entries]);
+        let start = place.start + column * place.stride;
+        values[start..start + 3].copy_from_slice(&from[start..start + 3]);
     }
 }
 

@@ -7,14 +7,8 @@ use crate::contact::row::Row;
 use crate::contact::solve::problem::{Grip, Problem, States};
 use crate::geometry::modes::Vec2;
 
-/// A [`Row`] in fewer bytes, as each product reads all of them.
-#[derive(Clone, Copy)]
-struct ShortRow {
-    spheres: [u32; 2],
-    weights: [f64; 6],
-}
-
-/// A closed candidate, by its number and its line of centres, of which its row has nothing but the components.
+/// A closed candidate, by its number and its line of centres, of which its row has nothing but the components: in few bytes, as each product
+/// reads all of them.
 pub(super) struct Closed {
     pub(super) at: u32,
     spheres: [u32; 2],
@@ -24,16 +18,16 @@ pub(super) struct Closed {
 
 /// A sticking row, by its number.
 pub(super) struct Held {
-    pub(super) at: u32,
+    pub(super) at: usize,
     pub(super) compliance: f64,
-    row: ShortRow,
+    pub(super) row: Row,
 }
 
 /// A row whose force is a force of the vector (f, t) times a factor: its own if it sticks, that of its candidate if it slides.
 pub(super) struct Acting {
-    pub(super) force: u32,
+    pub(super) force: usize,
     pub(super) factor: f64,
-    row: ShortRow,
+    pub(super) row: Row,
 }
 
 /// What is in the linear system.
@@ -44,41 +38,10 @@ pub(super) struct Active {
     pub(super) acting: Vec<Acting>,
 }
 
-impl ShortRow {
-    fn new(row: &Row) -> Self {
-        Self {
-            spheres: row.spheres.map(number),
-            weights: row.weights,
-        }
-    }
-
-    #[inline(always)]
-    fn row(&self) -> Row {
-        Row {
-            spheres: self.spheres.map(|sphere| sphere as usize),
-            weights: self.weights,
-        }
-    }
-}
-
 impl Closed {
     #[inline(always)]
     pub(super) fn row(&self) -> Row {
         Row::normal(self.spheres.map(|sphere| sphere as usize), self.normal)
-    }
-}
-
-impl Held {
-    #[inline(always)]
-    pub(super) fn row(&self) -> Row {
-        self.row.row()
-    }
-}
-
-impl Acting {
-    #[inline(always)]
-    pub(super) fn row(&self) -> Row {
-        self.row.row()
     }
 }
 
@@ -100,23 +63,22 @@ impl Active {
         self.sticking.clear();
         self.acting.clear();
         for (m, entry) in problem.tangential.iter().enumerate() {
-            let grip = states.grip[m];
-            let row = ShortRow::new(&entry.row);
-            if grip == Grip::Stick {
-                self.sticking.push(Held {
-                    at: number(m),
-                    compliance: entry.compliance,
+            let (row, slope) = (entry.row, slope(problem, states, m));
+            if slope != 0.0 {
+                self.acting.push(Acting {
+                    force: entry.contact,
+                    factor: slope,
                     row,
                 });
+            } else if states.grip[m] == Grip::Stick {
                 self.acting.push(Acting {
-                    force: number(problem.normal.len() + m),
+                    force: problem.normal.len() + m,
                     factor: 1.0,
                     row,
                 });
-            } else if problem.friction != 0.0 && grip != Grip::Off && states.closed[entry.contact] {
-                self.acting.push(Acting {
-                    force: number(entry.contact),
-                    factor: grip.sign() * problem.friction,
+                self.sticking.push(Held {
+                    at: m,
+                    compliance: entry.compliance,
                     row,
                 });
             }
@@ -124,7 +86,17 @@ impl Active {
     }
 }
 
-/// Spheres, candidates and rows are fewer than 2^32.
+/// Friction over load of a sliding row of a closed candidate; 0 for others.
+pub(super) fn slope(problem: &Problem, states: &States, m: usize) -> f64 {
+    let sign = states.grip[m].sign();
+    if sign == 0.0 || !states.closed[problem.tangential[m].contact] {
+        0.0
+    } else {
+        sign * problem.friction
+    }
+}
+
+/// Spheres and candidates are fewer than 2^32.
 #[expect(clippy::cast_possible_truncation, reason = "they are fewer")]
 fn number(at: usize) -> u32 {
     at as u32

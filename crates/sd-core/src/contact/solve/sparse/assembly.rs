@@ -11,7 +11,7 @@ impl SparseSystem {
     ///
     /// Where the one before was of the same candidates, only blocks of spheres are made anew that have another stiffness now.
     pub(super) fn assemble(&mut self, problem: &Problem, pattern: &BlockPattern, rows: usize) {
-        let again = self.is_factored && self.is_same && self.factored.len() == rows;
+        let again = self.is_factored && self.is_same;
         self.is_same = true;
         self.changed.clear();
         self.changed.resize(pattern.spheres(), !again);

@@ -3,7 +3,7 @@
 use super::active::Active;
 use super::{LEAST_COMPLIANCE, WEIGHT};
 use crate::contact::row::Row;
-use crate::contact::solve::problem::{Grip, Problem, States};
+use crate::contact::solve::problem::{Problem, States};
 use crate::hydrodynamics::resistance::{Motion, PairwiseResistance, side_by_side_mut};
 use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
 
@@ -70,26 +70,6 @@ impl BothMotions {
 }
 
 impl Linear<'_> {
-    /// Compliance of a candidate.
-    pub(super) fn compliance(&self, k: usize) -> f64 {
-        self.problem.normal[k].compliance
-    }
-
-    /// Compliance of a row.
-    pub(super) fn row_compliance(&self, m: usize) -> f64 {
-        self.problem.tangential[m].compliance
-    }
-
-    /// Friction over load of a sliding row of a closed candidate; 0 for others.
-    pub(super) fn slope(&self, m: usize) -> f64 {
-        let sign = self.states.grip[m].sign();
-        if sign == 0.0 || !self.states.closed[self.problem.tangential[m].contact] {
-            0.0
-        } else {
-            sign * self.problem.friction
-        }
-    }
-
     /// Splits a vector into its parts: v, v_N, f, t.
     pub(super) fn split<'x>(&self, x: &'x [f64]) -> [&'x [f64]; 4] {
         let n = 3 * self.network.spheres();
@@ -139,35 +119,29 @@ impl Linear<'_> {
             y_f[k] = WEIGHT * (row.read(v) + closed.compliance * f[k]);
         }
         for acting in &self.active.acting {
-            let force = acting.factor * forces[acting.force as usize];
-            acting.row().add_to_first::<1, L>(force, y);
+            let force = acting.factor * forces[acting.force];
+            acting.row.add_to_first::<1, L>(force, y);
         }
         y_t.fill(0.0);
         let flow = if self.problem.isolated { v_n } else { v };
         for sticking in &self.active.sticking {
-            let m = sticking.at as usize;
-            y_t[m] = WEIGHT * (sticking.row().read(flow) - sticking.compliance * t[m]);
+            let m = sticking.at;
+            y_t[m] = WEIGHT * (sticking.row.read(flow) - sticking.compliance * t[m]);
         }
     }
 
     /// Stiffness of each candidate, then of each row, in the preconditioner.
     pub(super) fn stiffnesses(&self, stiffness: &mut Vec<f64>) {
         let of = |compliance: f64| compliance.max(LEAST_COMPLIANCE).recip();
+        let (contacts, rows) = (self.problem.normal.len(), self.problem.tangential.len());
         stiffness.clear();
-        stiffness.extend((0..self.problem.normal.len()).map(|k| {
-            if self.states.closed[k] {
-                of(self.compliance(k))
-            } else {
-                0.0
-            }
-        }));
-        stiffness.extend((0..self.problem.tangential.len()).map(|m| {
-            if self.states.grip[m] == Grip::Stick {
-                of(self.row_compliance(m))
-            } else {
-                0.0
-            }
-        }));
+        stiffness.resize(contacts + rows, 0.0);
+        for closed in &self.active.closed {
+            stiffness[closed.at as usize] = of(closed.compliance);
+        }
+        for sticking in &self.active.sticking {
+            stiffness[contacts + sticking.at] = of(sticking.compliance);
+        }
     }
 
     /// `z = P⁻¹ r`.
@@ -187,8 +161,8 @@ impl Linear<'_> {
         }
         if !isolated {
             for entry in sticking {
-                let m = entry.at as usize;
-                entry.row().add(tangential[m] * r_t[m] / WEIGHT, work);
+                let m = entry.at;
+                entry.row.add(tangential[m] * r_t[m] / WEIGHT, work);
             }
         }
         by.held.solve(pattern, work, z_v);
@@ -209,8 +183,8 @@ impl Linear<'_> {
         let read_from: &[f64] = if isolated { z_n } else { z_v };
         z_t.fill(0.0);
         for entry in sticking {
-            let m = entry.at as usize;
-            z_t[m] = tangential[m] * (entry.row().read(read_from) - r_t[m] / WEIGHT);
+            let m = entry.at;
+            z_t[m] = tangential[m] * (entry.row.read(read_from) - r_t[m] / WEIGHT);
         }
     }
 }
