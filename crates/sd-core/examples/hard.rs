@@ -1,8 +1,9 @@
 //! Runs every contact law where contact problems are hardest, and counts what becomes of the runs.
 //!
 //! Dense layers with strong friction, at Γ = 10 so that friction begins with a jump on some contacts and not on others: a strain each, in
-//! steps of 0.01. There is one table for each law, and under all of them a list of the runs that failed, took too long or had stages that
-//! did not converge, with the options that run each of them again.
+//! steps of 0.01. Such a jump need not leave any choice that agrees with the loads: contacts are counted that bear more than the critical load
+//! without friction, and those that bear less with it, in the samples of steps that are not jammed. There is one table for each law, and under
+//! all of them a list of the runs that failed, took too long or had stages that did not converge, with the options that run each of them again.
 //!
 //! `cargo run --release -p sd-core --example hard -- --spheres 50 --seeds 1`; `scripts/hard` runs all and keeps the tables.
 #![expect(clippy::print_stdout, reason = "an example tells what it found")]
@@ -13,8 +14,9 @@ mod clock;
 use clap::Parser;
 use clock::Moment;
 use rayon::prelude::*;
+use sd_core::contact::ContactState;
 use sd_core::law::Words as _;
-use sd_core::simulation::Counters;
+use sd_core::simulation::{Counters, Frame};
 use sd_core::{
     ContactLaws, ContactScheme, Error, Flow, Hydrodynamics, NearFields, NormalLaw, Params,
     Simulation, TangentialLaw,
@@ -207,6 +209,8 @@ impl Case {
             }
         };
         let mut seconds = Vec::new();
+        let mut onset = Onset::default();
+        let load = self.params.surface().critical_load;
         let (end, note) = loop {
             if layer.flow() == Flow::Jammed {
                 break (End::Jammed, format!("at strain {:.2}", layer.strain()));
@@ -217,11 +221,17 @@ impl Case {
             if started.elapsed() > limit {
                 break (End::Stopped, format!("at strain {:.2}", layer.strain()));
             }
+            let jammed = layer.counters().jammed_stages;
             let moment = Moment::now();
-            if let Err(error) = layer.step() {
-                break (End::Failed(cause(&error)), error.to_string());
-            }
+            let frame = match layer.step_with_frame() {
+                Ok((_, frame)) => frame,
+                Err(error) => break (End::Failed(cause(&error)), error.to_string()),
+            };
             seconds.push(moment.seconds());
+            // Forces of a jammed layer are those of contacts that give way.
+            if layer.counters().jammed_stages == jammed {
+                onset.count(&frame, load);
+            }
         };
         seconds.sort_by(f64::total_cmp);
         let median = seconds.get(seconds.len() / 2);
@@ -229,6 +239,7 @@ impl Case {
             end,
             note,
             counters: *layer.counters(),
+            onset,
             slowest: seconds
                 .last()
                 .zip(median)
@@ -264,6 +275,34 @@ fn cause(error: &Error) -> &'static str {
     }
 }
 
+/// Contacts of samples, and those whose friction does not agree with their load.
+#[derive(Debug, Default, Clone, Copy)]
+struct Onset {
+    contacts: u64,
+    /// Above the critical load, without friction.
+    without: u64,
+    /// Below it, with friction.
+    with: u64,
+}
+
+impl Onset {
+    /// Counts the contacts of one sample. `load`: the critical one, in mu·a²·rate.
+    fn count(&mut self, frame: &Frame, load: f64) {
+        for contact in &frame.contacts {
+            let is_loaded = contact.normal_force > load;
+            let has_friction = contact.state != ContactState::Frictionless;
+            self.contacts += 1;
+            self.without += u64::from(is_loaded && !has_friction);
+            self.with += u64::from(!is_loaded && has_friction);
+        }
+    }
+
+    /// The second and third number over the first, in percent.
+    fn shares(self) -> [f64; 2] {
+        [self.without, self.with].map(|part| 100.0 * part as f64 / self.contacts.max(1) as f64)
+    }
+}
+
 /// What became of one run.
 #[derive(Debug)]
 struct Ran {
@@ -271,6 +310,7 @@ struct Ran {
     /// What there is to say about its end.
     note: String,
     counters: Counters,
+    onset: Onset,
     /// Computing time of its slowest step over that of its median one.
     slowest: Option<f64>,
 }
@@ -282,6 +322,7 @@ impl Ran {
             end,
             note: note.into(),
             counters: Counters::default(),
+            onset: Onset::default(),
             slowest: None,
         }
     }
@@ -304,6 +345,7 @@ struct Row {
     stages: u64,
     unconverged: u64,
     jammed_stages: u64,
+    onset: Onset,
     slowest: f64,
 }
 
@@ -323,6 +365,9 @@ impl Row {
             row.stages += ran.counters.stages;
             row.unconverged += ran.counters.unconverged_stages;
             row.jammed_stages += ran.counters.jammed_stages;
+            row.onset.contacts += ran.onset.contacts;
+            row.onset.without += ran.onset.without;
+            row.onset.with += ran.onset.with;
             row.slowest = row.slowest.max(ran.slowest.unwrap_or(0.0));
         }
         row
@@ -341,10 +386,11 @@ impl fmt::Display for Row {
         } else {
             failed.join(", ")
         };
+        let [without, with] = self.onset.shares();
         let share = 100.0 * self.unconverged as f64 / self.stages.max(1) as f64;
         write!(
             f,
-            "{} | {} | {} | {} | {failed} | {} | {} | {} ({share:.3} %) | {} | {:.0} |",
+            "{} | {} | {} | {} | {failed} | {} | {} | {} ({share:.3} %) | {} | {without:.2} % | {with:.2} % | {:.0} |",
             self.runs,
             self.done,
             self.jammed,
@@ -417,9 +463,9 @@ fn write_law<'r>(
 ) {
     let of_law = runs.filter(|(case, _)| case.law == law);
     let _ = writeln!(text, "## `{law}`\n");
-    text.push_str("| c | runs | done | jammed | not packed | failed | stopped | stages | unconverged | jammed stages | slowest step over the median |\n");
+    text.push_str("| c | runs | done | jammed | not packed | failed | stopped | stages | unconverged | jammed stages | loaded without friction | with friction below the load | slowest step over the median |\n");
     text.push_str(
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n",
     );
     for &c in &part.area_fraction {
         let there = of_law
