@@ -463,7 +463,7 @@ fn write_law<'r>(
 ) {
     let of_law = runs.filter(|(case, _)| case.law == law);
     let _ = writeln!(text, "## `{law}`\n");
-    text.push_str("| c | runs | done | jammed | not packed | failed | stopped | stages | unconverged | jammed stages | loaded without friction | with friction below the load | slowest step over the median |\n");
+    text.push_str("| c | runs | done | jammed | not packed | failed | stopped | stages | unconverged | jammed stages | above F_crit without friction | below it with friction | slowest step over the median |\n");
     text.push_str(
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n",
     );
