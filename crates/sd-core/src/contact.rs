@@ -23,34 +23,53 @@ pub use crate::model::Surface;
 pub use pair::{Contact, ContactState, tangent};
 pub use solver::{ContactMemory, ContactSolver};
 
+/// What became of a contact problem. The same for every law and for dense, sparse and iterated
+/// hydrodynamics.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Status {
+    /// All conditions hold.
+    #[default]
+    Solved,
+    /// Gaps hold, but the bound of friction is not that of the present load everywhere; by how
+    /// much is [`Quality::friction_error`].
+    InexactFriction,
+    /// No motion keeps the gaps: forces grow without bound, and the layer is jammed at this instant.
+    NoAdmissibleMotion,
+    /// The solver failed: a linear system had no solution, curved springs or the far field did not converge.
+    Failed,
+}
+
 /// How well a stage's contact problem was solved.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Quality {
-    /// Largest violation of the conditions, in a·rate: `max |min(G f, w)|` and its like for friction, G the mobility of a contact.
+    /// What became of it.
+    pub status: Status,
+    /// Largest violation of the conditions on normal forces and gaps, in a·rate: `max |min(G f, w)|`, G the mobility of
+    /// a contact.
     pub residual: f64,
     /// Largest distance between a friction force and what the law gives, over the largest force.
     pub friction_error: f64,
-    /// Whether the problem has no solution, so that the layer is jammed at this instant: forces and velocities are then those of contacts
-    /// that give way, and residual and friction error say by how much.
-    pub jammed: bool,
     /// Linear systems solved.
     pub systems: u32,
 }
 
 impl Quality {
-    /// Residual above which a stage counts as unconverged.
+    /// Residual up to which gaps hold, in a·rate.
     pub const RESIDUAL_LIMIT: f64 = 1e-8;
-    /// Friction error above which a stage counts as unconverged.
+    /// Friction error up to which friction is exact.
     pub const FRICTION_LIMIT: f64 = 1e-6;
+    /// Normal force, in mu·a²·rate, that counts as unbounded: its stress is some thousand times that above which a layer counts as
+    /// jammed.
+    pub(crate) const UNBOUNDED: f64 = 1e7;
 
-    /// Whether the problem was solved, or found to have no solution.
+    /// Whether all conditions hold.
     pub fn converged(&self) -> bool {
-        self.jammed || Self::holds(self.residual, self.friction_error)
+        self.status == Status::Solved
     }
 
-    /// Whether the conditions hold with such a residual and friction error.
-    pub(crate) fn holds(residual: f64, friction_error: f64) -> bool {
-        residual <= Self::RESIDUAL_LIMIT && friction_error <= Self::FRICTION_LIMIT
+    /// Whether the layer is jammed at this instant.
+    pub fn jammed(&self) -> bool {
+        self.status == Status::NoAdmissibleMotion
     }
 }
 

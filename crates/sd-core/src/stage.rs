@@ -6,10 +6,10 @@ pub(crate) use method::ContactKind;
 pub use method::{Method, memory_bytes};
 
 use crate::contact::laws::{Laws, Span};
-use crate::contact::procedure::ContactList;
+use crate::contact::procedure::{ContactList, ProcedureSolver};
 use crate::contact::repulsion::Repelled;
-use crate::contact::solver::{Driving, Posed};
-use crate::contact::{ContactMemory, ContactSolver, Quality, Surface};
+use crate::contact::solver::{ActivationUpdate, AppliedForces, StageInput};
+use crate::contact::{ContactMemory, ContactSolver, Quality, Status, Surface};
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
@@ -68,11 +68,13 @@ pub struct StageSolver {
     /// Disturbance velocities `[3N]` of the last solve.
     velocities: Vec<f64>,
     /// Forces that drive the spheres in one evaluation of the iteration, `[3N]`.
-    driving: Vec<f64>,
+    applied: Vec<f64>,
     /// Far field iterated on top of a pairwise Ball-Melrose resistance.
     far: Option<Box<IterativeFarField>>,
-    /// Whether friction acts where it did in the solve before, whatever the loads.
-    holds_friction: bool,
+    /// Solver of the paper's steps, from their first stage on.
+    procedure: Option<Box<ProcedureSolver>>,
+    /// Whether the set of contacts with active friction follows the loads, or stays as it was in the solve before.
+    update: ActivationUpdate,
 }
 
 impl StageSolver {
@@ -85,9 +87,10 @@ impl StageSolver {
             repelled: Repelled::default(),
             forces: vec![0.0; n],
             velocities: vec![0.0; n],
-            driving: Vec::with_capacity(n),
+            applied: Vec::with_capacity(n),
             far: None,
-            holds_friction: false,
+            procedure: None,
+            update: ActivationUpdate::Update,
         }
     }
 
@@ -101,7 +104,11 @@ impl StageSolver {
 
     /// From now on friction acts where it did in the last solve, until it is let go: solves are then of the same positions as that one.
     pub(crate) fn hold_friction(&mut self, holds: bool) {
-        self.holds_friction = holds;
+        self.update = if holds {
+            ActivationUpdate::Hold
+        } else {
+            ActivationUpdate::Update
+        };
     }
 
     /// Begins a step: what is known from stages before is forgotten, but for what [`ContactMemory`] holds and what
@@ -231,24 +238,25 @@ impl StageSolver {
                 Ok(Quality::default())
             }
             Contact::Laws { laws, span, memory } => {
-                let posed = Posed {
+                let input = StageInput {
                     resistance,
                     background,
                     laws,
                     span,
                 };
-                match &mut self.far {
+                let holds = self.update == ActivationUpdate::Hold;
+                if !holds {
+                    contacts.begin(&input, memory);
+                }
+                let quality = match &mut self.far {
                     Some(far) => {
-                        if !self.holds_friction {
-                            contacts.begin(&posed, memory);
-                        }
                         let mut map = ContactMap {
-                            posed,
+                            input,
                             contacts,
                             memory,
-                            driving: &mut self.driving,
+                            applied: &mut self.applied,
                             quality: Quality::default(),
-                            changes: if self.holds_friction { MOST_CHANGES } else { 0 },
+                            changes: if holds { MOST_CHANGES } else { 0 },
                             decided: DECIDING / CLOSER,
                         };
                         let strain = background.strain();
@@ -258,36 +266,45 @@ impl StageSolver {
                         if !found.converged {
                             // A flow that the spheres are subjected to besides the background.
                             quality.residual = quality.residual.max(found.residual);
+                            if !quality.jammed() {
+                                quality.status = Status::Failed;
+                            }
                         }
                         contacts.take_motion(velocities);
-                        contacts.keep_springs(&posed, &mut memory.springs);
-                        Ok(quality)
+                        quality
                     }
-                    None if self.holds_friction => {
-                        contacts.solve_held(&posed, Driving::by(forces), memory, velocities)
+                    None => {
+                        let applied = AppliedForces::both(forces);
+                        contacts
+                            .solve(&input, applied, memory, self.update, velocities)?
+                            .0
                     }
-                    None => contacts.solve(&posed, Driving::by(forces), memory, velocities),
-                }
+                };
+                contacts.keep_springs(&input, &mut memory.springs);
+                Ok(quality)
             }
-            Contact::Procedure { surface, listed } => match &self.far {
-                Some(_) => Err(Error::ProcedureNeedsDense),
-                None => contacts
-                    .solve_procedure(resistance, background, &surface, forces, listed, velocities),
-            },
+            Contact::Procedure { surface, listed } => {
+                let list = &mut contacts.list;
+                let spheres = resistance.radii().len();
+                let new = || Box::new(ProcedureSolver::new(spheres));
+                self.procedure
+                    .get_or_insert_with(new)
+                    .solve(resistance, background, &surface, forces, listed, list, velocities)
+            }
         }
     }
 }
 
 /// The contact problem under an iterated far field.
 struct ContactMap<'a> {
-    /// What it is posed in.
-    posed: Posed<'a>,
+    /// What it is input in.
+    input: StageInput<'a>,
     /// Its solver.
     contacts: &'a mut ContactSolver,
     /// What contacts remember.
     memory: &'a mut ContactMemory,
     /// Forces of both parts together, `[3N]`.
-    driving: &'a mut Vec<f64>,
+    applied: &'a mut Vec<f64>,
     /// How well it was solved last.
     quality: Quality,
     /// How often the contacts on which friction acts have changed.
@@ -305,14 +322,14 @@ impl FixedPointMap for ContactMap<'_> {
     ) -> Result<bool, Error> {
         let half = velocities.len() / 2;
         let (normal, by_friction) = forces.split_at(half);
-        self.driving.clear();
-        self.driving
+        self.applied.clear();
+        self.applied
             .extend(normal.iter().zip(by_friction).map(|(n, t)| n + t));
-        let strict = STRICT[usize::from(!self.posed.laws.normal.is_rigid())];
-        let driving = Driving {
-            all: self.driving,
-            isolated: normal,
-            enough: strict * progress.residual.min(FIRST),
+        let strict = STRICT[usize::from(!self.input.laws.normal.is_rigid())];
+        let applied = AppliedForces {
+            all: self.applied,
+            frictionless: normal,
+            relative_tolerance: strict * progress.residual.min(FIRST),
         };
         let (v, v_t) = velocities.split_at_mut(half);
         let first = progress.evaluations == 0;
@@ -321,16 +338,21 @@ impl FixedPointMap for ContactMap<'_> {
         if closer {
             self.decided = progress.residual;
         }
-        let (quality, changed) =
-            self.contacts
-                .evaluate(&self.posed, driving, self.memory, deciding, v)?;
+        let update = if deciding {
+            ActivationUpdate::Update
+        } else {
+            ActivationUpdate::Hold
+        };
+        let (quality, changed) = self
+            .contacts
+            .solve(&self.input, applied, self.memory, update, v)?;
         self.changes += u32::from(changed && !first);
         self.quality = Quality {
             systems: self.quality.systems + quality.systems,
             ..quality
         };
         // Friction belongs to part T where the law reads the motion without it.
-        match self.contacts.isolated_motion(&self.posed) {
+        match self.contacts.isolated_motion(&self.input) {
             Some(isolated) => {
                 for ((v, v_t), v_n) in v.iter_mut().zip(v_t).zip(isolated) {
                     *v_t = *v - v_n;

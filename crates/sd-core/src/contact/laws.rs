@@ -103,22 +103,22 @@ impl Laws {
         self.tangential.halts() == Halt::IsolatedSlip
     }
 
-    /// Load that is taken off before friction.
-    pub(super) fn offset(&self) -> f64 {
-        match self.onset {
-            FrictionOnset::Reduced if self.friction().is_finite() => self.surface.critical_load,
+    /// Coefficient and intercept of the bound `ρ(f) = max(0, coefficient f + intercept)` of friction; the coefficient is infinite where
+    /// there is no bound.
+    pub(super) fn friction_bound(&self) -> (f64, f64) {
+        let coefficient = self.tangential.bound(self.surface.friction, 1.0);
+        let intercept = match self.onset {
+            FrictionOnset::Reduced if coefficient.is_finite() => {
+                -coefficient * self.surface.critical_load
+            }
             FrictionOnset::CriticalLoad | FrictionOnset::Reduced | FrictionOnset::Contact => 0.0,
-        }
-    }
-
-    /// Bound of the friction force over the load that counts; infinite where there is no bound.
-    pub(super) fn friction(&self) -> f64 {
-        self.tangential.bound(self.surface.friction, 1.0)
+        };
+        (coefficient, intercept)
     }
 
     /// Whether the friction force does not jump where it begins.
     pub(super) fn is_smooth(&self) -> bool {
-        self.surface.critical_load == 0.0 || self.offset() > 0.0
+        self.surface.critical_load == 0.0 || self.friction_bound().1 < 0.0
     }
 }
 

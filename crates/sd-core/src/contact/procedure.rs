@@ -10,12 +10,13 @@
 //! f ≤ F_crit: F_t = 0;   |F_roll| ≤ ν f: F_t = F_roll (rolls);   else F_t = ν f sign(u_t) (slips)
 //! ```
 //!
-//! with the sign of (19) mended: friction opposes slip. It pushes pairs together after f was found, and a pair enters below h by up to a
+//! with the sign of (19) corrected: friction opposes slip. It pushes pairs together after f was found, and a pair enters below h by up to a
 //! step's motion: gaps drift. That is the scheme's own error, kept here for comparison.
 
 use super::pair::{Contact, ContactState};
-use super::solver::ContactSolver;
-use super::{Quality, solve::problem};
+use super::{Quality, most_contacts};
+use super::solve::dense::DenseSystem;
+use super::solve::problem::{self, Forces, Problem, States, System};
 use crate::error::Error;
 use crate::geometry::modes::Background;
 use crate::geometry::pair::PairKey;
@@ -65,69 +66,140 @@ impl ContactList {
     }
 }
 
-impl ContactSolver {
-    /// Solves one stage by steps 2 to 6. Velocities `[3N]` are the disturbances; forces `[3N]` all but contact's.
+/// Solver of the steps, with its workspace.
+pub struct ProcedureSolver {
+    problem: Problem,
+    states: States,
+    forces: Forces,
+    system: DenseSystem,
+}
+
+impl ProcedureSolver {
+    /// Workspace with room for all contacts of that many spheres.
+    pub fn new(spheres: usize) -> Self {
+        let contacts = most_contacts(spheres);
+        let mut solver = Self {
+            problem: Problem::default(),
+            states: States::default(),
+            forces: Forces::default(),
+            system: DenseSystem::new(spheres, contacts),
+        };
+        solver.problem.normal.reserve(contacts);
+        solver.problem.tangential.reserve(contacts);
+        solver.states.closed.reserve(contacts);
+        solver.forces.reserve(contacts);
+        solver
+    }
+
+    /// Solves one stage by steps 2 to 6.
     ///
     /// Pairs that would be pulled leave the list (step 3). A listed pair out of lubrication range has left, too.
     ///
+    /// # Arguments
+    /// - `forces`: all but those of contact, `[3N]`.
+    /// - `listed`: pairs in contact; `contacts`: the same, with the forces and velocities found.
+    /// - `velocities`: disturbances `[3N]` that come out.
+    ///
     /// # Errors
-    /// [`Error::NotPositiveDefinite`]; [`Error::OutOfMemory`].
-    pub fn solve_procedure(
+    /// [`Error::ProcedureNeedsDense`], where the resistance is held pair by pair.
+    pub fn solve(
         &mut self,
         resistance: &Resistance,
         background: &Background,
         surface: &Surface,
         forces: &[f64],
         listed: &mut ContactList,
+        contacts: &mut Vec<Contact>,
         velocities: &mut [f64],
     ) -> Result<Quality, Error> {
-        self.list.clear();
+        if resistance.pairwise().is_some() {
+            return Err(Error::ProcedureNeedsDense);
+        }
+        contacts.clear();
         let pairs = resistance.neighbours().iter();
         let pairs = pairs.filter(|pair| listed.contains(pair.key()));
-        self.list
-            .extend(pairs.map(|pair| Contact::new(*pair, resistance.radii(), background)));
-        let problem = &mut self.problem;
-        problem.isolated = true;
-        problem.tangential.clear();
-        problem.normal.clear();
-        problem
-            .normal
-            .extend(self.list.iter().map(|contact| problem::Normal {
-                row: contact.normal_row(),
-                bias: contact.background[0],
-                compliance: HALT_COMPLIANCE,
-            }));
-        let residual = self.halt_all(resistance, forces)?;
+        contacts.extend(pairs.map(|pair| Contact::new(*pair, resistance.radii(), background)));
+        self.problem.uses_frictionless_slip = true;
+        self.problem.tangential.clear();
+        self.problem.normal.clear();
+        let normal = contacts.iter().map(|contact| problem::Normal {
+            row: contact.normal_row(),
+            bias: contact.background[0],
+            compliance: HALT_COMPLIANCE,
+        });
+        self.problem.normal.extend(normal);
+        self.system.begin(resistance, &self.problem, forces);
+        let residual = self.halt_all();
         listed.pairs.clear();
-        for (contact, f) in self.list.iter_mut().zip(&mut self.solver.forces.normal) {
+        for (contact, f) in contacts.iter_mut().zip(&mut self.forces.normal) {
             *f = f.max(0.0);
             contact.normal_force = *f;
             if *f > 0.0 {
                 listed.add(contact.pair.key());
             }
         }
-        self.problem.tangential.clear();
         if surface.has_friction() {
-            for (k, contact) in self.list.iter_mut().enumerate() {
-                if contact.normal_force > surface.critical_load {
-                    contact.slip_resistance = resistance.slip_resistance(&contact.pair);
-                    contact.friction_acts = true;
-                    self.problem.tangential.push(problem::Tangential {
-                        contact: k,
-                        row: contact.slip_row(),
-                        shift: contact.background[1],
-                        compliance: 0.0,
-                        acts: true,
-                        ceased: false,
-                    });
-                }
+            self.add_friction(resistance, surface, contacts);
+        }
+        self.system.finish(resistance, &self.forces, velocities);
+        for contact in contacts {
+            contact.take_velocities(velocities);
+        }
+        Ok(Quality {
+            residual,
+            systems: 1,
+            ..Quality::default()
+        })
+    }
+
+    /// Step 2: forces of either sign that halt all pairs, without friction; the largest velocity left.
+    fn halt_all(&mut self) -> f64 {
+        self.states.closed.clear();
+        self.states.closed.resize(self.problem.normal.len(), true);
+        self.states.friction.clear();
+        self.forces.clear();
+        let solved = self
+            .system
+            .solve(&self.problem, &self.states, true, &mut self.forces);
+        if solved.is_none() {
+            self.forces.normal.fill(0.0);
+            return f64::INFINITY;
+        }
+        problem::largest(&self.forces.slack)
+    }
+
+    /// Steps 4 to 6: friction from the slip that the normal forces leave.
+    fn add_friction(
+        &mut self,
+        resistance: &Resistance,
+        surface: &Surface,
+        contacts: &mut [Contact],
+    ) {
+        for (k, contact) in contacts.iter_mut().enumerate() {
+            if contact.normal_force > surface.critical_load {
+                contact.slip_resistance = resistance.slip_resistance(&contact.pair);
+                contact.friction_acts = true;
+                self.problem.tangential.push(problem::Tangential {
+                    contact: k,
+                    row: contact.slip_row(),
+                    shift: contact.background[1],
+                    compliance: 0.0,
+                    coefficient: surface.friction,
+                    intercept: 0.0,
+                    active: true,
+                    was_deactivated: false,
+                });
             }
         }
-        self.measure_slip(resistance, forces)?;
+        self.system.begin_rows(resistance, &self.problem);
+        let count = self.problem.tangential.len();
+        self.forces.tangential.clear();
+        self.forces.tangential.resize(count, 0.0);
+        self.system.measure(&self.problem, &mut self.forces);
         for (m, row) in self.problem.tangential.iter().enumerate() {
-            let contact = &mut self.list[row.contact];
+            let contact = &mut contacts[row.contact];
             let bound = roll_slip::bound(surface.friction, contact.normal_force);
-            let (slip, resistance) = (self.solver.forces.slip[m], contact.slip_resistance);
+            let (slip, resistance) = (self.forces.slip[m], contact.slip_resistance);
             let (force, rolls) = roll_slip::force(slip, resistance, bound);
             contact.tangential_force = force;
             contact.state = if rolls {
@@ -135,13 +207,7 @@ impl ContactSolver {
             } else {
                 ContactState::Slipping
             };
-            self.solver.forces.tangential[m] = contact.tangential_force;
+            self.forces.tangential[m] = force;
         }
-        self.move_under_forces(resistance, forces, velocities)?;
-        Ok(Quality {
-            residual,
-            systems: 1,
-            ..Quality::default()
-        })
     }
 }

@@ -1,7 +1,7 @@
 //! The one contact problem, and its solution.
 //!
-//! Unknown are the velocities v, the normal forces f and the friction t of the candidate pairs; C and D are the rows that read v_n and
-//! u_t off v, b and d what the background, gaps and springs add:
+//! Unknown are the velocities v, the normal forces f and the friction t of the candidate pairs; C and D
+//! are the rows that read v_n and u_t off v, b and d what the background, gaps and springs add:
 //!
 //! ```text
 //! R_FU v = F + Cᵀ f − Dᵀ t
@@ -18,18 +18,125 @@
 //! | stick-slide with springs k_t | | 1/(k_t s), d holds the stretch | ν f |
 //! | stick-rotate | | 0, a second row for the spin | no bound |
 //!
-//! with f − F_crit in place of f for the reduced onset, and ρ = 0 where friction does not act. In the plane Coulomb's cone is this box: the
-//! problem is linear once each contact is known to be open, to stick or to slide. [`newton`] finds that out; the linear algebra behind it is
-//! [`dense`] in small layers and [`sparse`] in large ones.
+//! with f − F_crit in place of f for the reduced onset, and ρ = 0 where friction is not active.
+//!
+//! Two steps solve it: [`newton`] on the coupled problem, and where that does not converge [`convex`]. The linear
+//! algebra behind both is [`dense`] in small layers and [`sparse`] in large ones.
 
-mod cone;
+pub(crate) mod convex;
 pub(crate) mod dense;
 pub(crate) mod newton;
-pub(crate) mod path;
 pub(crate) mod problem;
 pub(crate) mod sparse;
-mod tableau;
-mod ways;
 
 #[cfg(test)]
 mod tests;
+
+use super::Status;
+use convex::ConvexSolver;
+use newton::FrictionActivation;
+use problem::{Forces, FrictionState, Problem, States, System, Violation};
+
+/// What came of a contact problem.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Outcome {
+    pub(crate) status: Status,
+    /// By how much the present forces violate the conditions.
+    pub(crate) violation: Violation,
+    /// Linear systems solved.
+    pub(crate) systems: u32,
+}
+
+/// Active set, forces and workspace of a contact problem.
+#[derive(Default)]
+pub(crate) struct ProblemSolver {
+    /// The active set.
+    pub(crate) states: States,
+    /// The present forces.
+    pub(crate) forces: Forces,
+    /// The one fallback.
+    convex: ConvexSolver,
+    /// Forces to start from, and the rows whose friction was active.
+    start: Forces,
+    active: Vec<bool>,
+}
+
+impl ProblemSolver {
+    /// Room for that many candidates.
+    pub(crate) fn reserve(&mut self, candidates: usize) {
+        self.states.closed.reserve(candidates);
+        self.states.friction.reserve(2 * candidates);
+        self.active.reserve(2 * candidates);
+        self.forces.reserve(candidates);
+        self.start.reserve(candidates);
+    }
+
+    /// Solves from the present active set and forces, which are then those of the solution or of the best found.
+    ///
+    /// `refine`: called after every system with problem and forces, for entries that depend on the solution; how many changed.
+    pub(crate) fn solve(
+        &mut self,
+        problem: &mut Problem,
+        system: &mut impl System,
+        activation: FrictionActivation,
+        mut refine: impl FnMut(&mut Problem, &Forces) -> usize,
+    ) -> Outcome {
+        self.start.copy_from(&self.forces);
+        self.keep_activation(problem);
+        let (converged, systems) = self.newton(problem, system, activation, &mut refine);
+        if converged {
+            return self.accept(problem, system, systems);
+        }
+        self.restore_activation(problem);
+        self.forces.copy_from(&self.start);
+        self.read_states(problem);
+        let outcome = self.solve_convex(problem, system, activation, &mut refine);
+        Outcome {
+            systems: systems + outcome.systems,
+            ..outcome
+        }
+    }
+
+    /// The outcome of a solution: its forces are brought into their bounds.
+    fn accept(&mut self, problem: &Problem, system: &impl System, systems: u32) -> Outcome {
+        self.forces.project_onto_bounds(problem);
+        let violation = self.forces.violation(problem, system);
+        Outcome {
+            status: violation.status(),
+            violation,
+            systems,
+        }
+    }
+
+    /// Notes on which rows friction is active.
+    fn keep_activation(&mut self, problem: &Problem) {
+        self.active.clear();
+        self.active
+            .extend(problem.tangential.iter().map(|row| row.active));
+    }
+
+    /// Makes friction active where it was noted: an active set that cycled says little about loads.
+    fn restore_activation(&self, problem: &mut Problem) {
+        for (row, &active) in problem.tangential.iter_mut().zip(&self.active) {
+            (row.active, row.was_deactivated) = (active, false);
+        }
+    }
+
+    /// The active set that the present forces show.
+    pub(crate) fn read_states(&mut self, problem: &Problem) {
+        let (forces, states) = (&self.forces, &mut self.states);
+        states.closed.clear();
+        states.closed.extend(forces.normal.iter().map(|&f| f > 0.0));
+        states.friction.clear();
+        for (&t, row) in forces.tangential.iter().zip(&problem.tangential) {
+            let bound = row.bound(forces.normal[row.contact]);
+            states.friction.push(if bound == 0.0 {
+                FrictionState::Inactive
+            } else if t.abs() < bound * (1.0 - 1e-12) {
+                FrictionState::Stick
+            } else {
+                FrictionState::slipping(t)
+            });
+        }
+    }
+}

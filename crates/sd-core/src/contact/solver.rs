@@ -2,32 +2,31 @@
 
 mod candidates;
 mod entries;
-mod protocol;
 
 use self::candidates::parting_velocity;
 use self::entries::refine;
 use super::laws::{Laws, Overlap, Span};
 use super::pair::Contact;
 use super::solve::dense::DenseSystem;
-use super::solve::newton::{BoxSolver, Deciding, Onset, Outcome};
-use super::solve::path::Effort;
+use super::solve::{Outcome, ProblemSolver};
+use super::solve::newton::FrictionActivation;
 use super::solve::problem::{Forces, Problem, System};
-use super::solve::sparse::{OnNetwork, SparseSystem, has_products};
+use super::solve::sparse::{OnNetwork, SparseSystem};
 use super::springs::Stretches;
 use super::warm_start::{SpringForces, WarmStart};
-use super::{Quality, most_contacts};
+use super::{Quality, Status, most_contacts};
 use crate::error::Error;
 use crate::geometry::modes::Background;
 use crate::hydrodynamics::resistance::Resistance;
 
-pub use super::solve::problem::Driving;
+pub use super::solve::problem::AppliedForces;
 
 /// Rounds of adding pairs that turned out to close after all.
 const MOST_ROUNDS: u32 = 20;
 
-/// What a contact problem is posed in.
+/// What a contact problem is input in.
 #[derive(Clone, Copy)]
-pub struct Posed<'a> {
+pub struct StageInput<'a> {
     /// Hydrodynamics, factored where they are.
     pub resistance: &'a Resistance,
     /// Imposed flow.
@@ -62,6 +61,15 @@ impl ContactMemory {
     }
 }
 
+/// Whether the set of contacts with active friction may change in a solve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ActivationUpdate {
+    /// It follows the loads.
+    Update,
+    /// It stays as it is.
+    Hold,
+}
+
 /// The linear algebra behind the problem.
 pub(super) enum Backend {
     /// Small dense matrices of contacts.
@@ -79,16 +87,11 @@ pub struct ContactSolver {
     /// Entries.
     pub(super) problem: Problem,
     /// States and forces.
-    pub(super) solver: BoxSolver,
+    solver: ProblemSolver,
     /// Linear algebra.
     pub(super) backend: Backend,
     /// Tangential springs within a step.
     stretches: Stretches,
-    /// Whether linear systems are dear and candidates cost nearly nothing: in layers held pair by pair whose far field is not iterated.
-    has_dear_systems: bool,
-    /// What was known before the stage, and whether the stage is solved anew from there, since at first it seemed jammed.
-    known_before: WarmStart,
-    is_anew: bool,
 }
 
 impl ContactSolver {
@@ -105,25 +108,15 @@ impl ContactSolver {
             list: Vec::with_capacity(most),
             overlaps: Vec::with_capacity(most),
             problem: Problem::default(),
-            solver: BoxSolver::default(),
+            solver: ProblemSolver::default(),
             backend,
             stretches: Stretches::default(),
-            has_dear_systems: resistance.pairwise().is_some() && !resistance.is_iterated_on(),
-            known_before: WarmStart::default(),
-            is_anew: false,
         };
         solver.problem.normal.reserve(most);
         solver.problem.tangential.reserve(2 * most);
-        let dense = matches!(solver.backend, Backend::Dense(_));
-        solver.solver.reserve(most, dense);
+        solver.solver.reserve(most);
         solver.stretches.reserve(most);
-        solver.known_before.forces.reserve(most);
         solver
-    }
-
-    /// Whether linear systems are saved, by candidates and decisions that may turn out not to be needed.
-    fn saves_systems(&self) -> bool {
-        self.has_dear_systems && !self.is_anew
     }
 
     /// Begins a step: what is known of the motion from stages before is forgotten.
@@ -133,47 +126,61 @@ impl ContactSolver {
         }
     }
 
-    /// Solves one stage. `velocities`: disturbances `[3N]` that come out.
+    /// Takes the positions of a stage, and its first candidates.
+    pub(crate) fn begin(&mut self, input: &StageInput<'_>, memory: &ContactMemory) {
+        if let Backend::Sparse(system) = &mut self.backend {
+            system.start();
+        }
+        self.choose(input, &memory.warm_start);
+    }
+
+    /// Solves the problem of the stage from the forces of the last solution, with ever more candidates until none of
+    /// the others closes.
+    ///
+    /// # Arguments
+    /// - `update`: whether the set of contacts with active friction may change.
+    /// - `velocities`: disturbances `[3N]` that come out.
+    ///
+    /// # Returns
+    /// How well it was solved, and whether that set has changed.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`].
-    pub fn solve(
+    pub(crate) fn solve(
         &mut self,
-        posed: &Posed<'_>,
-        driving: Driving<'_>,
+        input: &StageInput<'_>,
+        applied: AppliedForces<'_>,
         memory: &mut ContactMemory,
+        update: ActivationUpdate,
         velocities: &mut [f64],
-    ) -> Result<Quality, Error> {
-        self.begin(posed, memory);
-        self.solve_begun(posed, driving, memory, true, velocities)
-    }
-
-    /// Solves the stage that was solved last once more, under laws with other numbers: friction acts where it did then.
-    ///
-    /// # Errors
-    /// [`Error::NotPositiveDefinite`].
-    pub(crate) fn solve_held(
-        &mut self,
-        posed: &Posed<'_>,
-        driving: Driving<'_>,
-        memory: &mut ContactMemory,
-        velocities: &mut [f64],
-    ) -> Result<Quality, Error> {
-        self.solve_begun(posed, driving, memory, false, velocities)
-    }
-
-    /// Solves the stage whose candidates are chosen, and keeps its springs. `deciding`: as in [`ContactSolver::evaluate`].
-    fn solve_begun(
-        &mut self,
-        posed: &Posed<'_>,
-        driving: Driving<'_>,
-        memory: &mut ContactMemory,
-        deciding: bool,
-        velocities: &mut [f64],
-    ) -> Result<Quality, Error> {
-        let (quality, _) = self.evaluate(posed, driving, memory, deciding, velocities)?;
-        self.keep_springs(posed, &mut memory.springs);
-        Ok(quality)
+    ) -> Result<(Quality, bool), Error> {
+        let (mut systems, mut changed) = (0, false);
+        for round in 1..=MOST_ROUNDS {
+            let outcome = self.solve_candidates(input, applied, memory, update, velocities)?;
+            systems += outcome.systems;
+            changed |= self.keep_activation() && !input.laws.is_smooth();
+            let mut quality = Quality {
+                status: outcome.status,
+                residual: outcome.violation.residual,
+                friction_error: outcome.violation.friction_error,
+                systems,
+            };
+            let closes = self.add_closing(input, velocities, &mut memory.warm_start);
+            // With more contacts a jammed layer has no motion either.
+            if !closes || quality.jammed() {
+                return Ok((quality, changed));
+            }
+            changed = true;
+            if round == MOST_ROUNDS {
+                // By how much pairs still close counts as a violation.
+                let closing = self.list.iter().filter(|c| c.normal_force == 0.0);
+                let closing = closing.map(|c| parting_velocity(input, c) - c.normal_velocity);
+                quality.residual = closing.fold(quality.residual, f64::max);
+                quality.status = Status::Failed;
+                return Ok((quality, changed));
+            }
+        }
+        unreachable!("the last round returns")
     }
 
     /// Whether friction would act on the same contacts above another critical load.
@@ -189,112 +196,6 @@ impl ContactSolver {
         self.stretches.rescale(factor);
     }
 
-    /// Takes the positions of a stage, and its first candidates.
-    pub(crate) fn begin(&mut self, posed: &Posed<'_>, memory: &ContactMemory) {
-        if let Backend::Sparse(system) = &mut self.backend {
-            system.start();
-        }
-        self.known_before.copy_from(&memory.warm_start);
-        self.choose(posed, &memory.warm_start);
-    }
-
-    /// Solves the problem of the stage once, from the forces of the last time: under other driving forces than before, if need be.
-    ///
-    /// What saves linear systems lets friction act on more contacts than it has to, and a layer can be jammed by that alone where friction
-    /// answers the motion. A stage that seems jammed is therefore solved anew without, as in small layers, before it counts as such.
-    ///
-    /// `deciding`: whether it may still change on which contacts friction acts. Returns with the quality whether it did.
-    ///
-    /// # Errors
-    /// [`Error::NotPositiveDefinite`].
-    pub(crate) fn evaluate(
-        &mut self,
-        posed: &Posed<'_>,
-        driving: Driving<'_>,
-        memory: &mut ContactMemory,
-        deciding: bool,
-        velocities: &mut [f64],
-    ) -> Result<(Quality, bool), Error> {
-        let first = self.solve_rounds(posed, driving, memory, deciding, velocities)?;
-        let is_solved = first.0.converged() && !first.0.jammed;
-        if is_solved || !deciding || !self.may_jam_by_haste(posed) {
-            return Ok(first);
-        }
-        self.is_anew = true;
-        memory.warm_start.copy_from(&self.known_before);
-        self.choose(posed, &memory.warm_start);
-        let anew = self.solve_rounds(posed, driving, memory, deciding, velocities);
-        self.is_anew = false;
-        let (mut quality, changed) = anew?;
-        // Where no solution was found this time either, the first verdict stands.
-        quality.jammed |= first.0.jammed && !quality.converged();
-        quality.systems += first.0.systems;
-        Ok((quality, changed))
-    }
-
-    /// Solves the problem of the stage with ever more candidates, until none of the others closes.
-    fn solve_rounds(
-        &mut self,
-        posed: &Posed<'_>,
-        driving: Driving<'_>,
-        memory: &mut ContactMemory,
-        deciding: bool,
-        velocities: &mut [f64],
-    ) -> Result<(Quality, bool), Error> {
-        let mut quality = Quality::default();
-        let mut changed = false;
-        self.solver.effort = Effort::Usual;
-        for round in 0..MOST_ROUNDS {
-            let deciding = match deciding {
-                false => Deciding::Held,
-                true if !self.saves_systems() => Deciding::Late,
-                true if round == 0 => Deciding::Early,
-                true => Deciding::Again,
-            };
-            let (found, decided) =
-                self.solve_candidates(posed, driving, memory, deciding, velocities)?;
-            changed |= decided;
-            quality = Quality {
-                systems: quality.systems + found.systems,
-                ..found
-            };
-            if quality.jammed && deciding != Deciding::Held && self.may_jam_by_haste(posed) {
-                return Ok((quality, changed));
-            }
-            if self.add_closing(posed, velocities, &mut memory.warm_start, quality.jammed) {
-                changed = true;
-                self.solver.relax(&self.problem);
-            } else if quality.converged() || driving.enough > 0.0 || !self.try_harder(posed) {
-                return Ok((quality, changed));
-            }
-        }
-        // By how much pairs still close counts as a violation.
-        let closing = self.list.iter().filter(|c| c.normal_force == 0.0);
-        let closing = closing.map(|c| parting_velocity(posed, c) - c.normal_velocity);
-        quality.residual = closing.fold(quality.residual, f64::max);
-        Ok((quality, changed))
-    }
-
-    /// Whether the problem at hand has a matrix, in which paths are followed.
-    fn has_paths(&self, posed: &Posed<'_>) -> bool {
-        let network = posed.resistance.pairwise();
-        network.is_none_or(|network| has_products(network, &self.problem))
-    }
-
-    /// Whether the problem at hand could seem jammed only because linear systems are saved.
-    fn may_jam_by_haste(&self, posed: &Posed<'_>) -> bool {
-        self.saves_systems() && self.problem.can_jam() && self.has_paths(posed)
-    }
-
-    /// Whether there is more to try for the problem at hand, which is then tried from now on.
-    fn try_harder(&mut self, posed: &Posed<'_>) -> bool {
-        let harder = self.has_paths(posed) && self.solver.effort == Effort::Usual && !self.is_anew;
-        if harder {
-            self.solver.effort = Effort::Last;
-        }
-        harder
-    }
-
     /// Velocities `[3N]` of the spheres without contacts.
     ///
     /// # Errors
@@ -308,7 +209,7 @@ impl ContactSolver {
         self.list.clear();
         self.problem.normal.clear();
         self.problem.tangential.clear();
-        self.problem.isolated = false;
+        self.problem.uses_frictionless_slip = false;
         let (problem, solver) = (&mut self.problem, &mut self.solver);
         match &mut self.backend {
             Backend::Dense(system) => {
@@ -319,7 +220,7 @@ impl ContactSolver {
             Backend::Sparse(system) => {
                 system.start();
                 let mut on_network =
-                    OnNetwork::begin(resistance, system, problem, Driving::by(forces))?;
+                    OnNetwork::begin(resistance, system, problem, AppliedForces::both(forces))?;
                 solver.forces.clear();
                 on_network.measure(problem, &mut solver.forces);
                 velocities.copy_from_slice(system.velocities()[0]);
@@ -329,8 +230,8 @@ impl ContactSolver {
     }
 
     /// The motion `[3N]` that normal forces alone leave, where the law reads it.
-    pub(crate) fn isolated_motion(&self, posed: &Posed<'_>) -> Option<&[f64]> {
-        match (&self.backend, posed.laws.reads_isolated_motion()) {
+    pub(crate) fn isolated_motion(&self, input: &StageInput<'_>) -> Option<&[f64]> {
+        match (&self.backend, input.laws.reads_isolated_motion()) {
             (Backend::Sparse(system), true) => Some(system.velocities()[1]),
             _ => None,
         }
@@ -344,107 +245,48 @@ impl ContactSolver {
     }
 
     /// Keeps the springs of a solved stage.
-    pub(crate) fn keep_springs(&mut self, posed: &Posed<'_>, springs: &mut SpringForces) {
-        if posed.laws.tangential.has_spring() {
-            self.stretches.take(&self.list, springs, posed.span.phase);
+    pub(crate) fn keep_springs(&mut self, input: &StageInput<'_>, springs: &mut SpringForces) {
+        if input.laws.tangential.has_spring() {
+            self.stretches.take(&self.list, springs, input.span.phase);
         }
     }
 
-    /// Forces of the candidates at hand, put into `list`, and the motion.
+    /// Forces of the present candidates, put into `list`, and the motion.
     fn solve_candidates(
         &mut self,
-        posed: &Posed<'_>,
-        driving: Driving<'_>,
+        input: &StageInput<'_>,
+        applied: AppliedForces<'_>,
         memory: &ContactMemory,
-        deciding: Deciding,
+        update: ActivationUpdate,
         velocities: &mut [f64],
-    ) -> Result<(Quality, bool), Error> {
-        self.pose(posed);
-        let (laws, resistance) = (posed.laws, posed.resistance);
-        let friction = laws.surface.has_friction();
-        let load = laws.surface.critical_load;
-        // Rows cost a dense system much: the solution says who needs one.
-        let admits = matches!(self.backend, Backend::Dense(_)) || self.is_anew;
-        let onset = Onset {
-            critical_load: load,
-            smooth: laws.is_smooth(),
-            admits: friction && admits,
-            deciding,
+    ) -> Result<Outcome, Error> {
+        self.pose(input, memory, update);
+        let laws = input.laws;
+        let activation = FrictionActivation {
+            critical_load: laws.surface.critical_load,
+            updates: update == ActivationUpdate::Update && !laws.is_smooth(),
         };
-        if friction {
-            let loaded = self.list.iter().filter(|c| c.normal_force > load).count();
-            // The few others cost less now than later.
-            let all = !admits || 10 * loaded >= 9 * self.list.len();
-            self.add_rows(posed, memory, deciding, |_, contact| {
-                all || contact.normal_force > load
-                    || contact.friction_acts && deciding == Deciding::Held
-            });
-        }
-        let solver = &mut self.solver;
-        solver.forces.normal.clear();
-        solver
-            .forces
-            .normal
-            .extend(self.list.iter().map(|contact| contact.normal_force));
-        self.take_rows();
-        let mut systems = 0;
-        let mut begun = false;
-        loop {
-            let (problem, solver) = (&mut self.problem, &mut self.solver);
-            let overlaps = &mut self.overlaps;
-            let refine = |problem: &mut Problem, forces: &Forces| {
-                refine(posed, problem, overlaps, forces, driving.enough)
-            };
-            let outcome = match &mut self.backend {
-                Backend::Dense(system) => {
-                    if begun {
-                        system.begin_rows(resistance, problem);
-                    } else {
-                        system.begin(resistance, problem, driving.all);
-                    }
-                    solver.solve(problem, &mut **system, onset, refine)
-                }
-                Backend::Sparse(system) => {
-                    let mut on_network = OnNetwork::begin(resistance, system, problem, driving)?;
-                    solver.solve(problem, &mut on_network, onset, refine)
-                }
-            };
-            begun = true;
-            match outcome {
-                Outcome::Admit { systems: more, all } => {
-                    systems += more;
-                    self.keep_forces();
-                    let normal = std::mem::take(&mut self.solver.forces.normal);
-                    self.add_rows(posed, memory, deciding, |k, contact| {
-                        all || normal[k] > load || contact.slip_resistance > 0.0
-                    });
-                    self.solver.forces.normal = normal;
-                    self.take_rows();
-                }
-                Outcome::Solved {
-                    merit,
-                    jammed,
-                    systems: more,
-                } => {
-                    self.keep_forces();
-                    match &mut self.backend {
-                        Backend::Dense(system) => {
-                            system.finish(resistance, &self.solver.forces, velocities);
-                        }
-                        Backend::Sparse(system) => {
-                            velocities.copy_from_slice(system.velocities()[0]);
-                        }
-                    }
-                    self.take_motion(velocities);
-                    let quality = Quality {
-                        residual: merit.residual,
-                        friction_error: merit.friction_error,
-                        jammed,
-                        systems: systems + more,
-                    };
-                    return Ok((quality, self.keep_activity() && !onset.smooth));
-                }
+        let (problem, solver) = (&mut self.problem, &mut self.solver);
+        let (overlaps, tolerance) = (&mut self.overlaps, applied.relative_tolerance);
+        let refine = |problem: &mut Problem, forces: &Forces| {
+            refine(input, problem, overlaps, forces, tolerance)
+        };
+        let outcome = match &mut self.backend {
+            Backend::Dense(system) => {
+                system.begin(input.resistance, problem, applied.all);
+                let solved = solver.solve(problem, &mut **system, activation, refine);
+                system.finish(input.resistance, &solver.forces, velocities);
+                solved
             }
-        }
+            Backend::Sparse(system) => {
+                let mut on_network = OnNetwork::begin(input.resistance, system, problem, applied)?;
+                let solved = solver.solve(problem, &mut on_network, activation, refine);
+                velocities.copy_from_slice(system.velocities()[0]);
+                solved
+            }
+        };
+        self.keep_forces();
+        self.take_motion(velocities);
+        Ok(outcome)
     }
 }

@@ -8,7 +8,7 @@
 //! forces alone leave, there is no G_tt. With p = −t on sticking rows the system of given states is symmetric but for the columns of
 //! contacts that slide, whose friction follows the load: `t = ±ν (f − f₀)`.
 
-use super::problem::{Forces, Grip, Noise, Problem, States, System, largest};
+use super::problem::{Forces, FrictionState, RoundoffThresholds, Problem, States, System, largest};
 use crate::contact::row::Row;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::Matrix;
@@ -120,7 +120,7 @@ impl DenseSystem {
             problem.tangential[m].row
         });
         columns.transposed_product(&self.normal_columns, &mut self.g_tn);
-        self.isolated = problem.isolated;
+        self.isolated = problem.uses_frictionless_slip;
         if !self.isolated {
             columns.gram(&mut self.g_tt);
         }
@@ -211,7 +211,7 @@ impl DenseSystem {
         active.clear();
         active.extend((0..order.len()).filter(|&c| states.closed[order[c]]));
         sticking.clear();
-        sticking.extend((0..row_order.len()).filter(|&c| states.grip[row_order[c]] == Grip::Stick));
+        sticking.extend((0..row_order.len()).filter(|&c| states.friction[row_order[c]] == FrictionState::Stick));
         let (first, size) = (active.len(), active.len() + sticking.len());
         let matrix = self.solver.matrix_mut();
         matrix.reshape(size, size);
@@ -252,17 +252,33 @@ impl DenseSystem {
                 .iter()
                 .map(|&s| -problem.tangential[row_order[s]].shift - self.free_slip[s]),
         );
-        for (m, grip) in states.grip.iter().enumerate() {
-            let sign = grip.sign();
-            let contact = problem.tangential[m].contact;
-            if sign == 0.0 || !states.closed[contact] {
+        for (m, friction) in states.friction.iter().enumerate() {
+            let sign = friction.sign();
+            if sign == 0.0 {
                 continue;
             }
-            let Ok(column) = active.binary_search(&self.place[0][contact]) else {
+            let row = &problem.tangential[m];
+            let own = self.place[1][m];
+            if row.intercept != 0.0 {
+                let given = sign * row.intercept;
+                let (upper, lower) = self.solution.split_at_mut(first);
+                for (x, &a) in upper.iter_mut().zip(active.iter()) {
+                    *x += given * self.g_tn[(own, a)];
+                }
+                if !self.isolated {
+                    for (x, &s) in lower.iter_mut().zip(sticking.iter()) {
+                        *x += given * self.g_tt[(s, own)];
+                    }
+                }
+            }
+            let Ok(column) = active.binary_search(&self.place[0][row.contact]) else {
                 continue;
             };
+            if !row.follows_load() {
+                continue;
+            }
             // The columns of p = −t for this row, as t follows the load.
-            let (slope, own) = (sign * problem.friction, self.place[1][m]);
+            let slope = sign * row.coefficient;
             let target = matrix.column_mut(column);
             for (entry, &a) in target.iter_mut().zip(active.iter()) {
                 *entry -= slope * self.g_tn[(own, a)];
@@ -270,18 +286,6 @@ impl DenseSystem {
             for (entry, &s) in target[first..].iter_mut().zip(sticking.iter()) {
                 if !self.isolated {
                     *entry -= slope * self.g_tt[(s, own)];
-                }
-            }
-            if problem.offset > 0.0 {
-                let given = slope * problem.offset;
-                let (upper, lower) = self.solution.split_at_mut(first);
-                for (x, &a) in upper.iter_mut().zip(active.iter()) {
-                    *x -= given * self.g_tn[(own, a)];
-                }
-                for (x, &s) in lower.iter_mut().zip(sticking.iter()) {
-                    if !self.isolated {
-                        *x -= given * self.g_tt[(s, own)];
-                    }
                 }
             }
         }
@@ -301,12 +305,11 @@ impl DenseSystem {
         for (&s, &p) in sticking.iter().zip(&self.solution[first..]) {
             forces.tangential[row_order[s]] = -p;
         }
-        for (m, grip) in states.grip.iter().enumerate() {
-            let sign = grip.sign();
-            let contact = problem.tangential[m].contact;
-            if sign != 0.0 && states.closed[contact] {
-                let load = forces.normal[contact] - problem.offset;
-                forces.tangential[m] = sign * problem.friction * load;
+        for (m, friction) in states.friction.iter().enumerate() {
+            let row = &problem.tangential[m];
+            if *friction != FrictionState::Stick {
+                let load = forces.normal[row.contact];
+                forces.tangential[m] = row.slipping_force(*friction, load);
             }
         }
     }
@@ -319,7 +322,7 @@ impl System for DenseSystem {
         states: &States,
         _: bool,
         forces: &mut Forces,
-    ) -> Option<Noise> {
+    ) -> Option<RoundoffThresholds> {
         self.pose(problem, states);
         if self.solver.solve(&mut self.solution).is_err()
             || !self.solution.iter().all(|x| x.is_finite())
@@ -332,45 +335,11 @@ impl System for DenseSystem {
         let fastest = given.fold(0.0, |most: f64, v| most.max(v.abs()));
         let biases = problem.normal.iter().map(|entry| entry.bias.abs());
         let shifts = problem.tangential.iter().map(|entry| entry.shift.abs());
-        Some(Noise {
+        Some(RoundoffThresholds {
             force: 1e-13 * largest(&forces.normal).max(largest(&forces.tangential)),
             velocity: 1e-12 * biases.chain(shifts).fold(fastest, f64::max),
             exact: true,
         })
-    }
-
-    fn has_matrix(&self, _: &Problem) -> bool {
-        true
-    }
-
-    fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool {
-        let [place, row_place] = &self.place;
-        let contacts = problem.normal.len();
-        let count = contacts + problem.tangential.len();
-        matrix.reset(count, count);
-        for (l, &b) in place.iter().enumerate() {
-            let target = matrix.column_mut(l);
-            let (normal, tangential) = (self.g_nn.column(b), self.g_tn.column(b));
-            for (entry, &a) in target.iter_mut().zip(place) {
-                *entry = normal[a];
-            }
-            for (entry, &a) in target[contacts..].iter_mut().zip(row_place) {
-                *entry = tangential[a];
-            }
-        }
-        for (l, &b) in row_place.iter().enumerate() {
-            let target = matrix.column_mut(contacts + l);
-            for (entry, &a) in target.iter_mut().zip(place) {
-                *entry = -self.g_tn[(b, a)];
-            }
-            if !self.isolated {
-                let own = self.g_tt.column(b);
-                for (entry, &a) in target[contacts..].iter_mut().zip(row_place) {
-                    *entry = -own[a];
-                }
-            }
-        }
-        true
     }
 
     fn measure(&mut self, problem: &Problem, forces: &mut Forces) {

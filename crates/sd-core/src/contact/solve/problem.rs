@@ -1,9 +1,7 @@
 //! The entries of the contact problem: what every law comes down to at one stage.
 
-use crate::contact::laws::COMPLIANCE;
 use crate::contact::row::Row;
-use crate::linalg::dense::Matrix;
-use crate::model::Params;
+use crate::contact::{Quality, Status};
 
 /// Normal part of one candidate: `w = C v + bias + compliance f`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,26 +10,58 @@ pub(crate) struct Normal {
     pub(crate) row: Row,
     /// What w has besides, in a·rate: the background's part, and the gap left over the time ahead.
     pub(crate) bias: f64,
-    /// In a·rate per unit of force: the inverse of a spring's stiffness over the time ahead; nearly nothing for a rigid contact.
+    /// In a·rate per unit of force: the inverse of a spring's stiffness over the time ahead; a tiny
+    /// one for a rigid contact.
     pub(crate) compliance: f64,
 }
 
-/// A tangential row of one candidate: `z = D v + shift − compliance t`.
+/// A friction row of one candidate: `z = D v + shift − compliance t`, `|t| ≤ ρ(f)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Tangential {
     /// Its candidate.
     pub(crate) contact: usize,
     /// Row of D.
     pub(crate) row: Row,
-    /// What z has besides, in a·rate: the background's part, and the stretch of a spring over the time ahead.
+    /// What z has besides, in a·rate: the background's part, and the stretch of a spring over the
+    /// time ahead.
     pub(crate) shift: f64,
     /// In a·rate per unit of force.
     pub(crate) compliance: f64,
-    /// Whether friction acts: the load is above the critical one.
-    pub(crate) acts: bool,
-    /// Whether it ceased to act in this problem, as the load with friction was below the critical one. It does so once: where the load
-    /// without friction is above it the law jumps to and fro, and friction stays.
-    pub(crate) ceased: bool,
+    /// The bound `ρ(f) = max(0, coefficient f + intercept)` while friction is active. An infinite
+    /// coefficient means no bound while the contact is loaded.
+    pub(crate) coefficient: f64,
+    /// See `coefficient`; in mu·a²·rate.
+    pub(crate) intercept: f64,
+    /// Whether friction is active: whether the load is above the critical one.
+    pub(crate) active: bool,
+    /// Whether friction was deactivated in this problem. That happens once: where the load is above
+    /// the critical one without friction and below it with friction, friction stays active.
+    pub(crate) was_deactivated: bool,
+}
+
+impl Tangential {
+    /// Bound ρ of |t| at a normal force f.
+    pub(crate) fn bound(&self, f: f64) -> f64 {
+        if !self.active {
+            return 0.0;
+        }
+        let of_load = if f > 0.0 { self.coefficient * f } else { 0.0 };
+        (of_load + self.intercept).max(0.0)
+    }
+
+    /// Friction in a state that does not stick, at a normal force of either sign.
+    pub(crate) fn slipping_force(&self, state: FrictionState, f: f64) -> f64 {
+        match state {
+            FrictionState::Inactive | FrictionState::Stick => 0.0,
+            _ if self.follows_load() => state.sign() * (self.coefficient * f + self.intercept),
+            _ => state.sign() * self.intercept,
+        }
+    }
+
+    /// Whether the bound follows the load. Otherwise it is given, as in the convex problems.
+    pub(crate) fn follows_load(&self) -> bool {
+        self.coefficient > 0.0
+    }
 }
 
 /// One contact problem; see [`super`].
@@ -39,110 +69,79 @@ pub(crate) struct Tangential {
 pub(crate) struct Problem {
     /// Candidates, ordered by (i, j).
     pub(crate) normal: Vec<Normal>,
-    /// Tangential rows, ordered by candidate; candidates without one have no friction.
+    /// Friction rows, ordered by candidate; candidates without one have no friction.
     pub(crate) tangential: Vec<Tangential>,
-    /// ν; infinite where friction has no limit, 0 where there is none.
-    pub(crate) friction: f64,
-    /// Load taken off before friction.
-    pub(crate) offset: f64,
-    /// Whether tangential rows read the motion that normal forces alone leave.
-    pub(crate) isolated: bool,
+    /// Whether friction rows read the motion that normal forces alone leave, v_N, in place of v.
+    pub(crate) uses_frictionless_slip: bool,
 }
 
-impl Problem {
-    /// Whether contacts give way under their forces.
-    pub(crate) fn is_soft(&self) -> bool {
-        let mut entries = self.normal.iter();
-        entries.any(|entry| entry.compliance > COMPLIANCE)
-    }
-
-    /// Whether contacts do not give way and friction is a reaction to the motion that it slows: such a problem need not have a solution.
-    pub(crate) fn can_jam(&self) -> bool {
-        self.friction > 0.0 && !self.isolated && !self.is_soft()
-    }
-
-    /// Whether it can jam, and friction is [steep](Params::STEEP_ABOVE).
-    pub(crate) fn is_steep(&self) -> bool {
-        self.friction > Params::STEEP_ABOVE && self.can_jam()
-    }
-
-    /// Bound ρ of |t| in a row, at normal forces f.
-    pub(crate) fn bound(&self, row: &Tangential, f: &[f64]) -> f64 {
-        let load = f[row.contact] - self.offset;
-        if load > 0.0 && row.acts {
-            self.friction * load
-        } else {
-            0.0
-        }
-    }
-}
-
-/// What drives the spheres besides contacts, `[3N]` each.
+/// The forces on the spheres besides those of contact, `[3N]` each.
 #[derive(Clone, Copy)]
-pub struct Driving<'a> {
+pub struct AppliedForces<'a> {
     /// All external and background forces.
     pub all: &'a [f64],
     /// Those of them that count for the motion that normal forces alone leave.
-    pub isolated: &'a [f64],
-    /// Residual that is enough, over the norm of these forces; 0: as exact as can be.
-    pub enough: f64,
+    pub frictionless: &'a [f64],
+    /// Residual at which the solution is exact enough, relative to the norm of these forces; 0: as
+    /// exact as rounding allows.
+    pub relative_tolerance: f64,
 }
 
-impl<'a> Driving<'a> {
+impl<'a> AppliedForces<'a> {
     /// The same forces for both motions.
-    pub fn by(forces: &'a [f64]) -> Self {
+    pub fn both(forces: &'a [f64]) -> Self {
         Self {
             all: forces,
-            isolated: forces,
-            enough: 0.0,
+            frictionless: forces,
+            relative_tolerance: 0.0,
         }
     }
 }
 
-/// What a tangential row does.
+/// What friction does in one row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Grip {
-    /// No force: friction does not act, or there is no load.
-    Off,
+pub(crate) enum FrictionState {
+    /// No force: friction is not active, or there is no load.
+    Inactive,
     /// Within the bound, z = 0.
     Stick,
     /// t = ρ.
-    Plus,
+    SlipPositive,
     /// t = −ρ.
-    Minus,
+    SlipNegative,
 }
 
-impl Grip {
-    /// The sliding state with a force of that sign.
-    pub(crate) fn sliding(towards: f64) -> Self {
+impl FrictionState {
+    /// The slipping state with a force of that sign.
+    pub(crate) fn slipping(towards: f64) -> Self {
         if towards > 0.0 {
-            Self::Plus
+            Self::SlipPositive
         } else {
-            Self::Minus
+            Self::SlipNegative
         }
     }
 
-    /// Sign of the force of a sliding row; 0 in other states.
+    /// Sign of the force of a slipping row; 0 in other states.
     pub(crate) fn sign(self) -> f64 {
         match self {
-            Self::Plus => 1.0,
-            Self::Minus => -1.0,
-            Self::Off | Self::Stick => 0.0,
+            Self::SlipPositive => 1.0,
+            Self::SlipNegative => -1.0,
+            Self::Inactive | Self::Stick => 0.0,
         }
     }
 }
 
-/// What each candidate and each row does; the problem is linear once this is known.
-#[derive(Debug, Default)]
+/// The active set: what each candidate and each row does. The problem is linear once it is known.
+#[derive(Debug, Default, Clone, PartialEq)]
 pub(crate) struct States {
     /// Whether each candidate is closed.
     pub(crate) closed: Vec<bool>,
     /// What each row does.
-    pub(crate) grip: Vec<Grip>,
+    pub(crate) friction: Vec<FrictionState>,
 }
 
 /// Forces, and the velocities that go with them.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 pub(crate) struct Forces {
     /// f of each candidate, in mu·a²·rate.
     pub(crate) normal: Vec<f64>,
@@ -155,17 +154,20 @@ pub(crate) struct Forces {
 }
 
 impl Forces {
-    /// Takes the forces of others, without slack and slip, and without allocating once there is room.
+    /// Takes all values of another, without allocating once there is room.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.normal.clone_from(&other.normal);
         self.tangential.clone_from(&other.tangential);
-    }
-
-    /// The same, with slack and slip.
-    pub(crate) fn copy_all_from(&mut self, other: &Self) {
-        self.copy_from(other);
         self.slack.clone_from(&other.slack);
         self.slip.clone_from(&other.slip);
+    }
+
+    /// Room for that many candidates and twice as many rows.
+    pub(crate) fn reserve(&mut self, candidates: usize) {
+        self.normal.reserve(candidates);
+        self.slack.reserve(candidates);
+        self.tangential.reserve(2 * candidates);
+        self.slip.reserve(2 * candidates);
     }
 
     /// No forces of no contacts.
@@ -179,11 +181,64 @@ impl Forces {
             values.clear();
         }
     }
+
+    /// Brings forces that are out of their bounds back into them.
+    pub(crate) fn project_onto_bounds(&mut self, problem: &Problem) {
+        for f in &mut self.normal {
+            *f = f.max(0.0);
+        }
+        for (t, row) in self.tangential.iter_mut().zip(&problem.tangential) {
+            let bound = row.bound(self.normal[row.contact]);
+            *t = t.clamp(-bound, bound);
+        }
+    }
+
+    /// Violation of the conditions by these forces, whose slack and slip are known.
+    pub(crate) fn violation(&self, problem: &Problem, system: &impl System) -> Violation {
+        let (mut residual, mut error, mut most) = (0.0_f64, 0.0_f64, f64::MIN_POSITIVE);
+        let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
+        for (k, &f) in self.normal.iter().enumerate() {
+            residual = worse(residual, (system.mobility(k) * f).min(self.slack[k]).abs());
+            most = most.max(f);
+        }
+        for (m, row) in problem.tangential.iter().enumerate() {
+            let (t, z) = (self.tangential[m], self.slip[m]);
+            let bound = row.bound(self.normal[row.contact]);
+            let own = system.mobility(row.contact) + row.compliance;
+            error = worse(error, (t - (t + z / own).clamp(-bound, bound)).abs());
+        }
+        Violation {
+            residual,
+            friction_error: error / most,
+        }
+    }
 }
 
-/// What decides nothing.
+/// By how much forces violate the conditions of a problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Noise {
+pub(crate) struct Violation {
+    /// `max |min(G f, w)|`, G the mobility of the contact; in a·rate.
+    pub(crate) residual: f64,
+    /// `max |t − clamp(t + z/G, −ρ, ρ)|` over the largest normal force.
+    pub(crate) friction_error: f64,
+}
+
+impl Violation {
+    /// What it says of a solution.
+    pub(crate) fn status(self) -> Status {
+        if self.residual > Quality::RESIDUAL_LIMIT {
+            Status::Failed
+        } else if self.friction_error > Quality::FRICTION_LIMIT {
+            Status::InexactFriction
+        } else {
+            Status::Solved
+        }
+    }
+}
+
+/// Magnitudes treated as zero.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct RoundoffThresholds {
     /// Forces below this, in mu·a²·rate.
     pub(crate) force: f64,
     /// Velocities below this, in a·rate.
@@ -194,24 +249,17 @@ pub(crate) struct Noise {
 
 /// The linear algebra behind a problem: how forces of contacts move contacts.
 pub(crate) trait System {
-    /// Forces (of either sign) that the states give, with their slack and slip.
+    /// Forces (of either sign) of an active set, with their slack and slip.
     ///
-    /// `last`: whether these states are expected to be the last, so that the forces had better be as exact as they can. `None` where the
-    /// states have no solution.
+    /// `last`: whether this active set is expected to be the last, so that the forces should be as
+    /// exact as they can be. `None` where the linear system has no solution.
     fn solve(
         &mut self,
         problem: &Problem,
         states: &States,
         last: bool,
         forces: &mut Forces,
-    ) -> Option<Noise>;
-
-    /// Whether there is a matrix of all forces and contacts: whether there are not too many of them.
-    fn has_matrix(&self, problem: &Problem) -> bool;
-
-    /// How all forces (f, t) move all contacts (w, z), without compliance: a square matrix, which takes the shape. `false`, and nothing is
-    /// written, where there is none.
-    fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool;
+    ) -> Option<RoundoffThresholds>;
 
     /// Slack and slip of given forces.
     fn measure(&mut self, problem: &Problem, forces: &mut Forces);

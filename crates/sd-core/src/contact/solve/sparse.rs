@@ -16,19 +16,17 @@
 mod active;
 mod assembly;
 mod linear;
-mod products;
 
-use self::active::{Active, slope};
+use self::active::Active;
 use self::linear::{BothMotions, Linear, Preconditioner};
-use self::products::ContactProducts;
-pub(crate) use self::products::has_products;
-use super::problem::{Driving, Forces, Grip, Noise, Problem, States, System, largest};
+use super::problem::{AppliedForces, Forces, FrictionState, RoundoffThresholds, Problem, States, System, largest};
 use crate::contact::Quality;
+use crate::contact::laws::COMPLIANCE;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
 use crate::linalg::Until;
 use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
-use crate::linalg::dense::{Matrix, add_scaled, dot};
+use crate::linalg::dense::{add_scaled, dot};
 use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
 use crate::model::Params;
@@ -44,7 +42,7 @@ const GAIN: [f64; 2] = [1e-4, 1e-3];
 /// is left; and as a velocity, in a·rate.
 const ROUNDING: [f64; 2] = [1e-10, 1e-12];
 const SLOW: f64 = 1e-9;
-/// What is asked from outside, over the norm of driving forces, below which it may be for the last time: contacts are then solved as well
+/// What is asked from outside, over the norm of applied forces, below which it may be for the last time: contacts are then solved as well
 /// as they are judged.
 const ENDING: f64 = 1e-8;
 /// Residual that is rounding, over the norm of all forces.
@@ -79,9 +77,9 @@ pub(crate) struct SparseSystem {
     /// v, `[3N]`.
     velocities: Vec<f64>,
     /// v_N, `[3N]`, where tangential rows read it.
-    isolated: Vec<f64>,
+    frictionless: Vec<f64>,
     /// F and F_N, `[3N]` each.
-    driving: [Vec<f64>; 2],
+    applied: [Vec<f64>; 2],
     /// Number of each candidate's pair in the pattern.
     numbers: Vec<Option<usize>>,
     /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
@@ -109,10 +107,8 @@ pub(crate) struct SparseSystem {
     /// Forces on the spheres, `[3N]`.
     work: Vec<f64>,
     both: BothMotions,
-    /// What belongs to the motion under given forces: driving forces with those of contacts, contacts that are open, no forces.
+    /// What belongs to the motion under given forces: applied forces with those of contacts, contacts that are open, no forces.
     given: [Vec<f64>; 2],
-    /// One dense matrix of contacts, where one problem would take many systems.
-    products: ContactProducts,
     open: States,
     none: Forces,
 }
@@ -122,18 +118,17 @@ impl SparseSystem {
     pub(crate) fn start(&mut self) {
         self.has_near = HasNear::Nothing;
         self.is_factored = false;
-        self.products.start();
     }
 
     /// Forgets the motion of the stage before: the next one begins with spheres at rest in the background.
     pub(crate) fn forget(&mut self) {
         self.velocities.clear();
-        self.isolated.clear();
+        self.frictionless.clear();
     }
 
     /// Disturbance velocities `[3N]` of the last solution, and those that normal forces alone leave.
     pub(crate) fn velocities(&self) -> [&[f64]; 2] {
-        [&self.velocities, &self.isolated]
+        [&self.velocities, &self.frictionless]
     }
 }
 
@@ -142,20 +137,20 @@ impl SparseSystem {
     fn find_residual(&mut self, linear: &Linear<'_>, forces: &Forces) {
         let problem = linear.problem;
         let n = self.velocities.len();
-        let flow = if problem.isolated { 2 * n } else { n };
+        let flow = if problem.uses_frictionless_slip { 2 * n } else { n };
         let size = flow + problem.normal.len() + problem.tangential.len();
         self.residual.clear();
         self.residual.resize(size, 0.0);
         let [r_v, r_n, r_f, r_t] = linear.split_mut(&mut self.residual);
-        if problem.isolated {
+        if problem.uses_frictionless_slip {
             let both = &mut self.both;
-            both.multiply(linear.network, &self.velocities, &self.isolated);
+            both.multiply(linear.network, &self.velocities, &self.frictionless);
             both.read(r_v, r_n);
         } else {
             linear.network.apply(&self.velocities, r_v);
         }
-        for (r, driving) in [&mut *r_v, &mut *r_n].into_iter().zip(&self.driving) {
-            for (r, f) in r.iter_mut().zip(driving) {
+        for (r, applied) in [&mut *r_v, &mut *r_n].into_iter().zip(&self.applied) {
+            for (r, f) in r.iter_mut().zip(applied) {
                 *r = f - *r;
             }
         }
@@ -163,7 +158,7 @@ impl SparseSystem {
             let (k, row) = (entry.at as usize, entry.row());
             let f = forces.normal[k];
             row.add(f, r_v);
-            if problem.isolated {
+            if problem.uses_frictionless_slip {
                 row.add(f, r_n);
             }
             let moved = row.read(&self.velocities) + entry.compliance * f;
@@ -174,8 +169,8 @@ impl SparseSystem {
                 entry.row.add(-t, r_v);
             }
         }
-        let flow = if problem.isolated {
-            &self.isolated
+        let flow = if problem.uses_frictionless_slip {
+            &self.frictionless
         } else {
             &self.velocities
         };
@@ -197,12 +192,11 @@ impl SparseSystem {
             }
         }
         for (m, t) in forces.tangential.iter_mut().enumerate() {
-            let slope = slope(problem, linear.states, m);
-            if slope != 0.0 {
-                let contact = problem.tangential[m].contact;
-                *t = slope * (forces.normal[contact] - problem.offset);
-            } else if linear.states.grip[m] != Grip::Stick {
-                *t = 0.0;
+            let state = linear.states.friction[m];
+            if state != FrictionState::Stick {
+                let row = &problem.tangential[m];
+                let load = forces.normal[row.contact];
+                *t = row.slipping_force(state, load);
             }
         }
     }
@@ -218,7 +212,7 @@ impl SparseSystem {
     ) -> Result<(), BadPivot> {
         linear.stiffnesses(&mut self.stiffness);
         let problem = linear.problem;
-        let rows = if problem.isolated {
+        let rows = if problem.uses_frictionless_slip {
             problem.normal.len()
         } else {
             self.stiffness.len()
@@ -264,7 +258,7 @@ impl System for OnNetwork<'_> {
         states: &States,
         last: bool,
         forces: &mut Forces,
-    ) -> Option<Noise> {
+    ) -> Option<RoundoffThresholds> {
         let mut active = std::mem::take(&mut self.system.active);
         active.list(problem, states);
         let linear = Linear {
@@ -273,17 +267,9 @@ impl System for OnNetwork<'_> {
             states,
             active: &active,
         };
-        let noise = self.solve_linear(&linear, last, forces);
+        let roundoff = self.solve_linear(&linear, last, forces);
         self.system.active = active;
-        noise
-    }
-
-    fn has_matrix(&self, problem: &Problem) -> bool {
-        has_products(self.network, problem)
-    }
-
-    fn fill_matrix(&mut self, problem: &Problem, matrix: &mut Matrix) -> bool {
-        self.system.products.fill(self.network, problem, matrix)
+        roundoff
     }
 
     fn measure(&mut self, problem: &Problem, forces: &mut Forces) {
@@ -291,10 +277,10 @@ impl System for OnNetwork<'_> {
         let mut open = std::mem::take(&mut self.system.open);
         open.closed.clear();
         open.closed.resize(problem.normal.len(), false);
-        open.grip.clear();
-        open.grip.resize(problem.tangential.len(), Grip::Off);
-        for (given, driving) in self.system.given.iter_mut().zip(&self.system.driving) {
-            given.clone_from(driving);
+        open.friction.clear();
+        open.friction.resize(problem.tangential.len(), FrictionState::Inactive);
+        for (given, applied) in self.system.given.iter_mut().zip(&self.system.applied) {
+            given.clone_from(applied);
         }
         for (entry, &f) in problem.normal.iter().zip(&forces.normal) {
             for given in &mut self.system.given {
@@ -305,13 +291,13 @@ impl System for OnNetwork<'_> {
             entry.row.add(-t, &mut self.system.given[0]);
         }
         let exchange = |system: &mut SparseSystem| {
-            std::mem::swap(&mut system.driving, &mut system.given);
+            std::mem::swap(&mut system.applied, &mut system.given);
         };
         exchange(self.system);
         let mut none = std::mem::take(&mut self.system.none);
         for _ in 0..MOST_CALLS {
-            let noise = self.solve(problem, &open, true, &mut none);
-            if noise.is_none_or(|noise| noise.exact) {
+            let roundoff = self.solve(problem, &open, true, &mut none);
+            if roundoff.is_none_or(|roundoff| roundoff.exact) {
                 break;
             }
         }
@@ -334,18 +320,18 @@ impl<'a> OnNetwork<'a> {
         resistance: &'a Resistance,
         system: &'a mut SparseSystem,
         problem: &Problem,
-        driving: Driving<'_>,
+        applied: AppliedForces<'_>,
     ) -> Result<Self, Error> {
         let Some(network) = resistance.pairwise() else {
             unreachable!("a sparse system is made for what is held pair by pair")
         };
-        let given = [driving.all, driving.isolated];
-        for (target, given) in system.driving.iter_mut().zip(given) {
+        let given = [applied.all, applied.frictionless];
+        for (target, given) in system.applied.iter_mut().zip(given) {
             target.clear();
             target.extend_from_slice(given);
         }
-        let size = driving.all.len();
-        for velocities in [&mut system.velocities, &mut system.isolated] {
+        let size = applied.all.len();
+        for velocities in [&mut system.velocities, &mut system.frictionless] {
             velocities.resize(size, 0.0);
         }
         system.work.resize(size, 0.0);
@@ -365,7 +351,7 @@ impl<'a> OnNetwork<'a> {
             network.fill(pattern, &mut system.near);
             system.has_near = HasNear::Matrix;
         }
-        if problem.isolated && system.has_near < HasNear::Factor {
+        if problem.uses_frictionless_slip && system.has_near < HasNear::Factor {
             let factored = system.near.factor(pattern);
             factored.map_err(|bad| Error::NotPositiveDefinite {
                 matrix: "near part of the resistance",
@@ -378,7 +364,7 @@ impl<'a> OnNetwork<'a> {
             pattern,
             network,
             system,
-            enough: driving.enough,
+            enough: applied.relative_tolerance,
         })
     }
 
@@ -388,23 +374,23 @@ impl<'a> OnNetwork<'a> {
         linear: &Linear<'_>,
         last: bool,
         forces: &mut Forces,
-    ) -> Option<Noise> {
+    ) -> Option<RoundoffThresholds> {
         let is_large = self.is_large();
         let patient = PATIENT[usize::from(is_large || self.enough > 0.0)];
         let (problem, system) = (linear.problem, &mut *self.system);
         SparseSystem::follow(linear, forces);
         system.find_residual(linear, forces);
         let square = |x: &[f64]| dot(x, x);
-        let size = square(&system.driving[0])
+        let size = square(&system.applied[0])
             + square(&forces.normal)
             + square(&forces.tangential)
             + LEAST_FORCE * LEAST_FORCE;
         let size = size.sqrt();
-        let floor = (ROUNDING[usize::from(problem.is_soft())] * size)
+        let floor = (ROUNDING[usize::from(is_soft(problem))] * size)
             .min(WEIGHT * SLOW)
             .max(LEAST_ROUNDING * size);
         // Forces that contacts exchange among themselves, however large, are none of what an iteration from outside is wrong by.
-        let driven = square(&system.driving[0]).sqrt() + LEAST_FORCE;
+        let driven = square(&system.applied[0]).sqrt() + LEAST_FORCE;
         let mut enough = self.enough * driven;
         if self.enough < ENDING {
             enough = enough.min(0.5 * WEIGHT * Quality::RESIDUAL_LIMIT);
@@ -440,7 +426,7 @@ impl<'a> OnNetwork<'a> {
             let [v, v_n, f, t] = linear.split(&system.correction);
             let add = |x: &mut [f64], dx: &[f64]| add_scaled(&mut x[..dx.len()], dx, 1.0);
             add(&mut system.velocities, v);
-            add(&mut system.isolated, v_n);
+            add(&mut system.frictionless, v_n);
             add(&mut forces.normal, f);
             add(&mut forces.tangential, t);
             SparseSystem::follow(linear, forces);
@@ -450,7 +436,7 @@ impl<'a> OnNetwork<'a> {
         }
         self.read(problem, forces);
         let left_at_one = left * self.share_of_one();
-        Some(Noise {
+        Some(RoundoffThresholds {
             force: left_at_one.max(1e-13 * largest(&forces.normal)),
             velocity: (left_at_one / WEIGHT).max(1e-13),
             exact: left <= floor,
@@ -484,8 +470,8 @@ impl<'a> OnNetwork<'a> {
         slack.clear();
         let entries = problem.normal.iter().zip(&*normal);
         slack.extend(entries.map(|(e, f)| e.row.read(v) + e.bias + e.compliance * f));
-        let flow = if problem.isolated {
-            &self.system.isolated
+        let flow = if problem.uses_frictionless_slip {
+            &self.system.frictionless
         } else {
             v
         };
@@ -493,4 +479,9 @@ impl<'a> OnNetwork<'a> {
         let entries = problem.tangential.iter().zip(&*tangential);
         slip.extend(entries.map(|(e, t)| e.row.read(flow) + e.shift - e.compliance * t));
     }
+}
+
+/// Whether contacts yield under their forces.
+fn is_soft(problem: &Problem) -> bool {
+    problem.normal.iter().any(|entry| entry.compliance > COMPLIANCE)
 }

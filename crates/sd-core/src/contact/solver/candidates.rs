@@ -3,46 +3,39 @@
 use super::super::laws::Overlap;
 use super::super::pair::Contact;
 use super::super::warm_start::WarmStart;
-use super::{ContactSolver, Posed};
-use crate::model::Params;
+use super::{ContactSolver, StageInput};
 
 /// Approach velocity, in a·rate, that the first choice of candidates allows for.
 const EXPECTED_APPROACH: f64 = 3.0;
 /// Change of a normal velocity from one stage to the next, in a·rate, that the next choice of candidates allows for.
 const EXPECTED_CHANGE: f64 = 0.3;
-/// Approach velocity, in a·rate, that the choice of candidates allows for where they cost nearly nothing; and in large layers, of whose many
-/// pairs some approach faster.
-const LIKELY_APPROACH: [f64; 2] = [1.0, 2.0];
+/// Approach velocity, in a·rate, that the choice of candidates allows for besides known ones.
+const LIKELY_APPROACH: f64 = 1.0;
 /// Velocity, in a·rate, by which pairs fail to close that are added nevertheless.
 const NEARLY_CLOSING: f64 = 1.0;
 
 impl ContactSolver {
     /// The first candidates: pairs that touched or were about to in the stage before, or all near ones where there was none. Where systems
     /// are dear, so that none had better be solved again for a pair that was left out, near ones are always among them.
-    pub(super) fn choose(&mut self, posed: &Posed<'_>, warm_start: &WarmStart) {
-        let (radii, pairs) = (posed.resistance.radii(), posed.resistance.neighbours());
+    pub(super) fn choose(&mut self, input: &StageInput<'_>, warm_start: &WarmStart) {
+        let (radii, pairs) = (input.resistance.radii(), input.resistance.neighbours());
         self.list.clear();
-        if !posed.laws.normal.law.touches() {
+        if !input.laws.normal.law.touches() {
             return;
         }
         if warm_start.is_empty() {
-            let reach = posed.laws.surface.roughness + EXPECTED_APPROACH * posed.span.time;
+            let reach = input.laws.surface.roughness + EXPECTED_APPROACH * input.span.time;
             let near = pairs.iter().filter(|pair| pair.gap < reach);
             self.list
-                .extend(near.map(|pair| Contact::new(*pair, radii, posed.background)));
+                .extend(near.map(|pair| Contact::new(*pair, radii, input.background)));
             return;
         }
-        let reach = if self.saves_systems() {
-            let large = usize::from(radii.len() > Params::LARGE_ABOVE);
-            posed.laws.surface.roughness + LIKELY_APPROACH[large] * posed.span.time
-        } else {
-            f64::NEG_INFINITY
-        };
+        let reach = input.laws.surface.roughness + LIKELY_APPROACH * input.span.time;
         let mut known = warm_start.known(pairs).peekable();
         for pair in pairs {
             let forces = known.next_if(|(other, _)| other.key() == pair.key());
             if forces.is_some() || pair.gap < reach {
-                let mut contact = Contact::new(*pair, radii, posed.background);
+                let mut contact = Contact::new(*pair, radii, input.background);
                 if let Some((_, [f, t])) = forces {
                     (contact.normal_force, contact.tangential_force) = (f, t);
                 }
@@ -59,42 +52,34 @@ impl ContactSolver {
     /// Remembers the forces of all others, and who may touch in the next stage.
     pub(super) fn add_closing(
         &mut self,
-        posed: &Posed<'_>,
+        input: &StageInput<'_>,
         velocities: &[f64],
         warm_start: &mut WarmStart,
-        jammed: bool,
     ) -> bool {
         warm_start.forces.clear();
-        if !posed.laws.normal.law.touches() {
+        if !input.laws.normal.law.touches() {
             return false;
         }
-        let nearly = if !self.problem.can_jam() && !self.saves_systems() {
-            0.0
-        } else if jammed || self.problem.is_steep() {
-            EXPECTED_APPROACH
-        } else {
-            NEARLY_CLOSING
-        };
-        let radii = posed.resistance.radii();
+        let radii = input.resistance.radii();
         let before = self.list.len();
         let (mut known, mut closes) = (0, false);
         // Pairs and list are both ordered by (i, j).
-        for pair in posed.resistance.neighbours() {
+        for pair in input.resistance.neighbours() {
             let (forces, parting, velocity);
             if let Some(contact) = self.list[..before].get(known)
                 && contact.pair.key() == pair.key()
             {
                 known += 1;
                 forces = [contact.normal_force, contact.tangential_force];
-                parting = parting_velocity(posed, contact);
+                parting = parting_velocity(input, contact);
                 velocity = contact.normal_velocity;
             } else {
-                let contact = Contact::new(*pair, radii, posed.background);
+                let contact = Contact::new(*pair, radii, input.background);
                 forces = [0.0, 0.0];
-                parting = parting_velocity(posed, &contact);
+                parting = parting_velocity(input, &contact);
                 velocity = contact.background[0] + contact.normal_row().read(velocities);
                 closes |= velocity < parting;
-                if velocity < parting + nearly {
+                if velocity < parting + NEARLY_CLOSING {
                     self.list.push(contact);
                 }
             }
@@ -113,9 +98,9 @@ impl ContactSolver {
 }
 
 /// How much nearer than h a pair is, by the gap that counts.
-pub(super) fn overlap_of(posed: &Posed<'_>, contact: &Contact) -> Overlap {
-    let roughness = posed.laws.surface.roughness;
-    let now = roughness - posed.span.gap(contact, posed.background);
+pub(super) fn overlap_of(input: &StageInput<'_>, contact: &Contact) -> Overlap {
+    let roughness = input.laws.surface.roughness;
+    let now = roughness - input.span.gap(contact, input.background);
     Overlap {
         now,
         reference: now,
@@ -125,8 +110,8 @@ pub(super) fn overlap_of(posed: &Posed<'_>, contact: &Contact) -> Overlap {
 }
 
 /// The normal velocity above which a pair bears no force.
-pub(super) fn parting_velocity(posed: &Posed<'_>, contact: &Contact) -> f64 {
-    let (overlap, held) = (overlap_of(posed, contact), posed.span.takes_back_at_once());
-    let normal = &posed.laws.normal;
-    normal.parting_velocity(&overlap, posed.span.time, held)
+pub(super) fn parting_velocity(input: &StageInput<'_>, contact: &Contact) -> f64 {
+    let (overlap, held) = (overlap_of(input, contact), input.span.takes_back_at_once());
+    let normal = &input.laws.normal;
+    normal.parting_velocity(&overlap, input.span.time, held)
 }

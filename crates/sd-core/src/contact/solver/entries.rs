@@ -1,132 +1,120 @@
 //! What the laws of the candidates come down to: entries of the contact problem, and what its solution says of them.
 
 use super::super::laws::{COMPLIANCE, Overlap};
-use super::super::pair::{Contact, ContactState};
+use super::super::pair::ContactState;
 use super::super::row::Row;
-use super::super::solve::newton::Deciding;
-use super::super::solve::problem::{self, Forces, Grip, Problem};
+use super::super::solve::problem::{self, Forces, FrictionState, Problem};
 use super::candidates::overlap_of;
-use super::{ContactMemory, ContactSolver, Posed};
+use super::{ActivationUpdate, ContactMemory, ContactSolver, StageInput};
 use crate::law::Halt;
 
 /// Distance of a force from a curved law, over the largest force or 1, at which linearisations end.
 const LINEARISED: f64 = 1e-9;
 
 impl ContactSolver {
-    /// The normal entries of the candidates at hand.
-    pub(super) fn pose(&mut self, posed: &Posed<'_>) {
-        let laws = posed.laws;
-        let held = posed.span.takes_back_at_once();
+    /// The entries of the present candidates, and the forces to start from.
+    pub(super) fn pose(
+        &mut self,
+        input: &StageInput<'_>,
+        memory: &ContactMemory,
+        update: ActivationUpdate,
+    ) {
+        let laws = input.laws;
+        let held = input.span.takes_back_at_once();
         let has_friction = laws.surface.has_friction();
-        self.problem.friction = if has_friction { laws.friction() } else { 0.0 };
-        self.problem.offset = laws.offset();
-        self.problem.isolated = laws.reads_isolated_motion() && has_friction;
+        self.problem.uses_frictionless_slip = laws.reads_isolated_motion() && has_friction;
         self.problem.tangential.clear();
         self.problem.normal.clear();
         self.overlaps.clear();
+        self.solver.forces.clear();
         for contact in &self.list {
-            let mut overlap = overlap_of(posed, contact);
+            let mut overlap = overlap_of(input, contact);
             overlap.reference = laws
                 .normal
                 .first_reference(overlap.now, contact.normal_force);
-            let [bias, compliance] = laws.normal.entry(&overlap, posed.span.time, held);
+            let [bias, compliance] = laws.normal.entry(&overlap, input.span.time, held);
             self.overlaps.push(overlap);
             self.problem.normal.push(problem::Normal {
                 row: contact.normal_row(),
                 bias,
                 compliance,
             });
+            self.solver.forces.normal.push(contact.normal_force);
         }
+        if has_friction {
+            for k in 0..self.list.len() {
+                self.add_rows(input, memory, update, k);
+            }
+        }
+        self.solver.read_states(&self.problem);
     }
 
-    /// The tangential rows of the candidates that `wanted` names.
-    pub(super) fn add_rows(
+    /// Adds the friction rows of one candidate.
+    fn add_rows(
         &mut self,
-        posed: &Posed<'_>,
+        input: &StageInput<'_>,
         memory: &ContactMemory,
-        deciding: Deciding,
-        wanted: impl Fn(usize, &Contact) -> bool,
+        update: ActivationUpdate,
+        k: usize,
     ) {
-        let rows = &mut self.problem.tangential;
-        rows.clear();
-        for (k, contact) in self.list.iter_mut().enumerate() {
-            if !wanted(k, contact) {
-                continue;
-            }
-            if contact.slip_resistance == 0.0 {
-                contact.slip_resistance = posed.resistance.slip_resistance(&contact.pair);
-            }
-            let mut row = problem::Tangential {
-                contact: k,
-                row: contact.slip_row(),
-                shift: contact.background[1],
-                compliance: COMPLIANCE,
-                acts: false,
-                ceased: false,
-            };
-            match posed.laws.tangential.halts() {
-                Halt::IsolatedSlip => row.compliance = contact.slip_resistance.recip(),
-                Halt::SpringSlip => {
-                    let (springs, phase) = (&memory.springs, posed.span.phase);
-                    let base = self.stretches.base(contact, springs, phase);
-                    let ahead = posed.laws.tangential_stiffness * posed.span.time;
-                    row.compliance += ahead.recip();
-                    row.shift += base / ahead;
+        let (laws, contact) = (input.laws, &mut self.list[k]);
+        let load = laws.surface.critical_load;
+        let (coefficient, intercept) = laws.friction_bound();
+        let mut row = problem::Tangential {
+            contact: k,
+            row: contact.slip_row(),
+            shift: contact.background[1],
+            compliance: COMPLIANCE,
+            coefficient,
+            intercept,
+            active: laws.is_smooth()
+                || match update {
+                    ActivationUpdate::Update => contact.normal_force > load,
+                    ActivationUpdate::Hold => contact.friction_acts,
+                },
+            was_deactivated: false,
+        };
+        match laws.tangential.halts() {
+            Halt::IsolatedSlip => {
+                if contact.slip_resistance == 0.0 {
+                    contact.slip_resistance = input.resistance.slip_resistance(&contact.pair);
                 }
-                Halt::Slip => {}
-                Halt::SlipAndRotation => {
-                    rows.push(row);
-                    // The background turns both spheres alike.
-                    row.shift = 0.0;
-                    row.row = Row::spin([contact.pair.i, contact.pair.j]);
-                }
+                row.compliance = contact.slip_resistance.recip();
             }
-            rows.push(row);
+            Halt::SpringSlip => {
+                let (springs, phase) = (&memory.springs, input.span.phase);
+                let base = self.stretches.base(contact, springs, phase);
+                let ahead = laws.tangential_stiffness * input.span.time;
+                row.compliance += ahead.recip();
+                row.shift += base / ahead;
+            }
+            Halt::Slip | Halt::SlipAndRotation => {}
         }
-        let load = posed.laws.surface.critical_load;
-        for row in rows {
-            let contact = &self.list[row.contact];
-            let loaded = contact.normal_force > load;
-            row.acts = posed.laws.is_smooth()
-                || match deciding {
-                    Deciding::Late | Deciding::Early => loaded,
-                    Deciding::Held | Deciding::Again => contact.friction_acts,
-                };
-            row.ceased = deciding == Deciding::Again && row.acts && !loaded;
+        let forces = &mut self.solver.forces.tangential;
+        self.problem.tangential.push(row);
+        forces.push(contact.tangential_force);
+        if laws.tangential.halts() == Halt::SlipAndRotation {
+            // The background turns both spheres alike.
+            row.shift = 0.0;
+            row.row = Row::spin([contact.pair.i, contact.pair.j]);
+            self.problem.tangential.push(row);
+            forces.push(0.0);
         }
     }
 
     /// Remembers on which contacts friction acts; whether that has changed.
-    pub(super) fn keep_activity(&mut self) -> bool {
+    pub(super) fn keep_activation(&mut self) -> bool {
         let mut changed = false;
         let mut rows = self.problem.tangential.iter().peekable();
         for (k, contact) in self.list.iter_mut().enumerate() {
             let mut acts = false;
             while let Some(row) = rows.next_if(|row| row.contact == k) {
-                acts = row.acts;
+                acts = row.active;
             }
             changed |= acts != contact.friction_acts;
             contact.friction_acts = acts;
         }
         changed
-    }
-
-    /// Tangential forces to begin with, and the states that all forces show.
-    pub(super) fn take_rows(&mut self) {
-        let (list, rows) = (&self.list, &self.problem.tangential);
-        let forces = &mut self.solver.forces;
-        forces.tangential.clear();
-        let mut before = None;
-        forces.tangential.extend(rows.iter().map(|row| {
-            let first = before != Some(row.contact);
-            before = Some(row.contact);
-            if first {
-                list[row.contact].tangential_force
-            } else {
-                0.0
-            }
-        }));
-        self.solver.read_states(&self.problem);
     }
 
     /// Puts the forces found, and what their contacts do, into `list`.
@@ -144,10 +132,10 @@ impl ContactSolver {
             if first {
                 let contact = &mut self.list[row.contact];
                 contact.tangential_force = self.solver.forces.tangential[m];
-                contact.state = match self.solver.states.grip[m] {
-                    Grip::Off => ContactState::Frictionless,
-                    Grip::Stick => ContactState::Rolling,
-                    Grip::Plus | Grip::Minus => ContactState::Slipping,
+                contact.state = match self.solver.states.friction[m] {
+                    FrictionState::Inactive => ContactState::Frictionless,
+                    FrictionState::Stick => ContactState::Rolling,
+                    FrictionState::SlipPositive | FrictionState::SlipNegative => ContactState::Slipping,
                 };
             }
         }
@@ -156,17 +144,17 @@ impl ContactSolver {
 
 /// Linearises curved laws about where the contacts are now, where they are not near enough; how many were not.
 pub(super) fn refine(
-    posed: &Posed<'_>,
+    input: &StageInput<'_>,
     problem: &mut Problem,
     overlaps: &mut [Overlap],
     forces: &Forces,
     enough: f64,
 ) -> usize {
-    let law = &posed.laws.normal;
+    let law = &input.laws.normal;
     if law.is_rigid() {
         return 0;
     }
-    let time = posed.span.time;
+    let time = input.span.time;
     let largest = forces.normal.iter().fold(1.0_f64, |most, f| most.max(*f));
     let near = LINEARISED.max(enough) * largest;
     let mut found = 0;

@@ -5,7 +5,7 @@
 //! variable that runs are made of, and a step takes the time strain/rate.
 
 use super::{Scheme, SchemeMemory, Simulation};
-use crate::contact::Quality;
+use crate::contact::{Quality, Status};
 use crate::contact::laws::Laws;
 use crate::error::Error;
 use crate::geometry::cell::Cell;
@@ -149,7 +149,7 @@ impl Simulation {
             let mut quality = self.solve(stage, cell, centres, pass)?;
             pass = Pass::Again;
             let mut viscosity = self.stress_of_stage().viscosity;
-            if !quality.jammed {
+            if !quality.jammed() {
                 flowing = Some(load);
             }
             let settled = match dependence {
@@ -166,7 +166,7 @@ impl Simulation {
             let done = match next {
                 Next::Found => true,
                 Next::AtRest => {
-                    quality.jammed = true;
+                    quality.status = Status::NoAdmissibleMotion;
                     true
                 }
                 Next::Try(_) => count >= MOST_SOLVES,
@@ -188,7 +188,7 @@ impl Simulation {
                 Dependence::Set | Dependence::Forces { jumps: true }
             );
             if jumps && !held && count >= MOST_DECISIONS {
-                if quality.jammed
+                if quality.jammed()
                     && let Some(flowing) = flowing
                 {
                     // Of the two sides of the jump the one that flows.

@@ -39,11 +39,14 @@ pub struct Sample {
 /// What a run has met since its start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Contact problems solved: two per step, or four where no contacts bear forces or the paper's procedure holds them, and those of steps
-    /// done again in halves (see [`crate::Simulation::step`]).
+    /// Contact problems solved: two per step, or four where no contacts bear forces or the paper's procedure holds them; more where
+    /// steps are halved (see [`crate::Simulation::step`]). Those of attempts that were given up are not counted.
     pub stages: u64,
-    /// Of these, problems that did not converge.
+    /// Of these, problems whose conditions do not all hold: friction is inexact, or the solver failed.
     pub unconverged_stages: u64,
+    /// Of these, problems whose friction is off by more than 1e-3 of the largest force.
+    #[serde(default)]
+    pub inexact_stages: u64,
     /// Of these, problems without a solution: the layer was jammed at that instant.
     #[serde(default)]
     pub jammed_stages: u64,
@@ -66,6 +69,7 @@ impl Default for Counters {
         Self {
             stages: 0,
             unconverged_stages: 0,
+            inexact_stages: 0,
             jammed_stages: 0,
             worst_residual: 0.0,
             worst_friction_error: 0.0,

@@ -5,7 +5,8 @@
 //! gaps of the step's start over all of it: their mean. Other layers are sampled at the first stage.
 
 use super::{Sample, Simulation};
-use crate::contact::Quality;
+use super::step::INEXACT_FRICTION;
+use crate::contact::{Quality, Status};
 use crate::geometry::modes::Vec2;
 use crate::run::steppers::Stage;
 use crate::stress::{ContactCounts, Stress};
@@ -40,9 +41,12 @@ impl Simulation {
     pub(super) fn count(&mut self, quality: Quality) {
         let counters = &mut self.counters;
         counters.stages += 1;
-        counters.unconverged_stages += u64::from(!quality.converged());
-        counters.jammed_stages += u64::from(quality.jammed);
-        if !quality.jammed {
+        let unconverged = matches!(quality.status, Status::InexactFriction | Status::Failed);
+        counters.unconverged_stages += u64::from(unconverged);
+        let inexact = unconverged && quality.friction_error > INEXACT_FRICTION;
+        counters.inexact_stages += u64::from(inexact);
+        counters.jammed_stages += u64::from(quality.jammed());
+        if !quality.jammed() {
             counters.worst_residual = counters.worst_residual.max(quality.residual);
             counters.worst_friction_error =
                 counters.worst_friction_error.max(quality.friction_error);

@@ -36,7 +36,7 @@ impl Simulation {
             u[1] = v[1] + flow.y;
             u[2] = v[2] + background.angular_velocity;
         }
-        Ok(quality.jammed)
+        Ok(quality.jammed())
     }
 
     /// Whether contacts bear forces at the stage solved last.

@@ -1,7 +1,7 @@
 //! A step of a run: in one piece, or in halves where spheres would come too near on the way.
 
 use super::sampling::Taken;
-use super::{Sample, Scheme, SchemeMemory, Simulation};
+use super::{Counters, Sample, Scheme, SchemeMemory, Simulation};
 use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
@@ -10,16 +10,73 @@ use crate::geometry::pair::Neighbours;
 use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
 
 /// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
-const MOST_HALVINGS: u32 = 6;
+const MAX_HALVINGS: u32 = 6;
+/// The same where friction is inexact in one of its stages.
+const MAX_HALVINGS_FOR_FRICTION: u32 = 2;
 /// A gap of rigid contacts counts as too low below this share of the roughness height.
-const HELD_SHARE: f64 = 0.8;
+const HELD_SHARE: f64 = 0.98;
+/// Friction counts as inexact above this share of the largest force.
+pub(super) const INEXACT_FRICTION: f64 = 1e-3;
+
+/// Why an attempt at a step is given up.
+enum Refusal {
+    /// A gap is too low.
+    LowGap,
+    /// Anything else.
+    Failed(Error),
+}
+
+impl From<Error> for Refusal {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Overlap { .. } => Self::LowGap,
+            other => Self::Failed(other),
+        }
+    }
+}
+
+/// What came of an attempt at a step.
+enum Attempt {
+    /// The state has moved.
+    Moved,
+    /// The state has moved, but friction is inexact in a stage.
+    Inexact,
+    /// A gap is too low; the state has not moved.
+    LowGap,
+}
+
+/// A step of rigid contacts, or a part of one.
+#[derive(Clone, Copy)]
+struct Part {
+    time: f64,
+    dt: f64,
+    /// How many times the step was halved.
+    halvings: u32,
+}
+
+impl Part {
+    /// Its two halves.
+    fn halves(self) -> [Self; 2] {
+        let half = Self {
+            dt: 0.5 * self.dt,
+            halvings: self.halvings + 1,
+            ..self
+        };
+        let second = Self {
+            time: self.time + half.dt,
+            ..half
+        };
+        [half, second]
+    }
+}
 
 impl Simulation {
     /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its start held, under soft ones by
     /// [`crate::Rosenbrock`], and by [`crate::RungeKutta`] where nothing is pressed and under the paper's procedure.
     ///
-    /// Near jamming velocities can leap between two stages, so far that a gap of rigid contacts falls well below h within a step or at its
-    /// end, or that soft spheres overlap by too much to be spheres. Such a step is done again as two of half the size, down to 2⁻⁶ of it.
+    /// Near jamming velocities can jump between two stages, so far that a gap of rigid contacts falls below h within a step or at its
+    /// end, or that soft spheres overlap by too much to be spheres. Such a step is repeated as two of half the size, down to 2⁻⁶ of it.
+    /// So is a step of rigid contacts whose friction is inexact, down to a quarter; what is inexact then is accepted and counted.
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
@@ -35,8 +92,12 @@ impl Simulation {
                 self.attempt(&mut stepper, &mut state, [time, dt], &mut taken)
             }
             Stepper::Midpoint(method) => {
-                let span = [time, dt];
-                self.advance_rigid(method, &mut state, span, MOST_HALVINGS, &mut taken)
+                let part = Part {
+                    time,
+                    dt,
+                    halvings: 0,
+                };
+                self.advance_rigid(method, &mut state, part, &mut taken)
             }
             Stepper::Rosenbrock(_) => self.advance_soft(&mut stepper, &mut state, &mut taken),
         };
@@ -158,27 +219,73 @@ impl Simulation {
             // Smaller steps do not help where no motion is admitted.
             let admitted = self.counters.jammed_stages == jammed && !self.is_held();
             let helps = matches!(checked, Err(Error::Overlap { .. })) && admitted;
-            if !helps || halvings == MOST_HALVINGS {
+            if !helps || halvings == MAX_HALVINGS {
                 return checked;
             }
             halvings += 1;
         }
     }
 
-    /// Moves the state of a rigid layer over `dt`; where a gap falls too low on the way or at the end, in two halves, each halved at most
-    /// `halvings - 1` times. What then still fails moves with the velocities of its first stage, whose contact problem holds the gaps at
-    /// the end of just this motion.
+    /// Moves the state of a rigid layer over a part of the step; where a gap falls too low on the way or at the end, or friction is
+    /// inexact, in two halves. Where a gap is still too low in the smallest part, the layer moves with the velocities of its first
+    /// stage, whose contact problem holds the gaps at the end of just this motion.
     fn advance_rigid(
         &mut self,
         method: &mut Midpoint,
         state: &mut State,
-        [time, dt]: [f64; 2],
-        halvings: u32,
+        part: Part,
         taken: &mut Taken,
     ) -> Result<(), Error> {
-        let (before, jammed) = (*taken, self.counters.jammed_stages);
+        let (before, counters) = (*taken, self.counters);
+        let attempt = self.attempt_rigid(method, state, part, taken)?;
+        // Smaller steps do not help where no motion is admitted.
+        let helps = self.counters.jammed_stages == counters.jammed_stages;
+        let halves = match &attempt {
+            Attempt::Moved => return Ok(()),
+            Attempt::Inexact => helps && part.halvings < MAX_HALVINGS_FOR_FRICTION,
+            Attempt::LowGap => helps && part.halvings < MAX_HALVINGS,
+        };
+        if halves {
+            if matches!(attempt, Attempt::Inexact) {
+                method.undo(state);
+            }
+            *taken = before;
+            self.counters = Counters {
+                jammed_stages: self.counters.jammed_stages,
+                ..counters
+            };
+            for half in part.halves() {
+                self.advance_rigid(method, state, half, taken)?;
+            }
+            return Ok(());
+        }
+        if matches!(attempt, Attempt::Inexact) {
+            return Ok(());
+        }
+        *taken = before;
+        method.first_stage_alone(state, part.time, part.dt, |stage, centres, velocities| {
+            let jammed = self.stage(stage, centres, velocities)?;
+            self.begin_sample(jammed, taken);
+            self.take_sample(&stage, centres, taken);
+            Ok::<_, Error>(self.bearing())
+        })?;
+        // What compliance let through is found now, while the start of the step is known.
+        let end = self.cell_at(part.time + part.dt)?;
+        let resistance = &self.stage.resistance;
+        resistance.check_overlaps(&end, &state.centres)
+    }
+
+    /// Moves the state of a rigid layer by one step of the midpoint rule.
+    fn attempt_rigid(
+        &mut self,
+        method: &mut Midpoint,
+        state: &mut State,
+        part: Part,
+        taken: &mut Taken,
+    ) -> Result<Attempt, Error> {
+        let inexact = self.counters.inexact_stages;
         let mut held = HELD_SHARE * self.params.roughness;
-        let mut whole = method.step(state, time, dt, |stage, centres, velocities| {
+        let moved = method.step(state, part.time, part.dt, |stage, centres, velocities| {
             let jammed = self.stage(stage, centres, velocities)?;
             let closest = self.stage.closest();
             if stage.number == 0 {
@@ -192,33 +299,22 @@ impl Simulation {
             }
             Ok(bearing)
         });
-        let end = self.cell_at(time + dt)?;
-        if whole.is_ok() {
-            let closest = self.stage.resistance.closest_at(&end, &state.centres);
-            whole = not_below(held, closest.as_ref());
-            if whole.is_err() {
-                method.undo(state);
-            }
+        match moved {
+            Err(Refusal::Failed(error)) => return Err(error),
+            Err(Refusal::LowGap) => return Ok(Attempt::LowGap),
+            Ok(()) => {}
         }
-        let Err(Error::Overlap { .. }) = whole else {
-            return whole;
-        };
-        *taken = before;
-        // Smaller steps do not help where no motion is admitted.
-        if halvings > 0 && self.counters.jammed_stages == jammed {
-            let half = 0.5 * dt;
-            self.advance_rigid(method, state, [time, half], halvings - 1, taken)?;
-            return self.advance_rigid(method, state, [time + half, half], halvings - 1, taken);
+        let end = self.cell_at(part.time + part.dt)?;
+        let closest = self.stage.resistance.closest_at(&end, &state.centres);
+        if not_below(held, closest.as_ref()).is_err() {
+            method.undo(state);
+            return Ok(Attempt::LowGap);
         }
-        method.first_stage_alone(state, time, dt, |stage, centres, velocities| {
-            let jammed = self.stage(stage, centres, velocities)?;
-            self.begin_sample(jammed, taken);
-            self.take_sample(&stage, centres, taken);
-            Ok::<_, Error>(self.bearing())
-        })?;
-        // What compliance let through is found now, while the start of the step is known.
-        let resistance = &self.stage.resistance;
-        resistance.check_overlaps(&end, &state.centres)
+        Ok(if self.counters.inexact_stages > inexact {
+            Attempt::Inexact
+        } else {
+            Attempt::Moved
+        })
     }
 
     /// Disturbance velocities of the step as a whole, at its mean positions, which the procedure needs.

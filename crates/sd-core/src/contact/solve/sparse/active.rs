@@ -4,7 +4,7 @@
 //! than they multiply.
 
 use crate::contact::row::Row;
-use crate::contact::solve::problem::{Grip, Problem, States};
+use crate::contact::solve::problem::{FrictionState, Problem, States};
 use crate::geometry::modes::Vec2;
 
 /// A closed candidate, by its number and its line of centres, of which its row has nothing but the components: in few bytes, as each product
@@ -70,7 +70,7 @@ impl Active {
                     factor: slope,
                     row,
                 });
-            } else if states.grip[m] == Grip::Stick {
+            } else if states.friction[m] == FrictionState::Stick {
                 self.acting.push(Acting {
                     force: problem.normal.len() + m,
                     factor: 1.0,
@@ -88,11 +88,11 @@ impl Active {
 
 /// Friction over load of a sliding row of a closed candidate; 0 for others.
 pub(super) fn slope(problem: &Problem, states: &States, m: usize) -> f64 {
-    let sign = states.grip[m].sign();
+    let sign = states.friction[m].sign();
     if sign == 0.0 || !states.closed[problem.tangential[m].contact] {
         0.0
     } else {
-        sign * problem.friction
+        sign * problem.tangential[m].coefficient
     }
 }
 

@@ -105,8 +105,10 @@ mod tests {
                     row: Row::slip([i, j], Vec2::new(-y, x), [1.0, 1.0]),
                     shift: 0.0,
                     compliance: 0.0,
-                    acts: true,
-                    ceased: false,
+                    coefficient: 0.3,
+                    intercept: 0.0,
+                    active: true,
+                    was_deactivated: false,
                 });
             }
         }

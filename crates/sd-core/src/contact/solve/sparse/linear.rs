@@ -74,7 +74,7 @@ impl Linear<'_> {
     pub(super) fn split<'x>(&self, x: &'x [f64]) -> [&'x [f64]; 4] {
         let n = 3 * self.network.spheres();
         let (v, rest) = x.split_at(n);
-        let (v_n, rest) = rest.split_at(if self.problem.isolated { n } else { 0 });
+        let (v_n, rest) = rest.split_at(if self.problem.uses_frictionless_slip { n } else { 0 });
         let (f, t) = rest.split_at(self.problem.normal.len());
         [v, v_n, f, t]
     }
@@ -83,7 +83,7 @@ impl Linear<'_> {
     pub(super) fn split_mut<'x>(&self, x: &'x mut [f64]) -> [&'x mut [f64]; 4] {
         let n = 3 * self.network.spheres();
         let (v, rest) = x.split_at_mut(n);
-        let (v_n, rest) = rest.split_at_mut(if self.problem.isolated { n } else { 0 });
+        let (v_n, rest) = rest.split_at_mut(if self.problem.uses_frictionless_slip { n } else { 0 });
         let (f, t) = rest.split_at_mut(self.problem.normal.len());
         [v, v_n, f, t]
     }
@@ -92,7 +92,7 @@ impl Linear<'_> {
     pub(super) fn apply(&self, x: &[f64], y: &mut [f64], both: &mut BothMotions) {
         let [v, v_n, _, _] = self.split(x);
         let [y_v, y_n, y_f, y_t] = self.split_mut(y);
-        if self.problem.isolated {
+        if self.problem.uses_frictionless_slip {
             both.multiply(self.network, v, v_n);
             self.add_contacts(x, &mut both.forces, y_f, y_t);
             both.read(y_v, y_n);
@@ -123,7 +123,7 @@ impl Linear<'_> {
             acting.row.add_to_first::<1, L>(force, y);
         }
         y_t.fill(0.0);
-        let flow = if self.problem.isolated { v_n } else { v };
+        let flow = if self.problem.uses_frictionless_slip { v_n } else { v };
         for sticking in &self.active.sticking {
             let m = sticking.at;
             y_t[m] = WEIGHT * (sticking.row.read(flow) - sticking.compliance * t[m]);
@@ -150,7 +150,7 @@ impl Linear<'_> {
         let [r_v, r_n, r_f, r_t] = self.split(r);
         let [z_v, z_n, z_f, z_t] = self.split_mut(z);
         let (normal, tangential) = by.stiffness.split_at(self.problem.normal.len());
-        let isolated = self.problem.isolated;
+        let isolated = self.problem.uses_frictionless_slip;
         let Active {
             closed, sticking, ..
         } = self.active;
