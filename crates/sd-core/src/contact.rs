@@ -54,8 +54,8 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Residual up to which gaps hold, in a·rate.
-    pub const RESIDUAL_LIMIT: f64 = 1e-8;
+    /// Residual up to which gaps hold, in a·rate: 5e-9 a in a step of 0.005.
+    pub const RESIDUAL_LIMIT: f64 = 1e-6;
     /// Friction error up to which friction is exact.
     pub const FRICTION_LIMIT: f64 = 1e-6;
     /// Normal force, in mu·a²·rate, that counts as unbounded: its stress is some thousand times that above which a layer counts as

@@ -69,6 +69,7 @@ impl ProblemSolver {
         self.active.reserve(2 * candidates);
         self.forces.reserve(candidates);
         self.start.reserve(candidates);
+        self.convex.reserve(candidates);
     }
 
     /// Solves from the present active set and forces, which are then those of the solution or of the best found.
@@ -90,11 +91,18 @@ impl ProblemSolver {
         self.restore_activation(problem);
         self.forces.copy_from(&self.start);
         self.read_states(problem);
-        let outcome = self.solve_convex(problem, system, activation, &mut refine);
-        Outcome {
-            systems: systems + outcome.systems,
-            ..outcome
+        let mut outcome = self.solve_convex(problem, system, activation, &mut refine);
+        let mut systems = systems + outcome.systems;
+        if outcome.status == Status::NoAdmissibleMotion {
+            // Bounds that grow with the forces that they cause can block a layer that could move: what counts is found from none.
+            self.restore_activation(problem);
+            self.forces.normal.fill(0.0);
+            self.forces.tangential.fill(0.0);
+            self.read_states(problem);
+            outcome = self.solve_convex(problem, system, activation, &mut refine);
+            systems += outcome.systems;
         }
+        Outcome { systems, ..outcome }
     }
 
     /// The outcome of a solution: its forces are brought into their bounds.

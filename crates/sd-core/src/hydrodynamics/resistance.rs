@@ -142,11 +142,6 @@ impl Resistance {
         })
     }
 
-    /// Whether it is but the near part of a resistance, on top of which a far field is iterated.
-    pub(crate) fn is_iterated_on(&self) -> bool {
-        self.far_pairs.is_some()
-    }
-
     /// Says how high the asperities are that contacts touch at, in a, which serves layers held pair by pair.
     pub(crate) fn expect_contacts(&mut self, height: f64) {
         if let Form::Pairwise(pairwise) = &mut self.form {

@@ -20,7 +20,6 @@ mod linear;
 use self::active::Active;
 use self::linear::{BothMotions, Linear, Preconditioner};
 use super::problem::{AppliedForces, Forces, FrictionState, RoundoffThresholds, Problem, States, System, largest};
-use crate::contact::Quality;
 use crate::contact::laws::COMPLIANCE;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
@@ -45,6 +44,8 @@ const SLOW: f64 = 1e-9;
 /// What is asked from outside, over the norm of applied forces, below which it may be for the last time: contacts are then solved as well
 /// as they are judged.
 const ENDING: f64 = 1e-8;
+/// The residual then, in a·rate.
+const LAST_RESIDUAL: f64 = 5e-9;
 /// Residual that is rounding, over the norm of all forces.
 const LEAST_ROUNDING: f64 = 1e-14;
 /// Most iterations of one call.
@@ -393,7 +394,7 @@ impl<'a> OnNetwork<'a> {
         let driven = square(&system.applied[0]).sqrt() + LEAST_FORCE;
         let mut enough = self.enough * driven;
         if self.enough < ENDING {
-            enough = enough.min(0.5 * WEIGHT * Quality::RESIDUAL_LIMIT);
+            enough = enough.min(WEIGHT * LAST_RESIDUAL);
         }
         let floor = floor.max(enough);
         let before = square(&system.residual).sqrt();

@@ -1,7 +1,7 @@
 //! A step of a run: in one piece, or in halves where spheres would come too near on the way.
 
 use super::sampling::Taken;
-use super::{Counters, Sample, Scheme, SchemeMemory, Simulation};
+use super::{Sample, Scheme, SchemeMemory, Simulation};
 use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
@@ -11,10 +11,10 @@ use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
 
 /// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
 const MAX_HALVINGS: u32 = 6;
-/// The same where friction is inexact in one of its stages.
+/// The same where friction is inexact in one of its stages, or no motion is admissible.
 const MAX_HALVINGS_FOR_FRICTION: u32 = 2;
 /// A gap of rigid contacts counts as too low below this share of the roughness height.
-const HELD_SHARE: f64 = 0.98;
+const HELD_SHARE: f64 = 0.95;
 /// Friction counts as inexact above this share of the largest force.
 pub(super) const INEXACT_FRICTION: f64 = 1e-3;
 
@@ -76,7 +76,8 @@ impl Simulation {
     ///
     /// Near jamming velocities can jump between two stages, so far that a gap of rigid contacts falls below h within a step or at its
     /// end, or that soft spheres overlap by too much to be spheres. Such a step is repeated as two of half the size, down to 2⁻⁶ of it.
-    /// So is a step of rigid contacts whose friction is inexact, down to a quarter; what is inexact then is accepted and counted.
+    /// So is a step of rigid contacts whose friction is inexact or that has no admissible motion, down to a quarter; what is so then is
+    /// accepted and counted.
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
@@ -238,28 +239,25 @@ impl Simulation {
     ) -> Result<(), Error> {
         let (before, counters) = (*taken, self.counters);
         let attempt = self.attempt_rigid(method, state, part, taken)?;
-        // Smaller steps do not help where no motion is admitted.
-        let helps = self.counters.jammed_stages == counters.jammed_stages;
+        let jammed = self.counters.jammed_stages > counters.jammed_stages;
         let halves = match &attempt {
-            Attempt::Moved => return Ok(()),
-            Attempt::Inexact => helps && part.halvings < MAX_HALVINGS_FOR_FRICTION,
-            Attempt::LowGap => helps && part.halvings < MAX_HALVINGS,
+            Attempt::Moved if !jammed => return Ok(()),
+            // Much smaller steps do not help where no motion is admitted.
+            Attempt::LowGap if !jammed => part.halvings < MAX_HALVINGS,
+            _ => part.halvings < MAX_HALVINGS_FOR_FRICTION,
         };
         if halves {
-            if matches!(attempt, Attempt::Inexact) {
+            if !matches!(attempt, Attempt::LowGap) {
                 method.undo(state);
             }
             *taken = before;
-            self.counters = Counters {
-                jammed_stages: self.counters.jammed_stages,
-                ..counters
-            };
+            self.counters = counters;
             for half in part.halves() {
                 self.advance_rigid(method, state, half, taken)?;
             }
             return Ok(());
         }
-        if matches!(attempt, Attempt::Inexact) {
+        if !matches!(attempt, Attempt::LowGap) {
             return Ok(());
         }
         *taken = before;
