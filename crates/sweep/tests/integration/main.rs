@@ -17,6 +17,7 @@ mod documentation;
 mod harness;
 mod precision;
 mod progress;
+mod published;
 
 mod report;
 mod scripts;

@@ -13,6 +13,9 @@ fn scripts() -> PathBuf {
 fn every_script_can_be_read() {
     for entry in std::fs::read_dir(scripts()).unwrap() {
         let path = entry.unwrap().path();
+        if path.is_dir() {
+            continue; // A package of Python, with tests of its own.
+        }
         let status = Command::new("bash").arg("-n").arg(&path).status();
         assert!(status.unwrap().success(), "{}", path.display());
     }
@@ -78,10 +81,11 @@ fn the_python_package_is_compiled_as_the_program_is() {
 #[test]
 fn every_campaign_has_its_published_results() {
     let sweeps = scripts().join("../sweeps");
-    let published = std::fs::read_to_string(scripts().join("published")).unwrap();
+    let published =
+        std::fs::read_to_string(scripts().join("published_results/campaigns.py")).unwrap();
     for entry in std::fs::read_dir(sweeps).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
         let name = name.strip_suffix(".toml").unwrap_or_default();
-        assert!(published.contains(name), "{name}");
+        assert!(published.contains(&format!("\"{name}\"")), "{name}");
     }
 }
