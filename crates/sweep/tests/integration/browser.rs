@@ -1,4 +1,5 @@
-//! The page and the live page in a real browser, headless. Skipped, and said so, on a machine without Chromium.
+//! The page and the live page in a real browser, headless. Skipped, and said so, on a machine without Chromium,
+//! unless CI is set.
 
 mod chromium;
 mod keyboard;
