@@ -1,6 +1,6 @@
 //! What commands take on a store of 100 000 finished runs: one is computed, and the others are copies of it.
 //!
-//! `STORE=FILE cargo bench --bench large_store` keeps the store, and `tests/test_speed.py` of the Python package measures on it.
+//! `STORE=FILE cargo bench --bench large_store` keeps the store, and `python/benches/overhead.py` measures on it.
 #![expect(clippy::print_stdout, reason = "the times are what this bench is for")]
 
 use std::path::{Path, PathBuf};
