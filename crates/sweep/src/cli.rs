@@ -1,6 +1,7 @@
 //! The command line: what it looks like, and which file does what it asks for.
 
 mod cancel;
+mod check;
 mod completions;
 mod convert;
 mod error;
@@ -14,7 +15,6 @@ mod prune;
 mod replay;
 mod report;
 mod run;
-mod salvage;
 mod scalars;
 mod serve;
 mod show;
@@ -102,7 +102,7 @@ enum Command {
     Serve(serve::Arguments),
     Replay(replay::Arguments),
     Prune(prune::Arguments),
-    Salvage(salvage::Arguments),
+    Check(check::Arguments),
     Solve(solve::Arguments),
     Scalars(scalars::Arguments),
     Verify(verify::Arguments),
@@ -154,7 +154,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Serve(arguments) => serve::execute(&arguments, &mut output),
         Command::Replay(arguments) => replay::execute(&arguments, &mut output),
         Command::Prune(arguments) => prune::execute(&arguments, &mut output),
-        Command::Salvage(arguments) => salvage::execute(&arguments, &mut output),
+        Command::Check(arguments) => check::execute(&arguments, &mut output),
         Command::Solve(arguments) => solve::execute(&arguments, &mut output),
         Command::Scalars(arguments) => scalars::execute(&arguments, &mut output),
         Command::Verify(arguments) => verify::execute(&arguments, &mut output),

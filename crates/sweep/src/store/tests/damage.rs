@@ -9,10 +9,10 @@ fn ended(directory: &Path) -> Store {
     let mut store = open(directory);
     store.register(1).unwrap();
     for state in [State::Done, State::Done, State::Jammed] {
-        let claim = store.claim(1).unwrap().unwrap();
-        store.finish(&claim, &finished_as(&claim, state)).unwrap();
+        let claim = store.next().unwrap();
+        store.end(&claim, &finished_as(&claim, state)).unwrap();
     }
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     store.fail(&claim, &failure(37, 1)).unwrap();
     store.leave().unwrap();
     store
@@ -152,7 +152,7 @@ fn no_altered_sample_is_averaged_shown_or_salvaged() {
         );
         drop(store);
         let later = CAMPAIGN.replace("discard = 0.5", "discard = 0.8");
-        let again = Store::open(&path).unwrap().adopt(&campaign(&later));
+        let again = Store::open(&path).unwrap().take_in(&campaign(&later));
         assert!(
             matches!(again, Err(StoreError::Damaged { .. })),
             "{column}: {again:?}"
@@ -207,7 +207,7 @@ fn case_of_an_owner_that_is_not_there_goes_on_under_way() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    store.claim(1).unwrap().unwrap();
+    store.next().unwrap();
     let path = store.path().to_owned();
     let mut heir = Store::open(&path).unwrap();
     heir.register(1).unwrap();
@@ -222,7 +222,7 @@ fn owner_whose_heartbeat_lies_a_day_ahead_is_not_waited_for() {
     let (mut far, mut heir) = (open(directory.path()), open(directory.path()));
     far.register(1).unwrap();
     heir.register(1).unwrap();
-    far.claim(1).unwrap().unwrap();
+    far.next().unwrap();
     far.connection
         .execute(
             "UPDATE processes SET host = 'elsewhere', heartbeat = heartbeat + 86400000 WHERE id = ?1",

@@ -9,9 +9,9 @@ fn shard(directory: &Path) -> std::path::PathBuf {
     std::fs::create_dir(&folder).unwrap();
     let mut store = open(&folder);
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     store
-        .finish(&claim, &finished_as(&claim, State::Done))
+        .end(&claim, &finished_as(&claim, State::Done))
         .unwrap();
     let path = store.path().to_owned();
     drop(store);
@@ -22,10 +22,10 @@ fn shard(directory: &Path) -> std::path::PathBuf {
 fn own(directory: &Path) -> Store {
     let mut store = open(directory);
     store.register(1).unwrap();
-    let first = store.claim(1).unwrap().unwrap();
+    let first = store.next().unwrap();
     for _ in 0..2 {
-        let claim = store.claim(1).unwrap().unwrap();
-        store.finish(&claim, &finished(State::Done)).unwrap();
+        let claim = store.next().unwrap();
+        store.end(&claim, &finished(State::Done)).unwrap();
     }
     store.release(&first).unwrap();
     store
@@ -186,7 +186,7 @@ fn failed_runs_bring_their_samples_and_frames() {
     std::fs::create_dir(&folder).unwrap();
     let mut shard = open(&folder);
     shard.register(1).unwrap();
-    let claim = shard.claim(1).unwrap().unwrap();
+    let claim = shard.next().unwrap();
     shard
         .keep_frames(&claim, &[(20, crate::test_support::frame())])
         .unwrap();

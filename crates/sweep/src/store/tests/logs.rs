@@ -8,16 +8,16 @@ use crate::store::place::log_of;
 fn killed(directory: &Path) -> (std::path::PathBuf, Vec<u8>) {
     let mut store = open(directory);
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
-    store.finish(&claim, &finished(State::Done)).unwrap();
+    let claim = store.next().unwrap();
+    store.end(&claim, &finished(State::Done)).unwrap();
     store
         .connection
         .execute_batch("PRAGMA wal_checkpoint(RESTART)")
         .unwrap();
     let early = std::fs::read(store.path()).unwrap();
     for _ in 0..2 {
-        let claim = store.claim(1).unwrap().unwrap();
-        store.finish(&claim, &finished(State::Done)).unwrap();
+        let claim = store.next().unwrap();
+        store.end(&claim, &finished(State::Done)).unwrap();
     }
     let path = store.path().to_owned();
     kill(store);
@@ -42,8 +42,8 @@ fn leave_complete_store(directory: &Path) {
     let mut complete = open(directory);
     complete.register(1).unwrap();
     for _ in 0..4 {
-        let claim = complete.claim(1).unwrap().unwrap();
-        complete.finish(&claim, &finished(State::Jammed)).unwrap();
+        let claim = complete.next().unwrap();
+        complete.end(&claim, &finished(State::Jammed)).unwrap();
     }
     complete.leave().unwrap();
 }
@@ -218,8 +218,8 @@ fn log_taken_away_replaced_or_cut_under_a_live_process_is_noticed_before_its_end
         let directory = tempfile::tempdir().unwrap();
         let mut store = open(directory.path());
         store.register(1).unwrap();
-        let claim = store.claim(1).unwrap().unwrap();
-        store.finish(&claim, &finished(State::Done)).unwrap();
+        let claim = store.next().unwrap();
+        store.end(&claim, &finished(State::Done)).unwrap();
         deed(&log_of(store.path()));
         let error = store.leave().unwrap_err();
         assert!(error.to_string().contains(word), "{error}");
@@ -247,8 +247,8 @@ fn complete_store_renamed_over_a_live_one_is_whole_afterwards_and_so_is_what_the
     leave_complete_store(other.path());
     let mut live = open(directory.path());
     live.register(1).unwrap();
-    let claim = live.claim(1).unwrap().unwrap();
-    live.finish(&claim, &finished(State::Done)).unwrap();
+    let claim = live.next().unwrap();
+    live.end(&claim, &finished(State::Done)).unwrap();
     let path = live.path().to_owned();
     std::fs::rename(other.path().join("small.sqlite"), &path).unwrap();
     let error = live.heartbeat().unwrap_err();
@@ -271,8 +271,8 @@ fn deleted_store_is_put_back_and_its_own_log_does_not_touch_it() {
         let mut store = open(directory.path());
         store.register(1).unwrap();
         for _ in 0..2 {
-            let claim = store.claim(1).unwrap().unwrap();
-            store.finish(&claim, &finished(State::Done)).unwrap();
+            let claim = store.next().unwrap();
+            store.end(&claim, &finished(State::Done)).unwrap();
         }
         let path = store.path().to_owned();
         std::fs::remove_file(&path).unwrap();

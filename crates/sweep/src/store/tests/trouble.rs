@@ -6,16 +6,16 @@ use super::*;
 fn mixed(directory: &Path) -> Store {
     let mut store = open(directory);
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     let whole = finished_as(&claim, State::Done);
-    store.finish(&claim, &whole).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
+    store.end(&claim, &whole).unwrap();
+    let claim = store.next().unwrap();
     store.fail(&claim, &failure(37, 0)).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     for steps in [20, 40] {
         store.keep(&claim, steps, &checkpoint(steps)).unwrap();
     }
-    store.release(&claim).unwrap();
+    store.release([&claim]).unwrap();
     store
 }
 
@@ -26,7 +26,7 @@ fn die(directory: &Path, times: u32, same_boot: bool) -> Store {
     for _ in 0..times {
         let mut dead = open(directory);
         dead.register(1).unwrap();
-        dead.claim(1).unwrap().unwrap();
+        dead.next().unwrap();
         let change = if same_boot {
             "start = '1'"
         } else {
@@ -51,15 +51,13 @@ fn single() -> (tempfile::TempDir, String) {
     let text = CAMPAIGN
         .replace(ONE, "seeds = 1")
         .replace("[0.1, inf]", "inf");
-    let mut store = Store::open(&directory.path().join("small.sqlite")).unwrap();
-    store.adopt(&campaign(&text)).unwrap();
+    let mut store = Store::at(&directory.path().join("small.sqlite"), &campaign(&text));
     (directory, text)
 }
 
 /// The store of [`single`], opened again.
 fn again(directory: &Path, text: &str) -> Store {
-    let mut store = Store::open(&directory.join("small.sqlite")).unwrap();
-    store.adopt(&campaign(text)).unwrap();
+    let mut store = Store::at(&directory.join("small.sqlite"), &campaign(text));
     store
 }
 
@@ -71,7 +69,7 @@ fn case_that_kills_its_process_again_and_again_ends_as_failed() {
     for death in 1..=DEATH_LIMIT {
         let mut dead = again(directory.path(), &text);
         dead.register(1).unwrap();
-        let claim = dead.claim(1).unwrap().unwrap();
+        let claim = dead.next().unwrap();
         if death == 1 {
             dead.keep(&claim, 20, &checkpoint(20)).unwrap();
         }
@@ -92,7 +90,7 @@ fn case_that_kills_its_process_again_and_again_ends_as_failed() {
     let state = heir.replays(None, 9).unwrap().remove(0).snapshot.unwrap();
     assert!(state.contains("\"centres\""), "{state}");
     heir.retry_failed().unwrap();
-    assert!(heir.claim(1).unwrap().is_some());
+    assert!(heir.next().is_some());
 }
 
 #[test]
@@ -103,7 +101,7 @@ fn deaths_between_which_there_was_a_checkpoint_or_a_power_cut_are_no_fault_of_th
     for round in 1..=2 * u64::from(DEATH_LIMIT) {
         let mut dead = again(directory.path(), &text);
         dead.register(1).unwrap();
-        let claim = dead.claim(1).unwrap().unwrap();
+        let claim = dead.next().unwrap();
         dead.keep(&claim, 20 * round, &checkpoint(20 * round))
             .unwrap();
         dead.connection
@@ -133,7 +131,7 @@ fn suspect_waits_until_there_is_no_other_case() {
         })
         .unwrap();
     let keys: Vec<String> = (0..4)
-        .map(|_| heir.claim(1).unwrap().unwrap().key)
+        .map(|_| heir.next().unwrap().key)
         .collect();
     assert_eq!(keys[3], suspect);
 }
@@ -144,7 +142,7 @@ fn owner_on_another_host_is_taken_over_after_the_limit_and_not_before() {
     let (mut far, mut heir) = (open(directory.path()), open(directory.path()));
     far.register(1).unwrap();
     heir.register(1).unwrap();
-    far.claim(1).unwrap().unwrap();
+    far.next().unwrap();
     let silence = |seconds: u64| {
         far.connection
             .execute(
