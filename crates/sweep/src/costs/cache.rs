@@ -81,8 +81,8 @@ mod tests {
             steps: 100,
             cpu_s: 1.5,
         };
-        append(&place, &run).unwrap();
-        append(&place, &run).unwrap();
+        append(&place, &[&run]).unwrap();
+        append(&place, &[&run]).unwrap();
         let text = std::fs::read_to_string(&place).unwrap();
         let read = |text: &str| -> Vec<Record> {
             let lines = text.lines();

@@ -110,14 +110,20 @@ impl Store {
         let entry = Entry::of(campaign, order, &self.path)?;
         let me = self.process.clone();
         let id = self.me();
-        let mut last = None;
+        let mut last = self.read(LastRun::of(&self.connection))?;
+        if last.as_ref().is_some_and(|last| last.name != campaign.name) {
+            return Err(self.other_campaign(last, campaign));
+        }
+        let conflicting =
+            |connection: &Connection| AtWork::conflicting(connection, id, &entry.request.hash);
+        if let Some(other) = self.read(conflicting(&self.connection))? {
+            return Err(self.at_work(&entry.request, other));
+        }
         let entered = self.write(|connection| {
+            // Another process may have been faster.
             last = LastRun::of(connection)?;
-            if last.as_ref().is_some_and(|last| last.name != campaign.name) {
-                return Ok(Err(None));
-            }
-            if let Some(other) = AtWork::conflicting(connection, id, &entry.request.hash)? {
-                return Ok(Err(Some(other)));
+            if let Some(other) = conflicting(connection)? {
+                return Ok(Err(other));
             }
             if last.as_ref().is_none_or(|last| entry.differs(last)) {
                 entry.enter(connection)?;
@@ -129,8 +135,7 @@ impl Store {
         })?;
         match entered {
             Ok(registered) => self.process = Some(registered),
-            Err(Some(other)) => return Err(self.at_work(&entry.request, other)),
-            Err(None) => return Err(self.other_campaign(last, campaign)),
+            Err(other) => return Err(self.at_work(&entry.request, other)),
         }
         let adoption = Adoption {
             changed: last.is_some_and(|last| last.request != entry.request.hash),

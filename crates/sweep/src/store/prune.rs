@@ -28,11 +28,20 @@ impl Store {
                 [],
                 |row| row.get(0).map(count),
             )?;
-            let orphans = "SELECT id FROM cases WHERE position IS NULL AND state != 'running'";
+            let orphans = "SELECT id FROM cases WHERE NOT counts AND state != 'running'";
             for table in TABLES {
                 connection.execute(&format!("DELETE FROM {table} WHERE case_id IN ({orphans})"), [])?;
             }
-            connection.execute(&format!("DELETE FROM cases WHERE id IN ({orphans})"), [])?;
+            // Seeds that a precision may still take keep their place.
+            connection.execute(
+                "UPDATE cases SET state = 'pending', steps_done = 0, attempts = 0, deaths = 0, samples_digest = NULL
+                 WHERE NOT counts AND state != 'running'",
+                [],
+            )?;
+            connection.execute(
+                "DELETE FROM cases WHERE position IS NULL AND state != 'running'",
+                [],
+            )?;
             connection.execute(
                 "DELETE FROM points WHERE id NOT IN (SELECT point FROM cases)",
                 [],

@@ -181,6 +181,6 @@ pub(super) fn number(sum: f64) -> u64 {
     count(sum as i64)
 }
 
-/// What is true of a case in no grid of which something was computed.
-pub(super) const ORPHANED: &str = "(c.position IS NULL AND (c.state != 'pending' OR c.steps_done > 0
+/// What is true of a case that does not count of which something was computed.
+pub(super) const ORPHANED: &str = "(NOT c.counts AND (c.state != 'pending' OR c.steps_done > 0
      OR EXISTS (SELECT 1 FROM ends WHERE case_id = c.id)))";

@@ -7,6 +7,7 @@ use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params, params_from_iter};
 use sd_core::Sample;
 use sd_core::simulation::Counters;
+use std::collections::HashMap;
 use std::sync::LazyLock;
 
 /// Columns of a sample after its case, before those of the stresses, which are made from their declarations.
@@ -78,8 +79,33 @@ pub(super) fn of(
     }
 }
 
+/// The digests of the samples of all cases as they are now.
+pub(super) fn digests(connection: &Connection) -> Result<HashMap<i64, Option<i64>>, rusqlite::Error> {
+    let names = stresses::names(stresses::parts(), "");
+    let mut query = connection.prepare(&format!(
+        "SELECT {COLUMNS}, {names}, case_id FROM samples ORDER BY case_id, step"
+    ))?;
+    let case = query.column_count() - 1;
+    let mut rows = query.query([])?;
+    let mut digests = HashMap::new();
+    let mut current: Option<(i64, Digest)> = None;
+    while let Some(row) = rows.next()? {
+        let id = row.get(case)?;
+        let digest = match current.take() {
+            Some((known, digest)) if known == id => digest,
+            other => {
+                digests.extend(other.map(|(id, digest)| (id, Some(digest.finish()))));
+                Digest::default()
+            }
+        };
+        current = Some((id, digest.with_row(row, 0..case)?));
+    }
+    digests.extend(current.map(|(id, digest)| (id, Some(digest.finish()))));
+    Ok(digests)
+}
+
 /// The digest of the samples of a case as they are now.
-pub(super) fn digest_of(connection: &Connection, case: i64) -> Result<Option<i64>, rusqlite::Error> {
+fn digest_of(connection: &Connection, case: i64) -> Result<Option<i64>, rusqlite::Error> {
     let mut query = connection.prepare_cached(&SELECT)?;
     let columns = query.column_count();
     let mut rows = query.query([case])?;

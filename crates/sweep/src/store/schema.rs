@@ -13,7 +13,7 @@ pub(super) const VERSION: i32 = 1;
 /// The statements, with places for the columns that are declared elsewhere.
 const STATEMENTS: &str = include_str!("schema.sql");
 /// Tables that a reader copies for itself to see a store as another version of its campaign requests it.
-const SHADOWED: [&str; 5] = ["campaign", "points", "cases", "results", "rules"];
+const SHADOWED: [&str; 6] = ["campaign", "points", "cases", "results", "failures", "rules"];
 
 /// What a file is.
 pub(super) enum Found {

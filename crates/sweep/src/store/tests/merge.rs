@@ -206,7 +206,7 @@ fn other_campaigns_and_builds_are_refused_before_anything_is_merged() {
         .execute("UPDATE processes SET build = 'other'", [])
         .unwrap();
     drop((a, b));
-    let mut foreign = Store::at(&at.join("foreign.sqlite"), &campaign(&CAMPAIGN.replace("small", "else")));
+    Store::at(&at.join("foreign.sqlite"), &campaign(&CAMPAIGN.replace("small", "else")));
     let mut store = open(at);
     let refused = store.merge(&[good.clone(), at.join("foreign.sqlite")], true);
     assert!(matches!(refused, Err(StoreError::OtherCampaign { .. })));
