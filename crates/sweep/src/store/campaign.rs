@@ -7,7 +7,7 @@ use super::request::{Adoption, Request};
 use super::registry::AtWork;
 use super::schema::{self, axis_cells, axis_columns};
 use super::{Store, StoreError, claims, ends, failures, integer, process, rules};
-use crate::axes::AXES;
+use crate::axes::{AXES, Identity, identity};
 use crate::campaign::{Campaign, Protocol};
 use crate::files::folder_of;
 use rusqlite::types::Value;
@@ -326,7 +326,13 @@ impl<'c> Entry<'c> {
         let cases = self.campaign.cases.iter();
         let costs: Vec<f64> = cases.map(|(_, case)| (self.order.cost)(case)).collect();
         let ranks = order::ranks(self.campaign, &costs, self.order.priority);
-        let mut points = Points::default();
+        let mut known = Points::default();
+        let points = self
+            .campaign
+            .cases
+            .iter()
+            .map(|(_, case)| known.place(connection, &case.params))
+            .collect::<Result<Vec<i64>, _>>()?;
         let now = process::now();
         let turn = claims::turn("steps_done").replace("turn", "excluded.turn");
         let mut insert = connection.prepare(&format!(
@@ -335,17 +341,20 @@ impl<'c> Entry<'c> {
              ON CONFLICT (key) DO UPDATE SET position = excluded.position, counts = 1, cost = excluded.cost,
                  steps = excluded.steps, turn = {turn}"
         ))?;
-        let cases = self.campaign.cases.iter().zip(costs).zip(ranks);
-        for (position, (((key, case), cost), rank)) in (0_i64..).zip(cases) {
+        // In the order of work: cases that are computed one after the other lie side by side, and so will what comes of them.
+        let mut order: Vec<usize> = (0..ranks.len()).collect();
+        order.sort_by_key(|position| ranks[*position]);
+        for position in order {
+            let (key, case) = &self.campaign.cases[position];
             insert.execute(params![
                 key.to_string(),
-                points.place(connection, &case.params)?,
+                points[position],
                 integer(case.seed),
                 integer(case.steps),
                 integer(case.sample_stride),
-                position,
-                claims::plain_turn(rank),
-                cost,
+                integer(position as u64),
+                claims::plain_turn(ranks[position]),
+                costs[position],
                 now,
             ])?;
         }
@@ -353,11 +362,11 @@ impl<'c> Entry<'c> {
     }
 }
 
-/// Points by the digests of their rows.
+/// Numbers of points.
 #[derive(Default)]
 pub(super) struct Points {
-    places: HashMap<i64, i64>,
-    /// The one met last: cases of a point come one after the other.
+    known: HashMap<Identity, i64>,
+    /// The one met last: cases of a point come one after the other in their file.
     last: Option<(Params, i64)>,
 }
 
@@ -371,25 +380,27 @@ impl Points {
         if let Some((_, place)) = self.last.as_ref().filter(|(last, _)| last == params) {
             return Ok(*place);
         }
+        let identity = identity(params);
+        if let Some(place) = self.known.get(&identity) {
+            self.last = Some((params.clone(), *place));
+            return Ok(*place);
+        }
         let row = point_row(params)?;
         let digest = digest::of(&row);
-        let place = match self.places.get(&digest) {
-            Some(place) => *place,
-            None => match number_of(connection, digest)? {
-                Some(place) => place,
-                None => {
-                    let places = vec!["?"; 2 + AXES.len()].join(", ");
-                    connection
-                        .prepare_cached(&format!(
-                            "INSERT INTO points (params, {}, digest) VALUES ({places})",
-                            axis_columns("")
-                        ))?
-                        .execute(params_from_iter(row.iter().chain([&Value::Integer(digest)])))?;
-                    connection.last_insert_rowid()
-                }
-            },
+        let place = match number_of(connection, digest)? {
+            Some(place) => place,
+            None => {
+                let places = vec!["?"; 2 + AXES.len()].join(", ");
+                connection
+                    .prepare_cached(&format!(
+                        "INSERT INTO points (params, {}, digest) VALUES ({places})",
+                        axis_columns("")
+                    ))?
+                    .execute(params_from_iter(row.iter().chain([&Value::Integer(digest)])))?;
+                connection.last_insert_rowid()
+            }
         };
-        self.places.insert(digest, place);
+        self.known.insert(identity, place);
         self.last = Some((params.clone(), place));
         Ok(place)
     }

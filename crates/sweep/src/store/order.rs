@@ -137,10 +137,20 @@ pub(super) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> 
         later[first..rule.cases.end].fill(true);
     }
     let mut seeds: HashMap<_, usize> = HashMap::new();
+    // Cases of a point come one after the other in their file.
+    let mut last: Option<(&Params, crate::axes::Identity)> = None;
     let mut order: Vec<(Vec<f64>, usize, f64, usize, usize)> =
         Vec::with_capacity(campaign.cases.len());
     for (position, (_, case)) in campaign.cases.iter().enumerate() {
-        let seed = seeds.entry(identity(&case.params)).or_default();
+        let point = match last.take() {
+            Some((params, point)) if *params == case.params => point,
+            _ => identity(&case.params),
+        };
+        let seed = match seeds.get_mut(&point) {
+            Some(seed) => seed,
+            None => seeds.entry(point.clone()).or_default(),
+        };
+        last = Some((&case.params, point));
         let (round, cost) = match *seed {
             _ if later[position] => (2, 0.0),
             0 => (0, costs[position]),

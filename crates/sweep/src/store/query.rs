@@ -14,6 +14,7 @@ use rusqlite::types::{Type, Value, ValueRef};
 use rusqlite::{Connection, OptionalExtension, Row};
 use sd_core::Params;
 use serde::Serialize;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Cases of the grid by state.
@@ -474,17 +475,13 @@ fn point_runs(connection: &Connection) -> Result<Vec<PointRun>, rusqlite::Error>
         stresses::names(STRESSES.iter(), "r."),
         *COVERED
     ))?;
-    let mut of_point =
-        connection.prepare("SELECT * FROM points WHERE id = ?1")?;
-    let mut point: Option<(i64, KnownPoint)> = None;
+    let points = KnownPoint::all(connection, protocol)?;
     let (mut runs, mut positions, mut keys) = (Vec::new(), Vec::new(), Vec::new());
     let mut rows = query.query([])?;
     while let Some(row) = rows.next()? {
-        let id = row.get(7)?;
-        if point.as_ref().is_none_or(|(known, _)| *known != id) {
-            point = Some((id, of_point.query_row([id], |row| KnownPoint::read(row, protocol))?));
-        }
-        let Some((_, known)) = &point else { continue };
+        let known = points
+            .get(&row.get(7)?)
+            .ok_or_else(|| Altered::error("the point of a case is missing"))?;
         let key = known.checked_key(row, true)?;
         let position: i64 = row.get(5)?;
         keys.push(key);
@@ -499,7 +496,7 @@ fn point_runs(connection: &Connection) -> Result<Vec<PointRun>, rusqlite::Error>
     if !positions.into_iter().eq(numbers) || request::grid(keys) != grid {
         return Err(Altered::error("the grid is not what was written: a case is missing"));
     }
-    // Put into order here: SQLite would copy all columns for that, and most rows are in order as they lie.
+    // Put into order here: SQLite would copy all columns for that.
     runs.sort_by_key(|(position, _)| *position);
     Ok(runs.into_iter().map(|(_, run)| run).collect())
 }
@@ -529,6 +526,17 @@ pub(super) struct KnownPoint {
 }
 
 impl KnownPoint {
+    /// All points, by their numbers.
+    fn all(
+        connection: &Connection,
+        protocol: Protocol,
+    ) -> Result<HashMap<i64, Self>, rusqlite::Error> {
+        connection
+            .prepare("SELECT * FROM points")?
+            .query_map([], |row| Ok((row.get(0)?, Self::read(row, protocol)?)))?
+            .collect()
+    }
+
     /// A row of the points.
     ///
     /// # Errors
