@@ -203,8 +203,8 @@ CREATE TABLE failures (
     snapshot  TEXT,                     -- JSON, state before the step that failed
     process   INTEGER NOT NULL REFERENCES processes (id),
     failed_at INTEGER NOT NULL,
-    retried   INTEGER NOT NULL,         -- whether the case was made pending again after it
-    digest    INTEGER NOT NULL          -- with the key of the case
+    retried   INTEGER NOT NULL DEFAULT 0,   -- whether the case was made pending again after it
+    digest    INTEGER NOT NULL DEFAULT 0    -- with the key of the case
 );
 CREATE INDEX failures_of_case ON failures (case_id);
 
