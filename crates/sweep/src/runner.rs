@@ -275,7 +275,10 @@ impl<'r> Shared<'r> {
         let (mut busy, mut patience) = (Instant::now(), WAIT_UNTOLD);
         while self.working.load(Ordering::Acquire) > 0 {
             std::thread::sleep(TICK);
-            let told = waiting.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let told = waiting
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .take();
             if let Some(text) = told {
                 self.progress.note(&text);
             }

@@ -35,6 +35,7 @@ pub(crate) use crate::checkpoint::can_be_kept;
 pub use crate::checkpoint::{Checkpoint, Damage};
 pub use check::{Checked, Finding, accept_changes, check};
 pub use claims::Claim;
+pub(crate) use ends::LastState;
 pub use error::StoreError;
 pub use failures::FailureGroup;
 pub use frames::StoredFrame;
@@ -123,7 +124,9 @@ impl Store {
         let failed = |error| StoreError::sqlite(path, error, false);
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let mut connection = Connection::open_with_flags(path, flags).map_err(failed)?;
-        connection.busy_handler(Some(wait_for_lock)).map_err(failed)?;
+        connection
+            .busy_handler(Some(wait_for_lock))
+            .map_err(failed)?;
         let mut store = Self::on(connection, path)?;
         store.use_write_ahead_log()?;
         store
@@ -262,7 +265,8 @@ impl Store {
     fn begin(&self) -> Result<Transaction<'_>, rusqlite::Error> {
         let mut waits = 0;
         loop {
-            let begun = Transaction::new_unchecked(&self.connection, TransactionBehavior::Immediate);
+            let begun =
+                Transaction::new_unchecked(&self.connection, TransactionBehavior::Immediate);
             let Err(error) = begun else {
                 return begun;
             };

@@ -12,7 +12,9 @@ use std::path::PathBuf;
 /// code is 1 if something is damaged. `sweep run` computes damaged runs again, with the same digits; from a file whose pages cannot
 /// be read any more `sweep merge NEW DAMAGED` takes what is whole.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  sweep check results/figure-11.sqlite\n  sweep check results/figure-11.sqlite --json")]
+#[command(
+    after_help = "Examples:\n  sweep check results/figure-11.sqlite\n  sweep check results/figure-11.sqlite --json"
+)]
 pub(crate) struct Arguments {
     /// The store
     store: PathBuf,
@@ -24,7 +26,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         output.json(&checked)?;
     } else {
         for finding in &checked.findings {
-            let key = finding.key.as_ref().map_or_else(String::new, |key| format!("run {key}: "));
+            let key = finding
+                .key
+                .as_ref()
+                .map_or_else(String::new, |key| format!("run {key}: "));
             writeln!(output.out, "{key}{}", finding.what)?;
         }
         if let Some(warning) = &checked.warning {

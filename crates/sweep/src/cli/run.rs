@@ -266,8 +266,15 @@ fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style
 /// Says which runs are computed again because what was stored of them is damaged.
 fn say_what_was_damaged(damaged: &[Finding], style: Style) {
     for finding in damaged {
-        let whose = finding.key.as_ref().map(|key| format!(" ({key}, which is computed again)"));
-        style.tell(&format!("damaged: {}{}", finding.what, whose.unwrap_or_default()));
+        let whose = finding
+            .key
+            .as_ref()
+            .map(|key| format!(" ({key}, which is computed again)"));
+        style.tell(&format!(
+            "damaged: {}{}",
+            finding.what,
+            whose.unwrap_or_default()
+        ));
     }
 }
 

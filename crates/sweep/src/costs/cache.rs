@@ -26,8 +26,10 @@ fn place() -> Option<PathBuf> {
 
 /// Keeps measured runs, but for those that are too short to tell anything.
 pub(crate) fn record(records: &[Record]) {
-    let records: Vec<&Record> =
-        records.iter().filter(|record| record.steps >= LEAST_STEPS).collect();
+    let records: Vec<&Record> = records
+        .iter()
+        .filter(|record| record.steps >= LEAST_STEPS)
+        .collect();
     if let Some(place) = place().filter(|_| !records.is_empty()) {
         // Without a cache the next plan measures again.
         let _ = append(&place, &records);

@@ -211,7 +211,9 @@ impl Shared<'_> {
                 .map(|layer| run.record.last_state(layer, spent))
                 .unwrap_or_default(),
             steps: run.steps(),
-            counters: simulation.map(|layer| *layer.counters()).unwrap_or_default(),
+            counters: simulation
+                .map(|layer| *layer.counters())
+                .unwrap_or_default(),
             protocol: *self.protocol,
             wall_time_s: spent.wall_s,
             cpu_time_s: spent.cpu_s,
@@ -225,8 +227,10 @@ impl Shared<'_> {
         if ended.is_empty() {
             return Ok(());
         }
-        let runs: Vec<(&Claim, &Finished)> =
-            ended.iter().map(|(claim, finished)| (*claim, finished)).collect();
+        let runs: Vec<(&Claim, &Finished)> = ended
+            .iter()
+            .map(|(claim, finished)| (*claim, finished))
+            .collect();
         let owned = self.store().finish(&runs)?;
         // Another machine may have computed the beginning of one that was resumed.
         let records: Vec<costs::Record> = runs
@@ -249,7 +253,12 @@ impl Shared<'_> {
                     claim.case.label()
                 ));
             }
-            self.tell_end(claim, finished.state.name(), finished.steps, finished.cpu_time_s);
+            self.tell_end(
+                claim,
+                finished.state.name(),
+                finished.steps,
+                finished.cpu_time_s,
+            );
         }
         Ok(())
     }
@@ -289,7 +298,11 @@ impl Shared<'_> {
                         self.tables,
                     ) {
                         Ok(simulation) => {
-                            tracing::info!(case = claim.key, steps = good.snapshot.steps, "resumed");
+                            tracing::info!(
+                                case = claim.key,
+                                steps = good.snapshot.steps,
+                                "resumed"
+                            );
                             return Ok(Run {
                                 simulation: Some(simulation),
                                 before: None,
@@ -393,12 +406,7 @@ impl Shared<'_> {
     }
 
     /// Records a failure of the solver or a limit.
-    fn fail(
-        &self,
-        claim: &Claim,
-        run: Run,
-        cause: &Cause,
-    ) -> Result<Option<Finished>, StoreError> {
+    fn fail(&self, claim: &Claim, run: Run, cause: &Cause) -> Result<Option<Finished>, StoreError> {
         match cause {
             Cause::Physics(error) => {
                 // Step and strain are kept beside the message.

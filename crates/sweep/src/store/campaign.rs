@@ -3,8 +3,8 @@
 use super::digest::{self, Altered};
 use super::log::{self, Mark};
 use super::order::{self, Order};
-use super::request::{Adoption, Request};
 use super::registry::AtWork;
+use super::request::{Adoption, Request};
 use super::schema::{self, axis_cells, axis_columns};
 use super::{Store, StoreError, claims, ends, failures, integer, process, rules};
 use crate::axes::{AXES, Identity, identity};
@@ -102,11 +102,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::OtherCampaign`], [`StoreError::AtWork`] while another process computes what another version of the
     /// campaign requests, and trouble with the file. Nothing is changed then.
-    pub fn adopt(
-        &mut self,
-        campaign: &Campaign,
-        order: Order<'_>,
-    ) -> Result<Adoption, StoreError> {
+    pub fn adopt(&mut self, campaign: &Campaign, order: Order<'_>) -> Result<Adoption, StoreError> {
         let entry = Entry::of(campaign, order, &self.path)?;
         let me = self.process.clone();
         let id = self.me();
@@ -206,8 +202,10 @@ impl Store {
         let text = || {
             check(&self.connection)?;
             let query = format!("SELECT {column} FROM campaign");
-            let text: Option<String> =
-                self.connection.query_row(&query, [], |row| row.get(0)).optional()?;
+            let text: Option<String> = self
+                .connection
+                .query_row(&query, [], |row| row.get(0))
+                .optional()?;
             text.ok_or_else(|| Altered::error("it holds no campaign"))
         };
         self.read(text())
@@ -396,7 +394,9 @@ impl Points {
                         "INSERT INTO points (params, {}, digest) VALUES ({places})",
                         axis_columns("")
                     ))?
-                    .execute(params_from_iter(row.iter().chain([&Value::Integer(digest)])))?;
+                    .execute(params_from_iter(
+                        row.iter().chain([&Value::Integer(digest)]),
+                    ))?;
                 connection.last_insert_rowid()
             }
         };
@@ -418,5 +418,7 @@ fn number_of(connection: &Connection, digest: i64) -> Result<Option<i64>, rusqli
 pub(super) fn point_row(params: &Params) -> Result<Vec<Value>, rusqlite::Error> {
     let text = serde_json::to_string(params)
         .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
-    Ok(std::iter::once(Value::Text(text)).chain(axis_cells(params)).collect())
+    Ok(std::iter::once(Value::Text(text))
+        .chain(axis_cells(params))
+        .collect())
 }

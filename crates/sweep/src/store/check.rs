@@ -16,7 +16,14 @@ use std::path::Path;
 /// Largest file whose structure is looked at before a run, in bytes: this takes less than half a second.
 const CHEAP: i64 = 64 << 20;
 /// Tables with rows of a case.
-const OF_CASES: [&str; 6] = ["samples", "frames", "checkpoints", "results", "ends", "failures"];
+const OF_CASES: [&str; 6] = [
+    "samples",
+    "frames",
+    "checkpoints",
+    "results",
+    "ends",
+    "failures",
+];
 
 /// A kind of row that has a digest.
 struct Kind {
@@ -164,7 +171,10 @@ impl Damage {
     }
 
     fn case(&mut self, case: i64, what: &str, is_row: bool) {
-        let known = self.cases.entry(case).or_insert_with(|| (what.to_owned(), is_row));
+        let known = self
+            .cases
+            .entry(case)
+            .or_insert_with(|| (what.to_owned(), is_row));
         known.1 |= is_row;
     }
 
@@ -176,7 +186,9 @@ impl Damage {
     /// That every case has its point and its key, and the state that goes with its result and its failures.
     fn look_at_cases(&mut self, connection: &Connection) -> Result<(), rusqlite::Error> {
         let protocol: Option<Protocol> = connection
-            .query_row("SELECT protocol FROM campaign", [], |row| row.get::<_, String>(0))
+            .query_row("SELECT protocol FROM campaign", [], |row| {
+                row.get::<_, String>(0)
+            })
             .ok()
             .and_then(|text| serde_json::from_str(&text).ok());
         let Some(protocol) = protocol else {
@@ -232,8 +244,8 @@ impl Damage {
     /// That the samples of every case are what was written.
     fn look_at_samples(&mut self, connection: &Connection) -> Result<(), rusqlite::Error> {
         let mut digests = samples::digests(connection)?;
-        let mut query =
-            connection.prepare("SELECT id, samples_digest FROM cases WHERE samples_digest IS NOT NULL")?;
+        let mut query = connection
+            .prepare("SELECT id, samples_digest FROM cases WHERE samples_digest IS NOT NULL")?;
         let mut rows = query.query([])?;
         while let Some(row) = rows.next()? {
             let case = row.get(0)?;
@@ -248,14 +260,19 @@ impl Damage {
     }
 
     fn is_none(&self) -> bool {
-        self.cases.is_empty() && self.others.is_empty() && self.processes.is_empty() && self.points.is_empty()
+        self.cases.is_empty()
+            && self.others.is_empty()
+            && self.processes.is_empty()
+            && self.points.is_empty()
     }
 
     /// As it is told.
     fn findings(&self, connection: &Connection) -> Vec<Finding> {
         let of_case = |(case, (what, _)): (&i64, &(String, bool))| Finding {
             key: connection
-                .query_row("SELECT key FROM cases WHERE id = ?1", [case], |row| row.get(0))
+                .query_row("SELECT key FROM cases WHERE id = ?1", [case], |row| {
+                    row.get(0)
+                })
                 .ok(),
             what: what.clone(),
         };
@@ -263,10 +280,22 @@ impl Damage {
             key: None,
             what: what.to_owned(),
         };
-        let processes = self.processes.iter().map(|_| other("a process that computed"));
-        let points = self.points.iter().map(|_| other("the parameters of a point"));
+        let processes = self
+            .processes
+            .iter()
+            .map(|_| other("a process that computed"));
+        let points = self
+            .points
+            .iter()
+            .map(|_| other("the parameters of a point"));
         let others = self.others.iter().map(|what| other(what));
-        self.cases.iter().map(of_case).chain(others).chain(processes).chain(points).collect()
+        self.cases
+            .iter()
+            .map(of_case)
+            .chain(others)
+            .chain(processes)
+            .chain(points)
+            .collect()
     }
 
     /// Forgets what is damaged: runs are pending again, cases and points are entered anew with the campaign.
@@ -412,8 +441,13 @@ pub fn accept_changes(path: &Path) -> Result<(), StoreError> {
             .prepare("SELECT key FROM cases WHERE position IS NOT NULL")?
             .query_map([], |row| row.get(0))?
             .collect::<Result<_, _>>()?;
-        let keys = keys.iter().map(|key| u128::from_str_radix(key, 16).unwrap_or(0));
-        connection.execute("UPDATE campaign SET grid = ?1", [super::request::grid(keys)])?;
+        let keys = keys
+            .iter()
+            .map(|key| u128::from_str_radix(key, 16).unwrap_or(0));
+        connection.execute(
+            "UPDATE campaign SET grid = ?1",
+            [super::request::grid(keys)],
+        )?;
         connection.execute("UPDATE cases SET samples_digest = NULL", [])?;
         for (case, digest) in samples::digests(&connection)? {
             connection.execute(

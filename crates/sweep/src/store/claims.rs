@@ -174,7 +174,9 @@ fn point_of(
 ) -> Result<(i64, sd_core::Params), rusqlite::Error> {
     connection
         .prepare_cached("SELECT digest, params FROM points WHERE id = ?1")?
-        .query_row([point], |row| Ok((row.get(0)?, super::query::params(row, 1)?)))
+        .query_row([point], |row| {
+            Ok((row.get(0)?, super::query::params(row, 1)?))
+        })
 }
 
 /// The cases that come next in the order of work: one, or as many short ones as make a batch.
@@ -248,9 +250,10 @@ pub(super) fn checkpoints(
             "SELECT CASE WHEN length(data) <= ?2 THEN data ELSE x'' END FROM checkpoints
              WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC",
         )?
-        .query_map(params![case, integer(Checkpoint::SIZE_LIMIT as u64)], |row| {
-            Ok(Checkpoint::decode(row.get_ref(0)?.as_blob()?))
-        })?
+        .query_map(
+            params![case, integer(Checkpoint::SIZE_LIMIT as u64)],
+            |row| Ok(Checkpoint::decode(row.get_ref(0)?.as_blob()?)),
+        )?
         .collect()
 }
 
@@ -306,7 +309,8 @@ pub(super) fn free_where(
     condition: &str,
     parameters: &[&dyn ToSql],
 ) -> Result<usize, rusqlite::Error> {
-    let mut statement = String::from("UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?1, ");
+    let mut statement =
+        String::from("UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?1, ");
     let _ = write!(statement, "turn = {} WHERE {condition}", turn("steps_done"));
     let now = process::now();
     connection

@@ -29,7 +29,8 @@ impl Digest {
         };
         self.1.push(tag);
         if tag > 2 {
-            self.1.extend_from_slice(&(bytes.len() as u64).to_le_bytes());
+            self.1
+                .extend_from_slice(&(bytes.len() as u64).to_le_bytes());
         }
         self.1.extend_from_slice(bytes);
         if self.1.len() >= PIECE {
@@ -142,7 +143,11 @@ mod tests {
         let good = of(&row);
         for other in [
             &row[..2],
-            &[Value::Integer(1), Value::Real(2.5000000000000004), Value::Null],
+            &[
+                Value::Integer(1),
+                Value::Real(2.5000000000000004),
+                Value::Null,
+            ],
             &[Value::Integer(1), Value::Text("2.5".into()), Value::Null],
             &[Value::Real(1.0), Value::Real(2.5), Value::Null],
             &[Value::Real(2.5), Value::Integer(1), Value::Null],

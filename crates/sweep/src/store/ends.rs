@@ -4,7 +4,7 @@
 
 use super::digest::{self, Digest, number, whole};
 use super::results::Place;
-use super::{Checkpoint, Damage, claims, count, process, rules, samples};
+use super::{Checkpoint, Damage, Store, StoreError, claims, count, process, rules, samples};
 use crate::campaign::{Discard, Protocol};
 use crate::case::State;
 use crate::statistics::mser_5;
@@ -71,7 +71,9 @@ impl RunEnd {
                  VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
             ))?
             .execute(params_from_iter(
-                std::iter::once(&case).chain(&values).chain([&Value::Integer(digest)]),
+                std::iter::once(&case)
+                    .chain(&values)
+                    .chain([&Value::Integer(digest)]),
             ))
             .map(|_| ())
     }
@@ -231,7 +233,8 @@ impl Computed {
             // It is pending already, or failed on its way on.
             Verdict::Short => return Ok(()),
         };
-        if self.state == state.name() && self.steps_done == steps && self.discarded == Some(discard) {
+        if self.state == state.name() && self.steps_done == steps && self.discarded == Some(discard)
+        {
             return Ok(());
         }
         let Some(end) = RunEnd::of(connection, self.id)? else {
@@ -248,7 +251,13 @@ impl Computed {
             point: self.point.1,
             params: &self.params,
         }
-        .put_result(connection, (state, steps, discard), &end, &samples, samples_digest)
+        .put_result(
+            connection,
+            (state, steps, discard),
+            &end,
+            &samples,
+            samples_digest,
+        )
     }
 
     /// Lets it go on, as more is requested than was computed: from its last state, or where that was not kept from the beginning.
@@ -270,7 +279,11 @@ pub(super) fn settle_all(
     connection: &Connection,
     protocol: &Protocol,
 ) -> Result<(), rusqlite::Error> {
-    let computed = Computed::of(connection, "c.position IS NOT NULL AND c.state != 'running'", [])?;
+    let computed = Computed::of(
+        connection,
+        "c.position IS NOT NULL AND c.state != 'running'",
+        [],
+    )?;
     if protocol.discard == Discard::Auto {
         let mut points: HashMap<_, Vec<Computed>> = HashMap::new();
         for case in computed {
@@ -359,7 +372,9 @@ pub(super) fn steps_of(connection: &Connection, case: i64) -> Result<Option<u64>
 pub(super) fn drop_state(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
     if let Some(end) = RunEnd::of(connection, case)? {
         let key: String =
-            connection.query_row("SELECT key FROM cases WHERE id = ?1", [case], |row| row.get(0))?;
+            connection.query_row("SELECT key FROM cases WHERE id = ?1", [case], |row| {
+                row.get(0)
+            })?;
         RunEnd { state: None, ..end }.write(connection, case, &key)?;
     }
     Ok(())
@@ -380,4 +395,39 @@ pub(super) fn end_to_go_on_from(
     end.samples = samples::of(connection, case)?;
     end.samples.retain(|(step, _)| *step < end.snapshot.steps);
     Ok(Some(Ok(end)))
+}
+
+/// The last state of a finished run.
+pub(crate) struct LastState {
+    pub(crate) params: Params,
+    pub(crate) seed: u64,
+    /// A checkpoint without samples.
+    pub(crate) state: Vec<u8>,
+}
+
+impl Store {
+    /// The last states of all done runs of the grid that have one, in the order of the campaign.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`], and trouble with the file.
+    pub(crate) fn last_states(&self) -> Result<Vec<LastState>, StoreError> {
+        let states = || {
+            check(&self.connection, "c.counts AND c.state = 'done'", [])?;
+            self.connection
+                .prepare(
+                    "SELECT p.params, c.seed, e.state FROM cases c JOIN points p ON p.id = c.point
+                     JOIN ends e ON e.case_id = c.id
+                     WHERE c.counts AND c.state = 'done' AND e.state IS NOT NULL ORDER BY c.position",
+                )?
+                .query_map([], |row| {
+                    Ok(LastState {
+                        params: super::query::params(row, 0)?,
+                        seed: count(row.get(1)?),
+                        state: row.get(2)?,
+                    })
+                })?
+                .collect()
+        };
+        self.read(states())
+    }
 }

@@ -78,7 +78,9 @@ pub enum StoreError {
     #[error(
         "{} has schema {found}, and this program knows schema {known}: it was made by another version of sweep", path.display()
     )]
-    #[diagnostic(help("nothing was changed in it; use the version that made it, or choose another place with --store FILE"))]
+    #[diagnostic(help(
+        "nothing was changed in it; use the version that made it, or choose another place with --store FILE"
+    ))]
     Schema {
         /// The file.
         path: PathBuf,

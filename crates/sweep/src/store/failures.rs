@@ -61,7 +61,9 @@ pub(super) fn of(connection: &Connection, case: i64) -> Result<Vec<Row>, rusqlit
     check(connection, "c.id = ?1", [case])?;
     let whole = |count: Option<i64>| count.map(super::count);
     connection
-        .prepare_cached(&format!("SELECT {COLUMNS} FROM failures NOT INDEXED WHERE case_id = ?1 ORDER BY id"))?
+        .prepare_cached(&format!(
+            "SELECT {COLUMNS} FROM failures NOT INDEXED WHERE case_id = ?1 ORDER BY id"
+        ))?
         .query_map([case], |row| {
             Ok(Row {
                 attempt: whole(row.get(0)?),
@@ -116,7 +118,10 @@ pub(super) fn seal(connection: &Connection, condition: &str) -> Result<(), rusql
 }
 
 /// Records that cases that meet a condition are pending again after their failures.
-pub(super) fn mark_retried(connection: &Connection, condition: &str) -> Result<(), rusqlite::Error> {
+pub(super) fn mark_retried(
+    connection: &Connection,
+    condition: &str,
+) -> Result<(), rusqlite::Error> {
     let cases = format!("(SELECT id FROM cases WHERE {condition})");
     let changed = connection.execute(
         &format!("UPDATE failures SET retried = 1 WHERE retried = 0 AND case_id IN {cases}"),

@@ -57,7 +57,9 @@ pub(super) fn of(
     check(connection, case)?;
     connection
         .prepare_cached("SELECT step, strain, data FROM frames WHERE case_id = ?1")?
-        .query_map([case], |row| Ok((count(row.get(0)?), row.get(1)?, row.get(2)?)))?
+        .query_map([case], |row| {
+            Ok((count(row.get(0)?), row.get(1)?, row.get(2)?))
+        })?
         .collect()
 }
 

@@ -46,7 +46,8 @@ impl Mark {
         let bytes: Vec<u8> = connection
             .prepare_cached("SELECT mark FROM log WHERE id = 1")?
             .query_row([], |row| row.get(0))?;
-        Self::of(&bytes).ok_or_else(|| super::digest::Altered::error("its mark is not what was written"))
+        Self::of(&bytes)
+            .ok_or_else(|| super::digest::Altered::error("its mark is not what was written"))
     }
 
     /// The mark in the file at a path, whatever its log holds.
@@ -76,7 +77,10 @@ impl Mark {
     pub(super) fn begin(connection: &Connection) -> Result<(), rusqlite::Error> {
         let id = connection.query_row("SELECT randomblob(8)", [], |row| row.get(0))?;
         connection
-            .execute("INSERT INTO log VALUES (1, ?1)", [Self { id, number: 0 }.bytes()])
+            .execute(
+                "INSERT INTO log VALUES (1, ?1)",
+                [Self { id, number: 0 }.bytes()],
+            )
             .map(|_| ())
     }
 }
@@ -108,7 +112,9 @@ pub(super) fn check(path: &Path) -> Result<Option<u64>, StoreError> {
         };
         let last = marks.fold(first.number, |last, mark| last.max(mark.number));
         let is_own = match Mark::in_file(path) {
-            Ok(mark) => mark.id == first.id && (first.number..=last + 1).contains(&(mark.number + 1)),
+            Ok(mark) => {
+                mark.id == first.id && (first.number..=last + 1).contains(&(mark.number + 1))
+            }
             // A file that cannot be read without its log: opening it will say why.
             Err(_) => true,
         };
@@ -152,8 +158,17 @@ mod tests {
 
     #[test]
     fn marks_are_found_in_their_order() {
-        let mark = |number| Mark { id: *b"12345678", number };
-        let bytes = [b"mark of".to_vec(), mark(3).bytes(), vec![b'm'; 9], mark(4).bytes()].concat();
+        let mark = |number| Mark {
+            id: *b"12345678",
+            number,
+        };
+        let bytes = [
+            b"mark of".to_vec(),
+            mark(3).bytes(),
+            vec![b'm'; 9],
+            mark(4).bytes(),
+        ]
+        .concat();
         assert_eq!(marks(&bytes).collect::<Vec<_>>(), [mark(3), mark(4)]);
     }
 

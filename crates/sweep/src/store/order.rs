@@ -32,7 +32,9 @@ impl Default for Order<'_> {
 
 impl fmt::Debug for Order<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Order").field("priority", self.priority).finish_non_exhaustive()
+        f.debug_struct("Order")
+            .field("priority", self.priority)
+            .finish_non_exhaustive()
     }
 }
 
@@ -77,7 +79,8 @@ impl Priority {
 
     /// The same in words.
     pub(super) fn words(&self) -> String {
-        let word = |(axis, values): &(&Axis, Vec<String>)| format!("{}={}", axis.key, values.join(","));
+        let word =
+            |(axis, values): &(&Axis, Vec<String>)| format!("{}={}", axis.key, values.join(","));
         self.axes.iter().map(word).collect::<Vec<_>>().join(" ")
     }
 

@@ -131,6 +131,9 @@ pub(crate) fn is_full(path: &Path) -> bool {
                 && (disk.f_bavail.saturating_mul(disk.f_frsize) < ROOM || disk.f_favail == 0)
         })
         || takes_no_more(place)
+        || rustix::process::getrlimit(rustix::process::Resource::Fsize)
+            .current
+            .is_some()
 }
 
 /// Whether the system refuses a small file for want of room: of a quota it says nothing before.

@@ -6,8 +6,8 @@ use super::results::COVERED;
 use super::schema::axis_cells;
 use super::{Store, StoreError, campaign, count, failures, process, rules};
 use crate::case::{CaseKey, State};
-use crate::protocol::Protocol;
 use crate::doubt::Doubt;
+use crate::protocol::Protocol;
 use crate::statistics::Steadiness;
 use crate::stresses::{self, COUNT, STRESSES};
 use rusqlite::types::{Type, Value, ValueRef};
@@ -261,9 +261,9 @@ impl Store {
         mut each: impl FnMut(&Row<'_>) -> Result<(), rusqlite::Error>,
     ) -> Result<(), StoreError> {
         let mut read = || {
-            let last: Option<i64> = self
-                .connection
-                .query_row("SELECT max(case_id) FROM results", [], |row| row.get(0))?;
+            let last: Option<i64> =
+                self.connection
+                    .query_row("SELECT max(case_id) FROM results", [], |row| row.get(0))?;
             let stride = (last.unwrap_or(0) / SAMPLED).max(1);
             let mut query = self.connection.prepare_cached(&format!(
                 "{query} WHERE r.case_id >= ?1 ORDER BY r.case_id LIMIT 1"
@@ -299,7 +299,9 @@ impl Store {
         if work.alive == 0 {
             return Ok(None);
         }
-        Ok(self.pace()?.map(|(wall, _)| work.left * wall / work.alive as f64))
+        Ok(self
+            .pace()?
+            .map(|(wall, _)| work.left * wall / work.alive as f64))
     }
 
     /// How far the runs of each point are, in the order of the campaign.
@@ -459,8 +461,9 @@ fn point_runs(connection: &Connection) -> Result<Vec<PointRun>, rusqlite::Error>
     let (protocol, grid): (String, String) = connection
         .prepare_cached("SELECT protocol, grid FROM campaign")?
         .query_row([], |row| Ok((row.get(0)?, row.get(1)?)))?;
-    let protocol: Protocol = serde_json::from_str(&protocol)
-        .map_err(|error| rusqlite::Error::FromSqlConversionFailure(0, Type::Text, Box::new(error)))?;
+    let protocol: Protocol = serde_json::from_str(&protocol).map_err(|error| {
+        rusqlite::Error::FromSqlConversionFailure(0, Type::Text, Box::new(error))
+    })?;
     let mut query = connection.prepare(&format!(
         "SELECT c.key, c.seed, c.steps, c.sample_stride, c.state, c.position, c.counts, c.point, r.case_id,
              e.steps, e.jammed, r.viscosity, r.viscosity_median, r.viscosity_stresslet, r.samples, r.contacts, r.activated,
@@ -494,7 +497,9 @@ fn point_runs(connection: &Connection) -> Result<Vec<PointRun>, rusqlite::Error>
     let numbers = 0..super::integer(positions.len() as u64);
     let keys = keys.into_iter().map(CaseKey::number);
     if !positions.into_iter().eq(numbers) || request::grid(keys) != grid {
-        return Err(Altered::error("the grid is not what was written: a case is missing"));
+        return Err(Altered::error(
+            "the grid is not what was written: a case is missing",
+        ));
     }
     // Put into order here: SQLite would copy all columns for that.
     runs.sort_by_key(|(position, _)| *position);
@@ -512,7 +517,9 @@ fn failures_fit_states(connection: &Connection) -> Result<(), rusqlite::Error> {
         )?
         .exists([])?;
     if unfit {
-        return Err(Altered::error("the state of a case is not that of its failures"));
+        return Err(Altered::error(
+            "the state of a case is not that of its failures",
+        ));
     }
     Ok(())
 }
@@ -545,10 +552,13 @@ impl KnownPoint {
         let last = row.as_ref().column_count() - 1;
         let params = params(row, 1)?;
         let digest = Digest::default().with_row(row, 1..last)?.finish();
-        let cells: Vec<Value> =
-            (2..last).map(|column| row.get(column)).collect::<Result<_, _>>()?;
+        let cells: Vec<Value> = (2..last)
+            .map(|column| row.get(column))
+            .collect::<Result<_, _>>()?;
         if digest != row.get::<_, i64>(last)? || !axis_cells(&params).eq(cells) {
-            return Err(Altered::error("the parameters of a point are not what was written"));
+            return Err(Altered::error(
+                "the parameters of a point are not what was written",
+            ));
         }
         Ok(Self {
             text: row.get(1)?,
@@ -606,9 +616,14 @@ fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> Result<PointRun
     if has_result
         && Digest::default().with_row(row, covered..last)?.finish() != row.get::<_, i64>(last)?
     {
-        return Err(Altered::error(format!("the result of run {key} is not what was written")));
+        return Err(Altered::error(format!(
+            "the result of run {key} is not what was written"
+        )));
     }
-    let whole = |column: usize| row.get::<_, Option<i64>>(column).map(|n| count(n.unwrap_or(0)));
+    let whole = |column: usize| {
+        row.get::<_, Option<i64>>(column)
+            .map(|n| count(n.unwrap_or(0)))
+    };
     let mut stresses = [None; COUNT];
     for (stress, column) in stresses.iter_mut().zip(OF_STRESSES..) {
         *stress = row.get(column)?;

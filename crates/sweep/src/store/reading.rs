@@ -86,6 +86,16 @@ impl Store {
         Self::read_only(path, Some("immutable=1"))
     }
 
+    /// The same of a damaged one, as a file that is shorter than it says.
+    pub(super) fn open_damaged(path: &Path) -> Result<Self, StoreError> {
+        refuse_missing(path)?;
+        let connection = Self::connect(path, Some("immutable=1"))?;
+        connection
+            .execute_batch("PRAGMA writable_schema = ON")
+            .map_err(|error| StoreError::sqlite(path, error, false))?;
+        Self::on(connection, path)
+    }
+
     /// Opens a shard. A published one never changes; one that still has a log may be in use.
     pub(crate) fn open_shard(path: &Path) -> Result<Self, StoreError> {
         if log::is_there(path) {
@@ -97,6 +107,14 @@ impl Store {
 
     /// Opens for reading with options of the `SQLite` URI.
     fn read_only(path: &Path, options: Option<&str>) -> Result<Self, StoreError> {
+        let store = Self::on(Self::connect(path, options)?, path)?;
+        // One transaction for all that follows: what is read belongs to one moment.
+        let begun = store.connection.execute_batch("BEGIN");
+        begun.map_err(|error| StoreError::sqlite(path, error, false))?;
+        Ok(store)
+    }
+
+    fn connect(path: &Path, options: Option<&str>) -> Result<Connection, StoreError> {
         let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let failed = |error| StoreError::sqlite(path, error, false);
         let mut connection = match options {
@@ -107,12 +125,11 @@ impl Store {
             ),
         }
         .map_err(failed)?;
-        connection.busy_handler(Some(wait_for_lock)).map_err(failed)?;
+        connection
+            .busy_handler(Some(wait_for_lock))
+            .map_err(failed)?;
         limit_time(&mut connection, path).map_err(failed)?;
-        let store = Self::on(connection, path)?;
-        // One transaction for all that follows: what is read belongs to one moment.
-        store.connection.execute_batch("BEGIN").map_err(failed)?;
-        Ok(store)
+        Ok(connection)
     }
 }
 
@@ -140,7 +157,9 @@ pub(crate) fn snapshot(path: &Path, to: &Path) -> Result<(), StoreError> {
     let failed = |error| StoreError::sqlite(path, error, true);
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let mut connection = Connection::open_with_flags(path, flags).map_err(failed)?;
-    connection.busy_handler(Some(wait_for_lock)).map_err(failed)?;
+    connection
+        .busy_handler(Some(wait_for_lock))
+        .map_err(failed)?;
     connection
         .execute("VACUUM INTO ?1", [to.to_string_lossy()])
         .map(|_| ())

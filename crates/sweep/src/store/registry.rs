@@ -124,12 +124,16 @@ pub(super) fn put(
 /// What describes the process of a number; `None` if that is not what was written.
 pub(super) fn described(connection: &Connection, id: i64) -> Option<Vec<Value>> {
     let mut query = connection
-        .prepare_cached(&format!("SELECT {COLUMNS}, digest FROM processes WHERE id = ?1"))
+        .prepare_cached(&format!(
+            "SELECT {COLUMNS}, digest FROM processes WHERE id = ?1"
+        ))
         .ok()?;
     let last = query.column_count() - 1;
     let (values, is_whole) = query
         .query_row([id], |row| {
-            let values = (0..last).map(|column| row.get(column)).collect::<Result<Vec<Value>, _>>()?;
+            let values = (0..last)
+                .map(|column| row.get(column))
+                .collect::<Result<Vec<Value>, _>>()?;
             let is_whole = digest::of(&values) == row.get::<_, i64>(last)?;
             Ok((values, is_whole))
         })
@@ -195,7 +199,10 @@ impl Store {
             seal(connection, me)
         })?;
         // In the file itself, so that a store that lost its log is recognized.
-        self.read(self.connection.execute_batch("PRAGMA wal_checkpoint(PASSIVE)"))
+        self.read(
+            self.connection
+                .execute_batch("PRAGMA wal_checkpoint(PASSIVE)"),
+        )
     }
 
     /// Records that this process lives.
@@ -280,7 +287,10 @@ pub(super) fn seal(connection: &Connection, id: i64) -> Result<(), rusqlite::Err
         .optional()?;
     let digest = digest.map(Digest::finish);
     connection
-        .execute("UPDATE processes SET digest = ?2 WHERE id = ?1", params![id, digest])
+        .execute(
+            "UPDATE processes SET digest = ?2 WHERE id = ?1",
+            params![id, digest],
+        )
         .map(|_| ())
 }
 
@@ -300,11 +310,17 @@ fn quarantine(connection: &Connection, process: i64) -> Result<usize, rusqlite::
              WHERE c.owner = ?1 AND c.state = 'running' AND c.deaths >= ?2",
         )?
         .query_map(params![process, DEATH_LIMIT], |row| {
-            Ok((row.get(0)?, super::query::params(row, 1)?, count(row.get(2)?)))
+            Ok((
+                row.get(0)?,
+                super::query::params(row, 1)?,
+                count(row.get(2)?),
+            ))
         })?
         .collect::<Result<_, _>>()?;
     for (id, params, steps_done) in &condemned {
-        let last = claims::checkpoints(connection, *id)?.into_iter().find_map(Result::ok);
+        let last = claims::checkpoints(connection, *id)?
+            .into_iter()
+            .find_map(Result::ok);
         let failure = failures::Row {
             error: format!(
                 "its process was killed or crashed {DEATH_LIMIT} times in a row before its next checkpoint \

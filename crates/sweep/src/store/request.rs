@@ -161,8 +161,7 @@ impl Store {
                          + coalesce((SELECT length(state) FROM ends WHERE case_id = c.id), 0))
                      FROM cases c WHERE {ORPHANED}"
                 );
-                inventory.orphan_bytes =
-                    self.connection.query_row(&bytes, [], |row| row.get(0))?;
+                inventory.orphan_bytes = self.connection.query_row(&bytes, [], |row| row.get(0))?;
             }
             Ok(inventory)
         };

@@ -35,7 +35,10 @@ pub(super) static COVERED: LazyLock<String> = LazyLock::new(|| {
 
 /// The columns of a result.
 pub(super) fn columns() -> String {
-    format!("{BEFORE}, {}, {AFTER}", stresses::names(STRESSES.iter(), ""))
+    format!(
+        "{BEFORE}, {}, {AFTER}",
+        stresses::names(STRESSES.iter(), "")
+    )
 }
 
 /// Writes a result.
@@ -83,7 +86,9 @@ impl Place<'_> {
         connection
             .prepare_cached(&INSERT)?
             .execute(params_from_iter(
-                std::iter::once(&case).chain(&values).chain([&Value::Integer(digest)]),
+                std::iter::once(&case)
+                    .chain(&values)
+                    .chain([&Value::Integer(digest)]),
             ))?;
         claims::end(connection, self.id, state, steps)
     }

@@ -111,7 +111,9 @@ fn decide(rule: &Precision, seeds: &[Seed]) -> Decision {
 /// A row of the rules.
 fn rule(row: &Row<'_>) -> Result<(i64, Precision), rusqlite::Error> {
     if digest::Digest::default().with_row(row, 0..6)?.finish() != row.get::<_, i64>(6)? {
-        return Err(Altered::error("the precision requested at a point is not what was written"));
+        return Err(Altered::error(
+            "the precision requested at a point is not what was written",
+        ));
     }
     let quantity: String = row.get(3)?;
     let seeds = |column: usize| -> Result<usize, rusqlite::Error> {
@@ -131,7 +133,9 @@ fn rule(row: &Row<'_>) -> Result<(i64, Precision), rusqlite::Error> {
 /// All rules, in the order of the campaign file.
 fn rules(connection: &Connection) -> Result<Vec<(i64, Precision)>, rusqlite::Error> {
     connection
-        .prepare_cached(&format!("SELECT {COLUMNS}, digest FROM rules ORDER BY number"))?
+        .prepare_cached(&format!(
+            "SELECT {COLUMNS}, digest FROM rules ORDER BY number"
+        ))?
         .query_map([], rule)?
         .collect()
 }
@@ -196,7 +200,11 @@ pub(super) fn check(connection: &Connection) -> Result<(), rusqlite::Error> {
     for (point, rule) in rules(connection)? {
         let seeds = seeds(connection, point, &rule)?;
         let wanted = decide(&rule, &seeds).wanted;
-        if seeds.iter().enumerate().any(|(place, seed)| seed.counts != (place < wanted)) {
+        if seeds
+            .iter()
+            .enumerate()
+            .any(|(place, seed)| seed.counts != (place < wanted))
+        {
             return Err(altered());
         }
     }

@@ -75,12 +75,16 @@ pub(super) fn of(
     if (!samples.is_empty()).then(|| digest.finish()) == written {
         Ok(samples)
     } else {
-        Err(Altered::error("the samples of a run are not what was written"))
+        Err(Altered::error(
+            "the samples of a run are not what was written",
+        ))
     }
 }
 
 /// The digests of the samples of all cases as they are now.
-pub(super) fn digests(connection: &Connection) -> Result<HashMap<i64, Option<i64>>, rusqlite::Error> {
+pub(super) fn digests(
+    connection: &Connection,
+) -> Result<HashMap<i64, Option<i64>>, rusqlite::Error> {
     let names = stresses::names(stresses::parts(), "");
     let mut query = connection.prepare(&format!(
         "SELECT {COLUMNS}, {names}, case_id FROM samples ORDER BY case_id, step"

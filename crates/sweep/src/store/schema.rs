@@ -13,7 +13,9 @@ pub(super) const VERSION: i32 = 1;
 /// The statements, with places for the columns that are declared elsewhere.
 const STATEMENTS: &str = include_str!("schema.sql");
 /// Tables that a reader copies for itself to see a store as another version of its campaign requests it.
-const SHADOWED: [&str; 6] = ["campaign", "points", "cases", "results", "failures", "rules"];
+const SHADOWED: [&str; 6] = [
+    "campaign", "points", "cases", "results", "failures", "rules",
+];
 
 /// What a file is.
 pub(super) enum Found {
@@ -43,13 +45,24 @@ fn statements() -> String {
     STATEMENTS
         .replace(
             "{axes}",
-            &joined(&mut AXES.iter().map(|a| format!("{} {}", a.key, kind_of(a.kind())))),
+            &joined(
+                &mut AXES
+                    .iter()
+                    .map(|a| format!("{} {}", a.key, kind_of(a.kind()))),
+            ),
         )
         .replace("{axes_of_points}", &axis_columns("p."))
-        .replace("{parts}", &joined(&mut parts().map(|part| format!("{} REAL", part.name))))
+        .replace(
+            "{parts}",
+            &joined(&mut parts().map(|part| format!("{} REAL", part.name))),
+        )
         .replace(
             "{stresses}",
-            &joined(&mut STRESSES.iter().map(|stress| format!("{} REAL", stress.name))),
+            &joined(
+                &mut STRESSES
+                    .iter()
+                    .map(|stress| format!("{} REAL", stress.name)),
+            ),
         )
 }
 
@@ -78,7 +91,10 @@ pub(super) fn shadow(connection: &Connection) -> Result<(), rusqlite::Error> {
 
 /// Names of the columns of the axes, each with something before it.
 pub(super) fn axis_columns(before: &str) -> String {
-    let names: Vec<String> = AXES.iter().map(|axis| format!("{before}{}", axis.key)).collect();
+    let names: Vec<String> = AXES
+        .iter()
+        .map(|axis| format!("{before}{}", axis.key))
+        .collect();
     names.join(", ")
 }
 
@@ -96,7 +112,9 @@ pub(super) fn axis_cells(params: &Params) -> impl Iterator<Item = Value> {
 /// Makes sure that what has the name of a table of ours is a table with values in it: no view, no virtual table, no columns
 /// that are computed when they are read.
 fn has_plain_tables(connection: &Connection) -> Result<bool, rusqlite::Error> {
-    let names = STATEMENTS.lines().filter_map(|line| line.strip_prefix("CREATE TABLE "));
+    let names = STATEMENTS
+        .lines()
+        .filter_map(|line| line.strip_prefix("CREATE TABLE "));
     for table in names.filter_map(|line| line.strip_suffix(" (")) {
         let found: Option<(String, i64)> = connection
             .query_row(

@@ -56,7 +56,11 @@ impl Store {
 
     fn end(&mut self, claim: &Claim, finished: &Finished) -> Result<(), StoreError> {
         let owned = self.finish(&[(claim, finished)])?;
-        if owned == [true] { Ok(()) } else { Err(claim.lost()) }
+        if owned == [true] {
+            Ok(())
+        } else {
+            Err(claim.lost())
+        }
     }
 
     fn shown(path: &Path, campaign: &Campaign) -> Self {
@@ -328,7 +332,11 @@ fn store_of_another_campaign_schema_or_program_is_not_touched() {
         Err(StoreError::Missing { .. })
     ));
     assert!(matches!(
-        Store::enter(Path::new("/proc/none/small.sqlite"), &other, Order::default()),
+        Store::enter(
+            Path::new("/proc/none/small.sqlite"),
+            &other,
+            Order::default()
+        ),
         Err(StoreError::Unwritable { .. })
     ));
 }

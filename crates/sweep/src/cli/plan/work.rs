@@ -150,7 +150,11 @@ impl<'c> Work<'c> {
         }
         Ok(Self {
             points,
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a count"
+            )]
             ended: ended as usize,
             expected,
         })

@@ -6,7 +6,9 @@ use crate::case::{Case, State};
 use crate::store::campaign::Points;
 use crate::store::ends::{self, RunEnd};
 use crate::store::process::now;
-use crate::store::{Checkpoint, claims, count, failures, frames, integer, query, registry, samples};
+use crate::store::{
+    Checkpoint, claims, count, failures, frames, integer, query, registry, samples,
+};
 use rusqlite::{Connection, OptionalExtension, params};
 use sd_core::Sample;
 use std::collections::HashMap;
@@ -153,7 +155,11 @@ impl Merging<'_> {
             return Ok(());
         }
         let is_later = self.attempt(other)? > self.attempt(process)?;
-        let (kept, other) = if is_later { (other, process) } else { (process, other) };
+        let (kept, other) = if is_later {
+            (other, process)
+        } else {
+            (process, other)
+        };
         if is_later {
             self.take_run(ours, theirs, run)?;
         }
@@ -256,7 +262,12 @@ impl Merging<'_> {
 
     /// Takes over failures the store does not have.
     fn take_failures(&mut self, ours: &Ours, theirs: &Theirs) -> Result<(), rusqlite::Error> {
-        let read = || Ok((failures::of(self.other, theirs.id)?, samples::of(self.other, theirs.id)?));
+        let read = || {
+            Ok((
+                failures::of(self.other, theirs.id)?,
+                samples::of(self.other, theirs.id)?,
+            ))
+        };
         let read: Result<_, rusqlite::Error> = read();
         let Ok((found, samples)) = read else {
             self.merged.unreadable += 1;
@@ -336,8 +347,7 @@ impl Merging<'_> {
         if let Some(here) = self.processes.get(&there) {
             return Ok(*here);
         }
-        let described =
-            registry::described(self.other, there).unwrap_or_else(registry::unknown);
+        let described = registry::described(self.other, there).unwrap_or_else(registry::unknown);
         let known: Option<i64> = self
             .connection
             .prepare_cached("SELECT id FROM processes WHERE digest = ?1")?
@@ -386,13 +396,19 @@ impl Theirs {
         let is_finished = matches!(self.state, State::Done | State::Jammed);
         let untrusted = || rusqlite::Error::QueryReturnedNoRows;
         let Some(mut end) = RunEnd::of(other, self.id)? else {
-            return if is_finished { Err(untrusted()) } else { Ok(None) };
+            return if is_finished {
+                Err(untrusted())
+            } else {
+                Ok(None)
+            };
         };
         let stride = self.case.sample_stride;
         let mut samples = samples::of(other, self.id)?;
         // Of a run that failed on its way on there are more.
         samples.retain(|(step, _)| *step < end.steps);
-        let in_order = (0..).zip(&samples).all(|(number, (step, _))| *step == number * stride);
+        let in_order = (0..)
+            .zip(&samples)
+            .all(|(number, (step, _))| *step == number * stride);
         let last = end.state.as_deref().map(Checkpoint::decode);
         match last {
             Some(Ok(last)) if last.snapshot.steps == end.steps => {}
@@ -412,7 +428,9 @@ impl Theirs {
     ) -> Result<Vec<(i64, u64, i64, Vec<u8>)>, rusqlite::Error> {
         let mut found: Vec<(i64, u64, i64, Vec<u8>)> = other
             .prepare_cached("SELECT generation, process, data FROM checkpoints WHERE case_id = ?1")?
-            .query_map([self.id], |row| Ok((row.get(0)?, 0, row.get(1)?, row.get(2)?)))?
+            .query_map([self.id], |row| {
+                Ok((row.get(0)?, 0, row.get(1)?, row.get(2)?))
+            })?
             .filter_map(Result::ok)
             .collect();
         found.retain_mut(|(generation, steps, _, data)| {
@@ -423,4 +441,3 @@ impl Theirs {
         Ok(found)
     }
 }
-

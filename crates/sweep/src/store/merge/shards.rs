@@ -75,6 +75,9 @@ pub(super) fn open(path: &Path) -> Result<(Store, Option<String>), StoreError> {
             Store::open_without_log(path)?,
             Some(format!("{error}; it was left out")),
         )),
+        Err(error @ StoreError::Damaged { .. }) => {
+            Ok((Store::open_damaged(path)?, Some(error.to_string())))
+        }
         Err(error) => Err(error),
     }
 }
@@ -85,18 +88,23 @@ impl Shard {
         // Before it is opened: if it is replaced meanwhile, the next merge reads the new one.
         let stamp = Stamp::of(path)?;
         let (store, mut damage) = open(path)?;
-        let text = |query: &str| store.connection.query_row(query, [], |row| row.get::<_, String>(0));
+        let text = |query: &str| {
+            store
+                .connection
+                .query_row(query, [], |row| row.get::<_, String>(0))
+        };
         match text("PRAGMA quick_check(1)") {
             Ok(found) if found == "ok" => {}
             Ok(found) => damage = Some(format!("half-written or damaged: {}", found.trim())),
             Err(error) => damage = Some(format!("half-written or damaged: {error}")),
         }
         // SQLite takes what is missing at the end of the last page for zeros.
-        let whole: i64 = store.read(store.connection.query_row(
+        let whole: Result<i64, _> = store.connection.query_row(
             "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size",
             [],
             |row| row.get(0),
-        ))?;
+        );
+        let whole = whole.unwrap_or(stamp.size);
         if !stamp.changing && whole != stamp.size {
             damage = Some(format!("half-written: {} bytes of {whole}", stamp.size));
         }

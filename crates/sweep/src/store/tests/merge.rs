@@ -170,7 +170,10 @@ fn results_that_differ_are_reported_and_the_later_attempt_is_kept() {
     }
     drop((a, b, c));
     for order in [[&early, &late], [&late, &early]] {
-        let mut store = Store::at(&at.join(order[0].file_stem().unwrap()).join("s.sqlite"), &campaign(CAMPAIGN));
+        let mut store = Store::at(
+            &at.join(order[0].file_stem().unwrap()).join("s.sqlite"),
+            &campaign(CAMPAIGN),
+        );
         for shard in order {
             store.merge(std::slice::from_ref(shard), false).unwrap();
         }
@@ -206,7 +209,10 @@ fn other_campaigns_and_builds_are_refused_before_anything_is_merged() {
         .execute("UPDATE processes SET build = 'other'", [])
         .unwrap();
     drop((a, b));
-    Store::at(&at.join("foreign.sqlite"), &campaign(&CAMPAIGN.replace("small", "else")));
+    Store::at(
+        &at.join("foreign.sqlite"),
+        &campaign(&CAMPAIGN.replace("small", "else")),
+    );
     let mut store = open(at);
     let refused = store.merge(&[good.clone(), at.join("foreign.sqlite")], true);
     assert!(matches!(refused, Err(StoreError::OtherCampaign { .. })));
@@ -240,7 +246,10 @@ fn half_a_shard_is_named_and_the_others_are_merged() {
     for length in [0, 1, 99, 100, 4096, bytes.len() / 2, bytes.len() - 1] {
         let half = at.join("half.sqlite");
         std::fs::write(&half, &bytes[..length]).unwrap();
-        let mut store = Store::at(&at.join(format!("{length}/small.sqlite")), &campaign(CAMPAIGN));
+        let mut store = Store::at(
+            &at.join(format!("{length}/small.sqlite")),
+            &campaign(CAMPAIGN),
+        );
         let merged = store.merge(&[half.clone(), good.clone()], false).unwrap();
         assert_eq!((merged.damaged.len(), merged.results), (1, 1), "{length}");
         assert_eq!(merged.damaged[0].path, half);
@@ -281,10 +290,13 @@ fn complete_run_outranks_a_failure_and_retried_failures_stay_retried() {
     b.end(&claim, &finished(State::Done)).unwrap();
     drop((a, b));
     for order in [[&failed, &done], [&done, &failed]] {
-        let mut store = Store::at(&at.join(format!(
-            "{}-first/s.sqlite",
-            order[0].file_stem().unwrap().display()
-        )), &campaign(CAMPAIGN));
+        let mut store = Store::at(
+            &at.join(format!(
+                "{}-first/s.sqlite",
+                order[0].file_stem().unwrap().display()
+            )),
+            &campaign(CAMPAIGN),
+        );
         store.merge(&[order[0].clone()], false).unwrap();
         store.merge(&[order[1].clone()], false).unwrap();
         let counts = store.counts().unwrap();

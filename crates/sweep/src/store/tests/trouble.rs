@@ -51,7 +51,10 @@ fn single() -> (tempfile::TempDir, String) {
     let text = CAMPAIGN
         .replace(ONE, "seeds = 1")
         .replace("[0.1, inf]", "inf");
-    drop(Store::at(&directory.path().join("small.sqlite"), &campaign(&text)));
+    drop(Store::at(
+        &directory.path().join("small.sqlite"),
+        &campaign(&text),
+    ));
     (directory, text)
 }
 
@@ -129,9 +132,7 @@ fn suspect_waits_until_there_is_no_other_case() {
             row.get(0)
         })
         .unwrap();
-    let keys: Vec<String> = (0..4)
-        .map(|_| heir.next().unwrap().key)
-        .collect();
+    let keys: Vec<String> = (0..4).map(|_| heir.next().unwrap().key).collect();
     assert_eq!(keys[3], suspect);
 }
 
@@ -183,7 +184,12 @@ fn whole_store_is_merged_whole() {
     let mut new = Store::at(&directory.path().join("new.sqlite"), &campaign(CAMPAIGN));
     let merged = new.merge(&[store.path().to_owned()], false).unwrap();
     assert_eq!(
-        (merged.results, merged.failures, merged.checkpoints, merged.unreadable),
+        (
+            merged.results,
+            merged.failures,
+            merged.checkpoints,
+            merged.unreadable
+        ),
         (1, 1, 1, 0)
     );
     let one = |store: &Store| {
