@@ -127,6 +127,7 @@ impl Store {
         connection
             .busy_handler(Some(wait_for_lock))
             .map_err(failed)?;
+        harden(&connection).map_err(failed)?;
         let mut store = Self::on(connection, path)?;
         store.use_write_ahead_log()?;
         store
@@ -142,7 +143,6 @@ impl Store {
     /// A store on a connection, which must hold one.
     fn on(connection: Connection, path: &Path) -> Result<Self, StoreError> {
         let failed = |error| StoreError::sqlite(path, error, false);
-        harden(&connection).map_err(failed)?;
         match schema::identify(&connection).map_err(failed)? {
             schema::Found::Ours(schema::VERSION) => {}
             schema::Found::Ours(found) => {

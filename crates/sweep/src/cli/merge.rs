@@ -106,7 +106,7 @@ fn open(source: &StoreSource, shards: &[PathBuf]) -> Result<Store, Error> {
     }
     let mut first = None;
     for shard in shards {
-        match Store::open_shard(shard).and_then(|shard| shard.campaign_text()) {
+        match Store::campaign_of(shard) {
             Ok(text) => {
                 let campaign = Campaign::parse(&shard.display().to_string(), text)?;
                 return Ok(Store::enter(path, &campaign, Order::default())?.0);

@@ -6,8 +6,8 @@ use super::order::{self, Order};
 use super::registry::AtWork;
 use super::request::{Adoption, Request};
 use super::schema::{self, axis_cells, axis_columns};
-use super::{Store, StoreError, claims, ends, failures, integer, process, rules};
-use crate::axes::{AXES, Identity, identity};
+use super::{Store, StoreError, claims, ends, failures, harden, integer, process, rules};
+use crate::axes::AXES;
 use crate::campaign::{Campaign, Protocol};
 use crate::files::folder_of;
 use rusqlite::types::Value;
@@ -73,6 +73,7 @@ impl Store {
             .and_then(|()| Mark::begin(&connection))
             .and_then(|()| connection.execute_batch("COMMIT"))
             .map_err(failed)?;
+        harden(&connection).map_err(failed)?;
         let mut store = Self::on(connection, path)?;
         let adoption = store.adopt(campaign, order)?;
         store.use_write_ahead_log()?;
@@ -360,10 +361,10 @@ impl<'c> Entry<'c> {
     }
 }
 
-/// Numbers of points.
+/// Numbers of points by their digests.
 #[derive(Default)]
 pub(super) struct Points {
-    known: HashMap<Identity, i64>,
+    known: HashMap<i64, i64>,
     /// The one met last: cases of a point come one after the other in their file.
     last: Option<(Params, i64)>,
 }
@@ -378,13 +379,12 @@ impl Points {
         if let Some((_, place)) = self.last.as_ref().filter(|(last, _)| last == params) {
             return Ok(*place);
         }
-        let identity = identity(params);
-        if let Some(place) = self.known.get(&identity) {
+        let row = point_row(params)?;
+        let digest = digest::of(&row);
+        if let Some(place) = self.known.get(&digest) {
             self.last = Some((params.clone(), *place));
             return Ok(*place);
         }
-        let row = point_row(params)?;
-        let digest = digest::of(&row);
         let place = match number_of(connection, digest)? {
             Some(place) => place,
             None => {
@@ -400,7 +400,7 @@ impl Points {
                 connection.last_insert_rowid()
             }
         };
-        self.known.insert(identity, place);
+        self.known.insert(digest, place);
         self.last = Some((params.clone(), place));
         Ok(place)
     }

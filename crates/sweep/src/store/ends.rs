@@ -5,6 +5,7 @@
 use super::digest::{self, Digest, number, whole};
 use super::results::Place;
 use super::{Checkpoint, Damage, Store, StoreError, claims, count, process, rules, samples};
+use crate::axes::identity;
 use crate::campaign::{Discard, Protocol};
 use crate::case::State;
 use crate::statistics::mser_5;
@@ -148,8 +149,8 @@ pub(super) fn check(
 struct Computed {
     id: i64,
     key: String,
-    /// Its point, and the digest of that.
-    point: (i64, i64),
+    /// Digest of its point.
+    point: i64,
     params: Params,
     requested: u64,
     state: String,
@@ -180,7 +181,7 @@ impl Computed {
     ) -> Result<Vec<Self>, rusqlite::Error> {
         connection
             .prepare_cached(&format!(
-                "SELECT c.id, c.key, c.point, p.digest, p.params, c.steps, c.state, c.steps_done, r.discard_step, e.steps,
+                "SELECT c.id, c.key, p.digest, p.params, c.steps, c.state, c.steps_done, r.discard_step, e.steps,
                      e.jammed, e.state IS NOT NULL
                  FROM ends e JOIN cases c ON c.id = e.case_id JOIN points p ON p.id = c.point
                  LEFT JOIN results r ON r.case_id = c.id WHERE {condition}"
@@ -189,15 +190,15 @@ impl Computed {
                 Ok(Self {
                     id: row.get(0)?,
                     key: row.get(1)?,
-                    point: (row.get(2)?, row.get(3)?),
-                    params: super::query::params(row, 4)?,
-                    requested: count(row.get(5)?),
-                    state: row.get(6)?,
-                    steps_done: count(row.get(7)?),
-                    discarded: row.get::<_, Option<i64>>(8)?.map(count),
-                    steps: count(row.get(9)?),
-                    jammed: row.get(10)?,
-                    continues: row.get(11)?,
+                    point: row.get(2)?,
+                    params: super::query::params(row, 3)?,
+                    requested: count(row.get(4)?),
+                    state: row.get(5)?,
+                    steps_done: count(row.get(6)?),
+                    discarded: row.get::<_, Option<i64>>(7)?.map(count),
+                    steps: count(row.get(8)?),
+                    jammed: row.get(9)?,
+                    continues: row.get(10)?,
                 })
             })?
             .collect()
@@ -248,7 +249,7 @@ impl Computed {
         Place {
             id: self.id,
             key: &self.key,
-            point: self.point.1,
+            point: self.point,
             params: &self.params,
         }
         .put_result(
@@ -287,7 +288,7 @@ pub(super) fn settle_all(
     if protocol.discard == Discard::Auto {
         let mut points: HashMap<_, Vec<Computed>> = HashMap::new();
         for case in computed {
-            points.entry(case.point).or_default().push(case);
+            points.entry(identity(&case.params)).or_default().push(case);
         }
         return points
             .values()

@@ -15,7 +15,7 @@ use serde::Serialize;
 use shards::{Shard, Stamp, foreign};
 use std::collections::{BTreeSet, HashMap};
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Numbers in a row that are looked for on pages of a damaged store.
 const MOST_MISSED: u32 = 10_000;
@@ -152,6 +152,14 @@ impl Store {
             self.merge_one(mode, shard, mixed, (&protocol, is_last), &mut merged)?;
         }
         Ok(merged)
+    }
+
+    /// The campaign file of a shard, or of a damaged store, to the letter.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or whose campaign is damaged.
+    pub fn campaign_of(shard: &Path) -> Result<String, StoreError> {
+        shards::open(shard)?.0.campaign_text()
     }
 
     /// Whether a shard is recorded as merged and has not changed since.

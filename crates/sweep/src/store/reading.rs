@@ -2,8 +2,9 @@
 
 use super::log;
 use super::place::{address, is_full, refuse_other_than_files};
-use super::{Store, StoreError, wait_for_lock};
+use super::{Store, StoreError, harden, wait_for_lock};
 use crate::campaign::Campaign;
+use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -91,7 +92,8 @@ impl Store {
         refuse_missing(path)?;
         let connection = Self::connect(path, Some("immutable=1"))?;
         connection
-            .execute_batch("PRAGMA writable_schema = ON")
+            .set_db_config(DbConfig::SQLITE_DBCONFIG_DEFENSIVE, false)
+            .and_then(|_| connection.execute_batch("PRAGMA writable_schema = ON"))
             .map_err(|error| StoreError::sqlite(path, error, false))?;
         Self::on(connection, path)
     }
@@ -129,6 +131,7 @@ impl Store {
             .busy_handler(Some(wait_for_lock))
             .map_err(failed)?;
         limit_time(&mut connection, path).map_err(failed)?;
+        harden(&connection).map_err(failed)?;
         Ok(connection)
     }
 }

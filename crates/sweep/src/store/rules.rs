@@ -3,9 +3,8 @@
 //! All seeds that a point may get are in the store from the beginning. The rule marks those that count, whenever a case of the
 //! point ends, in the same transaction: what counts is a function of the results alone.
 
-use super::campaign::Points;
 use super::digest::{self, Altered, number, whole};
-use super::{Store, StoreError, count};
+use super::{Store, StoreError, count, integer};
 use crate::campaign::Campaign;
 use crate::statistics::{Decision, Measure, Outcome, Precision};
 use rusqlite::types::Value;
@@ -32,21 +31,23 @@ struct Seed {
 }
 
 /// Columns of a rule that its digest covers.
-pub(super) const COLUMNS: &str = "point, number, precision, quantity, at_least, at_most";
+pub(super) const COLUMNS: &str = "number, precision, quantity, at_least, at_most";
 
 /// Enters the rules of a campaign in place of those that are there. Its cases are in the store, and all count: see [`apply_all`],
 /// which leaves out seeds that do not.
 pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> Result<(), rusqlite::Error> {
     connection.execute("DELETE FROM rules", [])?;
+    connection.execute(
+        "UPDATE cases SET rule = NULL, gain = 0.0 WHERE rule IS NOT NULL",
+        [],
+    )?;
     let mut insert = connection.prepare(&format!(
-        "INSERT INTO rules ({COLUMNS}, digest) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)"
+        "INSERT INTO rules ({COLUMNS}, digest) VALUES (?1, ?2, ?3, ?4, ?5, ?6)"
     ))?;
-    let mut points = Points::default();
+    let mut give = connection.prepare("UPDATE cases SET rule = ?2 WHERE key = ?1")?;
     for (number_of_it, rule) in (0..).zip(&campaign.rules) {
-        let params = &campaign.cases[rule.cases.start].1.params;
         let precision = rule.precision;
         let mut row = vec![
-            Value::Integer(points.place(connection, params)?),
             whole(number_of_it),
             number(precision.precision),
             Value::Text(precision.quantity.name().into()),
@@ -55,6 +56,9 @@ pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> Result<(), 
         ];
         row.push(Value::Integer(digest::of(&row)));
         insert.execute(params_from_iter(row))?;
+        for (key, _) in &campaign.cases[rule.cases.clone()] {
+            give.execute(params![key.to_string(), integer(number_of_it)])?;
+        }
     }
     Ok(())
 }
@@ -71,7 +75,7 @@ pub(super) fn apply_all(connection: &Connection) -> Result<(), rusqlite::Error> 
 pub(super) fn apply_to_case(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
     let found = connection
         .prepare_cached(&format!(
-            "SELECT {COLUMNS}, digest FROM rules WHERE point = (SELECT point FROM cases WHERE id = ?1)"
+            "SELECT {COLUMNS}, digest FROM rules WHERE number = (SELECT rule FROM cases WHERE id = ?1)"
         ))?
         .query_row([case], rule)
         .optional()?;
@@ -110,22 +114,22 @@ fn decide(rule: &Precision, seeds: &[Seed]) -> Decision {
 
 /// A row of the rules.
 fn rule(row: &Row<'_>) -> Result<(i64, Precision), rusqlite::Error> {
-    if digest::Digest::default().with_row(row, 0..6)?.finish() != row.get::<_, i64>(6)? {
+    if digest::Digest::default().with_row(row, 0..5)?.finish() != row.get::<_, i64>(5)? {
         return Err(Altered::error(
             "the precision requested at a point is not what was written",
         ));
     }
-    let quantity: String = row.get(3)?;
+    let quantity: String = row.get(2)?;
     let seeds = |column: usize| -> Result<usize, rusqlite::Error> {
         Ok(usize::try_from(count(row.get(column)?)).unwrap_or(usize::MAX))
     };
     Ok((
         row.get(0)?,
         Precision {
-            precision: row.get(2)?,
+            precision: row.get(1)?,
             quantity: Measure::of_name(&quantity).ok_or(rusqlite::Error::InvalidQuery)?,
-            at_least: seeds(4)?,
-            at_most: seeds(5)?,
+            at_least: seeds(3)?,
+            at_most: seeds(4)?,
         },
     ))
 }
@@ -152,7 +156,7 @@ fn seeds(
         .prepare_cached(&format!(
             "SELECT c.id, c.state, c.counts, c.cost, CASE WHEN r.doubts = '' THEN r.{quantity} END FROM cases c
              LEFT JOIN results r ON r.case_id = c.id AND c.state = 'done'
-             WHERE c.point = ?1 AND c.position IS NOT NULL ORDER BY c.position"
+             WHERE c.rule = ?1 ORDER BY c.position"
         ))?
         .query_map([point], |row| {
             let state: String = row.get(1)?;
@@ -178,16 +182,14 @@ pub(super) fn first_batch(
 ) -> Result<Option<Vec<i64>>, rusqlite::Error> {
     let found: Option<(i64, i64)> = connection
         .prepare_cached(
-            "SELECT point, at_least FROM rules WHERE point = (SELECT point FROM cases WHERE id = ?1)",
+            "SELECT number, at_least FROM rules WHERE number = (SELECT rule FROM cases WHERE id = ?1)",
         )?
         .query_row([case], |row| Ok((row.get(0)?, row.get(1)?)))
         .optional()?;
     found
         .map(|(point, at_least)| {
             connection
-                .prepare_cached(
-                    "SELECT id FROM cases WHERE point = ?1 AND position IS NOT NULL ORDER BY position LIMIT ?2",
-                )?
+                .prepare_cached("SELECT id FROM cases WHERE rule = ?1 ORDER BY position LIMIT ?2")?
                 .query_map([point, at_least], |row| row.get(0))?
                 .collect()
         })
@@ -210,7 +212,7 @@ pub(super) fn check(connection: &Connection) -> Result<(), rusqlite::Error> {
     }
     let left_out: bool = connection
         .prepare_cached(
-            "SELECT 1 FROM cases WHERE counts != (position IS NOT NULL) AND point NOT IN (SELECT point FROM rules)",
+            "SELECT 1 FROM cases WHERE counts != (position IS NOT NULL) AND rule IS NULL",
         )?
         .exists([])?;
     if left_out { Err(altered()) } else { Ok(()) }
@@ -229,7 +231,7 @@ impl Store {
                     let seeds = seeds(&self.connection, point, &rule)?;
                     let params = self
                         .connection
-                        .prepare_cached("SELECT params FROM points WHERE id = ?1")?
+                        .prepare_cached("SELECT p.params FROM cases c JOIN points p ON p.id = c.point WHERE c.rule = ?1 LIMIT 1")?
                         .query_row([point], |row| super::query::params(row, 0))?;
                     Ok(PointState {
                         params,

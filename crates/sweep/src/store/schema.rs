@@ -86,7 +86,10 @@ pub(super) fn shadow(connection: &Connection) -> Result<(), rusqlite::Error> {
             }
         }
     }
-    connection.execute_batch("CREATE INDEX temp.cases_of_point ON cases (point)")
+    connection.execute_batch(
+        "CREATE INDEX temp.cases_of_point ON cases (point);
+         CREATE INDEX temp.cases_of_rule ON cases (rule, position) WHERE rule IS NOT NULL",
+    )
 }
 
 /// Names of the columns of the axes, each with something before it.

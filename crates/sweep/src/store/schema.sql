@@ -60,6 +60,7 @@ CREATE TABLE cases (
     steps          INTEGER NOT NULL,
     sample_stride  INTEGER NOT NULL,
     position       INTEGER,             -- in the campaign file; NULL once the case has left the grid
+    rule           INTEGER REFERENCES rules (number),   -- the precision that decides on its seed
     counts         INTEGER NOT NULL,    -- 0 outside the grid, and for seeds that a precision has not requested yet
     turn           INTEGER NOT NULL,    -- order of work: cases with a low number come first
     gain           REAL NOT NULL DEFAULT 0.0,   -- among equal turns: the highest gain first
@@ -78,6 +79,7 @@ CREATE INDEX queue ON cases (turn, gain DESC, position) WHERE state = 'pending' 
 CREATE INDEX expensive ON cases (cost) WHERE state = 'pending' AND counts;
 CREATE INDEX running ON cases (owner) WHERE state = 'running';
 CREATE INDEX cases_of_point ON cases (point);
+CREATE INDEX cases_of_rule ON cases (rule, position) WHERE rule IS NOT NULL;
 
 CREATE TABLE checkpoints (
     case_id    INTEGER NOT NULL REFERENCES cases (id),
@@ -220,8 +222,7 @@ CREATE TABLE frames (
 
 -- Points at which a precision is requested.
 CREATE TABLE rules (
-    point     INTEGER PRIMARY KEY REFERENCES points (id),
-    number    INTEGER NOT NULL,         -- in the campaign file
+    number    INTEGER PRIMARY KEY,      -- in the campaign file
     precision REAL NOT NULL,            -- half width of the 95 % interval over the mean
     quantity  TEXT NOT NULL,            -- a column of results
     at_least  INTEGER NOT NULL,
