@@ -244,11 +244,11 @@ impl<'r> Shared<'r> {
                 Err(error) => self.unless_lost(error)?,
             }
             if since.elapsed() >= KEEP_AFTER {
-                self.keep_ended(std::mem::take(&mut ended))?;
+                self.keep_ended(&std::mem::take(&mut ended))?;
                 since = Instant::now();
             }
         }
-        self.keep_ended(ended)?;
+        self.keep_ended(&ended)?;
         if computed < claims.len() {
             self.store().release(&claims[computed..])?;
         }

@@ -223,7 +223,7 @@ impl Shared<'_> {
     }
 
     /// Keeps results of cases, and tells their ends.
-    pub(super) fn keep_ended(&self, ended: Vec<(&Claim, Finished)>) -> Result<(), StoreError> {
+    pub(super) fn keep_ended(&self, ended: &[(&Claim, Finished)]) -> Result<(), StoreError> {
         if ended.is_empty() {
             return Ok(());
         }

@@ -385,20 +385,19 @@ impl Points {
             self.last = Some((params.clone(), *place));
             return Ok(*place);
         }
-        let place = match number_of(connection, digest)? {
-            Some(place) => place,
-            None => {
-                let places = vec!["?"; 2 + AXES.len()].join(", ");
-                connection
-                    .prepare_cached(&format!(
-                        "INSERT INTO points (params, {}, digest) VALUES ({places})",
-                        axis_columns("")
-                    ))?
-                    .execute(params_from_iter(
-                        row.iter().chain([&Value::Integer(digest)]),
-                    ))?;
-                connection.last_insert_rowid()
-            }
+        let place = if let Some(place) = number_of(connection, digest)? {
+            place
+        } else {
+            let places = vec!["?"; 2 + AXES.len()].join(", ");
+            connection
+                .prepare_cached(&format!(
+                    "INSERT INTO points (params, {}, digest) VALUES ({places})",
+                    axis_columns("")
+                ))?
+                .execute(params_from_iter(
+                    row.iter().chain([&Value::Integer(digest)]),
+                ))?;
+            connection.last_insert_rowid()
         };
         self.known.insert(digest, place);
         self.last = Some((params.clone(), place));

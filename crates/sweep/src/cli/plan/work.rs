@@ -99,37 +99,34 @@ impl<'c> Work<'c> {
             point.done += of_point.done;
             ended += of_point.runs - of_point.open;
         };
-        match store {
+        if let Some(store) = store {
             // It is shown as the campaign requests it, with the places that its cases have there.
-            Some(store) => {
-                for point in store.point_work()? {
-                    if let Some((_, case)) = campaign.cases.get(point.position) {
-                        enter(case, point);
-                    }
+            for point in store.point_work()? {
+                if let Some((_, case)) = campaign.cases.get(point.position) {
+                    enter(case, point);
                 }
             }
-            None => {
-                let mut last: Option<(&'c Case, f64)> = None;
-                let new = |runs| PointWork {
-                    position: 0,
-                    runs,
-                    open: runs,
-                    done: 0.0,
-                };
-                // Cases of a point come one after the other.
-                for (_, case) in campaign.certain() {
-                    match &mut last {
-                        Some((first, runs)) if first.params == case.params => *runs += 1.0,
-                        _ => {
-                            if let Some((first, runs)) = last.replace((case, 1.0)) {
-                                enter(first, new(runs));
-                            }
+        } else {
+            let new = |runs| PointWork {
+                position: 0,
+                runs,
+                open: runs,
+                done: 0.0,
+            };
+            // Cases of a point come one after the other.
+            let mut last: Option<(&'c Case, f64)> = None;
+            for (_, case) in campaign.certain() {
+                match &mut last {
+                    Some((first, runs)) if first.params == case.params => *runs += 1.0,
+                    _ => {
+                        if let Some((first, runs)) = last.replace((case, 1.0)) {
+                            enter(first, new(runs));
                         }
                     }
                 }
-                if let Some((first, runs)) = last {
-                    enter(first, new(runs));
-                }
+            }
+            if let Some((first, runs)) = last {
+                enter(first, new(runs));
             }
         }
         let states = store

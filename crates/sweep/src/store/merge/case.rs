@@ -45,6 +45,9 @@ struct Ours {
     end: Option<(u64, bool, i64)>,
 }
 
+/// A checkpoint: generation, steps, process, data.
+type Kept = (i64, u64, i64, Vec<u8>);
+
 /// A run that was computed to an end.
 struct Run {
     end: RunEnd,
@@ -421,12 +424,9 @@ impl Theirs {
         Ok(Some(Run { end, samples }))
     }
 
-    /// Whole checkpoints of it: generation, steps, process, data.
-    fn checkpoints(
-        &self,
-        other: &Connection,
-    ) -> Result<Vec<(i64, u64, i64, Vec<u8>)>, rusqlite::Error> {
-        let mut found: Vec<(i64, u64, i64, Vec<u8>)> = other
+    /// Whole checkpoints of it.
+    fn checkpoints(&self, other: &Connection) -> Result<Vec<Kept>, rusqlite::Error> {
+        let mut found: Vec<Kept> = other
             .prepare_cached("SELECT generation, process, data FROM checkpoints WHERE case_id = ?1")?
             .query_map([self.id], |row| {
                 Ok((row.get(0)?, 0, row.get(1)?, row.get(2)?))
