@@ -66,7 +66,7 @@ fn pipes_and_devices_are_no_stores() {
         &["report", "pipe.sqlite"],
         &["show", "pipe.sqlite", "1"],
         &["serve", "pipe.sqlite", "--listen", "127.0.0.1:0"],
-        &["salvage", "pipe.sqlite", "--to", "new.sqlite"],
+        &["check", "pipe.sqlite"],
         &["run", "small.toml", "--store", "pipe.sqlite"],
         &["run", "small.toml", "--reuse", "pipe.sqlite"],
         &["status", "/dev/zero"],
@@ -120,12 +120,6 @@ fn first_merges_that_are_ended_early_or_given_at_once_end_well() {
             "{again:?}"
         );
     }
-    // What an earlier program left of one: a store without a campaign.
-    let directory = directory();
-    let at = directory.path();
-    drop(sweep::store::Store::open(&at.join("new.sqlite")).unwrap());
-    let merged = run(at, &["merge", "new.sqlite", "results/small.sqlite"]);
-    assert_eq!(merged.status.code(), Some(0), "{merged:?}");
 }
 
 #[test]
@@ -157,7 +151,7 @@ fn run_says_whom_it_waits_for() {
 }
 
 #[test]
-fn unknown_states_end_a_run_at_once() {
+fn unknown_states_are_told_and_their_runs_computed_again() {
     let directory = directory();
     let at = directory.path();
     let store = at.join("results/small.sqlite");
@@ -165,22 +159,21 @@ fn unknown_states_end_a_run_at_once() {
         &store,
         "PRAGMA ignore_check_constraints = ON; UPDATE cases SET state = 'waiting' WHERE id = 2",
     );
-    for arguments in [
-        &["run", "small.toml"][..],
-        &["report", "small.toml"],
-        &["status", "small.toml"],
-    ] {
+    for arguments in [&["report", "small.toml"][..], &["status", "small.toml"]] {
         let output = ends(at, arguments);
         assert_eq!(output.status.code(), Some(3), "{output:?}");
         assert!(
-            printed(&output).contains("is damaged") && printed(&output).contains("salvage"),
+            printed(&output).contains("is damaged") && printed(&output).contains("sweep check"),
             "{output:?}"
         );
     }
-    let saved = run(at, &["salvage", "results/small.sqlite", "--in-place"]);
-    assert_eq!(saved.status.code(), Some(0), "{saved:?}");
-    let ran = run(at, &["run", "small.toml", "--quiet"]);
+    let checked = run(at, &["check", "results/small.sqlite"]);
+    assert_eq!(checked.status.code(), Some(1), "{checked:?}");
+    let ran = run(at, &["run", "small.toml"]);
     assert_eq!(ran.status.code(), Some(0), "{ran:?}");
+    assert!(printed(&ran).contains("computed again"), "{ran:?}");
+    let checked = run(at, &["check", "results/small.sqlite"]);
+    assert_eq!(checked.status.code(), Some(0), "{checked:?}");
 }
 
 /// Bytes a terminal would obey, colours excepted.
@@ -202,7 +195,7 @@ fn what_a_terminal_would_obey_is_shown() {
     edit(
         &store,
         &format!(
-            "DELETE FROM results WHERE case_id = 1; DELETE FROM samples WHERE case_id = 1;
+            "DELETE FROM results WHERE case_id = 1; DELETE FROM samples WHERE case_id = 1; DELETE FROM ends;
              UPDATE cases SET state = 'failed' WHERE id = 1;
              INSERT INTO failures (case_id, attempt, error, step, strain, process, failed_at)
                  VALUES (1, 1, 'no {EVIL}', 3, 0.015, 1, 0);
@@ -231,7 +224,7 @@ fn what_a_terminal_would_obey_is_shown() {
         &["merge", "results/small.sqlite", &evil],
         &["merge", "results/small.sqlite", &evil_toml],
         &["run", "small.toml"],
-        &["salvage", &evil, "--to", &format!("to{EVIL}")],
+        &["check", &evil],
     ] {
         for colour in ["auto", "always"] {
             let output = ends(at, &[arguments, &["--color", colour]].concat());
@@ -363,7 +356,7 @@ fn stores_on_read_only_disks_are_read_with_and_without_a_log() {
     std::fs::copy(at.join("results/small.sqlite"), disk.0.join("s.sqlite")).unwrap();
     // As a killed process leaves it: changes in a log, and no index of it.
     let kept = rusqlite::Connection::open(at.join("results/small.sqlite")).unwrap();
-    kept.execute_batch("UPDATE log SET link = CAST(substr(link, 1, 16) || substr(link, 25, 8) || randomblob(8) AS BLOB)")
+    kept.execute_batch("UPDATE processes SET heartbeat = heartbeat + 1")
         .unwrap();
     for (from, to) in [
         ("small.sqlite", "logged.sqlite"),
@@ -377,12 +370,6 @@ fn stores_on_read_only_disks_are_read_with_and_without_a_log() {
             &["status", store][..],
             &["report", store, "--json"],
             &["show", store, "1"],
-            &[
-                "salvage",
-                store,
-                "--to",
-                &format!("{}.saved", store.replace('/', "-")),
-            ],
         ] {
             let output = ends(at, arguments);
             assert_eq!(output.status.code(), Some(0), "{arguments:?}: {output:?}");

@@ -380,8 +380,7 @@ fn help_is_what_it_was() {
     let mut all = String::new();
     for subcommand in [
         "", "plan", "run", "submit", "merge", "cancel", "status", "report", "convert", "show",
-        "export", "serve", "replay", "prune", "salvage", "verify", "solve", "scalars", "pair",
-        "man",
+        "export", "serve", "replay", "prune", "check", "verify", "solve", "scalars", "pair", "man",
     ] {
         let mut command = sweep(directory.path());
         command.env("COLUMNS", "100");

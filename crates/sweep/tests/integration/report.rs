@@ -77,7 +77,7 @@ fn named_anew(directory: &Path) {
     let path = directory.join("s.sqlite");
     let store = rusqlite::Connection::open(&path).unwrap();
     let cases: Vec<(i64, String, i64, i64)> = store
-        .prepare("SELECT id, params, seed, sample_stride FROM cases")
+        .prepare("SELECT c.id, p.params, c.seed, c.sample_stride FROM cases c JOIN points p ON p.id = c.point")
         .unwrap()
         .query_map([], |row| {
             Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
@@ -94,12 +94,14 @@ fn named_anew(directory: &Path) {
         };
         store
             .execute(
-                "UPDATE cases SET key = ?2, params = ?3 WHERE id = ?1",
-                (
-                    id,
-                    case.key().to_string(),
-                    serde_json::to_string(&case.params).unwrap(),
-                ),
+                "UPDATE points SET params = ?2 WHERE id = (SELECT point FROM cases WHERE id = ?1)",
+                (id, serde_json::to_string(&case.params).unwrap()),
+            )
+            .unwrap();
+        store
+            .execute(
+                "UPDATE cases SET key = ?2 WHERE id = ?1",
+                (id, case.key().to_string()),
             )
             .unwrap();
     }

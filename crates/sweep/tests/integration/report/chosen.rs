@@ -48,23 +48,15 @@ fn figures_of_every_kind_are_drawn() {
 fn stores_without_results_give_sensible_output() {
     let hostile = "</script><img src=x onerror=alert(1)>";
     let failed = format!(
-        "DELETE FROM results; DELETE FROM samples; DELETE FROM frames; UPDATE cases SET state = 'failed';
+        "DELETE FROM results; DELETE FROM ends; DELETE FROM samples; DELETE FROM frames; UPDATE cases SET state = 'failed';
          INSERT INTO failures (case_id, attempt, error, step, strain, process, failed_at)
              SELECT id, 1, '{hostile}', 3, 0.015, 1, 0 FROM cases;
          UPDATE campaign SET name = '{hostile}', text = '{hostile}@DATA@@JS@'"
     );
-    let pending = "DELETE FROM results; DELETE FROM samples; DELETE FROM frames;
+    let pending = "DELETE FROM results; DELETE FROM ends; DELETE FROM samples; DELETE FROM frames;
                    UPDATE cases SET state = 'pending', steps_done = 0";
-    let no_grid = "UPDATE cases SET position = NULL";
-    for (statements, code) in [
-        (failed.as_str(), 0),
-        (pending, 0),
-        (no_grid, 0),
-        (
-            "DELETE FROM campaign; DELETE FROM results; UPDATE cases SET state = 'pending'",
-            2,
-        ),
-    ] {
+    let no_grid = "UPDATE cases SET position = NULL, counts = 0";
+    for (statements, code) in [(failed.as_str(), 0), (pending, 0), (no_grid, 0)] {
         let folder = SMALL.folder();
         let at = folder.path();
         spoil(at, statements);
@@ -134,7 +126,8 @@ fn time_steps_and_sizes_set_curves_apart() {
     let at = folder.path();
     spoil(
         at,
-        "UPDATE cases SET time_step = 0.01, params = json_set(params, '$.time_step', 0.01) WHERE friction > 0.2",
+        "UPDATE points SET time_step = 0.01, params = json_set(params, '$.time_step', 0.01) WHERE friction > 0.2;
+         UPDATE cases SET steps = steps / 2 WHERE point IN (SELECT id FROM points WHERE friction > 0.2)",
     );
     named_anew(at);
     let text = sweep(at, &["report", "s.sqlite"]);
