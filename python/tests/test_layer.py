@@ -2,12 +2,19 @@
 
 import copy
 import pickle
+import subprocess
+import sys
 import threading
 
 import numpy as np
 import pytest
 
 import sheared_layers as sl
+
+
+def test_importing_the_package_leaves_numpy_for_later():
+    script = "import sys, sheared_layers; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
 
 
 def test_a_layer_is_the_run_of_a_campaign(store, params):

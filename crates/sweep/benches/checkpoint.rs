@@ -8,7 +8,7 @@ use sd_core::model::Words as _;
 use sd_core::{NearFields, Simulation};
 use std::time::{Duration, Instant};
 use sweep::campaign::Campaign;
-use sweep::store::{Checkpoint, Store};
+use sweep::store::{Checkpoint, Order, Store};
 
 /// A run of the published size under each hydrodynamics.
 const CAMPAIGN: &str = r#"name = "bench"
@@ -35,14 +35,14 @@ fn mean(times: u32, mut work: impl FnMut()) -> Duration {
 fn checkpoint(criterion: &mut Criterion) {
     let campaign = Campaign::parse("bench.toml", CAMPAIGN.into()).expect("a good campaign");
     let directory = tempfile::tempdir().expect("a place for the store");
-    let mut store = Store::open(&directory.path().join("bench.sqlite")).expect("a new store");
-    store.adopt(&campaign).expect("a new campaign");
+    let path = directory.path().join("bench.sqlite");
+    let (mut store, _) = Store::enter(&path, &campaign, Order::default()).expect("a new store");
     store.register(1).expect("room for a process");
     let stride = campaign
         .protocol
         .with_time_step(campaign.cases[0].1.params.time_step)
         .checkpoint_stride();
-    while let Some(claim) = store.claim(1).expect("cases") {
+    while let Some(claim) = store.claim(1, Duration::ZERO).expect("cases").pop() {
         let p = &claim.case.params;
         let name = p.hydrodynamics.word();
         let mut layer = Simulation::new(p, 1, &NearFields::default()).expect("a layer");

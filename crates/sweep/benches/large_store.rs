@@ -1,13 +1,13 @@
 //! What commands take on a store of 100 000 finished runs: one is computed, and the others are copies of it.
 //!
-//! `STORE=FILE cargo bench --bench large_store` keeps the store, and `tests/test_speed.py` of the Python package measures on it.
+//! `STORE=FILE cargo bench --bench large_store` keeps the store, and `python/benches/overhead.py` measures on it.
 #![expect(clippy::print_stdout, reason = "the times are what this bench is for")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 use sweep::campaign::Campaign;
-use sweep::store::{Store, accept_changes};
+use sweep::store::{Order, Store, accept_changes};
 
 /// Points of 40 seeds.
 fn campaign(points: &str, seeds: u32) -> String {
@@ -89,9 +89,7 @@ fn main() {
         time("one run", &["run", &one, "--quiet", "--store", &store_path]);
         let campaign = Campaign::parse("large.toml", text).expect("a good campaign");
         time_of("100 000 cases are entered", || {
-            Store::open(&store)
-                .and_then(|mut store| store.adopt(&campaign))
-                .expect("a campaign for the store");
+            Store::enter(&store, &campaign, Order::default()).expect("a campaign for the store");
         });
         copy_the_run(&store).expect("a store to write to");
         accept_changes(&store).expect("a store to write to");

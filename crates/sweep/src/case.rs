@@ -1,21 +1,12 @@
 //! One case: all that decides the result of one run, its key, its state, its cost.
 
 use crate::protocol::Protocol;
-use sd_core::{ContactScheme, Hydrodynamics, Method, NormalLaw, Params, TangentialLaw};
+use sd_core::{ContactScheme, Hydrodynamics, Method, Params};
 use serde::{Deserialize, Serialize};
-use std::fmt;
+use std::fmt::{self, Write as _};
 
 /// Raised whenever the same parameters and seed give other numbers than before: old results then keep their old keys.
-///
-/// Not raised where only contact problems change that were left unsolved or found jammed, and counted as such: a run with one says itself
-/// that its numbers may not be those of its law.
-///
-/// Where only some runs change, [`Case::physics`] says which: all others keep their keys, and results of theirs stand.
-pub const PHYSICS_VERSION: u32 = 17;
-/// The version that last changed runs of every kind.
-pub const CHANGED_ALL: u32 = 8;
-/// Number of spheres below which soft layers too were solved densely before version 15.
-const SOFT_DENSE_BEFORE: usize = 100;
+pub const PHYSICS_VERSION: u32 = 1;
 
 /// One run of a campaign.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,19 +19,6 @@ pub struct Case {
     pub steps: u64,
     /// Steps from one sample to the next.
     pub sample_stride: u64,
-}
-
-/// The canonical form a key is made of. Its field names and order are part of the key: never change them.
-#[derive(Serialize)]
-struct Canonical<'c> {
-    /// [`Case::physics`].
-    physics: u32,
-    /// Parameters.
-    params: &'c Params,
-    /// Seed.
-    seed: u64,
-    /// Steps between samples.
-    sample_stride: u64,
 }
 
 impl Case {
@@ -56,58 +34,14 @@ impl Case {
         }
     }
 
-    /// The version of the physics that last changed runs of this kind. Version 9 iterates a far field from its near part on, and from step to
-    /// step; version 10 solves the contact problems on the way less strictly, and with factors made more often; version 11 finds contact
-    /// forces in layers held pair by pair in fewer systems, and near jamming by other ways where friction answers the motion that it slows;
-    /// version 12 goes on longer with one of them where contacts are rigid too; version 13 numbers spheres of large layers row by row; version
-    /// 14 leaps over convex problems on the way to the solution where friction is steep; version 15 makes factors of large layers as those of
-    /// others, holds soft layers pair by pair from fewer spheres on, and jams later under an imposed stress; versions 16 and 17 see sooner which
-    /// states of contacts are wrong in large layers held pair by pair.
-    pub fn physics(&self) -> u32 {
-        let (answers, is_rigid, is_soft, is_steep) = match &self.params.contact {
-            ContactScheme::Laws(laws) => (
-                laws.tangential != TangentialLaw::RollSlip,
-                laws.normal == NormalLaw::Rigid,
-                laws.is_soft(),
-                laws.tangential.bound(self.params.friction, 1.0) > Params::STEEP_ABOVE,
-            ),
-            ContactScheme::Rigid | ContactScheme::Procedure => (false, true, false, false),
-        };
-        let spheres = self.params.spheres;
-        match Method::of(&self.params) {
-            Method::Pairwise if spheres > Params::LARGE_ABOVE => 17,
-            Method::Iterated if spheres > Params::LARGE_ABOVE => 15,
-            Method::Pairwise if is_soft && spheres < SOFT_DENSE_BEFORE => 15,
-            // The search for the rate that bears a stress may meet jammed problems that no stage ends with, and so no counter tells.
-            Method::Pairwise if answers && is_rigid && self.params.shear_stress.is_some() => 15,
-            _ if answers && is_rigid && is_steep => 14,
-            // The paper's procedure.
-            Method::Dense if spheres > Params::LARGE_ABOVE => 13,
-            _ if answers && is_rigid => 12,
-            Method::Pairwise => 11,
-            Method::Dense | Method::Iterated if answers => 11,
-            Method::Iterated => 10,
-            Method::Dense => CHANGED_ALL,
-        }
-    }
-
     /// Hash of everything that decides the samples of the run, and of nothing else.
     ///
     /// The name of the campaign, the strain discarded and the checkpoint interval are not in it: they change no sample. Nor is
     /// the length of the run: a short run is the beginning of a long one.
     pub fn key(&self) -> CaseKey {
-        let canonical = Canonical {
-            physics: self.physics(),
-            params: &self.params,
-            seed: self.seed,
-            sample_stride: self.sample_stride,
-        };
-        let mut hasher = blake3::Hasher::new();
-        let written = serde_json::to_writer(&mut hasher, &canonical);
-        debug_assert!(written.is_ok(), "numbers and names always have JSON");
-        let mut key = [0; 16];
-        key.copy_from_slice(&hasher.finalize().as_bytes()[..16]);
-        CaseKey(key)
+        let params = serde_json::to_string(&self.params);
+        debug_assert!(params.is_ok(), "numbers and names always have JSON");
+        CaseKey::of_text(&params.unwrap_or_default(), self.seed, self.sample_stride)
     }
 
     /// Strain at the end of the run.
@@ -167,6 +101,25 @@ impl Case {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CaseKey([u8; 16]);
 
+impl CaseKey {
+    /// Of a case with these parameters as JSON. The words and their order are part of the key: never change them.
+    pub(crate) fn of_text(params: &str, seed: u64, sample_stride: u64) -> Self {
+        let mut text = String::with_capacity(params.len() + 96);
+        let _ = write!(
+            text,
+            r#"{{"physics":{PHYSICS_VERSION},"params":{params},"seed":{seed},"sample_stride":{sample_stride}}}"#
+        );
+        let mut key = [0; 16];
+        key.copy_from_slice(&blake3::hash(text.as_bytes()).as_bytes()[..16]);
+        Self(key)
+    }
+
+    /// The same as one number.
+    pub(crate) fn number(self) -> u128 {
+        u128::from_be_bytes(self.0)
+    }
+}
+
 impl fmt::Display for CaseKey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
@@ -219,7 +172,6 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sd_core::ContactLaws;
 
     fn case() -> Case {
         Case::new(crate::test_support::params(), 7, &Protocol::default())
@@ -227,7 +179,7 @@ mod tests {
 
     #[test]
     fn key_is_the_same_on_every_day_and_machine() {
-        assert_eq!(case().key().to_string(), "7ec1797a6bdb932c69f6b8bab3ffebca");
+        assert_eq!(case().key().to_string(), "8c19665e940c76c0c9509e622c4f6d84");
     }
 
     #[test]
@@ -284,78 +236,6 @@ mod tests {
         let longer = Case::new(case().params, 7, &protocol);
         assert_ne!(longer.steps, case().steps);
         assert_eq!(longer.key(), case().key());
-    }
-
-    #[test]
-    fn version_of_the_physics_is_that_which_last_changed_runs_of_the_kind() {
-        use Hydrodynamics::{BallMelrose, StokesianDynamics};
-        let laws = |tangential| {
-            ContactScheme::Laws(ContactLaws {
-                tangential,
-                ..ContactLaws::PAPER
-            })
-        };
-        let coulomb = laws(TangentialLaw::Coulomb);
-        let of = |hydrodynamics, spheres, contact| {
-            let params = Params {
-                hydrodynamics,
-                spheres,
-                contact,
-                area_fraction: 0.7,
-                ..case().params
-            };
-            Case { params, ..case() }.physics()
-        };
-        let rigid = ContactScheme::Rigid;
-        assert_eq!(of(BallMelrose, 90, rigid), CHANGED_ALL);
-        assert_eq!(of(StokesianDynamics, 90, rigid), CHANGED_ALL);
-        assert_eq!(of(StokesianDynamics, 400, rigid), 10);
-        assert_eq!(of(BallMelrose, 400, rigid), 11);
-        let large = Params::LARGE_ABOVE + 1;
-        for contact in [rigid, coulomb] {
-            assert_eq!(of(BallMelrose, large, contact), PHYSICS_VERSION);
-            assert_eq!(of(StokesianDynamics, large, contact), 15);
-        }
-        assert_eq!(of(BallMelrose, large, ContactScheme::Procedure), 13);
-        let of_friction = |friction, contact| {
-            let params = Params {
-                friction,
-                contact,
-                ..case().params
-            };
-            Case { params, ..case() }.physics()
-        };
-        assert_eq!(of_friction(1.0, coulomb), 12);
-        assert_eq!(of_friction(1.1, coulomb), 14);
-        assert_eq!(of_friction(1.1, rigid), CHANGED_ALL);
-        assert_eq!(of_friction(1.1, laws(TangentialLaw::RollSlip)), CHANGED_ALL);
-        // Its friction has no limit, whatever its coefficient is called.
-        assert_eq!(of_friction(0.3, laws(TangentialLaw::StickRotate)), 14);
-        // The paper's procedure is dense at any number of spheres.
-        assert_eq!(of(BallMelrose, 400, ContactScheme::Procedure), CHANGED_ALL);
-        let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
-        let soft = ContactScheme::Laws(springs);
-        for spheres in [90, 400] {
-            for hydrodynamics in [BallMelrose, StokesianDynamics] {
-                assert_eq!(of(hydrodynamics, spheres, coulomb), 12);
-            }
-            assert_eq!(of(StokesianDynamics, spheres, soft), 11);
-        }
-        let stressed = Params {
-            shear_stress: Some(0.1),
-            spheres: 200,
-            contact: coulomb,
-            hydrodynamics: BallMelrose,
-            ..case().params
-        };
-        let stressed = Case {
-            params: stressed,
-            ..case()
-        };
-        assert_eq!(stressed.physics(), 15);
-        for (spheres, physics) in [(50, 11), (90, 15), (400, 11)] {
-            assert_eq!(of(BallMelrose, spheres, soft), physics);
-        }
     }
 
     #[test]

@@ -1,15 +1,13 @@
 //! The format of a checkpoint: versioned, checksummed, all that the rest of the run and its result need.
 
-use sd_core::simulation::{Counters, SchemeMemory};
-use sd_core::{PairKey, Sample, Snapshot};
+use sd_core::simulation::Counters;
+use sd_core::{Sample, Snapshot};
 use serde::{Deserialize, Serialize};
 
 /// First bytes of every checkpoint.
 const MAGIC: [u8; 4] = *b"SWCP";
 /// Version of the format.
-const VERSION: u32 = 6;
-/// The version before it, which is read as well.
-const WITHOUT_FAR_FIELD: u32 = 5;
+const VERSION: u32 = 1;
 /// Bytes before the content: magic, version, checksum.
 const HEADER: usize = 4 + 4 + 32;
 
@@ -51,13 +49,6 @@ pub enum Damage {
     Content(postcard::Error),
 }
 
-impl Damage {
-    /// Whether an older program wrote it, which is no damage at all.
-    pub fn is_older(&self) -> bool {
-        matches!(self, Self::Version { found } if *found < VERSION)
-    }
-}
-
 /// Whether a sample has the numbers that every row has. A viscosity that came out as none is kept as such.
 pub(crate) fn can_be_kept(sample: &Sample) -> bool {
     sample.strain.is_finite() && sample.normal_velocity.is_finite()
@@ -93,18 +84,13 @@ impl Checkpoint {
         let rest = header.strip_prefix(&MAGIC).ok_or(Damage::Foreign)?;
         let (version, checksum) = rest.split_first_chunk::<4>().ok_or(Damage::Foreign)?;
         let found = u32::from_le_bytes(*version);
-        if found != VERSION && found != WITHOUT_FAR_FIELD {
+        if found != VERSION {
             return Err(Damage::Version { found });
         }
         if blake3::hash(content).as_bytes() != checksum {
             return Err(Damage::Checksum);
         }
-        let checkpoint: Self = if found == WITHOUT_FAR_FIELD {
-            let old: WithoutFarField = postcard::from_bytes(content).map_err(Damage::Content)?;
-            old.into()
-        } else {
-            postcard::from_bytes(content).map_err(Damage::Content)?
-        };
+        let checkpoint: Self = postcard::from_bytes(content).map_err(Damage::Content)?;
         if checkpoint.has_numbers() {
             Ok(checkpoint)
         } else {
@@ -126,56 +112,6 @@ impl Checkpoint {
                 .samples
                 .iter()
                 .all(|(_, sample)| can_be_kept(sample) && counters(&sample.counters))
-    }
-}
-
-/// A checkpoint of the format before.
-#[derive(Serialize, Deserialize)]
-struct WithoutFarField {
-    snapshot: OlderSnapshot,
-    samples: Vec<(u64, Sample)>,
-    wall_time_s: f64,
-    cpu_time_s: f64,
-    resumed: u32,
-}
-
-/// A [`Snapshot`] that did not keep an iterated far field.
-#[derive(Serialize, Deserialize)]
-struct OlderSnapshot {
-    version: u32,
-    steps: u64,
-    radii: Vec<f64>,
-    side: f64,
-    centres: Vec<[f64; 2]>,
-    orientations: Vec<f64>,
-    memory: SchemeMemory,
-    near_pairs: Vec<PairKey>,
-    critical_load: Option<f64>,
-    counters: Counters,
-}
-
-impl From<WithoutFarField> for Checkpoint {
-    fn from(old: WithoutFarField) -> Self {
-        let state = old.snapshot;
-        Self {
-            snapshot: Snapshot {
-                version: state.version,
-                steps: state.steps,
-                radii: state.radii,
-                side: state.side,
-                centres: state.centres,
-                orientations: state.orientations,
-                memory: state.memory,
-                near_pairs: state.near_pairs,
-                far_field: Vec::new(),
-                critical_load: state.critical_load,
-                counters: state.counters,
-            },
-            samples: old.samples,
-            wall_time_s: old.wall_time_s,
-            cpu_time_s: old.cpu_time_s,
-            resumed: old.resumed,
-        }
     }
 }
 
@@ -239,34 +175,6 @@ mod tests {
             cpu_time_s: 0.2,
             resumed: 1,
         }
-    }
-
-    #[test]
-    fn format_without_far_field_is_read() {
-        let now = checkpoint();
-        let state = now.snapshot.clone();
-        let old = WithoutFarField {
-            snapshot: OlderSnapshot {
-                version: state.version,
-                steps: state.steps,
-                radii: state.radii,
-                side: state.side,
-                centres: state.centres,
-                orientations: state.orientations,
-                memory: state.memory,
-                near_pairs: state.near_pairs,
-                critical_load: state.critical_load,
-                counters: state.counters,
-            },
-            samples: now.samples.clone(),
-            wall_time_s: now.wall_time_s,
-            cpu_time_s: now.cpu_time_s,
-            resumed: now.resumed,
-        };
-        let content = postcard::to_stdvec(&old).unwrap();
-        let mut bytes = with_true_checksum(&content);
-        bytes[4..8].copy_from_slice(&WITHOUT_FAR_FIELD.to_le_bytes());
-        assert_eq!(Checkpoint::decode(&bytes), Ok(now));
     }
 
     #[test]

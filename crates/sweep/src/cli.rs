@@ -1,6 +1,7 @@
 //! The command line: what it looks like, and which file does what it asks for.
 
 mod cancel;
+mod check;
 mod completions;
 mod convert;
 mod error;
@@ -14,7 +15,6 @@ mod prune;
 mod replay;
 mod report;
 mod run;
-mod salvage;
 mod scalars;
 mod serve;
 mod show;
@@ -37,7 +37,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 use shown::Shown;
 use std::io::{IsTerminal, Write};
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 /// What `--version` says. Only then is the program read as a whole to name its build.
 static VERSION: LazyLock<String> = LazyLock::new(|| {
@@ -68,6 +68,10 @@ pub struct Cli {
     /// No progress and no notes on standard error
     #[arg(long, short, global = true, help_heading = "Of every command")]
     quiet: bool,
+    /// Say what happens on standard error: a line for every event of a case; twice for more. `SWEEP_LOG` chooses more finely, as
+    /// in SWEEP_LOG=sweep=debug
+    #[arg(long, short, global = true, action = clap::ArgAction::Count, help_heading = "Of every command")]
+    verbose: u8,
     /// Colours in errors
     #[arg(long, global = true, help_heading = "Of every command", value_enum, default_value_t = Colour::Auto, value_name = "WHEN")]
     color: Colour,
@@ -102,7 +106,7 @@ enum Command {
     Serve(serve::Arguments),
     Replay(replay::Arguments),
     Prune(prune::Arguments),
-    Salvage(salvage::Arguments),
+    Check(check::Arguments),
     Solve(solve::Arguments),
     Scalars(scalars::Arguments),
     Verify(verify::Arguments),
@@ -133,6 +137,9 @@ impl Output<'_> {
 /// # Errors
 /// Whatever stood in the way; [`Error::exit_code`] is the exit code then.
 pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
+    cli.start_log();
+    // A limit on the size of files is met like a full disk, and not by the end of the process.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let mut visible = Visible::new(out);
     let mut output = Output {
         out: &mut visible,
@@ -154,7 +161,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Serve(arguments) => serve::execute(&arguments, &mut output),
         Command::Replay(arguments) => replay::execute(&arguments, &mut output),
         Command::Prune(arguments) => prune::execute(&arguments, &mut output),
-        Command::Salvage(arguments) => salvage::execute(&arguments, &mut output),
+        Command::Check(arguments) => check::execute(&arguments, &mut output),
         Command::Solve(arguments) => solve::execute(&arguments, &mut output),
         Command::Scalars(arguments) => scalars::execute(&arguments, &mut output),
         Command::Verify(arguments) => verify::execute(&arguments, &mut output),
@@ -188,6 +195,28 @@ pub struct ErrorRenderer {
 }
 
 impl Cli {
+    /// Sends events to standard error, as many as are wanted. Those of another program that runs this one are left alone.
+    fn start_log(&self) {
+        use tracing_subscriber::filter::{LevelFilter, Targets};
+        use tracing_subscriber::layer::SubscriberExt as _;
+        use tracing_subscriber::util::SubscriberInitExt as _;
+        let level = match self.verbose {
+            0 => LevelFilter::OFF,
+            1 => LevelFilter::INFO,
+            _ => LevelFilter::DEBUG,
+        };
+        let chosen = std::env::var("SWEEP_LOG").ok();
+        let chosen = chosen.and_then(|text| text.parse::<Targets>().ok());
+        let lines = tracing_subscriber::fmt::layer()
+            .with_writer(std::io::stderr)
+            .with_ansi(false)
+            .with_target(false);
+        let _ = tracing_subscriber::registry()
+            .with(lines)
+            .with(chosen.unwrap_or_else(|| Targets::new().with_default(level)))
+            .try_init();
+    }
+
     /// Who tells the errors of this command.
     pub fn error_renderer(&self) -> ErrorRenderer {
         ErrorRenderer {

@@ -11,7 +11,7 @@ pub use progress::{Progress, Standing, Style};
 pub use stop::{Reason, Stop};
 
 use crate::campaign::{Campaign, Protocol};
-use crate::store::{Store, StoreError};
+use crate::store::{Claim, Store, StoreError};
 use crate::tables;
 use sd_core::NearFields;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -24,6 +24,10 @@ const TICK: Duration = Duration::from_millis(100);
 const LOOK: Duration = Duration::from_secs(2);
 /// Time from one heartbeat to the next.
 const HEARTBEAT: Duration = Duration::from_secs(10);
+/// Short cases are claimed together for this time, and their results kept together after it at the latest.
+const KEEP_AFTER: Duration = Duration::from_secs(1);
+/// A look at all cases takes at most this share of the time.
+const LOOK_SHARE: u32 = 50;
 /// How long all threads wait for other processes before the user is told for whom, and then between one time and the next.
 const WAIT_UNTOLD: Duration = Duration::from_secs(5);
 /// The same once it was told.
@@ -126,8 +130,8 @@ fn run_in(
     let Options { stop, progress, .. } = options;
     store.register(options.workers)?;
     store.release_dead()?;
-    let (total, done) = store.work()?;
-    progress.begin(total, done + store.work_given_up()?, store.counts()?);
+    progress.begin(&store.work()?);
+    let waiting = store.waiting();
     let shared = Shared {
         store: Mutex::new(store),
         protocol,
@@ -147,7 +151,7 @@ fn run_in(
                 shared.working.fetch_sub(1, Ordering::Release);
             });
         }
-        shared.supervise();
+        shared.supervise(&waiting);
     });
     let is_well = shared
         .trouble
@@ -168,7 +172,7 @@ fn run_in(
         .unwrap_or_else(PoisonError::into_inner);
     let left = store.leave();
     match trouble.or(left.err()) {
-        Some(trouble) => Err(store.rescue(trouble).into()),
+        Some(trouble) => Err(trouble.into()),
         None => Ok(()),
     }
 }
@@ -197,18 +201,18 @@ impl<'r> Shared<'r> {
                 .is_some()
     }
 
-    /// One thread: case after case.
+    /// One thread: batch after batch, most of one case.
     fn work(&self, worker: usize) {
         while !self.stopping() {
-            let claim = self.store().claim(self.options.workers);
-            let result = match claim {
-                Ok(Some(claim)) => {
+            let claims = self.store().claim(self.options.workers, KEEP_AFTER);
+            let result = match claims {
+                Ok(claims) if !claims.is_empty() => {
                     self.computing.fetch_add(1, Ordering::AcqRel);
-                    let result = self.compute(worker, &claim);
+                    let result = self.compute_batch(worker, &claims);
                     self.computing.fetch_sub(1, Ordering::AcqRel);
                     result
                 }
-                Ok(None) => match self.anything_left() {
+                Ok(_) => match self.store().anything_left() {
                     Ok(true) => {
                         std::thread::sleep(TICK * 2);
                         Ok(())
@@ -218,43 +222,84 @@ impl<'r> Shared<'r> {
                 },
                 Err(error) => Err(error),
             };
-            match result {
-                Ok(()) => {}
-                // Another process thought us dead and has the case now; its result will be the same.
-                Err(error @ StoreError::ClaimLost { .. }) => {
-                    self.progress.note(&error.to_string());
-                }
-                Err(error) => self.give_up(error),
+            if let Err(error) = result {
+                self.give_up(error);
             }
         }
     }
 
-    /// Whether cases are pending or with others, who may die and leave them to us.
-    fn anything_left(&self) -> Result<bool, StoreError> {
-        let counts = self.store().counts()?;
-        Ok(counts.pending + counts.running > 0)
+    /// Computes claimed cases one after the other, keeps what comes of them together, and gives back what is left at a stop.
+    fn compute_batch(&self, worker: usize, claims: &[Claim]) -> Result<(), StoreError> {
+        let mut ended = Vec::new();
+        let mut since = Instant::now();
+        let mut computed = 0;
+        for claim in claims {
+            if self.stopping() {
+                break;
+            }
+            computed += 1;
+            match self.compute(worker, claim) {
+                Ok(Some(finished)) => ended.push((claim, finished)),
+                Ok(None) => {}
+                Err(error) => self.unless_lost(error)?,
+            }
+            if since.elapsed() >= KEEP_AFTER {
+                self.keep_ended(&std::mem::take(&mut ended))?;
+                since = Instant::now();
+            }
+        }
+        self.keep_ended(&ended)?;
+        if computed < claims.len() {
+            self.store().release(&claims[computed..])?;
+        }
+        Ok(())
+    }
+
+    /// Another process thought us dead and has the case now, whose result will be the same: that is no trouble.
+    fn unless_lost(&self, error: StoreError) -> Result<(), StoreError> {
+        match error {
+            StoreError::ClaimLost { .. } => {
+                self.progress.note(&error.to_string());
+                Ok(())
+            }
+            error => Err(error),
+        }
     }
 
     /// Watches over the threads from the one that started them.
-    fn supervise(&self) {
+    fn supervise(&self, waiting: &Mutex<Option<String>>) {
         let (mut looked, mut beaten) = (Instant::now(), Instant::now());
-        let look = self.progress.every().unwrap_or(LOOK);
+        let mut look = self.progress.every().unwrap_or(LOOK);
         let mut stopped: Option<Instant> = None;
         // When at least one thread computed last, and how long after that the user is told what is waited for.
         let (mut busy, mut patience) = (Instant::now(), WAIT_UNTOLD);
         while self.working.load(Ordering::Acquire) > 0 {
             std::thread::sleep(TICK);
-            if beaten.elapsed() >= HEARTBEAT {
+            let told = waiting
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .take();
+            if let Some(text) = told {
+                self.progress.note(&text);
+            }
+            // A worker may wait for the lock of the file and hold the store as long; what is due is done after that.
+            if beaten.elapsed() >= HEARTBEAT
+                && let Ok(mut store) = self.store.try_lock()
+            {
                 beaten = Instant::now();
-                if let Err(error) = self.store().heartbeat() {
+                if let Err(error) = store.heartbeat() {
                     self.give_up(error);
                 }
             }
-            if looked.elapsed() >= look {
+            if looked.elapsed() >= look
+                && let Ok(store) = self.store.try_lock()
+            {
                 looked = Instant::now();
+                drop(store);
                 if let Err(error) = self.look_around() {
                     self.give_up(error);
                 }
+                look = look.max(looked.elapsed() * LOOK_SHARE);
                 if let Some(observer) = self.options.observer {
                     observer.look(self.progress);
                 }
@@ -324,9 +369,7 @@ impl<'r> Shared<'r> {
             ));
         }
         store.check_campaign()?;
-        let (total, done) = store.work()?;
-        let done = done + store.work_given_up()?;
-        self.progress.see(total, done, store.counts()?);
+        self.progress.see(&store.work()?);
         // While the store is held no other case can end: whoever reads of one before this finds it counted here.
         self.progress.tell_standing();
         Ok(())

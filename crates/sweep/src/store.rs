@@ -1,19 +1,17 @@
 //! The store: one `SQLite` file per campaign, the only memory of the program.
 //!
 //! State changes are synced to the disk before they count; checkpoints survive a killed process at once and a power
-//! cut up to the last few. Every change to a running case is made on condition that this process still owns it.
+//! cut up to the last few. Every change to a running case is made on condition that this process still owns it. A run is a
+//! pure function of its case, so what is damaged or lost is computed again.
 
-mod asked;
-mod axis_columns;
 mod campaign;
-mod checksum;
+mod check;
 mod claims;
+mod digest;
 mod ends;
-mod entries;
 mod error;
 mod failures;
 mod frames;
-mod guard;
 mod log;
 mod merge;
 mod order;
@@ -23,63 +21,72 @@ mod provenance;
 mod prune;
 mod query;
 mod reading;
+mod registry;
+mod request;
 mod results;
 mod rules;
 mod runs;
-mod salvage;
 mod samples;
 mod schema;
-mod source;
 mod story;
 mod submissions;
-mod verify;
 
 pub(crate) use crate::checkpoint::can_be_kept;
 pub use crate::checkpoint::{Checkpoint, Damage};
-pub use asked::{Adoption, Inventory};
-pub use claims::{Claim, DEATH_LIMIT};
+pub use check::{Checked, Finding, accept_changes, check};
+pub use claims::Claim;
+pub(crate) use ends::LastState;
 pub use error::StoreError;
 pub use failures::FailureGroup;
 pub use frames::StoredFrame;
 pub(crate) use merge::MergeMode;
 pub use merge::{Damaged, Disagreement, Merged};
-pub use order::Priority;
+pub use order::{Order, Priority};
 pub(crate) use place::is_full;
 pub use place::network_file_system;
 pub use process::{HEARTBEAT_LIMIT, Identity};
 pub(crate) use process::{alive, build, start_of};
 pub use provenance::Provenance;
-pub use query::{Counts, FailureLine, PointRun, ProcessLine, Replay};
+pub(crate) use query::PointWork;
+pub use query::{Counts, FailureLine, PointRun, ProcessLine, Replay, Work};
+pub use reading::StoreSource;
 pub(crate) use reading::snapshot;
+pub use registry::DEATH_LIMIT;
+pub use request::{Adoption, Inventory};
 pub use results::{Failure, Finished};
 pub use rules::PointState;
-pub use salvage::{Salvaged, salvage, salvage_in_place};
-pub use source::StoreSource;
 pub use story::{Attempt, Origin, Story};
 pub use submissions::{OpenCase, SliceState, Submission, TaskName};
-pub use verify::accept_changes;
 
-use asked::Asks;
-use place::{Files, Loss, name_new, set_aside};
+use log::Mark;
+use place::{FileIdentity, Files};
+use registry::Registered;
+use request::Request;
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
-use schema::{Kind, bring_up_to_date, identify, version_of};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How long a lock held by another program is waited for.
+/// How long a lock is waited for before its owner is looked for.
 const LOCK_WAIT: Duration = if cfg!(test) {
-    Duration::from_secs(2)
+    Duration::from_millis(500)
 } else {
-    Duration::from_mins(1)
+    Duration::from_secs(5)
 };
-/// The same once a stop was asked for.
+/// How often, where no owner is known to live.
+const LOCK_WAITS: u32 = if cfg!(test) { 4 } else { 12 };
+/// How long a lock is waited for once a stop was requested.
 const LOCK_WAIT_WHEN_STOPPING: Duration = Duration::from_millis(500);
 /// Time from one look at a lock to the next.
 const LOCK_LOOK: Duration = Duration::from_millis(5);
-/// Whether a stop was asked for.
-static STOP_ASKED: AtomicBool = AtomicBool::new(false);
+/// Whether a stop was requested.
+static STOP_REQUESTED: AtomicBool = AtomicBool::new(false);
+/// Largest text or blob that is read, in bytes.
+const LENGTH_LIMIT: i32 = 256 << 20;
+/// Pages of a store that are kept in memory, in KiB: enough to go through the results of 100 000 runs several times.
+const CACHE: i32 = 64 << 10;
 
 /// An open store.
 #[derive(Debug)]
@@ -88,114 +95,120 @@ pub struct Store {
     path: PathBuf,
     /// Its files, as they were when it was opened for writing.
     files: Option<Files>,
-    /// What is to be said to whoever opened it: changes that are lost with a damaged log.
+    /// What whoever opened it must know: changes that are lost with a log.
     warning: Option<String>,
     /// This process, once it works on the store.
     process: Option<Registered>,
     /// The task of a scheduler this process works for.
     task: Option<TaskName>,
-    /// What this process asks for, once it has taken a campaign into the store.
-    asks: Option<Asks>,
+    /// What this process requests, once it has taken a campaign into the store.
+    request: Option<Request>,
     /// The file last run, if another version of it is shown.
     last_run_with: Option<PathBuf>,
-}
-
-/// This process as the store knows it.
-#[derive(Debug, Clone)]
-struct Registered {
-    id: i64,
-    identity: Identity,
+    /// What is waited for, until somebody has said so.
+    waiting: Arc<Mutex<Option<String>>>,
 }
 
 impl Store {
-    /// Opens a store for writing; makes it, and the directory it is in, if it is not there.
+    /// Opens a store for writing.
     ///
     /// # Errors
     /// A path that cannot be written, a file that is no store, or one of another schema. Such files are not touched.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        guard::refuse_other_than_files(path)?;
-        if let Some(parent) = path.parent() {
-            std::fs::create_dir_all(parent).map_err(|source| StoreError::Unwritable {
-                path: path.to_owned(),
-                source,
-            })?;
-        }
-        let warning = log::check(path)?.map(log::Fault::into_words);
-        let connection = Connection::open_with_flags(
-            path,
-            OpenFlags::SQLITE_OPEN_READ_WRITE
-                | OpenFlags::SQLITE_OPEN_CREATE
-                | OpenFlags::SQLITE_OPEN_NO_MUTEX,
-        )
-        .map_err(|error| StoreError::sqlite(path, error, false))?;
-        let mut store = Self {
-            connection,
+        place::refuse_other_than_files(path)?;
+        let file = FileIdentity::of(path).ok_or_else(|| StoreError::Missing {
             path: path.to_owned(),
-            files: None,
-            warning,
-            process: None,
-            task: None,
-            asks: None,
-            last_run_with: None,
-        };
-        store.set_up().map_err(|error| match error {
-            Setup::Sqlite(error) => StoreError::sqlite(path, error, false),
-            Setup::Refused(error) => error,
         })?;
-        store.files = Some(Files::of(path));
-        store.verify()?;
+        let had_log = log::is_there(path);
+        let last = log::check(path)?;
+        let failed = |error| StoreError::sqlite(path, error, false);
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let mut connection = Connection::open_with_flags(path, flags).map_err(failed)?;
+        connection
+            .busy_handler(Some(wait_for_lock))
+            .map_err(failed)?;
+        harden(&connection).map_err(failed)?;
+        let mut store = Self::on(connection, path)?;
+        store.use_write_ahead_log()?;
+        store
+            .connection
+            .pragma_update(None, "synchronous", "FULL")
+            .map_err(failed)?;
+        // What lies at the path must be what was opened.
+        store.files = Some(Files::of(path, Some(file)));
+        store.warning = store.look_for_losses(had_log, last)?;
         Ok(store)
     }
 
-    /// What is to be said to whoever opened it: that its log is damaged, and what was lost with that.
+    /// A store on a connection, which must hold one.
+    fn on(connection: Connection, path: &Path) -> Result<Self, StoreError> {
+        let failed = |error| StoreError::sqlite(path, error, false);
+        match schema::identify(&connection).map_err(failed)? {
+            schema::Found::Ours(schema::VERSION) => {}
+            schema::Found::Ours(found) => {
+                return Err(StoreError::Schema {
+                    path: path.to_owned(),
+                    found,
+                    known: schema::VERSION,
+                });
+            }
+            schema::Found::Foreign => {
+                return Err(StoreError::NotAStore {
+                    path: path.to_owned(),
+                });
+            }
+        }
+        connection
+            .execute_batch(&format!(
+                "PRAGMA foreign_keys = OFF; PRAGMA temp_store = MEMORY; PRAGMA cache_size = -{CACHE}"
+            ))
+            .map_err(failed)?;
+        Ok(Self {
+            connection,
+            path: path.to_owned(),
+            files: None,
+            warning: None,
+            process: None,
+            task: None,
+            request: None,
+            last_run_with: None,
+            waiting: Arc::default(),
+        })
+    }
+
+    /// Says what is lost with the log of a store that was opened: its end, or all of it.
+    fn look_for_losses(
+        &self,
+        had_log: bool,
+        last: Option<u64>,
+    ) -> Result<Option<String>, StoreError> {
+        let Some((pid, host)) = self.read(registry::abandoned(&self.connection))? else {
+            return Ok(None);
+        };
+        let log = log::log_of(&self.path);
+        Ok(if log::is_cut(&self.connection, last) {
+            Some(format!(
+                "the end of the log {} cannot be read: what process {pid} on {host} wrote last is lost, and is computed again",
+                log.display()
+            ))
+        } else if !had_log {
+            Some(format!(
+                "process {pid} on {host} did not end in order, and there is no log {}: what it wrote last may be lost, and is \
+                 computed again",
+                log.display()
+            ))
+        } else {
+            None
+        })
+    }
+
+    /// What whoever opened it must know: changes that are lost with a log.
     pub fn warning(&self) -> Option<&str> {
         self.warning.as_deref()
     }
 
-    /// Makes or checks the schema, and sets the connection up.
-    fn set_up(&mut self) -> Result<(), Setup> {
-        guard::distrust(&self.connection)?;
-        self.connection.busy_handler(Some(wait_for_lock))?;
-        match identify(&self.connection)? {
-            Kind::Ours(1..=schema::VERSION) | Kind::Empty => {}
-            Kind::Ours(found) => return Err(Setup::Refused(self.other_schema(found))),
-            Kind::Foreign => {
-                return Err(Setup::Refused(StoreError::NotAStore {
-                    path: self.path.clone(),
-                }));
-            }
-        }
-        if !guard::has_plain_tables(&self.connection)? {
-            return Err(Setup::Refused(StoreError::NotAStore {
-                path: self.path.clone(),
-            }));
-        }
-        self.use_write_ahead_log()?;
-        self.connection.pragma_update(None, "synchronous", "FULL")?;
-        self.connection.pragma_update(None, "foreign_keys", true)?;
-        guard::keep_pages(&self.connection)?;
-        let transaction = self
-            .connection
-            .transaction_with_behavior(TransactionBehavior::Immediate)?;
-        // Looked at again under the lock: another process may have made it meanwhile.
-        match version_of(&transaction)? {
-            schema::VERSION => {
-                if axis_columns::bring_up_to_date(&transaction)? {
-                    log::go_on(&transaction)?;
-                }
-            }
-            0..schema::VERSION => bring_up_to_date(&transaction)?,
-            found => {
-                drop(transaction);
-                return Err(Setup::Refused(self.other_schema(found)));
-            }
-        }
-        transaction.commit()?;
-        Ok(())
-    }
-
     /// Turns the write-ahead log on. `SQLite` does not wait for others by itself here.
-    fn use_write_ahead_log(&self) -> Result<(), Setup> {
+    fn use_write_ahead_log(&self) -> Result<(), StoreError> {
         let begun = Instant::now();
         loop {
             let mode =
@@ -206,17 +219,17 @@ impl Store {
             match mode {
                 Ok(mode) if mode.eq_ignore_ascii_case("wal") => return Ok(()),
                 Ok(_) => {
-                    return Err(Setup::Refused(StoreError::NoLog {
+                    return Err(StoreError::NoLog {
                         path: self.path.clone(),
-                    }));
+                    });
                 }
                 Err(error)
                     if error.sqlite_error_code() == Some(ErrorCode::DatabaseBusy)
-                        && begun.elapsed() < LOCK_WAIT =>
+                        && begun.elapsed() < LOCK_WAIT * LOCK_WAITS =>
                 {
-                    std::thread::sleep(Duration::from_millis(20));
+                    std::thread::sleep(LOCK_LOOK);
                 }
-                Err(error) => return Err(error.into()),
+                Err(error) => return self.read(Err(error)),
             }
         }
     }
@@ -226,112 +239,79 @@ impl Store {
         &self.path
     }
 
+    /// What is waited for, to be told once.
+    pub(crate) fn waiting(&self) -> Arc<Mutex<Option<String>>> {
+        self.waiting.clone()
+    }
+
     /// Does something in one transaction that holds the write lock from its start.
     fn write<T>(
         &mut self,
-        work: impl FnOnce(&Transaction<'_>) -> Result<T, rusqlite::Error>,
+        work: impl FnOnce(&Connection) -> Result<T, rusqlite::Error>,
     ) -> Result<T, StoreError> {
         let under_way = self.process.is_some();
-        self.check_place()?;
-        let result = self
-            .connection
-            .transaction_with_behavior(TransactionBehavior::Immediate)
-            .and_then(|transaction| {
-                let value = work(&transaction)?;
-                log::go_on(&transaction)?;
-                transaction.commit()?;
-                Ok(value)
-            });
+        self.make_sure_of_the_file()?;
+        let result = self.begin().and_then(|transaction| {
+            let value = work(&transaction)?;
+            Mark::renew(&transaction)?;
+            transaction.commit()?;
+            Ok(value)
+        });
         result.map_err(|error| StoreError::sqlite(&self.path, error, under_way))
     }
 
-    /// That the files are still those that were opened: what is written to others would be lost.
-    fn check_place(&self) -> Result<(), StoreError> {
-        match self.loss() {
+    /// Begins a transaction. A lock is waited for as long as another process that works on the store lives; one that has another
+    /// owner for a minute.
+    fn begin(&self) -> Result<Transaction<'_>, rusqlite::Error> {
+        let mut waits = 0;
+        loop {
+            let begun =
+                Transaction::new_unchecked(&self.connection, TransactionBehavior::Immediate);
+            let Err(error) = begun else {
+                return begun;
+            };
+            let is_busy = error.sqlite_error_code() == Some(ErrorCode::DatabaseBusy);
+            waits += 1;
+            if !is_busy || STOP_REQUESTED.load(Ordering::Relaxed) {
+                return Err(error);
+            }
+            match registry::other_worker(&self.connection, self.me())? {
+                Some((pid, host)) => {
+                    let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+                    *waiting = Some(format!(
+                        "waiting for the lock of {}, which process {pid} on {host} works on",
+                        self.path.display()
+                    ));
+                    tracing::warn!(pid, host, "waiting for the lock");
+                }
+                None if waits < LOCK_WAITS => {}
+                None => return Err(error),
+            }
+        }
+    }
+
+    /// A transaction that need not be on the disk when it returns.
+    fn write_relaxed<T>(
+        &mut self,
+        work: impl FnOnce(&Connection) -> Result<T, rusqlite::Error>,
+    ) -> Result<T, StoreError> {
+        self.read(self.connection.pragma_update(None, "synchronous", "NORMAL"))?;
+        let result = self.write(work);
+        self.read(self.connection.pragma_update(None, "synchronous", "FULL"))?;
+        result
+    }
+
+    /// Makes sure that the file at the path of the store is the one that was opened: what is written to another would be lost.
+    ///
+    /// # Errors
+    /// [`StoreError::Gone`].
+    pub fn make_sure_of_the_file(&self) -> Result<(), StoreError> {
+        match self.files.as_ref().and_then(Files::loss) {
             None => Ok(()),
-            Some(loss) => Err(StoreError::Gone {
+            Some(what) => Err(StoreError::Gone {
                 path: self.path.clone(),
-                what: loss.words(),
-                advice: "finished results were in it: restore it from a copy, or give the same command again to begin anew"
-                    .into(),
+                what,
             }),
-        }
-    }
-
-    /// What became of its files.
-    fn loss(&self) -> Option<Loss> {
-        self.files.as_ref().and_then(Files::loss)
-    }
-
-    /// Saves all that a store holds whose files were deleted or replaced under way, as the system keeps the files themselves
-    /// for as long as they are open, and puts it in its place unless something else is there now. Gives the error back with
-    /// word of it. Other errors are given back as they are.
-    pub(crate) fn rescue(&mut self, error: StoreError) -> StoreError {
-        // A query may have met a missing log before we looked.
-        let Some(loss) = self.loss() else {
-            return error;
-        };
-        // The log beside the name may be another store's by now: closing must not touch it.
-        let _ = self
-            .connection
-            .set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true);
-        let path = self.path.clone();
-        if let Some(parent) = path.parent() {
-            let _ = std::fs::create_dir_all(parent);
-        }
-        let to = path.with_extension(format!("rescued-{}.sqlite", std::process::id()));
-        let saved = self
-            .connection
-            .execute("VACUUM INTO ?1", [to.to_string_lossy()]);
-        let advice = match saved {
-            Ok(_) => self.put_back(loss, &to),
-            Err(error) => format!(
-                "what it held could not be saved ({error}): `sweep salvage {} --in-place` keeps all that is whole, or restore it \
-                 from a copy",
-                path.display()
-            ),
-        };
-        StoreError::Gone {
-            path,
-            what: loss.words(),
-            advice,
-        }
-    }
-
-    /// Gives a rescued store the name of the lost one, if it is free, or if what has it is the file of this store without its
-    /// log. Says what the user can do now.
-    fn put_back(&self, loss: Loss, rescued: &Path) -> String {
-        let path = &self.path;
-        let placed = match loss {
-            Loss::Replaced => {
-                // Our own log is none of the file that has the name now, which could not be opened beside it.
-                if self.files.as_ref().is_some_and(Files::has_own_log) {
-                    let _ = set_aside(path);
-                }
-                None
-            }
-            Loss::Deleted => {
-                // Our own log without its file; all of it is in what was rescued.
-                if self.files.as_ref().is_some_and(Files::has_own_log) {
-                    let _ = std::fs::remove_file(place::log_of(path));
-                }
-                Some(set_aside(path).and_then(|()| name_new(rescued, path)))
-            }
-            Loss::LogDeleted | Loss::LogReplaced | Loss::LogCut => {
-                Some(set_aside(path).and_then(|()| std::fs::rename(rescued, path)))
-            }
-        };
-        match placed {
-            Some(Ok(())) => {
-                "all it held was saved and put back in its place; give the same command again"
-                    .into()
-            }
-            Some(Err(_)) | None => format!(
-                "all it held is saved in {rescued}: `sweep run CAMPAIGN.toml --store {} --reuse {rescued}` takes it over into \
-                 what is there now",
-                path.display(),
-                rescued = rescued.display()
-            ),
         }
     }
 
@@ -339,36 +319,65 @@ impl Store {
     fn read<T>(&self, result: Result<T, rusqlite::Error>) -> Result<T, StoreError> {
         result.map_err(|error| StoreError::sqlite(&self.path, error, self.process.is_some()))
     }
-}
 
-/// Why a store could not be set up.
-enum Setup {
-    /// `SQLite` said so.
-    Sqlite(rusqlite::Error),
-    /// We did.
-    Refused(StoreError),
-}
-
-impl From<rusqlite::Error> for Setup {
-    fn from(error: rusqlite::Error) -> Self {
-        Self::Sqlite(error)
+    /// Turns an error of JSON into one of the store.
+    fn json<T>(
+        &self,
+        table: &'static str,
+        result: Result<T, serde_json::Error>,
+    ) -> Result<T, StoreError> {
+        result.map_err(|error| StoreError::Entry {
+            path: self.path.clone(),
+            table,
+            reason: error.to_string(),
+        })
     }
 }
 
-/// No lock is waited for much longer: a stop was asked for.
+impl Drop for Store {
+    /// Gives back what the process still owns. `SQLite` moves the log into the file when the last one closes it, unless the file
+    /// is not that of the log any more: then nothing of it stays beside the other.
+    fn drop(&mut self) {
+        if self.process.is_some() {
+            let _ = self.leave();
+        }
+        if let Some(files) = self.files.as_ref().filter(|files| files.loss().is_some()) {
+            let _ = self
+                .connection
+                .set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true);
+            files.remove_own_log();
+        }
+    }
+}
+
+/// Lets nothing that is written in a store be carried out: no views, no triggers, no functions but those without effect.
+fn harden(connection: &Connection) -> Result<(), rusqlite::Error> {
+    for (option, value) in [
+        (DbConfig::SQLITE_DBCONFIG_TRUSTED_SCHEMA, false),
+        (DbConfig::SQLITE_DBCONFIG_ENABLE_TRIGGER, false),
+        (DbConfig::SQLITE_DBCONFIG_ENABLE_VIEW, false),
+        (DbConfig::SQLITE_DBCONFIG_DEFENSIVE, true),
+    ] {
+        connection.set_db_config(option, value)?;
+    }
+    connection.set_prepared_statement_cache_capacity(64);
+    connection.set_limit(rusqlite::limits::Limit::SQLITE_LIMIT_LENGTH, LENGTH_LIMIT)?;
+    Ok(())
+}
+
+/// No lock is waited for much longer: a stop was requested.
 pub(crate) fn shorten_lock_wait() {
-    STOP_ASKED.store(true, Ordering::Relaxed);
+    STOP_REQUESTED.store(true, Ordering::Relaxed);
 }
 
 /// Waits a moment for a lock, or says that it was enough.
 fn wait_for_lock(looks: i32) -> bool {
-    let patience = if STOP_ASKED.load(Ordering::Relaxed) {
+    let patience = if STOP_REQUESTED.load(Ordering::Relaxed) {
         LOCK_WAIT_WHEN_STOPPING
     } else {
         LOCK_WAIT
     };
-    let waited = LOCK_LOOK.saturating_mul(looks.unsigned_abs());
-    if waited >= patience {
+    if LOCK_LOOK.saturating_mul(looks.unsigned_abs()) >= patience {
         return false;
     }
     std::thread::sleep(LOCK_LOOK);

@@ -2,18 +2,10 @@
 
 use crate::axes::{AXES, Axis, Tag, Value, identity};
 use crate::checkpoint::Checkpoint;
-use rusqlite::{Connection, OpenFlags};
+use crate::store::{LastState as Run, Store};
 use sd_core::Params;
 use sd_core::model::StartLayer;
 use std::path::Path;
-
-/// A finished run of the other store.
-struct Run {
-    params: Params,
-    seed: u64,
-    /// Its last state.
-    state: Vec<u8>,
-}
 
 /// The layers that the finished runs of a point of a store ended with, by their seeds. `wanted`: values that tell the point.
 ///
@@ -34,7 +26,9 @@ pub(super) fn layers(
     if !store.is_file() {
         return Err(unreadable(&"there is no such file"));
     }
-    let all = finished(store).map_err(|error| unreadable(&error))?;
+    let all = Store::open_read_only(store)
+        .and_then(|store| store.last_states())
+        .map_err(|error| unreadable(&error))?;
     if all.is_empty() {
         let message = format!("no run is finished in {}", store.display());
         return Err([message, allowed()]);
@@ -117,30 +111,4 @@ fn origin(params: &Params, steps: u64) -> u32 {
     let mut number = [0; 4];
     number.copy_from_slice(&hasher.finalize().as_bytes()[..4]);
     u32::from_le_bytes(number).max(1)
-}
-
-/// All finished runs of the campaign of a store that have a last state.
-fn finished(store: &Path) -> Result<Vec<Run>, rusqlite::Error> {
-    let connection = Connection::open_with_flags(store, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
-    connection
-        .prepare(
-            "SELECT c.params, c.seed, e.state FROM cases c JOIN ends e ON e.case_id = c.id
-             WHERE c.position IS NOT NULL AND c.state = 'done' AND e.state IS NOT NULL ORDER BY c.position",
-        )?
-        .query_map([], |row| {
-            let text: String = row.get(0)?;
-            let params = serde_json::from_str(&text).map_err(|error| {
-                rusqlite::Error::FromSqlConversionFailure(
-                    0,
-                    rusqlite::types::Type::Text,
-                    Box::new(error),
-                )
-            })?;
-            Ok(Run {
-                params,
-                seed: row.get::<_, i64>(1)?.unsigned_abs(),
-                state: row.get(2)?,
-            })
-        })?
-        .collect()
 }

@@ -39,8 +39,6 @@ struct Answer {
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let path = arguments.place.find()?.path().to_owned();
-    // Looked at first: a store that is not there must not be made.
-    drop(Store::open_read_only(&path)?);
     let mut store = Store::open(&path)?;
     let mut cancelled: Vec<(String, Scheduler)> = Vec::new();
     let named =

@@ -83,7 +83,7 @@ fn filmed(store: &Store, key: &str) -> Result<Filmed, Error> {
     let run = runs.into_iter().find(|run| run.key == key);
     let run = run.ok_or_else(|| store.no_case(key, "no case"))?;
     Ok(Filmed {
-        params: run.params,
+        params: (*run.params).clone(),
         seed: run.seed,
         key: run.key,
     })

@@ -6,7 +6,7 @@ use crate::campaign::Campaign;
 use crate::cli::Error;
 use crate::cluster::shard::{self, ShardError};
 use crate::exit;
-use crate::store::{Counts, Disagreement, Merged, Store, StoreError};
+use crate::store::{Counts, Disagreement, Merged, Order, Store, StoreError, StoreSource};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -14,11 +14,13 @@ use std::path::{Path, PathBuf};
 ///
 /// May be given as often as one likes, in any order, while tasks still run: a shard that has not changed is not read again.
 /// Complete runs are preferred to partial ones, and later attempts to earlier ones. Runs computed twice must agree to the last
-/// bit; those that do not are listed, and the exit code is 1. So it is if a shard cannot be read: the others are merged.
+/// bit; those that do not are listed, and the exit code is 1. So it is if a shard is damaged: what is whole of it is merged. So this
+/// is how a damaged store is saved, into a new one; `sweep run` computes there what is lost, with the same digits.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep merge results/figure-11.sqlite results/figure-11.shards\n  \
-                  sweep merge results/figure-11.sqlite results/figure-11.shards/*.sqlite other-machine.sqlite"
+                  sweep merge results/figure-11.sqlite results/figure-11.shards/*.sqlite other-machine.sqlite\n  \
+                  sweep merge saved.sqlite damaged.sqlite"
 )]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -43,9 +45,9 @@ struct Answer {
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let path = arguments.place.find()?.path().to_owned();
+    let source = arguments.place.find()?;
     let shards = if arguments.shards.is_empty() {
-        in_folder(&shard::folder_of(&path))?
+        in_folder(&shard::folder_of(source.path()))?
     } else {
         let mut all = Vec::new();
         for given in &arguments.shards {
@@ -62,7 +64,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
         all
     };
-    let mut store = open(&path, &shards)?;
+    let mut store = open(&source, &shards)?;
     say_warning(&store);
     let merged = store.merge(&shards, arguments.allow_mixed_versions)?;
     let answer = Answer {
@@ -93,27 +95,21 @@ pub(super) fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ShardError> {
         .collect())
 }
 
-/// Opens the store; a new one, or one whose first merge was ended before it had a campaign, gets that of the first shard that
-/// can be read.
-fn open(path: &Path, shards: &[PathBuf]) -> Result<Store, Error> {
+/// Opens the store; a new one gets the campaign of the file given, or else that of the first shard that can be read.
+fn open(source: &StoreSource, shards: &[PathBuf]) -> Result<Store, Error> {
+    let path = source.path();
     if path.exists() {
-        let store = Store::open(path)?;
-        match store.campaign_name() {
-            Err(StoreError::NoCampaign { .. }) => {}
-            known => return Ok(known.map(|_| store)?),
-        }
+        return Ok(Store::open(path)?);
+    }
+    if let Some(campaign) = source.campaign() {
+        return Ok(Store::enter(path, campaign, Order::default())?.0);
     }
     let mut first = None;
     for shard in shards {
-        match Store::open_read_only(shard).and_then(|shard| shard.campaign_text()) {
+        match Store::campaign_of(shard) {
             Ok(text) => {
                 let campaign = Campaign::parse(&shard.display().to_string(), text)?;
-                let mut store = Store::open(path)?;
-                // Another first merge may have been faster.
-                if matches!(store.campaign_name(), Err(StoreError::NoCampaign { .. })) {
-                    store.adopt(&campaign)?;
-                }
-                return Ok(store);
+                return Ok(Store::enter(path, &campaign, Order::default())?.0);
             }
             Err(error) => first = first.or(Some(error)),
         }

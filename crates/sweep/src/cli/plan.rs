@@ -6,8 +6,6 @@ mod tables;
 mod text;
 mod work;
 
-pub(crate) use work::remaining_s;
-
 use super::Output;
 use super::place::store_of;
 use super::report::save;
@@ -18,7 +16,7 @@ use crate::case::Case;
 use crate::cli::Error;
 use crate::costs::{COMPARABLE, Costs, trials};
 use crate::exit;
-use crate::store::Store;
+use crate::store::{Store, StoreSource};
 use scatter::Sum;
 use sd_core::Params;
 use sd_core::model::Words as _;
@@ -165,7 +163,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         .map_or(1, NonZeroUsize::get);
     let path = store_of(&campaign, arguments.store.as_deref())?;
     let store = if path.exists() {
-        Some(Store::open_as_asked(&path, &campaign)?)
+        Some(StoreSource::new(path, Some(campaign.clone())).open()?)
     } else {
         None
     };

@@ -5,7 +5,7 @@ use super::place::StoreArguments;
 use crate::cli::Error;
 use crate::exit;
 use crate::format::bytes;
-use crate::store::Store;
+use crate::store::{Order, Store};
 use serde::Serialize;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
@@ -51,7 +51,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
         let mut store = Store::open(&path)?;
         if let Some(campaign) = source.campaign() {
-            store.adopt(campaign)?;
+            store.adopt(campaign, Order::default())?;
         }
         removed = store.prune()?;
     }

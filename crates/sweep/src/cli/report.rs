@@ -34,8 +34,8 @@ use std::path::{Path, PathBuf};
                   sweep report sweeps/quickstart.toml --runs runs.parquet --samples samples.csv\n  \
                   sweep report sweeps/quickstart.toml --units a=1um,mu=1mPas,f_crit=10pN --format si --latex -\n  \
                   sweep report results/figure-15.sqlite --figure dense.svg --quantity viscosity_median --where area_fraction=0.8\n\n\
-                  The store is a SQLite file with two views for other programs, `viscosity_vs_shear_rate` (a row per point) and\n\
-                  `runs` (a row per run): sqlite3 -header results/quickstart.sqlite 'SELECT * FROM viscosity_vs_shear_rate'"
+                  The store is a SQLite file with a view for other programs, `runs` (a row per run):\n\
+                  sqlite3 -header results/quickstart.sqlite 'SELECT * FROM runs'"
 )]
 pub(crate) struct Arguments {
     #[command(flatten)]

@@ -10,7 +10,9 @@ use crate::costs::Costs;
 use crate::exit;
 use crate::format::{bytes, parse_duration, parse_positive_duration};
 use crate::runner::{self, Options, Progress, Reason, Stop, Style};
-use crate::store::{Adoption, Inventory, Merged, Priority, Store, StoreError, network_file_system};
+use crate::store::{
+    Adoption, Finding, Inventory, Merged, Order, Priority, Store, StoreError, network_file_system,
+};
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -197,8 +199,10 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
         mut store,
         adoption,
         taken,
+        damaged,
     } = begin(&path, &campaign, beginning)?;
     say_warning(&store);
+    say_what_was_damaged(&damaged, style);
     say_what_is_there(&campaign, &path, adoption, style);
     say_what_was_taken(taken, style);
     let counts = store.counts()?;
@@ -212,6 +216,8 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
         compute(arguments, &campaign, &mut store, conditions, output)?;
     }
     store.check_campaign()?;
+    // What is reported must be what lies at the path.
+    store.make_sure_of_the_file()?;
     let counts = store.counts()?;
     let is_over = counts.pending + counts.running == 0;
     let code = match stop.reason() {
@@ -257,6 +263,21 @@ fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style
     }
 }
 
+/// Says which runs are computed again because what was stored of them is damaged.
+fn say_what_was_damaged(damaged: &[Finding], style: Style) {
+    for finding in damaged {
+        let whose = finding
+            .key
+            .as_ref()
+            .map(|key| format!(" ({key}, which is computed again)"));
+        style.tell(&format!(
+            "damaged: {}{}",
+            finding.what,
+            whose.unwrap_or_default()
+        ));
+    }
+}
+
 /// Says what was taken over from other stores, if there were any.
 fn say_what_was_taken(taken: Option<Merged>, style: Style) {
     let Some(taken) = taken else {
@@ -291,6 +312,8 @@ pub struct Begun {
     pub adoption: Adoption,
     /// What was taken over from other stores, if there were any.
     pub taken: Option<Merged>,
+    /// What was damaged in the store, and is computed again.
+    pub damaged: Vec<Finding>,
 }
 
 /// Takes a campaign into its store, with all that is to happen before anything is computed.
@@ -306,8 +329,17 @@ pub fn begin(
     for other in beginning.reuse {
         Store::open_read_only(other)?;
     }
-    let mut store = Store::open(path)?;
-    let adoption = store.adopt(campaign)?;
+    let costs = Costs::of_this_machine();
+    let order = Order {
+        priority: beginning.priority,
+        cost: &costs.of_cases(),
+    };
+    let damaged = if path.exists() && !is_empty(path) {
+        Store::open(path)?.forget_damaged()?
+    } else {
+        Vec::new()
+    };
+    let (mut store, adoption) = Store::enter(path, campaign, order)?;
     let taken = if beginning.reuse.is_empty() {
         None
     } else {
@@ -316,13 +348,17 @@ pub fn begin(
     if beginning.retry_failed {
         store.retry_failed()?;
     }
-    let costs = Costs::of_this_machine();
-    store.put_in_order(campaign, beginning.priority, costs.of_cases())?;
     Ok(Begun {
         store,
         adoption,
         taken,
+        damaged,
     })
+}
+
+/// Whether there is nothing in a file: a store takes its place.
+fn is_empty(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() == 0)
 }
 
 /// Under what conditions a campaign is computed.

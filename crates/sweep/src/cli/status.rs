@@ -4,7 +4,6 @@ mod tasks;
 
 use super::Output;
 use super::place::{StoreArguments, say_warning};
-use super::plan::remaining_s;
 use crate::cli::Error;
 use crate::cluster::shard;
 use crate::exit;
@@ -86,7 +85,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let source = arguments.place.find()?;
     let (path, store) = (source.path(), source.open()?);
     say_warning(&store);
-    let (total, done) = store.work()?;
+    let work = store.work()?;
     let shards: Vec<PathBuf> = shard::published(&shard::folder_of(path))
         .into_iter()
         .map(|shard| shard.path)
@@ -95,9 +94,13 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         campaign: store.campaign_name()?,
         last_run_with: store.last_run_with().map(PathBuf::from),
         orphans: store.inventory()?.orphans,
-        cases: store.counts()?,
-        work_done: if total > 0.0 { done / total } else { 1.0 },
-        remaining_cpu_s: remaining_s(&store)?,
+        cases: work.counts,
+        work_done: if work.total > 0.0 {
+            work.done / work.total
+        } else {
+            1.0
+        },
+        remaining_cpu_s: store.remaining_cpu_s()?,
         precision: PrecisionStatus::of(&store)?,
         processes: store.processes()?,
         failures: store.failures(arguments.failures)?,

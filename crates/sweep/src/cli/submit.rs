@@ -470,7 +470,7 @@ fn forecast(
         return Ok(());
     }
     let memory = plan::memory_bytes(campaign, job.workers);
-    let seconds = plan::remaining_s(store)?;
+    let seconds = store.remaining_cpu_s()?;
     note(
         output,
         &format!(

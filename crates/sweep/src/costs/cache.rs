@@ -24,18 +24,20 @@ fn place() -> Option<PathBuf> {
     PLACE.clone()
 }
 
-/// Keeps a measured run.
-pub(crate) fn record(record: &Record) {
-    if record.steps >= LEAST_STEPS
-        && let Some(place) = place()
-    {
+/// Keeps measured runs, but for those that are too short to tell anything.
+pub(crate) fn record(records: &[Record]) {
+    let records: Vec<&Record> = records
+        .iter()
+        .filter(|record| record.steps >= LEAST_STEPS)
+        .collect();
+    if let Some(place) = place().filter(|_| !records.is_empty()) {
         // Without a cache the next plan measures again.
-        let _ = append(&place, record);
+        let _ = append(&place, &records);
     }
 }
 
-/// Appends a line, and drops old ones where there are too many.
-fn append(place: &std::path::Path, record: &Record) -> std::io::Result<()> {
+/// Appends lines, and drops old ones where there are too many.
+fn append(place: &std::path::Path, records: &[&Record]) -> std::io::Result<()> {
     if let Some(folder) = place.parent() {
         std::fs::create_dir_all(folder)?;
     }
@@ -45,14 +47,17 @@ fn append(place: &std::path::Path, record: &Record) -> std::io::Result<()> {
         let kept = lines[lines.len() / 2..].join("\n") + "\n";
         write_whole(place, |file| file.write_all(kept.as_bytes()))?;
     }
-    let mut line = serde_json::to_vec(record)?;
-    line.push(b'\n');
+    let mut lines = Vec::new();
+    for record in records {
+        serde_json::to_writer(&mut lines, record)?;
+        lines.push(b'\n');
+    }
     // In one piece: several processes may append.
     std::fs::OpenOptions::new()
         .create(true)
         .append(true)
         .open(place)?
-        .write_all(&line)
+        .write_all(&lines)
 }
 
 /// All runs kept, the oldest first. Lines that cannot be read are left out.
@@ -78,8 +83,8 @@ mod tests {
             steps: 100,
             cpu_s: 1.5,
         };
-        append(&place, &run).unwrap();
-        append(&place, &run).unwrap();
+        append(&place, &[&run]).unwrap();
+        append(&place, &[&run]).unwrap();
         let text = std::fs::read_to_string(&place).unwrap();
         let read = |text: &str| -> Vec<Record> {
             let lines = text.lines();

@@ -166,7 +166,7 @@ pub fn traces(
         if !points.is_empty() {
             all.push(Trace {
                 campaign: campaign.clone(),
-                params: run.params,
+                params: (*run.params).clone(),
                 seed: run.seed,
                 discard: run.discard.or(usual),
                 points,

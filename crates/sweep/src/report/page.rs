@@ -230,8 +230,8 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         ..Report::of(store, selection)?
     };
     let work_done = if selection.is_everything() {
-        let (total, done) = store.work()?;
-        ratio(done, total).unwrap_or(1.0)
+        let work = store.work()?;
+        ratio(work.done, work.total).unwrap_or(1.0)
     } else {
         let c = &report.counts;
         ratio((c.done + c.jammed + c.failed) as f64, c.total() as f64).unwrap_or(1.0)

@@ -221,7 +221,7 @@ pub(super) fn selected_runs(
     selection: &Selection,
 ) -> Result<Vec<PointRun>, ReportError> {
     let mut runs = store.point_runs()?;
-    let params: Vec<_> = runs.iter().map(|run| &run.params).collect();
+    let params: Vec<&Params> = runs.iter().map(|run| run.params.as_ref()).collect();
     selection.check(&params)?;
     runs.retain(|run| selection.has(&run.params));
     Ok(runs)
@@ -287,7 +287,7 @@ impl Point {
 
     /// Of the runs of one point and those of them that are averaged; `None` of none.
     fn of(runs: &[PointRun], averaged: &[&PointRun]) -> Option<Self> {
-        let params = runs.first()?.params.clone();
+        let params = Params::clone(&runs.first()?.params);
         let values = |quantity: fn(&PointRun) -> Option<f64>| -> Vec<f64> {
             averaged.iter().filter_map(|run| quantity(run)).collect()
         };

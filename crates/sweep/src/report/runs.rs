@@ -291,7 +291,7 @@ fn axes_of_samples(runs: &[PointRun]) -> Vec<&'static Axis> {
     AXES.iter()
         // The rate is sampled: under an imposed stress it is no axis.
         .filter(|axis| !axis.is_shear_rate())
-        .filter(|axis| axis.varies(runs.iter().map(|run| &run.params)))
+        .filter(|axis| axis.varies(runs.iter().map(|run| run.params.as_ref())))
         .collect()
 }
 

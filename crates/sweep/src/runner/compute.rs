@@ -151,82 +151,131 @@ impl Shared<'_> {
         self.protocol.with_time_step(case.params.time_step)
     }
 
-    /// Computes a case and keeps what comes of it.
-    pub(super) fn compute(&self, worker: usize, claim: &Claim) -> Result<(), StoreError> {
+    /// Computes a case and keeps what comes of it. A result is given back, to be kept with others.
+    pub(super) fn compute(
+        &self,
+        worker: usize,
+        claim: &Claim,
+    ) -> Result<Option<Finished>, StoreError> {
+        tracing::info!(case = claim.key, "claimed");
         let mut run = self.resume(claim)?;
         let clock = self.clock();
         self.progress.start_case(worker, claim, run.steps());
         let outcome = panics::catch(|| self.simulate(worker, claim, &mut run, &clock));
         let spent = run.record.before + clock.spent();
         let frames = std::mem::take(&mut run.record.frames);
-        self.store().keep_frames(claim, &frames)?;
-        let state = match &outcome {
-            Ok(Ok(End::Done)) => "done",
-            Ok(Ok(End::Jammed)) => "jammed",
-            Ok(Ok(End::Stopped)) => "stopped",
-            Ok(Ok(End::Failed(_))) | Err(_) => "failed",
-            Ok(Err(_)) => "lost",
-        };
+        self.keep_frames(claim, &frames)?;
         let steps = run.steps();
-        let result = match outcome {
-            Ok(Ok(end @ (End::Done | End::Jammed))) => {
-                let state = match end {
-                    End::Jammed => State::Jammed,
-                    _ => State::Done,
-                };
-                let last_state = run
-                    .simulation
-                    .as_ref()
-                    .map(|layer| run.record.last_state(layer, spent))
-                    .unwrap_or_default();
-                let finished = Finished {
-                    state,
-                    last_state,
-                    steps: run.steps(),
-                    samples: std::mem::take(&mut run.record.samples),
-                    counters: run
-                        .simulation
-                        .as_ref()
-                        .map(|layer| *layer.counters())
-                        .unwrap_or_default(),
-                    protocol: *self.protocol,
-                    wall_time_s: spent.wall_s,
-                    cpu_time_s: spent.cpu_s,
-                    resumed: run.record.resumed,
-                };
-                let kept = self.store().finish(claim, &finished);
-                if finished.resumed == 0 {
-                    // Another machine may have computed the beginning of one that was.
-                    costs::record(&costs::Record {
-                        params: claim.case.params.clone(),
-                        steps: finished.steps,
-                        cpu_s: finished.cpu_time_s,
-                    });
-                }
-                if matches!(state, State::Jammed) && kept.is_ok() {
-                    self.progress.note(&format!(
-                        "jammed at strain {:.3}: {}",
-                        finished.steps as f64 * claim.case.params.time_step,
-                        claim.case.label()
-                    ));
-                }
-                kept
-            }
-            Ok(Ok(End::Stopped)) => {
-                let begun = run.simulation.as_ref().filter(|layer| layer.steps() > 0);
-                let kept = begun.map_or(Ok(()), |layer| {
-                    let bytes = run.record.checkpoint(layer, spent);
-                    self.store().keep(claim, layer.steps(), &bytes)
-                });
-                kept.and_then(|()| self.store().release(claim))
-            }
-            Ok(Ok(End::Failed(cause))) => self.fail(claim, run, &cause),
-            Ok(Err(error)) => Err(error),
-            Err(message) => self.record_failure(claim, run, format!("panic: {message}"), None),
+        let (state, result) = match outcome {
+            Ok(Ok(End::Done)) => ("done", Ok(Some(self.finished(State::Done, run, spent)))),
+            Ok(Ok(End::Jammed)) => ("jammed", Ok(Some(self.finished(State::Jammed, run, spent)))),
+            Ok(Ok(End::Stopped)) => ("stopped", self.stopped(claim, &run, spent)),
+            Ok(Ok(End::Failed(cause))) => ("failed", self.fail(claim, run, &cause)),
+            Ok(Err(error)) => ("lost", Err(error)),
+            Err(message) => (
+                "failed",
+                self.record_failure(claim, run, format!("panic: {message}"), None),
+            ),
         };
         self.progress.end_case(worker, result.is_ok());
-        self.progress.ended(claim, state, steps, spent.cpu_s);
+        if matches!(result, Ok(None) | Err(_)) {
+            self.tell_end(claim, state, steps, spent.cpu_s);
+        }
         result
+    }
+
+    /// Says that a case ended.
+    fn tell_end(&self, claim: &Claim, state: &str, steps: u64, cpu_s: f64) {
+        tracing::info!(case = claim.key, state, steps, cpu_s, "ended");
+        self.progress.ended(claim, state, steps, cpu_s);
+    }
+
+    /// Keeps frames, if there are any.
+    fn keep_frames(
+        &self,
+        claim: &Claim,
+        frames: &[(u64, sd_core::simulation::Frame)],
+    ) -> Result<(), StoreError> {
+        if frames.is_empty() {
+            return Ok(());
+        }
+        self.store().keep_frames(claim, frames)
+    }
+
+    /// What is kept of a run that came to its end.
+    fn finished(&self, state: State, run: Run, spent: Spent) -> Finished {
+        let simulation = run.simulation.as_ref();
+        Finished {
+            state,
+            last_state: simulation
+                .map(|layer| run.record.last_state(layer, spent))
+                .unwrap_or_default(),
+            steps: run.steps(),
+            counters: simulation
+                .map(|layer| *layer.counters())
+                .unwrap_or_default(),
+            protocol: *self.protocol,
+            wall_time_s: spent.wall_s,
+            cpu_time_s: spent.cpu_s,
+            resumed: run.record.resumed,
+            samples: run.record.samples,
+        }
+    }
+
+    /// Keeps results of cases, and tells their ends.
+    pub(super) fn keep_ended(&self, ended: &[(&Claim, Finished)]) -> Result<(), StoreError> {
+        if ended.is_empty() {
+            return Ok(());
+        }
+        let runs: Vec<(&Claim, &Finished)> = ended
+            .iter()
+            .map(|(claim, finished)| (*claim, finished))
+            .collect();
+        let owned = self.store().finish(&runs)?;
+        // Another machine may have computed the beginning of one that was resumed.
+        let records: Vec<costs::Record> = runs
+            .iter()
+            .filter(|(_, finished)| finished.resumed == 0)
+            .map(|(claim, finished)| costs::Record {
+                params: claim.case.params.clone(),
+                steps: finished.steps,
+                cpu_s: finished.cpu_time_s,
+            })
+            .collect();
+        costs::record(&records);
+        for ((claim, finished), owned) in runs.into_iter().zip(owned) {
+            if !owned {
+                self.progress.note(&claim.lost().to_string());
+            } else if finished.state == State::Jammed {
+                self.progress.note(&format!(
+                    "jammed at strain {:.3}: {}",
+                    finished.steps as f64 * claim.case.params.time_step,
+                    claim.case.label()
+                ));
+            }
+            self.tell_end(
+                claim,
+                finished.state.name(),
+                finished.steps,
+                finished.cpu_time_s,
+            );
+        }
+        Ok(())
+    }
+
+    /// Keeps how far a run has come, and gives its case back.
+    fn stopped(
+        &self,
+        claim: &Claim,
+        run: &Run,
+        spent: Spent,
+    ) -> Result<Option<Finished>, StoreError> {
+        if let Some(layer) = run.simulation.as_ref().filter(|layer| layer.steps() > 0) {
+            let bytes = run.record.checkpoint(layer, spent);
+            self.store().keep(claim, layer.steps(), &bytes)?;
+        }
+        self.store().release([claim])?;
+        Ok(None)
     }
 
     /// A clock for one run. A run alone is shared among all threads of the process, another is computed by one of them.
@@ -249,6 +298,11 @@ impl Shared<'_> {
                         self.tables,
                     ) {
                         Ok(simulation) => {
+                            tracing::info!(
+                                case = claim.key,
+                                steps = good.snapshot.steps,
+                                "resumed"
+                            );
                             return Ok(Run {
                                 simulation: Some(simulation),
                                 before: None,
@@ -342,9 +396,9 @@ impl Shared<'_> {
             {
                 let writing = Instant::now();
                 let bytes = record.checkpoint(simulation, record.before + clock.spent());
-                self.store()
-                    .keep_frames(claim, &std::mem::take(&mut record.frames))?;
+                self.keep_frames(claim, &std::mem::take(&mut record.frames))?;
                 self.store().keep(claim, simulation.steps(), &bytes)?;
+                tracing::info!(case = claim.key, steps = simulation.steps(), "checkpointed");
                 cost = writing.elapsed();
                 kept = Instant::now();
             }
@@ -352,7 +406,7 @@ impl Shared<'_> {
     }
 
     /// Records a failure of the solver or a limit.
-    fn fail(&self, claim: &Claim, run: Run, cause: &Cause) -> Result<(), StoreError> {
+    fn fail(&self, claim: &Claim, run: Run, cause: &Cause) -> Result<Option<Finished>, StoreError> {
         match cause {
             Cause::Physics(error) => {
                 // Step and strain are kept beside the message.
@@ -377,7 +431,7 @@ impl Shared<'_> {
         run: Run,
         message: String,
         error: Option<&sd_core::Error>,
-    ) -> Result<(), StoreError> {
+    ) -> Result<Option<Finished>, StoreError> {
         self.progress.failed(&claim.case, &message);
         let (pair, gap) = error.map_or((None, None), culprit);
         let failure = Failure {
@@ -393,7 +447,7 @@ impl Shared<'_> {
                 .map(|state| replay(&claim.case.params, &state)),
             samples: run.record.samples,
         };
-        self.store().fail(claim, &failure)
+        self.store().fail(claim, &failure).map(|()| None)
     }
 }
 

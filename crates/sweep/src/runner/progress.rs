@@ -3,7 +3,7 @@
 mod event;
 
 use crate::case::Case;
-use crate::store::{Claim, Counts};
+use crate::store::{Claim, Counts, Work};
 use crate::visible::visible;
 use clap::ValueEnum;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -161,10 +161,12 @@ impl Progress {
         }
     }
 
-    /// The run begins with so much cost in all and so much of it done.
-    pub(super) fn begin(&self, total: f64, done: f64, counts: Counts) {
+    /// The run begins with so much work.
+    pub(super) fn begin(&self, work: &Work) {
+        let counts = work.counts;
+        let done = work.done + work.given_up;
         self.campaign().history.push_back((Instant::now(), done));
-        self.see(total, done, counts);
+        self.see(work);
         let left = counts.pending + counts.running;
         if self.style == Style::Lines && left > 0 {
             self.line(&format!(
@@ -176,12 +178,12 @@ impl Progress {
     }
 
     /// What the store says about all processes together. There may be more to do than before, where a precision is asked for.
-    pub(super) fn see(&self, total: f64, done: f64, counts: Counts) {
+    pub(super) fn see(&self, work: &Work) {
         let mut campaign = self.campaign();
-        campaign.total = total;
-        campaign.stored = done;
+        campaign.total = work.total;
+        campaign.stored = work.done + work.given_up;
         campaign.since = 0.0;
-        campaign.counts = counts;
+        campaign.counts = work.counts;
     }
 
     /// A worker begins a case that is so many steps on.

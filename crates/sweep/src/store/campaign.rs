@@ -1,59 +1,175 @@
 //! Taking a campaign file into its store.
 
-use super::asked::{self, Adoption, Asks};
-use super::checksum::{self, Kind};
-use super::order::{self, Priority};
-use super::{Store, StoreError, axis_columns, ends, integer, process, results, rules};
+use super::digest::{self, Altered};
+use super::log::{self, Mark};
+use super::order::{self, Order};
+use super::registry::AtWork;
+use super::request::{Adoption, Request};
+use super::schema::{self, axis_cells, axis_columns};
+use super::{Store, StoreError, claims, ends, failures, harden, integer, process, rules};
 use crate::axes::AXES;
 use crate::campaign::{Campaign, Protocol};
-use crate::case::{Case, CaseKey};
-use rusqlite::{Connection, OptionalExtension, params, params_from_iter, types};
-use std::path::PathBuf;
+use crate::files::folder_of;
+use rusqlite::types::Value;
+use rusqlite::{Connection, OptionalExtension, params, params_from_iter};
+use sd_core::Params;
+use std::collections::HashMap;
+use std::io::ErrorKind;
+use std::path::Path;
+
+/// Columns of the campaign that its digest covers.
+pub(super) const COLUMNS: &str = "name, text, protocol, file, request, grid";
 
 impl Store {
-    /// Makes the cases of the store those of the campaign, and says what that means. Cases already there keep all they have;
-    /// cases that left the grid stay stored, without a position. Runs that were computed farther than is asked now are cut,
-    /// and those that were not computed as far go on.
+    /// Opens the store of a campaign, makes it if it is not there, and takes the campaign into it: see [`Store::adopt`]. A new
+    /// store appears at its path with all its cases in it, or not at all.
+    ///
+    /// # Errors
+    /// Those of [`Store::open`] and [`Store::adopt`].
+    pub fn enter(
+        path: &Path,
+        campaign: &Campaign,
+        order: Order<'_>,
+    ) -> Result<(Self, Adoption), StoreError> {
+        let is_new = std::fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() == 0)
+            || !path.exists();
+        if is_new && let Some(made) = Self::create(path, campaign, order)? {
+            return Ok(made);
+        }
+        let mut store = Self::open(path)?;
+        let adoption = store.adopt(campaign, order)?;
+        Ok((store, adoption))
+    }
+
+    /// Makes a store of a campaign; `None` if another process was faster.
+    fn create(
+        path: &Path,
+        campaign: &Campaign,
+        order: Order<'_>,
+    ) -> Result<Option<(Self, Adoption)>, StoreError> {
+        if log::is_there(path) {
+            return Err(StoreError::ForeignLog {
+                path: path.to_owned(),
+                log: log::log_of(path),
+            });
+        }
+        let unwritable = |source| StoreError::Unwritable {
+            path: path.to_owned(),
+            source,
+        };
+        let folder = folder_of(path);
+        std::fs::create_dir_all(folder).map_err(unwritable)?;
+        let draft = tempfile::Builder::new()
+            .prefix(".sweep-part-")
+            .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
+            .tempfile_in(folder)
+            .map_err(|error| unwritable(super::place::reason_against(path).unwrap_or(error)))?;
+        let failed = |error| StoreError::sqlite(path, error, false);
+        // Nobody else knows it, and what is cut short is thrown away.
+        let connection = Connection::open(draft.path()).map_err(failed)?;
+        connection
+            .execute_batch("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; BEGIN")
+            .and_then(|()| schema::create(&connection))
+            .and_then(|()| Mark::begin(&connection))
+            .and_then(|()| connection.execute_batch("COMMIT"))
+            .map_err(failed)?;
+        harden(&connection).map_err(failed)?;
+        let mut store = Self::on(connection, path)?;
+        let adoption = store.adopt(campaign, order)?;
+        store.use_write_ahead_log()?;
+        let (registered, request) = (store.process.take(), store.request.take());
+        drop(store);
+        draft.as_file().sync_all().map_err(unwritable)?;
+        if std::fs::metadata(path).is_ok_and(|file| file.len() == 0) {
+            std::fs::remove_file(path).map_err(unwritable)?;
+        }
+        match draft.persist_noclobber(path) {
+            Ok(_) => {}
+            Err(error) if error.error.kind() == ErrorKind::AlreadyExists => return Ok(None),
+            Err(error) => return Err(unwritable(error.error)),
+        }
+        let _ = std::fs::File::open(folder).and_then(|folder| folder.sync_all());
+        let mut store = Self::open(path)?;
+        (store.process, store.request) = (registered, request);
+        store.warning = None;
+        Ok(Some((store, adoption)))
+    }
+
+    /// Makes the cases of the store those of the campaign, and enters this process, which computes them. Cases already there keep
+    /// all they have; cases that left the grid stay stored, without a position. Runs that were computed farther than is requested
+    /// now are cut, and those that were not computed as far go on. From here on no other version of the campaign is let in for as
+    /// long as this process lives.
     ///
     /// # Errors
     /// [`StoreError::OtherCampaign`], [`StoreError::AtWork`] while another process computes what another version of the
-    /// campaign asks for, and trouble with the file. Nothing is changed then.
-    pub fn adopt(&mut self, campaign: &Campaign) -> Result<Adoption, StoreError> {
-        let entry = Entry::of(self, campaign)?;
-        let me = self.me();
-        if entry.differs {
-            let refused = self.write(|transaction| {
-                let opponent = entry.asks.opponent(transaction, me)?;
-                if opponent.is_none() {
-                    entry.enter(transaction)?;
-                }
-                Ok(opponent)
-            })?;
-            if let Some(opponent) = refused {
-                return Err(self.at_work(&entry.asks, opponent));
+    /// campaign requests, and trouble with the file. Nothing is changed then.
+    pub fn adopt(&mut self, campaign: &Campaign, order: Order<'_>) -> Result<Adoption, StoreError> {
+        let entry = Entry::of(campaign, order, &self.path)?;
+        let me = self.process.clone();
+        let id = self.me();
+        let mut last = self.read(LastRun::of(&self.connection))?;
+        if last.as_ref().is_some_and(|last| last.name != campaign.name) {
+            return Err(self.other_campaign(last, campaign));
+        }
+        let conflicting =
+            |connection: &Connection| AtWork::conflicting(connection, id, &entry.request.hash);
+        if let Some(other) = self.read(conflicting(&self.connection))? {
+            return Err(self.at_work(&entry.request, other));
+        }
+        let entered = self.write(|connection| {
+            // Another process may have been faster.
+            last = LastRun::of(connection)?;
+            if let Some(other) = conflicting(connection)? {
+                return Ok(Err(other));
             }
+            if last.as_ref().is_none_or(|last| entry.differs(last)) {
+                entry.enter(connection)?;
+            }
+            match me {
+                Some(me) => Ok(Ok(me)),
+                None => Self::enter_process(connection, &entry.request).map(Ok),
+            }
+        })?;
+        match entered {
+            Ok(registered) => self.process = Some(registered),
+            Err(other) => return Err(self.at_work(&entry.request, other)),
         }
         let adoption = Adoption {
-            changed: entry.other_version.is_some(),
-            inventory: self.read(asked::inventory(&self.connection))?,
+            changed: last.is_some_and(|last| last.request != entry.request.hash),
+            inventory: self.inventory()?,
         };
-        self.asks = Some(entry.asks);
+        self.request = Some(entry.request);
         Ok(adoption)
     }
 
-    /// Lets a store that is only read be seen as this version of its campaign asks for it.
-    pub(super) fn show_as_asked(&mut self, campaign: &Campaign) -> Result<(), StoreError> {
-        let entry = Entry::of(self, campaign)?;
-        if !entry.differs {
+    fn other_campaign(&self, found: Option<LastRun>, campaign: &Campaign) -> StoreError {
+        StoreError::OtherCampaign {
+            path: self.path.clone(),
+            found: found.map(|found| found.name).unwrap_or_default(),
+            wanted: campaign.name.clone(),
+        }
+    }
+
+    /// Lets a store that is only read be seen as this version of its campaign requests it.
+    pub(super) fn show_as_requested(&mut self, campaign: &Campaign) -> Result<(), StoreError> {
+        let Some(last) = self.read(LastRun::of(&self.connection))? else {
+            return self.read(Err(Altered::error("it holds no campaign")));
+        };
+        if last.name != campaign.name {
+            return Err(self.other_campaign(Some(last), campaign));
+        }
+        let request = Request::of(campaign);
+        if last.request == request.hash && last.text == campaign.text {
             return Ok(());
         }
-        let shown = super::schema::put_before(
-            &self.connection,
-            &["campaign", "cases", "results", "checksums", "rules"],
-        )
-        .and_then(|()| entry.enter(&self.connection));
+        let entry = Entry::of(campaign, Order::default(), &self.path)?;
+        // What is copied must be whole: readers compare digests with what is shown.
+        self.point_runs()?;
+        let shown = schema::shadow(&self.connection).and_then(|()| entry.enter(&self.connection));
         self.read(shown)?;
-        self.last_run_with = entry.other_version;
+        if last.request != request.hash {
+            self.last_run_with = Some(last.file.into());
+        }
         Ok(())
     }
 
@@ -62,7 +178,7 @@ impl Store {
     /// # Errors
     /// Trouble with the file, or an entry that cannot be read.
     pub fn protocol(&self) -> Result<Protocol, StoreError> {
-        let text = self.of_campaign("SELECT protocol FROM campaign")?;
+        let text = self.of_campaign("protocol")?;
         self.json("campaign", serde_json::from_str(&text))
     }
 
@@ -71,33 +187,36 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn campaign_name(&self) -> Result<String, StoreError> {
-        self.of_campaign("SELECT name FROM campaign")
+        self.of_campaign("name")
     }
 
-    /// Turns an error of JSON into one of the store.
-    pub(super) fn json<T>(
-        &self,
-        table: &'static str,
-        result: Result<T, serde_json::Error>,
-    ) -> Result<T, StoreError> {
-        result.map_err(|error| StoreError::Entry {
-            path: self.path.clone(),
-            table,
-            reason: error.to_string(),
-        })
+    /// The campaign file last run, to the letter.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn campaign_text(&self) -> Result<String, StoreError> {
+        self.of_campaign("text")
+    }
+
+    /// One text of the campaign.
+    fn of_campaign(&self, column: &str) -> Result<String, StoreError> {
+        let text = || {
+            check(&self.connection)?;
+            let query = format!("SELECT {column} FROM campaign");
+            let text: Option<String> = self
+                .connection
+                .query_row(&query, [], |row| row.get(0))
+                .optional()?;
+            text.ok_or_else(|| Altered::error("it holds no campaign"))
+        };
+        self.read(text())
     }
 }
 
-/// A version of a campaign that is taken into a store.
-struct Entry<'c> {
-    campaign: &'c Campaign,
-    asks: Asks,
-    protocol: String,
-    rows: Vec<Row<'c>>,
-    /// Whether there is anything to write: the store holds another text, or none.
-    differs: bool,
-    /// The file last run, if that asked for something else.
-    other_version: Option<PathBuf>,
+/// Makes sure that the campaign is what was written.
+pub(super) fn check(connection: &Connection) -> Result<(), rusqlite::Error> {
+    let query = format!("SELECT {COLUMNS}, digest FROM campaign");
+    digest::check(connection, &query, [], "the campaign")
 }
 
 /// The campaign as a store was last run with it.
@@ -105,158 +224,200 @@ struct LastRun {
     name: String,
     text: String,
     protocol: String,
-    /// What it asked for, as [`Asks::hash`] has it; empty in a store of schema 4 or before.
-    asks: String,
+    request: String,
     file: String,
+    priority: String,
+}
+
+impl LastRun {
+    fn of(connection: &Connection) -> Result<Option<Self>, rusqlite::Error> {
+        // A damaged one is written anew.
+        if check(connection).is_err_and(|error| Altered::in_error(&error).is_some()) {
+            return Ok(None);
+        }
+        connection
+            .query_row(
+                "SELECT name, text, protocol, request, file, priority FROM campaign",
+                [],
+                |row| {
+                    Ok(Self {
+                        name: row.get(0)?,
+                        text: row.get(1)?,
+                        protocol: row.get(2)?,
+                        request: row.get(3)?,
+                        file: row.get(4)?,
+                        priority: row.get(5)?,
+                    })
+                },
+            )
+            .optional()
+    }
+}
+
+/// A version of a campaign that is taken into a store.
+struct Entry<'c> {
+    campaign: &'c Campaign,
+    order: Order<'c>,
+    request: Request,
+    protocol: String,
 }
 
 impl<'c> Entry<'c> {
-    /// Of a campaign into its own store.
-    fn of(store: &Store, campaign: &'c Campaign) -> Result<Self, StoreError> {
-        let last = store.read(
-            store
-                .connection
-                .query_row(
-                    "SELECT name, text, protocol, asks, file FROM campaign",
-                    [],
-                    |row| {
-                        Ok(LastRun {
-                            name: row.get(0)?,
-                            text: row.get(1)?,
-                            protocol: row.get(2)?,
-                            asks: row.get(3)?,
-                            file: row.get(4)?,
-                        })
-                    },
-                )
-                .optional(),
-        )?;
-        let protocol = store.json("campaign", serde_json::to_string(&campaign.protocol))?;
-        let asks = Asks::of(campaign);
-        let (mut differs, mut other_version) = (true, None);
-        if let Some(last) = last {
-            if last.name != campaign.name {
-                return Err(StoreError::OtherCampaign {
-                    path: store.path.clone(),
-                    found: last.name,
-                    wanted: campaign.name.clone(),
-                });
-            }
-            let same_text = last.text == campaign.text && last.protocol == protocol;
-            differs = !same_text || last.asks != asks.hash;
-            // A store of schema 4 or before does not say what was asked for.
-            let same_wishes = last.asks == asks.hash || (last.asks.is_empty() && same_text);
-            other_version = (!same_wishes).then(|| last.file.into());
-        }
-        let rows = if differs {
-            rows(campaign)
-                .map(|row| store.json("cases", row))
-                .collect::<Result<_, _>>()?
-        } else {
-            Vec::new()
-        };
+    fn of(campaign: &'c Campaign, order: Order<'c>, path: &Path) -> Result<Self, StoreError> {
+        let protocol =
+            serde_json::to_string(&campaign.protocol).map_err(|error| StoreError::Entry {
+                path: path.to_owned(),
+                table: "campaign",
+                reason: error.to_string(),
+            })?;
         Ok(Self {
             campaign,
-            asks,
+            order,
+            request: Request::of(campaign),
             protocol,
-            rows,
-            differs,
-            other_version,
         })
+    }
+
+    /// Whether there is anything to write.
+    fn differs(&self, last: &LastRun) -> bool {
+        last.text != self.campaign.text
+            || last.protocol != self.protocol
+            || last.request != self.request.hash
+            || last.priority != self.order.priority.words()
     }
 
     /// Makes the cases of a store those of the campaign.
     fn enter(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+        let text = |text: &str| Value::Text(text.to_owned());
+        let mut row = vec![
+            text(&self.campaign.name),
+            text(&self.campaign.text),
+            text(&self.protocol),
+            text(&self.request.file.to_string_lossy()),
+            text(&self.request.hash),
+            text(&self.request.grid),
+        ];
+        row.push(Value::Integer(digest::of(&row)));
+        row.push(Value::Text(self.order.priority.words()));
         connection.execute(
-            "INSERT INTO campaign (id, name, text, protocol, file, asks) VALUES (1, ?1, ?2, ?3, ?4, ?5)
-             ON CONFLICT (id) DO UPDATE SET text = excluded.text, protocol = excluded.protocol, file = excluded.file,
-                 asks = excluded.asks",
-            params![
-                self.campaign.name,
-                self.campaign.text,
-                self.protocol,
-                self.asks.file.to_string_lossy(),
-                self.asks.hash
-            ],
+            &format!(
+                "INSERT OR REPLACE INTO campaign (id, {COLUMNS}, digest, priority) VALUES (1, ?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"
+            ),
+            params_from_iter(row),
         )?;
-        connection.execute("UPDATE cases SET position = NULL", [])?;
-        for row in &self.rows {
-            row.insert(connection)?;
-        }
-        checksum::seal(connection, Kind::Campaign, 1)?;
+        self.enter_cases(connection)?;
         rules::enter(connection, self.campaign)?;
-        // What failed beyond the strain that is asked for now may well get as far as that.
-        results::reopen_failed(
+        // What failed beyond the strain that is requested now may well get as far as that.
+        failures::reopen(
             connection,
-            "position IS NOT NULL AND steps <=
-                 (SELECT step FROM failures f WHERE f.case_id = cases.id ORDER BY f.id DESC LIMIT 1)",
+            "counts AND steps <= (SELECT step FROM failures f WHERE f.case_id = cases.id ORDER BY f.id DESC LIMIT 1)",
         )?;
         ends::settle_all(connection, &self.campaign.protocol)?;
         rules::apply_all(connection)
     }
-}
 
-/// A case as it is written to the store.
-struct Row<'c> {
-    key: CaseKey,
-    case: &'c Case,
-    position: usize,
-    /// Place in the order of work.
-    rank: u64,
-    params: String,
-}
-
-/// All cases of a campaign with their order of work.
-fn rows(campaign: &Campaign) -> impl Iterator<Item = Result<Row<'_>, serde_json::Error>> {
-    let costs: Vec<f64> = campaign.cases.iter().map(|(_, case)| case.cost()).collect();
-    let ranks = order::ranks(campaign, &costs, &Priority::default());
-    campaign
-        .cases
-        .iter()
-        .zip(ranks)
-        .enumerate()
-        .map(|(position, ((key, case), rank))| {
-            Ok(Row {
-                key: *key,
-                case,
-                position,
-                rank,
-                params: serde_json::to_string(&case.params)?,
-            })
-        })
-}
-
-impl Row<'_> {
-    /// Writes a new case, or gives a known one its place in the file.
-    fn insert(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
-        let text = |text: String| types::Value::Text(text);
-        let whole = |count: u64| types::Value::Integer(integer(count));
-        let own = [
-            ("key", text(self.key.to_string())),
-            ("position", whole(self.position as u64)),
-            ("rank", whole(self.rank)),
-            ("params", text(self.params.clone())),
-            ("seed", whole(self.case.seed)),
-            ("steps", whole(self.case.steps)),
-            ("sample_stride", whole(self.case.sample_stride)),
-            ("cost", types::Value::Real(self.case.cost())),
-            ("changed_at", types::Value::Integer(process::now())),
-        ];
-        let names: Vec<&str> = own.iter().map(|(name, _)| *name).collect();
-        let places = vec!["?"; names.len() + AXES.len()].join(", ");
-        connection
-            .prepare_cached(&format!(
-                "INSERT INTO cases ({}, {}) VALUES ({places})
-                 ON CONFLICT (key) DO UPDATE SET position = excluded.position, rank = excluded.rank,
-                     cost = excluded.cost, steps = excluded.steps",
-                names.join(", "),
-                axis_columns::names("")
-            ))?
-            .execute(params_from_iter(
-                own.into_iter()
-                    .map(|(_, value)| value)
-                    .chain(axis_columns::cells(&self.case.params)),
-            ))?;
+    /// Writes new cases, and gives known ones their places in the file.
+    fn enter_cases(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+        connection.execute(
+            "UPDATE cases SET position = NULL, counts = 0 WHERE position IS NOT NULL",
+            [],
+        )?;
+        let cases = self.campaign.cases.iter();
+        let costs: Vec<f64> = cases.map(|(_, case)| (self.order.cost)(case)).collect();
+        let ranks = order::ranks(self.campaign, &costs, self.order.priority);
+        let mut known = Points::default();
+        let points = self
+            .campaign
+            .cases
+            .iter()
+            .map(|(_, case)| known.place(connection, &case.params))
+            .collect::<Result<Vec<i64>, _>>()?;
+        let now = process::now();
+        let turn = claims::turn("steps_done").replace("turn", "excluded.turn");
+        let mut insert = connection.prepare(&format!(
+            "INSERT INTO cases (key, point, seed, steps, sample_stride, position, counts, turn, cost, changed_at)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, 1, ?7, ?8, ?9)
+             ON CONFLICT (key) DO UPDATE SET position = excluded.position, counts = 1, cost = excluded.cost,
+                 steps = excluded.steps, turn = {turn}"
+        ))?;
+        // In the order of work: cases that are computed one after the other lie side by side, and so will what comes of them.
+        let mut order: Vec<usize> = (0..ranks.len()).collect();
+        order.sort_by_key(|position| ranks[*position]);
+        for position in order {
+            let (key, case) = &self.campaign.cases[position];
+            insert.execute(params![
+                key.to_string(),
+                points[position],
+                integer(case.seed),
+                integer(case.steps),
+                integer(case.sample_stride),
+                integer(position as u64),
+                claims::plain_turn(ranks[position]),
+                costs[position],
+                now,
+            ])?;
+        }
         Ok(())
     }
+}
+
+/// Numbers of points by their digests.
+#[derive(Default)]
+pub(super) struct Points {
+    known: HashMap<i64, i64>,
+    /// The one met last: cases of a point come one after the other in their file.
+    last: Option<(Params, i64)>,
+}
+
+impl Points {
+    /// The number of the point of some parameters, which is entered if it is not there.
+    pub(super) fn place(
+        &mut self,
+        connection: &Connection,
+        params: &Params,
+    ) -> Result<i64, rusqlite::Error> {
+        if let Some((_, place)) = self.last.as_ref().filter(|(last, _)| last == params) {
+            return Ok(*place);
+        }
+        let row = point_row(params)?;
+        let digest = digest::of(&row);
+        if let Some(place) = self.known.get(&digest) {
+            self.last = Some((params.clone(), *place));
+            return Ok(*place);
+        }
+        let place = if let Some(place) = number_of(connection, digest)? {
+            place
+        } else {
+            let places = vec!["?"; 2 + AXES.len()].join(", ");
+            connection
+                .prepare_cached(&format!(
+                    "INSERT INTO points (params, {}, digest) VALUES ({places})",
+                    axis_columns("")
+                ))?
+                .execute(params_from_iter(
+                    row.iter().chain([&Value::Integer(digest)]),
+                ))?;
+            connection.last_insert_rowid()
+        };
+        self.known.insert(digest, place);
+        self.last = Some((params.clone(), place));
+        Ok(place)
+    }
+}
+
+/// The number of the point with a digest.
+fn number_of(connection: &Connection, digest: i64) -> Result<Option<i64>, rusqlite::Error> {
+    connection
+        .prepare_cached("SELECT id FROM points WHERE digest = ?1")?
+        .query_row([digest], |row| row.get(0))
+        .optional()
+}
+
+/// The row of a point, without its number and its digest.
+pub(super) fn point_row(params: &Params) -> Result<Vec<Value>, rusqlite::Error> {
+    let text = serde_json::to_string(params)
+        .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
+    Ok(std::iter::once(Value::Text(text))
+        .chain(axis_cells(params))
+        .collect())
 }

@@ -1,21 +1,20 @@
 //! Claims and checkpoints: the life of a running case.
 
-use super::checksum::{self, Kind};
-use super::process::{self, Identity, Life};
-use super::{Checkpoint, Damage, Registered, Store, StoreError, count, integer};
-use crate::case::{Case, PHYSICS_VERSION};
-use crate::replay::replay;
-use rusqlite::{Connection, OptionalExtension, Transaction, params};
+use super::process;
+use super::{Checkpoint, Damage, Store, StoreError, count, ends, integer};
+use crate::case::{Case, State};
+use rusqlite::{Connection, OptionalExtension, ToSql, params, params_from_iter};
+use std::fmt::Write as _;
+use std::time::Duration;
 
-/// A case whose processes died so many times in a row, with no new checkpoint between, counts as failed: most likely it
-/// kills them.
-pub const DEATH_LIMIT: u32 = 5;
 /// After so many deaths in a row a case waits until there is no other.
 const SUSPECT: u32 = 3;
-
-/// What is true of a case under way whose owner is not there.
-const OF_NOBODY: &str =
-    "state = 'running' AND NOT EXISTS (SELECT 1 FROM processes p WHERE p.id = cases.owner)";
+/// What is added to the turn of a case that waits until there is no other, and taken from that of one that was begun.
+const AHEAD: i64 = 1 << 40;
+/// Most short cases that are claimed together.
+const BATCH_CASES: usize = 1024;
+/// Cases looked at to tell whether those that are pending keep the other workers busy.
+const LOOKED_AT: usize = 4096;
 
 /// A case this process owns.
 #[derive(Debug)]
@@ -25,280 +24,64 @@ pub struct Claim {
     pub key: String,
     /// The case.
     pub case: Case,
-    /// What its checkpoints hold, the newest first; then its last state, if it was finished when less was asked of it.
+    /// Its point in the store, and the digest of that.
+    pub(super) point: (i64, i64),
+    /// What its checkpoints hold, the newest first; then its last state, if it was finished when less was requested of it.
     pub checkpoints: Vec<Result<Checkpoint, Damage>>,
 }
 
 impl Store {
-    /// Enters this process, which from now on may claim cases.
-    ///
-    /// # Errors
-    /// [`StoreError::Displaced`], and trouble with the file.
-    pub fn register(&mut self, threads: usize) -> Result<(), StoreError> {
-        let identity = Identity::of_this_process();
-        let (build, now) = (process::build(), process::now());
-        let task = self.task.clone();
-        let asks = self.asks.clone();
-        let registered = self.write(|transaction| {
-            // Another process may have taken another version of the campaign into the store meanwhile.
-            let displaced = match &asks {
-                Some(asks) => asks.displaced_by(transaction)?,
-                None => None,
-            };
-            if displaced.is_some() {
-                return Ok(None);
-            }
-            transaction.execute(
-                "INSERT INTO processes (host, boot, namespace, pid, start, started_at, heartbeat, version,
-                     physics_version, build, threads, job, task, restart, node, file, asks)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16)",
-                params![
-                    identity.host,
-                    identity.boot,
-                    identity.namespace,
-                    identity.pid,
-                    identity.start,
-                    now,
-                    env!("CARGO_PKG_VERSION"),
-                    PHYSICS_VERSION,
-                    build,
-                    integer(threads as u64),
-                    task.as_ref().map(|task| &task.job),
-                    task.as_ref().map(|task| integer(task.task as u64)),
-                    task.as_ref().map(|task| task.restart),
-                    task.as_ref().map(|task| &task.node),
-                    asks.as_ref().map(|asks| asks.file.to_string_lossy()),
-                    asks.as_ref().map(|asks| &asks.hash),
-                ],
-            )?;
-            let id = transaction.last_insert_rowid();
-            checksum::seal(transaction, Kind::Process, id)?;
-            Ok(Some(id))
-        })?;
-        let Some(id) = registered else {
-            return self.check_campaign();
-        };
-        self.process = Some(Registered { id, identity });
-        Ok(())
-    }
-
-    /// Row of this process; no row has the number 0.
-    pub(super) fn me(&self) -> i64 {
-        self.process.as_ref().map_or(0, |process| process.id)
-    }
-
-    /// Says that this process lives.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn heartbeat(&mut self) -> Result<(), StoreError> {
-        let me = self.me();
-        self.relaxed(|transaction| {
-            transaction.execute(
-                "UPDATE processes SET heartbeat = ?2 WHERE id = ?1",
-                params![me, process::now()],
-            )?;
-            Ok(())
-        })
-    }
-
-    /// Gives back all that this process still owns, and says that it ended.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn leave(&mut self) -> Result<(), StoreError> {
-        let me = self.me();
-        self.write(|transaction| {
-            free(transaction, me)?;
-            transaction.execute(
-                "UPDATE processes SET ended_at = ?2, heartbeat = ?2 WHERE id = ?1",
-                params![me, process::now()],
-            )?;
-            Ok(())
-        })?;
-        self.check_place()
-    }
-
-    /// Frees the cases of processes that are gone; they go on from their last checkpoint, but for those that died
-    /// [`DEATH_LIMIT`] times in a row, which end as failed. Says how many it took from them.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn release_dead(&mut self) -> Result<usize, StoreError> {
-        let Some(Registered { id: me, identity }) = self.process.clone() else {
-            return Ok(0);
-        };
-        let owners =
-            |connection: &Connection| -> Result<Vec<(i64, Identity, i64)>, rusqlite::Error> {
-                connection
-                    .prepare_cached(
-                        "SELECT id, host, boot, namespace, pid, start, heartbeat FROM processes
-                     WHERE id IN (SELECT owner FROM cases WHERE state = 'running') AND id != ?1",
-                    )?
-                    .query_map([me], |row| {
-                        let identity = Identity {
-                            host: row.get(1)?,
-                            boot: row.get(2)?,
-                            namespace: row.get(3)?,
-                            pid: row.get(4)?,
-                            start: row.get(5)?,
-                        };
-                        Ok((row.get(0)?, identity, row.get(6)?))
-                    })?
-                    .collect()
-            };
-        let dead = |owners: Vec<(i64, Identity, i64)>| -> Vec<(i64, bool)> {
-            owners
-                .into_iter()
-                .filter(|(_, owner, heartbeat)| {
-                    identity.judge(owner, process::silence(*heartbeat)) == Life::Dead
-                })
-                // A machine that went down is no fault of the case.
-                .map(|(id, owner, _)| (id, owner.boot == identity.boot))
-                .collect()
-        };
-        let nobody: bool = self.read(
-            self.connection
-                .prepare_cached(&format!("SELECT 1 FROM cases WHERE {OF_NOBODY}"))
-                .and_then(|mut query| query.exists([])),
-        )?;
-        // A look without the lock first: nearly always there is nothing to do.
-        if !nobody && dead(self.read(owners(&self.connection))?).is_empty() {
-            return Ok(0);
-        }
-        self.write(|transaction| {
-            let mut freed = transaction.execute(
-                &format!(
-                    "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?1 WHERE {OF_NOBODY}"
-                ),
-                [process::now()],
-            )?;
-            for (process, blame) in dead(owners(transaction)?) {
-                if blame {
-                    transaction.execute(
-                        "UPDATE cases SET deaths = deaths + 1 WHERE owner = ?1 AND state = 'running'",
-                        [process],
-                    )?;
-                    freed += quarantine(transaction, process)?;
-                }
-                freed += free(transaction, process)?;
-            }
-            Ok(freed)
-        })
-    }
-
-    /// A process that is still at work on the store, as far as can be seen: its number and its host.
-    pub(super) fn worker(&self) -> Option<(u32, String)> {
-        let here = Identity::of_this_process();
-        let mut query = self
-            .connection
-            .prepare(
-                "SELECT host, boot, namespace, pid, start, heartbeat FROM processes WHERE ended_at IS NULL",
-            )
-            .ok()?;
-        let mut rows = query.query([]).ok()?;
-        // What cannot be read any more is no process.
-        while let Ok(Some(row)) = rows.next() {
-            let process = || -> Result<_, rusqlite::Error> {
-                let identity = Identity {
-                    host: row.get(0)?,
-                    boot: row.get(1)?,
-                    namespace: row.get(2)?,
-                    pid: row.get(3)?,
-                    start: row.get(4)?,
-                };
-                Ok((identity, row.get::<_, i64>(5)?))
-            };
-            if let Ok((process, heartbeat)) = process()
-                && here.judge(&process, process::silence(heartbeat)) == Life::Alive
-            {
-                return Some((process.pid, process.host));
-            }
-        }
-        None
-    }
-
-    /// Claims the next case: one that was begun before any that was not, and otherwise by the order of work, but that a case is
-    /// not left for last which would then keep one of `workers` busy while the others have nothing to do.
+    /// Claims the next cases: those that were begun before any that was not, and otherwise by the order of work, but that a case
+    /// is not left for last which would then keep one of `workers` busy while the others have nothing to do. Short cases are
+    /// claimed together, as many as `batch` takes by their estimates; a case that was begun, or takes longer, alone.
     ///
     /// # Errors
     /// Trouble with the file, or a case that cannot be read.
-    pub fn claim(&mut self, workers: usize) -> Result<Option<Claim>, StoreError> {
+    pub fn claim(&mut self, workers: usize, batch: Duration) -> Result<Vec<Claim>, StoreError> {
         let me = self.me();
-        let claimed = self.write(|transaction| {
-            let begun = transaction
-                .prepare_cached(
-                    "SELECT id FROM cases WHERE state = 'pending' AND steps_done > 0 AND position IS NOT NULL
-                         AND deaths < ?1 ORDER BY rank, gain DESC, position LIMIT 1",
-                )?
-                .query_row([SUSPECT], |row| row.get::<_, i64>(0))
-                .optional()?;
-            let overdue = match begun {
-                Some(id) => Some(id),
-                None => overdue(transaction, workers)?,
+        self.write(|connection| {
+            let ids = match overdue(connection, workers)? {
+                Some(id) => vec![id],
+                None => next(connection, workers, batch.as_secs_f64())?,
             };
-            let next = match overdue {
-                Some(id) => Some(id),
-                None => transaction
-                    .prepare_cached(
-                        "SELECT id FROM cases WHERE state = 'pending' AND position IS NOT NULL
-                         ORDER BY deaths >= ?1, rank, gain DESC, position LIMIT 1",
-                    )?
-                    .query_row([SUSPECT], |row| row.get(0))
-                    .optional()?,
-            };
-            let Some(id) = next else {
-                return Ok(None);
-            };
-            transaction
-                .prepare_cached(
-                    "UPDATE cases SET state = 'running', owner = ?2, attempts = attempts + 1, changed_at = ?3
-                     WHERE id = ?1",
-                )?
-                .execute(params![id, me, process::now()])?;
-            let row = transaction
-                .prepare_cached(
-                    "SELECT key, params, seed, steps, sample_stride FROM cases WHERE id = ?1",
-                )?
-                .query_row([id], |row| {
-                    Ok((
-                        row.get::<_, String>(0)?,
-                        row.get::<_, String>(1)?,
-                        count(row.get(2)?),
-                        count(row.get(3)?),
-                        count(row.get(4)?),
-                    ))
-                })?;
-            let checkpoints: Vec<Vec<u8>> = transaction
-                .prepare_cached(
-                    "SELECT CASE WHEN length(data) <= ?2 THEN data ELSE x'' END FROM checkpoints
-                     WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC",
-                )?
-                .query_map(params![id, integer(Checkpoint::SIZE_LIMIT as u64)], |row| row.get(0))?
-                .collect::<Result<_, _>>()?;
-            Ok(Some((id, row, checkpoints)))
-        })?;
-        let Some((id, (key, params, seed, steps, sample_stride), checkpoints)) = claimed else {
-            return Ok(None);
-        };
-        let case = Case {
-            params: self.json("cases", serde_json::from_str(&params))?,
-            seed,
-            steps,
-            sample_stride,
-        };
-        let mut checkpoints: Vec<_> = checkpoints
-            .iter()
-            .map(|bytes| Checkpoint::decode(bytes))
-            .collect();
-        // More may be asked than was computed to an end before.
-        checkpoints.extend(self.end_to_go_on_from(id)?);
-        Ok(Some(Claim {
-            id,
-            key,
-            case,
-            checkpoints,
-        }))
+            let mut own = connection.prepare_cached(
+                "UPDATE cases SET state = 'running', owner = ?2, attempts = attempts + 1, changed_at = ?3
+                 WHERE id = ?1 RETURNING key, point, seed, steps, sample_stride, steps_done",
+            )?;
+            let mut known: Option<(i64, i64, sd_core::Params)> = None;
+            ids.into_iter()
+                .map(|id| {
+                    let (mut claim, steps_done) =
+                        own.query_row(params![id, me, process::now()], |row| {
+                            let point = row.get(1)?;
+                            let (digest, params) = match &known {
+                                Some((id, digest, params)) if *id == point => (*digest, params.clone()),
+                                _ => point_of(connection, point)?,
+                            };
+                            known = Some((point, digest, params.clone()));
+                            let claim = Claim {
+                                id,
+                                key: row.get(0)?,
+                                case: Case {
+                                    params,
+                                    seed: count(row.get(2)?),
+                                    steps: count(row.get(3)?),
+                                    sample_stride: count(row.get(4)?),
+                                },
+                                point: (point, digest),
+                                checkpoints: Vec::new(),
+                            };
+                            Ok((claim, row.get::<_, i64>(5)?))
+                        })?;
+                    if steps_done > 0 {
+                        claim.checkpoints = checkpoints(connection, id)?;
+                        // More may be requested than was computed to an end before.
+                        claim.checkpoints.extend(ends::end_to_go_on_from(connection, id)?);
+                    }
+                    Ok(claim)
+                })
+                .collect()
+        })
     }
 
     /// Keeps a checkpoint of a running case in place of the older of the two kept so far.
@@ -309,8 +92,8 @@ impl Store {
     /// [`StoreError::ClaimLost`], and trouble with the file.
     pub fn keep(&mut self, claim: &Claim, steps: u64, data: &[u8]) -> Result<(), StoreError> {
         let me = self.me();
-        let owned = self.relaxed(|transaction| {
-            let changed = transaction
+        let owned = self.write_relaxed(|connection| {
+            let changed = connection
                 .prepare_cached(
                     "UPDATE cases SET steps_done = ?3, deaths = 0 WHERE id = ?1 AND owner = ?2 AND state = 'running'",
                 )?
@@ -318,19 +101,13 @@ impl Store {
             if changed == 0 {
                 return Ok(false);
             }
-            let newest: Option<i64> = transaction
+            let newest: Option<i64> = connection
                 .prepare_cached(
                     "SELECT generation FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC LIMIT 1",
                 )?
                 .query_row([claim.id], |row| row.get(0))
                 .optional()?;
-            let slot = i64::from(newest == Some(0));
-            transaction
-                .prepare_cached(
-                    "INSERT OR REPLACE INTO checkpoints (case_id, generation, steps, process, written_at, data)
-                     VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
-                )?
-                .execute(params![claim.id, slot, integer(steps), me, process::now(), data])?;
+            put_checkpoint(connection, claim.id, i64::from(newest == Some(0)), steps, me, data)?;
             Ok(true)
         })?;
         owned.then_some(()).ok_or_else(|| claim.lost())
@@ -341,143 +118,217 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn drop_checkpoints(&mut self, claim: &Claim) -> Result<(), StoreError> {
-        self.write(|transaction| {
-            drop_checkpoints(transaction, claim.id)?;
+        self.write(|connection| {
+            drop_checkpoints(connection, claim.id)?;
             // Nor can its end be used, which was tried last.
-            transaction.execute(
-                "UPDATE ends SET state = NULL WHERE case_id = ?1",
-                [claim.id],
-            )?;
-            checksum::seal(transaction, Kind::End, claim.id)
+            ends::drop_state(connection, claim.id)
         })
     }
 
-    /// Gives a case back: it waits to go on from its last checkpoint.
+    /// Whether cases are pending or under way, perhaps with others, who may die and leave them to us.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn anything_left(&self) -> Result<bool, StoreError> {
+        let left = self
+            .connection
+            .prepare_cached(
+                "SELECT 1 WHERE EXISTS (SELECT 1 FROM cases WHERE state = 'pending' AND counts)
+                     OR EXISTS (SELECT 1 FROM cases WHERE state = 'running' AND counts)",
+            )
+            .and_then(|mut query| query.exists([]));
+        self.read(left)
+    }
+
+    /// Gives cases back: they wait to go on from their last checkpoints.
     ///
     /// # Errors
     /// Trouble with the file. A claim already lost is none.
-    pub fn release(&mut self, claim: &Claim) -> Result<(), StoreError> {
+    pub fn release<'c>(
+        &mut self,
+        claims: impl IntoIterator<Item = &'c Claim>,
+    ) -> Result<(), StoreError> {
         let me = self.me();
-        self.write(|transaction| {
-            transaction.execute(
-                "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?3 WHERE id = ?1 AND owner = ?2",
-                params![claim.id, me, process::now()],
-            )?;
+        self.write(|connection| {
+            for claim in claims {
+                free_where(connection, "id = ?2 AND owner = ?3", &[&claim.id, &me])?;
+            }
             Ok(())
         })
-    }
-
-    /// A transaction that need not be on the disk when it returns.
-    fn relaxed<T>(
-        &mut self,
-        work: impl FnOnce(&Transaction<'_>) -> Result<T, rusqlite::Error>,
-    ) -> Result<T, StoreError> {
-        self.read(self.connection.pragma_update(None, "synchronous", "NORMAL"))?;
-        let result = self.write(work);
-        self.read(self.connection.pragma_update(None, "synchronous", "FULL"))?;
-        result
     }
 }
 
 impl Claim {
     /// The error that this case is no longer ours.
-    pub(super) fn lost(&self) -> StoreError {
+    pub(crate) fn lost(&self) -> StoreError {
         StoreError::ClaimLost {
             key: self.key.clone(),
         }
     }
 }
 
-/// The dearest case that waits, if the rest of what waits would not keep the other workers busy for as long as it takes.
-fn overdue(transaction: &Transaction<'_>, workers: usize) -> Result<Option<i64>, rusqlite::Error> {
+/// The digest and the parameters of a point.
+fn point_of(
+    connection: &Connection,
+    point: i64,
+) -> Result<(i64, sd_core::Params), rusqlite::Error> {
+    connection
+        .prepare_cached("SELECT digest, params FROM points WHERE id = ?1")?
+        .query_row([point], |row| {
+            Ok((row.get(0)?, super::query::params(row, 1)?))
+        })
+}
+
+/// The cases that come next in the order of work: one, or as many short ones as make a batch.
+fn next(
+    connection: &Connection,
+    workers: usize,
+    batch_s: f64,
+) -> Result<Vec<i64>, rusqlite::Error> {
+    let mut query = connection.prepare_cached(
+        "SELECT id, cost, steps_done > 0 OR deaths > 0 FROM cases WHERE state = 'pending' AND counts
+         ORDER BY turn, gain DESC, position LIMIT ?1",
+    )?;
+    let mut rows = query.query([integer((BATCH_CASES * workers.max(1)) as u64)])?;
+    let (mut batch, mut work, mut others) = (Vec::new(), 0.0, 0.0);
+    while let Some(row) = rows.next()? {
+        // One that was begun, or whose process died, is taken alone: it is known then which one kills processes.
+        let (id, cost, is_alone): (i64, f64, bool) = (row.get(0)?, row.get(1)?, row.get(2)?);
+        if batch.is_empty() {
+            (work, batch) = (cost, vec![id]);
+            if is_alone {
+                break;
+            }
+        } else if others < work * (workers as f64 - 1.0) {
+            // Each of the others gets as much.
+            others += cost;
+        } else if is_alone || work + cost > batch_s || batch.len() >= BATCH_CASES {
+            break;
+        } else {
+            work += cost;
+            batch.push(id);
+        }
+    }
+    Ok(batch)
+}
+
+/// The most expensive pending case, if the rest of what is pending would not keep the other workers busy for as long as it takes.
+fn overdue(connection: &Connection, workers: usize) -> Result<Option<i64>, rusqlite::Error> {
     if workers < 2 {
         return Ok(None);
     }
-    let waiting: f64 = transaction
-        .prepare_cached(
-            "SELECT total(cost) FROM cases WHERE state = 'pending' AND position IS NOT NULL AND deaths < ?1",
-        )?
-        .query_row([SUSPECT], |row| row.get(0))?;
-    let dearest: Option<(i64, f64)> = transaction
-        .prepare_cached(
-            "SELECT id, cost FROM cases WHERE state = 'pending' AND position IS NOT NULL AND deaths < ?1
-             ORDER BY cost DESC, rank LIMIT 1",
-        )?
-        .query_row([SUSPECT], |row| Ok((row.get(0)?, row.get(1)?)))
-        .optional()?;
-    Ok(dearest.and_then(|(id, cost)| {
-        let others = (waiting - cost) / (workers as f64 - 1.0);
-        (cost >= others).then_some(id)
-    }))
-}
-
-/// Ends those cases of a dead process as failed that died too often. Says how many.
-fn quarantine(transaction: &Transaction<'_>, process: i64) -> Result<usize, rusqlite::Error> {
-    let condemned: Vec<(i64, String, u64, i64)> = transaction
-        .prepare("SELECT id, params, seed, steps_done FROM cases WHERE owner = ?1 AND state = 'running' AND deaths >= ?2")?
-        .query_map(params![process, DEATH_LIMIT], |row| {
-            Ok((row.get(0)?, row.get(1)?, count(row.get(2)?), row.get(3)?))
-        })?
-        .collect::<Result<_, _>>()?;
-    let number = condemned.len();
-    for (id, params, seed, steps_done) in condemned {
-        let last = transaction
-            .prepare("SELECT data FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC")?
-            .query_map([id], |row| row.get::<_, Vec<u8>>(0))?
-            .filter_map(Result::ok)
-            .find_map(|bytes| Checkpoint::decode(&bytes).ok());
-        let case = serde_json::from_str(&params).ok().map(|params| Case {
-            params,
-            seed,
-            steps: 0,
-            sample_stride: 1,
-        });
-        let time_step = case.as_ref().map_or(0.0, |case| case.params.time_step);
-        let snapshot = case
-            .zip(last)
-            .map(|(case, last)| replay(&case.params, &last.snapshot));
-        transaction.execute(
-            "INSERT INTO failures (case_id, attempt, error, step, strain, snapshot, process, failed_at)
-             SELECT ?1, attempts, ?2, ?3, ?4, ?5, ?6, ?7 FROM cases WHERE id = ?1",
-            params![
-                id,
-                format!(
-                    "its process was killed or crashed {DEATH_LIMIT} times in a row before its next checkpoint \
-                     (out of memory?); `sweep run --retry-failed` tries again"
-                ),
-                steps_done,
-                count(steps_done) as f64 * time_step,
-                snapshot,
-                process,
-                process::now(),
-            ],
-        )?;
-        checksum::seal(transaction, Kind::Failure, transaction.last_insert_rowid())?;
-        transaction.execute(
-            "UPDATE cases SET state = 'failed', owner = NULL, changed_at = ?2 WHERE id = ?1",
-            params![id, process::now()],
-        )?;
-        drop_checkpoints(transaction, id)?;
-        super::rules::apply_to_case(transaction, id)?;
+    let mut query = connection.prepare_cached(
+        "SELECT id, cost, steps_done > 0 OR deaths >= ?2 FROM cases WHERE state = 'pending' AND counts
+         ORDER BY cost DESC LIMIT ?1",
+    )?;
+    let mut rows = query.query(params![integer(LOOKED_AT as u64), SUSPECT])?;
+    let Some(first) = rows.next()? else {
+        return Ok(None);
+    };
+    let (id, cost, has_its_turn): (i64, f64, bool) = (first.get(0)?, first.get(1)?, first.get(2)?);
+    // Those that were begun come first in any case, and those that kill their processes last.
+    if has_its_turn {
+        return Ok(None);
     }
-    Ok(number)
+    let mut others = 0.0;
+    while let Some(row) = rows.next()? {
+        others += row.get::<_, f64>(1)?;
+        if others > cost * (workers as f64 - 1.0) {
+            return Ok(None);
+        }
+    }
+    Ok(Some(id))
 }
 
-/// Makes all running cases of a process pending.
-fn free(transaction: &Transaction<'_>, process: i64) -> Result<usize, rusqlite::Error> {
-    transaction.execute(
-        "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?2 WHERE owner = ?1 AND state = 'running'",
-        params![process, process::now()],
-    )
+/// The checkpoints of a case, the newest first.
+pub(super) fn checkpoints(
+    connection: &Connection,
+    case: i64,
+) -> Result<Vec<Result<Checkpoint, Damage>>, rusqlite::Error> {
+    connection
+        .prepare_cached(
+            "SELECT CASE WHEN length(data) <= ?2 THEN data ELSE x'' END FROM checkpoints
+             WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC",
+        )?
+        .query_map(
+            params![case, integer(Checkpoint::SIZE_LIMIT as u64)],
+            |row| Ok(Checkpoint::decode(row.get_ref(0)?.as_blob()?)),
+        )?
+        .collect()
+}
+
+/// Writes a checkpoint in place of another one.
+pub(super) fn put_checkpoint(
+    connection: &Connection,
+    case: i64,
+    generation: i64,
+    steps: u64,
+    process: i64,
+    data: &[u8],
+) -> Result<(), rusqlite::Error> {
+    connection
+        .prepare_cached(
+            "INSERT OR REPLACE INTO checkpoints (case_id, generation, steps, process, written_at, data)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+        )?
+        .execute(params![case, generation, integer(steps), process, process::now(), data])
+        .map(|_| ())
 }
 
 /// Drops all checkpoints of a case.
-pub(super) fn drop_checkpoints(
-    transaction: &Transaction<'_>,
-    case: i64,
-) -> Result<(), rusqlite::Error> {
-    transaction
+pub(super) fn drop_checkpoints(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
+    connection
         .prepare_cached("DELETE FROM checkpoints WHERE case_id = ?1")?
-        .execute([case])?;
-    Ok(())
+        .execute([case])
+        .map(|_| ())
+}
+
+/// Gives a case a state that is an end.
+pub(super) fn end(
+    connection: &Connection,
+    case: i64,
+    state: State,
+    steps: u64,
+) -> Result<(), rusqlite::Error> {
+    connection
+        .prepare_cached(
+            "UPDATE cases SET state = ?2, owner = NULL, steps_done = ?3, changed_at = ?4 WHERE id = ?1",
+        )?
+        .execute(params![case, state.name(), integer(steps), process::now()])
+        .map(|_| ())
+}
+
+/// Makes all running cases of a process pending.
+pub(super) fn free(connection: &Connection, process: i64) -> Result<usize, rusqlite::Error> {
+    free_where(connection, "owner = ?2 AND state = 'running'", &[&process])
+}
+
+/// Makes cases pending that meet a condition, with parameters from ?2 on: those that were begun go on before any other.
+pub(super) fn free_where(
+    connection: &Connection,
+    condition: &str,
+    parameters: &[&dyn ToSql],
+) -> Result<usize, rusqlite::Error> {
+    let mut statement =
+        String::from("UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?1, ");
+    let _ = write!(statement, "turn = {} WHERE {condition}", turn("steps_done"));
+    let now = process::now();
+    connection
+        .prepare_cached(&statement)?
+        .execute(params_from_iter(
+            std::iter::once(&now as &dyn ToSql).chain(parameters.iter().copied()),
+        ))
+}
+
+/// The turn of a case with so many steps done, as SQL: before the others if it was begun, after them if it kills its processes.
+pub(super) fn turn(steps_done: &str) -> String {
+    format!(
+        "((turn + {AHEAD}) % {AHEAD} + CASE WHEN deaths >= {SUSPECT} THEN {AHEAD}
+             WHEN {steps_done} > 0 THEN -{AHEAD} ELSE 0 END)"
+    )
+}
+
+/// The turn of a case that is neither, by its rank.
+pub(super) fn plain_turn(rank: u64) -> i64 {
+    integer(rank).min(AHEAD - 1)
 }

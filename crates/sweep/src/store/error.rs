@@ -1,6 +1,6 @@
 //! What can be wrong with a store.
 
-use super::checksum::Altered;
+use super::digest::Altered;
 use super::place::{is_full, reason_against};
 use rusqlite::ErrorCode;
 use std::io;
@@ -36,7 +36,7 @@ pub enum StoreError {
     /// A store with the log of another one beside it, or of another day of its own.
     #[error("the log {} does not belong to {}: it was written for another store, or before this file was put there", log.display(), path.display())]
     #[diagnostic(help(
-        "nothing was changed; `sweep salvage {} --in-place` leaves the log out, and sets the old files aside",
+        "nothing was changed; `sweep merge NEW.sqlite {}` takes what the store holds without this log into a new one",
         path.display()
     ))]
     ForeignLog {
@@ -48,8 +48,8 @@ pub enum StoreError {
     /// A store in which something is not what was written.
     #[error("{} is damaged: {what}", path.display())]
     #[diagnostic(help(
-        "nothing was changed; `sweep salvage {} --in-place` keeps all that is whole and sets the old files aside; what is lost \
-         is computed again by `sweep run`, with the same digits",
+        "`sweep run` computes damaged runs again, with the same digits, and `sweep check {0}` lists them; from a file that cannot \
+         be read any more `sweep merge NEW.sqlite {0}` takes what is whole into a new store",
         path.display()
     ))]
     Damaged {
@@ -75,8 +75,12 @@ pub enum StoreError {
         path: PathBuf,
     },
     /// A store of another schema.
-    #[error("{} has schema {found}, and this program knows schema {known}: {what}", path.display())]
-    #[diagnostic(help("nothing was changed in it"))]
+    #[error(
+        "{} has schema {found}, and this program knows schema {known}: it was made by another version of sweep", path.display()
+    )]
+    #[diagnostic(help(
+        "nothing was changed in it; use the version that made it, or choose another place with --store FILE"
+    ))]
     Schema {
         /// The file.
         path: PathBuf,
@@ -84,15 +88,6 @@ pub enum StoreError {
         found: i32,
         /// Ours.
         known: i32,
-        /// Which is older, and what to do.
-        what: &'static str,
-    },
-    /// A store in which no campaign was ever run.
-    #[error("{} holds no campaign yet", path.display())]
-    #[diagnostic(help("`sweep run CAMPAIGN.toml --store FILE` enters one"))]
-    NoCampaign {
-        /// The file.
-        path: PathBuf,
     },
     /// A store of another campaign.
     #[error("{} is the store of campaign {found:?}, not of {wanted:?}", path.display())]
@@ -160,19 +155,6 @@ pub enum StoreError {
         /// Those of the store.
         known: String,
     },
-    /// A store that is to be moved while a process works on it.
-    #[error("process {pid} on {host} works on {}", path.display())]
-    #[diagnostic(help(
-        "nothing was changed; end that process first, or save into another file with --to NEW"
-    ))]
-    InUse {
-        /// The store.
-        path: PathBuf,
-        /// The process.
-        pid: u32,
-        /// Its host.
-        host: String,
-    },
     /// A file system without what several processes need to share a file.
     #[error("{}: this file system cannot keep a write-ahead log", path.display())]
     #[diagnostic(help("put the store on a local disk with --store FILE"))]
@@ -182,32 +164,15 @@ pub enum StoreError {
     },
     /// The file was taken away while it was in use.
     #[error("the store {} was {what} while it was in use", path.display())]
-    #[diagnostic(help("{advice}"))]
+    #[diagnostic(help(
+        "what this process wrote since is lost with it, and nothing was left behind; restore the store from a copy, or give the \
+         same command again to begin anew"
+    ))]
     Gone {
         /// The file.
         path: PathBuf,
         /// What was done to it.
         what: &'static str,
-        /// What can be done.
-        advice: String,
-    },
-    /// A store out of which nothing can be saved.
-    #[error("nothing can be saved from {}: {reason}", path.display())]
-    #[diagnostic(help("{advice}"))]
-    Hopeless {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-        /// What can be done.
-        advice: &'static str,
-    },
-    /// A place that is taken.
-    #[error("{} is there already", path.display())]
-    #[diagnostic(help("nothing was written; name a file that does not exist yet"))]
-    Exists {
-        /// The file.
-        path: PathBuf,
     },
     /// Another process took the case over; what this one computed of it does not count.
     #[error("case {key} was taken over by another process")]
@@ -247,10 +212,10 @@ pub enum StoreError {
         /// What is wrong with it.
         reason: String,
     },
-    /// `SQLite` failed.
+    /// I/O failed, or `SQLite`.
     #[error("{}: {what}", path.display())]
     #[diagnostic(help("{advice}"))]
-    Trouble {
+    Sqlite {
         /// The file.
         path: PathBuf,
         /// What happened.
@@ -277,6 +242,14 @@ impl StoreError {
             };
         }
         let path = path.to_owned();
+        // Values that cannot be what is read, rows and tables that are not there.
+        let message = source.to_string();
+        if source.sqlite_error_code().is_none() || message.contains("no such ") {
+            return Self::Damaged {
+                path,
+                what: message,
+            };
+        }
         let code = source.sqlite_error_code().map(|code| match code {
             // The index of the log, for one, can then not be made.
             ErrorCode::SystemIoFailure | ErrorCode::CannotOpen if is_full(&path) => {
@@ -320,10 +293,10 @@ impl StoreError {
             ),
             _ => (
                 source.to_string(),
-                "give the same command again; if that does not help, `sweep salvage FILE --in-place` keeps all that is whole",
+                "give the same command again; if that does not help, `sweep check FILE` says whether the store is damaged",
             ),
         };
-        Self::Trouble {
+        Self::Sqlite {
             path,
             what,
             advice,
@@ -340,8 +313,9 @@ impl StoreError {
             | Self::Gone { .. }
             | Self::Displaced { .. }
             | Self::Damaged { .. }
+            | Self::Entry { .. }
             | Self::ForeignLog { .. } => true,
-            Self::Trouble {
+            Self::Sqlite {
                 under_way, passing, ..
             } => *under_way || *passing,
             _ => false,

@@ -4,20 +4,21 @@
 //! which must have the same bits, the later attempt is kept if they do not.
 
 mod case;
-mod difference;
 mod shards;
 
-use super::entries::entry;
 use super::process::now;
-use super::{Store, StoreError, count, ends, integer, rules};
+use super::{Store, StoreError, count, ends, rules};
 use crate::campaign::Protocol;
 use case::Merging;
-use rusqlite::params;
+use rusqlite::{Connection, params};
 use serde::Serialize;
 use shards::{Shard, Stamp, foreign};
 use std::collections::{BTreeSet, HashMap};
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+/// Numbers in a row that are looked for on pages of a damaged store.
+const MOST_MISSED: u32 = 10_000;
 
 /// What a merge did.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -115,14 +116,16 @@ impl Store {
                 continue;
             }
             match Shard::look(path) {
-                Ok(shard) if mode != MergeMode::Reuse && shard.campaign != name => {
-                    return Err(StoreError::OtherCampaign {
-                        path: path.clone(),
-                        found: shard.campaign,
-                        wanted: name,
-                    });
-                }
-                Ok(shard) => readable.push(shard),
+                Ok(shard) => match shard.campaign.clone() {
+                    Some(found) if mode != MergeMode::Reuse && found != name => {
+                        return Err(StoreError::OtherCampaign {
+                            path: path.clone(),
+                            found,
+                            wanted: name,
+                        });
+                    }
+                    _ => readable.push(shard),
+                },
                 Err(error) => merged.damaged.push(Damaged {
                     path: path.clone(),
                     reason: error.to_string(),
@@ -145,10 +148,18 @@ impl Store {
         for (number, shard) in readable.iter().enumerate() {
             let mixed = foreign.iter().any(|(of, _)| *of == number);
             // Once is enough: other averages come from other strains discarded, which is rare.
-            let protocol = (number + 1 == readable.len()).then_some(&protocol);
-            self.merge_one(mode, shard, mixed, protocol, &mut merged)?;
+            let is_last = number + 1 == readable.len();
+            self.merge_one(mode, shard, mixed, (&protocol, is_last), &mut merged)?;
         }
         Ok(merged)
+    }
+
+    /// The campaign file of a shard, or of a damaged store, to the letter.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or whose campaign is damaged.
+    pub fn campaign_of(shard: &Path) -> Result<String, StoreError> {
+        shards::open(shard)?.0.campaign_text()
     }
 
     /// Whether a shard is recorded as merged and has not changed since.
@@ -196,11 +207,11 @@ impl Store {
         mode: MergeMode,
         shard: &Shard,
         mixed: bool,
-        protocol: Option<&Protocol>,
+        (protocol, is_last): (&Protocol, bool),
         merged: &mut Merged,
     ) -> Result<(), StoreError> {
-        let store = match Self::open_shard(&shard.path) {
-            Ok(store) => store,
+        let store = match shards::open(&shard.path) {
+            Ok((store, _)) => store,
             Err(error) => {
                 merged.damaged.push(Damaged {
                     path: shard.path.clone(),
@@ -209,40 +220,31 @@ impl Store {
                 return Ok(());
             }
         };
-        let old = &store.connection;
         let builds = self.json("shards", serde_json::to_string(&shard.builds))?;
-        let mut damage = None;
         let before = merged.clone();
-        let written = self.write(|transaction| {
-            let ids: Result<Vec<i64>, _> = old
-                .prepare("SELECT id FROM cases ORDER BY id LIMIT ?1")
-                .and_then(|mut query| {
-                    let most = 4 * integer(crate::campaign::CASE_LIMIT);
-                    query.query_map([most], |row| row.get(0))?.collect()
-                });
+        let mut damage = shard.damage.clone();
+        let written = self.write(|connection| {
             let mut merging = Merging {
-                old,
-                transaction,
+                other: &store.connection,
+                connection,
                 mode,
+                protocol,
                 processes: HashMap::new(),
                 merged,
             };
-            for id in ids.unwrap_or_else(|error| {
-                damage = Some(error.to_string());
-                Vec::new()
-            }) {
-                match entry(old, "cases", "id", id) {
-                    Ok(Some(case)) => merging.case(id, case)?,
-                    Ok(None) => {}
-                    Err(error) => damage = Some(error.to_string()),
-                }
+            let (ids, is_all) = cases_of(&store.connection);
+            if !is_all {
+                damage.get_or_insert_with(|| "not all of its cases can be read".into());
             }
-            if let Some(protocol) = protocol {
-                ends::settle_all(transaction, protocol)?;
-                rules::apply_all(transaction)?;
+            for id in ids {
+                merging.case(id)?;
+            }
+            if is_last {
+                ends::settle_all(connection, protocol)?;
+                rules::apply_all(connection)?;
             }
             if mode == MergeMode::Campaign && damage.is_none() {
-                transaction.execute(
+                connection.execute(
                     "INSERT OR REPLACE INTO shards (name, size, modified, builds, mixed, merged_at)
                      VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
                     params![
@@ -337,4 +339,27 @@ impl Store {
         )
         .map(count)
     }
+}
+
+/// The numbers of the cases of a store, and whether these are all. Of a damaged one those on pages that can be read.
+fn cases_of(other: &Connection) -> (Vec<i64>, bool) {
+    let (mut ids, mut is_all, mut last, mut missed) = (Vec::new(), true, 0, 0);
+    let most = 4 * usize::try_from(crate::campaign::CASE_LIMIT).unwrap_or(usize::MAX);
+    while ids.len() < most && missed < MOST_MISSED {
+        let read = other
+            .prepare_cached("SELECT id FROM cases WHERE id > ?1 ORDER BY id")
+            .and_then(|mut query| {
+                let mut rows = query.query([last])?;
+                while let Some(row) = rows.next()?.filter(|_| ids.len() < most) {
+                    (last, missed) = (row.get(0)?, 0);
+                    ids.push(last);
+                }
+                Ok(())
+            });
+        if read.is_ok() {
+            return (ids, is_all);
+        }
+        (is_all, last, missed) = (false, last + 1, missed + 1);
+    }
+    (ids, false)
 }

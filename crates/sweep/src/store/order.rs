@@ -1,15 +1,42 @@
 //! The order of work: what the user puts first, then one seed of every point, the cheapest first, so that a curve stands early;
-//! then the other seeds, the dearest first, so that no core idles at the end; then what precisions ask for, the batch with most
-//! to gain per second first. Where every point has one seed only, the dearest points, behind which three quarters of the work are, go
-//! dearest first as the other seeds would.
+//! then the other seeds, the most expensive first, so that no core idles at the end; then what precisions request, the batch with
+//! most to gain per second first. Where every point has one seed only, the most expensive points, which account for 75 % of the work,
+//! go most expensive first as the other seeds would.
 
-use super::{Store, StoreError, integer};
 use crate::axes::{Axis, Value, identity};
 use crate::campaign::Campaign;
 use crate::case::Case;
-use rusqlite::params;
 use sd_core::Params;
 use std::collections::HashMap;
+use std::fmt;
+
+/// What decides on the order of work.
+#[derive(Clone, Copy)]
+pub struct Order<'o> {
+    /// Which points come first.
+    pub priority: &'o Priority,
+    /// Estimated seconds of CPU of a case.
+    pub cost: &'o dyn Fn(&Case) -> f64,
+}
+
+impl Default for Order<'_> {
+    /// No point comes first, and costs are estimated roughly.
+    fn default() -> Self {
+        static NONE: Priority = Priority { axes: Vec::new() };
+        Self {
+            priority: &NONE,
+            cost: &|case| case.cost(),
+        }
+    }
+}
+
+impl fmt::Debug for Order<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Order")
+            .field("priority", self.priority)
+            .finish_non_exhaustive()
+    }
+}
 
 /// Which points come first: see [`Priority::parse`].
 #[derive(Debug, Clone, Default)]
@@ -48,6 +75,13 @@ impl Priority {
             axes.push((axis, values));
         }
         Ok(Self { axes })
+    }
+
+    /// The same in words.
+    pub(super) fn words(&self) -> String {
+        let word =
+            |(axis, values): &(&Axis, Vec<String>)| format!("{}={}", axis.key, values.join(","));
+        self.axes.iter().map(word).collect::<Vec<_>>().join(" ")
     }
 
     /// Makes sure that every value named is one that some case has.
@@ -106,10 +140,20 @@ pub(super) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> 
         later[first..rule.cases.end].fill(true);
     }
     let mut seeds: HashMap<_, usize> = HashMap::new();
+    // Cases of a point come one after the other in their file.
+    let mut last: Option<(&Params, crate::axes::Identity)> = None;
     let mut order: Vec<(Vec<f64>, usize, f64, usize, usize)> =
         Vec::with_capacity(campaign.cases.len());
     for (position, (_, case)) in campaign.cases.iter().enumerate() {
-        let seed = seeds.entry(identity(&case.params)).or_default();
+        let point = match last.take() {
+            Some((params, point)) if *params == case.params => point,
+            _ => identity(&case.params),
+        };
+        let seed = match seeds.get_mut(&point) {
+            Some(seed) => seed,
+            None => seeds.entry(point.clone()).or_default(),
+        };
+        last = Some((&case.params, point));
         let (round, cost) = match *seed {
             _ if later[position] => (2, 0.0),
             0 => (0, costs[position]),
@@ -119,7 +163,7 @@ pub(super) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> 
         *seed += 1;
     }
     if order.iter().all(|(_, round, ..)| *round == 0) {
-        let limit = limit_of_the_dear(costs);
+        let limit = expensive_threshold(costs);
         for (_, round, cost, ..) in order.iter_mut().filter(|(_, _, cost, ..)| *cost > limit) {
             (*round, *cost) = (1, -*cost);
         }
@@ -151,7 +195,7 @@ pub(super) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> 
 }
 
 /// The largest cost of those cases, the cheapest, that together make a quarter of the work.
-fn limit_of_the_dear(costs: &[f64]) -> f64 {
+fn expensive_threshold(costs: &[f64]) -> f64 {
     let mut costs = costs.to_vec();
     costs.sort_unstable_by(f64::total_cmp);
     let quarter = 0.25 * costs.iter().sum::<f64>();
@@ -161,31 +205,6 @@ fn limit_of_the_dear(costs: &[f64]) -> f64 {
         sum <= quarter
     });
     cheap.last().copied().unwrap_or(0.0)
-}
-
-impl Store {
-    /// Puts the open cases of the campaign in order, with what each costs in seconds.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn put_in_order(
-        &mut self,
-        campaign: &Campaign,
-        priority: &Priority,
-        cost: impl Fn(&Case) -> f64,
-    ) -> Result<(), StoreError> {
-        let costs: Vec<f64> = campaign.cases.iter().map(|(_, case)| cost(case)).collect();
-        let ranks = ranks(campaign, &costs, priority);
-        self.write(|transaction| {
-            let mut update = transaction.prepare(
-                "UPDATE cases SET rank = ?2, cost = ?3 WHERE key = ?1 AND (rank != ?2 OR cost != ?3)",
-            )?;
-            for (((key, _), rank), cost) in campaign.cases.iter().zip(ranks).zip(costs) {
-                update.execute(params![key.to_string(), integer(rank), cost])?;
-            }
-            super::rules::apply_all(transaction)
-        })
-    }
 }
 
 #[cfg(test)]

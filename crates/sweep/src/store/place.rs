@@ -1,9 +1,9 @@
 //! Where a store lies: whether its file is still the one that was opened, whether there is room, on what it is stored.
 
 use super::StoreError;
+use super::log::log_of;
 use crate::files::folder_of;
 use std::cell::Cell;
-use std::fs::Metadata;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
@@ -21,17 +21,11 @@ pub(super) struct FileIdentity {
 impl FileIdentity {
     /// Of the file that now has this name.
     pub(super) fn of(path: &Path) -> Option<Self> {
-        std::fs::metadata(path)
-            .ok()
-            .map(|file| Self::of_file(&file))
-    }
-
-    /// Of a file that was looked at.
-    pub(super) fn of_file(file: &Metadata) -> Self {
-        Self {
+        let file = std::fs::metadata(path).ok()?;
+        Some(Self {
             device: file.dev(),
             number: file.ino(),
-        }
+        })
     }
 }
 
@@ -40,99 +34,46 @@ impl FileIdentity {
 pub(super) struct Files {
     path: PathBuf,
     database: Option<FileIdentity>,
-    log: Option<FileIdentity>,
-    /// The largest log seen: while somebody has it open a log never becomes shorter.
-    log_size: Cell<u64>,
-}
-
-/// What became of the files of an open store.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Loss {
-    /// There is no file of its name any more.
-    Deleted,
-    /// Another file has its name.
-    Replaced,
-    /// Its log was deleted.
-    LogDeleted,
-    /// Another log has the name of its own.
-    LogReplaced,
-    /// The end of its log was cut off.
-    LogCut,
-}
-
-impl Loss {
-    /// What was done to the store, to go with "it was".
-    pub(super) const fn words(self) -> &'static str {
-        match self {
-            Self::Deleted => "deleted",
-            Self::Replaced => "replaced",
-            Self::LogDeleted => "robbed of its log",
-            Self::LogReplaced => "given another log",
-            Self::LogCut => "robbed of the end of its log",
-        }
-    }
+    log: Cell<Option<FileIdentity>>,
 }
 
 impl Files {
-    /// Of a store that was just opened.
-    pub(super) fn of(path: &Path) -> Self {
-        let log = log_of(path);
+    /// Of a store that is open; its file was this one before.
+    pub(super) fn of(path: &Path, database: Option<FileIdentity>) -> Self {
         Self {
-            database: FileIdentity::of(path),
-            log: FileIdentity::of(&log),
-            log_size: Cell::new(size(&log)),
             path: path.to_owned(),
+            database,
+            log: Cell::new(FileIdentity::of(&log_of(path))),
         }
-    }
-
-    /// Whether the log is still the one that was opened.
-    pub(super) fn has_own_log(&self) -> bool {
-        self.log.is_some() && FileIdentity::of(&log_of(&self.path)) == self.log
     }
 
     /// What became of them, if they are not what they were. What is written after that would be lost.
-    pub(super) fn loss(&self) -> Option<Loss> {
-        match FileIdentity::of(&self.path) {
-            None => return Some(Loss::Deleted),
-            found if found != self.database => return Some(Loss::Replaced),
-            Some(_) => {}
+    pub(super) fn loss(&self) -> Option<&'static str> {
+        let database = FileIdentity::of(&self.path);
+        if database.is_none() {
+            return Some("deleted");
         }
+        if database != self.database {
+            return Some("replaced by another file");
+        }
+        let log = FileIdentity::of(&log_of(&self.path));
+        match self.log.get() {
+            None => {
+                self.log.set(log);
+                None
+            }
+            own if own == log => None,
+            _ => Some("parted from its log"),
+        }
+    }
+
+    /// Takes the log away that these files left beside another store, if it is theirs.
+    pub(super) fn remove_own_log(&self) {
         let log = log_of(&self.path);
-        match FileIdentity::of(&log) {
-            _ if self.log.is_none() => return None,
-            None => return Some(Loss::LogDeleted),
-            found if found != self.log => return Some(Loss::LogReplaced),
-            Some(_) => {}
+        if self.log.get().is_some() && FileIdentity::of(&log) == self.log.get() {
+            let _ = std::fs::remove_file(log);
+            let _ = std::fs::remove_file(with_suffix(&self.path, "-shm"));
         }
-        let size = size(&log);
-        if size < self.log_size.get() {
-            return Some(Loss::LogCut);
-        }
-        self.log_size.set(size);
-        None
-    }
-}
-
-/// The length of a file, 0 if there is none.
-fn size(path: &Path) -> u64 {
-    std::fs::metadata(path).map_or(0, |file| file.len())
-}
-
-/// Moves what lies beside the name of a store, such as a log, out of the way of a file that is to have that name; nothing is
-/// deleted.
-pub(super) fn set_aside(path: &Path) -> std::io::Result<()> {
-    let index = with_suffix(path, "-shm");
-    for beside in [log_of(path), with_suffix(path, "-journal")] {
-        if beside.exists() {
-            let mut name = beside.clone().into_os_string();
-            name.push(format!(".set-aside-{}", std::process::id()));
-            std::fs::rename(&beside, name)?;
-        }
-    }
-    // The index of a log is made anew from the log.
-    match std::fs::remove_file(index) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
-        _ => Ok(()),
     }
 }
 
@@ -143,25 +84,14 @@ pub(super) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Gives a file a name that no other file has.
-pub(super) fn name_new(from: &Path, to: &Path) -> std::io::Result<()> {
-    // A link is made only if the name is free; not every file system has links.
-    match std::fs::hard_link(from, to) {
-        Ok(()) => std::fs::remove_file(from),
-        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Err(error),
-        Err(_) if to.exists() => Err(std::io::ErrorKind::AlreadyExists.into()),
-        Err(_) => std::fs::rename(from, to),
+/// Refuses what is no file: a folder, and what would let us wait for ever, as a pipe does.
+pub(super) fn refuse_other_than_files(path: &Path) -> Result<(), StoreError> {
+    let path = path.to_owned();
+    match std::fs::metadata(&path) {
+        Ok(there) if there.is_dir() => Err(StoreError::Folder { path }),
+        Ok(there) if !there.is_file() => Err(StoreError::NotAFile { path }),
+        _ => Ok(()),
     }
-}
-
-/// Refuses a folder where a store is meant.
-pub(super) fn refuse_folder(path: &Path) -> Result<(), StoreError> {
-    if path.is_dir() {
-        return Err(StoreError::Folder {
-            path: path.to_owned(),
-        });
-    }
-    Ok(())
 }
 
 /// Why a file cannot be made or opened for writing, as the system says it.
@@ -201,6 +131,9 @@ pub(crate) fn is_full(path: &Path) -> bool {
                 && (disk.f_bavail.saturating_mul(disk.f_frsize) < ROOM || disk.f_favail == 0)
         })
         || takes_no_more(place)
+        || rustix::process::getrlimit(rustix::process::Resource::Fsize)
+            .current
+            .is_some()
 }
 
 /// Whether the system refuses a small file for want of room: of a quota it says nothing before.
@@ -267,13 +200,6 @@ pub(super) fn address(path: &Path, options: &str) -> String {
         .replace('?', "%3f")
         .replace('#', "%23");
     format!("file:{escaped}?{options}")
-}
-
-/// The write-ahead log beside a database.
-pub(super) fn log_of(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push("-wal");
-    PathBuf::from(name)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Who computed what is stored, and how long the rest will take.
 
-use super::{Store, StoreError, count, process};
+use super::{Store, StoreError, count, digest, registry};
 use serde::Serialize;
 
 /// A process that worked on the store.
@@ -36,36 +36,24 @@ pub(super) fn program(version: &str, physics_version: u64, build: &str) -> Strin
 }
 
 impl Store {
-    /// The campaign file last run, to the letter.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn campaign_text(&self) -> Result<String, StoreError> {
-        self.of_campaign("SELECT text FROM campaign")
-    }
-
-    /// One text of the campaign.
-    pub(super) fn of_campaign(&self, query: &str) -> Result<String, StoreError> {
-        match self.connection.query_row(query, [], |row| row.get(0)) {
-            Err(rusqlite::Error::QueryReturnedNoRows) => Err(StoreError::NoCampaign {
-                path: self.path.clone(),
-            }),
-            result => self.read(result),
-        }
-    }
-
     /// Processes that finished results, the latest first.
     ///
     /// # Errors
     /// Trouble with the file.
     pub fn provenance(&self) -> Result<Vec<Provenance>, StoreError> {
-        let rows = self
+        let rows = digest::check(
+            &self.connection,
+            &format!("SELECT {}, digest FROM processes", registry::COLUMNS),
+            [],
+            "a process that computed",
+        )
+        .and_then(|()| self
             .connection
             .prepare(
                 "SELECT p.host, p.version, p.physics_version, p.build, p.threads, p.started_at, r.results
                  FROM processes p JOIN (SELECT process, count(*) AS results FROM results GROUP BY process) r ON r.process = p.id
                  ORDER BY p.id DESC LIMIT 50",
-            )
+            ))
             .and_then(|mut query| {
                 query
                     .query_map([], |row| {
@@ -82,34 +70,5 @@ impl Store {
                     .collect()
             });
         self.read(rows)
-    }
-
-    /// Seconds until the cases at work and those waiting are done, judged by what finished ones took; `None` if nobody
-    /// works or nothing is finished yet.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn time_left(&self) -> Result<Option<f64>, StoreError> {
-        let (seconds, cost): (f64, f64) = self.read(self.connection.query_row(
-            "SELECT total(r.wall_time_s), total(c.cost * e.steps / c.steps) FROM results r
-                 JOIN cases c ON c.id = r.case_id JOIN ends e ON e.case_id = c.id",
-            [],
-            |row| Ok((row.get(0)?, row.get(1)?)),
-        ))?;
-        let heard_since = process::now()
-            - i64::try_from(process::HEARTBEAT_LIMIT.as_millis()).unwrap_or(i64::MAX);
-        let (running, left): (i64, f64) = self.read(self.connection.query_row(
-            "SELECT total(c.state = 'running' AND p.heartbeat >= ?1),
-                 total(CASE WHEN c.state IN ('pending', 'running') THEN c.cost * (1.0 - 1.0 * c.steps_done / c.steps) END)
-             FROM cases c LEFT JOIN processes p ON p.id = c.owner WHERE c.position IS NOT NULL",
-            [heard_since],
-            |row| Ok((row.get::<_, f64>(0)?, row.get(1)?)),
-        ))
-        .map(|(running, left)| {
-            #[expect(clippy::cast_possible_truncation, reason = "a count")]
-            let running = running as i64;
-            (running, left)
-        })?;
-        Ok((running > 0 && cost > 0.0).then(|| left * seconds / cost / running as f64))
     }
 }

@@ -1,6 +1,6 @@
 //! Taking runs out of a store that its campaign does not ask for.
 
-use super::asked::ORPHANED;
+use super::request::ORPHANED;
 use super::{Store, StoreError, count};
 
 /// Tables with rows of a case, in an order in which they can be emptied, and the column that names the case.
@@ -22,35 +22,28 @@ impl Store {
     /// # Errors
     /// Trouble with the file. Nothing is removed then.
     pub fn prune(&mut self) -> Result<u64, StoreError> {
-        let removed = self.write(|transaction| {
-            let removed = transaction.query_row(
-                &format!("SELECT count(*) FROM cases WHERE {ORPHANED}"),
+        let removed = self.write(|connection| {
+            let removed = connection.query_row(
+                &format!("SELECT count(*) FROM cases c WHERE {ORPHANED}"),
                 [],
                 |row| row.get(0).map(count),
             )?;
-            let orphans = "position IS NULL AND state != 'running'";
-            let of_orphans = format!("case_id IN (SELECT id FROM cases WHERE {orphans})");
-            transaction.execute(
-                &format!(
-                    "DELETE FROM checksums WHERE kind IN ('result', 'end', 'samples') AND id IN
-                         (SELECT id FROM cases WHERE {orphans})
-                         OR kind = 'failure' AND id IN (SELECT id FROM failures WHERE {of_orphans})"
-                ),
-                [],
-            )?;
+            let orphans = "SELECT id FROM cases WHERE NOT counts AND state != 'running'";
             for table in TABLES {
-                transaction.execute(&format!("DELETE FROM {table} WHERE {of_orphans}"), [])?;
+                connection.execute(&format!("DELETE FROM {table} WHERE case_id IN ({orphans})"), [])?;
             }
             // Seeds that a precision may still take keep their place.
-            transaction.execute(
-                &format!(
-                    "UPDATE cases SET state = 'pending', steps_done = 0, attempts = 0, deaths = 0
-                         WHERE {orphans} AND reserve IS NOT NULL"
-                ),
+            connection.execute(
+                "UPDATE cases SET state = 'pending', steps_done = 0, attempts = 0, deaths = 0, samples_digest = NULL
+                 WHERE NOT counts AND state != 'running'",
                 [],
             )?;
-            transaction.execute(
-                &format!("DELETE FROM cases WHERE {orphans} AND reserve IS NULL"),
+            connection.execute(
+                "DELETE FROM cases WHERE position IS NULL AND state != 'running'",
+                [],
+            )?;
+            connection.execute(
+                "DELETE FROM points WHERE id NOT IN (SELECT point FROM cases)",
                 [],
             )?;
             Ok(removed)

@@ -1,15 +1,174 @@
-//! Results and failures: what is left of a run.
+//! Results: what is averaged of a run, and how it is kept; and what is left of a run that failed.
 
-use super::checksum::{self, Kind};
-use super::claims::{Claim, drop_checkpoints};
+use super::claims::{self, Claim};
+use super::digest::{self, Digest, number, whole};
 use super::ends::{self, RunEnd};
-use super::samples::write_samples;
-use super::{Store, StoreError, integer, process, rules};
+use super::{Store, StoreError, failures, process, rules, samples};
 use crate::campaign::Protocol;
-use crate::case::State;
-use rusqlite::{Connection, Transaction, params};
-use sd_core::Sample;
+use crate::case::{Case, State};
+use crate::doubt::Doubt;
+use crate::statistics::{Averages, Distribution};
+use crate::stresses::{self, STRESSES};
+use rusqlite::types::Value;
+use rusqlite::{Connection, params_from_iter};
 use sd_core::simulation::Counters;
+use sd_core::{Params, Sample};
+use std::sync::LazyLock;
+
+/// Columns of a result before those of the stresses, and after them.
+const BEFORE: &str = "discard_step, samples, viscosity, viscosity_quartile_1, viscosity_median, viscosity_quartile_3, \
+     viscosity_stresslet, viscosity_stresslet_quartile_1, viscosity_stresslet_median, viscosity_stresslet_quartile_3, \
+     normal_stress_difference, dissipation, contacts_per_sphere, activated_fraction, rolling_fraction, \
+     mean_approach_velocity, contacts, activated, rolling, approach, minimum_gap, stages, unconverged_stages, \
+     worst_residual, worst_friction_error, jam_events, jammed_strain, final_strain, wall_time_s, resumed, process, \
+     finished_at, jammed_stages, doubts";
+const AFTER: &str = "cpu_time_s, viscosity_part_1, viscosity_part_2, viscosity_part_3, viscosity_part_4, \
+     viscosity_variance, viscosity_correlation";
+
+/// What the digest of a result covers, of the tables `c` of cases, `p` of points and `r` of results; then the digest.
+pub(super) static COVERED: LazyLock<String> = LazyLock::new(|| {
+    format!(
+        "c.key, p.digest, c.state, c.steps_done, c.samples_digest, r.{}, r.digest",
+        columns().replace(", ", ", r.")
+    )
+});
+
+/// The columns of a result.
+pub(super) fn columns() -> String {
+    format!(
+        "{BEFORE}, {}, {AFTER}",
+        stresses::names(STRESSES.iter(), "")
+    )
+}
+
+/// Writes a result.
+static INSERT: LazyLock<String> = LazyLock::new(|| {
+    let columns = columns();
+    let places = vec!["?"; columns.split(", ").count() + 2].join(", ");
+    format!("INSERT OR REPLACE INTO results (case_id, {columns}, digest) VALUES ({places})")
+});
+
+/// A case in a store.
+pub(super) struct Place<'p> {
+    pub(super) id: i64,
+    pub(super) key: &'p str,
+    /// Digest of its point.
+    pub(super) point: i64,
+    pub(super) params: &'p Params,
+}
+
+impl Place<'_> {
+    /// Gives the case the result of its first `steps`, of which some are discarded, and the state that goes with it. `samples` are
+    /// those of these steps, `samples_digest` is of all that are kept.
+    pub(super) fn put_result(
+        &self,
+        connection: &Connection,
+        (state, steps, discard): (State, u64, u64),
+        end: &RunEnd,
+        samples: &[(u64, Sample)],
+        samples_digest: Option<i64>,
+    ) -> Result<(), rusqlite::Error> {
+        let counters = end.counters_at(steps, samples);
+        let averages = Averages::of(samples, discard);
+        let values = self.values((steps, discard), &averages, &counters, samples, end);
+        let samples_digest = samples_digest.map_or(Value::Null, Value::Integer);
+        let digest = Digest::default()
+            .with(&[
+                Value::Text(self.key.to_owned()),
+                Value::Integer(self.point),
+                Value::Text(state.name().to_owned()),
+                whole(steps),
+                samples_digest,
+            ])
+            .with(&values)
+            .finish();
+        let case = Value::Integer(self.id);
+        connection
+            .prepare_cached(&INSERT)?
+            .execute(params_from_iter(
+                std::iter::once(&case)
+                    .chain(&values)
+                    .chain([&Value::Integer(digest)]),
+            ))?;
+        claims::end(connection, self.id, state, steps)
+    }
+
+    /// The values of a result, in the order of its columns.
+    fn values(
+        &self,
+        (steps, discard): (u64, u64),
+        averages: &Averages,
+        counters: &Counters,
+        samples: &[(u64, Sample)],
+        end: &RunEnd,
+    ) -> Vec<Value> {
+        let distribution = |d: &Option<Distribution>| {
+            [
+                number(d.as_ref().map(|d| d.mean)),
+                number(d.as_ref().map(|d| d.quartile_1)),
+                number(d.as_ref().map(|d| d.median)),
+                number(d.as_ref().map(|d| d.quartile_3)),
+            ]
+        };
+        let strain = |steps: u64| number(steps as f64 * self.params.time_step);
+        let averaged: Vec<&Sample> = samples
+            .iter()
+            .filter(|(step, _)| *step >= discard)
+            .map(|(_, sample)| sample)
+            .collect();
+        let doubts = Doubt::write(&Doubt::of(self.params, counters, &averaged));
+        let mut values = vec![whole(discard), whole(averages.samples)];
+        values.extend(distribution(&averages.viscosity));
+        values.extend(distribution(&averages.viscosity_stresslet));
+        values.extend([
+            number(averages.normal_stress_difference),
+            number(averages.dissipation),
+            number(averages.contacts_per_sphere(self.params.spheres)),
+            number(averages.activated_fraction()),
+            number(averages.rolling_fraction()),
+            number(averages.mean_approach_velocity()),
+            whole(averages.contacts),
+            whole(averages.activated),
+            whole(averages.rolling),
+            number(averages.approach),
+            number(counters.minimum_gap),
+            whole(counters.stages),
+            whole(counters.unconverged_stages),
+            number(counters.worst_residual),
+            number(counters.worst_friction_error),
+            whole(counters.jam_events),
+            strain(counters.jammed_steps),
+            strain(steps),
+            number(end.wall_time_s),
+            whole(end.resumed.into()),
+            Value::Integer(end.process),
+            Value::Integer(end.finished_at),
+            whole(counters.jammed_stages),
+            Value::Text(doubts),
+        ]);
+        values.extend(averages.stresses.iter().map(|mean| number(*mean)));
+        let steady = averages.steadiness;
+        values.push(number(end.cpu_time_s));
+        values.extend((0..4).map(|part| number(steady.map(|s| s.parts[part]))));
+        values.push(number(steady.map(|s| s.variance)));
+        values.push(number(steady.map(|s| s.correlation)));
+        values
+    }
+}
+
+/// Makes sure that the result of a case is what was written.
+pub(super) fn check(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
+    digest::check(
+        connection,
+        &format!(
+            "SELECT {} FROM results r JOIN cases c ON c.id = r.case_id JOIN points p ON p.id = c.point
+             WHERE c.id = ?1 AND c.state IN ('done', 'jammed')",
+            *COVERED
+        ),
+        [case],
+        "the result of a run",
+    )
+}
 
 /// A run that came to its end.
 #[derive(Debug)]
@@ -26,7 +185,7 @@ pub struct Finished {
     pub protocol: Protocol,
     /// Seconds of computing.
     pub wall_time_s: f64,
-    /// Seconds of processor.
+    /// Seconds of CPU.
     pub cpu_time_s: f64,
     /// Times it went on from a checkpoint.
     pub resumed: u32,
@@ -52,46 +211,24 @@ pub struct Failure {
 }
 
 impl Store {
-    /// Keeps the result of a case, and its last state.
+    /// Keeps the results of cases, and their last states, in one transaction. Says for each whether this process still owned it: of
+    /// others nothing is kept.
     ///
     /// # Errors
-    /// [`StoreError::ClaimLost`], and trouble with the file.
-    pub fn finish(&mut self, claim: &Claim, finished: &Finished) -> Result<(), StoreError> {
+    /// Trouble with the file.
+    pub fn finish(&mut self, runs: &[(&Claim, &Finished)]) -> Result<Vec<bool>, StoreError> {
         let me = self.me();
-        let owned = self.write(|transaction| {
-            if !end(transaction, claim, me, finished.state, finished.steps)? {
-                return Ok(false);
-            }
-            write_samples(transaction, claim.id, &finished.samples)?;
-            let end = RunEnd {
-                steps: finished.steps,
-                jammed: finished.state == State::Jammed,
-                counters: &finished.counters,
-                state: &finished.last_state,
-            };
-            end.write(transaction, claim.id)?;
-            // Who computed it; what came out of it is filled in below. No run discards as many steps as this says.
-            transaction
-                .prepare_cached(
-                    "INSERT OR REPLACE INTO results (case_id, discard_step, samples, contacts, activated, rolling,
-                         approach, stages, unconverged_stages, jam_events, jammed_strain, final_strain, wall_time_s,
-                         resumed, process, finished_at, cpu_time_s)
-                     VALUES (?1, -1, 0, 0, 0, 0, 0.0, 0, 0, 0, 0.0, 0.0, ?2, ?3, ?4, ?5, ?6)",
-                )?
-                .execute(params![
-                    claim.id,
-                    finished.wall_time_s,
-                    finished.resumed,
-                    me,
-                    process::now(),
-                    finished.cpu_time_s,
-                ])?;
-            ends::settle(transaction, claim.id, &finished.protocol)?;
-            drop_checkpoints(transaction, claim.id)?;
-            rules::apply_to_case(transaction, claim.id)?;
-            Ok(true)
-        })?;
-        owned.then_some(()).ok_or_else(|| claim.lost())
+        self.write(|connection| {
+            runs.iter()
+                .map(|(claim, finished)| {
+                    let is_owned = owns(connection, claim, me)?;
+                    if is_owned {
+                        finish(connection, claim, finished, me)?;
+                    }
+                    Ok(is_owned)
+                })
+                .collect()
+        })
     }
 
     /// Keeps the failure of a case.
@@ -100,106 +237,104 @@ impl Store {
     /// [`StoreError::ClaimLost`], and trouble with the file.
     pub fn fail(&mut self, claim: &Claim, failure: &Failure) -> Result<(), StoreError> {
         let me = self.me();
-        let owned = self.write(|transaction| {
-            if !end(transaction, claim, me, State::Failed, failure.step)? {
+        let owned = self.write(|connection| {
+            if !owns(connection, claim, me)? {
                 return Ok(false);
             }
+            claims::end(connection, claim.id, State::Failed, failure.step)?;
             // Samples of a run that was computed farther before are those of its result.
-            let computed = ends::steps_of(transaction, claim.id)?;
+            let computed = ends::steps_of(connection, claim.id)?;
             if computed.is_none_or(|steps| steps <= failure.step) {
-                write_samples(transaction, claim.id, &failure.samples)?;
+                samples::write(connection, claim.id, &failure.samples)?;
             }
-            let sphere = |sphere: usize| integer(sphere as u64);
-            transaction.execute(
-                "INSERT INTO failures (case_id, attempt, error, step, strain, sphere_i, sphere_j, gap, snapshot, process,
-                     failed_at)
-                 SELECT ?1, attempts, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10 FROM cases WHERE id = ?1",
-                params![
-                    claim.id,
-                    failure.error,
-                    integer(failure.step),
-                    failure.step as f64 * claim.case.params.time_step,
-                    failure.pair.map(|(i, _)| sphere(i)),
-                    failure.pair.map(|(_, j)| sphere(j)),
-                    failure.gap,
-                    failure.snapshot,
-                    me,
-                    process::now(),
-                ],
-            )?;
-            checksum::seal(
-                transaction,
-                Kind::Failure,
-                transaction.last_insert_rowid(),
-            )?;
-            drop_checkpoints(transaction, claim.id)?;
-            rules::apply_to_case(transaction, claim.id)?;
+            let row = failures::Row {
+                attempt: None,
+                error: failure.error.clone(),
+                step: failure.step,
+                strain: failure.step as f64 * claim.case.params.time_step,
+                pair: failure.pair.map(|(i, j)| (i as u64, j as u64)),
+                gap: failure.gap,
+                snapshot: failure.snapshot.clone(),
+                process: me,
+                failed_at: process::now(),
+            };
+            failures::insert(connection, claim.id, row)?;
+            claims::drop_checkpoints(connection, claim.id)?;
+            rules::apply_to_case(connection, claim.id)?;
             Ok(true)
         })?;
         owned.then_some(()).ok_or_else(|| claim.lost())
     }
 
-    /// Makes all failed cases of the grid pending again. Says how many.
+    /// Makes all failed cases of the grid pending again. Returns how many.
     ///
     /// # Errors
     /// Trouble with the file.
     pub fn retry_failed(&mut self) -> Result<usize, StoreError> {
-        self.write(|transaction| {
-            let failed: Vec<i64> = transaction
-                .prepare("SELECT id FROM cases WHERE state = 'failed' AND position IS NOT NULL")?
-                .query_map([], |row| row.get(0))?
+        self.write(|connection| {
+            let failed: Vec<(i64, u64)> = connection
+                .prepare(
+                    "SELECT c.id, coalesce(e.steps, 0) FROM cases c LEFT JOIN ends e ON e.case_id = c.id
+                     WHERE c.state = 'failed' AND c.counts",
+                )?
+                .query_map([], |row| Ok((row.get(0)?, row.get(1).map(super::count)?)))?
                 .collect::<Result<_, _>>()?;
-            for case in failed {
-                checksum::check(transaction, Kind::Samples, case)?;
-                transaction.execute(
-                    "DELETE FROM samples WHERE case_id = ?1
-                         AND step >= coalesce((SELECT steps FROM ends e WHERE e.case_id = samples.case_id), 0)",
-                    [case],
-                )?;
-                checksum::seal(transaction, Kind::Samples, case)?;
+            for (case, steps) in failed {
+                samples::cut(connection, case, steps)?;
             }
-            let reopened = reopen_failed(transaction, "position IS NOT NULL")?;
-            rules::apply_all(transaction)?;
+            let reopened = failures::reopen(connection, "counts")?;
+            rules::apply_all(connection)?;
             Ok(reopened)
         })
     }
 }
 
-/// Makes failed cases that meet a condition pending again: they begin anew, or where they were computed to an end before, go on
-/// from there. Says how many.
-pub(super) fn reopen_failed(
-    connection: &Connection,
-    condition: &str,
-) -> Result<usize, rusqlite::Error> {
-    connection.execute(
-        &format!(
-            "UPDATE cases SET state = 'pending', deaths = 0, changed_at = ?1, steps_done = coalesce(
-                 (SELECT e.steps FROM ends e WHERE e.case_id = cases.id AND e.state IS NOT NULL), 0)
-             WHERE state = 'failed' AND {condition}"
-        ),
-        [process::now()],
-    )
+/// Whether this process still owns a case that it computes.
+fn owns(connection: &Connection, claim: &Claim, me: i64) -> Result<bool, rusqlite::Error> {
+    connection
+        .prepare_cached("SELECT 1 FROM cases WHERE id = ?1 AND owner = ?2 AND state = 'running'")?
+        .exists([claim.id, me])
 }
 
-/// Ends a case that this process owns; says whether it did.
-fn end(
-    transaction: &Transaction<'_>,
+/// Keeps a run that came to its end: the averages are of the samples at hand, unless each point has its own strain to discard.
+fn finish(
+    connection: &Connection,
     claim: &Claim,
+    finished: &Finished,
     me: i64,
-    state: State,
-    steps: u64,
-) -> Result<bool, rusqlite::Error> {
-    let changed = transaction
-        .prepare_cached(
-            "UPDATE cases SET state = ?3, owner = NULL, steps_done = ?4, changed_at = ?5
-             WHERE id = ?1 AND owner = ?2 AND state = 'running'",
-        )?
-        .execute(params![
-            claim.id,
-            me,
-            state.name(),
-            integer(steps),
-            process::now()
-        ])?;
-    Ok(changed == 1)
+) -> Result<(), rusqlite::Error> {
+    let Case { params, .. } = &claim.case;
+    let end = RunEnd {
+        steps: finished.steps,
+        jammed: finished.state == State::Jammed,
+        counters: finished.counters,
+        wall_time_s: finished.wall_time_s,
+        cpu_time_s: finished.cpu_time_s,
+        resumed: finished.resumed,
+        process: me,
+        finished_at: process::now(),
+        state: Some(finished.last_state.clone()),
+    };
+    end.write(connection, claim.id, &claim.key)?;
+    let samples_digest = samples::write(connection, claim.id, &finished.samples)?;
+    claims::drop_checkpoints(connection, claim.id)?;
+    let place = Place {
+        id: claim.id,
+        key: &claim.key,
+        point: claim.point.1,
+        params,
+    };
+    let steps = finished.protocol.with_time_step(params.time_step);
+    let discard = steps.discard_steps();
+    place.put_result(
+        connection,
+        (finished.state, finished.steps, discard.unwrap_or(0)),
+        &end,
+        &finished.samples,
+        samples_digest,
+    )?;
+    if discard.is_none() {
+        ends::settle(connection, claim.id, &finished.protocol)?;
+    }
+    rules::apply_to_case(connection, claim.id)
 }

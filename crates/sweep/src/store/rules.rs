@@ -1,13 +1,14 @@
 //! Seeds that a precision decides on: which of them count, and in which order their batches are computed.
 //!
-//! All seeds that a point may get are in the store from the beginning, without a position. The rule gives positions to those
-//! that count, whenever a case of the point ends, in the same transaction: what counts is a function of the results alone.
+//! All seeds that a point may get are in the store from the beginning. The rule marks those that count, whenever a case of the
+//! point ends, in the same transaction: what counts is a function of the results alone.
 
-use super::checksum::{self, Kind};
+use super::digest::{self, Altered, number, whole};
 use super::{Store, StoreError, count, integer};
 use crate::campaign::Campaign;
 use crate::statistics::{Decision, Measure, Outcome, Precision};
-use rusqlite::{Connection, OptionalExtension, Row, params};
+use rusqlite::types::Value;
+use rusqlite::{Connection, OptionalExtension, Row, params, params_from_iter};
 use sd_core::Params;
 
 /// How a point stands at which a precision is asked for.
@@ -25,33 +26,38 @@ pub struct PointState {
 struct Seed {
     id: i64,
     outcome: Outcome,
-    is_wanted: bool,
+    counts: bool,
     cost: f64,
 }
 
-/// Enters the rules of a campaign in place of those that are there. Its cases are in the store, and those of a rule have their
-/// positions: see [`apply_all`], which takes them from seeds that do not count.
+/// Columns of a rule that its digest covers.
+pub(super) const COLUMNS: &str = "number, precision, quantity, at_least, at_most";
+
+/// Enters the rules of a campaign in place of those that are there. Its cases are in the store, and all count: see [`apply_all`],
+/// which leaves out seeds that do not.
 pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> Result<(), rusqlite::Error> {
     connection.execute("DELETE FROM rules", [])?;
     connection.execute(
-        "UPDATE cases SET point = NULL, reserve = NULL, gain = 0.0 WHERE point IS NOT NULL",
+        "UPDATE cases SET rule = NULL, gain = 0.0 WHERE rule IS NOT NULL",
         [],
     )?;
-    let mut insert = connection.prepare("INSERT INTO rules VALUES (?1, ?2, ?3, ?4, ?5)")?;
-    let mut give =
-        connection.prepare("UPDATE cases SET point = ?2, reserve = position WHERE key = ?1")?;
-    for (point, rule) in campaign.rules.iter().enumerate() {
-        let point = integer(point as u64);
+    let mut insert = connection.prepare(&format!(
+        "INSERT INTO rules ({COLUMNS}, digest) VALUES (?1, ?2, ?3, ?4, ?5, ?6)"
+    ))?;
+    let mut give = connection.prepare("UPDATE cases SET rule = ?2 WHERE key = ?1")?;
+    for (number_of_it, rule) in (0..).zip(&campaign.rules) {
         let precision = rule.precision;
-        insert.execute(params![
-            point,
-            precision.precision,
-            precision.quantity.name(),
-            integer(precision.at_least as u64),
-            integer(precision.at_most as u64),
-        ])?;
+        let mut row = vec![
+            whole(number_of_it),
+            number(precision.precision),
+            Value::Text(precision.quantity.name().into()),
+            whole(precision.at_least as u64),
+            whole(precision.at_most as u64),
+        ];
+        row.push(Value::Integer(digest::of(&row)));
+        insert.execute(params_from_iter(row))?;
         for (key, _) in &campaign.cases[rule.cases.clone()] {
-            give.execute(params![key.to_string(), point])?;
+            give.execute(params![key.to_string(), integer(number_of_it)])?;
         }
     }
     Ok(())
@@ -68,10 +74,9 @@ pub(super) fn apply_all(connection: &Connection) -> Result<(), rusqlite::Error> 
 /// Lets the rule decide that a case belongs to, if it belongs to one.
 pub(super) fn apply_to_case(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
     let found = connection
-        .prepare_cached(
-            "SELECT r.point, r.precision, r.quantity, r.at_least, r.at_most
-             FROM cases c JOIN rules r ON r.point = c.point WHERE c.id = ?1",
-        )?
+        .prepare_cached(&format!(
+            "SELECT {COLUMNS}, digest FROM rules WHERE number = (SELECT rule FROM cases WHERE id = ?1)"
+        ))?
         .query_row([case], rule)
         .optional()?;
     match found {
@@ -80,7 +85,7 @@ pub(super) fn apply_to_case(connection: &Connection, case: i64) -> Result<(), ru
     }
 }
 
-/// Gives positions to the seeds of a point that count, and takes those of the others.
+/// Marks the seeds of a point that count, and no others.
 fn apply(connection: &Connection, point: i64, rule: &Precision) -> Result<(), rusqlite::Error> {
     let seeds = seeds(connection, point, rule)?;
     let decision = decide(rule, &seeds);
@@ -91,22 +96,13 @@ fn apply(connection: &Connection, point: i64, rule: &Precision) -> Result<(), ru
         gain if gain.is_finite() => gain / cost.max(1e-9),
         _ => 0.0,
     };
-    let mut changed = false;
     for (place, seed) in seeds.iter().enumerate() {
-        let is_wanted = place < decision.wanted;
-        let is_new = is_wanted && place >= decision.complete;
-        changed |= is_wanted != seed.is_wanted;
-        if is_wanted != seed.is_wanted || is_new {
+        let counts = place < decision.wanted;
+        if counts != seed.counts || (counts && place >= decision.complete) {
             connection
-                .prepare_cached(
-                    "UPDATE cases SET position = CASE WHEN ?2 THEN reserve END, gain = ?3 WHERE id = ?1",
-                )?
-                .execute(params![seed.id, is_wanted, gain])?;
+                .prepare_cached("UPDATE cases SET counts = ?2, gain = ?3 WHERE id = ?1")?
+                .execute(params![seed.id, counts, gain])?;
         }
-    }
-    if changed {
-        // The number of runs is sealed with the campaign.
-        checksum::seal(connection, Kind::Campaign, 1)?;
     }
     Ok(())
 }
@@ -118,6 +114,11 @@ fn decide(rule: &Precision, seeds: &[Seed]) -> Decision {
 
 /// A row of the rules.
 fn rule(row: &Row<'_>) -> Result<(i64, Precision), rusqlite::Error> {
+    if digest::Digest::default().with_row(row, 0..5)?.finish() != row.get::<_, i64>(5)? {
+        return Err(Altered::error(
+            "the precision requested at a point is not what was written",
+        ));
+    }
     let quantity: String = row.get(2)?;
     let seeds = |column: usize| -> Result<usize, rusqlite::Error> {
         Ok(usize::try_from(count(row.get(column)?)).unwrap_or(usize::MAX))
@@ -133,12 +134,12 @@ fn rule(row: &Row<'_>) -> Result<(i64, Precision), rusqlite::Error> {
     ))
 }
 
-/// All rules.
+/// All rules, in the order of the campaign file.
 fn rules(connection: &Connection) -> Result<Vec<(i64, Precision)>, rusqlite::Error> {
     connection
-        .prepare_cached(
-            "SELECT point, precision, quantity, at_least, at_most FROM rules ORDER BY point",
-        )?
+        .prepare_cached(&format!(
+            "SELECT {COLUMNS}, digest FROM rules ORDER BY number"
+        ))?
         .query_map([], rule)?
         .collect()
 }
@@ -153,8 +154,9 @@ fn seeds(
     let quantity = rule.quantity.name();
     connection
         .prepare_cached(&format!(
-            "SELECT c.id, c.state, c.position IS NOT NULL, c.cost, CASE WHEN coalesce(r.doubts, '') = '' THEN r.{quantity} END
-             FROM cases c LEFT JOIN results r ON r.case_id = c.id WHERE c.point = ?1 ORDER BY c.reserve"
+            "SELECT c.id, c.state, c.counts, c.cost, CASE WHEN r.doubts = '' THEN r.{quantity} END FROM cases c
+             LEFT JOIN results r ON r.case_id = c.id AND c.state = 'done'
+             WHERE c.rule = ?1 ORDER BY c.position"
         ))?
         .query_map([point], |row| {
             let state: String = row.get(1)?;
@@ -166,32 +168,54 @@ fn seeds(
                     ("done" | "jammed" | "failed", _) => Outcome::Lost,
                     _ => Outcome::Open,
                 },
-                is_wanted: row.get(2)?,
+                counts: row.get(2)?,
                 cost: row.get(3)?,
             })
         })?
         .collect()
 }
 
-/// The keys of the first batch of the point of a case, if a rule decides on it.
+/// The cases of the first batch of the point of a case, if a rule decides on it.
 pub(super) fn first_batch(
     connection: &Connection,
     case: i64,
 ) -> Result<Option<Vec<i64>>, rusqlite::Error> {
     let found: Option<(i64, i64)> = connection
         .prepare_cached(
-            "SELECT r.point, r.at_least FROM cases c JOIN rules r ON r.point = c.point WHERE c.id = ?1",
+            "SELECT number, at_least FROM rules WHERE number = (SELECT rule FROM cases WHERE id = ?1)",
         )?
         .query_row([case], |row| Ok((row.get(0)?, row.get(1)?)))
         .optional()?;
     found
         .map(|(point, at_least)| {
             connection
-                .prepare_cached("SELECT id FROM cases WHERE point = ?1 ORDER BY reserve LIMIT ?2")?
+                .prepare_cached("SELECT id FROM cases WHERE rule = ?1 ORDER BY position LIMIT ?2")?
                 .query_map([point, at_least], |row| row.get(0))?
                 .collect()
         })
         .transpose()
+}
+
+/// Makes sure that at every point those seeds count that its rule says, and elsewhere all of the grid.
+pub(super) fn check(connection: &Connection) -> Result<(), rusqlite::Error> {
+    let altered = || Altered::error("which seeds count is not what was written");
+    for (point, rule) in rules(connection)? {
+        let seeds = seeds(connection, point, &rule)?;
+        let wanted = decide(&rule, &seeds).wanted;
+        if seeds
+            .iter()
+            .enumerate()
+            .any(|(place, seed)| seed.counts != (place < wanted))
+        {
+            return Err(altered());
+        }
+    }
+    let left_out: bool = connection
+        .prepare_cached(
+            "SELECT 1 FROM cases WHERE counts != (position IS NOT NULL) AND rule IS NULL",
+        )?
+        .exists([])?;
+    if left_out { Err(altered()) } else { Ok(()) }
 }
 
 impl Store {
@@ -207,7 +231,7 @@ impl Store {
                     let seeds = seeds(&self.connection, point, &rule)?;
                     let params = self
                         .connection
-                        .prepare_cached("SELECT params FROM cases WHERE point = ?1 LIMIT 1")?
+                        .prepare_cached("SELECT p.params FROM cases c JOIN points p ON p.id = c.point WHERE c.rule = ?1 LIMIT 1")?
                         .query_row([point], |row| super::query::params(row, 0))?;
                     Ok(PointState {
                         params,

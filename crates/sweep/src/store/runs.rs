@@ -1,7 +1,7 @@
 //! The runs of a campaign as a table, with all that the store knows of their results.
 
-use super::axis_columns::runs_query;
-use super::{Store, StoreError};
+use super::schema::axis_columns;
+use super::{Store, StoreError, results};
 use crate::axes::Kind;
 use crate::data::{Cells, DataColumn, Word};
 use rusqlite::Connection;
@@ -9,12 +9,22 @@ use rusqlite::types::{FromSqlError, Type, ValueRef};
 use std::collections::HashMap;
 
 impl Store {
-    /// All runs of the campaign in its order, a row each: the columns of the view `runs`, by their names.
+    /// All runs of the campaign in its order, a row each: the columns of the view `runs`, by their names. Nothing came out yet of one
+    /// that is pending.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// [`StoreError::Damaged`], and trouble with the file.
     pub fn runs(&self) -> Result<Vec<DataColumn>, StoreError> {
-        self.read(columns_of(&self.connection, &runs_query()))
+        self.point_runs()?;
+        let query = format!(
+            "SELECT c.key, c.state, {}, c.seed, r.case_id, r.{}
+             FROM cases c JOIN points p ON p.id = c.point
+             LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
+             WHERE c.counts ORDER BY c.position",
+            axis_columns("p."),
+            results::columns().replace(", ", ", r.")
+        );
+        self.read(columns_of(&self.connection, &query))
     }
 }
 
@@ -64,7 +74,8 @@ fn push(cells: &mut Cells, value: ValueRef<'_>) -> Result<(), FromSqlError> {
 fn declared_kinds(connection: &Connection) -> Result<HashMap<String, Kind>, rusqlite::Error> {
     connection
         .prepare(
-            "SELECT name, type FROM pragma_table_info('results') UNION SELECT name, type FROM pragma_table_info('cases')",
+            "SELECT name, type FROM pragma_table_info('results') UNION SELECT name, type FROM pragma_table_info('cases')
+             UNION SELECT name, type FROM pragma_table_info('points')",
         )?
         .query_map([], |row| {
             let declared: String = row.get(1)?;

@@ -1,123 +1,226 @@
 //! Samples of runs.
 
-use super::checksum::{self, Kind};
+use super::digest::{Altered, Digest, number, whole};
 use super::{count, integer};
 use crate::stresses;
-use rusqlite::{Connection, Row, ToSql, Transaction, params_from_iter};
+use rusqlite::types::Value;
+use rusqlite::{Connection, Row, params, params_from_iter};
 use sd_core::Sample;
 use sd_core::simulation::Counters;
+use std::collections::HashMap;
+use std::sync::LazyLock;
 
-/// Columns of a sample before those of the stresses, which are made from their declarations.
-const COLUMNS: &str = "case_id, step, strain, viscosity, viscosity_stresslet, normal_stress_difference, dissipation, contacts, activated, \
+/// Columns of a sample after its case, before those of the stresses, which are made from their declarations.
+const COLUMNS: &str = "step, strain, viscosity, viscosity_stresslet, normal_stress_difference, dissipation, contacts, activated, \
      rolling, slipping, normal_velocity, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, \
      minimum_gap_so_far, jam_events, jammed_steps, jammed_steps_running, jammed_stages, shear_rate";
 /// How many these are.
-const COLUMN_COUNT: usize = 23;
-/// Writes the samples of a case in place of any it had.
-pub(super) fn write_samples(
-    transaction: &Transaction<'_>,
+const COLUMN_COUNT: usize = 22;
+
+/// Reads the samples of a case up to a step.
+static SELECT: LazyLock<String> = LazyLock::new(|| {
+    let names = stresses::names(stresses::parts(), "");
+    format!("SELECT {COLUMNS}, {names} FROM samples WHERE case_id = ?1 ORDER BY step")
+});
+/// Writes one.
+static INSERT: LazyLock<String> = LazyLock::new(|| {
+    let names = stresses::names(stresses::parts(), "");
+    let places = vec!["?"; 1 + COLUMN_COUNT + stresses::parts().count()].join(", ");
+    format!("INSERT INTO samples (case_id, {COLUMNS}, {names}) VALUES ({places})")
+});
+
+/// Writes the samples of a case in place of any it had. Gives their digest, which is kept with the case.
+pub(super) fn write(
+    connection: &Connection,
     case: i64,
     samples: &[(u64, Sample)],
-) -> Result<(), rusqlite::Error> {
-    transaction.execute("DELETE FROM samples WHERE case_id = ?1", [case])?;
-    let names = stresses::names(stresses::parts(), "");
-    let places = vec!["?"; COLUMN_COUNT + stresses::parts().count()].join(", ");
-    let mut insert = transaction.prepare_cached(&format!(
-        "INSERT INTO samples ({COLUMNS}, {names}) VALUES ({places})"
-    ))?;
-    for (step, s) in samples {
-        let fixed: [&dyn ToSql; COLUMN_COUNT] = [
-            &case,
-            &integer(*step),
-            &s.strain,
-            &s.viscosity,
-            &s.viscosity_stresslet,
-            &s.normal_stress_difference,
-            &s.dissipation,
-            &s.contacts,
-            &s.activated,
-            &s.rolling,
-            &s.slipping,
-            &s.normal_velocity,
-            &s.minimum_gap,
-            &integer(s.counters.stages),
-            &integer(s.counters.unconverged_stages),
-            &s.counters.worst_residual,
-            &s.counters.worst_friction_error,
-            &s.counters.minimum_gap,
-            &integer(s.counters.jam_events),
-            &integer(s.counters.jammed_steps),
-            &integer(s.counters.jammed_steps_running),
-            &integer(s.counters.jammed_stages),
-            &s.shear_rate,
-        ];
-        let parts: Vec<f64> = stresses::parts().map(|column| column.read(s)).collect();
-        let parts = parts.iter().map(|part| part as &dyn ToSql);
-        insert.execute(params_from_iter(fixed.into_iter().chain(parts)))?;
+) -> Result<Option<i64>, rusqlite::Error> {
+    connection
+        .prepare_cached("DELETE FROM samples WHERE case_id = ?1")?
+        .execute([case])?;
+    let mut insert = connection.prepare_cached(&INSERT)?;
+    let mut digest = Digest::default();
+    let case_id = Value::Integer(case);
+    for (step, sample) in samples {
+        let values = values(*step, sample);
+        digest = digest.with(&values);
+        insert.execute(params_from_iter(std::iter::once(&case_id).chain(&values)))?;
     }
-    checksum::seal(transaction, Kind::Samples, case)
+    let digest = (!samples.is_empty()).then(|| digest.finish());
+    connection
+        .prepare_cached("UPDATE cases SET samples_digest = ?2 WHERE id = ?1")?
+        .execute(params![case, digest])?;
+    Ok(digest)
 }
 
-/// The samples of a case before a step, or all of them, with their steps. What is not a number comes back as NaN.
+/// The samples of a case, with their steps. What is not a number comes back as NaN.
 ///
 /// # Errors
-/// Those of the query, and [`Altered`](checksum::Altered) if they are not what was written.
-pub(super) fn samples(
+/// Those of the query, and [`Altered`] if they are not what was written.
+pub(super) fn of(
     connection: &Connection,
     case: i64,
-    before: Option<u64>,
 ) -> Result<Vec<(u64, Sample)>, rusqlite::Error> {
-    checksum::check(connection, Kind::Samples, case)?;
-    unchecked(connection, case, before)
+    let written: Option<i64> = connection
+        .prepare_cached("SELECT samples_digest FROM cases WHERE id = ?1")?
+        .query_row([case], |row| row.get(0))?;
+    let mut query = connection.prepare_cached(&SELECT)?;
+    let columns = query.column_count();
+    let (mut digest, mut samples) = (Digest::default(), Vec::new());
+    let mut rows = query.query([case])?;
+    while let Some(row) = rows.next()? {
+        digest = digest.with_row(row, 0..columns)?;
+        samples.push(sample(row)?);
+    }
+    if (!samples.is_empty()).then(|| digest.finish()) == written {
+        Ok(samples)
+    } else {
+        Err(Altered::error(
+            "the samples of a run are not what was written",
+        ))
+    }
 }
 
-/// The same without a look at their checksum.
-pub(super) fn unchecked(
+/// The digests of the samples of all cases as they are now.
+pub(super) fn digests(
     connection: &Connection,
-    case: i64,
-    before: Option<u64>,
-) -> Result<Vec<(u64, Sample)>, rusqlite::Error> {
-    let number = |row: &Row<'_>, column: usize| -> Result<f64, rusqlite::Error> {
+) -> Result<HashMap<i64, Option<i64>>, rusqlite::Error> {
+    let names = stresses::names(stresses::parts(), "");
+    let mut query = connection.prepare(&format!(
+        "SELECT {COLUMNS}, {names}, case_id FROM samples ORDER BY case_id, step"
+    ))?;
+    let case = query.column_count() - 1;
+    let mut rows = query.query([])?;
+    let mut digests = HashMap::new();
+    let mut current: Option<(i64, Digest)> = None;
+    while let Some(row) = rows.next()? {
+        let id = row.get(case)?;
+        let digest = match current.take() {
+            Some((known, digest)) if known == id => digest,
+            other => {
+                digests.extend(other.map(|(id, digest)| (id, Some(digest.finish()))));
+                Digest::default()
+            }
+        };
+        current = Some((id, digest.with_row(row, 0..case)?));
+    }
+    digests.extend(current.map(|(id, digest)| (id, Some(digest.finish()))));
+    Ok(digests)
+}
+
+/// The digest of the samples of a case as they are now.
+fn digest_of(connection: &Connection, case: i64) -> Result<Option<i64>, rusqlite::Error> {
+    let mut query = connection.prepare_cached(&SELECT)?;
+    let columns = query.column_count();
+    let mut rows = query.query([case])?;
+    let mut digest: Option<Digest> = None;
+    while let Some(row) = rows.next()? {
+        digest = Some(digest.unwrap_or_default().with_row(row, 0..columns)?);
+    }
+    Ok(digest.map(Digest::finish))
+}
+
+/// Where two samples differ first, bit for bit, if they do.
+pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<String> {
+    let names = stresses::names(stresses::parts(), "");
+    let names = COLUMNS.split(", ").chain(names.split(", "));
+    let values = values(one.0, &one.1).into_iter().zip(values(two.0, &two.1));
+    names.zip(values).find_map(|(name, (one, two))| {
+        let same = match (&one, &two) {
+            (Value::Real(one), Value::Real(two)) => one.to_bits() == two.to_bits(),
+            (one, two) => one == two,
+        };
+        (!same).then(|| format!("{name} is {}, and {}", shown(&one), shown(&two)))
+    })
+}
+
+/// A value with all its digits.
+fn shown(value: &Value) -> String {
+    match value {
+        Value::Real(real) => format!("{real:?}"),
+        Value::Integer(whole) => whole.to_string(),
+        _ => "nothing".into(),
+    }
+}
+
+/// The values of a sample, in the order of the columns.
+fn values(step: u64, s: &Sample) -> Vec<Value> {
+    let mut values = vec![
+        whole(step),
+        number(s.strain),
+        number(s.viscosity),
+        number(s.viscosity_stresslet),
+        number(s.normal_stress_difference),
+        number(s.dissipation),
+        whole(s.contacts.into()),
+        whole(s.activated.into()),
+        whole(s.rolling.into()),
+        whole(s.slipping.into()),
+        number(s.normal_velocity),
+        number(s.minimum_gap),
+        whole(s.counters.stages),
+        whole(s.counters.unconverged_stages),
+        number(s.counters.worst_residual),
+        number(s.counters.worst_friction_error),
+        number(s.counters.minimum_gap),
+        whole(s.counters.jam_events),
+        whole(s.counters.jammed_steps),
+        whole(s.counters.jammed_steps_running),
+        whole(s.counters.jammed_stages),
+        number(s.shear_rate),
+    ];
+    values.extend(stresses::parts().map(|column| number(column.read(s))));
+    values
+}
+
+/// A row of [`SELECT`].
+fn sample(row: &Row<'_>) -> Result<(u64, Sample), rusqlite::Error> {
+    let number = |column: usize| -> Result<f64, rusqlite::Error> {
         Ok(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN))
     };
-    let names = stresses::names(stresses::parts(), "");
+    let whole = |column: usize| row.get(column).map(count);
+    let parts = COLUMN_COUNT..COLUMN_COUNT + stresses::parts().count();
+    let parts = parts.map(number).collect::<Result<Vec<_>, _>>()?;
+    let sample = Sample {
+        strain: number(1)?,
+        viscosity: number(2)?,
+        viscosity_stresslet: number(3)?,
+        normal_stress_difference: number(4)?,
+        stress: stresses::of_parts(parts),
+        dissipation: number(5)?,
+        contacts: row.get(6)?,
+        activated: row.get(7)?,
+        rolling: row.get(8)?,
+        slipping: row.get(9)?,
+        normal_velocity: number(10)?,
+        minimum_gap: number(11)?,
+        counters: Counters {
+            stages: whole(12)?,
+            unconverged_stages: whole(13)?,
+            worst_residual: number(14)?,
+            worst_friction_error: number(15)?,
+            minimum_gap: number(16)?,
+            jam_events: whole(17)?,
+            jammed_steps: whole(18)?,
+            jammed_steps_running: whole(19)?,
+            jammed_stages: whole(20)?,
+        },
+        shear_rate: number(21)?,
+    };
+    Ok((whole(0)?, sample))
+}
+
+/// Drops the samples of a case from a step on.
+pub(super) fn cut(connection: &Connection, case: i64, from: u64) -> Result<(), rusqlite::Error> {
+    connection.execute(
+        "DELETE FROM samples WHERE case_id = ?1 AND step >= ?2",
+        params![case, integer(from)],
+    )?;
+    let digest = digest_of(connection, case)?;
     connection
-        .prepare_cached(&format!(
-            "SELECT {COLUMNS}, {names} FROM samples WHERE case_id = ?1 AND step < ?2 ORDER BY step"
-        ))?
-        .query_map([case, before.map_or(i64::MAX, integer)], |row| {
-            let parts = COLUMN_COUNT..COLUMN_COUNT + stresses::parts().count();
-            let parts = parts.map(|column| number(row, column));
-            let stress = stresses::of_parts(parts.collect::<Result<Vec<_>, _>>()?);
-            Ok((
-                count(row.get(1)?),
-                Sample {
-                    strain: number(row, 2)?,
-                    viscosity: number(row, 3)?,
-                    viscosity_stresslet: number(row, 4)?,
-                    normal_stress_difference: number(row, 5)?,
-                    stress,
-                    shear_rate: number(row, 22)?,
-                    dissipation: number(row, 6)?,
-                    contacts: row.get(7)?,
-                    activated: row.get(8)?,
-                    rolling: row.get(9)?,
-                    slipping: row.get(10)?,
-                    normal_velocity: number(row, 11)?,
-                    minimum_gap: number(row, 12)?,
-                    counters: Counters {
-                        stages: count(row.get(13)?),
-                        unconverged_stages: count(row.get(14)?),
-                        worst_residual: number(row, 15)?,
-                        worst_friction_error: number(row, 16)?,
-                        minimum_gap: number(row, 17)?,
-                        jam_events: count(row.get(18)?),
-                        jammed_steps: count(row.get(19)?),
-                        jammed_steps_running: count(row.get(20)?),
-                        jammed_stages: count(row.get(21)?),
-                    },
-                },
-            ))
-        })?
-        .collect()
+        .execute(
+            "UPDATE cases SET samples_digest = ?2 WHERE id = ?1",
+            params![case, digest],
+        )
+        .map(|_| ())
 }

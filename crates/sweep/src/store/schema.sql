@@ -1,10 +1,23 @@
--- Store of one campaign, schema 1. Strains, not times; lengths in a, stresses in mu·rate.
+-- The store of one campaign. Strains, not times; lengths in a, stresses in mu·rate; moments in milliseconds since 1970.
+-- A digest is the first 64 bits of a BLAKE3 hash. Where nothing else is said, it is of the other columns of its row.
 
 CREATE TABLE campaign (
     id       INTEGER PRIMARY KEY CHECK (id = 1),
     name     TEXT NOT NULL,
-    text     TEXT NOT NULL,     -- the campaign file last run, to the letter
-    protocol TEXT NOT NULL      -- JSON
+    text     TEXT NOT NULL,         -- the campaign file last run, to the letter
+    protocol TEXT NOT NULL,         -- JSON
+    file     TEXT NOT NULL,         -- where that file was
+    request  TEXT NOT NULL,         -- hash of the runs that it requests
+    grid     TEXT NOT NULL,         -- number and sum of the keys of these runs
+    digest   INTEGER NOT NULL,      -- of all above
+    priority TEXT NOT NULL          -- points that come first
+);
+
+-- The mark that each change to the store renews: 16 fixed bytes, the random id of the store, the number of the change. A
+-- write-ahead log whose marks do not go on from the one in the file does not belong to it.
+CREATE TABLE log (
+    id   INTEGER PRIMARY KEY CHECK (id = 1),
+    mark BLOB NOT NULL
 );
 
 -- One row for every process that ever worked on this store.
@@ -14,36 +27,59 @@ CREATE TABLE processes (
     boot            TEXT NOT NULL,      -- boot of the host: changes when it restarts
     namespace       TEXT NOT NULL,      -- where its pid has meaning
     pid             INTEGER NOT NULL,
-    start           TEXT NOT NULL,      -- start of the process in clock ticks: tells a reused pid
-    started_at      INTEGER NOT NULL,   -- milliseconds since 1970, as all times here
-    heartbeat       INTEGER NOT NULL,
-    ended_at        INTEGER,
+    start           TEXT NOT NULL,      -- start of the process in clock ticks: distinguishes a reused pid
+    started_at      INTEGER NOT NULL,
     version         TEXT NOT NULL,      -- of the program
     physics_version INTEGER NOT NULL,
     build           TEXT NOT NULL,      -- hash of the executable: bits repeat on the same build
-    threads         INTEGER NOT NULL
+    threads         INTEGER NOT NULL,
+    job             TEXT,               -- the task of a scheduler that it worked for
+    task            INTEGER,
+    restart         INTEGER,
+    node            TEXT,
+    digest          INTEGER NOT NULL,   -- of all above
+    heartbeat       INTEGER NOT NULL,
+    ended_at        INTEGER,
+    file            TEXT,               -- the campaign file that it computes,
+    request         TEXT                -- and what that requests
+);
+
+-- The parameters of runs that differ only in their seed: as JSON, which is what the program reads, and axis by axis.
+CREATE TABLE points (
+    id     INTEGER PRIMARY KEY,
+    params TEXT NOT NULL,
+    {axes},
+    digest INTEGER NOT NULL UNIQUE
 );
 
 CREATE TABLE cases (
     id             INTEGER PRIMARY KEY,
     key            TEXT NOT NULL UNIQUE,
-    position       INTEGER,             -- in the campaign file; NULL once the case has left the grid
-    rank           INTEGER NOT NULL,    -- order of work
-    params         TEXT NOT NULL,       -- JSON
+    point          INTEGER NOT NULL REFERENCES points (id),
     seed           INTEGER NOT NULL,
     steps          INTEGER NOT NULL,
     sample_stride  INTEGER NOT NULL,
-    cost           REAL NOT NULL,       -- estimated, for shares of a bar
+    position       INTEGER,             -- in the campaign file; NULL once the case has left the grid
+    rule           INTEGER REFERENCES rules (number),   -- the precision that decides on its seed
+    counts         INTEGER NOT NULL,    -- 0 outside the grid, and for seeds that a precision has not requested yet
+    turn           INTEGER NOT NULL,    -- order of work: cases with a low number come first
+    gain           REAL NOT NULL DEFAULT 0.0,   -- among equal turns: the highest gain first
+    cost           REAL NOT NULL,       -- estimated seconds of CPU
     state          TEXT NOT NULL DEFAULT 'pending'
                    CHECK (state IN ('pending', 'running', 'done', 'jammed', 'failed')),
     owner          INTEGER REFERENCES processes (id),
     steps_done     INTEGER NOT NULL DEFAULT 0,  -- as of the last checkpoint
     attempts       INTEGER NOT NULL DEFAULT 0,  -- times it was claimed
+    deaths         INTEGER NOT NULL DEFAULT 0,  -- times in a row its process died without a new checkpoint
     changed_at     INTEGER NOT NULL,
+    samples_digest INTEGER,             -- of all its samples; NULL without any
     CHECK ((state = 'running') = (owner IS NOT NULL))
 );
-CREATE INDEX cases_to_do ON cases (state, rank);
-CREATE INDEX cases_begun ON cases (rank) WHERE state = 'pending' AND steps_done > 0;
+CREATE INDEX queue ON cases (turn, gain DESC, position) WHERE state = 'pending' AND counts;
+CREATE INDEX expensive ON cases (cost) WHERE state = 'pending' AND counts;
+CREATE INDEX running ON cases (owner) WHERE state = 'running';
+CREATE INDEX cases_of_point ON cases (point);
+CREATE INDEX cases_of_rule ON cases (rule, position) WHERE rule IS NOT NULL;
 
 CREATE TABLE checkpoints (
     case_id    INTEGER NOT NULL REFERENCES cases (id),
@@ -78,47 +114,84 @@ CREATE TABLE samples (
     jam_events               INTEGER NOT NULL,
     jammed_steps             INTEGER NOT NULL,
     jammed_steps_running     INTEGER NOT NULL,
+    jammed_stages            INTEGER NOT NULL,
+    shear_rate               REAL,      -- follows from the stress where that is imposed
+    {parts},
     PRIMARY KEY (case_id, step)
 ) WITHOUT ROWID;
 
--- One row for every done or jammed case. Means over the samples from discard_step on; NULL without such samples.
-CREATE TABLE results (
-    case_id                      INTEGER PRIMARY KEY REFERENCES cases (id),
-    discard_step                 INTEGER NOT NULL,
-    samples                      INTEGER NOT NULL,
-    viscosity                    REAL,
-    viscosity_quartile_1         REAL,
-    viscosity_median             REAL,
-    viscosity_quartile_3         REAL,
-    viscosity_stresslet          REAL,
-    viscosity_stresslet_quartile_1 REAL,
-    viscosity_stresslet_median   REAL,
-    viscosity_stresslet_quartile_3 REAL,
-    normal_stress_difference     REAL,
-    dissipation                  REAL,
-    contacts_per_sphere          REAL,
-    activated_fraction           REAL,     -- activated / contacts
-    rolling_fraction             REAL,     -- rolling / activated
-    mean_approach_velocity       REAL,     -- over all contacts of all samples, positive for approach
-    contacts                     INTEGER NOT NULL,   -- sums over the samples, for averages over runs
-    activated                    INTEGER NOT NULL,
-    rolling                      INTEGER NOT NULL,
-    approach                     REAL NOT NULL,
-    minimum_gap                  REAL,     -- of all stages of the run, discarded strain included, as are those below
-    stages                       INTEGER NOT NULL,
-    unconverged_stages           INTEGER NOT NULL,
-    worst_residual               REAL,
-    worst_friction_error         REAL,
-    jam_events                   INTEGER NOT NULL,
-    jammed_strain                REAL NOT NULL,
-    final_strain                 REAL NOT NULL,
-    wall_time_s                  REAL NOT NULL,
-    resumed                      INTEGER NOT NULL,   -- times it went on from a checkpoint
-    process                      INTEGER NOT NULL REFERENCES processes (id),
-    finished_at                  INTEGER NOT NULL
+-- How far each finished run was computed. The campaign may request less: then its result is that of the beginning of the
+-- run. It may request more: then the run goes on from here.
+CREATE TABLE ends (
+    case_id              INTEGER PRIMARY KEY REFERENCES cases (id),
+    steps                INTEGER NOT NULL,
+    jammed               INTEGER NOT NULL,      -- whether the layer jammed there, so that there is nothing to go on with
+    minimum_gap          REAL,                  -- counters of all these steps, as in results
+    stages               INTEGER NOT NULL,
+    unconverged_stages   INTEGER NOT NULL,
+    worst_residual       REAL,
+    worst_friction_error REAL,
+    jam_events           INTEGER NOT NULL,
+    jammed_steps         INTEGER NOT NULL,
+    jammed_stages        INTEGER NOT NULL,
+    wall_time_s          REAL NOT NULL,
+    cpu_time_s           REAL NOT NULL,
+    resumed              INTEGER NOT NULL,      -- times it went on from a checkpoint
+    process              INTEGER NOT NULL REFERENCES processes (id),
+    finished_at          INTEGER NOT NULL,
+    state                BLOB,                  -- a checkpoint without samples; NULL once it proved to be of no use
+    digest               INTEGER NOT NULL       -- with the key of the case
 );
 
--- Every failed attempt, kept after a retry.
+-- One row for every done or jammed case. Means over the samples from discard_step on; NULL without such samples.
+CREATE TABLE results (
+    case_id                        INTEGER PRIMARY KEY REFERENCES cases (id),
+    discard_step                   INTEGER NOT NULL,
+    samples                        INTEGER NOT NULL,
+    viscosity                      REAL,
+    viscosity_quartile_1           REAL,
+    viscosity_median               REAL,
+    viscosity_quartile_3           REAL,
+    viscosity_stresslet            REAL,
+    viscosity_stresslet_quartile_1 REAL,
+    viscosity_stresslet_median     REAL,
+    viscosity_stresslet_quartile_3 REAL,
+    normal_stress_difference       REAL,
+    dissipation                    REAL,
+    contacts_per_sphere            REAL,
+    activated_fraction             REAL,        -- activated / contacts
+    rolling_fraction               REAL,        -- rolling / activated
+    mean_approach_velocity         REAL,        -- over all contacts of all samples, positive for approach
+    contacts                       INTEGER NOT NULL,    -- sums over the samples, for averages over runs
+    activated                      INTEGER NOT NULL,
+    rolling                        INTEGER NOT NULL,
+    approach                       REAL NOT NULL,
+    minimum_gap                    REAL,        -- of all stages of the run, discarded strain included, as are those below
+    stages                         INTEGER NOT NULL,
+    unconverged_stages             INTEGER NOT NULL,
+    worst_residual                 REAL,
+    worst_friction_error           REAL,
+    jam_events                     INTEGER NOT NULL,
+    jammed_strain                  REAL NOT NULL,
+    final_strain                   REAL NOT NULL,
+    wall_time_s                    REAL NOT NULL,
+    resumed                        INTEGER NOT NULL,
+    process                        INTEGER NOT NULL REFERENCES processes (id),
+    finished_at                    INTEGER NOT NULL,
+    jammed_stages                  INTEGER NOT NULL,
+    doubts                         TEXT NOT NULL,       -- names of the rules it broke, as doubt.rs has them
+    {stresses},
+    cpu_time_s                     REAL NOT NULL,
+    viscosity_part_1               REAL,        -- means over the four equal parts of the samples averaged,
+    viscosity_part_2               REAL,
+    viscosity_part_3               REAL,
+    viscosity_part_4               REAL,
+    viscosity_variance             REAL,        -- their variance, and how many samples apart two count as independent
+    viscosity_correlation          REAL,
+    digest                         INTEGER NOT NULL     -- with the case, its state, its parameters and its samples
+);
+
+-- Every failed attempt.
 CREATE TABLE failures (
     id        INTEGER PRIMARY KEY,
     case_id   INTEGER NOT NULL REFERENCES cases (id),
@@ -129,8 +202,78 @@ CREATE TABLE failures (
     sphere_i  INTEGER,
     sphere_j  INTEGER,
     gap       REAL,
-    snapshot  TEXT,                 -- JSON, state before the step that failed
+    snapshot  TEXT,                     -- JSON, state before the step that failed
     process   INTEGER NOT NULL REFERENCES processes (id),
-    failed_at INTEGER NOT NULL
+    failed_at INTEGER NOT NULL,
+    retried   INTEGER NOT NULL DEFAULT 0,   -- whether the case was made pending again after it
+    digest    INTEGER NOT NULL DEFAULT 0    -- with the key of the case
 );
 CREATE INDEX failures_of_case ON failures (case_id);
+
+-- Layers at the sampled strains, where a run was asked to keep them.
+CREATE TABLE frames (
+    case_id INTEGER NOT NULL REFERENCES cases (id),
+    step    INTEGER NOT NULL,
+    strain  REAL NOT NULL,
+    data    BLOB NOT NULL,              -- version, then content
+    digest  INTEGER NOT NULL,           -- of step, strain and data
+    PRIMARY KEY (case_id, step)
+);
+
+-- Points at which a precision is requested.
+CREATE TABLE rules (
+    number    INTEGER PRIMARY KEY,      -- in the campaign file
+    precision REAL NOT NULL,            -- half width of the 95 % interval over the mean
+    quantity  TEXT NOT NULL,            -- a column of results
+    at_least  INTEGER NOT NULL,
+    at_most   INTEGER NOT NULL,
+    digest    INTEGER NOT NULL
+);
+
+-- One row for every job that was handed to a scheduler.
+CREATE TABLE submissions (
+    id           INTEGER PRIMARY KEY,
+    engine       TEXT NOT NULL,
+    job          TEXT,                  -- its name for the scheduler; NULL until the scheduler has answered
+    plan         TEXT NOT NULL,         -- hash of its slices
+    folder       TEXT NOT NULL,         -- where its tasks publish their shards
+    tasks        INTEGER NOT NULL,
+    workers      INTEGER NOT NULL,      -- per task
+    build        TEXT NOT NULL,         -- hash of the executable it runs
+    submitted_at INTEGER NOT NULL,
+    cancelled_at INTEGER
+);
+
+-- Which task of a job was given which case.
+CREATE TABLE slices (
+    submission INTEGER NOT NULL REFERENCES submissions (id),
+    case_id    INTEGER NOT NULL REFERENCES cases (id),
+    task       INTEGER NOT NULL,
+    PRIMARY KEY (submission, case_id)
+) WITHOUT ROWID;
+
+-- Shards merged, each as it was then: one that has not changed since is not read again.
+CREATE TABLE shards (
+    name      TEXT PRIMARY KEY,
+    size      INTEGER NOT NULL,
+    modified  INTEGER NOT NULL,         -- nanoseconds since 1970
+    builds    TEXT NOT NULL,            -- JSON: hashes of the executables that computed it
+    mixed     INTEGER NOT NULL,         -- whether it was let in although its build was another than the store's
+    merged_at INTEGER NOT NULL
+);
+
+-- Results of one case that are not the same to the last bit, which no two attempts should give.
+CREATE TABLE disagreements (
+    case_id  INTEGER NOT NULL REFERENCES cases (id),
+    kept     INTEGER NOT NULL REFERENCES processes (id),
+    other    INTEGER NOT NULL REFERENCES processes (id),
+    what     TEXT NOT NULL,
+    found_at INTEGER NOT NULL,
+    PRIMARY KEY (case_id, kept, other)
+) WITHOUT ROWID;
+
+-- All runs that count: what each is and what came out of it.
+CREATE VIEW runs AS
+SELECT c.key, c.state, {axes_of_points}, c.seed, r.*
+FROM cases c JOIN points p ON p.id = c.point LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
+WHERE c.counts ORDER BY c.position;

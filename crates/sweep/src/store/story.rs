@@ -2,7 +2,7 @@
 
 use super::provenance::program;
 use super::query::params;
-use super::{Store, StoreError, count, ends, samples};
+use super::{Store, StoreError, claims, count, ends, failures, results, samples};
 use crate::doubt::Doubt;
 use rusqlite::{OptionalExtension, Row};
 use sd_core::{Params, Sample};
@@ -31,7 +31,7 @@ pub struct Story {
     pub doubts: Vec<String>,
     /// Seconds of computing, once it has ended well.
     pub wall_time_s: Option<f64>,
-    /// Seconds of processor.
+    /// Seconds of CPU.
     pub cpu_time_s: Option<f64>,
     /// Times it went on from a checkpoint.
     pub resumed: Option<u64>,
@@ -137,11 +137,12 @@ impl Store {
         let found: Option<Found> = self.read(
             self.connection
                 .query_row(
-                    "SELECT c.id, c.key, c.position, c.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
+                    "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
                          r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
-                         coalesce(r.finished_at, p.heartbeat), CASE WHEN c.state = 'done' THEN coalesce(r.doubts, '') ELSE '' END,
+                         coalesce(r.finished_at, p.heartbeat), coalesce(r.doubts, ''),
                          r.cpu_time_s
-                     FROM cases c LEFT JOIN results r ON r.case_id = c.id
+                     FROM cases c JOIN points q ON q.id = c.point
+                     LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
                      LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
                          (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
                      WHERE c.key = ?1",
@@ -153,6 +154,10 @@ impl Store {
         let Some((id, mut story)) = found else {
             return Err(self.no_case(given, "no case"));
         };
+        self.read(
+            results::check(&self.connection, id)
+                .and_then(|()| failures::check(&self.connection, "c.id = ?1", [id])),
+        )?;
         let failures = self
             .connection
             .prepare(
@@ -166,24 +171,16 @@ impl Store {
     }
 
     /// Samples of a case: of its result, or else of its newest readable checkpoint.
-    fn samples_so_far(&self, id: i64, asked: u64) -> Result<Vec<(u64, Sample)>, StoreError> {
-        let samples = self.read(samples::samples(&self.connection, id, Some(asked)))?;
-        if self
-            .read(ends::steps_of(&self.connection, id))?
-            .is_some_and(|steps| steps >= asked)
-        {
+    fn samples_so_far(&self, id: i64, requested: u64) -> Result<Vec<(u64, Sample)>, StoreError> {
+        let mut samples = self.read(samples::of(&self.connection, id))?;
+        samples.retain(|(step, _)| *step < requested);
+        let computed = self.read(ends::steps_of(&self.connection, id))?;
+        if computed.is_some_and(|steps| steps >= requested) {
             return Ok(samples);
         }
-        let rows: Result<Vec<Vec<u8>>, _> = self
-            .connection
-            .prepare("SELECT data FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC")
-            .and_then(|mut query| query.query_map([id], |row| row.get(0))?.collect());
-        Ok(self
-            .read(rows)?
-            .iter()
-            .find_map(|data| super::Checkpoint::decode(data).ok())
-            .map(|checkpoint| checkpoint.samples)
-            .unwrap_or(samples))
+        let checkpoints = self.read(claims::checkpoints(&self.connection, id))?;
+        let newest = checkpoints.into_iter().find_map(Result::ok);
+        Ok(newest.map_or(samples, |checkpoint| checkpoint.samples))
     }
 
     /// Samples of a case so far, with their steps.
@@ -199,7 +196,7 @@ impl Store {
                 .optional(),
         )?;
         match found {
-            Some((id, asked)) => self.samples_so_far(id, count(asked)),
+            Some((id, steps)) => self.samples_so_far(id, count(steps)),
             None => Ok(Vec::new()),
         }
     }

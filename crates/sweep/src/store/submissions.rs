@@ -83,7 +83,7 @@ impl Store {
             .prepare(
                 "SELECT key, cost * (1.0 - min(1.0 * steps_done / steps, 1.0)), steps_done > 0
                  FROM cases
-                 WHERE state IN ('pending', 'running') AND position IS NOT NULL ORDER BY rank",
+                 WHERE state IN ('pending', 'running') AND counts ORDER BY turn, gain DESC, position",
             )
             .and_then(|mut query| {
                 query
@@ -108,8 +108,8 @@ impl Store {
         submission: &Submission,
         slices: &[Vec<String>],
     ) -> Result<i64, StoreError> {
-        self.write(|transaction| {
-            transaction.execute(
+        self.write(|connection| {
+            connection.execute(
                 "INSERT INTO submissions (engine, job, plan, folder, tasks, workers, build, submitted_at)
                  VALUES (?1, NULL, ?2, ?3, ?4, ?5, ?6, ?7)",
                 params![
@@ -122,8 +122,8 @@ impl Store {
                     process::now(),
                 ],
             )?;
-            let id = transaction.last_insert_rowid();
-            let mut insert = transaction.prepare_cached(
+            let id = connection.last_insert_rowid();
+            let mut insert = connection.prepare_cached(
                 "INSERT INTO slices (submission, case_id, task) SELECT ?1, id, ?3 FROM cases WHERE key = ?2",
             )?;
             for (task, keys) in slices.iter().enumerate() {
@@ -140,8 +140,8 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn submitted(&mut self, id: i64, job: &str) -> Result<(), StoreError> {
-        self.write(|transaction| {
-            transaction.execute(
+        self.write(|connection| {
+            connection.execute(
                 "UPDATE submissions SET job = ?2 WHERE id = ?1",
                 params![id, job],
             )?;
@@ -154,9 +154,9 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn not_submitted(&mut self, id: i64) -> Result<(), StoreError> {
-        self.write(|transaction| {
-            transaction.execute("DELETE FROM slices WHERE submission = ?1", [id])?;
-            transaction.execute("DELETE FROM submissions WHERE id = ?1", [id])?;
+        self.write(|connection| {
+            connection.execute("DELETE FROM slices WHERE submission = ?1", [id])?;
+            connection.execute("DELETE FROM submissions WHERE id = ?1", [id])?;
             Ok(())
         })
     }
@@ -166,8 +166,8 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn cancelled(&mut self, id: i64) -> Result<(), StoreError> {
-        self.write(|transaction| {
-            transaction.execute(
+        self.write(|connection| {
+            connection.execute(
                 "UPDATE submissions SET cancelled_at = coalesce(cancelled_at, ?2) WHERE id = ?1",
                 params![id, process::now()],
             )?;
@@ -225,12 +225,7 @@ impl Store {
             .and_then(|mut query| {
                 query
                     .query_map([id], |row| {
-                        #[expect(
-                            clippy::cast_possible_truncation,
-                            clippy::cast_sign_loss,
-                            reason = "a count"
-                        )]
-                        let ended = row.get::<_, f64>(2)? as u64;
+                        let ended = super::request::number(row.get(2)?);
                         Ok((
                             number(row.get(0)?),
                             SliceState {
@@ -257,12 +252,16 @@ impl Store {
     /// A file that cannot be read.
     pub fn slice_of_shard(path: &std::path::Path) -> Result<SliceState, StoreError> {
         let shard = Self::open_shard(path)?;
-        let (counts, (total, done)) = (shard.counts()?, shard.work()?);
-        let done = done + shard.work_given_up()?;
+        let work = shard.work()?;
+        let counts = work.counts;
         Ok(SliceState {
             cases: counts.total(),
             ended: counts.done + counts.jammed + counts.failed,
-            work_done: if total > 0.0 { done / total } else { 1.0 },
+            work_done: if work.total > 0.0 {
+                (work.done + work.given_up) / work.total
+            } else {
+                1.0
+            },
         })
     }
 
@@ -280,8 +279,7 @@ impl Store {
         some.rules.clear();
         some.cases
             .retain(|(key, _)| keys.contains(key.to_string().as_str()));
-        let mut new = Store::open(to)?;
-        new.adopt(&some)?;
+        let (mut new, _) = Store::enter(to, &some, super::Order::default())?;
         new.merge_as(
             super::merge::MergeMode::Task,
             std::slice::from_ref(&self.path),

@@ -14,7 +14,6 @@ mod merge;
 mod rules;
 mod runs;
 mod trouble;
-mod versions;
 
 const CAMPAIGN: &str = r#"name = "small"
 [protocol]
@@ -35,9 +34,39 @@ fn campaign(text: &str) -> Campaign {
 }
 
 fn open(directory: &Path) -> Store {
-    let mut store = Store::open(&directory.join("small.sqlite")).unwrap();
-    store.adopt(&campaign(CAMPAIGN)).unwrap();
-    store
+    Store::at(&directory.join("small.sqlite"), &campaign(CAMPAIGN))
+}
+
+/// One case at a time.
+impl Store {
+    /// The store of a campaign, made if it is not there.
+    fn at(path: &Path, campaign: &Campaign) -> Self {
+        Self::enter(path, campaign, Order::default()).unwrap().0
+    }
+
+    fn take_in(&mut self, campaign: &Campaign) -> Result<Adoption, StoreError> {
+        self.adopt(campaign, Order::default())
+    }
+
+    fn next(&mut self) -> Option<Claim> {
+        let mut claims = self.claim(1, Duration::ZERO).unwrap();
+        assert!(claims.len() < 2);
+        claims.pop()
+    }
+
+    fn end(&mut self, claim: &Claim, finished: &Finished) -> Result<(), StoreError> {
+        let owned = self.finish(&[(claim, finished)])?;
+        if owned == [true] {
+            Ok(())
+        } else {
+            Err(claim.lost())
+        }
+    }
+
+    fn shown(path: &Path, campaign: &Campaign) -> Self {
+        let source = StoreSource::new(path.to_owned(), Some(campaign.clone()));
+        source.open().unwrap()
+    }
 }
 
 fn checkpoint(steps: u64) -> Vec<u8> {
@@ -112,14 +141,14 @@ fn cases_are_claimed_once_first_seeds_first() {
     let mut keys = std::collections::HashSet::new();
     for _ in 0..2 {
         for store in [&mut one, &mut two] {
-            let claim = store.claim(1).unwrap().unwrap();
+            let claim = store.next().unwrap();
             seeds.push(claim.case.seed);
             keys.insert(claim.key);
         }
     }
     assert_eq!(seeds, [1, 1, 2, 2]);
     assert_eq!(keys.len(), 4);
-    assert!(one.claim(1).unwrap().is_none());
+    assert!(one.next().is_none());
 }
 
 #[test]
@@ -127,9 +156,9 @@ fn result_is_kept_and_averaged() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(2).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     store.keep(&claim, 20, &checkpoint(20)).unwrap();
-    store.finish(&claim, &finished(State::Done)).unwrap();
+    store.end(&claim, &finished(State::Done)).unwrap();
     let counts = store.counts().unwrap();
     assert_eq!((counts.done, counts.pending, counts.running), (1, 3, 0));
     let runs = store.point_runs().unwrap();
@@ -137,7 +166,7 @@ fn result_is_kept_and_averaged() {
     assert_eq!(run.samples, 25);
     assert_eq!(run.stages, 40);
     assert_eq!(
-        samples::samples(&store.connection, claim.id, None).unwrap(),
+        samples::of(&store.connection, claim.id).unwrap(),
         finished(State::Done).samples
     );
     let left: i64 = store
@@ -152,7 +181,7 @@ fn dead_owner_loses_its_case_and_the_next_goes_on_from_its_checkpoint() {
     let directory = tempfile::tempdir().unwrap();
     let (mut dead, mut heir) = (open(directory.path()), open(directory.path()));
     dead.register(1).unwrap();
-    let claim = dead.claim(1).unwrap().unwrap();
+    let claim = dead.next().unwrap();
     for steps in [20, 40, 60] {
         dead.keep(&claim, steps, &checkpoint(steps)).unwrap();
     }
@@ -162,7 +191,7 @@ fn dead_owner_loses_its_case_and_the_next_goes_on_from_its_checkpoint() {
         .execute("UPDATE processes SET start = '1' WHERE id = 1", [])
         .unwrap();
     assert_eq!(heir.release_dead().unwrap(), 1);
-    let taken = heir.claim(1).unwrap().unwrap();
+    let taken = heir.next().unwrap();
     assert_eq!(taken.key, claim.key, "begun cases come first");
     let steps: Vec<u64> = taken
         .checkpoints
@@ -176,13 +205,13 @@ fn dead_owner_loses_its_case_and_the_next_goes_on_from_its_checkpoint() {
         Err(StoreError::ClaimLost { .. })
     ));
     assert!(matches!(
-        dead.finish(&claim, &finished(State::Done)),
+        dead.end(&claim, &finished(State::Done)),
         Err(StoreError::ClaimLost { .. })
     ));
-    dead.release(&claim).unwrap();
+    dead.release([&claim]).unwrap();
     dead.leave().unwrap();
     assert_eq!(heir.counts().unwrap().running, 1);
-    heir.finish(&taken, &finished(State::Jammed)).unwrap();
+    heir.end(&taken, &finished(State::Jammed)).unwrap();
     assert_eq!(heir.counts().unwrap().jammed, 1);
 }
 
@@ -191,12 +220,12 @@ fn torn_checkpoint_falls_back_to_the_one_before() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     store.keep(&claim, 20, &checkpoint(20)).unwrap();
     let torn = checkpoint(40);
     store.keep(&claim, 40, &torn[..torn.len() - 3]).unwrap();
-    store.release(&claim).unwrap();
-    let again = store.claim(1).unwrap().unwrap();
+    store.release([&claim]).unwrap();
+    let again = store.next().unwrap();
     assert_eq!(again.checkpoints[0], Err(Damage::Checksum));
     assert_eq!(again.checkpoints[1].as_ref().unwrap().snapshot.steps, 20);
 }
@@ -207,18 +236,18 @@ fn editing_the_grid_keeps_finished_cases() {
     let mut store = open(directory.path());
     store.register(1).unwrap();
     for _ in 0..2 {
-        let claim = store.claim(1).unwrap().unwrap();
-        store.finish(&claim, &finished(State::Done)).unwrap();
+        let claim = store.next().unwrap();
+        store.end(&claim, &finished(State::Done)).unwrap();
     }
     let wider = CAMPAIGN.replace("seeds = 2", "seeds = 4");
-    store.adopt(&campaign(&wider)).unwrap();
+    store.take_in(&campaign(&wider)).unwrap();
     let counts = store.counts().unwrap();
     assert_eq!((counts.done, counts.total()), (2, 8));
     // One shear rate leaves: its finished case is no longer counted, but not lost.
     let narrower = CAMPAIGN.replace("[0.1, inf]", "[0.1]");
-    store.adopt(&campaign(&narrower)).unwrap();
+    store.take_in(&campaign(&narrower)).unwrap();
     assert_eq!(store.counts().unwrap().done, 1);
-    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    store.take_in(&campaign(CAMPAIGN)).unwrap();
     assert_eq!(store.counts().unwrap().done, 2);
 }
 
@@ -227,10 +256,10 @@ fn another_discarded_strain_averages_finished_runs_again() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
-    store.finish(&claim, &finished(State::Done)).unwrap();
+    let claim = store.next().unwrap();
+    store.end(&claim, &finished(State::Done)).unwrap();
     let later = CAMPAIGN.replace("discard = 0.5", "discard = 0.8");
-    store.adopt(&campaign(&later)).unwrap();
+    store.take_in(&campaign(&later)).unwrap();
     let runs = store.point_runs().unwrap();
     let run = runs.iter().find(|run| run.key == claim.key).unwrap();
     assert_eq!(run.samples, 10);
@@ -242,7 +271,7 @@ fn failure_is_kept_and_retried() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     store.fail(&claim, &failure(37, 1)).unwrap();
     let line = store.failures(10).unwrap().remove(0);
     assert_eq!((line.step, line.key), (37, claim.key));
@@ -260,7 +289,7 @@ fn store_of_another_campaign_schema_or_program_is_not_touched() {
     let before = std::fs::read(&path).unwrap();
     let mut store = Store::open(&path).unwrap();
     assert!(matches!(
-        store.adopt(&other),
+        store.take_in(&other),
         Err(StoreError::OtherCampaign { .. })
     ));
     drop(store);
@@ -276,7 +305,7 @@ fn store_of_another_campaign_schema_or_program_is_not_touched() {
             matches!(error, StoreError::Schema { found: 99, .. }),
             "{error}"
         );
-        assert!(error.to_string().contains("newer"), "{error}");
+        assert!(error.to_string().contains("another version"), "{error}");
     }
     assert_eq!(std::fs::read(&path).unwrap(), before);
 
@@ -303,7 +332,11 @@ fn store_of_another_campaign_schema_or_program_is_not_touched() {
         Err(StoreError::Missing { .. })
     ));
     assert!(matches!(
-        Store::open(Path::new("/proc/none/small.sqlite")),
+        Store::enter(
+            Path::new("/proc/none/small.sqlite"),
+            &other,
+            Order::default()
+        ),
         Err(StoreError::Unwritable { .. })
     ));
 }
@@ -313,12 +346,12 @@ fn infinite_and_missing_numbers_survive_the_store() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     let mut run = finished(State::Done);
     run.samples[30].1.minimum_gap = f64::INFINITY;
     run.samples[31].1.viscosity = f64::NAN;
-    store.finish(&claim, &run).unwrap();
-    let back = samples::samples(&store.connection, claim.id, None).unwrap();
+    store.end(&claim, &run).unwrap();
+    let back = samples::of(&store.connection, claim.id).unwrap();
     assert!(back[30].1.minimum_gap.is_infinite());
     assert!(back[31].1.viscosity.is_nan());
 }
@@ -345,7 +378,7 @@ fn owners_of_a_restarted_machine_are_gone() {
     let directory = tempfile::tempdir().unwrap();
     let (mut one, mut two) = (open(directory.path()), open(directory.path()));
     one.register(1).unwrap();
-    one.claim(1).unwrap().unwrap();
+    one.next().unwrap();
     bury_owners(&one);
     two.register(1).unwrap();
     assert_eq!(two.release_dead().unwrap(), 1);

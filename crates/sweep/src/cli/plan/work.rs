@@ -3,9 +3,9 @@
 use crate::axes::identity;
 use crate::campaign::Campaign;
 use crate::case::Case;
-use crate::costs::{Costs, Record};
+use crate::costs::Record;
 use crate::statistics::{Verdict, student_95};
-use crate::store::{PointState, Store, StoreError};
+use crate::store::{PointState, PointWork, Store, StoreError};
 use serde::Serialize;
 use std::collections::HashMap;
 
@@ -80,14 +80,10 @@ pub(super) struct Work<'c> {
 impl<'c> Work<'c> {
     /// Of a campaign, as far as a store does not hold it.
     pub(super) fn of(campaign: &'c Campaign, store: Option<&Store>) -> Result<Self, StoreError> {
-        let standing = match store {
-            Some(store) => store.standing()?,
-            None => HashMap::new(),
-        };
         let mut points: Vec<Point<'c>> = Vec::new();
         let mut place_of = HashMap::new();
-        let mut ended = 0;
-        let mut enter = |case: &'c Case, part: Option<f64>| {
+        let mut ended = 0.0;
+        let mut enter = |case: &'c Case, of_point: PointWork| {
             let place = *place_of.entry(identity(&case.params)).or_insert_with(|| {
                 points.push(Point {
                     case,
@@ -98,25 +94,40 @@ impl<'c> Work<'c> {
                 points.len() - 1
             });
             let point = &mut points[place];
-            point.all += 1.0;
-            match part {
-                Some(part) => {
-                    point.open += 1.0;
-                    point.done += part;
-                }
-                None => ended += 1,
-            }
+            point.all += of_point.runs;
+            point.open += of_point.open;
+            point.done += of_point.done;
+            ended += of_point.runs - of_point.open;
         };
-        if store.is_some() {
-            for (key, case) in &campaign.cases {
-                if let Some(part) = standing.get(&key.to_string()) {
-                    enter(case, *part);
+        if let Some(store) = store {
+            // It is shown as the campaign requests it, with the places that its cases have there.
+            for point in store.point_work()? {
+                if let Some((_, case)) = campaign.cases.get(point.position) {
+                    enter(case, point);
                 }
             }
         } else {
-            campaign
-                .certain()
-                .for_each(|(_, case)| enter(case, Some(0.0)));
+            let new = |runs| PointWork {
+                position: 0,
+                runs,
+                open: runs,
+                done: 0.0,
+            };
+            // Cases of a point come one after the other.
+            let mut last: Option<(&'c Case, f64)> = None;
+            for (_, case) in campaign.certain() {
+                match &mut last {
+                    Some((first, runs)) if first.params == case.params => *runs += 1.0,
+                    _ => {
+                        if let Some((first, runs)) = last.replace((case, 1.0)) {
+                            enter(first, new(runs));
+                        }
+                    }
+                }
+            }
+            if let Some((first, runs)) = last {
+                enter(first, new(runs));
+            }
         }
         let states = store
             .map(Store::point_states)
@@ -136,7 +147,12 @@ impl<'c> Work<'c> {
         }
         Ok(Self {
             points,
-            ended,
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a count"
+            )]
+            ended: ended as usize,
             expected,
         })
     }
@@ -283,20 +299,4 @@ pub(super) fn measured(store: &Store) -> Result<Vec<Record>, StoreError> {
             cpu_s,
         })
         .collect())
-}
-
-/// Seconds of processor that the open cases of a store take, judged by its own runs and those measured on this machine.
-pub(crate) fn remaining_s(store: &Store) -> Result<f64, StoreError> {
-    let open = store.open_work()?;
-    if open.is_empty() {
-        return Ok(0.0);
-    }
-    let mut costs = Costs::of_this_machine();
-    measured(store)?
-        .iter()
-        .for_each(|record| costs.learn(record));
-    let cost = costs.of_cases();
-    Ok(open
-        .iter()
-        .fold(0.0, |sum, (case, left)| sum + cost(case) * left))
 }

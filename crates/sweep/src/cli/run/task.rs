@@ -8,7 +8,7 @@ use crate::cluster::shard::{self, Publisher, ShardError, Slices};
 use crate::cluster::{Requeue, Scheduler};
 use crate::exit;
 use crate::runner::{Progress, RunObserver, Stop};
-use crate::store::{Counts, Identity, MergeMode, OpenCase, Store, StoreError, TaskName};
+use crate::store::{Counts, Identity, MergeMode, OpenCase, Order, Store, StoreError, TaskName};
 use rustix::process::Signal;
 use serde::Serialize;
 use std::collections::HashSet;
@@ -175,8 +175,12 @@ fn begin<'t>(
         .map_or_else(|| by_hand(part), |(_, name)| name.clone());
     let file = shard::name(plan, &name);
     let work = scratch.join(&file);
-    let mut store = Store::open(&work)?;
-    store.adopt(campaign)?;
+    if work.exists() {
+        for finding in Store::open(&work)?.forget_damaged()? {
+            note(&format!("damaged, and computed again: {}", finding.what));
+        }
+    }
+    let (mut store, _) = Store::enter(&work, campaign, Order::default())?;
     let before = Before::of(&folder, plan, &name);
     if go_on_from(&mut store, &before.others, arguments, note)? > 0 {
         // What failed in another job is in this slice because it is to be computed again.

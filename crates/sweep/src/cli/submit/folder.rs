@@ -5,7 +5,7 @@ use crate::cli::Error;
 use crate::cluster::Job;
 use crate::cluster::shard::{BEGUN, ShardError, no_room};
 use crate::files::write_whole;
-use crate::store::{self, OpenCase, Store};
+use crate::store::{self, OpenCase, Order, Store};
 use std::collections::HashSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -44,9 +44,7 @@ impl Draft {
 
     /// Opens it, with the campaign as it is now.
     pub(super) fn open(&self, campaign: &Campaign) -> Result<Store, Error> {
-        let mut store = Store::open(&self.path)?;
-        store.adopt(campaign)?;
-        Ok(store)
+        Ok(Store::enter(&self.path, campaign, Order::default())?.0)
     }
 }
 

@@ -116,7 +116,7 @@ pub(crate) fn no_room(error: &io::Error, path: &Path) -> bool {
 
 /// An error of the store as one of the system, which is what stands behind it here.
 fn of_the_store(error: StoreError) -> io::Error {
-    let full = matches!(&error, StoreError::Trouble { what, .. } if what.contains("disk is full"));
+    let full = matches!(&error, StoreError::Sqlite { what, .. } if what.contains("disk is full"));
     let kind = if full {
         io::ErrorKind::StorageFull
     } else {

@@ -1,116 +1,112 @@
-//! Merging one case: what outranks what.
+//! Merging one case: what outranks what. All of it is read and compared with its digests before anything of it is written.
 
-use super::difference::difference;
 use super::{MergeMode, Merged};
-use crate::store::checksum::{self, Kind};
-use crate::store::ends::settle_as;
-use crate::store::entries::{
-    ComputedRun, Entry, Found, checkpoint, computed_run, failures, place, process, put, samples_of,
-    set, take_frames, text, trusted_case, whole,
-};
+use crate::campaign::Protocol;
+use crate::case::{Case, State};
+use crate::store::campaign::Points;
+use crate::store::ends::{self, RunEnd};
 use crate::store::process::now;
-use crate::store::samples::write_samples;
-use crate::store::{count, integer};
-use rusqlite::types::Value;
-use rusqlite::{Connection, OptionalExtension, Transaction, params};
+use crate::store::{
+    Checkpoint, claims, count, failures, frames, integer, query, registry, samples,
+};
+use rusqlite::{Connection, OptionalExtension, params};
+use sd_core::Sample;
 use std::collections::HashMap;
 
 /// A merge of one shard under way.
 pub(super) struct Merging<'m> {
-    pub(super) old: &'m Connection,
-    pub(super) transaction: &'m Transaction<'m>,
+    /// The shard.
+    pub(super) other: &'m Connection,
+    /// The store.
+    pub(super) connection: &'m Connection,
     pub(super) mode: MergeMode,
+    pub(super) protocol: &'m Protocol,
     /// Numbers of processes in the shard and in the store.
     pub(super) processes: HashMap<i64, i64>,
     pub(super) merged: &'m mut Merged,
 }
 
-/// A case as the store has it.
-struct Known {
+/// A case as the shard has it.
+struct Theirs {
     id: i64,
-    state: String,
-    steps: i64,
-    asked: u64,
-    /// How far it was computed, if it was computed to an end.
-    end: Option<KnownEnd>,
+    key: String,
+    case: Case,
+    state: State,
+    steps_done: u64,
 }
 
-/// How far a case was computed here.
-#[derive(Clone, Copy)]
-struct KnownEnd {
-    steps: u64,
-    jammed: bool,
-    /// Discarded steps of its result.
-    discarded: i64,
+/// A case as the store has it.
+struct Ours {
+    id: i64,
+    state: State,
+    steps_done: u64,
+    requested: u64,
+    /// How far it was computed, if it was computed to an end: steps, whether it jammed there, and by which process.
+    end: Option<(u64, bool, i64)>,
+}
+
+/// A checkpoint: generation, steps, process, data.
+type Kept = (i64, u64, i64, Vec<u8>);
+
+/// A run that was computed to an end.
+struct Run {
+    end: RunEnd,
+    samples: Vec<(u64, Sample)>,
 }
 
 impl Merging<'_> {
     /// Takes over what there is of a case.
-    pub(super) fn case(&mut self, id: i64, mut row: Entry) -> Result<(), rusqlite::Error> {
-        let (Some(case), Some(state), Some(steps)) = (
-            trusted_case(&mut row),
-            text(&row, "state").map(str::to_owned),
-            whole(&row, "steps_done"),
-        ) else {
+    pub(super) fn case(&mut self, id: i64) -> Result<(), rusqlite::Error> {
+        let Ok(theirs) = Theirs::read(self.other, id) else {
             self.merged.unreadable += 1;
             return Ok(());
         };
-        let Some(known) = self.known(&row, state != "pending" || steps > 0)? else {
+        let has_something = theirs.state != State::Pending || theirs.steps_done > 0;
+        let Some(ours) = self.ours(&theirs, has_something)? else {
             return Ok(());
         };
-        match computed_run(self.old, id, &row, &case) {
-            Found::Nothing => {}
-            Found::Untrusted => self.merged.unreadable += 1,
-            Found::Run(run) => match known.end {
-                Some(end) => self.compare(&known, end, id, *run)?,
-                // A case this store's own processes take farther is left to them.
-                None if known.state == "running" && !run.jammed && run.steps < known.asked => {}
-                None => {
-                    self.take_run(&known, id, *run)?;
-                    self.merged.results += 1;
-                }
-            },
+        match theirs.run(self.other) {
+            Ok(None) => {}
+            Ok(Some(run)) => self.run(&ours, &theirs, &run)?,
+            Err(_) => self.merged.unreadable += 1,
         }
         // What was taken over may have ended it.
-        let Some(known) = self.known(&row, false)? else {
+        let Some(ours) = self.ours(&theirs, false)? else {
             return Ok(());
         };
-        match state.as_str() {
-            "failed" if matches!(known.state.as_str(), "pending" | "failed") => {
-                self.take_failures(&known, id, steps)?;
+        match theirs.state {
+            State::Failed if matches!(ours.state, State::Pending | State::Failed) => {
+                self.take_failures(&ours, &theirs)
             }
             // A case this store's own processes work on is left to them.
-            "pending" | "running" if known.state == "pending" && steps > known.steps => {
-                self.take_checkpoints(&known, id)?;
+            State::Pending | State::Running
+                if ours.state == State::Pending && theirs.steps_done > ours.steps_done =>
+            {
+                self.take_checkpoints(&ours, &theirs)
             }
-            _ => {}
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// The case as the store has it; a case of no grid is added if there is anything `worth` it.
-    fn known(&self, row: &Entry, worth: bool) -> Result<Option<Known>, rusqlite::Error> {
+    fn ours(&self, theirs: &Theirs, worth: bool) -> Result<Option<Ours>, rusqlite::Error> {
         let look = || {
-            self.transaction
+            self.connection
                 .prepare_cached(
-                    "SELECT c.id, c.state, c.steps_done, c.steps, e.steps, e.jammed, r.discard_step FROM cases c
-                     LEFT JOIN ends e ON e.case_id = c.id LEFT JOIN results r ON r.case_id = c.id WHERE c.key = ?1",
+                    "SELECT c.id, c.state, c.steps_done, c.steps, e.steps, e.jammed, e.process FROM cases c
+                     LEFT JOIN ends e ON e.case_id = c.id WHERE c.key = ?1",
                 )?
-                .query_row([text(row, "key")], |row| {
+                .query_row([&theirs.key], |row| {
                     let end: Option<i64> = row.get(4)?;
-                    let end = end.map(|steps| {
-                        Ok::<_, rusqlite::Error>(KnownEnd {
-                            steps: count(steps),
-                            jammed: row.get(5)?,
-                            discarded: row.get::<_, Option<i64>>(6)?.unwrap_or(0),
-                        })
-                    });
-                    Ok(Known {
+                    Ok(Ours {
                         id: row.get(0)?,
-                        state: row.get(1)?,
-                        steps: row.get(2)?,
-                        asked: count(row.get(3)?),
-                        end: end.transpose()?,
+                        state: query::state(row.get_ref(1)?)?,
+                        steps_done: count(row.get(2)?),
+                        requested: count(row.get(3)?),
+                        end: match end {
+                            Some(steps) => Some((count(steps), row.get(5)?, row.get(6)?)),
+                            None => None,
+                        },
                     })
                 })
                 .optional()
@@ -119,109 +115,134 @@ impl Merging<'_> {
         if known.is_some() || self.mode != MergeMode::Campaign || !worth {
             return Ok(known);
         }
-        let mut row = row.clone();
-        set(&mut row, "steps_done", 0_i64);
-        place(self.transaction, &row)?;
+        let case = &theirs.case;
+        self.connection.execute(
+            "INSERT INTO cases (key, point, seed, steps, sample_stride, counts, turn, cost, changed_at)
+             VALUES (?1, ?2, ?3, ?4, ?5, 0, 0, ?6, ?7)",
+            params![
+                theirs.key,
+                Points::default().place(self.connection, &case.params)?,
+                integer(case.seed),
+                integer(case.steps),
+                integer(case.sample_stride),
+                case.cost(),
+                now(),
+            ],
+        )?;
         look()
     }
 
-    /// Takes over a run that was computed to an end.
-    fn take_run(
-        &mut self,
-        known: &Known,
-        id: i64,
-        mut run: ComputedRun,
-    ) -> Result<(), rusqlite::Error> {
-        self.take_process(&mut run.result)?;
-        run.write(self.transaction, known.id)?;
-        self.frames(known, id)?;
-        if known.steps <= integer(run.steps) {
-            crate::store::claims::drop_checkpoints(self.transaction, known.id)?;
-        }
-        // As the shard has it; what this store asks for is looked at when all shards are merged.
-        self.transaction
-            .prepare_cached(
-                "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?2,
-                     steps_done = CASE WHEN ?4 THEN max(steps_done, ?3) ELSE steps_done END WHERE id = ?1",
-            )?
-            .execute(params![
-                known.id,
-                now(),
-                integer(run.steps),
-                run.continues()
-            ])?;
-        let discard = known
-            .end
-            .map_or_else(|| run.discarded(), |end| count(end.discarded));
-        settle_as(self.transaction, known.id, discard)
-    }
-
-    /// Compares a run with the one that is there. Of two that agree the longer is kept, of two that do not the later attempt.
-    fn compare(
-        &mut self,
-        known: &Known,
-        ours: KnownEnd,
-        id: i64,
-        run: ComputedRun,
-    ) -> Result<(), rusqlite::Error> {
-        let jammed_early = |one: (u64, bool), other: u64| one.1 && one.0 < other;
-        let difference = if jammed_early((run.steps, run.jammed), ours.steps)
-            || jammed_early((ours.steps, ours.jammed), run.steps)
-            || (run.steps == ours.steps && run.jammed != ours.jammed)
-        {
-            let word = |jammed: bool| if jammed { "jammed" } else { "done" };
-            Some(format!(
-                "{} after {} steps, and {} after {}",
-                word(run.jammed),
-                run.steps,
-                word(ours.jammed),
-                ours.steps
-            ))
-        } else {
-            checksum::check(self.transaction, Kind::Samples, known.id)?;
-            difference(
-                (self.old, id, run.steps),
-                (self.transaction, known.id, ours.steps),
-            )?
+    /// Takes a run over if there is none yet. Of two that agree the longer is kept, of two that do not the later attempt.
+    fn run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> Result<(), rusqlite::Error> {
+        let Some((steps, jammed, process)) = ours.end else {
+            // A case this store's own processes take farther is left to them.
+            if ours.state != State::Running || run.end.jammed || run.end.steps >= ours.requested {
+                self.take_run(ours, theirs, run)?;
+                self.merged.results += 1;
+            }
+            return Ok(());
         };
-        let Some(what) = difference else {
-            if run.steps > ours.steps {
-                self.take_run(known, id, run)?;
+        let Some(what) = self.difference(ours.id, (steps, jammed), run)? else {
+            if run.end.steps > steps {
+                self.take_run(ours, theirs, run)?;
                 self.merged.results += 1;
             } else {
-                self.frames(known, id)?;
+                self.take_frames(ours, theirs)?;
                 self.merged.duplicates += 1;
             }
             return Ok(());
         };
-        let theirs = self.take_process(&mut run.result.clone())?;
-        let ours: i64 = self
-            .transaction
-            .prepare_cached("SELECT process FROM results WHERE case_id = ?1")?
-            .query_row([known.id], |row| row.get(0))?;
-        if theirs == ours {
+        let other = self.take_process(run.end.process)?;
+        if other == process {
             // Met before, and kept as the later attempt.
             return Ok(());
         }
-        let later = self.attempt(theirs)? > self.attempt(ours)?;
-        let (kept, other) = if later {
-            (theirs, ours)
+        let is_later = self.attempt(other)? > self.attempt(process)?;
+        let (kept, other) = if is_later {
+            (other, process)
         } else {
-            (ours, theirs)
+            (process, other)
         };
-        if later {
-            self.take_run(known, id, run)?;
+        if is_later {
+            self.take_run(ours, theirs, run)?;
         }
-        self.transaction.execute(
-            "INSERT OR IGNORE INTO disagreements (case_id, kept, other, what, found_at) VALUES (?1, ?2, ?3, ?4, ?5)",
-            params![known.id, kept, other, what, now()],
+        self.connection
+            .execute(
+                "INSERT OR IGNORE INTO disagreements (case_id, kept, other, what, found_at) VALUES (?1, ?2, ?3, ?4, ?5)",
+                params![ours.id, kept, other, what, now()],
+            )
+            .map(|_| ())
+    }
+
+    /// Where a run differs first from the one that is there, if it does, as far as both were computed; times may differ.
+    fn difference(
+        &self,
+        case: i64,
+        ours: (u64, bool),
+        run: &Run,
+    ) -> Result<Option<String>, rusqlite::Error> {
+        let theirs = (run.end.steps, run.end.jammed);
+        let jammed_early = |one: (u64, bool), other: u64| one.1 && one.0 < other;
+        if jammed_early(theirs, ours.0)
+            || jammed_early(ours, theirs.0)
+            || (theirs.0 == ours.0 && theirs.1 != ours.1)
+        {
+            let word = |jammed: bool| if jammed { "jammed" } else { "done" };
+            return Ok(Some(format!(
+                "{} after {} steps, and {} after {}",
+                word(theirs.1),
+                theirs.0,
+                word(ours.1),
+                ours.0
+            )));
+        }
+        let common = theirs.0.min(ours.0);
+        let kept = samples::of(self.connection, case)?;
+        let first = |samples: &[(u64, Sample)]| samples.partition_point(|(step, _)| *step < common);
+        let (a, b) = (&run.samples[..first(&run.samples)], &kept[..first(&kept)]);
+        if a.len() != b.len() {
+            return Ok(Some(format!("{} samples, and {}", a.len(), b.len())));
+        }
+        let different = a.iter().zip(b).find_map(|(one, two)| {
+            samples::difference(one, two).map(|what| format!("at step {}: {what}", one.0))
+        });
+        if different.is_some() || theirs.0 != ours.0 {
+            return Ok(different);
+        }
+        let counters = RunEnd::of(self.connection, case)?.map(|end| format!("{:?}", end.counters));
+        let found = format!("{:?}", run.end.counters);
+        Ok(counters
+            .filter(|counters| *counters != found)
+            .map(|counters| format!("counters are {found}, and {counters}")))
+    }
+
+    /// Takes over a run that was computed to an end.
+    fn take_run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> Result<(), rusqlite::Error> {
+        let end = RunEnd {
+            process: self.take_process(run.end.process)?,
+            ..run.end.clone()
+        };
+        end.write(self.connection, ours.id, &theirs.key)?;
+        samples::write(self.connection, ours.id, &run.samples)?;
+        self.take_frames(ours, theirs)?;
+        if ours.steps_done <= end.steps {
+            claims::drop_checkpoints(self.connection, ours.id)?;
+        }
+        failures::mark_retried(self.connection, &format!("id = {}", ours.id))?;
+        let goes_on_from = if end.state.is_some() { end.steps } else { 0 };
+        self.connection.execute(
+            "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?2, steps_done = max(steps_done, ?3) WHERE id = ?1",
+            params![ours.id, now(), integer(goes_on_from)],
         )?;
-        Ok(())
+        claims::free_where(self.connection, "id = ?2", &[&ours.id])?;
+        self.connection
+            .execute("DELETE FROM results WHERE case_id = ?1", [ours.id])?;
+        ends::settle_one(self.connection, ours.id, self.protocol)
     }
 
     /// Puts processes in the order of their attempts: those of the store itself come last, and so win.
     fn attempt(&self, process: i64) -> Result<(i64, i64, i64, String, i64), rusqlite::Error> {
-        self.transaction
+        self.connection
             .prepare_cached(
                 "SELECT job, restart, started_at, host, pid FROM processes WHERE id = ?1",
             )?
@@ -243,137 +264,180 @@ impl Merging<'_> {
     }
 
     /// Takes over failures the store does not have.
-    fn take_failures(&mut self, known: &Known, id: i64, steps: i64) -> Result<(), rusqlite::Error> {
-        let Ok(found) = failures(self.old, id) else {
+    fn take_failures(&mut self, ours: &Ours, theirs: &Theirs) -> Result<(), rusqlite::Error> {
+        let read = || {
+            Ok((
+                failures::of(self.other, theirs.id)?,
+                samples::of(self.other, theirs.id)?,
+            ))
+        };
+        let read: Result<_, rusqlite::Error> = read();
+        let Ok((found, samples)) = read else {
             self.merged.unreadable += 1;
             return Ok(());
         };
         let mut taken = false;
-        for mut failure in found {
-            self.take_process(&mut failure)?;
-            failure.retain(|(name, _)| name != "id");
-            set(&mut failure, "case_id", known.id);
-            let there = self
-                .transaction
+        for failure in found {
+            let process = self.take_process(failure.process)?;
+            let is_there = self
+                .connection
                 .prepare_cached(
                     "SELECT 1 FROM failures WHERE case_id = ?1 AND process = ?2 AND failed_at = ?3",
                 )?
-                .exists(params![
-                    known.id,
-                    whole(&failure, "process"),
-                    whole(&failure, "failed_at")
-                ])?;
-            if !there {
-                put(self.transaction, "failures", &failure)?;
-                let new = self.transaction.last_insert_rowid();
-                checksum::seal(self.transaction, Kind::Failure, new)?;
+                .exists(params![ours.id, process, failure.failed_at])?;
+            if !is_there {
+                let failure = failures::Row { process, ..failure };
+                failures::insert(self.connection, ours.id, failure)?;
                 taken = true;
             }
         }
-        if taken {
-            self.merged.failures += 1;
-            self.take_samples(known, id)?;
-            self.frames(known, id)?;
-            if known.state == "pending" {
-                crate::store::claims::drop_checkpoints(self.transaction, known.id)?;
-                self.transaction.execute(
-                    "UPDATE cases SET state = 'failed', steps_done = ?2, changed_at = ?3 WHERE id = ?1",
-                    params![known.id, steps, now()],
-                )?;
-            }
+        if !taken {
+            return Ok(());
+        }
+        self.merged.failures += 1;
+        if ours.end.is_none() {
+            samples::write(self.connection, ours.id, &samples)?;
+        }
+        self.take_frames(ours, theirs)?;
+        if ours.state == State::Pending {
+            claims::drop_checkpoints(self.connection, ours.id)?;
+            claims::end(self.connection, ours.id, State::Failed, theirs.steps_done)?;
         }
         Ok(())
     }
 
     /// Takes over the checkpoints of a run under way in place of those there, which are older.
-    fn take_checkpoints(&mut self, known: &Known, id: i64) -> Result<(), rusqlite::Error> {
-        let whole: Vec<(Entry, i64)> = [0, 1]
-            .into_iter()
-            .filter_map(|generation| checkpoint(self.old, id, generation))
-            .collect();
-        let Some(steps) = whole.iter().map(|(_, steps)| *steps).max() else {
+    fn take_checkpoints(&mut self, ours: &Ours, theirs: &Theirs) -> Result<(), rusqlite::Error> {
+        let whole = theirs.checkpoints(self.other).unwrap_or_default();
+        let Some(steps) = whole.iter().map(|checkpoint| checkpoint.1).max() else {
             self.merged.unreadable += 1;
             return Ok(());
         };
-        if steps <= known.steps {
+        if steps <= ours.steps_done {
             return Ok(());
         }
-        crate::store::claims::drop_checkpoints(self.transaction, known.id)?;
-        for (mut checkpoint, _) in whole {
-            self.take_process(&mut checkpoint)?;
-            set(&mut checkpoint, "case_id", known.id);
-            put(self.transaction, "checkpoints", &checkpoint)?;
+        claims::drop_checkpoints(self.connection, ours.id)?;
+        for (generation, steps, process, data) in whole {
+            let process = self.take_process(process)?;
+            claims::put_checkpoint(self.connection, ours.id, generation, steps, process, &data)?;
         }
-        self.frames(known, id)?;
-        self.transaction.execute(
-            "UPDATE cases SET steps_done = ?2, deaths = 0, changed_at = ?3 WHERE id = ?1",
-            params![known.id, steps, now()],
+        self.take_frames(ours, theirs)?;
+        self.connection.execute(
+            "UPDATE cases SET steps_done = ?2, deaths = 0 WHERE id = ?1",
+            params![ours.id, integer(steps)],
         )?;
+        claims::free_where(self.connection, "id = ?2", &[&ours.id])?;
         self.merged.checkpoints += 1;
         Ok(())
     }
 
-    /// Takes over the samples of a failed run, unless the store has those of one that was computed to an end.
-    fn take_samples(&mut self, known: &Known, id: i64) -> Result<(), rusqlite::Error> {
-        match samples_of(self.old, id) {
-            Ok(samples) if known.end.is_none() => {
-                write_samples(self.transaction, known.id, &samples)
-            }
-            Ok(_) => Ok(()),
-            Err(_) => {
-                self.merged.unreadable += 1;
-                Ok(())
+    /// Takes over frames. Those of one step are the same, whoever computed them.
+    fn take_frames(&mut self, ours: &Ours, theirs: &Theirs) -> Result<(), rusqlite::Error> {
+        let Ok(frames) = frames::of(self.other, theirs.id) else {
+            self.merged.unreadable += 1;
+            return Ok(());
+        };
+        for (step, strain, data) in frames {
+            if crate::trajectory::decode(&data).is_some() {
+                frames::put(self.connection, ours.id, step, strain, data)?;
             }
         }
-    }
-
-    /// Takes over frames the store does not have.
-    fn frames(&mut self, known: &Known, id: i64) -> Result<(), rusqlite::Error> {
-        let (_, damaged) = take_frames(self.old, id, self.transaction, known.id)?;
-        self.merged.unreadable += damaged;
         Ok(())
     }
 
-    /// Takes over the process an entry names, and lets the entry name it by its number here.
-    fn take_process(&mut self, named: &mut Entry) -> Result<i64, rusqlite::Error> {
-        let there = whole(named, "process").unwrap_or(0);
+    /// Takes over the process of a number, and gives it the number it has here.
+    fn take_process(&mut self, there: i64) -> Result<i64, rusqlite::Error> {
         if let Some(here) = self.processes.get(&there) {
-            set(named, "process", *here);
             return Ok(*here);
         }
-        let process = process(self.old, there);
-        let value = |name: &str| {
-            let found = process.iter().find(|(known, _)| known == name);
-            found.map_or(Value::Null, |(_, value)| value.clone())
-        };
+        let described = registry::described(self.other, there).unwrap_or_else(registry::unknown);
         let known: Option<i64> = self
-            .transaction
-            .prepare_cached(
-                "SELECT id FROM processes WHERE host = ?1 AND boot = ?2 AND namespace = ?3 AND pid = ?4 AND start = ?5
-                     AND started_at = ?6",
-            )?
-            .query_row(
-                params![
-                    value("host"),
-                    value("boot"),
-                    value("namespace"),
-                    value("pid"),
-                    value("start"),
-                    value("started_at")
-                ],
-                |row| row.get(0),
-            )
+            .connection
+            .prepare_cached("SELECT id FROM processes WHERE digest = ?1")?
+            .query_row([crate::store::digest::of(&described)], |row| row.get(0))
             .optional()?;
-        let here = if let Some(here) = known {
-            here
-        } else {
-            put(self.transaction, "processes", &process)?;
-            let new = self.transaction.last_insert_rowid();
-            checksum::seal(self.transaction, Kind::Process, new)?;
-            new
+        let here = match known {
+            Some(here) => here,
+            None => registry::put(self.connection, &described, 0, Some(now()))?,
         };
         self.processes.insert(there, here);
-        set(named, "process", here);
         Ok(here)
+    }
+}
+
+impl Theirs {
+    /// The case of a number, if it still has its key.
+    fn read(other: &Connection, id: i64) -> Result<Self, rusqlite::Error> {
+        let found = other
+            .prepare_cached(
+                "SELECT c.key, p.params, c.seed, c.steps, c.sample_stride, c.state, c.steps_done
+                 FROM cases c JOIN points p ON p.id = c.point WHERE c.id = ?1",
+            )?
+            .query_row([id], |row| {
+                Ok(Self {
+                    id,
+                    key: row.get(0)?,
+                    case: Case {
+                        params: query::params(row, 1)?,
+                        seed: count(row.get(2)?),
+                        steps: count(row.get(3)?),
+                        sample_stride: count(row.get(4)?).max(1),
+                    },
+                    state: query::state(row.get_ref(5)?)?,
+                    steps_done: count(row.get(6)?),
+                })
+            })?;
+        if found.case.key().to_string() == found.key {
+            Ok(found)
+        } else {
+            Err(rusqlite::Error::QueryReturnedNoRows)
+        }
+    }
+
+    /// The run of it, if it was computed to an end: with the samples of all its steps, and a last state that fits.
+    fn run(&self, other: &Connection) -> Result<Option<Run>, rusqlite::Error> {
+        let is_finished = matches!(self.state, State::Done | State::Jammed);
+        let untrusted = || rusqlite::Error::QueryReturnedNoRows;
+        let Some(mut end) = RunEnd::of(other, self.id)? else {
+            return if is_finished {
+                Err(untrusted())
+            } else {
+                Ok(None)
+            };
+        };
+        let stride = self.case.sample_stride;
+        let mut samples = samples::of(other, self.id)?;
+        // Of a run that failed on its way on there are more.
+        samples.retain(|(step, _)| *step < end.steps);
+        let in_order = (0..)
+            .zip(&samples)
+            .all(|(number, (step, _))| *step == number * stride);
+        let last = end.state.as_deref().map(Checkpoint::decode);
+        match last {
+            Some(Ok(last)) if last.snapshot.steps == end.steps => {}
+            // The run cannot go on from it, but its result stands.
+            _ => end.state = None,
+        }
+        if !in_order || samples.len() as u64 != end.steps.div_ceil(stride) {
+            return Err(untrusted());
+        }
+        Ok(Some(Run { end, samples }))
+    }
+
+    /// Whole checkpoints of it.
+    fn checkpoints(&self, other: &Connection) -> Result<Vec<Kept>, rusqlite::Error> {
+        let mut found: Vec<Kept> = other
+            .prepare_cached("SELECT generation, process, data FROM checkpoints WHERE case_id = ?1")?
+            .query_map([self.id], |row| {
+                Ok((row.get(0)?, 0, row.get(1)?, row.get(2)?))
+            })?
+            .filter_map(Result::ok)
+            .collect();
+        found.retain_mut(|(generation, steps, _, data)| {
+            let decoded = Checkpoint::decode(data).map(|checkpoint| checkpoint.snapshot.steps);
+            *steps = *decoded.as_ref().unwrap_or(&0);
+            decoded.is_ok() && matches!(generation, 0 | 1)
+        });
+        Ok(found)
     }
 }

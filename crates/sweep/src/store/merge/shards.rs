@@ -1,7 +1,6 @@
 //! Shards as a merge meets them: whole ones, of known builds, changed since the last time.
 
-use crate::store::place::log_of;
-use crate::store::{Store, StoreError, integer};
+use crate::store::{Store, StoreError, integer, log};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
@@ -28,7 +27,7 @@ impl Stamp {
         Ok(Self {
             name: name.to_string_lossy().into_owned(),
             size: integer(file.len()),
-            changing: log_of(path).exists(),
+            changing: log::is_there(path),
             modified: since.map_or(0, |since| {
                 i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
             }),
@@ -40,12 +39,14 @@ impl Stamp {
 pub(super) struct Shard {
     /// The file. It is closed between the look and the merge: there may be thousands.
     pub(super) path: PathBuf,
-    /// The campaign it belongs to.
-    pub(super) campaign: String,
+    /// The campaign it belongs to, as far as that can be read.
+    pub(super) campaign: Option<String>,
     /// The file as it was when it was opened.
     pub(super) stamp: Stamp,
     /// Builds of the program that computed it.
     pub(super) builds: BTreeSet<String>,
+    /// What is wrong with it.
+    pub(super) damage: Option<String>,
 }
 
 /// Shards, by number, with a build that is not among the known ones. If none is known, all have to be alike.
@@ -66,44 +67,53 @@ pub(super) fn foreign(known: &BTreeSet<String>, shards: &[Shard]) -> Vec<(usize,
         .collect()
 }
 
+/// Opens a shard or a damaged store; without its log where that is not its own, which is said.
+pub(super) fn open(path: &Path) -> Result<(Store, Option<String>), StoreError> {
+    match Store::open_shard(path) {
+        Ok(store) => Ok((store, None)),
+        Err(error @ StoreError::ForeignLog { .. }) => Ok((
+            Store::open_without_log(path)?,
+            Some(format!("{error}; it was left out")),
+        )),
+        Err(error @ StoreError::Damaged { .. }) => {
+            Ok((Store::open_damaged(path)?, Some(error.to_string())))
+        }
+        Err(error) => Err(error),
+    }
+}
+
 impl Shard {
-    /// Looks through all of a shard once: half of a file is no shard.
+    /// Looks through all of a shard once. What is whole of a damaged one is taken over all the same, case by case.
     pub(super) fn look(path: &Path) -> Result<Self, StoreError> {
         // Before it is opened: if it is replaced meanwhile, the next merge reads the new one.
         let stamp = Stamp::of(path)?;
-        let store = Store::open_shard(path)?;
-        let check: String = store.read(store.connection.query_row(
-            "PRAGMA quick_check(1)",
-            [],
-            |row| row.get(0),
-        ))?;
-        if check != "ok" {
-            return Err(StoreError::Entry {
-                path: path.to_owned(),
-                table: "the file",
-                reason: format!("half-written or damaged: {check}"),
-            });
+        let (store, mut damage) = open(path)?;
+        let text = |query: &str| {
+            store
+                .connection
+                .query_row(query, [], |row| row.get::<_, String>(0))
+        };
+        match text("PRAGMA quick_check(1)") {
+            Ok(found) if found == "ok" => {}
+            Ok(found) => damage = Some(format!("half-written or damaged: {}", found.trim())),
+            Err(error) => damage = Some(format!("half-written or damaged: {error}")),
         }
         // SQLite takes what is missing at the end of the last page for zeros.
-        let whole: i64 = store.read(store.connection.query_row(
+        let whole: Result<i64, _> = store.connection.query_row(
             "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size",
             [],
             |row| row.get(0),
-        ))?;
+        );
+        let whole = whole.unwrap_or(stamp.size);
         if !stamp.changing && whole != stamp.size {
-            return Err(StoreError::Entry {
-                path: path.to_owned(),
-                table: "the file",
-                reason: format!("half-written: {} bytes of {whole}", stamp.size),
-            });
+            damage = Some(format!("half-written: {} bytes of {whole}", stamp.size));
         }
-        let campaign = store.campaign_name()?;
-        let builds = store.builds()?;
         Ok(Self {
             path: path.to_owned(),
-            campaign,
+            campaign: store.campaign_name().ok(),
+            builds: store.builds().unwrap_or_default(),
             stamp,
-            builds,
+            damage,
         })
     }
 }

@@ -9,13 +9,13 @@ fn half_doubtful(directory: &Path) -> Store {
     let mut store = open(directory);
     store.register(1).unwrap();
     for number in 0..4 {
-        let claim = store.claim(1).unwrap().unwrap();
+        let claim = store.next().unwrap();
         let mut run = finished(State::Done);
         if number % 2 == 1 {
             run.samples[40].1.viscosity = 1e6;
             run.counters.unconverged_stages = 39;
         }
-        store.finish(&claim, &run).unwrap();
+        store.end(&claim, &run).unwrap();
     }
     store.leave().unwrap();
     store
@@ -72,51 +72,4 @@ fn doubtful_runs_are_counted_and_averaged_only_if_asked_for() {
     };
     assert!(figure(&sound).contains("2 doubtful runs left out"));
     assert!(figure(&all).contains("2 doubtful runs averaged too"));
-}
-
-#[test]
-fn view_for_other_programs_leaves_doubtful_runs_out_and_counts_them() {
-    let directory = tempfile::tempdir().unwrap();
-    let store = half_doubtful(directory.path());
-    let other = rusqlite::Connection::open(store.path()).unwrap();
-    let (runs, doubtful, highest): (i64, i64, f64) = other
-        .query_row(
-            "SELECT sum(runs), sum(doubtful), max(viscosity) FROM viscosity_vs_shear_rate",
-            [],
-            |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
-        )
-        .unwrap();
-    assert_eq!((runs, doubtful), (2, 2));
-    assert!(highest < 10.0);
-}
-
-#[test]
-fn runs_of_older_programs_are_judged_when_their_store_is_read_or_opened() {
-    let directory = tempfile::tempdir().unwrap();
-    let store = half_doubtful(directory.path());
-    let path = store.path().to_owned();
-    drop(store);
-    let newer = include_str!("../schema_9.sql")
-        .replace(" ADD COLUMN", " DROP COLUMN")
-        .replace(" REAL;", ";");
-    let precise = "DROP TABLE rules; DROP INDEX cases_of_point; ALTER TABLE cases DROP COLUMN point;
-         ALTER TABLE cases DROP COLUMN reserve; ALTER TABLE cases DROP COLUMN gain;
-         ALTER TABLE results DROP COLUMN cpu_time_s; ALTER TABLE results DROP COLUMN viscosity_part_1;
-         ALTER TABLE results DROP COLUMN viscosity_part_2; ALTER TABLE results DROP COLUMN viscosity_part_3;
-         ALTER TABLE results DROP COLUMN viscosity_part_4; ALTER TABLE results DROP COLUMN viscosity_variance;
-         ALTER TABLE results DROP COLUMN viscosity_correlation;";
-    rusqlite::Connection::open(&path)
-        .unwrap()
-        .execute_batch(&format!(
-            "DROP VIEW runs; DROP VIEW viscosity_vs_shear_rate; {precise} {newer} ALTER TABLE results DROP COLUMN doubts;
-             DROP TABLE checksums; DROP TABLE log; PRAGMA user_version = 6",
-        ))
-        .unwrap();
-    let doubtful = |store: &Store| {
-        let runs = store.point_runs().unwrap();
-        runs.iter().filter(|run| run.is_doubtful()).count()
-    };
-    assert_eq!(doubtful(&Store::open_read_only(&path).unwrap()), 2);
-    assert_eq!(doubtful(&Store::open(&path).unwrap()), 2);
-    assert_eq!(doubtful(&Store::open_read_only(&path).unwrap()), 2);
 }

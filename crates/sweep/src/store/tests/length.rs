@@ -11,8 +11,8 @@ fn of_strain(strain: &str) -> Campaign {
 fn store_with_a_run(directory: &Path) -> (Store, String) {
     let mut store = open(directory);
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
-    store.finish(&claim, &finished(State::Done)).unwrap();
+    let claim = store.next().unwrap();
+    store.end(&claim, &finished(State::Done)).unwrap();
     (store, claim.key)
 }
 
@@ -25,7 +25,7 @@ fn run(store: &Store, key: &str) -> PointRun {
 fn finished_run_goes_on_from_its_last_state_when_more_strain_is_asked_for() {
     let directory = tempfile::tempdir().unwrap();
     let (mut store, key) = store_with_a_run(directory.path());
-    store.adopt(&of_strain("2.0")).unwrap();
+    store.take_in(&of_strain("2.0")).unwrap();
     assert_eq!(run(&store, &key).state, State::Pending);
     // As another program reads it: our own connections look at no view.
     let shown: (Option<f64>, f64) = rusqlite::Connection::open(store.path())
@@ -37,7 +37,7 @@ fn finished_run_goes_on_from_its_last_state_when_more_strain_is_asked_for() {
         )
         .unwrap();
     assert_eq!(shown, (None, 0.005), "nothing came out of it yet");
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     assert_eq!((&claim.key, claim.case.steps), (&key, 400));
     let [Ok(from)] = claim.checkpoints.as_slice() else {
         panic!("{:?}", claim.checkpoints);
@@ -46,8 +46,8 @@ fn finished_run_goes_on_from_its_last_state_when_more_strain_is_asked_for() {
     assert_eq!(from.samples, finished(State::Done).samples);
     // On its way on it is interrupted, and begins from its checkpoint.
     store.keep(&claim, 240, &checkpoint(240)).unwrap();
-    store.release(&claim).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
+    store.release([&claim]).unwrap();
+    let claim = store.next().unwrap();
     let steps = claim.checkpoints.iter().flatten();
     let steps: Vec<u64> = steps.map(|found| found.snapshot.steps).collect();
     assert_eq!(steps, [240, 200]);
@@ -58,7 +58,7 @@ fn a_run_cut_short_has_the_averages_of_its_beginning_and_comes_back_whole() {
     let directory = tempfile::tempdir().unwrap();
     let (mut store, key) = store_with_a_run(directory.path());
     let whole = format!("{:?}", run(&store, &key));
-    store.adopt(&of_strain("0.8")).unwrap();
+    store.take_in(&of_strain("0.8")).unwrap();
     let cut = run(&store, &key);
     assert_eq!((cut.state, cut.samples), (State::Done, 15));
     let kept = &finished(State::Done).samples[25..40];
@@ -66,7 +66,7 @@ fn a_run_cut_short_has_the_averages_of_its_beginning_and_comes_back_whole() {
     assert!((cut.viscosity.unwrap() - mean).abs() < 1e-12);
     let story = store.story(&key).unwrap();
     assert_eq!(story.samples.len(), 40);
-    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    store.take_in(&campaign(CAMPAIGN)).unwrap();
     assert_eq!(format!("{:?}", run(&store, &key)), whole);
 }
 
@@ -75,13 +75,13 @@ fn jammed_run_stays_jammed_when_more_is_asked_for_and_flows_before_it_jammed() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
-    store.finish(&claim, &finished(State::Jammed)).unwrap();
-    store.adopt(&of_strain("2.0")).unwrap();
+    let claim = store.next().unwrap();
+    store.end(&claim, &finished(State::Jammed)).unwrap();
+    store.take_in(&of_strain("2.0")).unwrap();
     assert_eq!(run(&store, &claim.key).state, State::Jammed);
-    store.adopt(&of_strain("0.8")).unwrap();
+    store.take_in(&of_strain("0.8")).unwrap();
     assert_eq!(run(&store, &claim.key).state, State::Done);
-    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    store.take_in(&campaign(CAMPAIGN)).unwrap();
     assert_eq!(run(&store, &claim.key).state, State::Jammed);
 }
 
@@ -90,11 +90,11 @@ fn what_failed_beyond_the_strain_asked_for_is_tried_again() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     store.fail(&claim, &failure(170, 0)).unwrap();
-    store.adopt(&of_strain("0.9")).unwrap();
+    store.take_in(&of_strain("0.9")).unwrap();
     assert_eq!(store.counts().unwrap().failed, 1);
-    store.adopt(&of_strain("0.8")).unwrap();
+    store.take_in(&of_strain("0.8")).unwrap();
     assert_eq!(store.counts().unwrap().failed, 0);
 }
 
@@ -108,11 +108,10 @@ fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
         ..finished(State::Done)
     };
     let path = directory.path().join("shard.sqlite");
-    let mut shard = Store::open(&path).unwrap();
-    shard.adopt(&of_strain("2.0")).unwrap();
+    let mut shard = Store::at(&path, &of_strain("2.0"));
     shard.register(1).unwrap();
-    let claim = shard.claim(1).unwrap().unwrap();
-    shard.finish(&claim, &longer).unwrap();
+    let claim = shard.next().unwrap();
+    shard.end(&claim, &longer).unwrap();
     drop(shard);
     let (mut store, key) = store_with_a_run(directory.path());
     assert_eq!(key, claim.key);
@@ -125,7 +124,7 @@ fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
         "a strain of 1 is asked for"
     );
     assert!(store.disagreements().unwrap().is_empty());
-    store.adopt(&of_strain("2.0")).unwrap();
+    store.take_in(&of_strain("2.0")).unwrap();
     assert_eq!(run(&store, &key).samples, 75);
     // The shorter one adds nothing to it.
     let small = directory.path().join("small.sqlite");
@@ -140,34 +139,33 @@ fn a_run_that_fails_on_its_way_on_keeps_its_beginning() {
     let directory = tempfile::tempdir().unwrap();
     let (mut store, key) = store_with_a_run(directory.path());
     let whole = format!("{:?}", run(&store, &key));
-    store.adopt(&of_strain("2.0")).unwrap();
+    store.take_in(&of_strain("2.0")).unwrap();
     // Once on its way on, and once anew, as if its last state could not be used.
     for (step, samples) in [(240, 60), (8, 2)] {
-        let claim = store.claim(1).unwrap().unwrap();
+        let claim = store.next().unwrap();
         assert_eq!(claim.key, key);
         store.fail(&claim, &failure(step, samples)).unwrap();
         assert_eq!(store.counts().unwrap().failed, 1);
         assert_eq!(store.retry_failed().unwrap(), 1);
     }
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     let from = claim.checkpoints[0].as_ref().unwrap();
     assert_eq!((from.snapshot.steps, from.samples.len()), (200, 50));
-    store.release(&claim).unwrap();
-    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    store.release([&claim]).unwrap();
+    store.take_in(&campaign(CAMPAIGN)).unwrap();
     assert_eq!(format!("{:?}", run(&store, &key)), whole);
 }
 
 #[test]
-fn what_waits_to_go_on_is_salvaged_with_its_last_state() {
+fn what_is_to_go_on_is_merged_with_its_last_state() {
     let directory = tempfile::tempdir().unwrap();
     let (mut store, key) = store_with_a_run(directory.path());
-    store.adopt(&of_strain("2.0")).unwrap();
-    let to = directory.path().join("new.sqlite");
-    let saved = salvage(store.path(), &to, None).unwrap();
-    assert_eq!((saved.results, saved.unreadable, saved.pending), (1, 0, 4));
-    let mut new = Store::open(&to).unwrap();
-    new.register(1).unwrap();
-    let claim = new.claim(1).unwrap().unwrap();
+    store.take_in(&of_strain("2.0")).unwrap();
+    let mut new = Store::at(&directory.path().join("new.sqlite"), &of_strain("2.0"));
+    let merged = new.merge(&[store.path().to_owned()], false).unwrap();
+    assert_eq!((merged.results, merged.unreadable), (1, 0));
+    assert_eq!(new.counts().unwrap().pending, 4);
+    let claim = new.next().unwrap();
     assert_eq!(claim.key, key);
     assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps, 200);
 }

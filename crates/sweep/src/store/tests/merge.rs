@@ -5,8 +5,7 @@ use std::path::PathBuf;
 /// A shard of task 0 after so many restarts, and this process at work on it.
 fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
     let path = directory.join(format!("{name}.sqlite"));
-    let mut store = Store::open(&path).unwrap();
-    store.adopt(&campaign(CAMPAIGN)).unwrap();
+    let mut store = Store::at(&path, &campaign(CAMPAIGN));
     store.work_for(TaskName {
         job: "7".into(),
         task: 0,
@@ -19,13 +18,13 @@ fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
         .connection
         .execute("UPDATE processes SET host = ?1", [name])
         .unwrap();
-    checksum::seal(&store.connection, checksum::Kind::Process, store.me()).unwrap();
+    registry::seal(&store.connection, store.me()).unwrap();
     (store, path)
 }
 
 /// Claims the next case and keeps a checkpoint of it.
 fn begin(store: &mut Store, steps: u64) -> Claim {
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     store.keep(&claim, steps, &checkpoint(steps)).unwrap();
     claim
 }
@@ -78,7 +77,7 @@ fn shards_merge_in_any_order_and_as_often_as_one_likes() {
     // the third has checkpoints only.
     let (mut a, path_a) = shard(at, "a", 0);
     begin(&mut a, 40);
-    let claim = a.claim(1).unwrap().unwrap();
+    let claim = a.next().unwrap();
     a.fail(&claim, &failure_of("no")).unwrap();
     begin(&mut a, 100);
     let (mut b, path_b) = shard(at, "b", 1);
@@ -87,7 +86,7 @@ fn shards_merge_in_any_order_and_as_often_as_one_likes() {
     begin(&mut b, 60);
     let (mut c, path_c) = shard(at, "c", 2);
     let claim = begin(&mut c, 20);
-    c.finish(&claim, &finished(State::Done)).unwrap();
+    c.end(&claim, &finished(State::Done)).unwrap();
     drop((a, b, c));
     let paths = [path_a, path_b, path_c];
     let mut outcomes = Vec::new();
@@ -100,8 +99,7 @@ fn shards_merge_in_any_order_and_as_often_as_one_likes() {
         [2, 1, 0],
     ] {
         let path = at.join(format!("{order:?}/small.sqlite"));
-        let mut store = Store::open(&path).unwrap();
-        store.adopt(&campaign(CAMPAIGN)).unwrap();
+        let mut store = Store::at(&path, &campaign(CAMPAIGN));
         for number in order {
             let shards = [paths[number].clone()];
             let first = store.merge(&shards, false).unwrap();
@@ -136,15 +134,15 @@ fn merged_checkpoint_is_gone_on_from() {
     let directory = tempfile::tempdir().unwrap();
     let (mut a, path) = shard(directory.path(), "a", 0);
     begin(&mut a, 40);
-    let claim = a.claim(1).unwrap().unwrap();
+    let claim = a.next().unwrap();
     a.keep(&claim, 8, &checkpoint(8)).unwrap();
     a.keep(&claim, 16, &checkpoint(16)).unwrap();
     let mut store = open(directory.path());
     store.merge(&[path], false).unwrap();
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps, 40);
-    let claim = store.claim(1).unwrap().unwrap();
+    let claim = store.next().unwrap();
     let steps: Vec<u64> = claim
         .checkpoints
         .iter()
@@ -165,16 +163,17 @@ fn results_that_differ_are_reported_and_the_later_attempt_is_kept() {
         (&mut b, 7.000_000_000_000_001),
         (&mut c, 7.0),
     ] {
-        let claim = store.claim(1).unwrap().unwrap();
+        let claim = store.next().unwrap();
         let mut result = finished(State::Done);
         result.samples[30].1.viscosity = viscosity;
-        store.finish(&claim, &result).unwrap();
+        store.end(&claim, &result).unwrap();
     }
     drop((a, b, c));
     for order in [[&early, &late], [&late, &early]] {
-        let mut store =
-            Store::open(&at.join(order[0].file_stem().unwrap()).join("s.sqlite")).unwrap();
-        store.adopt(&campaign(CAMPAIGN)).unwrap();
+        let mut store = Store::at(
+            &at.join(order[0].file_stem().unwrap()).join("s.sqlite"),
+            &campaign(CAMPAIGN),
+        );
         for shard in order {
             store.merge(std::slice::from_ref(shard), false).unwrap();
         }
@@ -201,8 +200,8 @@ fn other_campaigns_and_builds_are_refused_before_anything_is_merged() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     let (mut a, good) = shard(at, "a", 0);
-    let claim = a.claim(1).unwrap().unwrap();
-    a.finish(&claim, &finished(State::Done)).unwrap();
+    let claim = a.next().unwrap();
+    a.end(&claim, &finished(State::Done)).unwrap();
     let (mut b, other) = shard(at, "b", 0);
     begin(&mut b, 40);
     begin(&mut b, 44);
@@ -210,10 +209,10 @@ fn other_campaigns_and_builds_are_refused_before_anything_is_merged() {
         .execute("UPDATE processes SET build = 'other'", [])
         .unwrap();
     drop((a, b));
-    let mut foreign = Store::open(&at.join("foreign.sqlite")).unwrap();
-    foreign
-        .adopt(&campaign(&CAMPAIGN.replace("small", "else")))
-        .unwrap();
+    Store::at(
+        &at.join("foreign.sqlite"),
+        &campaign(&CAMPAIGN.replace("small", "else")),
+    );
     let mut store = open(at);
     let refused = store.merge(&[good.clone(), at.join("foreign.sqlite")], true);
     assert!(matches!(refused, Err(StoreError::OtherCampaign { .. })));
@@ -238,8 +237,8 @@ fn half_a_shard_is_named_and_the_others_are_merged() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     let (mut a, work) = shard(at, "a", 0);
-    let claim = a.claim(1).unwrap().unwrap();
-    a.finish(&claim, &finished(State::Done)).unwrap();
+    let claim = a.next().unwrap();
+    a.end(&claim, &finished(State::Done)).unwrap();
     let good = at.join("good.sqlite");
     reading::snapshot(&work, &good).unwrap();
     drop(a);
@@ -247,8 +246,10 @@ fn half_a_shard_is_named_and_the_others_are_merged() {
     for length in [0, 1, 99, 100, 4096, bytes.len() / 2, bytes.len() - 1] {
         let half = at.join("half.sqlite");
         std::fs::write(&half, &bytes[..length]).unwrap();
-        let mut store = Store::open(&at.join(format!("{length}/small.sqlite"))).unwrap();
-        store.adopt(&campaign(CAMPAIGN)).unwrap();
+        let mut store = Store::at(
+            &at.join(format!("{length}/small.sqlite")),
+            &campaign(CAMPAIGN),
+        );
         let merged = store.merge(&[half.clone(), good.clone()], false).unwrap();
         assert_eq!((merged.damaged.len(), merged.results), (1, 1), "{length}");
         assert_eq!(merged.damaged[0].path, half);
@@ -270,7 +271,7 @@ fn case_under_way_here_is_left_alone_by_half_of_it_and_ended_by_all_of_it() {
     let theirs = begin(&mut a, 100);
     store.merge(std::slice::from_ref(&path), false).unwrap();
     store.keep(&claim, 12, &checkpoint(12)).unwrap();
-    a.finish(&theirs, &finished(State::Jammed)).unwrap();
+    a.end(&theirs, &finished(State::Jammed)).unwrap();
     store.merge(&[path], false).unwrap();
     let lost = store.keep(&claim, 16, &checkpoint(16));
     assert!(matches!(lost, Err(StoreError::ClaimLost { .. })));
@@ -282,19 +283,20 @@ fn complete_run_outranks_a_failure_and_retried_failures_stay_retried() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     let (mut a, failed) = shard(at, "a", 0);
-    let claim = a.claim(1).unwrap().unwrap();
+    let claim = a.next().unwrap();
     a.fail(&claim, &failure_of("took too long")).unwrap();
     let (mut b, done) = shard(at, "b", 1);
-    let claim = b.claim(1).unwrap().unwrap();
-    b.finish(&claim, &finished(State::Done)).unwrap();
+    let claim = b.next().unwrap();
+    b.end(&claim, &finished(State::Done)).unwrap();
     drop((a, b));
     for order in [[&failed, &done], [&done, &failed]] {
-        let mut store = Store::open(&at.join(format!(
-            "{}-first/s.sqlite",
-            order[0].file_stem().unwrap().display()
-        )))
-        .unwrap();
-        store.adopt(&campaign(CAMPAIGN)).unwrap();
+        let mut store = Store::at(
+            &at.join(format!(
+                "{}-first/s.sqlite",
+                order[0].file_stem().unwrap().display()
+            )),
+            &campaign(CAMPAIGN),
+        );
         store.merge(&[order[0].clone()], false).unwrap();
         store.merge(&[order[1].clone()], false).unwrap();
         let counts = store.counts().unwrap();

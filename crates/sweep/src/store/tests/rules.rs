@@ -18,8 +18,7 @@ spheres = 40
 "#;
 
 fn precise(directory: &Path) -> Store {
-    let mut store = Store::open(&directory.join("small.sqlite")).unwrap();
-    store.adopt(&campaign(PRECISE)).unwrap();
+    let mut store = Store::at(&directory.join("small.sqlite"), &campaign(PRECISE));
     store.register(1).unwrap();
     store
 }
@@ -63,10 +62,10 @@ fn seeds_are_added_until_the_precision_is_reached_or_no_more_may_be() {
     let mut store = precise(directory.path());
     assert_eq!(store.counts().unwrap().total(), 6);
     let mut seeds = Vec::new();
-    while let Some(claim) = store.claim(1).unwrap() {
+    while let Some(claim) = store.next() {
         seeds.push((claim.case.params.area_fraction, claim.case.seed));
         let run = run_of(viscosity(&claim));
-        store.finish(&claim, &run).unwrap();
+        store.end(&claim, &run).unwrap();
     }
     // One seed of both points first, the rest of the first batches, the confirmation of one, the scatter of the other.
     assert_eq!(&seeds[..2], [(0.6, 1), (0.65, 1)]);
@@ -101,12 +100,11 @@ fn seeds_are_added_until_the_precision_is_reached_or_no_more_may_be() {
 fn results_in_whatever_order_and_place_give_the_same_seeds() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = precise(directory.path());
-    while let Some(claim) = store.claim(1).unwrap() {
-        store.finish(&claim, &run_of(viscosity(&claim))).unwrap();
+    while let Some(claim) = store.next() {
+        store.end(&claim, &run_of(viscosity(&claim))).unwrap();
     }
     // The same in shards, each of which holds some cases of the campaign and knows of no rule, wave after wave.
-    let mut merged = Store::open(&directory.path().join("merged.sqlite")).unwrap();
-    merged.adopt(&campaign(PRECISE)).unwrap();
+    let mut merged = Store::at(&directory.path().join("merged.sqlite"), &campaign(PRECISE));
     for wave in 0.. {
         let open = merged.open_cases().unwrap();
         if open.is_empty() {
@@ -126,11 +124,10 @@ fn results_in_whatever_order_and_place_give_the_same_seeds() {
             some.cases
                 .retain(|(key, _)| mine.contains(&&key.to_string()));
             let path = directory.path().join(format!("shard-{wave}-{part}.sqlite"));
-            let mut shard = Store::open(&path).unwrap();
-            shard.adopt(&some).unwrap();
+            let mut shard = Store::at(&path, &some);
             shard.register(1).unwrap();
-            while let Some(claim) = shard.claim(1).unwrap() {
-                shard.finish(&claim, &run_of(viscosity(&claim))).unwrap();
+            while let Some(claim) = shard.next() {
+                shard.end(&claim, &run_of(viscosity(&claim))).unwrap();
             }
             shards.push(path);
         }
@@ -146,8 +143,7 @@ fn results_in_whatever_order_and_place_give_the_same_seeds() {
     };
     assert_eq!(table(&merged), table(&store));
     // A new store that takes over what the first holds has nothing to compute.
-    let mut reusing = Store::open(&directory.path().join("reusing.sqlite")).unwrap();
-    reusing.adopt(&campaign(PRECISE)).unwrap();
+    let mut reusing = Store::at(&directory.path().join("reusing.sqlite"), &campaign(PRECISE));
     reusing.reuse(&[store.path().to_owned()]).unwrap();
     assert!(reusing.open_cases().unwrap().is_empty());
     assert_eq!(table(&reusing), table(&store));
@@ -157,28 +153,28 @@ fn results_in_whatever_order_and_place_give_the_same_seeds() {
 fn another_precision_keeps_what_is_there() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = precise(directory.path());
-    while let Some(claim) = store.claim(1).unwrap() {
-        store.finish(&claim, &run_of(viscosity(&claim))).unwrap();
+    while let Some(claim) = store.next() {
+        store.end(&claim, &run_of(viscosity(&claim))).unwrap();
     }
     store.leave().unwrap();
     drop(store);
     let rough = campaign(&PRECISE.replace("precision = 0.05", "precision = 0.9"));
     let path = directory.path().join("small.sqlite");
     // Shown first, and then taken into the store: the same.
-    let shown = Store::open_as_asked(&path, &rough).unwrap();
+    let shown = Store::shown(&path, &rough);
     assert_eq!(
         states(&shown),
         [(5, Verdict::Reached), (7, Verdict::Reached)]
     );
     assert_eq!(shown.counts().unwrap().total(), 12);
     let mut store = Store::open(&path).unwrap();
-    let adoption = store.adopt(&rough).unwrap();
+    let adoption = store.take_in(&rough).unwrap();
     assert!(adoption.changed);
     assert_eq!(
         (adoption.inventory.runs, adoption.inventory.orphans),
         (12, 1)
     );
-    store.adopt(&campaign(PRECISE)).unwrap();
+    store.take_in(&campaign(PRECISE)).unwrap();
     assert_eq!(store.counts().unwrap().done, 13);
 }
 
@@ -186,19 +182,19 @@ fn another_precision_keeps_what_is_there() {
 fn failed_runs_use_up_their_seed_until_they_are_computed_again() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = precise(directory.path());
-    while let Some(claim) = store.claim(1).unwrap() {
+    while let Some(claim) = store.next() {
         if claim.case.seed == 2 {
             store.fail(&claim, &failure(3, 0)).unwrap();
         } else {
-            store.finish(&claim, &run_of(10.0)).unwrap();
+            store.end(&claim, &run_of(10.0)).unwrap();
         }
     }
     assert_eq!(states(&store), [(5, Verdict::Reached); 2]);
     assert_eq!(store.retry_failed().unwrap(), 2);
     assert_eq!(states(&store), [(3, Verdict::Open); 2]);
-    while let Some(claim) = store.claim(1).unwrap() {
+    while let Some(claim) = store.next() {
         assert_eq!(claim.case.seed, 2);
-        store.finish(&claim, &run_of(10.0)).unwrap();
+        store.end(&claim, &run_of(10.0)).unwrap();
     }
     assert_eq!(store.counts().unwrap().done, 10);
 }
@@ -212,10 +208,9 @@ fn discarded_strain_is_picked_for_each_point_and_recorded() {
             "seeds = { precision = 0.05, at_least = 3, at_most = 8 }",
             "seeds = 2",
         );
-    let mut store = Store::open(&directory.path().join("small.sqlite")).unwrap();
-    store.adopt(&campaign(&text)).unwrap();
+    let mut store = Store::at(&directory.path().join("small.sqlite"), &campaign(&text));
     store.register(1).unwrap();
-    while let Some(claim) = store.claim(1).unwrap() {
+    while let Some(claim) = store.next() {
         let mut run = run_of(10.0);
         run.protocol = campaign(&text).protocol;
         // The first ten samples of the denser point are those of its start; what is steady alternates a little.
@@ -227,7 +222,7 @@ fn discarded_strain_is_picked_for_each_point_and_recorded() {
                 10.0 + 0.01 * (n % 2) as f64
             };
         }
-        store.finish(&claim, &run).unwrap();
+        store.end(&claim, &run).unwrap();
     }
     let runs = store.point_runs().unwrap();
     for run in runs {
@@ -245,13 +240,13 @@ fn discarded_strain_is_picked_for_each_point_and_recorded() {
 fn precision_is_that_of_the_runs_that_are_averaged() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = precise(directory.path());
-    while let Some(claim) = store.claim(1).unwrap() {
+    while let Some(claim) = store.next() {
         let mut run = run_of(viscosity(&claim));
         if claim.case.seed == 2 {
             run = run_of(1000.0);
             run.counters.unconverged_stages = 39;
         }
-        store.finish(&claim, &run).unwrap();
+        store.end(&claim, &run).unwrap();
     }
     let states = store.point_states().unwrap();
     let precision = |with_doubtful| {

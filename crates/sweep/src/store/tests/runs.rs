@@ -18,8 +18,8 @@ fn runs_have_all_axes_and_results_whatever_became_of_them() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
-    let claim = store.claim(1).unwrap().unwrap();
-    store.finish(&claim, &finished(State::Done)).unwrap();
+    let claim = store.next().unwrap();
+    store.end(&claim, &finished(State::Done)).unwrap();
     let table = store.runs().unwrap();
     assert!(table.iter().all(|column| column.cells.len() == 4));
     for axis in AXES.iter() {

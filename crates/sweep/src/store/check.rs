@@ -1,0 +1,472 @@
+//! Whether all of a store is what was written; and what is damaged made pending again, to be computed with the same digits.
+
+use super::campaign;
+use super::digest::{Altered, Digest};
+use super::log::Mark;
+use super::query::KnownPoint;
+use super::results::COVERED;
+use super::schema::axis_columns;
+use super::{Store, StoreError, claims, ends, failures, frames, registry, rules, samples};
+use crate::protocol::Protocol;
+use rusqlite::{Connection, params};
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// Largest file whose structure is looked at before a run, in bytes: this takes less than half a second.
+const CHEAP: i64 = 64 << 20;
+/// Tables with rows of a case.
+const OF_CASES: [&str; 6] = [
+    "samples",
+    "frames",
+    "checkpoints",
+    "results",
+    "ends",
+    "failures",
+];
+
+/// A kind of row that has a digest.
+struct Kind {
+    table: &'static str,
+    words: &'static str,
+    /// Selects the number of a row, the case it belongs to or 0, what its digest covers, and its digest.
+    query: String,
+}
+
+/// All of them.
+fn kinds() -> [Kind; 8] {
+    let kind = |table, words, query| Kind {
+        table,
+        words,
+        query,
+    };
+    let of = |before: &str, columns: &str| columns.replace(", ", &format!(", {before}"));
+    [
+        kind(
+            "campaign",
+            "the campaign",
+            format!("SELECT rowid, 0, {}, digest FROM campaign", campaign::COLUMNS),
+        ),
+        kind(
+            "processes",
+            "a process that computed",
+            format!("SELECT rowid, 0, {}, digest FROM processes", registry::COLUMNS),
+        ),
+        kind(
+            "points",
+            "the parameters of a point",
+            format!("SELECT rowid, 0, params, {}, digest FROM points", axis_columns("")),
+        ),
+        kind(
+            "rules",
+            "the precision requested at a point",
+            format!("SELECT rowid, 0, {}, digest FROM rules", rules::COLUMNS),
+        ),
+        kind(
+            "ends",
+            "the end of a run",
+            format!(
+                "SELECT e.rowid, c.id, c.key, e.{}, e.digest FROM ends e JOIN cases c ON c.id = e.case_id",
+                of("e.", ends::COLUMNS)
+            ),
+        ),
+        kind(
+            "failures",
+            "a failure",
+            format!(
+                "SELECT f.rowid, c.id, c.key, f.{}, f.digest FROM failures f JOIN cases c ON c.id = f.case_id",
+                of("f.", failures::COLUMNS)
+            ),
+        ),
+        kind(
+            "frames",
+            "a frame of a run",
+            format!("SELECT f.rowid, f.case_id, {}, f.digest FROM frames f", frames::COLUMNS),
+        ),
+        kind(
+            "results",
+            "the result of a run",
+            format!(
+                "SELECT r.rowid, c.id, {} FROM results r JOIN cases c ON c.id = r.case_id JOIN points p ON p.id = c.point
+                 WHERE c.state IN ('done', 'jammed')",
+                *COVERED
+            ),
+        ),
+    ]
+}
+
+impl Kind {
+    /// Calls `each` with the number of every row whose digest is not the one of its contents, its case, and what the digest is.
+    fn altered(
+        &self,
+        connection: &Connection,
+        mut each: impl FnMut(i64, i64, i64),
+    ) -> Result<(), rusqlite::Error> {
+        let mut query = connection.prepare(&self.query)?;
+        let last = query.column_count() - 1;
+        let mut rows = query.query([])?;
+        while let Some(row) = rows.next()? {
+            let digest = Digest::default().with_row(row, 2..last)?.finish();
+            if row.get::<_, i64>(last).ok() != Some(digest) {
+                each(row.get(0)?, row.get(1)?, digest);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Something that is not what was written.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// Key of the run it belongs to.
+    pub key: Option<String>,
+    /// What it is.
+    pub what: String,
+}
+
+/// What was found in a store.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Checked {
+    /// Runs that were looked at.
+    pub runs: u64,
+    /// What is damaged.
+    pub findings: Vec<Finding>,
+    /// What is lost with a log, in words.
+    pub warning: Option<String>,
+}
+
+/// All that is damaged in a store whose pages can be read.
+#[derive(Default)]
+struct Damage {
+    /// Of runs, by their numbers: what it is, and whether the row of the case itself is damaged.
+    cases: BTreeMap<i64, (String, bool)>,
+    /// Of no run.
+    others: Vec<String>,
+    processes: Vec<i64>,
+    points: Vec<i64>,
+    /// Whether the grid has to be entered anew.
+    grid: bool,
+}
+
+impl Damage {
+    fn of(connection: &Connection) -> Result<Self, rusqlite::Error> {
+        let mut damage = Self::default();
+        for kind in kinds() {
+            kind.altered(connection, |row, case, _| match kind.table {
+                _ if case != 0 => damage.case(case, kind.words, false),
+                "processes" => damage.processes.push(row),
+                "points" => damage.points.push(row),
+                _ => damage.grid(kind.words),
+            })?;
+        }
+        damage.look_at_cases(connection)?;
+        damage.look_at_samples(connection)?;
+        let fits = rules::check(connection);
+        if let Some(altered) = fits.as_ref().err().and_then(Altered::in_error) {
+            damage.grid(&altered.to_string());
+        } else {
+            fits?;
+        }
+        Ok(damage)
+    }
+
+    fn case(&mut self, case: i64, what: &str, is_row: bool) {
+        let known = self
+            .cases
+            .entry(case)
+            .or_insert_with(|| (what.to_owned(), is_row));
+        known.1 |= is_row;
+    }
+
+    fn grid(&mut self, what: &str) {
+        self.grid = true;
+        self.others.push(what.to_owned());
+    }
+
+    /// That every case has its point and its key, and the state that goes with its result and its failures.
+    fn look_at_cases(&mut self, connection: &Connection) -> Result<(), rusqlite::Error> {
+        let protocol: Option<Protocol> = connection
+            .query_row("SELECT protocol FROM campaign", [], |row| {
+                row.get::<_, String>(0)
+            })
+            .ok()
+            .and_then(|text| serde_json::from_str(&text).ok());
+        let Some(protocol) = protocol else {
+            self.grid("the campaign");
+            return Ok(());
+        };
+        let mut points: BTreeMap<i64, Option<KnownPoint>> = BTreeMap::new();
+        let mut query = connection.prepare("SELECT * FROM points ORDER BY id")?;
+        let mut rows = query.query([])?;
+        while let Some(row) = rows.next()? {
+            points.insert(row.get(0)?, KnownPoint::read(row, protocol).ok());
+        }
+        let mut query = connection.prepare(
+            "SELECT c.key, c.seed, c.steps, c.sample_stride, c.state, c.position, c.id, c.point, r.case_id, e.steps, e.jammed,
+                 EXISTS (SELECT 1 FROM failures WHERE case_id = c.id AND NOT retried)
+             FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
+             LEFT JOIN ends e ON e.case_id = c.id AND c.state NOT IN ('done', 'jammed')",
+        )?;
+        let mut rows = query.query([])?;
+        let (mut positions, mut keys) = (BTreeSet::new(), Vec::new());
+        while let Some(row) = rows.next()? {
+            let id = row.get(6)?;
+            let position: Option<i64> = row.get(5)?;
+            let key = points
+                .get(&row.get(7)?)
+                .and_then(Option::as_ref)
+                .ok_or_else(|| Altered::error("it has no point"))
+                .and_then(|point| point.checked_key(row, position.is_some()));
+            match key {
+                Ok(key) => keys.extend(position.map(|_| key.number())),
+                Err(error) => {
+                    self.case(id, &error.to_string(), true);
+                    continue;
+                }
+            }
+            let (has_failed, is_failed): (bool, bool) =
+                (row.get(11)?, row.get_ref(4)?.as_str()? == "failed");
+            let is_open = matches!(row.get_ref(4)?.as_str()?, "pending" | "running");
+            if is_failed && !has_failed || is_open && has_failed {
+                self.case(id, "its state is not that of its failures", true);
+            }
+            positions.extend(position);
+        }
+        let numbers = 0..super::integer(positions.len() as u64);
+        let written: String =
+            connection.query_row("SELECT grid FROM campaign", [], |row| row.get(0))?;
+        if !positions.into_iter().eq(numbers) || super::request::grid(keys.into_iter()) != written {
+            self.grid("a case of the grid is missing");
+        }
+        Ok(())
+    }
+
+    /// That the samples of every case are what was written.
+    fn look_at_samples(&mut self, connection: &Connection) -> Result<(), rusqlite::Error> {
+        let mut digests = samples::digests(connection)?;
+        let mut query = connection
+            .prepare("SELECT id, samples_digest FROM cases WHERE samples_digest IS NOT NULL")?;
+        let mut rows = query.query([])?;
+        while let Some(row) = rows.next()? {
+            let case = row.get(0)?;
+            if digests.remove(&case).flatten() != row.get(1)? {
+                self.case(case, "the samples of a run", false);
+            }
+        }
+        for case in digests.into_keys() {
+            self.case(case, "the samples of a run", false);
+        }
+        Ok(())
+    }
+
+    fn is_none(&self) -> bool {
+        self.cases.is_empty()
+            && self.others.is_empty()
+            && self.processes.is_empty()
+            && self.points.is_empty()
+    }
+
+    /// As it is told.
+    fn findings(&self, connection: &Connection) -> Vec<Finding> {
+        let of_case = |(case, (what, _)): (&i64, &(String, bool))| Finding {
+            key: connection
+                .query_row("SELECT key FROM cases WHERE id = ?1", [case], |row| {
+                    row.get(0)
+                })
+                .ok(),
+            what: what.clone(),
+        };
+        let other = |what: &str| Finding {
+            key: None,
+            what: what.to_owned(),
+        };
+        let processes = self
+            .processes
+            .iter()
+            .map(|_| other("a process that computed"));
+        let points = self
+            .points
+            .iter()
+            .map(|_| other("the parameters of a point"));
+        let others = self.others.iter().map(|what| other(what));
+        self.cases
+            .iter()
+            .map(of_case)
+            .chain(others)
+            .chain(processes)
+            .chain(points)
+            .collect()
+    }
+
+    /// Forgets what is damaged: runs are pending again, cases and points are entered anew with the campaign.
+    fn forget(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+        for (case, (_, is_row)) in &self.cases {
+            forget_case(connection, *case)?;
+            if *is_row {
+                connection.execute("DELETE FROM cases WHERE id = ?1", [case])?;
+            }
+        }
+        for point in &self.points {
+            let cases: Vec<i64> = connection
+                .prepare("SELECT id FROM cases WHERE point = ?1")?
+                .query_map([point], |row| row.get(0))?
+                .collect::<Result<_, _>>()?;
+            for case in cases {
+                forget_case(connection, case)?;
+            }
+            connection.execute("DELETE FROM cases WHERE point = ?1", [point])?;
+            connection.execute("DELETE FROM points WHERE id = ?1", [point])?;
+        }
+        for process in &self.processes {
+            connection.execute(
+                "UPDATE processes SET host = 'unknown', build = '', version = '' WHERE id = ?1",
+                [process],
+            )?;
+            registry::seal(connection, *process)?;
+        }
+        if self.grid || !self.points.is_empty() || self.cases.values().any(|(_, is_row)| *is_row) {
+            // What the store was last run with is entered again.
+            connection.execute("UPDATE campaign SET request = '', digest = 0", [])?;
+        }
+        Ok(())
+    }
+}
+
+/// Makes a case pending with nothing to it.
+fn forget_case(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
+    for table in OF_CASES {
+        connection.execute(&format!("DELETE FROM {table} WHERE case_id = ?1"), [case])?;
+    }
+    connection.execute(
+        "UPDATE cases SET state = 'pending', owner = NULL, steps_done = 0, deaths = 0, samples_digest = NULL WHERE id = ?1",
+        [case],
+    )?;
+    claims::free_where(connection, "id = ?2", &[&case]).map(|_| ())
+}
+
+/// What `SQLite` finds wrong with the structure of a store.
+fn structure(connection: &Connection) -> Result<Vec<String>, rusqlite::Error> {
+    let mut found: Vec<String> = connection
+        .prepare("PRAGMA main.integrity_check(20)")?
+        .query_map([], |row| row.get(0))?
+        .collect::<Result<_, _>>()?;
+    // Values that no column of ours can have are found by other means.
+    found.retain(|line| line != "ok" && !line.contains("CHECK constraint"));
+    Ok(found)
+}
+
+/// Compares all of a store with what was written, and looks at its structure. Only reads.
+///
+/// # Errors
+/// A file that is missing, no store, of another schema, or cannot be read at all.
+pub fn check(path: &Path) -> Result<Checked, StoreError> {
+    let store = Store::open_read_only(path)?;
+    let connection = &store.connection;
+    let found = || {
+        let structure = structure(connection)?.into_iter();
+        let mut findings: Vec<Finding> =
+            structure.map(|what| Finding { key: None, what }).collect();
+        match Damage::of(connection) {
+            Ok(damage) => findings.extend(damage.findings(connection)),
+            // Pages that cannot be read are among the findings already.
+            Err(error) if findings.is_empty() => return Err(error),
+            Err(_) => {}
+        }
+        let runs: i64 = connection.query_row("SELECT count(*) FROM cases", [], |row| row.get(0))?;
+        Ok((super::count(runs), findings))
+    };
+    let (runs, findings) = store.read(found())?;
+    Ok(Checked {
+        runs,
+        findings,
+        warning: store.warning.clone(),
+    })
+}
+
+impl Store {
+    /// Makes damaged runs pending again, so that they are computed again, with the same digits. Says which.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] if pages of the file cannot be read, and trouble with the file.
+    pub fn forget_damaged(&mut self) -> Result<Vec<Finding>, StoreError> {
+        let size = || {
+            self.connection.query_row(
+                "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size",
+                [],
+                |row| row.get::<_, i64>(0),
+            )
+        };
+        let mut findings = Vec::new();
+        if self.read(size())? <= CHEAP {
+            let found = self.read(structure(&self.connection))?;
+            if !found.is_empty() {
+                // Indices are made anew from the tables; what is wrong then is beyond that.
+                self.write(|connection| {
+                    connection.execute_batch("REINDEX")?;
+                    match structure(connection)?.first() {
+                        None => Ok(()),
+                        Some(what) => Err(Altered::error(what.trim().replace('\n', " "))),
+                    }
+                })?;
+                let index = |what| Finding { key: None, what };
+                findings.extend(found.into_iter().map(index));
+            }
+        }
+        let damage = || {
+            // All of it is of one moment.
+            let transaction = self.connection.unchecked_transaction()?;
+            Damage::of(&transaction)
+        };
+        if self.read(damage())?.is_none() {
+            return Ok(findings);
+        }
+        self.write(|connection| {
+            let damage = Damage::of(connection)?;
+            findings.extend(damage.findings(connection));
+            damage.forget(connection)
+        })?;
+        Ok(findings)
+    }
+}
+
+/// Takes what a store holds now for what was written: for whoever changed it by other means than this program, and means it.
+///
+/// # Errors
+/// Trouble with the file.
+pub fn accept_changes(path: &Path) -> Result<(), StoreError> {
+    let accepted = || -> Result<(), rusqlite::Error> {
+        let connection = Connection::open(path)?;
+        connection.execute_batch("BEGIN IMMEDIATE")?;
+        let keys: Vec<String> = connection
+            .prepare("SELECT key FROM cases WHERE position IS NOT NULL")?
+            .query_map([], |row| row.get(0))?
+            .collect::<Result<_, _>>()?;
+        let keys = keys
+            .iter()
+            .map(|key| u128::from_str_radix(key, 16).unwrap_or(0));
+        connection.execute(
+            "UPDATE campaign SET grid = ?1",
+            [super::request::grid(keys)],
+        )?;
+        connection.execute("UPDATE cases SET samples_digest = NULL", [])?;
+        for (case, digest) in samples::digests(&connection)? {
+            connection.execute(
+                "UPDATE cases SET samples_digest = ?2 WHERE id = ?1",
+                params![case, digest],
+            )?;
+        }
+        for kind in kinds() {
+            let mut altered = Vec::new();
+            kind.altered(&connection, |row, _, digest| altered.push((row, digest)))?;
+            for (row, digest) in altered {
+                connection.execute(
+                    &format!("UPDATE {} SET digest = ?2 WHERE rowid = ?1", kind.table),
+                    params![row, digest],
+                )?;
+            }
+        }
+        Mark::renew(&connection)?;
+        connection.execute_batch("COMMIT")
+    };
+    accepted().map_err(|error| StoreError::sqlite(path, error, false))
+}

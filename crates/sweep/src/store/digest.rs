@@ -1,0 +1,161 @@
+//! Digests of what a store holds: written with every row that is averaged or shown later, and compared by whoever reads it.
+//!
+//! `SQLite` notices a page that is out of its place; it does not notice a changed digit.
+
+use rusqlite::types::{Type, Value, ValueRef};
+use rusqlite::{Connection, Params, Row};
+use std::fmt;
+use std::ops::Range;
+
+/// A digest under way. Values of unlike types or in another order give another one.
+#[derive(Default)]
+pub(super) struct Digest(blake3::Hasher, Vec<u8>);
+
+/// Bytes that are hashed together: many small pieces cost more than one.
+const PIECE: usize = 16 << 10;
+
+impl Digest {
+    /// Takes in a value as the store keeps it: what is not a number is nothing.
+    pub(super) fn add<'v>(&mut self, value: impl Into<ValueRef<'v>>) {
+        let (tag, bytes): (u8, &[u8]) = match value.into() {
+            ValueRef::Null => (0, &[]),
+            ValueRef::Integer(whole) => (1, &whole.to_le_bytes()),
+            ValueRef::Real(real) if real.is_nan() => (0, &[]),
+            // A zero loses its sign in a column of a store.
+            ValueRef::Real(0.0) => (2, &[0; 8]),
+            ValueRef::Real(real) => (2, &real.to_bits().to_le_bytes()),
+            ValueRef::Text(text) => (3, text),
+            ValueRef::Blob(blob) => (4, blob),
+        };
+        self.1.push(tag);
+        if tag > 2 {
+            self.1
+                .extend_from_slice(&(bytes.len() as u64).to_le_bytes());
+        }
+        self.1.extend_from_slice(bytes);
+        if self.1.len() >= PIECE {
+            self.0.update(&self.1);
+            self.1.clear();
+        }
+    }
+
+    /// Takes in several values.
+    #[must_use]
+    pub(super) fn with<'v>(mut self, values: impl IntoIterator<Item = &'v Value>) -> Self {
+        values.into_iter().for_each(|value| self.add(value));
+        self
+    }
+
+    /// Takes in columns of a row.
+    pub(super) fn with_row(
+        mut self,
+        row: &Row<'_>,
+        columns: Range<usize>,
+    ) -> Result<Self, rusqlite::Error> {
+        for column in columns {
+            self.add(row.get_ref(column)?);
+        }
+        Ok(self)
+    }
+
+    /// The digest.
+    pub(super) fn finish(mut self) -> i64 {
+        self.0.update(&self.1);
+        let mut first = [0; 8];
+        first.copy_from_slice(&self.0.finalize().as_bytes()[..8]);
+        i64::from_le_bytes(first)
+    }
+}
+
+/// The digest of some values.
+pub(super) fn of(values: &[Value]) -> i64 {
+    Digest::default().with(values).finish()
+}
+
+/// Makes sure that rows are what was written: the last column of each is the digest of those before it.
+///
+/// # Errors
+/// [`Altered`] with these words, in an error of the query, and those of the query.
+pub(super) fn check(
+    connection: &Connection,
+    query: &str,
+    parameters: impl Params,
+    what: &str,
+) -> Result<(), rusqlite::Error> {
+    let mut query = connection.prepare_cached(query)?;
+    let last = query.column_count() - 1;
+    let mut rows = query.query(parameters)?;
+    while let Some(row) = rows.next()? {
+        if Digest::default().with_row(row, 0..last)?.finish() != row.get::<_, i64>(last)? {
+            return Err(Altered::error(format!("{what} is not what was written")));
+        }
+    }
+    Ok(())
+}
+
+/// Something that is not what it was when it was written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Altered(String);
+
+impl Altered {
+    /// As an error of a query.
+    pub(super) fn error(what: impl Into<String>) -> rusqlite::Error {
+        rusqlite::Error::FromSqlConversionFailure(0, Type::Null, Box::new(Self(what.into())))
+    }
+
+    /// What an error of a query is about, if it is about this.
+    pub(super) fn in_error(error: &rusqlite::Error) -> Option<&Self> {
+        match error {
+            rusqlite::Error::FromSqlConversionFailure(_, _, inner) => inner.downcast_ref(),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Altered {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Altered {}
+
+/// A number as the store keeps it.
+pub(super) fn number(number: impl Into<Option<f64>>) -> Value {
+    number
+        .into()
+        .filter(|number| !number.is_nan())
+        .map_or(Value::Null, Value::Real)
+}
+
+/// A count as the store keeps it.
+pub(super) fn whole(count: u64) -> Value {
+    Value::Integer(super::integer(count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_changed_value_a_missing_one_and_one_of_another_type_change_the_digest() {
+        let row = [Value::Integer(1), Value::Real(2.5), Value::Null];
+        let good = of(&row);
+        for other in [
+            &row[..2],
+            &[
+                Value::Integer(1),
+                Value::Real(2.5000000000000004),
+                Value::Null,
+            ],
+            &[Value::Integer(1), Value::Text("2.5".into()), Value::Null],
+            &[Value::Real(1.0), Value::Real(2.5), Value::Null],
+            &[Value::Real(2.5), Value::Integer(1), Value::Null],
+        ] {
+            assert_ne!(good, of(other), "{other:?}");
+        }
+        assert_eq!(of(&[number(f64::NAN)]), of(&[Value::Null]));
+        let words = |a: &str, b: &str| of(&[Value::Text(a.into()), Value::Text(b.into())]);
+        assert_ne!(words("ab", "c"), words("a", "bc"));
+    }
+}

@@ -1,0 +1,384 @@
+//! What comes from outside with bad intent or bad luck: pipes, hostile names, slow visitors, disks that cannot be written.
+
+use crate::harness::{
+    Computed, PATIENCE, Served, command, edit, ended, printed, program, run, send, until,
+};
+use rustix::process::Signal;
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::Duration;
+
+const CAMPAIGN: &str = r#"name = "small"
+[protocol]
+strain = 0.1
+discard = 0.0
+checkpoint_every = 0.02
+[[grid]]
+area_fraction = 0.5
+friction = 0.3
+roughness = 0.01
+shear_rate = [1.0, inf]
+seeds = 2
+spheres = 20
+hydrodynamics = "ball-melrose"
+"#;
+
+/// A store with all results.
+static STORE: Computed = Computed::new(CAMPAIGN, &[]);
+
+/// A directory with the campaign and its finished store.
+fn directory() -> tempfile::TempDir {
+    let directory = STORE.folder();
+    let at = directory.path();
+    std::fs::create_dir(at.join("results")).unwrap();
+    std::fs::rename(at.join("c.toml"), at.join("small.toml")).unwrap();
+    std::fs::rename(at.join("s.sqlite"), at.join("results/small.sqlite")).unwrap();
+    directory
+}
+
+/// The output of a command that must end by itself.
+fn ends(directory: &Path, arguments: &[&str]) -> Output {
+    let mut child = command(directory, arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    ended(&mut child);
+    child.wait_with_output().unwrap()
+}
+
+#[test]
+fn pipes_and_devices_are_no_stores() {
+    let directory = directory();
+    let at = directory.path();
+    let pipe = at.join("pipe.sqlite");
+    assert!(
+        Command::new("mkfifo")
+            .arg(&pipe)
+            .status()
+            .unwrap()
+            .success()
+    );
+    for arguments in [
+        &["status", "pipe.sqlite"][..],
+        &["report", "pipe.sqlite"],
+        &["show", "pipe.sqlite", "1"],
+        &["serve", "pipe.sqlite", "--listen", "127.0.0.1:0"],
+        &["check", "pipe.sqlite"],
+        &["run", "small.toml", "--store", "pipe.sqlite"],
+        &["run", "small.toml", "--reuse", "pipe.sqlite"],
+        &["status", "/dev/zero"],
+    ] {
+        let output = ends(at, arguments);
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        assert!(printed(&output).contains("is not a file"), "{output:?}");
+    }
+    let merged = ends(at, &["merge", "results/small.sqlite", "pipe.sqlite"]);
+    assert_eq!(merged.status.code(), Some(1), "{merged:?}");
+    assert!(!at.join("new.sqlite").exists());
+}
+
+#[test]
+fn first_merges_that_are_ended_early_or_given_at_once_end_well() {
+    for _ in 0..6 {
+        let directory = directory();
+        let at = directory.path();
+        let arguments = ["merge", "new.sqlite", "results/small.sqlite"];
+        let both: Vec<Child> = (0..2)
+            .map(|_| {
+                command(at, &arguments)
+                    .stdout(Stdio::piped())
+                    .stderr(Stdio::piped())
+                    .spawn()
+                    .unwrap()
+            })
+            .collect();
+        for child in both {
+            let output = child.wait_with_output().unwrap();
+            assert_eq!(output.status.code(), Some(0), "{output:?}");
+        }
+    }
+    // Ended at any moment, the same command does it.
+    for wait in 0..12 {
+        let directory = directory();
+        let at = directory.path();
+        let arguments = ["merge", "new.sqlite", "results/small.sqlite"];
+        let mut child = command(at, &arguments)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(Duration::from_millis(4 * wait));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let again = run(at, &arguments);
+        assert_eq!(again.status.code(), Some(0), "after {wait}: {again:?}");
+        assert!(
+            printed(&again).contains("4 of 4 cases are done"),
+            "{again:?}"
+        );
+    }
+}
+
+#[test]
+fn run_says_whom_it_waits_for() {
+    let directory = directory();
+    let at = directory.path();
+    let store = at.join("results/small.sqlite");
+    edit(
+        &store,
+        "UPDATE processes SET host = 'elsewhere', ended_at = NULL, heartbeat = 1000 * unixepoch() + 100000;
+         DELETE FROM results WHERE case_id = 1; DELETE FROM ends WHERE case_id = 1;
+         UPDATE cases SET state = 'running', owner = 1, steps_done = 0 WHERE id = 1",
+    );
+    let mut child = command(at, &["run", "small.toml"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let told = lines.find(|line| {
+        line.as_ref()
+            .unwrap()
+            .contains("waiting for 1 runs of process")
+    });
+    let told = told.unwrap().unwrap();
+    assert!(told.contains("on elsewhere"), "{told}");
+    send(&child, Signal::TERM);
+    assert_eq!(child.wait().unwrap().code(), Some(143));
+}
+
+#[test]
+fn unknown_states_are_told_and_their_runs_computed_again() {
+    let directory = directory();
+    let at = directory.path();
+    let store = at.join("results/small.sqlite");
+    edit(
+        &store,
+        "PRAGMA ignore_check_constraints = ON; UPDATE cases SET state = 'waiting' WHERE id = 2",
+    );
+    for arguments in [&["report", "small.toml"][..], &["status", "small.toml"]] {
+        let output = ends(at, arguments);
+        assert_eq!(output.status.code(), Some(3), "{output:?}");
+        assert!(
+            printed(&output).contains("is damaged") && printed(&output).contains("sweep check"),
+            "{output:?}"
+        );
+    }
+    let checked = run(at, &["check", "results/small.sqlite"]);
+    assert_eq!(checked.status.code(), Some(1), "{checked:?}");
+    let ran = run(at, &["run", "small.toml"]);
+    assert_eq!(ran.status.code(), Some(0), "{ran:?}");
+    assert!(printed(&ran).contains("computed again"), "{ran:?}");
+    let checked = run(at, &["check", "results/small.sqlite"]);
+    assert_eq!(checked.status.code(), Some(0), "{checked:?}");
+}
+
+/// Bytes a terminal would obey, colours excepted.
+fn obeyed(output: &Output) -> Vec<u8> {
+    let bytes = [output.stdout.as_slice(), &output.stderr].concat();
+    let text = String::from_utf8_lossy(&bytes).into_owned();
+    text.chars()
+        .filter(|c| c.is_control() && *c != '\n' && *c != '\t')
+        .flat_map(|c| c.to_string().into_bytes())
+        .collect()
+}
+
+#[test]
+fn what_a_terminal_would_obey_is_shown() {
+    const EVIL: &str = "\u{1b}]0;owned\u{7}\u{1b}[2J\u{9b}31m\r";
+    let directory = directory();
+    let at = directory.path();
+    let store = at.join("results/small.sqlite");
+    edit(
+        &store,
+        &format!(
+            "DELETE FROM results WHERE case_id = 1; DELETE FROM samples WHERE case_id = 1; DELETE FROM ends;
+             UPDATE cases SET state = 'failed' WHERE id = 1;
+             INSERT INTO failures (case_id, attempt, error, step, strain, process, failed_at)
+                 VALUES (1, 1, 'no {EVIL}', 3, 0.015, 1, 0);
+             UPDATE campaign SET name = 'small{EVIL}'; UPDATE processes SET host = '{EVIL}', build = '{EVIL}'"
+        ),
+    );
+    let evil = format!("evil{EVIL}.sqlite");
+    std::fs::copy(&store, at.join(&evil)).unwrap();
+    std::fs::write(
+        at.join("evil.toml"),
+        CAMPAIGN.replace("friction = 0.3", &format!("friction = \"{EVIL}\"")),
+    )
+    .unwrap();
+    let evil_toml = format!("{EVIL}.toml");
+    std::fs::write(at.join(&evil_toml), "name = 3\n").unwrap();
+    let mut shown = 0;
+    for arguments in [
+        &["status", "results/small.sqlite"][..],
+        &["report", "results/small.sqlite"],
+        &["report", "results/small.sqlite", "--markdown", "-"],
+        &["show", "results/small.sqlite", "1"],
+        &["status", &evil],
+        &["status", &format!("none{EVIL}.sqlite")],
+        &["run", "evil.toml"],
+        &["plan", &evil_toml],
+        &["merge", "results/small.sqlite", &evil],
+        &["merge", "results/small.sqlite", &evil_toml],
+        &["run", "small.toml"],
+        &["check", &evil],
+    ] {
+        for colour in ["auto", "always"] {
+            let output = ends(at, &[arguments, &["--color", colour]].concat());
+            let rest = if colour == "always" {
+                // Our own colours: an escape, a bracket, digits, m.
+                let bytes = [output.stdout.as_slice(), &output.stderr].concat();
+                let text = String::from_utf8_lossy(&bytes).into_owned();
+                let mut parts = text.split('\u{1b}');
+                let first = parts.next().unwrap_or_default().to_owned();
+                parts.fold(first, |kept, part| {
+                    let end = part.find('m').unwrap_or(0);
+                    let is_colour = part.starts_with('[')
+                        && part[1..end.max(1)]
+                            .chars()
+                            .all(|c| c.is_ascii_digit() || c == ';');
+                    assert!(is_colour, "{arguments:?}: {part:?}");
+                    kept + part
+                })
+            } else {
+                assert_eq!(obeyed(&output), b"", "{arguments:?}: {output:?}");
+                printed(&output)
+            };
+            assert!(
+                !rest.contains(['\u{7}', '\u{9b}', '\r']),
+                "{arguments:?}: {rest:?}"
+            );
+            shown += u32::from(rest.contains("\\u001b]0;owned\\u0007"));
+        }
+    }
+    assert!(shown >= 12, "{shown}");
+    let json = run(at, &["report", "results/small.sqlite", "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!(json["campaign"], format!("small{EVIL}"));
+}
+
+/// The live page of a system with few file descriptors.
+fn serve(directory: &Path) -> Served {
+    let mut limited = Command::new("bash");
+    limited
+        .args(["-c", "ulimit -n 64; exec \"$0\" \"$@\""])
+        .arg(program(directory).get_program())
+        .args(["serve", "small.toml", "--listen", "127.0.0.1:0", "--json"])
+        .current_dir(directory);
+    Served::start(&mut limited)
+}
+
+fn connect(server: &Served) -> TcpStream {
+    let stream = TcpStream::connect(&server.address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream
+}
+
+/// The answer to a request for the data.
+fn ask(server: &Served) -> String {
+    let mut stream = connect(server);
+    stream
+        .write_all(b"GET /data.json HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        .unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer
+}
+
+#[test]
+fn idle_and_slow_visitors_starve_nobody() {
+    let directory = directory();
+    let server = serve(directory.path());
+    let idle: Vec<TcpStream> = (0..100).map(|_| connect(&server)).collect();
+    for _ in 0..3 {
+        assert!(ask(&server).starts_with("HTTP/1.1 200"));
+    }
+    drop(idle);
+    // A byte now and then does not keep a connection.
+    let mut slow = connect(&server);
+    slow.set_read_timeout(Some(Duration::from_millis(500)))
+        .unwrap();
+    until("the end of a slow visit", || {
+        let is_open = slow.write_all(b"G").is_ok() && !matches!(slow.read(&mut [0; 64]), Ok(0));
+        (!is_open).then_some(())
+    });
+    assert!(ask(&server).starts_with("HTTP/1.1 200"));
+}
+
+#[test]
+fn server_ends_whatever_its_store_does() {
+    for signal in [Signal::TERM, Signal::INT] {
+        let directory = directory();
+        let mut server = serve(directory.path());
+        let lock =
+            rusqlite::Connection::open(directory.path().join("results/small.sqlite")).unwrap();
+        // Readers wait for as long as this is held.
+        lock.execute_batch("PRAGMA locking_mode = EXCLUSIVE; BEGIN EXCLUSIVE")
+            .unwrap();
+        lock.execute("UPDATE cases SET changed_at = 0", []).unwrap();
+        let mut waiting = connect(&server);
+        waiting
+            .write_all(b"GET /data.json HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            .unwrap();
+        std::thread::sleep(Duration::from_millis(300));
+        send(&server.child, signal);
+        ended(&mut server.child);
+        drop(lock);
+    }
+}
+
+/// A disk that can only be read; taken away with the test.
+struct ReadOnly(PathBuf);
+
+impl Drop for ReadOnly {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg("-l").arg(&self.0).status();
+    }
+}
+
+#[test]
+fn stores_on_read_only_disks_are_read_with_and_without_a_log() {
+    let directory = directory();
+    let at = directory.path();
+    let disk = at.join("disk");
+    std::fs::create_dir(&disk).unwrap();
+    let mount = |arguments: &[&str]| {
+        let done = Command::new("mount").args(arguments).arg(&disk).output();
+        done.is_ok_and(|done| done.status.success())
+    };
+    if !mount(&["-t", "tmpfs", "-o", "size=16m", "tmpfs"]) {
+        return; // Mounting needs root.
+    }
+    let disk = ReadOnly(disk.clone());
+    std::fs::copy(at.join("results/small.sqlite"), disk.0.join("s.sqlite")).unwrap();
+    // As a killed process leaves it: changes in a log, and no index of it.
+    let kept = rusqlite::Connection::open(at.join("results/small.sqlite")).unwrap();
+    kept.execute_batch("UPDATE processes SET heartbeat = heartbeat + 1")
+        .unwrap();
+    for (from, to) in [
+        ("small.sqlite", "logged.sqlite"),
+        ("small.sqlite-wal", "logged.sqlite-wal"),
+    ] {
+        std::fs::copy(at.join("results").join(from), disk.0.join(to)).unwrap();
+    }
+    assert!(mount(&["-o", "remount,ro"]));
+    for store in ["disk/s.sqlite", "disk/logged.sqlite"] {
+        for arguments in [
+            &["status", store][..],
+            &["report", store, "--json"],
+            &["show", store, "1"],
+        ] {
+            let output = ends(at, arguments);
+            assert_eq!(output.status.code(), Some(0), "{arguments:?}: {output:?}");
+        }
+        Served::start(&mut command(
+            at,
+            &["serve", store, "--listen", "127.0.0.1:0", "--json"],
+        ));
+    }
+    let refused = ends(at, &["run", "small.toml", "--store", "disk/s.sqlite"]);
+    assert_ne!(refused.status.code(), Some(0));
+}

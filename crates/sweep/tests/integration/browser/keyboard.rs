@@ -1,0 +1,195 @@
+//! The keyboard alone: keys as the browser gets them from a user's hands, and nothing else.
+
+use super::chromium::{Browser, Page, WINDOWS};
+use super::{COMPUTED, page_of};
+use serde_json::Value;
+
+/// Tells what is saved, in the order of saving.
+const NOTE_SAVED: &str = "window.kept = []; document.addEventListener('saved', event => kept.push(event.detail.name)); 0";
+
+/// Presses Tab until the focus stands on what a selector means, which must show that it does.
+fn tab_to(page: &mut Page<'_>, selector: &str) {
+    let script = format!("!!document.activeElement?.matches({selector:?})");
+    for _ in 0..150 {
+        page.press("Tab");
+        if page.value(&script) == true {
+            let shown = page.value(
+                "(() => { const e = document.activeElement, ring = e.querySelector?.('.halo') ?? e, style = getComputedStyle(ring);
+                 return e.matches(':focus-visible') && (style.outlineStyle !== 'none' || style.stroke !== 'none'); })()",
+            );
+            assert_eq!(shown, true, "the focus on {selector} is not seen");
+            return;
+        }
+    }
+    assert_eq!(page.value(&script), true, "Tab does not lead to {selector}");
+}
+
+fn text(page: &mut Page<'_>, id: &str) -> String {
+    let script = format!("document.getElementById({id:?}).textContent");
+    page.value(&script).as_str().unwrap().to_owned()
+}
+
+fn count(page: &mut Page<'_>, selector: &str) -> u64 {
+    let script = format!("document.querySelectorAll({selector:?}).length");
+    page.value(&script).as_u64().unwrap()
+}
+
+/// Waits until a script says yes.
+fn until(page: &mut Page<'_>, script: &str) {
+    let waiting = format!(
+        "(async () => {{ for (let n = 0; n < 1200; n++) {{ if ({script}) return true; await new Promise(done => setTimeout(done, 50)); }} return false; }})()"
+    );
+    assert_eq!(page.value(&waiting), true, "{script}");
+}
+
+#[test]
+fn everything_is_reached_and_done_with_keys_alone() {
+    let Some(mut browser) = Browser::start("everything_is_reached_and_done_with_keys_alone") else {
+        return;
+    };
+    let folder = COMPUTED.folder();
+    let address = page_of(folder.path(), &[]);
+    for window in WINDOWS {
+        let mut page = browser.open(&address, window);
+        page.value(NOTE_SAVED);
+        for part in [views, controls, points, curves, movie, table] {
+            part(&mut page);
+        }
+        // Nothing that can be used was passed over: from the end Tab goes round, and stands once on each.
+        let missed = passed_over(&mut page);
+        assert_eq!(missed, [""; 0], "{window:?}");
+        assert_eq!(page.requests(), [address.as_str()]);
+        assert_eq!(page.trouble(), [""; 0]);
+        page.close();
+    }
+}
+
+/// Views, one after the other.
+fn views(page: &mut Page<'_>) {
+    tab_to(page, "#view");
+    for (view, selector) in [
+        ("flow", ".curve"),
+        ("contacts", ".curve"),
+        ("histogram", ".bars"),
+        ("map", ".cell"),
+        ("versus", ".run"),
+    ] {
+        page.press("ArrowDown");
+        let value = page.value("document.getElementById('view').value");
+        assert_eq!(value, view);
+        assert!(count(page, &format!("#plot {selector}")) > 0, "{view}");
+    }
+    for _ in 0..5 {
+        page.press("ArrowUp");
+    }
+}
+
+/// Quantity, axis, filters, checkboxes.
+fn controls(page: &mut Page<'_>) {
+    tab_to(page, "#quantity");
+    page.press("ArrowDown");
+    let quantity = page.value("document.getElementById('quantity').value");
+    assert_eq!(quantity, "viscosity_median");
+    page.press("ArrowUp");
+    tab_to(page, "#along");
+    page.press("ArrowUp");
+    assert_eq!(count(page, "#plot .curve"), 3, "along the friction");
+    page.press("ArrowDown");
+    tab_to(page, "#bands");
+    page.press(" ");
+    assert!(count(page, "#plot .band") > 0);
+    page.press(" ");
+    tab_to(page, "[data-axis=friction]");
+    page.press("ArrowDown");
+    assert_eq!(count(page, "#plot .curve"), 1);
+    page.press("ArrowUp");
+}
+
+/// From point to point, and one chosen.
+fn points(page: &mut Page<'_>) {
+    tab_to(page, "#plot .point");
+    page.press("End");
+    page.press("ArrowLeft");
+    let place = "[...document.querySelectorAll('#plot .point')].indexOf(document.activeElement)";
+    assert_eq!(page.value(place), 4);
+    assert!(text(page, "tip").contains("ν = 0.3"));
+    page.press("Enter");
+    until(page, "!document.getElementById('movie').hidden");
+    assert!(text(page, "point").contains("Γ = 1"));
+    assert_eq!(page.value(place), 4, "the focus stays");
+}
+
+/// Curves hidden and shown, what is shown saved.
+fn curves(page: &mut Page<'_>) {
+    tab_to(page, "#legend button");
+    page.press(" ");
+    assert_eq!(count(page, "#plot .curve"), 1);
+    page.press("Enter");
+    assert_eq!(count(page, "#plot .curve"), 2);
+    for kind in ["csv", "svg", "png"] {
+        tab_to(page, &format!("#save-{kind}"));
+        page.press("Enter");
+        until(page, &format!("kept.at(-1) === 'browser-view.{kind}'"));
+    }
+}
+
+/// The other seed's layer: chosen, played, scrubbed, coloured.
+fn movie(page: &mut Page<'_>) {
+    tab_to(page, "[aria-label='watch the layer of seed 2']");
+    page.press("Enter");
+    until(
+        page,
+        "document.getElementById('movie-name').textContent.endsWith('seed 2')",
+    );
+    tab_to(page, "#play");
+    page.press(" ");
+    until(page, "+document.getElementById('scrub').value > 0");
+    page.press(" ");
+    tab_to(page, "#scrub");
+    page.press("Home");
+    let cursor = "+document.querySelector('#trace .cursor').getAttribute('x1')";
+    let before = page.value(cursor).as_f64().unwrap();
+    for _ in 0..4 {
+        page.press("ArrowRight");
+    }
+    assert_eq!(page.value("document.getElementById('scrub').value"), "4");
+    assert!(page.value(cursor).as_f64().unwrap() > before);
+    tab_to(page, "#paint");
+    page.press("ArrowDown");
+    assert!(text(page, "meaning").starts_with("force"));
+}
+
+/// The table scrolls, and has the columns that are chosen.
+fn table(page: &mut Page<'_>) {
+    tab_to(page, "#points-box");
+    if page.value("!document.getElementById('cue').hidden") == true {
+        for _ in 0..8 {
+            page.press("ArrowRight");
+        }
+        until(page, "document.getElementById('points-box').scrollLeft > 0");
+    }
+    let heads = count(page, "#points th");
+    tab_to(page, "details:has(#columns) summary");
+    page.press("Enter");
+    tab_to(page, "[data-column=rolling_fraction]");
+    page.press(" ");
+    assert_eq!(count(page, "#points th"), heads + 1);
+    tab_to(page, "details:has(#text) summary");
+    page.press(" ");
+    tab_to(page, "#text");
+}
+
+/// What can be used and is not reached by Tab alone. Of the points of a plot one is, from which arrows lead to the others.
+fn passed_over(page: &mut Page<'_>) -> Vec<String> {
+    page.value(
+        "window.usable = [...document.querySelectorAll('select, button, input, summary, pre, .scroll, #plot .point')]
+            .filter(e => e.checkVisibility() && (e.tabIndex >= 0 || !e.matches('.point')) && e.id !== 'run-list'); 0",
+    );
+    for _ in 0..200 {
+        page.press("Tab");
+        page.value("usable = usable.filter(e => e !== document.activeElement); 0");
+    }
+    let left = page.value("usable.map(e => e.outerHTML.slice(0, 80))");
+    let left = left.as_array().unwrap().iter();
+    left.map(Value::to_string).collect()
+}

@@ -1,0 +1,246 @@
+//! Every command of the documentation, run as it is written.
+//!
+//! Of each file the fenced blocks marked `sh` are run in order by `sh -eu`, in a directory of their own that holds the campaign
+//! files shortened. ```` ```sh needs=PROGRAM,… ```` is run where these programs are installed (`python:MODULE` for a module of
+//! Python), and named as skipped elsewhere. `cargo run --release --` stands for the program under test; what else is asked of
+//! cargo is what runs this test, and only checked for naming tests, examples and benches that exist.
+
+use crate::harness::root;
+use std::fmt::Write as _;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
+use std::process::Command;
+
+/// What stands for cargo.
+const CARGO: &str = r#"#!/bin/sh
+case "$*" in
+"run --release -- "*) shift 3; exec sweep "$@" ;;
+esac
+case "$1" in
+build | test | bench | run | fmt | clippy | doc) ;;
+*) echo "cargo $* is not known here" >&2; exit 9 ;;
+esac
+while [ $# -gt 0 ]; do
+    case "$1" in
+    --test) folder=tests ;;
+    --example) folder=examples ;;
+    --bench) folder=benches ;;
+    *) shift; continue ;;
+    esac
+    ls "$ROOT"/crates/*/"$folder/$2.rs" "$ROOT"/crates/*/"$folder/$2/main.rs" 2> /dev/null | grep -q . ||
+        { echo "cargo $1 $2: no such file" >&2; exit 9; }
+    shift
+done
+"#;
+
+/// The fenced blocks of a kind: what follows the kind in the first line, and the text.
+fn blocks(markdown: &str, kind: &str) -> Vec<(String, String)> {
+    let mut all = Vec::new();
+    let mut lines = markdown.lines();
+    while let Some(line) = lines.next() {
+        let Some(info) = line.trim_start().strip_prefix("```") else {
+            continue;
+        };
+        let text: Vec<&str> = lines
+            .by_ref()
+            .take_while(|line| line.trim() != "```")
+            .collect();
+        let (word, rest) = info.split_once(' ').unwrap_or((info, ""));
+        if word == kind {
+            all.push((rest.trim().to_owned(), text.join("\n") + "\n"));
+        }
+    }
+    all
+}
+
+/// Whether a program, or a module of Python, is installed.
+fn is_there(program: &str) -> bool {
+    let command = match program.strip_prefix("python:") {
+        Some(module) => format!("python3 -c 'import {module}'"),
+        None => format!("command -v {program}"),
+    };
+    let output = Command::new("sh").args(["-c", &command]).output();
+    output.unwrap().status.success()
+}
+
+fn write_program(path: &Path, text: &str) {
+    std::fs::write(path, text).unwrap();
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+/// A directory as a reader of the documentation has it, but for its size: campaigns are shorter, scripts do nothing.
+fn checkout() -> tempfile::TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    for folder in ["bin", "sweeps", "scripts", "results", "home"] {
+        std::fs::create_dir(at.join(folder)).unwrap();
+    }
+    write_program(&at.join("bin/cargo"), CARGO);
+    std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_sweep"), at.join("bin/sweep")).unwrap();
+    for entry in std::fs::read_dir(root().join("scripts")).unwrap() {
+        let name = entry.unwrap().file_name();
+        write_program(&at.join("scripts").join(name), "#!/bin/sh\n");
+    }
+    std::os::unix::fs::symlink(root().join("crates"), at.join("crates")).unwrap();
+    let quickstart = std::fs::read_to_string(root().join("sweeps/quickstart.toml")).unwrap();
+    let short = quickstart
+        .replace("strain = 4.0", "strain = 0.3")
+        .replace("discard = 1.0", "discard = 0.0")
+        .replace("seeds = 8 ", "seeds = 2 ");
+    assert_ne!(short, quickstart);
+    std::fs::write(at.join("sweeps/quickstart.toml"), short).unwrap();
+    directory
+}
+
+/// Runs all commands of one file; panics on the first that fails.
+fn run(file: &str) {
+    let markdown = std::fs::read_to_string(root().join(file)).unwrap();
+    let directory = checkout();
+    let mut script = String::new();
+    for (info, text) in blocks(&markdown, "sh") {
+        let needs = info.strip_prefix("needs=").unwrap_or_default();
+        match needs.split(',').find(|p| !p.is_empty() && !is_there(p)) {
+            Some(missing) => eprintln!("skipped in {file}, no {missing}:\n{text}"),
+            None => script.push_str(&text),
+        }
+    }
+    let mut path = directory.path().join("bin").into_os_string();
+    path.push(":");
+    path.push(std::env::var_os("PATH").unwrap_or_default());
+    let output = Command::new("sh")
+        .args(["-eux", "-c", &script])
+        .current_dir(directory.path())
+        .env("PATH", path)
+        .env("ROOT", root())
+        .env("HOME", directory.path().join("home"))
+        .env_remove("XDG_CACHE_HOME")
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{file}: {}\n{}",
+        output.status,
+        String::from_utf8_lossy(&output.stderr)
+    );
+}
+
+/// Files of the documentation.
+fn files() -> Vec<String> {
+    let mut all = vec!["README.md".to_owned(), "CONTRIBUTING.md".to_owned()];
+    for entry in std::fs::read_dir(root().join("docs")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "md") {
+            let name = path.file_name().unwrap().to_str().unwrap();
+            all.push(format!("docs/{name}"));
+        }
+    }
+    all.sort();
+    all
+}
+
+#[test]
+fn help_names_only_files_that_exist() {
+    use clap::CommandFactory as _;
+    let mut missing = String::new();
+    for mut subcommand in sweep::cli::Cli::command().get_subcommands().cloned() {
+        let help = subcommand.render_long_help().to_string();
+        let ends = |c: char| c.is_whitespace() || "`'\"),".contains(c);
+        for word in help.split(ends).filter(|word| !word.contains("NAME")) {
+            // A store or a folder of shards exists once its campaign was run.
+            let file = match word
+                .strip_prefix("results/")
+                .and_then(|name| name.split_once('.'))
+            {
+                Some((name, _)) => format!("sweeps/{name}.toml"),
+                None if word.starts_with("sweeps/") && word.len() > 7 => word.to_owned(),
+                None => continue,
+            };
+            if !root().join(&file).exists() {
+                writeln!(missing, "{}: {word}", subcommand.get_name()).unwrap();
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{missing}");
+}
+
+#[test]
+fn every_command_runs() {
+    let threads: Vec<_> = files()
+        .into_iter()
+        .map(|file| std::thread::spawn(move || run(&file)))
+        .collect();
+    let failed = threads.into_iter().filter_map(|t| t.join().err()).count();
+    assert_eq!(failed, 0, "files with commands that fail, see above");
+}
+
+#[test]
+fn every_campaign_is_one() {
+    for file in files() {
+        let markdown = std::fs::read_to_string(root().join(&file)).unwrap();
+        for (_, text) in blocks(&markdown, "toml") {
+            if !text.contains("[[grid]]") {
+                continue;
+            }
+            let directory = tempfile::tempdir().unwrap();
+            let at = directory.path().join("campaign.toml");
+            std::fs::write(&at, &text).unwrap();
+            let read = sweep::campaign::Campaign::read(&at);
+            let campaign = match read {
+                Ok(campaign) => campaign,
+                Err(error) => panic!("{file}: {error}\n{text}"),
+            };
+            // A block that names a file in its first line is that file, but for what it says beside.
+            let name = text.lines().next().unwrap_or_default();
+            if let Some(name) = name.strip_prefix("# sweeps/") {
+                let there =
+                    sweep::campaign::Campaign::read(&root().join("sweeps").join(name)).unwrap();
+                assert_eq!(campaign.cases, there.cases, "{file} and {name}");
+                assert_eq!(campaign.protocol, there.protocol, "{file} and {name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_link_leads_somewhere() {
+    let mut broken = String::new();
+    for file in files() {
+        let markdown = std::fs::read_to_string(root().join(&file)).unwrap();
+        let folder = root().join(&file).parent().unwrap().to_owned();
+        let links = markdown.split("](").skip(1);
+        for link in links.chain(markdown.split("src=\"").skip(1)) {
+            let target = link.split([')', '#', ' ', '"']).next().unwrap_or_default();
+            let outside = target.contains("://") || target.is_empty();
+            if !outside && !folder.join(target).exists() {
+                writeln!(broken, "{file}: {target}").unwrap();
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{broken}");
+}
+
+#[test]
+fn every_subcommand_has_examples_that_are_commands() {
+    use clap::{CommandFactory as _, Parser as _};
+    for subcommand in sweep::cli::Cli::command().get_subcommands() {
+        let name = subcommand.get_name();
+        let help = subcommand.get_after_help().map(ToString::to_string);
+        let help = help.unwrap_or_default();
+        let examples: Vec<&str> = help
+            .lines()
+            .map(|line| line.trim_start_matches("Example:").trim())
+            .flat_map(|line| line.split(" | ").flat_map(|part| part.split(" && ")))
+            .filter_map(|command| command.split(" > ").next())
+            .filter(|command| command.starts_with("sweep "))
+            .collect();
+        let own = format!("sweep {name}");
+        assert!(
+            examples.iter().any(|example| example.starts_with(&own)),
+            "{name} has no example"
+        );
+        for example in examples {
+            let parsed = sweep::cli::Cli::try_parse_from(example.split_whitespace());
+            assert!(parsed.is_ok(), "{example}: {:?}", parsed.err());
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! What all tests share: the program in a folder of its own, stores that are computed once, and waiting for other processes.
+
+use assert_cmd::cargo::cargo_bin;
+use rustix::process::{Pid, Signal, kill_process};
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+/// After this time a test gives up on another process. It guards against a hang and measures nothing.
+pub(crate) const PATIENCE: Duration = Duration::from_mins(2);
+
+/// The repository.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The program in a folder, without arguments yet. Its cache is there too, so that no test depends on another.
+pub(crate) fn program(at: &Path) -> Command {
+    let mut command = Command::new(cargo_bin("sweep"));
+    command
+        .current_dir(at)
+        .env("XDG_CACHE_HOME", at)
+        .env("NO_COLOR", "1");
+    command
+}
+
+/// The program in a folder, with arguments.
+pub(crate) fn command(at: &Path, arguments: &[&str]) -> Command {
+    let mut command = program(at);
+    command.args(arguments);
+    command
+}
+
+/// Runs it, however it ends.
+pub(crate) fn run(at: &Path, arguments: &[&str]) -> Output {
+    command(at, arguments).output().unwrap()
+}
+
+/// What it prints when all goes well.
+pub(crate) fn sweep(at: &Path, arguments: &[&str]) -> String {
+    let output = run(at, arguments);
+    assert!(output.status.success(), "{arguments:?}: {output:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The object it prints.
+pub(crate) fn json(at: &Path, arguments: &[&str]) -> serde_json::Value {
+    let text = sweep(at, &[arguments, &["--json"]].concat());
+    serde_json::from_str(&text).unwrap()
+}
+
+/// What it says of bad input, which leaves nothing on standard output.
+pub(crate) fn refused(at: &Path, arguments: &[&str]) -> String {
+    let output = run(at, arguments);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {output:?}");
+    assert!(output.stdout.is_empty());
+    words(&output.stderr)
+}
+
+/// The words of an error on one line, without its frame: lines are broken to fit the terminal.
+pub(crate) fn words(text: &[u8]) -> String {
+    let text = String::from_utf8_lossy(text).replace(['│', '╰', '─', '▶', '×'], " ");
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Everything that a command printed.
+pub(crate) fn printed(output: &Output) -> String {
+    String::from_utf8_lossy(&[output.stdout.clone(), output.stderr.clone()].concat()).into_owned()
+}
+
+/// Starts it without output.
+pub(crate) fn spawn(at: &Path, arguments: &[&str]) -> Child {
+    command(at, arguments)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+pub(crate) fn send(child: &Child, signal: Signal) {
+    kill_process(Pid::from_child(child), signal).unwrap();
+}
+
+/// Waits until something is there.
+pub(crate) fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let begun = Instant::now();
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(begun.elapsed() < PATIENCE, "waited in vain: {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// How a process ended; one that does not is killed, and the test fails.
+pub(crate) fn ended(child: &mut Child) -> ExitStatus {
+    let begun = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            return status;
+        }
+        if begun.elapsed() > PATIENCE {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            unreachable!("a process did not end");
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// A folder with a campaign file in it.
+pub(crate) fn folder(name: &str, campaign: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join(name), campaign).unwrap();
+    folder
+}
+
+/// A campaign that is computed once, for all tests that look at its store.
+pub(crate) struct Computed {
+    campaign: &'static str,
+    /// Arguments of `sweep run`.
+    more: &'static [&'static str],
+    store: OnceLock<Vec<u8>>,
+}
+
+impl Computed {
+    pub(crate) const fn new(campaign: &'static str, more: &'static [&'static str]) -> Self {
+        Self {
+            campaign,
+            more,
+            store: OnceLock::new(),
+        }
+    }
+
+    /// A folder with a copy of its store, `s.sqlite`, and its file, `c.toml`.
+    pub(crate) fn folder(&self) -> tempfile::TempDir {
+        let folder = folder("c.toml", self.campaign);
+        let at = folder.path();
+        let bytes = self.store.get_or_init(|| {
+            let run = ["run", "c.toml", "--store", "s.sqlite", "-q"];
+            sweep(at, &[&run[..], self.more].concat());
+            std::fs::read(at.join("s.sqlite")).unwrap()
+        });
+        std::fs::write(at.join("s.sqlite"), bytes).unwrap();
+        folder
+    }
+}
+
+/// Changes a store behind the back of the program.
+pub(crate) fn edit(store: &Path, statements: &str) {
+    let connection = rusqlite::Connection::open(store).unwrap();
+    connection.execute_batch(statements).unwrap();
+    drop(connection);
+    sweep::store::accept_changes(store).unwrap();
+}
+
+/// Changes the store of a folder, as a bad night might.
+pub(crate) fn spoil(at: &Path, statements: &str) {
+    edit(&at.join("s.sqlite"), statements);
+}
+
+/// Makes runs of a store fail: those that a condition of SQL is true of.
+pub(crate) fn fail(at: &Path, which: &str) {
+    spoil(
+        at,
+        &format!(
+            "CREATE TEMP TABLE chosen AS SELECT c.id FROM cases c JOIN points p ON p.id = c.point WHERE {which};
+             UPDATE cases SET state = 'failed' WHERE id IN chosen;
+             DELETE FROM results WHERE case_id IN chosen;
+             DELETE FROM ends WHERE case_id IN chosen;
+             INSERT INTO failures (case_id, attempt, error, step, strain, process, failed_at)
+                 SELECT id, 1, 'made up', 3, 0.015, 1, 0 FROM chosen;"
+        ),
+    );
+}
+
+/// A live page; the server ends with the test.
+pub(crate) struct Served {
+    pub(crate) child: Child,
+    pub(crate) address: String,
+}
+
+impl Served {
+    /// Starts a command that serves and prints its address as JSON.
+    pub(crate) fn start(command: &mut Command) -> Self {
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap())
+            .read_line(&mut line)
+            .unwrap();
+        let said: serde_json::Value = serde_json::from_str(&line).unwrap();
+        Self {
+            child,
+            address: said["address"].as_str().unwrap().to_owned(),
+        }
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,25 @@
+//! The program as a user, a cluster or a browser meets it: one module for each subject. What they share is in `harness`.
+//!
+//! No test asserts how long something takes. Where a test waits for another process it gives up after two minutes, so that a process
+//! that never ends fails the test instead of blocking it.
+#![cfg(unix)]
+#![expect(
+    clippy::unwrap_used,
+    reason = "tests: a panic is the failure, and names state the fact"
+)]
+#![expect(clippy::print_stderr, reason = "names the tests that are skipped")]
+
+mod attacks;
+mod browser;
+mod campaign;
+mod command_line;
+mod documentation;
+mod harness;
+mod precision;
+mod progress;
+mod published;
+
+mod report;
+mod scripts;
+mod slurm;
+mod trouble;

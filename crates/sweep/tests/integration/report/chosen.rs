@@ -1,0 +1,179 @@
+//! Some of the points, kinds of figures, and stores that have little to show.
+
+use super::{SMALL, named_anew};
+use crate::harness::{json, refused, run, spoil, sweep};
+
+#[test]
+fn figures_of_every_kind_are_drawn() {
+    let folder = SMALL.folder();
+    let at = folder.path();
+    for kind in ["viscosity", "contacts", "trace", "normal-stress"] {
+        for file in ["f.svg", "f.png", "f.pdf"] {
+            let along = if kind == "contacts" {
+                "shear_rate"
+            } else {
+                "friction"
+            };
+            sweep(
+                at,
+                &[
+                    "report", "s.sqlite", "--figure", file, "--kind", kind, "--along", along,
+                ],
+            );
+            let bytes = std::fs::read(at.join(file)).unwrap();
+            if file == "f.png" {
+                assert!(bytes.starts_with(b"\x89PNG\r\n"), "{kind}");
+                let width = u32::from_be_bytes(bytes[16..20].try_into().unwrap());
+                assert_eq!(width, 2008, "85 mm at 600 dots per inch");
+            } else if file == "f.pdf" {
+                assert!(bytes.starts_with(b"%PDF-"), "{kind}");
+            } else {
+                let text = String::from_utf8(bytes).unwrap();
+                assert!(
+                    text.contains("<svg") && text.to_lowercase().contains("#0072b2"),
+                    "{kind}"
+                );
+            }
+        }
+    }
+    sweep(at, &["report", "s.sqlite", "--figure", "f.svg"]);
+    let text = std::fs::read_to_string(at.join("f.svg")).unwrap();
+    for part in ["∞", "ν = 0.3", "shear rate Γ", "stroke-dasharray"] {
+        assert!(text.contains(part), "{part}");
+    }
+    refused(at, &["report", "s.sqlite", "--figure", "f.gif"]);
+}
+
+#[test]
+fn stores_without_results_give_sensible_output() {
+    let hostile = "</script><img src=x onerror=alert(1)>";
+    let failed = format!(
+        "DELETE FROM results; DELETE FROM ends; DELETE FROM samples; DELETE FROM frames; UPDATE cases SET state = 'failed';
+         INSERT INTO failures (case_id, attempt, error, step, strain, process, failed_at)
+             SELECT id, 1, '{hostile}', 3, 0.015, 1, 0 FROM cases;
+         UPDATE campaign SET name = '{hostile}', text = '{hostile}@DATA@@JS@'"
+    );
+    let pending = "DELETE FROM results; DELETE FROM ends; DELETE FROM samples; DELETE FROM frames;
+                   UPDATE cases SET state = 'pending', steps_done = 0";
+    let no_grid = "UPDATE cases SET position = NULL, counts = 0";
+    for (statements, code) in [(failed.as_str(), 0), (pending, 0), (no_grid, 0)] {
+        let folder = SMALL.folder();
+        let at = folder.path();
+        spoil(at, statements);
+        for output in ["--csv", "--markdown"] {
+            let output = run(at, &["report", "s.sqlite", output, "-"]);
+            assert_eq!(output.status.code(), Some(code), "{output:?}");
+        }
+        let output = run(at, &["report", "s.sqlite", "--page", "p.html"]);
+        assert_eq!(output.status.code(), Some(code), "{output:?}");
+        if let Ok(page) = std::fs::read_to_string(at.join("p.html")) {
+            assert!(!page.contains("<img"), "markup is escaped");
+            assert_eq!(page.matches("</script>").count(), 2);
+        }
+        for kind in ["viscosity", "trace"] {
+            refused(
+                at,
+                &["report", "s.sqlite", "--figure", "f.svg", "--kind", kind],
+            );
+        }
+    }
+    let folder = SMALL.folder();
+    spoil(folder.path(), &failed);
+    let text = sweep(folder.path(), &["show", "s.sqlite", "1"]);
+    assert!(text.contains("no trace yet") && text.contains("attempt 1 failed at step 3"));
+}
+
+#[test]
+fn a_selection_holds_for_every_output() {
+    let folder = SMALL.folder();
+    let at = folder.path();
+    let some = ["--where", "friction=0.3", "--where", "shear_rate=0,inf"];
+    let report = |more: &[&str]| sweep(at, &[&["report", "s.sqlite"], &some[..], more].concat());
+    let json = json(at, &[&["report", "s.sqlite"], &some[..]].concat());
+    assert_eq!(json["points"].as_array().unwrap().len(), 2);
+    assert_eq!(json["cases"]["done"], 4);
+    assert_eq!(json["points"][1]["shear_rate"], "inf");
+    assert_eq!(json["points"][1]["time_step"], 0.005);
+    let text = report(&[]);
+    assert!(
+        text.contains("4 of 4 cases")
+            && text.contains("only where friction = 0.3, shear_rate = 0 or inf")
+    );
+    assert_eq!(report(&["--csv", "-"]).lines().count(), 3);
+    assert_eq!(report(&["--markdown", "-"]).lines().count(), 4);
+    report(&["--figure", "f.svg", "--kind", "trace"]);
+    let svg = std::fs::read_to_string(at.join("f.svg")).unwrap();
+    assert!(svg.contains("Γ = 0") && svg.contains("Γ = ∞") && !svg.contains("ν ="));
+    report(&["--page", "p.html"]);
+    let page = std::fs::read_to_string(at.join("p.html")).unwrap();
+    assert!(page.contains(r#""selection":"friction = 0.3, shear_rate = 0 or inf""#));
+    assert_eq!(page.matches(r#""viscosity_ci95""#).count(), 2);
+
+    for (condition, part) in [
+        ("friction=0.25", "there are points with 0, 0.3"),
+        ("fricton=0.3", "area_fraction"),
+        ("seed=1", "no axis"),
+        ("friction", "KEY=VALUE"),
+    ] {
+        let error = refused(at, &["report", "s.sqlite", "--where", condition]);
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+#[test]
+fn time_steps_and_sizes_set_curves_apart() {
+    let folder = SMALL.folder();
+    let at = folder.path();
+    spoil(
+        at,
+        "UPDATE points SET time_step = 0.01, params = json_set(params, '$.time_step', 0.01) WHERE friction > 0.2;
+         UPDATE cases SET steps = steps / 2 WHERE point IN (SELECT id FROM points WHERE friction > 0.2)",
+    );
+    named_anew(at);
+    let text = sweep(at, &["report", "s.sqlite"]);
+    assert!(text.contains("Δt"), "a column of its own: {text}");
+    let draw = |more: &[&str]| {
+        sweep(
+            at,
+            &[&["report", "s.sqlite", "--figure", "f.svg"], more].concat(),
+        );
+        std::fs::read_to_string(at.join("f.svg")).unwrap()
+    };
+    assert!(draw(&[]).contains("ν = 0.3, Δt = 0.01"));
+    assert!(draw(&["--along", "time_step", "--where", "shear_rate=inf"]).contains("<svg"));
+    for (quantity, label) in [
+        ("viscosity_stresslet", "stresslet viscosity"),
+        ("viscosity_median", "median viscosity"),
+    ] {
+        assert!(draw(&["--quantity", quantity]).contains(label));
+    }
+    assert!(draw(&["--kind", "approach-velocity"]).contains("mean approach velocity"));
+    for wrong in [
+        &["--kind", "trace", "--quantity", "viscosity"][..],
+        &["--case", "3f"],
+        &["--kind", "trace", "--case", "zz"],
+        &["--along", "contact"],
+    ] {
+        refused(
+            at,
+            &[&["report", "s.sqlite", "--figure", "f.svg"], wrong].concat(),
+        );
+    }
+}
+
+#[test]
+fn too_many_curves_are_an_error_that_knows_a_way_out() {
+    let folder = SMALL.folder();
+    let at = folder.path();
+    let error = refused(
+        at,
+        &[
+            "report", "s.sqlite", "--figure", "f.svg", "--kind", "contacts", "--along", "friction",
+        ],
+    );
+    assert!(
+        error.contains("12 curves") && error.contains("--where"),
+        "{error}"
+    );
+    assert!(!at.join("f.svg").exists());
+}

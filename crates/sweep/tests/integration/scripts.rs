@@ -1,0 +1,91 @@
+//! The scripts, as far as they can be tried without doing their work.
+
+use crate::harness::root;
+use std::path::PathBuf;
+use std::process::Command;
+
+/// The folder of the scripts.
+fn scripts() -> PathBuf {
+    root().join("scripts")
+}
+
+#[test]
+fn every_script_can_be_read() {
+    for entry in std::fs::read_dir(scripts()).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            continue; // A package of Python, with tests of its own.
+        }
+        let status = Command::new("bash").arg("-n").arg(&path).status();
+        assert!(status.unwrap().success(), "{}", path.display());
+    }
+}
+
+#[test]
+fn unknown_parts_of_the_bench_are_refused_before_anything_is_measured() {
+    let output = Command::new(scripts().join("bench"))
+        .args(["profile", "speed"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("no part speed"), "{told}");
+}
+
+#[test]
+fn a_program_that_needs_libraries_is_not_released() {
+    if Command::new("python3").arg("--version").output().is_err() {
+        return; // The script says that it needs it.
+    }
+    let directory = tempfile::tempdir().unwrap();
+    let output = Command::new(scripts().join("release"))
+        .arg(directory.path())
+        .env("PROGRAM", env!("CARGO_BIN_EXE_sweep"))
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("needs libraries where it runs"), "{told}");
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn the_released_program_is_below_20_megabytes() {
+    if cfg!(debug_assertions) {
+        return; // Only the release profile is small.
+    }
+    let size = std::fs::metadata(env!("CARGO_BIN_EXE_sweep"))
+        .unwrap()
+        .len();
+    assert!(size < 20_000_000, "{size} bytes");
+}
+
+#[test]
+fn the_python_package_is_compiled_as_the_program_is() {
+    let levels = |manifest: &str| {
+        let text = std::fs::read_to_string(scripts().join(manifest)).unwrap();
+        let manifest: toml::Table = toml::from_str(&text).unwrap();
+        manifest["profile"]["release"]["package"]
+            .as_table()
+            .unwrap()
+            .clone()
+    };
+    let of_python = levels("../python/Cargo.toml");
+    for (package, level) in levels("../Cargo.toml") {
+        for (key, value) in level.as_table().unwrap() {
+            assert_eq!(of_python[&package].get(key), Some(value), "{package}");
+        }
+    }
+}
+
+#[test]
+fn every_campaign_has_its_published_results() {
+    let sweeps = scripts().join("../sweeps");
+    let published =
+        std::fs::read_to_string(scripts().join("published_results/campaigns.py")).unwrap();
+    for entry in std::fs::read_dir(sweeps).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        let name = name.strip_suffix(".toml").unwrap_or_default();
+        assert!(published.contains(&format!("\"{name}\"")), "{name}");
+    }
+}

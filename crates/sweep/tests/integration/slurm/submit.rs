@@ -1,0 +1,301 @@
+//! Submitting: what is handed over, what is refused, what is left to tasks at work.
+
+use super::cluster::{Cluster, LONG, QUICK, contains, long};
+use crate::harness::{until, words};
+use assert_cmd::cargo::cargo_bin;
+use std::process::Command;
+use std::time::Duration;
+
+#[test]
+fn dry_run_prints_what_is_submitted_and_writes_nothing() {
+    let cluster = Cluster::new(QUICK);
+    let arguments = [
+        "submit",
+        "small.toml",
+        "--tasks",
+        "4",
+        "--time",
+        "1:00:00",
+        "--partition",
+        "short",
+        "--account",
+        "it.me",
+        "--throttle",
+        "2",
+        "--workers-per-task",
+        "2",
+        "--sbatch-arg=--mem=1G",
+        "--scratch",
+        "/tmp/a b",
+    ];
+    let dry: Vec<&str> = arguments.iter().copied().chain(["--dry-run"]).collect();
+    let printed = cluster.ok(&dry);
+    let home: Vec<_> = std::fs::read_dir(cluster.home()).unwrap().collect();
+    assert_eq!(home.len(), 1, "{home:?}");
+    assert!(cluster.was_told("sbatch.arguments").is_empty());
+    for line in [
+        "#SBATCH --array=0-3%2",
+        "#SBATCH --cpus-per-task=2",
+        "#SBATCH --time=1:00:00",
+        "#SBATCH --partition=short",
+        "#SBATCH --account=it.me",
+        "#SBATCH --signal=B:USR1@300",
+    ] {
+        assert!(printed.contains(&format!("{line}\n")), "{line}: {printed}");
+    }
+    contains(&printed, &["--scratch '/tmp/a b'", "--requeue"]);
+    cluster.ok(&arguments);
+    let (command, script) = printed.split_once("\n\n").unwrap();
+    let told = cluster.was_told("sbatch.arguments");
+    let submitted = told.lines().last().unwrap();
+    assert_eq!(std::fs::read_to_string(submitted).unwrap(), script);
+    let shell = Command::new("sh")
+        .args(["-c", &format!("printf '%s\\n' {command}")])
+        .output()
+        .unwrap();
+    assert_eq!(
+        String::from_utf8(shell.stdout).unwrap(),
+        format!("sbatch\n{told}")
+    );
+}
+
+#[test]
+fn tasks_find_the_start_layers_that_the_campaign_names_from_its_folder() {
+    let cluster = Cluster::new(&QUICK.replace("seeds = 3", "seeds = 1"));
+    cluster.ok(&["run", "small.toml", "--trajectory", "--quiet"]);
+    cluster.ok(&[
+        "export",
+        "results/small.sqlite",
+        "1",
+        "--out",
+        "layer.xyz",
+        "--quiet",
+    ]);
+    std::fs::rename(cluster.store(), cluster.home().join("first.sqlite")).unwrap();
+    let on = r#"seeds = 1
+start = { store = "first.sqlite", point = { shear_rate = 1.0 } }"#;
+    let again = format!(
+        "{}\n[[grid]]\n{}",
+        QUICK.replace("seeds = 3", on),
+        QUICK.split_once("[[grid]]").unwrap().1.replace(
+            "seeds = 3",
+            "seeds = 1\ndirection = -1\nstart = 'layer.xyz'"
+        )
+    );
+    std::fs::write(cluster.home().join("small.toml"), again).unwrap();
+    // Tasks read a copy of the campaign in another folder, and begin elsewhere.
+    let script = cluster.submit(&["--tasks", "2"]);
+    cluster.run_all(&script, 4711, 2);
+    cluster.ok(&["merge", "small.toml"]);
+    let status = cluster.json(&["status", "small.toml", "--json"]);
+    assert_eq!(status["cases"]["done"], 4);
+    cluster.equals_local_run();
+}
+
+#[test]
+fn nothing_of_the_environment_goes_along() {
+    let cluster = Cluster::new(QUICK);
+    let output = cluster
+        .command(&["submit", "small.toml", "--tasks", "2"])
+        .env("API_TOKEN", "hunter2")
+        .env("SBATCH_EXPORT", "ALL")
+        .env("SBATCH_ACCOUNT", "mine")
+        .env("SLURM_ARRAY_TASK_ID", "9")
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let arguments = cluster.was_told("sbatch.arguments");
+    assert!(arguments.lines().any(|line| line == "--export=NONE"));
+    let script = std::fs::read_to_string(arguments.lines().last().unwrap()).unwrap();
+    assert!(!script.contains("hunter2"));
+    let environment = cluster.was_told("sbatch.environment");
+    assert!(!environment.contains("SBATCH_EXPORT") && !environment.contains("SLURM_ARRAY"));
+    assert!(environment.contains("SBATCH_ACCOUNT=mine"));
+    for argument in [
+        "--sbatch-arg=--export=ALL",
+        "--sbatch-arg=--array=0-9",
+        "--sbatch-arg=job.sh",
+    ] {
+        cluster.not_ok(2, &["submit", "small.toml", argument]);
+    }
+    for bad in [
+        ["--partition", "a b"],
+        ["--account", "x\n#SBATCH"],
+        ["--time", "soon"],
+        ["--tasks", "0"],
+    ] {
+        cluster.not_ok(2, &["submit", "small.toml", bad[0], bad[1]]);
+    }
+}
+
+#[test]
+fn trouble_with_slurm_is_named_and_the_same_command_recovers() {
+    let cluster = Cluster::new(QUICK);
+    let submit = ["submit", "small.toml", "--tasks", "5", "--quiet"];
+    let empty = tempfile::tempdir().unwrap();
+    let output = cluster
+        .command(&submit)
+        .env("PATH", empty.path())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    contains(
+        &words(&output.stderr),
+        &["no `sbatch`", "login node", "--engine local"],
+    );
+    assert!(!cluster.store().exists(), "nothing was written");
+    cluster.says("limit", "4\n");
+    contains(
+        &cluster.not_ok(2, &submit),
+        &["5 tasks", "4 a job may have", "--tasks 4"],
+    );
+    cluster.says("limit", "1001\n");
+    for (said, advice) in [
+        (
+            "sbatch: error: invalid partition specified: gpu\nsbatch: error: Batch job submission failed: Invalid partition name specified",
+            "sinfo -s",
+        ),
+        (
+            "sbatch: error: Batch job submission failed: Invalid account or account/partition combination specified",
+            "--partition",
+        ),
+        (
+            "sbatch: error: Batch job submission failed: Invalid job array specification",
+            "fewer --tasks",
+        ),
+        (
+            "sbatch: error: QOSMaxSubmitJobPerUserLimit",
+            "fewer --tasks",
+        ),
+        (
+            "sbatch: error: Unable to contact slurm controller (connect failure)",
+            "try again",
+        ),
+    ] {
+        cluster.says("rejected", said);
+        let error = cluster.not_ok(2, &submit);
+        contains(
+            &error,
+            &[
+                "was refused",
+                said.rsplit(": ").next().unwrap(),
+                advice,
+                "same command",
+            ],
+        );
+    }
+    std::fs::remove_file(cluster.said().join("rejected")).unwrap();
+    cluster.says("job", "Submitted, I think\n");
+    contains(
+        &cluster.not_ok(2, &submit),
+        &["no job number", "squeue --me"],
+    );
+    cluster.says("job", "4711;north\n");
+    contains(
+        &cluster.ok(&submit),
+        &["job 4711;north: 6 open cases in 5 tasks"],
+    );
+    // Whether the job runs is not known: nothing is submitted blindly.
+    cluster.says(
+        "squeue.error",
+        "slurm_load_jobs error: Unable to contact slurm controller",
+    );
+    contains(&cluster.not_ok(2, &submit), &["4711", "--again"]);
+    contains(
+        &cluster.ok(&["status", "small.toml"]),
+        &["cannot be asked for", "unknown"],
+    );
+    // So says Slurm of a job that ended some minutes ago.
+    cluster.says(
+        "squeue.error",
+        "slurm_load_jobs error: Invalid job id specified",
+    );
+    cluster.ok(&submit);
+}
+
+#[test]
+fn cases_of_tasks_at_work_are_left_to_them() {
+    let cluster = Cluster::new(QUICK);
+    cluster.submit(&["--tasks", "3"]);
+    cluster.says("squeue", "1|RUNNING|n1\n2|PENDING|\n");
+    let answer = cluster.json(&["submit", "small.toml", "--tasks", "3", "--quiet", "--json"]);
+    assert_eq!(answer["cases"], 2);
+    let answer = cluster.json(&[
+        "submit",
+        "small.toml",
+        "--tasks",
+        "3",
+        "--quiet",
+        "--json",
+        "--again",
+    ]);
+    assert_eq!(answer["cases"], 6);
+}
+
+#[test]
+fn background_of_this_machine_is_an_engine_too() {
+    let cluster = Cluster::new(QUICK);
+    let submit = [
+        "submit",
+        "small.toml",
+        "--engine",
+        "local",
+        "--tasks",
+        "3",
+        "--throttle",
+        "2",
+        "--quiet",
+    ];
+    cluster.ok(&submit);
+    contains(
+        &cluster.not_ok(
+            2,
+            &["submit", "small.toml", "--engine", "local", "--time", "9"],
+        ),
+        &["--time"],
+    );
+    until("the end of all tasks", || {
+        let status = cluster.json(&["status", "small.toml", "--json"]);
+        let tasks = status["jobs"][0]["tasks"].as_array().unwrap();
+        let mut states = tasks.iter().map(|task| &task["state"]);
+        states.all(|state| state == "done").then_some(())
+    });
+    cluster.ok(&["merge", "small.toml"]);
+    cluster.equals_local_run();
+    // Cancelled, its tasks checkpoint and end.
+    let more = long().replace(LONG, "strain = 40.0");
+    std::fs::write(cluster.home().join("small.toml"), more).unwrap();
+    cluster.ok(&submit);
+    std::thread::sleep(Duration::from_millis(500));
+    contains(&cluster.ok(&["cancel", "small.toml"]), &["cancelled: "]);
+    // And are waited for: each has taken its store away.
+    let work = cluster.shards().join("work");
+    assert_eq!(std::fs::read_dir(work).unwrap().count(), 0);
+    contains(&cluster.ok(&["cancel", "small.toml"]), &["no tasks"]);
+}
+
+#[test]
+fn commands_of_the_documentation_work() {
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/cluster.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let commands: Vec<&str> = page
+        .lines()
+        .filter_map(|line| line.strip_prefix("cluster$ "))
+        .collect();
+    assert_eq!(commands.len(), 3);
+    let cluster = Cluster::new(QUICK);
+    let file = commands[0].split(' ').nth(2).unwrap();
+    std::fs::write(cluster.home().join(file), QUICK).unwrap();
+    std::os::unix::fs::symlink(cargo_bin("sweep"), cluster.home().join("sweep")).unwrap();
+    let output = Command::new("sh")
+        .args(["-eu", "-c", &commands.join("\n")])
+        .current_dir(cluster.home())
+        .env("PATH", cluster.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{output:?}");
+    contains(
+        &words(&output.stdout),
+        &["job 4711", "0 of 6 cases are done"],
+    );
+}

@@ -1,0 +1,254 @@
+//! Tasks: what they compute, how they stop, go on and are cancelled.
+
+use super::cluster::{Cluster, LONG, QUICK, Task, contains, long};
+use crate::harness::{send, until, words};
+use rustix::process::Signal;
+use std::time::Duration;
+
+#[test]
+fn tasks_compute_what_a_local_run_does() {
+    let cluster = Cluster::new(QUICK);
+    let script = cluster.submit(&["--tasks", "4"]);
+    cluster.run_all(&script, 4711, 4);
+    let text = cluster.ok(&["merge", "small.toml"]);
+    contains(
+        &text,
+        &["4 shards read", "6 new results", "6 of 6 cases are done"],
+    );
+    contains(
+        &cluster.ok(&["merge", "small.toml"]),
+        &["4 unchanged: 0 new"],
+    );
+    cluster.equals_local_run();
+    // Nothing is left behind but shards, plans and the program.
+    assert_eq!(
+        std::fs::read_dir(cluster.shards().join("work"))
+            .unwrap()
+            .count(),
+        0
+    );
+    contains(
+        &cluster.ok(&["submit", "small.toml"]),
+        &["nothing to submit"],
+    );
+    assert_eq!(
+        cluster.json(&["submit", "small.toml", "--json"])["cases"],
+        0
+    );
+    // A value more: only what is new is submitted.
+    std::fs::write(
+        cluster.home().join("small.toml"),
+        QUICK.replace("seeds = 3", "seeds = 4"),
+    )
+    .unwrap();
+    let answer = cluster.json(&["submit", "small.toml", "--tasks", "9", "--quiet", "--json"]);
+    assert_eq!((&answer["cases"], &answer["tasks"]), (&2.into(), &2.into()));
+    // From nothing but shards.
+    cluster.ok(&["merge", "again.sqlite", "results/small.shards"]);
+    assert_eq!(
+        cluster.results("again.sqlite"),
+        cluster.results("local.sqlite")
+    );
+}
+
+#[test]
+fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
+    let cluster = Cluster::new(&long().replace(LONG, "strain = 16.0"));
+    let script = cluster.submit(&["--tasks", "1"]);
+    let mut task = Task::FIRST;
+    for (signal, code, node) in [(Signal::USR1, 138, "n2"), (Signal::TERM, 143, "n1")] {
+        cluster.says("squeue", "COMPLETING|TimeLimit\n");
+        let child = cluster.start(&script, task);
+        cluster.wait_for_steps(task, 8 + 400 * i64::from(task.restart));
+        send(&child, signal);
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{output:?}");
+        contains(&words(&output.stderr), &["starts the task again"]);
+        task.restart += 1;
+        task.node = node;
+    }
+    assert_eq!(cluster.was_told("requeue"), "4711_0\n4711_0\n");
+    // A plain scancel is not a wish for more.
+    cluster.says("squeue", "COMPLETING|None\n");
+    let child = cluster.start(&script, task);
+    cluster.wait_for_steps(task, 500);
+    send(&child, Signal::TERM);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(143), "{output:?}");
+    contains(&words(&output.stderr), &["cancelled"]);
+    assert_eq!(cluster.was_told("requeue").lines().count(), 2);
+    std::fs::remove_file(cluster.said().join("squeue")).unwrap();
+    // A new job goes on from what was published, merged or not.
+    let script = cluster.submit(&["--tasks", "1"]);
+    cluster.run_all(&script, 4712, 1);
+    cluster.ok(&["merge", "small.toml"]);
+    let store = rusqlite::Connection::open(cluster.store()).unwrap();
+    let resumed: i64 = store
+        .query_row("SELECT sum(resumed) FROM results", [], |row| row.get(0))
+        .unwrap();
+    // A busy machine may be between two cases when it is told.
+    assert!(resumed >= 1, "{resumed}");
+    cluster.equals_local_run();
+}
+
+#[test]
+fn killed_task_loses_no_more_than_since_it_published() {
+    let cluster = Cluster::new(&long().replace(LONG, "strain = 96.0"));
+    let script = cluster.submit(&["--tasks", "1", "--publish-every", "0"]);
+    let mut task = Task::FIRST;
+    let mut child = cluster.start(&script, task);
+    // Until a shard with a case under way is there for all to read. Copies come at intervals of real time, which a fast machine outruns
+    // unless the task is held in the midst of a case until the next one is due.
+    cluster.wait_for_steps(task, 8);
+    until("a published shard", || {
+        if cluster.published_halves() > 0 {
+            return Some(());
+        }
+        send(&child, Signal::STOP);
+        std::thread::sleep(Duration::from_secs(2));
+        send(&child, Signal::CONT);
+        std::thread::sleep(Duration::from_millis(100));
+        None
+    });
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let halves = cluster.published_halves();
+    // The disk of that node is gone with it.
+    std::fs::remove_dir_all(cluster.shards().join("work")).unwrap();
+    task.restart = 1;
+    task.node = "n2";
+    let output = cluster.start(&script, task).wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    cluster.ok(&["merge", "small.toml"]);
+    let store = rusqlite::Connection::open(cluster.store()).unwrap();
+    let resumed: i64 = store
+        .query_row("SELECT sum(resumed) FROM results", [], |row| row.get(0))
+        .unwrap();
+    assert_eq!(resumed, halves);
+    cluster.equals_local_run();
+}
+
+#[test]
+fn task_that_runs_twice_at_once_does_no_harm() {
+    let cluster = Cluster::new(&QUICK.replace("strain = 0.3", "strain = 3.0"));
+    let script = cluster.submit(&["--tasks", "1", "--publish-every", "0"]);
+    let task = Task::FIRST;
+    let twin = Task {
+        restart: 1,
+        node: "n2",
+        ..task
+    };
+    // Held in the midst of its first case until the others are done, so that it computes that case a second time on
+    // however fast or busy a machine.
+    let held = cluster.start(&script, twin);
+    cluster.wait_for_steps(twin, 8);
+    send(&held, Signal::STOP);
+    // Even under one name.
+    let others = [task, task].map(|task| cluster.start(&script, task));
+    for child in others {
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.code().is_some(), "{output:?}");
+    }
+    send(&held, Signal::CONT);
+    let output = held.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let merged = cluster.json(&["merge", "small.toml", "--json"]);
+    assert_eq!(merged["results"], 6);
+    assert!(merged["duplicates"].as_i64().unwrap() >= 1, "{merged}");
+    assert_eq!(merged["disagreements"].as_array().unwrap().len(), 0);
+    cluster.equals_local_run();
+}
+
+#[test]
+fn status_shows_tasks_and_slices_and_cancel_ends_them() {
+    let cluster = Cluster::new(&long().replace(LONG, "strain = 96.0"));
+    let script = cluster.submit(&["--tasks", "2"]);
+    cluster.says("squeue", "0|RUNNING|n1\n1|PENDING|\n");
+    let task = Task::FIRST;
+    let child = cluster.start(&script, task);
+    cluster.wait_for_steps(task, 40);
+    // Held while it is looked at, or it would be done on a busy machine.
+    send(&child, Signal::STOP);
+    let status = cluster.json(&["status", "small.toml", "--json"]);
+    let tasks = &status["jobs"][0]["tasks"];
+    assert_eq!(status["jobs"][0]["job"], "4711");
+    assert_eq!(
+        (&tasks[0]["state"], &tasks[0]["node"]),
+        (&"running".into(), &"n1".into())
+    );
+    assert_eq!(
+        (&tasks[1]["state"], &tasks[1]["cases"]),
+        (&"pending".into(), &1.into())
+    );
+    let text = cluster.ok(&["status", "small.toml"]);
+    contains(
+        &text,
+        &[
+            "job 4711 on slurm: 2 tasks",
+            "pending",
+            "newer than the store",
+        ],
+    );
+    contains(
+        &cluster.ok(&["cancel", "small.toml"]),
+        &["cancelled: 4711", "sweep submit"],
+    );
+    assert_eq!(cluster.was_told("scancel"), "4711\n");
+    // Even where squeue could not tell: the mark is there.
+    cluster.says("squeue", "RUNNING|None\n");
+    send(&child, Signal::TERM);
+    send(&child, Signal::CONT);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(143), "{output:?}");
+    assert!(cluster.was_told("requeue").is_empty());
+    std::fs::remove_file(cluster.said().join("squeue")).unwrap();
+    contains(&cluster.ok(&["cancel", "small.toml"]), &["no tasks"]);
+    contains(
+        &cluster.not_ok(2, &["cancel", "small.toml", "--job", "1"]),
+        &["no such job"],
+    );
+    let script = cluster.submit(&["--tasks", "1"]);
+    cluster.run_all(&script, 4712, 1);
+    cluster.ok(&["merge", "small.toml"]);
+    let store = rusqlite::Connection::open(cluster.store()).unwrap();
+    let resumed: i64 = store
+        .query_row("SELECT sum(resumed) FROM results", [], |row| row.get(0))
+        .unwrap();
+    assert!(resumed >= 1);
+    contains(
+        &cluster.ok(&["status", "small.toml"]),
+        &["cancelled", "1 of their slices done"],
+    );
+}
+
+#[test]
+fn slices_by_hand_need_no_engine() {
+    let cluster = Cluster::new(QUICK);
+    for task in ["0/2", "1/2", "1/2"] {
+        cluster.ok(&["run", "small.toml", "--shard", task, "--quiet"]);
+    }
+    for wrong in ["2/2", "0", "0/0", "-1/2", "a/b"] {
+        cluster.not_ok(2, &["run", "small.toml", "--shard", wrong]);
+    }
+    cluster.ok(&["merge", "small.toml"]);
+    cluster.equals_local_run();
+}
+
+#[test]
+fn failed_cases_are_computed_again_only_if_that_is_asked_for() {
+    let cluster = Cluster::new(QUICK);
+    let script = cluster.submit(&["--tasks", "1", "--max-wall-time", "0.000001"]);
+    let output = cluster.start(&script, Task::FIRST).wait_with_output();
+    assert_eq!(output.unwrap().status.code(), Some(1));
+    contains(&cluster.ok(&["merge", "small.toml"]), &["6 failed"]);
+    contains(
+        &cluster.ok(&["submit", "small.toml"]),
+        &["nothing to submit"],
+    );
+    // The same slices, and so the same plan, in which the failures are published.
+    let again = cluster.submit(&["--tasks", "1", "--retry-failed"]);
+    assert_eq!(again, script);
+    cluster.run_all(&again, 4712, 1);
+    cluster.ok(&["merge", "small.toml"]);
+    cluster.equals_local_run();
+}

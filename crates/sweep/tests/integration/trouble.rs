@@ -1,0 +1,360 @@
+//! Signals, full disks, damage, killed processes: what happens to a campaign from outside.
+
+use crate::harness::{command, ended, folder, root, run, send, spawn, until};
+use assert_cmd::cargo::cargo_bin;
+use rustix::process::Signal;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+/// The size of the published runs, with a checkpoint every fourth step.
+const PUBLISHED: &str = r#"name = "small"
+[protocol]
+time_step = 0.005
+strain = 4.0
+discard = 0.0
+checkpoint_every = 0.02
+[[grid]]
+area_fraction = 0.693
+friction = 0.3
+roughness = 0.01
+shear_rate = inf
+seeds = 2
+spheres = 90
+"#;
+/// A few seconds of work.
+const QUICK: &str = r#"name = "small"
+[protocol]
+time_step = 0.005
+strain = 1.0
+discard = 0.0
+checkpoint_every = 0.02
+[[grid]]
+area_fraction = 0.6
+friction = 0.3
+roughness = 0.01
+shear_rate = [1.0, inf]
+seeds = 3
+spheres = 40
+hydrodynamics = "ball-melrose"
+"#;
+
+fn directory_with(campaign: &str) -> tempfile::TempDir {
+    folder("small.toml", campaign)
+}
+
+/// Starts the campaign of a folder.
+fn start(directory: &Path) -> Child {
+    spawn(directory, &["run", "small.toml", "--quiet"])
+}
+
+fn query(directory: &Path, query: &str) -> i64 {
+    rusqlite::Connection::open(directory.join("results/small.sqlite"))
+        .and_then(|store| {
+            store.busy_timeout(Duration::from_secs(10))?;
+            store.query_row(query, [], |row| row.get(0))
+        })
+        .unwrap_or(0)
+}
+
+/// Waits until the cases of a store have so many steps in their checkpoints.
+fn wait_for_steps(directory: &Path, steps: i64) -> i64 {
+    until("checkpoints", || {
+        let found = query(directory, "SELECT coalesce(sum(steps_done), 0) FROM cases");
+        (found >= steps).then_some(found)
+    })
+}
+
+#[test]
+fn signals_checkpoint_and_stop() {
+    let directory = directory_with(PUBLISHED);
+    let mut before = 0;
+    for (signal, code) in [
+        (Signal::INT, 130),
+        (Signal::TERM, 143),
+        (Signal::USR1, 138),
+        (Signal::HUP, 129),
+    ] {
+        let mut child = start(directory.path());
+        before = wait_for_steps(directory.path(), before + 4);
+        send(&child, signal);
+        assert_eq!(ended(&mut child).code(), Some(code));
+        let after = query(directory.path(), "SELECT sum(steps_done) FROM cases");
+        assert!(after >= before, "{after} {before}");
+        assert_eq!(
+            query(
+                directory.path(),
+                "SELECT count(*) FROM cases WHERE state = 'running'"
+            ),
+            0
+        );
+        before = after;
+    }
+}
+
+/// A step takes about a second.
+const SLOW: &str = r#"name = "small"
+[protocol]
+time_step = 0.005
+strain = 4.0
+discard = 0.0
+checkpoint_every = 0.005
+[[grid]]
+area_fraction = 0.6
+friction = 0.3
+roughness = 0.01
+shear_rate = inf
+seeds = 1
+spheres = 500
+hydrodynamics = "stokesian-dynamics"
+"#;
+
+#[test]
+fn second_signal_aborts_at_once_and_loses_at_most_one_interval() {
+    let directory = directory_with(SLOW);
+    let mut child = start(directory.path());
+    let before = wait_for_steps(directory.path(), 1);
+    send(&child, Signal::TERM);
+    std::thread::sleep(Duration::from_millis(1100));
+    // On a fast machine it has ended by itself meanwhile.
+    let waited = child.try_wait().unwrap().is_none();
+    if waited {
+        send(&child, Signal::INT);
+    }
+    let code = ended(&mut child).code();
+    assert_eq!(code, Some(if waited { 130 } else { 143 }));
+    // What was in the store before is there still: the rest is less than an interval of each run.
+    assert!(query(directory.path(), "SELECT sum(steps_done) FROM cases") >= before);
+}
+
+#[test]
+fn a_signal_that_comes_twice_within_a_moment_counts_once() {
+    let directory = directory_with(SLOW);
+    let mut child = start(directory.path());
+    wait_for_steps(directory.path(), 1);
+    // As GNU timeout does: to the process, and to its group.
+    for _ in 0..2 {
+        send(&child, Signal::TERM);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(child.wait().unwrap().code(), Some(143));
+    let left = "SELECT count(*) FROM processes WHERE ended_at IS NULL";
+    assert_eq!(
+        query(directory.path(), left),
+        0,
+        "it left its store in order"
+    );
+}
+
+#[test]
+fn failures_that_are_the_same_for_every_shear_rate_are_told_once() {
+    let dense = QUICK
+        .replace("area_fraction = 0.6", "area_fraction = 0.838")
+        .replace("roughness = 0.01", "roughness = 0.02")
+        .replace("shear_rate = [1.0, inf]", "shear_rate = [0.1, 1.0, inf]")
+        .replace("seeds = 3", "seeds = [1]");
+    let directory = directory_with(&dense);
+    let ran = run(directory.path(), &["run", "small.toml"]);
+    assert_eq!(ran.status.code(), Some(1), "{ran:?}");
+    let lines = |bytes: &[u8]| {
+        let text = String::from_utf8_lossy(bytes).into_owned();
+        let told: Vec<String> = text
+            .lines()
+            .filter(|line| line.contains("no start layer"))
+            .map(String::from)
+            .collect();
+        (told, text)
+    };
+    let (told, text) = lines(&ran.stderr);
+    assert_eq!(told.len(), 1, "{text}");
+    assert!(text.contains("2 more runs failed as did"), "{text}");
+    let status = run(directory.path(), &["status", "small.toml"]);
+    for bytes in [&ran.stdout, &status.stdout] {
+        let (told, text) = lines(bytes);
+        assert_eq!(told.len(), 1, "{text}");
+        assert!(told[0].contains("3 runs at Γ = 0.1, 1, inf"), "{text}");
+    }
+}
+
+#[test]
+fn status_works_while_a_run_writes_and_without_write_access() {
+    let directory = directory_with(QUICK);
+    let mut child = start(directory.path());
+    wait_for_steps(directory.path(), 4);
+    let mut looks = 0;
+    while child.try_wait().unwrap().is_none() {
+        let status = run(directory.path(), &["status", "small.toml", "--json"]);
+        assert_eq!(status.status.code(), Some(0), "{status:?}");
+        looks += 1;
+    }
+    assert!(looks > 2, "{looks}");
+    // A user who may only read: needs a user to be, so root only.
+    if rustix::process::geteuid().is_root() && Path::new("/usr/bin/setpriv").exists() {
+        use std::os::unix::fs::PermissionsExt as _;
+        // A look under way when the run ended has kept its log from being put into the file that is copied.
+        let again = run(directory.path(), &["run", "small.toml", "--quiet"]);
+        assert_eq!(again.status.code(), Some(0));
+        let readable = tempfile::tempdir_in("/tmp").unwrap();
+        let (program, store) = (
+            readable.path().join("sweep"),
+            readable.path().join("s.sqlite"),
+        );
+        // By another process: a program still open for writing in a test forked meanwhile would be busy.
+        let copied = Command::new("cp")
+            .arg(cargo_bin("sweep"))
+            .arg(&program)
+            .status();
+        assert!(copied.unwrap().success());
+        std::fs::copy(directory.path().join("results/small.sqlite"), &store).unwrap();
+        for (path, mode) in [(readable.path(), 0o755), (&program, 0o755), (&store, 0o444)] {
+            std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+        }
+        let nobody = |arguments: &[&str]| {
+            Command::new("setpriv")
+                .args(["--reuid=65534", "--regid=65534", "--clear-groups"])
+                .arg(&program)
+                .args(arguments)
+                .current_dir(directory.path().parent().unwrap())
+                .output()
+                .unwrap()
+        };
+        let status = nobody(&["status", &store.display().to_string()]);
+        assert_eq!(status.status.code(), Some(0), "{status:?}");
+    }
+}
+
+#[test]
+fn failed_run_leaves_a_state_that_solve_reads() {
+    let directory = directory_with(PUBLISHED);
+    let ran = run(
+        directory.path(),
+        &["run", "small.toml", "--quiet", "--max-wall-time", "0.5"],
+    );
+    assert_eq!(ran.status.code(), Some(1));
+    let status = run(directory.path(), &["status", "small.toml", "--json"]);
+    let status: serde_json::Value = serde_json::from_slice(&status.stdout).unwrap();
+    assert_eq!(status["cases"]["failed"], 2);
+    let key = status["failures"][0]["key"].as_str().unwrap();
+    assert_eq!(
+        run(directory.path(), &["replay", "small.toml"])
+            .status
+            .code(),
+        Some(2),
+        "which one?"
+    );
+    let state = run(directory.path(), &["replay", "small.toml", &key[..8]]);
+    assert_eq!(state.status.code(), Some(0));
+    // A number means the same run wherever a run is named.
+    for number in ["1", "2"] {
+        let shown = run(directory.path(), &["show", "small.toml", number, "--json"]);
+        let shown: serde_json::Value = serde_json::from_slice(&shown.stdout).unwrap();
+        let by_key = run(
+            directory.path(),
+            &["replay", "small.toml", shown["key"].as_str().unwrap()],
+        );
+        let by_number = run(directory.path(), &["replay", "small.toml", number]);
+        assert_eq!(by_number.status.code(), Some(0));
+        assert_eq!(by_number.stdout, by_key.stdout);
+    }
+    let text = run(directory.path(), &["status", "small.toml"]);
+    let text = String::from_utf8(text.stdout).unwrap();
+    assert!(
+        text.contains("about 0.0 % of the work is done, and 2 of 2 runs failed"),
+        "{text}"
+    );
+    std::fs::write(directory.path().join("state.json"), &state.stdout).unwrap();
+    let solved = run(directory.path(), &["solve", "state.json", "--json"]);
+    assert_eq!(solved.status.code(), Some(0), "{solved:?}");
+    let solved: serde_json::Value = serde_json::from_slice(&solved.stdout).unwrap();
+    assert!(solved["viscosity"].as_f64().unwrap() > 1.0);
+    assert_eq!(solved["velocity_disturbance"].as_array().unwrap().len(), 90);
+}
+
+#[test]
+fn store_deleted_under_way_ends_with_3_and_leaves_nothing_behind() {
+    let directory = directory_with(QUICK);
+    let child = command(directory.path(), &["run", "small.toml", "--quiet"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    wait_for_steps(directory.path(), 8);
+    let store = directory.path().join("results/small.sqlite");
+    std::fs::remove_file(&store).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{error}");
+    assert!(error.contains("deleted"), "{error}");
+    let left = std::fs::read_dir(directory.path().join("results")).unwrap();
+    assert_eq!(left.count(), 0);
+    assert_eq!(
+        run(directory.path(), &["run", "small.toml", "--quiet"])
+            .status
+            .code(),
+        Some(0)
+    );
+}
+
+#[test]
+fn what_is_whole_of_a_damaged_store_is_merged_and_the_rest_computed_again() {
+    let directory = directory_with(QUICK);
+    assert_eq!(
+        run(directory.path(), &["run", "small.toml", "--quiet"])
+            .status
+            .code(),
+        Some(0)
+    );
+    let whole = run(directory.path(), &["report", "small.toml", "--json"]).stdout;
+    let store = directory.path().join("results/small.sqlite");
+    let mut bytes = std::fs::read(&store).unwrap();
+    // The end is lost, as after a copy that was cut short: its last two pages hold samples of the later runs.
+    bytes.truncate(bytes.len() - 2 * 4096);
+    std::fs::write(&store, bytes).unwrap();
+    let error = run(directory.path(), &["report", "small.toml"]);
+    let text = String::from_utf8_lossy(&error.stderr).into_owned();
+    if !error.status.success() {
+        assert!(
+            text.contains("damaged") && text.contains("sweep merge"),
+            "{text}"
+        );
+    }
+    let saved = run(
+        directory.path(),
+        &["merge", "new.sqlite", "results/small.sqlite", "--json"],
+    );
+    assert_eq!(saved.status.code(), Some(1), "{saved:?}");
+    let saved: serde_json::Value = serde_json::from_slice(&saved.stdout).unwrap();
+    assert!(saved["results"].as_u64().unwrap() > 0, "{saved}");
+    let ran = run(
+        directory.path(),
+        &["run", "small.toml", "--store", "new.sqlite", "--quiet"],
+    );
+    assert_eq!(ran.status.code(), Some(0), "{ran:?}");
+    let again = run(directory.path(), &["report", "new.sqlite", "--json"]).stdout;
+    let without_times = |report: &[u8]| {
+        let mut report: serde_json::Value = serde_json::from_slice(report).unwrap();
+        for point in report["points"].as_array_mut().unwrap() {
+            let point = point.as_object_mut().unwrap();
+            point.remove("wall_time_s");
+            point.remove("cpu_time_s");
+        }
+        report
+    };
+    assert_eq!(without_times(&again), without_times(&whole));
+}
+
+#[test]
+fn short_torture_passes() {
+    if Command::new("sqlite3").arg("-version").output().is_err() {
+        return;
+    }
+    let script = root().join("scripts/torture");
+    let output = Command::new(script)
+        .args(["8", "16"])
+        .env("SWEEP", cargo_bin("sweep"))
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{text}");
+    assert!(text.contains("passed"), "{text}");
+}

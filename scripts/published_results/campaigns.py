@@ -1,0 +1,99 @@
+"""The campaigns of results/published, and what is drawn of each."""
+
+import shutil
+
+from . import pairs
+from .place import RESULTS, sweep
+
+
+def figure(*options, suffix=""):
+    """A figure NAME SUFFIX.svg, by the options of `sweep report`."""
+    return suffix, options
+
+
+def _of_areas():
+    for c in ["0.57", "0.693", "0.75", "0.8"]:
+        where = ("--where", f"area_fraction={c}")
+        yield figure(*where, "--quantity", "viscosity_median", suffix=f"-{c}")
+        yield figure(*where, "--quantity", "viscosity_stresslet", suffix=f"-{c}-stresslet")
+
+
+def _of_laws():
+    for law in ["stick-slide", "coulomb"]:
+        where = ("--where", f"tangential={law}")
+        yield figure("--kind", "flow-curve", *where, suffix=f"-{law}")
+        yield figure("--along", "shear_stress", *where, suffix=f"-{law}-viscosity")
+
+
+# In the order of the list in the README.
+CAMPAIGNS = {
+    # What is asked of their runs, and the figure, are made with the tables.
+    "cause-of-thickening": [],
+    "cause-of-thickening-full": [],
+    "figure-06": [figure("--kind", "approach-velocity")],
+    "figure-07": [figure("--kind", "contacts", "--where", "shear_rate=inf")],
+    "figure-10": [figure("--kind", "trace")],
+    "figure-11": [figure("--where", f"contact={contact}", suffix=f"-{contact}") for contact in ["rigid", "procedure"]],
+    "figure-12": [
+        *(figure("--where", f"area_fraction={c}", suffix=f"-{c}") for c in ["0.693", "0.75"]),
+        # Spikes of moments near jamming make the means.
+        figure("--where", "area_fraction=0.8", "--quantity", "viscosity_median", suffix="-0.8"),
+    ],
+    "figure-13": [figure()],
+    "figure-14": [
+        figure("--quantity", "viscosity_median"),
+        figure("--quantity", "viscosity_stresslet", suffix="-stresslet"),
+    ],
+    "figure-14-procedure": list(_of_areas()),
+    "figure-15": [figure()],
+    "beyond-14": [figure("--quantity", "viscosity_median")],
+    "stiff-limit": [figure("--along", "stiffness", "--quantity", "viscosity_median", "--where", "contact=linear-spring")],
+    "time-step": [figure("--along", "time_step", "--quantity", "viscosity_median", "--panels", "area_fraction")],
+    "field-model": [figure()],
+    "field-plateau": [figure("--along", "area_fraction", "--where", "lubrication_regularisation=0.001")],
+    "published-2d": [
+        figure(
+            *("--along", "shear_stress"),
+            *("--where", "friction=1", "--where", "lubrication_regularisation=0.001", "--where", "spheres=200"),
+            *("--where", "repulsion_length=0.0441", "--where", "stiffness=5348"),
+        )
+    ],
+    "flow-curve": list(_of_laws()),
+    "quickstart": [figure()],
+}
+# Runs of the same cases are shared.
+REUSES = {"figure-14": "figure-13", "figure-15": "figure-13"}
+# Campaigns of which every run by itself is published too.
+OF_EVERY_RUN = ["cause-of-thickening", "cause-of-thickening-full", "time-step"]
+# Two spheres that pass each other: `sweep pair`, by suffix.
+PASSING = {
+    "a": ["--no-contact"],
+    "b": ["--roughness", "0.05"],
+    "c": ["--roughness", "0.05", "--friction", "0.1"],
+    "d": ["--roughness", "0.05", "--friction", "0.5"],
+    "half": ["--roughness", "0.05", "--friction", "0.5", "--size-ratio", "0.5"],
+    "tenth": ["--roughness", "0.05", "--friction", "0.5", "--size-ratio", "0.1"],
+}
+NAMES = [*CAMPAIGNS, "figure-08"]
+
+
+def make(name):
+    """Runs what is missing of a campaign, and writes its report, its CSV files and its figures."""
+    if name == "figure-08":
+        for suffix, options in PASSING.items():
+            file = RESULTS / f"figure-08-{suffix}"
+            sweep("pair", "--figure", f"{file}.svg", *options, output=f"{file}.txt")
+        return
+    campaign = f"sweeps/{name}.toml"
+    reuse = ["--reuse", f"results/{REUSES[name]}.sqlite"] if name in REUSES else []
+    # Failed runs are results of their own, shown in the report.
+    report = RESULTS / f"{name}.txt.new"
+    sweep("run", campaign, "--quiet", *reuse, output=report, may_fail=[1])
+    shutil.move(report, RESULTS / f"{name}.txt")
+    sweep("report", campaign, "--quiet", "--csv", RESULTS / f"{name}.csv")
+    if name in OF_EVERY_RUN:
+        sweep("report", campaign, "--quiet", "--runs", RESULTS / f"{name}-runs.csv")
+    for suffix, options in CAMPAIGNS[name]:
+        sweep("report", campaign, "--quiet", "--figure", RESULTS / f"{name}{suffix}.svg", *options)
+    if name == "time-step":
+        (RESULTS / "time-step-pairs.md").write_text(pairs.page(RESULTS / "time-step-runs.csv"), encoding="utf-8")

@@ -1,0 +1,71 @@
+"""Numbers as they are written in tables: the same digits as the program's own reports have."""
+
+import math
+
+import numpy as np
+
+
+def plain(number):
+    """All digits of a number, and no more."""
+    if math.isinf(number):
+        return "inf" if number > 0 else "-inf"
+    return np.format_float_positional(number, trim="-")
+
+
+def with_exponent(number, digits=None):
+    """As 1.5e-7, with so many digits after the point, or all that it has."""
+    if digits is None:
+        text = np.format_float_scientific(number, trim="-", exp_digits=1)
+    else:
+        text = f"{number:.{digits}e}"
+    mantissa, exponent = text.split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def significant(number, digits):
+    """A number to so many significant digits, with an exponent where that is shorter."""
+    if math.isnan(number):
+        return "–"
+    if math.isinf(number):
+        return plain(number)
+    if number == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(number)))
+    if -3 <= exponent < 5:
+        return f"{number:.{max(0, digits - 1 - exponent)}f}"
+    return with_exponent(number, digits - 1)
+
+
+def short(number, digits):
+    """A number in as few digits as it has, and at most so many."""
+    rounded = significant(number, digits)
+    if math.isnan(number):
+        return rounded
+    full = with_exponent(number) if "e" in rounded else plain(number)
+    return min(rounded, full, key=len)
+
+
+def _exponent(number):
+    # The logarithm of 1000 may come out a little less than 3.
+    return 0 if number == 0 else math.floor(math.log10(abs(number)) + 1e-12)
+
+
+def interval(value, half):
+    """A value ± half its interval, with two digits of the latter."""
+    if not (math.isfinite(value) and math.isfinite(half) and half > 0):
+        return significant(value, 4)
+    shift = _exponent(max(abs(value), half))
+    shift = 0 if -3 <= shift < 5 else shift
+    value, half = value * 10.0**-shift, half * 10.0**-shift
+    first = _exponent(half)
+    # Rounding may make it 0.10 of 0.099.
+    first = _exponent(round(half * 10.0 ** (1 - first)) * 10.0 ** (first - 1))
+    decimals = max(0, 1 - first)
+    text = f"{value:.{decimals}f} ± {half:.{decimals}f}"
+    return f"({text})e{shift}" if shift else text
+
+
+def change(one, other):
+    """How much more the first number is, in per cent."""
+    percent = 100 * (one / other - 1)
+    return f"{percent:+.{1 if abs(percent) < 9.95 else 0}f} %"

@@ -1,0 +1,257 @@
+"""A table of a CSV file: which of its rows stand where, and what is shown of each."""
+
+import math
+from dataclasses import dataclass, field
+
+import pandas as pd
+from scipy.stats import t as student
+
+from .numbers import change, interval, plain, short, significant
+from .place import Wrong
+from .units import PublishedUnits
+
+# Share by which a value may differ from the one that has a label.
+NEAR = 0.15
+COUNTS = ["seeds", "jammed", "failed", "doubtful", "jammed_stages", "spheres", "starts"]
+# What columns are called; axes by their symbols.
+SYMBOLS = {
+    "area_fraction": "c",
+    "friction": "ν",
+    "shear_rate": "Γ",
+    "shear_stress": "σ*",
+    "roughness": "h",
+    "stiffness": "k",
+    "spheres": "N",
+    "time_step": "Δt",
+    "repulsion": "F0",
+    "repulsion_length": "l",
+    "lubrication_regularisation": "δ",
+    "viscosity": "η",
+    "viscosity_se": "η ± one standard error",
+    "published_viscosity": "η'",
+    "viscosity_median": "median η",
+    "viscosity_stresslet": "η_S",
+    "seeds": "runs",
+    "contacts_per_sphere": "contacts / N",
+    "activated_fraction": "activated",
+    "rolling_fraction": "rolling",
+    "minimum_gap": "smallest gap",
+    "mean_approach_velocity": "approach velocity",
+    "unconverged_fraction": "unconverged",
+    "overlap": "largest overlap",
+    "published_stress": "6π σ'",
+    "rise": "ln(η above / η below)",
+}
+
+
+def symbol(column):
+    """What a column is called."""
+    return SYMBOLS.get(column, column.replace("_", " "))
+
+
+def number(row, column):
+    """A number of a row; not a number where there is none."""
+    try:
+        return float(row[column])
+    except (KeyError, ValueError):
+        return math.nan
+
+
+def is_number(text):
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def word(value):
+    """A value of the file for people."""
+    if not is_number(value):
+        return value or "–"
+    return "∞" if math.isinf(float(value)) else short(float(value), 4)
+
+
+def same(one, other):
+    """Whether two values of a file, or of a marker, are the same."""
+    return float(one) == float(other) if is_number(one) and is_number(other) else one == other
+
+
+def ordered(values):
+    """Numbers by their size, words as they were met first."""
+    values = list(dict.fromkeys(values))
+    return sorted(values, key=float) if all(map(is_number, values)) else values
+
+
+@dataclass
+class Shown:
+    """What a cell shows."""
+
+    quantity: str
+    percent: bool
+    beside: str | None
+
+    @classmethod
+    def parse(cls, text):
+        text, _, beside = text.partition(" (")
+        return cls(text.removesuffix(" %"), text.endswith(" %"), beside.rstrip(")") or None)
+
+    def columns(self):
+        """The columns that the file must have."""
+        stand_ins = {"viscosity_se": "viscosity", "published_viscosity": "area_fraction"}
+        return [stand_ins.get(self.quantity, self.quantity)] + ([self.beside] if self.beside else [])
+
+    def value(self, row):
+        """The number, and half its interval."""
+        viscosity, half = number(row, "viscosity"), number(row, "viscosity_ci95")
+        if self.quantity not in row:
+            if self.quantity == "viscosity_se":
+                return viscosity, half / student.ppf(0.975, number(row, "seeds") - 1)
+            if self.quantity == "published_viscosity":
+                units = PublishedUnits(*(number(row, name) for name in ["area_fraction", "size_ratio", "large_fraction"]))
+                return units.viscosity(viscosity), units.difference(half)
+        scale = 100 if self.percent else 1
+        return scale * number(row, self.quantity), scale * number(row, f"{self.quantity}_ci95")
+
+    def as_written(self, row):
+        """A number of others with its digits."""
+        name, error = ("viscosity", row.get("viscosity_se")) if self.quantity == "viscosity_se" else (self.quantity, "")
+        return f"{row[name]} ± {error}" if error else row[name]
+
+    def cell(self, row):
+        value, half = self.value(row)
+        if math.isnan(value):
+            text = "–"
+        elif not math.isnan(half):
+            text = interval(value, half)
+        elif self.quantity in COUNTS:
+            text = plain(value)
+        else:
+            text = significant(value, 3 if self.percent else 4)
+        if self.percent and text != "–":
+            text += " %"
+        return f"{text} ({short(number(row, self.beside), 3)})" if self.beside else text
+
+    def heading(self):
+        return symbol(self.quantity) + (f" ({symbol(self.beside)})" if self.beside else "")
+
+
+def _pairs(text, separator):
+    pairs = [part.strip().split(separator, 1) for part in text.split(", ")]
+    if bad := [pair for pair in pairs if len(pair) != 2]:
+        raise Wrong(f"{bad[0][0]!r} has no {separator!r}")
+    return pairs
+
+
+@dataclass
+class Pivot:
+    """How a table is made."""
+
+    rows: list = field(default_factory=list)
+    columns: str | None = None
+    # What the values of `columns` are called, where that is not its own name.
+    called: str | None = None
+    labels: list = field(default_factory=list)
+    cells: list = field(default_factory=list)
+    wanted: list = field(default_factory=list)
+    change: list | None = None
+
+    @classmethod
+    def parse(cls, parts):
+        """As a marker says it, part by part."""
+        pivot = cls()
+        for part in parts:
+            key, colon, text = part.strip().partition(": ")
+            if not colon:
+                raise Wrong(f"{part!r} is no KEY: VALUES")
+            match key:
+                case "rows":
+                    pivot.rows = [name.strip() for name in text.split(", ")]
+                case "columns":
+                    pivot.columns, _, called = text.partition(" as ")
+                    pivot.called = called or None
+                case "cells":
+                    pivot.cells = [Shown.parse(cell.strip()) for cell in text.split(", ")]
+                case "where":
+                    pivot.wanted = [(name, values.split("|")) for name, values in _pairs(text, "=")]
+                case "change":
+                    pivot.change = _pairs(text, " over ")[0]
+                case "labels":
+                    pivot.labels = [(float(value), label) for value, label in _pairs(text, "=")]
+                case _:
+                    raise Wrong(f"no part of a table is called {key}")
+        return pivot
+
+    def _place(self, row):
+        """Where a row stands: its value of `columns`, or the label near that."""
+        if not self.columns:
+            return ""
+        if not self.labels:
+            return row[self.columns]
+        value = number(row, self.columns)
+        distance, label = min((abs(math.log(value / labelled)), label) for labelled, label in self.labels)
+        if not distance < NEAR:
+            raise Wrong(f"{self.columns} = {value} has no label")
+        return label
+
+    def _chosen(self, file):
+        """The rows that are wanted."""
+        data = pd.read_csv(file, dtype=str, keep_default_na=False)
+        named = [*self.rows, *([self.columns] if self.columns else []), *(column for column, _ in self.wanted)]
+        for column in named + [column for shown in self.cells for column in shown.columns()]:
+            if column not in data:
+                raise Wrong(f"{file.name} has no column {column}")
+        for column, values in self.wanted:
+            for value in values:
+                if not data[column].map(lambda there: same(there, value)).any():
+                    raise Wrong(f"no row has {column} = {value}")
+            data = data[data[column].map(lambda there: any(same(there, value) for value in values))]
+        return [row.to_dict() for _, row in data.iterrows()]
+
+    def table(self, file):
+        """The lines of the table of a file."""
+        cells, keys, places = {}, [], []
+        for row in self._chosen(file):
+            key, place = tuple(row[column] for column in self.rows), self._place(row)
+            if (key, place) in cells:
+                raise Wrong(f"several rows of {file.name} share a cell")
+            cells[key, place] = row
+            keys.append(key)
+            places.append(place)
+        # By the first column of a row, then by the next; sorting keeps what is equal in its place.
+        keys = list(dict.fromkeys(keys))
+        for at in reversed(range(len(self.rows))):
+            rank = {value: rank for rank, value in enumerate(ordered(key[at] for key in keys))}
+            keys.sort(key=lambda key, at=at, rank=rank: rank[key[at]])
+        places = ordered(places)
+        are_of_others = ".reference" in file.name
+        lines = [self._headings(places)]
+        for key in keys:
+            line = [word(value) for value in key]
+            for shown in self.cells:
+                write = shown.as_written if are_of_others else shown.cell
+                line += [write(cells[key, place]) if (key, place) in cells else "" for place in places]
+                if self.change:
+                    line.append(self._change(shown, {place: cells[key, place] for place in places if (key, place) in cells}))
+            lines.append(line)
+        return lines
+
+    def _change(self, shown, row):
+        found = [shown.value(row[place])[0] for wanted in self.change for place in row if same(place, wanted)]
+        return change(*found) if len(found) == 2 and not any(map(math.isnan, found)) else ""
+
+    def _headings(self, places):
+        line = [symbol(column) for column in self.rows]
+        axis = symbol(self.called or self.columns or "")
+        are_numbers = all(map(is_number, places))
+        for shown in self.cells:
+            for at, place in enumerate(places):
+                place = f"{axis} = {word(place)}" if at == 0 and are_numbers else word(place)
+                if not self.columns:
+                    line.append(shown.heading())
+                else:
+                    line.append(place if len(self.cells) == 1 else f"{shown.heading()}, {place}")
+            if self.change:
+                one, other = self.change
+                line.append(f"{shown.heading()}, {word(one)} over {word(other)}")
+        return line
