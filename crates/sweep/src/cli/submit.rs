@@ -470,7 +470,7 @@ fn forecast(
         return Ok(());
     }
     let memory = plan::memory_bytes(campaign, job.workers);
-    let seconds = store.remaining_cpu_s()?;
+    let seconds = store.remaining_cpu_s(&store.work()?)?;
     note(
         output,
         &format!(

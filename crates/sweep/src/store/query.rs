@@ -1,7 +1,7 @@
 //! What `status` and `report` ask the store.
 
 use super::digest::{Altered, Digest};
-use super::request::{self, number};
+use super::request;
 use super::results::COVERED;
 use super::schema::axis_cells;
 use super::{Store, StoreError, campaign, count, failures, process, rules};
@@ -14,7 +14,7 @@ use rusqlite::types::{Type, Value, ValueRef};
 use rusqlite::{Connection, OptionalExtension, Row};
 use sd_core::Params;
 use serde::Serialize;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 /// Cases of the grid by state.
@@ -75,6 +75,8 @@ const SAMPLED: i64 = 1000;
 /// One case with its result, if it has one.
 #[derive(Debug, Clone)]
 pub struct PointRun {
+    /// Its place in the campaign file, from 0.
+    pub position: u64,
     /// Its key.
     pub key: String,
     /// Its parameters.
@@ -203,35 +205,42 @@ impl Store {
         let heard_since = process::now()
             - i64::try_from(process::HEARTBEAT_LIMIT.as_millis()).unwrap_or(i64::MAX);
         let read = || {
+            let alive: HashSet<i64> = self
+                .connection
+                .prepare_cached(
+                    "SELECT id FROM processes WHERE ended_at IS NULL AND heartbeat >= ?1",
+                )?
+                .query_map([heard_since], |row| row.get(0))?
+                .collect::<Result<_, _>>()?;
+            // Summed up here: SQLite would sort all cases by their states first.
             let mut query = self.connection.prepare_cached(
-                "SELECT state, count(*), total(cost), total(cost * min(1.0 * steps_done / steps, 1.0)),
-                     total(CASE WHEN owner = ?1 THEN cost * min(1.0 * steps_done / steps, 1.0) END),
-                     total(owner IN (SELECT id FROM processes WHERE heartbeat >= ?2))
-                 FROM cases NOT INDEXED WHERE counts GROUP BY state",
+                "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner FROM cases NOT INDEXED WHERE counts",
             )?;
-            let mut rows = query.query([self.me(), heard_since])?;
+            let mut rows = query.query([])?;
             let mut work = Work::default();
             while let Some(row) = rows.next()? {
                 let state = state(row.get_ref(0)?)?;
-                let number_of_them = count(row.get(1)?);
-                let (cost, done, own): (f64, f64, f64) = (row.get(2)?, row.get(3)?, row.get(4)?);
+                let (cost, done): (f64, f64) = (row.get(1)?, row.get(2)?);
+                let owner: Option<i64> = row.get(3)?;
                 work.total += cost;
                 match state {
                     State::Done | State::Jammed => work.done += cost,
                     State::Failed => work.given_up += cost,
                     State::Pending | State::Running => {
-                        work.done += done - own;
                         work.left += cost - done;
+                        if owner != Some(self.me()) {
+                            work.done += done;
+                        }
                     }
                 }
-                work.alive += number(row.get(5)?);
+                work.alive += u64::from(owner.is_some_and(|owner| alive.contains(&owner)));
                 *match state {
                     State::Done => &mut work.counts.done,
                     State::Jammed => &mut work.counts.jammed,
                     State::Failed => &mut work.counts.failed,
                     State::Running => &mut work.counts.running,
                     State::Pending => &mut work.counts.pending,
-                } = number_of_them;
+                } += 1;
             }
             Ok(work)
         };
@@ -284,9 +293,8 @@ impl Store {
     ///
     /// # Errors
     /// Trouble with the file.
-    pub fn remaining_cpu_s(&self) -> Result<f64, StoreError> {
-        let left = self.work()?.left;
-        Ok(left * self.pace()?.map_or(1.0, |(_, cpu)| cpu))
+    pub fn remaining_cpu_s(&self, work: &Work) -> Result<f64, StoreError> {
+        Ok(work.left * self.pace()?.map_or(1.0, |(_, cpu)| cpu))
     }
 
     /// Seconds until the cases at work and those pending are done, judged by what finished ones took; `None` if nobody
@@ -294,8 +302,7 @@ impl Store {
     ///
     /// # Errors
     /// Trouble with the file.
-    pub fn time_left(&self) -> Result<Option<f64>, StoreError> {
-        let work = self.work()?;
+    pub fn time_left(&self, work: &Work) -> Result<Option<f64>, StoreError> {
         if work.alive == 0 {
             return Ok(None);
         }
@@ -490,7 +497,7 @@ fn point_runs(connection: &Connection) -> Result<Vec<PointRun>, rusqlite::Error>
         keys.push(key);
         positions.push(position);
         if row.get(6)? {
-            runs.push((position, point_run(row, key, known)?));
+            runs.push(point_run(row, key, known)?);
         }
     }
     positions.sort_unstable();
@@ -502,8 +509,8 @@ fn point_runs(connection: &Connection) -> Result<Vec<PointRun>, rusqlite::Error>
         ));
     }
     // Put into order here: SQLite would copy all columns for that.
-    runs.sort_by_key(|(position, _)| *position);
-    Ok(runs.into_iter().map(|(_, run)| run).collect())
+    runs.sort_unstable_by_key(|run: &PointRun| run.position);
+    Ok(runs)
 }
 
 /// That each failed case says why, and no pending one has failed.
@@ -631,6 +638,7 @@ fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> Result<PointRun
     let params = point.params.clone();
     let discarded: Option<i64> = row.get(28)?;
     Ok(PointRun {
+        position: whole(5)?,
         stresses,
         key: key.to_string(),
         sample_every: whole(3)? as f64 * params.time_step,

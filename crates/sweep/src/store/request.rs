@@ -168,6 +168,18 @@ impl Store {
         self.read(inventory())
     }
 
+    /// How many runs in the store are not requested.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn orphans(&self) -> Result<u64, StoreError> {
+        let query = format!("SELECT count(*) FROM cases c WHERE {ORPHANED}");
+        self.read(
+            self.connection
+                .query_row(&query, [], |row| row.get(0).map(count)),
+        )
+    }
+
     /// The file last run on this store, if what is read is not what that file requested: another version of it.
     pub fn last_run_with(&self) -> Option<&Path> {
         self.last_run_with.as_deref()
