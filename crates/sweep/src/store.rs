@@ -320,6 +320,20 @@ impl Store {
         result.map_err(|error| StoreError::sqlite(&self.path, error, self.process.is_some()))
     }
 
+    /// What a query finds, row by row.
+    fn rows<T, C: FromIterator<T>>(
+        &self,
+        query: &str,
+        parameters: impl rusqlite::Params,
+        read: impl FnMut(&rusqlite::Row<'_>) -> Result<T, rusqlite::Error>,
+    ) -> Result<C, StoreError> {
+        let rows = self
+            .connection
+            .prepare_cached(query)
+            .and_then(|mut query| query.query_map(parameters, read)?.collect());
+        self.read(rows)
+    }
+
     /// Turns an error of JSON into one of the store.
     fn json<T>(
         &self,

@@ -290,19 +290,13 @@ impl Store {
     }
 
     /// Estimated seconds of CPU that open cases still take, at the pace of those that are finished.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn remaining_cpu_s(&self, work: &Work) -> Result<f64, StoreError> {
+    pub(crate) fn remaining_cpu_s(&self, work: &Work) -> Result<f64, StoreError> {
         Ok(work.left * self.pace()?.map_or(1.0, |(_, cpu)| cpu))
     }
 
     /// Seconds until the cases at work and those pending are done, judged by what finished ones took; `None` if nobody
     /// works or nothing is finished yet.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn time_left(&self, work: &Work) -> Result<Option<f64>, StoreError> {
+    pub(crate) fn time_left(&self, work: &Work) -> Result<Option<f64>, StoreError> {
         if work.alive == 0 {
             return Ok(None);
         }
@@ -316,26 +310,17 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub(crate) fn point_work(&self) -> Result<Vec<PointWork>, StoreError> {
-        let rows = self
-            .connection
-            .prepare(
+        self.rows(
                 "SELECT min(position), count(*), total(state IN ('pending', 'running')),
                      total(CASE WHEN state IN ('pending', 'running') THEN min(1.0 * steps_done / steps, 1.0) END)
-                 FROM cases WHERE counts GROUP BY point ORDER BY 1",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map([], |row| {
+                 FROM cases WHERE counts GROUP BY point ORDER BY 1", [], |row| {
                         Ok(PointWork {
                             position: usize::try_from(count(row.get(0)?)).unwrap_or(usize::MAX),
                             runs: count(row.get(1)?) as f64,
                             open: row.get(2)?,
                             done: row.get(3)?,
                         })
-                    })?
-                    .collect()
-            });
-        self.read(rows)
+                    })
     }
 
     /// Parameters, steps and seconds of CPU of runs that this build has computed on this machine, a thousand or so.
@@ -373,17 +358,11 @@ impl Store {
     /// Trouble with the file, or an entry that cannot be read.
     pub fn failures(&self, limit: u32) -> Result<Vec<FailureLine>, StoreError> {
         self.read(failures::check(&self.connection, "c.state = 'failed'", []))?;
-        let rows = self
-            .connection
-            .prepare(
+        self.rows(
                 "SELECT c.key, c.seed, p.params, f.error, f.step, f.strain, f.attempt, f.sphere_i, f.sphere_j, f.gap
                  FROM cases c JOIN points p ON p.id = c.point
                  JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
-                 WHERE c.state = 'failed' AND c.counts ORDER BY c.position LIMIT ?1",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map([limit], |row| {
+                 WHERE c.state = 'failed' AND c.counts ORDER BY c.position LIMIT ?1", [limit], |row| {
                         Ok(FailureLine {
                             key: row.get(0)?,
                             seed: count(row.get(1)?),
@@ -397,55 +376,31 @@ impl Store {
                             })?,
                             gap: row.get(9)?,
                         })
-                    })?
-                    .collect()
-            });
-        self.read(rows)
+                    })
     }
 
     /// States of the failed cases of the grid, or of the one with this key, at most `limit` of them.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn replays(&self, key: Option<&str>, limit: u32) -> Result<Vec<Replay>, StoreError> {
+    pub(crate) fn replays(&self, key: Option<&str>, limit: u32) -> Result<Vec<Replay>, StoreError> {
         self.read(failures::check(&self.connection, "c.state = 'failed'", []))?;
-        let rows = self
-            .connection
-            .prepare(
+        self.rows(
                 "SELECT c.key, f.error, f.snapshot
                  FROM cases c JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
                  WHERE c.state = 'failed' AND c.key IS coalesce(?1, c.key) AND (?1 IS NOT NULL OR c.counts)
-                 ORDER BY c.position LIMIT ?2",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map(rusqlite::params![key, limit], |row| {
+                 ORDER BY c.position LIMIT ?2", rusqlite::params![key, limit], |row| {
                         Ok(Replay {
                             key: row.get(0)?,
                             error: row.get(1)?,
                             snapshot: row.get(2)?,
                         })
-                    })?
-                    .collect()
-            });
-        self.read(rows)
+                    })
     }
 
     /// Processes that own cases.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn processes(&self) -> Result<Vec<ProcessLine>, StoreError> {
+    pub(crate) fn processes(&self) -> Result<Vec<ProcessLine>, StoreError> {
         let now = process::now();
-        let rows = self
-            .connection
-            .prepare(
+        self.rows(
                 "SELECT p.host, p.pid, p.heartbeat, count(*) FROM processes p JOIN cases c ON c.owner = p.id
-                 WHERE c.state = 'running' GROUP BY p.id ORDER BY p.id",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map([], |row| {
+                 WHERE c.state = 'running' GROUP BY p.id ORDER BY p.id", [], |row| {
                         let heartbeat: i64 = row.get(2)?;
                         Ok(ProcessLine {
                             host: row.get(0)?,
@@ -453,10 +408,7 @@ impl Store {
                             silent_s: count(now - heartbeat) as f64 / 1000.0,
                             running: count(row.get(3)?),
                         })
-                    })?
-                    .collect()
-            });
-        self.read(rows)
+                    })
     }
 }
 

@@ -130,10 +130,7 @@ impl Store {
     }
 
     /// What there is in the store of what the campaign requests, and besides.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn inventory(&self) -> Result<Inventory, StoreError> {
+    pub(crate) fn inventory(&self) -> Result<Inventory, StoreError> {
         let inventory = || {
             let mut inventory = self.connection.query_row(
                 &format!(
@@ -169,10 +166,7 @@ impl Store {
     }
 
     /// How many runs in the store are not requested.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn orphans(&self) -> Result<u64, StoreError> {
+    pub(crate) fn orphans(&self) -> Result<u64, StoreError> {
         let query = format!("SELECT count(*) FROM cases c WHERE {ORPHANED}");
         self.read(
             self.connection
