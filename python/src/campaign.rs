@@ -16,7 +16,8 @@ use sweep::axes::Axis;
 use sweep::cli::{Beginning, Begun, begin};
 use sweep::format::parse_positive_duration;
 use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style, compute_campaign};
-use sweep::store::{Priority, StoreSource, network_file_system};
+use sweep::campaign::Priority;
+use sweep::store::{StoreSource, network_file_system};
 use toml::{Table, Value};
 
 /// Most threads; more are a slip of the keyboard.

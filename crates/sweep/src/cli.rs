@@ -43,7 +43,7 @@ use std::sync::{Arc, LazyLock};
 static VERSION: LazyLock<String> = LazyLock::new(|| {
     let version = env!("CARGO_PKG_VERSION");
     if std::env::args_os().any(|argument| argument == "--version" || argument == "-V") {
-        let build = crate::store::build();
+        let build = crate::process::build();
         format!("{version} (physics {PHYSICS_VERSION}, build {build})")
     } else {
         version.to_owned()

@@ -32,6 +32,7 @@ pub mod doubt;
 pub mod exit;
 mod files;
 pub mod format;
+mod process;
 pub mod protocol;
 mod replay;
 pub mod report;

@@ -5,14 +5,14 @@ mod task;
 use super::Output;
 use super::place::{say_warning, store_of};
 use crate::campaign::Campaign;
+use crate::campaign::Order;
+use crate::campaign::Priority;
 use crate::cli::Error;
 use crate::costs::Costs;
 use crate::exit;
 use crate::format::{bytes, parse_duration, parse_positive_duration};
 use crate::runner::{self, Options, Progress, Reason, Stop, Style};
-use crate::store::{
-    Adoption, Finding, Inventory, Merged, Order, Priority, Store, StoreError, network_file_system,
-};
+use crate::store::{Adoption, Finding, Inventory, Merged, Store, StoreError, network_file_system};
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};

@@ -2,14 +2,15 @@
 
 use super::digest::{self, Altered};
 use super::log::{self, Mark};
-use super::order::{self, Order};
 use super::registry::AtWork;
 use super::request::{Adoption, Request};
 use super::schema::{self, axis_cells, axis_columns};
-use super::{Store, StoreError, claims, ends, failures, harden, integer, process, rules};
+use super::{Store, StoreError, claims, ends, failures, harden, integer, rules};
 use crate::axes::AXES;
+use crate::campaign::order::{self, Order};
 use crate::campaign::{Campaign, Protocol};
 use crate::files::folder_of;
+use crate::process;
 use rusqlite::types::Value;
 use rusqlite::{Connection, OptionalExtension, params, params_from_iter};
 use sd_core::Params;

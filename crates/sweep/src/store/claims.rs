@@ -1,8 +1,8 @@
 //! Claims and checkpoints: the life of a running case.
 
-use super::process;
 use super::{Checkpoint, Damage, Store, StoreError, count, ends, integer};
 use crate::case::{Case, State};
+use crate::process;
 use rusqlite::{Connection, OptionalExtension, ToSql, params, params_from_iter};
 use std::fmt::Write as _;
 use std::time::Duration;

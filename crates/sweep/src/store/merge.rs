@@ -6,9 +6,9 @@
 mod case;
 mod shards;
 
-use super::process::now;
 use super::{Store, StoreError, count, ends, rules};
 use crate::campaign::Protocol;
+use crate::process::now;
 use case::Merging;
 use rusqlite::{Connection, params};
 use serde::Serialize;
@@ -127,7 +127,7 @@ impl Store {
         }
         let known = match mode {
             MergeMode::Campaign => self.known_builds()?,
-            MergeMode::Task | MergeMode::Reuse => BTreeSet::from([super::process::build()]),
+            MergeMode::Task | MergeMode::Reuse => BTreeSet::from([crate::process::build()]),
         };
         let foreign = foreign(&known, &readable);
         if let Some((shard, build)) = foreign.first().filter(|_| !mixed) {

@@ -1,9 +1,9 @@
 //! The processes that work on a store: entering, living, leaving, and taking over from those that are gone.
 
 use super::digest::{self, Digest, whole};
-use super::process::{self, Identity, Life};
 use super::{Checkpoint, Store, StoreError, claims, count, failures, integer, rules};
 use crate::case::PHYSICS_VERSION;
+use crate::process::{self, Identity, Life};
 use crate::replay::replay;
 use rusqlite::types::Value;
 use rusqlite::{Connection, OptionalExtension, Row, params};

@@ -3,10 +3,11 @@
 use super::claims::{self, Claim};
 use super::digest::{self, Digest, number, whole};
 use super::ends::{self, RunEnd};
-use super::{Store, StoreError, failures, process, rules, samples};
+use super::{Store, StoreError, failures, rules, samples};
 use crate::campaign::Protocol;
 use crate::case::{Case, State};
 use crate::doubt::Doubt;
+use crate::process;
 use crate::statistics::{Averages, Distribution};
 use crate::stresses::{self, STRESSES};
 use rusqlite::types::Value;
