@@ -13,7 +13,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 use sweep::axes::Axis;
-use sweep::cli::{Beginning, Begun, begin};
+use sweep::api::{Beginning, Begun, begin};
 use sweep::format::parse_positive_duration;
 use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style, compute_campaign};
 use sweep::campaign::Priority;

@@ -27,7 +27,6 @@ mod verify;
 
 pub use error::Error;
 pub use plan::{Plan, plan};
-pub use run::{Beginning, Begun, begin};
 pub use scalars::named as named_scalars;
 pub use solve::{Input as InstantInput, InputError, configuration};
 
