@@ -13,10 +13,11 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 use sweep::axes::Axis;
-use sweep::cli::{Beginning, Begun, begin};
+use sweep::api::{Beginning, Begun, begin};
 use sweep::format::parse_positive_duration;
 use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style, compute_campaign};
-use sweep::store::{Priority, StoreSource, network_file_system};
+use sweep::campaign::Priority;
+use sweep::store::{StoreSource, network_file_system};
 use toml::{Table, Value};
 
 /// Most threads; more are a slip of the keyboard.

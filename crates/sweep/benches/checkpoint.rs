@@ -8,7 +8,8 @@ use sd_core::model::Words as _;
 use sd_core::{NearFields, Simulation};
 use std::time::{Duration, Instant};
 use sweep::campaign::Campaign;
-use sweep::store::{Checkpoint, Order, Store};
+use sweep::campaign::Order;
+use sweep::store::{Checkpoint, Store};
 
 /// A run of the published size under each hydrodynamics.
 const CAMPAIGN: &str = r#"name = "bench"

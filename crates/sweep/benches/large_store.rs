@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 use sweep::campaign::Campaign;
-use sweep::store::{Order, Store, accept_changes};
+use sweep::campaign::Order;
+use sweep::store::{Store, accept_changes};
 
 /// Points of 40 seeds.
 fn campaign(points: &str, seeds: u32) -> String {

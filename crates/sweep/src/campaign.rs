@@ -4,6 +4,7 @@ mod elsewhere;
 mod ends_of_runs;
 mod error;
 mod grid;
+pub(crate) mod order;
 mod protocol;
 mod reader;
 mod seeds;
@@ -11,6 +12,7 @@ mod start;
 
 pub use crate::protocol::{Discard, Protocol, Steps};
 pub use error::{CampaignError, Fault};
+pub use order::{Order, Priority};
 
 use crate::case::{Case, CaseKey};
 use crate::statistics::Precision;

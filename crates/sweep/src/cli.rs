@@ -27,7 +27,6 @@ mod verify;
 
 pub use error::Error;
 pub use plan::{Plan, plan};
-pub use run::{Beginning, Begun, begin};
 pub use scalars::named as named_scalars;
 pub use solve::{Input as InstantInput, InputError, configuration};
 
@@ -43,7 +42,7 @@ use std::sync::{Arc, LazyLock};
 static VERSION: LazyLock<String> = LazyLock::new(|| {
     let version = env!("CARGO_PKG_VERSION");
     if std::env::args_os().any(|argument| argument == "--version" || argument == "-V") {
-        let build = crate::store::build();
+        let build = crate::process::build();
         format!("{version} (physics {PHYSICS_VERSION}, build {build})")
     } else {
         version.to_owned()

@@ -10,7 +10,7 @@
 //! ```text
 //! campaign::Campaign                  a campaign file, or the text of one
 //! cli::{plan, InstantInput, …}        what plan, solve and scalars read and answer
-//! cli::begin                          a campaign in its store, before anything is computed
+//! api::begin                          a campaign in its store, before anything is computed
 //! runner::compute_campaign            run: with runner::{Stop, Progress, Options}
 //! store::StoreSource                  opened for reading, for report::Report, Store::samples, Store::frames, Store::runs
 //! report::outline                     a figure, to be drawn elsewhere
@@ -18,6 +18,7 @@
 //! Error, cli::ErrorRenderer           the same words, and the kind of trouble by its exit code
 //! ```
 
+pub mod api;
 pub mod axes;
 pub mod campaign;
 pub mod case;
@@ -32,6 +33,7 @@ pub mod doubt;
 pub mod exit;
 mod files;
 pub mod format;
+mod process;
 pub mod protocol;
 mod replay;
 pub mod report;

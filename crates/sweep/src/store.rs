@@ -14,9 +14,7 @@ mod failures;
 mod frames;
 mod log;
 mod merge;
-mod order;
 mod place;
-mod process;
 mod provenance;
 mod prune;
 mod query;
@@ -41,11 +39,8 @@ pub use failures::FailureGroup;
 pub use frames::StoredFrame;
 pub(crate) use merge::MergeMode;
 pub use merge::{Damaged, Disagreement, Merged};
-pub use order::{Order, Priority};
 pub(crate) use place::is_full;
 pub use place::network_file_system;
-pub use process::{HEARTBEAT_LIMIT, Identity};
-pub(crate) use process::{alive, build, start_of};
 pub use provenance::Provenance;
 pub(crate) use query::PointWork;
 pub use query::{Counts, FailureLine, PointRun, ProcessLine, Replay, Work};
@@ -318,6 +313,20 @@ impl Store {
     /// Turns an error of a query into one of the store.
     fn read<T>(&self, result: Result<T, rusqlite::Error>) -> Result<T, StoreError> {
         result.map_err(|error| StoreError::sqlite(&self.path, error, self.process.is_some()))
+    }
+
+    /// What a query finds, row by row.
+    fn rows<T, C: FromIterator<T>>(
+        &self,
+        query: &str,
+        parameters: impl rusqlite::Params,
+        read: impl FnMut(&rusqlite::Row<'_>) -> Result<T, rusqlite::Error>,
+    ) -> Result<C, StoreError> {
+        let rows = self
+            .connection
+            .prepare_cached(query)
+            .and_then(|mut query| query.query_map(parameters, read)?.collect());
+        self.read(rows)
     }
 
     /// Turns an error of JSON into one of the store.

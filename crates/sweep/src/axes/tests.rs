@@ -87,8 +87,9 @@ fn written_values_make_parameters_that_have_them() {
 /// An axis reaches every place by its one entry: see [`ONE_MORE`].
 mod one_more {
     use crate::campaign::Campaign;
+    use crate::campaign::Order;
     use crate::report::{PageHost, Report, Selection, data, write_csv, write_json, write_markdown};
-    use crate::store::{Order, Store};
+    use crate::store::Store;
 
     const FILE: &str = r#"name = "one-more"
 [protocol]

@@ -3,10 +3,11 @@
 use super::Output;
 use super::place::{StoreArguments, say_warning};
 use crate::campaign::Campaign;
+use crate::campaign::Order;
 use crate::cli::Error;
 use crate::cluster::shard::{self, ShardError};
 use crate::exit;
-use crate::store::{Counts, Disagreement, Merged, Order, Store, StoreError, StoreSource};
+use crate::store::{Counts, Disagreement, Merged, Store, StoreError, StoreSource};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -2,10 +2,11 @@
 
 use super::Output;
 use super::place::StoreArguments;
+use crate::campaign::Order;
 use crate::cli::Error;
 use crate::exit;
 use crate::format::bytes;
-use crate::store::{Order, Store};
+use crate::store::Store;
 use serde::Serialize;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;

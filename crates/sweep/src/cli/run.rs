@@ -4,15 +4,13 @@ mod task;
 
 use super::Output;
 use super::place::{say_warning, store_of};
-use crate::campaign::Campaign;
+use crate::api::{Beginning, Begun, begin};
+use crate::campaign::{Campaign, Priority};
 use crate::cli::Error;
-use crate::costs::Costs;
 use crate::exit;
 use crate::format::{bytes, parse_duration, parse_positive_duration};
 use crate::runner::{self, Options, Progress, Reason, Stop, Style};
-use crate::store::{
-    Adoption, Finding, Inventory, Merged, Order, Priority, Store, StoreError, network_file_system,
-};
+use crate::store::{Adoption, Finding, Inventory, Merged, Store, network_file_system};
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -290,75 +288,6 @@ fn say_what_was_taken(taken: Option<Merged>, style: Style) {
     for damaged in taken.damaged {
         style.tell(&damaged.to_string());
     }
-}
-
-/// What a run begins with.
-#[derive(Debug, Clone, Copy)]
-pub struct Beginning<'b> {
-    /// Other stores, whose runs of the same cases are taken over.
-    pub reuse: &'b [PathBuf],
-    /// Whether failed runs are computed again.
-    pub retry_failed: bool,
-    /// Which points come first.
-    pub priority: &'b Priority,
-}
-
-/// A campaign in its store, ready to be computed.
-#[derive(Debug)]
-pub struct Begun {
-    /// Its store.
-    pub store: Store,
-    /// What was there.
-    pub adoption: Adoption,
-    /// What was taken over from other stores, if there were any.
-    pub taken: Option<Merged>,
-    /// What was damaged in the store, and is computed again.
-    pub damaged: Vec<Finding>,
-}
-
-/// Takes a campaign into its store, with all that is to happen before anything is computed.
-///
-/// # Errors
-/// Trouble with the store, or with one whose runs are to be taken over.
-pub fn begin(
-    path: &Path,
-    campaign: &Campaign,
-    beginning: Beginning<'_>,
-) -> Result<Begun, StoreError> {
-    // Before anything is written.
-    for other in beginning.reuse {
-        Store::open_read_only(other)?;
-    }
-    let costs = Costs::of_this_machine();
-    let order = Order {
-        priority: beginning.priority,
-        cost: &costs.of_cases(),
-    };
-    let damaged = if path.exists() && !is_empty(path) {
-        Store::open(path)?.forget_damaged()?
-    } else {
-        Vec::new()
-    };
-    let (mut store, adoption) = Store::enter(path, campaign, order)?;
-    let taken = if beginning.reuse.is_empty() {
-        None
-    } else {
-        Some(store.reuse(beginning.reuse)?)
-    };
-    if beginning.retry_failed {
-        store.retry_failed()?;
-    }
-    Ok(Begun {
-        store,
-        adoption,
-        taken,
-        damaged,
-    })
-}
-
-/// Whether there is nothing in a file: a store takes its place.
-fn is_empty(path: &Path) -> bool {
-    std::fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() == 0)
 }
 
 /// Under what conditions a campaign is computed.

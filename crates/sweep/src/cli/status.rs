@@ -93,14 +93,14 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let status = Status {
         campaign: store.campaign_name()?,
         last_run_with: store.last_run_with().map(PathBuf::from),
-        orphans: store.inventory()?.orphans,
+        orphans: store.orphans()?,
         cases: work.counts,
         work_done: if work.total > 0.0 {
             work.done / work.total
         } else {
             1.0
         },
-        remaining_cpu_s: store.remaining_cpu_s()?,
+        remaining_cpu_s: store.remaining_cpu_s(&work)?,
         precision: PrecisionStatus::of(&store)?,
         processes: store.processes()?,
         failures: store.failures(arguments.failures)?,

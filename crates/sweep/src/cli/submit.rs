@@ -13,7 +13,7 @@ use crate::cluster::{
 };
 use crate::exit;
 use crate::format::{bytes, duration, parse_duration, parse_positive_duration};
-use crate::store::{self, OpenCase, Store, Submission};
+use crate::store::{OpenCase, Store, Submission};
 use clap::ValueEnum;
 use folder::{Draft, write_plan};
 use serde::Serialize;
@@ -168,7 +168,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let plan = slices.plan(&text);
     let job = Job {
         campaign: campaign.name.clone(),
-        program: folder.join(format!("sweep-{}", store::build())),
+        program: folder.join(format!("sweep-{}", crate::process::build())),
         plan_folder: shard::plan_folder(&folder, &plan),
         folder,
         tasks,
@@ -265,7 +265,7 @@ fn hand_over(
         folder: job.folder.clone(),
         tasks: job.tasks,
         workers: job.workers,
-        build: store::build(),
+        build: crate::process::build(),
         submitted_at: 0,
         cancelled_at: None,
     };
@@ -346,7 +346,7 @@ fn gather(
             &format!("not merged: {}: {}", damaged.path.display(), damaged.reason),
         );
     }
-    let (build, known) = (store::build(), store.known_builds()?);
+    let (build, known) = (crate::process::build(), store.known_builds()?);
     if !arguments.allow_mixed_versions && !known.is_empty() && !known.contains(&build) {
         return Err(Error::Argument {
             argument: "--allow-mixed-versions",
@@ -470,7 +470,7 @@ fn forecast(
         return Ok(());
     }
     let memory = plan::memory_bytes(campaign, job.workers);
-    let seconds = store.remaining_cpu_s()?;
+    let seconds = store.remaining_cpu_s(&store.work()?)?;
     note(
         output,
         &format!(

@@ -2,7 +2,6 @@
 //! named by the number and the start of its process.
 
 use super::{ActiveTask, Job, SchedulerError};
-use crate::store;
 use std::os::unix::process::CommandExt as _;
 use std::process::{Command, Stdio};
 
@@ -63,7 +62,7 @@ pub(super) fn submit(job: &Job) -> Result<String, SchedulerError> {
         .process_group(0)
         .spawn()
         .map_err(refused)?;
-    let start = store::start_of(child.id()).unwrap_or_default();
+    let start = crate::process::start_of(child.id()).unwrap_or_default();
     Ok(format!("{}-{start}", child.id()))
 }
 
@@ -74,12 +73,15 @@ pub(super) fn active(job: &str) -> Vec<ActiveTask> {
         state: "RUNNING".into(),
         node: "this machine".into(),
     };
-    store::alive(job).then_some(task).into_iter().collect()
+    crate::process::alive(job)
+        .then_some(task)
+        .into_iter()
+        .collect()
 }
 
 /// Tells all processes of a job to stop.
 pub(super) fn cancel(job: &str) -> Result<(), SchedulerError> {
-    if !store::alive(job) {
+    if !crate::process::alive(job) {
         return Ok(());
     }
     let group = job

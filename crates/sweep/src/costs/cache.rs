@@ -4,7 +4,6 @@
 
 use super::Record;
 use crate::files::{cache_folder, write_whole};
-use crate::store;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::LazyLock;
@@ -17,8 +16,12 @@ const LEAST_STEPS: u64 = 20;
 /// The file of this machine and this build; `None` without a home.
 fn place() -> Option<PathBuf> {
     static PLACE: LazyLock<Option<PathBuf>> = LazyLock::new(|| {
-        let host = store::Identity::of_this_process().host;
-        let name = format!("costs-{}-{}.jsonl", host.replace('/', "-"), store::build());
+        let host = crate::process::Identity::of_this_process().host;
+        let name = format!(
+            "costs-{}-{}.jsonl",
+            host.replace('/', "-"),
+            crate::process::build()
+        );
         Some(cache_folder()?.join(name))
     });
     PLACE.clone()

@@ -238,7 +238,7 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
     };
     // The time left is that of the whole campaign.
     let eta_s = if selection.is_everything() {
-        store.time_left()?
+        store.time_left(&store.work()?)?
     } else {
         None
     };

@@ -144,12 +144,12 @@ impl Report {
             .into_iter()
             .map(|state| (identity(&state.params), (state.rule, state.decision)))
             .collect();
-        let mut groups: Vec<Vec<PointRun>> = Vec::new();
+        let mut groups: Vec<Vec<&PointRun>> = Vec::new();
         let mut place_of = HashMap::new();
         let mut last: Option<usize> = None;
         let mut counts = Counts::default();
         let doubtful = runs.iter().filter(|run| run.is_doubtful()).count() as u64;
-        for run in runs {
+        for run in &runs {
             *match run.state {
                 State::Pending => &mut counts.pending,
                 State::Running => &mut counts.running,
@@ -171,8 +171,9 @@ impl Report {
         let protocol = store.protocol()?;
         let mut points = Vec::with_capacity(groups.len());
         for runs in &groups {
-            let averaged: Vec<_> = runs
+            let averaged: Vec<&PointRun> = runs
                 .iter()
+                .copied()
                 .filter(|run| run.is_sound() || (selection.with_doubtful && run.is_doubtful()))
                 .collect();
             let Some(mut point) = Point::of(runs, &averaged) else {
@@ -286,7 +287,7 @@ impl Point {
     }
 
     /// Of the runs of one point and those of them that are averaged; `None` of none.
-    fn of(runs: &[PointRun], averaged: &[&PointRun]) -> Option<Self> {
+    fn of(runs: &[&PointRun], averaged: &[&PointRun]) -> Option<Self> {
         let params = Params::clone(&runs.first()?.params);
         let values = |quantity: fn(&PointRun) -> Option<f64>| -> Vec<f64> {
             averaged.iter().filter_map(|run| quantity(run)).collect()

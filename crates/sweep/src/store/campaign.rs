@@ -2,14 +2,15 @@
 
 use super::digest::{self, Altered};
 use super::log::{self, Mark};
-use super::order::{self, Order};
 use super::registry::AtWork;
 use super::request::{Adoption, Request};
 use super::schema::{self, axis_cells, axis_columns};
-use super::{Store, StoreError, claims, ends, failures, harden, integer, process, rules};
+use super::{Store, StoreError, claims, ends, failures, harden, integer, rules};
 use crate::axes::AXES;
+use crate::campaign::order::{self, Order};
 use crate::campaign::{Campaign, Protocol};
 use crate::files::folder_of;
+use crate::process;
 use rusqlite::types::Value;
 use rusqlite::{Connection, OptionalExtension, params, params_from_iter};
 use sd_core::Params;
@@ -123,7 +124,7 @@ impl Store {
                 return Ok(Err(other));
             }
             if last.as_ref().is_none_or(|last| entry.differs(last)) {
-                entry.enter(connection)?;
+                entry.enter(connection, last.is_none())?;
             }
             match me {
                 Some(me) => Ok(Ok(me)),
@@ -165,7 +166,8 @@ impl Store {
         let entry = Entry::of(campaign, Order::default(), &self.path)?;
         // What is copied must be whole: readers compare digests with what is shown.
         self.point_runs()?;
-        let shown = schema::shadow(&self.connection).and_then(|()| entry.enter(&self.connection));
+        let shown =
+            schema::shadow(&self.connection).and_then(|()| entry.enter(&self.connection, false));
         self.read(shown)?;
         if last.request != request.hash {
             self.last_run_with = Some(last.file.into());
@@ -287,7 +289,7 @@ impl<'c> Entry<'c> {
     }
 
     /// Makes the cases of a store those of the campaign.
-    fn enter(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+    fn enter(&self, connection: &Connection, is_new: bool) -> Result<(), rusqlite::Error> {
         let text = |text: &str| Value::Text(text.to_owned());
         let mut row = vec![
             text(&self.campaign.name),
@@ -306,6 +308,9 @@ impl<'c> Entry<'c> {
             params_from_iter(row),
         )?;
         self.enter_cases(connection)?;
+        if is_new {
+            schema::index(connection)?;
+        }
         rules::enter(connection, self.campaign)?;
         // What failed beyond the strain that is requested now may well get as far as that.
         failures::reopen(

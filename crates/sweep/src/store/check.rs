@@ -385,10 +385,7 @@ pub fn check(path: &Path) -> Result<Checked, StoreError> {
 
 impl Store {
     /// Makes damaged runs pending again, so that they are computed again, with the same digits. Says which.
-    ///
-    /// # Errors
-    /// [`StoreError::Damaged`] if pages of the file cannot be read, and trouble with the file.
-    pub fn forget_damaged(&mut self) -> Result<Vec<Finding>, StoreError> {
+    pub(crate) fn forget_damaged(&mut self) -> Result<Vec<Finding>, StoreError> {
         let size = || {
             self.connection.query_row(
                 "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size",

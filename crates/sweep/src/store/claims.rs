@@ -1,8 +1,8 @@
 //! Claims and checkpoints: the life of a running case.
 
-use super::process;
 use super::{Checkpoint, Damage, Store, StoreError, count, ends, integer};
 use crate::case::{Case, State};
+use crate::process;
 use rusqlite::{Connection, OptionalExtension, ToSql, params, params_from_iter};
 use std::fmt::Write as _;
 use std::time::Duration;
@@ -114,10 +114,7 @@ impl Store {
     }
 
     /// Drops the checkpoints of a running case and its last state, none of which can be used.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn drop_checkpoints(&mut self, claim: &Claim) -> Result<(), StoreError> {
+    pub(crate) fn drop_checkpoints(&mut self, claim: &Claim) -> Result<(), StoreError> {
         self.write(|connection| {
             drop_checkpoints(connection, claim.id)?;
             // Nor can its end be used, which was tried last.
@@ -126,10 +123,7 @@ impl Store {
     }
 
     /// Whether cases are pending or under way, perhaps with others, who may die and leave them to us.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn anything_left(&self) -> Result<bool, StoreError> {
+    pub(crate) fn anything_left(&self) -> Result<bool, StoreError> {
         let left = self
             .connection
             .prepare_cached(
@@ -141,10 +135,7 @@ impl Store {
     }
 
     /// Gives cases back: they wait to go on from their last checkpoints.
-    ///
-    /// # Errors
-    /// Trouble with the file. A claim already lost is none.
-    pub fn release<'c>(
+    pub(crate) fn release<'c>(
         &mut self,
         claims: impl IntoIterator<Item = &'c Claim>,
     ) -> Result<(), StoreError> {

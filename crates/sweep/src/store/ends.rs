@@ -4,10 +4,11 @@
 
 use super::digest::{self, Digest, number, whole};
 use super::results::Place;
-use super::{Checkpoint, Damage, Store, StoreError, claims, count, process, rules, samples};
+use super::{Checkpoint, Damage, Store, StoreError, claims, count, rules, samples};
 use crate::axes::identity;
 use crate::campaign::{Discard, Protocol};
 use crate::case::State;
+use crate::process;
 use crate::statistics::mser_5;
 use rusqlite::types::Value;
 use rusqlite::{Connection, OptionalExtension, Row, params, params_from_iter};

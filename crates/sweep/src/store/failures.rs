@@ -1,7 +1,8 @@
 //! Failures: as they are kept, and those that are alike told once.
 
+use super::FailureLine;
 use super::digest::{self, number, whole};
-use super::{FailureLine, process};
+use crate::process;
 use rusqlite::types::Value;
 use rusqlite::{Connection, params, params_from_iter};
 use sd_core::Params;

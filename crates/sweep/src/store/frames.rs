@@ -65,10 +65,7 @@ pub(super) fn of(
 
 impl Store {
     /// Keeps frames of a case. Frames of the same steps are the same, whoever computed them, so nobody need own the case.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn keep_frames(
+    pub(crate) fn keep_frames(
         &mut self,
         claim: &Claim,
         frames: &[(u64, Frame)],

@@ -6,9 +6,9 @@
 mod case;
 mod shards;
 
-use super::process::now;
 use super::{Store, StoreError, count, ends, rules};
 use crate::campaign::Protocol;
+use crate::process::now;
 use case::Merging;
 use rusqlite::{Connection, params};
 use serde::Serialize;
@@ -82,19 +82,12 @@ pub(crate) enum MergeMode {
 
 impl Store {
     /// Takes over what shards hold. All of them are looked at before the first is merged.
-    ///
-    /// # Errors
-    /// [`StoreError::OtherCampaign`], [`StoreError::OtherBuild`] unless `mixed` versions are allowed, and trouble with the
-    /// store. Shards that cannot be read are no error: they are listed, and the others merged.
-    pub fn merge(&mut self, shards: &[PathBuf], mixed: bool) -> Result<Merged, StoreError> {
+    pub(crate) fn merge(&mut self, shards: &[PathBuf], mixed: bool) -> Result<Merged, StoreError> {
         self.merge_as(MergeMode::Campaign, shards, mixed)
     }
 
     /// Takes over runs that other stores, of whatever campaigns, hold of cases of this one.
-    ///
-    /// # Errors
-    /// Trouble with the store. Stores that cannot be read are no error: they are listed, and the others used.
-    pub fn reuse(&mut self, stores: &[PathBuf]) -> Result<Merged, StoreError> {
+    pub(crate) fn reuse(&mut self, stores: &[PathBuf]) -> Result<Merged, StoreError> {
         self.merge_as(MergeMode::Reuse, stores, true)
     }
 
@@ -134,7 +127,7 @@ impl Store {
         }
         let known = match mode {
             MergeMode::Campaign => self.known_builds()?,
-            MergeMode::Task | MergeMode::Reuse => BTreeSet::from([super::process::build()]),
+            MergeMode::Task | MergeMode::Reuse => BTreeSet::from([crate::process::build()]),
         };
         let foreign = foreign(&known, &readable);
         if let Some((shard, build)) = foreign.first().filter(|_| !mixed) {
@@ -155,10 +148,7 @@ impl Store {
     }
 
     /// The campaign file of a shard, or of a damaged store, to the letter.
-    ///
-    /// # Errors
-    /// A file that cannot be read, or whose campaign is damaged.
-    pub fn campaign_of(shard: &Path) -> Result<String, StoreError> {
+    pub(crate) fn campaign_of(shard: &Path) -> Result<String, StoreError> {
         shards::open(shard)?.0.campaign_text()
     }
 
@@ -191,14 +181,9 @@ impl Store {
 
     /// Builds of the program that computed what is stored.
     fn builds(&self) -> Result<BTreeSet<String>, StoreError> {
-        let rows = self
-            .connection
-            .prepare(
+        self.rows(
                 "SELECT DISTINCT build FROM processes WHERE id IN
-                     (SELECT process FROM results UNION SELECT process FROM checkpoints UNION SELECT process FROM failures)",
-            )
-            .and_then(|mut query| query.query_map([], |row| row.get(0))?.collect());
-        self.read(rows)
+                     (SELECT process FROM results UNION SELECT process FROM checkpoints UNION SELECT process FROM failures)", [], |row| row.get(0))
     }
 
     /// Merges one shard in one transaction.
@@ -272,20 +257,11 @@ impl Store {
     }
 
     /// Results that were found to disagree, ever.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn disagreements(&self) -> Result<Vec<Disagreement>, StoreError> {
-        let rows = self
-            .connection
-            .prepare(
+    pub(crate) fn disagreements(&self) -> Result<Vec<Disagreement>, StoreError> {
+        self.rows(
                 "SELECT c.key, d.what, k.host, k.pid, k.job, k.task, k.restart, o.host, o.pid, o.job, o.task, o.restart
                  FROM disagreements d JOIN cases c ON c.id = d.case_id JOIN processes k ON k.id = d.kept
-                      JOIN processes o ON o.id = d.other ORDER BY c.position, c.id",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map([], |row| {
+                      JOIN processes o ON o.id = d.other ORDER BY c.position, c.id", [], |row| {
                         let who = |from: usize| -> Result<String, rusqlite::Error> {
                             let (host, pid): (String, i64) = (row.get(from)?, row.get(from + 1)?);
                             let job: Option<String> = row.get(from + 2)?;
@@ -304,17 +280,11 @@ impl Store {
                             kept: who(2)?,
                             other: who(7)?,
                         })
-                    })?
-                    .collect()
-            });
-        self.read(rows)
+                    })
     }
 
     /// How many of these shards were not merged, or have changed since.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn unmerged(&self, shards: &[PathBuf]) -> Result<u64, StoreError> {
+    pub(crate) fn unmerged(&self, shards: &[PathBuf]) -> Result<u64, StoreError> {
         let mut number = 0;
         for shard in shards {
             let merged = match Stamp::of(shard) {
@@ -327,10 +297,7 @@ impl Store {
     }
 
     /// How many shards of another build than the store's were let in.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn mixed_shards(&self) -> Result<u64, StoreError> {
+    pub(crate) fn mixed_shards(&self) -> Result<u64, StoreError> {
         self.read(
             self.connection
                 .query_row("SELECT count(*) FROM shards WHERE mixed", [], |row| {

@@ -37,10 +37,7 @@ pub(super) fn program(version: &str, physics_version: u64, build: &str) -> Strin
 
 impl Store {
     /// Processes that finished results, the latest first.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn provenance(&self) -> Result<Vec<Provenance>, StoreError> {
+    pub(crate) fn provenance(&self) -> Result<Vec<Provenance>, StoreError> {
         let rows = digest::check(
             &self.connection,
             &format!("SELECT {}, digest FROM processes", registry::COLUMNS),

@@ -18,10 +18,7 @@ const TABLES: [&str; 8] = [
 impl Store {
     /// Removes all runs that are not in the grid, with all they have, and gives the disk back what they took. Says how many of
     /// them something had been computed of.
-    ///
-    /// # Errors
-    /// Trouble with the file. Nothing is removed then.
-    pub fn prune(&mut self) -> Result<u64, StoreError> {
+    pub(crate) fn prune(&mut self) -> Result<u64, StoreError> {
         let removed = self.write(|connection| {
             let removed = connection.query_row(
                 &format!("SELECT count(*) FROM cases c WHERE {ORPHANED}"),

@@ -1,12 +1,13 @@
 //! What `status` and `report` ask the store.
 
 use super::digest::{Altered, Digest};
-use super::request::{self, number};
+use super::request;
 use super::results::COVERED;
 use super::schema::axis_cells;
-use super::{Store, StoreError, campaign, count, failures, process, rules};
+use super::{Store, StoreError, campaign, count, failures, rules};
 use crate::case::{CaseKey, State};
 use crate::doubt::Doubt;
+use crate::process;
 use crate::protocol::Protocol;
 use crate::statistics::Steadiness;
 use crate::stresses::{self, COUNT, STRESSES};
@@ -14,7 +15,7 @@ use rusqlite::types::{Type, Value, ValueRef};
 use rusqlite::{Connection, OptionalExtension, Row};
 use sd_core::Params;
 use serde::Serialize;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 /// Cases of the grid by state.
@@ -75,6 +76,8 @@ const SAMPLED: i64 = 1000;
 /// One case with its result, if it has one.
 #[derive(Debug, Clone)]
 pub struct PointRun {
+    /// Its place in the campaign file, from 0.
+    pub position: u64,
     /// Its key.
     pub key: String,
     /// Its parameters.
@@ -203,35 +206,42 @@ impl Store {
         let heard_since = process::now()
             - i64::try_from(process::HEARTBEAT_LIMIT.as_millis()).unwrap_or(i64::MAX);
         let read = || {
+            let alive: HashSet<i64> = self
+                .connection
+                .prepare_cached(
+                    "SELECT id FROM processes WHERE ended_at IS NULL AND heartbeat >= ?1",
+                )?
+                .query_map([heard_since], |row| row.get(0))?
+                .collect::<Result<_, _>>()?;
+            // Summed up here: SQLite would sort all cases by their states first.
             let mut query = self.connection.prepare_cached(
-                "SELECT state, count(*), total(cost), total(cost * min(1.0 * steps_done / steps, 1.0)),
-                     total(CASE WHEN owner = ?1 THEN cost * min(1.0 * steps_done / steps, 1.0) END),
-                     total(owner IN (SELECT id FROM processes WHERE heartbeat >= ?2))
-                 FROM cases NOT INDEXED WHERE counts GROUP BY state",
+                "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner FROM cases NOT INDEXED WHERE counts",
             )?;
-            let mut rows = query.query([self.me(), heard_since])?;
+            let mut rows = query.query([])?;
             let mut work = Work::default();
             while let Some(row) = rows.next()? {
                 let state = state(row.get_ref(0)?)?;
-                let number_of_them = count(row.get(1)?);
-                let (cost, done, own): (f64, f64, f64) = (row.get(2)?, row.get(3)?, row.get(4)?);
+                let (cost, done): (f64, f64) = (row.get(1)?, row.get(2)?);
+                let owner: Option<i64> = row.get(3)?;
                 work.total += cost;
                 match state {
                     State::Done | State::Jammed => work.done += cost,
                     State::Failed => work.given_up += cost,
                     State::Pending | State::Running => {
-                        work.done += done - own;
                         work.left += cost - done;
+                        if owner != Some(self.me()) {
+                            work.done += done;
+                        }
                     }
                 }
-                work.alive += number(row.get(5)?);
+                work.alive += u64::from(owner.is_some_and(|owner| alive.contains(&owner)));
                 *match state {
                     State::Done => &mut work.counts.done,
                     State::Jammed => &mut work.counts.jammed,
                     State::Failed => &mut work.counts.failed,
                     State::Running => &mut work.counts.running,
                     State::Pending => &mut work.counts.pending,
-                } = number_of_them;
+                } += 1;
             }
             Ok(work)
         };
@@ -281,21 +291,13 @@ impl Store {
     }
 
     /// Estimated seconds of CPU that open cases still take, at the pace of those that are finished.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn remaining_cpu_s(&self) -> Result<f64, StoreError> {
-        let left = self.work()?.left;
-        Ok(left * self.pace()?.map_or(1.0, |(_, cpu)| cpu))
+    pub(crate) fn remaining_cpu_s(&self, work: &Work) -> Result<f64, StoreError> {
+        Ok(work.left * self.pace()?.map_or(1.0, |(_, cpu)| cpu))
     }
 
     /// Seconds until the cases at work and those pending are done, judged by what finished ones took; `None` if nobody
     /// works or nothing is finished yet.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn time_left(&self) -> Result<Option<f64>, StoreError> {
-        let work = self.work()?;
+    pub(crate) fn time_left(&self, work: &Work) -> Result<Option<f64>, StoreError> {
         if work.alive == 0 {
             return Ok(None);
         }
@@ -309,26 +311,17 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub(crate) fn point_work(&self) -> Result<Vec<PointWork>, StoreError> {
-        let rows = self
-            .connection
-            .prepare(
+        self.rows(
                 "SELECT min(position), count(*), total(state IN ('pending', 'running')),
                      total(CASE WHEN state IN ('pending', 'running') THEN min(1.0 * steps_done / steps, 1.0) END)
-                 FROM cases WHERE counts GROUP BY point ORDER BY 1",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map([], |row| {
+                 FROM cases WHERE counts GROUP BY point ORDER BY 1", [], |row| {
                         Ok(PointWork {
                             position: usize::try_from(count(row.get(0)?)).unwrap_or(usize::MAX),
                             runs: count(row.get(1)?) as f64,
                             open: row.get(2)?,
                             done: row.get(3)?,
                         })
-                    })?
-                    .collect()
-            });
-        self.read(rows)
+                    })
     }
 
     /// Parameters, steps and seconds of CPU of runs that this build has computed on this machine, a thousand or so.
@@ -366,17 +359,11 @@ impl Store {
     /// Trouble with the file, or an entry that cannot be read.
     pub fn failures(&self, limit: u32) -> Result<Vec<FailureLine>, StoreError> {
         self.read(failures::check(&self.connection, "c.state = 'failed'", []))?;
-        let rows = self
-            .connection
-            .prepare(
+        self.rows(
                 "SELECT c.key, c.seed, p.params, f.error, f.step, f.strain, f.attempt, f.sphere_i, f.sphere_j, f.gap
                  FROM cases c JOIN points p ON p.id = c.point
                  JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
-                 WHERE c.state = 'failed' AND c.counts ORDER BY c.position LIMIT ?1",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map([limit], |row| {
+                 WHERE c.state = 'failed' AND c.counts ORDER BY c.position LIMIT ?1", [limit], |row| {
                         Ok(FailureLine {
                             key: row.get(0)?,
                             seed: count(row.get(1)?),
@@ -390,55 +377,31 @@ impl Store {
                             })?,
                             gap: row.get(9)?,
                         })
-                    })?
-                    .collect()
-            });
-        self.read(rows)
+                    })
     }
 
     /// States of the failed cases of the grid, or of the one with this key, at most `limit` of them.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn replays(&self, key: Option<&str>, limit: u32) -> Result<Vec<Replay>, StoreError> {
+    pub(crate) fn replays(&self, key: Option<&str>, limit: u32) -> Result<Vec<Replay>, StoreError> {
         self.read(failures::check(&self.connection, "c.state = 'failed'", []))?;
-        let rows = self
-            .connection
-            .prepare(
+        self.rows(
                 "SELECT c.key, f.error, f.snapshot
                  FROM cases c JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
                  WHERE c.state = 'failed' AND c.key IS coalesce(?1, c.key) AND (?1 IS NOT NULL OR c.counts)
-                 ORDER BY c.position LIMIT ?2",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map(rusqlite::params![key, limit], |row| {
+                 ORDER BY c.position LIMIT ?2", rusqlite::params![key, limit], |row| {
                         Ok(Replay {
                             key: row.get(0)?,
                             error: row.get(1)?,
                             snapshot: row.get(2)?,
                         })
-                    })?
-                    .collect()
-            });
-        self.read(rows)
+                    })
     }
 
     /// Processes that own cases.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn processes(&self) -> Result<Vec<ProcessLine>, StoreError> {
+    pub(crate) fn processes(&self) -> Result<Vec<ProcessLine>, StoreError> {
         let now = process::now();
-        let rows = self
-            .connection
-            .prepare(
+        self.rows(
                 "SELECT p.host, p.pid, p.heartbeat, count(*) FROM processes p JOIN cases c ON c.owner = p.id
-                 WHERE c.state = 'running' GROUP BY p.id ORDER BY p.id",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map([], |row| {
+                 WHERE c.state = 'running' GROUP BY p.id ORDER BY p.id", [], |row| {
                         let heartbeat: i64 = row.get(2)?;
                         Ok(ProcessLine {
                             host: row.get(0)?,
@@ -446,10 +409,7 @@ impl Store {
                             silent_s: count(now - heartbeat) as f64 / 1000.0,
                             running: count(row.get(3)?),
                         })
-                    })?
-                    .collect()
-            });
-        self.read(rows)
+                    })
     }
 }
 
@@ -490,7 +450,7 @@ fn point_runs(connection: &Connection) -> Result<Vec<PointRun>, rusqlite::Error>
         keys.push(key);
         positions.push(position);
         if row.get(6)? {
-            runs.push((position, point_run(row, key, known)?));
+            runs.push(point_run(row, key, known)?);
         }
     }
     positions.sort_unstable();
@@ -502,8 +462,8 @@ fn point_runs(connection: &Connection) -> Result<Vec<PointRun>, rusqlite::Error>
         ));
     }
     // Put into order here: SQLite would copy all columns for that.
-    runs.sort_by_key(|(position, _)| *position);
-    Ok(runs.into_iter().map(|(_, run)| run).collect())
+    runs.sort_unstable_by_key(|run: &PointRun| run.position);
+    Ok(runs)
 }
 
 /// That each failed case says why, and no pending one has failed.
@@ -631,6 +591,7 @@ fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> Result<PointRun
     let params = point.params.clone();
     let discarded: Option<i64> = row.get(28)?;
     Ok(PointRun {
+        position: whole(5)?,
         stresses,
         key: key.to_string(),
         sample_every: whole(3)? as f64 * params.time_step,

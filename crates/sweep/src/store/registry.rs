@@ -1,9 +1,9 @@
 //! The processes that work on a store: entering, living, leaving, and taking over from those that are gone.
 
 use super::digest::{self, Digest, whole};
-use super::process::{self, Identity, Life};
 use super::{Checkpoint, Store, StoreError, claims, count, failures, integer, rules};
 use crate::case::PHYSICS_VERSION;
+use crate::process::{self, Identity, Life};
 use crate::replay::replay;
 use rusqlite::types::Value;
 use rusqlite::{Connection, OptionalExtension, Row, params};
@@ -206,10 +206,7 @@ impl Store {
     }
 
     /// Records that this process lives.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn heartbeat(&mut self) -> Result<(), StoreError> {
+    pub(crate) fn heartbeat(&mut self) -> Result<(), StoreError> {
         let me = self.me();
         self.write_relaxed(|connection| {
             connection
@@ -222,10 +219,7 @@ impl Store {
     }
 
     /// Gives back all that this process still owns, and records that it ended.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn leave(&mut self) -> Result<(), StoreError> {
+    pub(crate) fn leave(&mut self) -> Result<(), StoreError> {
         let me = self.me();
         self.write(|connection| {
             claims::free(connection, me)?;
@@ -237,10 +231,7 @@ impl Store {
 
     /// Frees the cases of processes that are gone; they go on from their last checkpoint, but for those that died
     /// [`DEATH_LIMIT`] times in a row, which end as failed. Returns how many it took from them.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn release_dead(&mut self) -> Result<usize, StoreError> {
+    pub(crate) fn release_dead(&mut self) -> Result<usize, StoreError> {
         let Some(Registered { id: me, identity }) = self.process.clone() else {
             return Ok(0);
         };

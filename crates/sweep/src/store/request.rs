@@ -130,10 +130,7 @@ impl Store {
     }
 
     /// What there is in the store of what the campaign requests, and besides.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn inventory(&self) -> Result<Inventory, StoreError> {
+    pub(crate) fn inventory(&self) -> Result<Inventory, StoreError> {
         let inventory = || {
             let mut inventory = self.connection.query_row(
                 &format!(
@@ -166,6 +163,15 @@ impl Store {
             Ok(inventory)
         };
         self.read(inventory())
+    }
+
+    /// How many runs in the store are not requested.
+    pub(crate) fn orphans(&self) -> Result<u64, StoreError> {
+        let query = format!("SELECT count(*) FROM cases c WHERE {ORPHANED}");
+        self.read(
+            self.connection
+                .query_row(&query, [], |row| row.get(0).map(count)),
+        )
     }
 
     /// The file last run on this store, if what is read is not what that file requested: another version of it.

@@ -3,10 +3,11 @@
 use super::claims::{self, Claim};
 use super::digest::{self, Digest, number, whole};
 use super::ends::{self, RunEnd};
-use super::{Store, StoreError, failures, process, rules, samples};
+use super::{Store, StoreError, failures, rules, samples};
 use crate::campaign::Protocol;
 use crate::case::{Case, State};
 use crate::doubt::Doubt;
+use crate::process;
 use crate::statistics::{Averages, Distribution};
 use crate::stresses::{self, STRESSES};
 use rusqlite::types::Value;
@@ -213,10 +214,7 @@ pub struct Failure {
 impl Store {
     /// Keeps the results of cases, and their last states, in one transaction. Says for each whether this process still owned it: of
     /// others nothing is kept.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn finish(&mut self, runs: &[(&Claim, &Finished)]) -> Result<Vec<bool>, StoreError> {
+    pub(crate) fn finish(&mut self, runs: &[(&Claim, &Finished)]) -> Result<Vec<bool>, StoreError> {
         let me = self.me();
         self.write(|connection| {
             runs.iter()
@@ -232,10 +230,7 @@ impl Store {
     }
 
     /// Keeps the failure of a case.
-    ///
-    /// # Errors
-    /// [`StoreError::ClaimLost`], and trouble with the file.
-    pub fn fail(&mut self, claim: &Claim, failure: &Failure) -> Result<(), StoreError> {
+    pub(crate) fn fail(&mut self, claim: &Claim, failure: &Failure) -> Result<(), StoreError> {
         let me = self.me();
         let owned = self.write(|connection| {
             if !owns(connection, claim, me)? {
@@ -267,10 +262,7 @@ impl Store {
     }
 
     /// Makes all failed cases of the grid pending again. Returns how many.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn retry_failed(&mut self) -> Result<usize, StoreError> {
+    pub(crate) fn retry_failed(&mut self) -> Result<usize, StoreError> {
         self.write(|connection| {
             let failed: Vec<(i64, u64)> = connection
                 .prepare(

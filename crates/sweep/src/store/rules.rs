@@ -220,10 +220,7 @@ pub(super) fn check(connection: &Connection) -> Result<(), rusqlite::Error> {
 
 impl Store {
     /// How the points stand at which a precision is asked for, in the order of the file.
-    ///
-    /// # Errors
-    /// Trouble with the file, or an entry that cannot be read.
-    pub fn point_states(&self) -> Result<Vec<PointState>, StoreError> {
+    pub(crate) fn point_states(&self) -> Result<Vec<PointState>, StoreError> {
         let read = || {
             rules(&self.connection)?
                 .into_iter()

@@ -12,6 +12,8 @@ const APPLICATION_ID: i32 = 0x5357_4550;
 pub(super) const VERSION: i32 = 1;
 /// The statements, with places for the columns that are declared elsewhere.
 const STATEMENTS: &str = include_str!("schema.sql");
+/// How the statement of an index begins, which is one line.
+const INDEX: &str = "CREATE INDEX";
 /// Tables that a reader copies for itself to see a store as another version of its campaign requests it.
 const SHADOWED: [&str; 6] = [
     "campaign", "points", "cases", "results", "failures", "rules",
@@ -66,11 +68,25 @@ fn statements() -> String {
         )
 }
 
-/// Makes the tables.
+/// Makes the tables, without indices.
 pub(super) fn create(connection: &Connection) -> Result<(), rusqlite::Error> {
-    connection.execute_batch(&statements())?;
+    let statements = statements();
+    let tables: Vec<&str> = statements
+        .lines()
+        .filter(|line| !line.starts_with(INDEX))
+        .collect();
+    connection.execute_batch(&tables.join("\n"))?;
     connection.pragma_update(None, "application_id", APPLICATION_ID)?;
     connection.pragma_update(None, "user_version", VERSION)
+}
+
+/// Makes the indices: faster once the tables are filled.
+pub(super) fn index(connection: &Connection) -> Result<(), rusqlite::Error> {
+    let indices: Vec<&str> = STATEMENTS
+        .lines()
+        .filter(|line| line.starts_with(INDEX))
+        .collect();
+    connection.execute_batch(&indices.join("\n"))
 }
 
 /// Lets a connection that only reads change some tables for itself.

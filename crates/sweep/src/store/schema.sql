@@ -75,11 +75,12 @@ CREATE TABLE cases (
     samples_digest INTEGER,             -- of all its samples; NULL without any
     CHECK ((state = 'running') = (owner IS NOT NULL))
 );
-CREATE INDEX queue ON cases (turn, gain DESC, position) WHERE state = 'pending' AND counts;
-CREATE INDEX expensive ON cases (cost) WHERE state = 'pending' AND counts;
-CREATE INDEX running ON cases (owner) WHERE state = 'running';
-CREATE INDEX cases_of_point ON cases (point);
-CREATE INDEX cases_of_rule ON cases (rule, position) WHERE rule IS NOT NULL;
+CREATE INDEX IF NOT EXISTS queue ON cases (turn, gain DESC, position) WHERE state = 'pending' AND counts;
+CREATE INDEX IF NOT EXISTS expensive ON cases (cost) WHERE state = 'pending' AND counts;
+CREATE INDEX IF NOT EXISTS running ON cases (owner) WHERE state = 'running';
+CREATE INDEX IF NOT EXISTS orphans ON cases (state) WHERE NOT counts;
+CREATE INDEX IF NOT EXISTS cases_of_point ON cases (point);
+CREATE INDEX IF NOT EXISTS cases_of_rule ON cases (rule, position) WHERE rule IS NOT NULL;
 
 CREATE TABLE checkpoints (
     case_id    INTEGER NOT NULL REFERENCES cases (id),
@@ -208,7 +209,7 @@ CREATE TABLE failures (
     retried   INTEGER NOT NULL DEFAULT 0,   -- whether the case was made pending again after it
     digest    INTEGER NOT NULL DEFAULT 0    -- with the key of the case
 );
-CREATE INDEX failures_of_case ON failures (case_id);
+CREATE INDEX IF NOT EXISTS failures_of_case ON failures (case_id);
 
 -- Layers at the sampled strains, where a run was asked to keep them.
 CREATE TABLE frames (

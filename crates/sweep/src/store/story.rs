@@ -121,18 +121,11 @@ impl Store {
         if let Some(key) = by_number {
             return Ok(vec![key]);
         }
-        let rows = self
-            .connection
-            .prepare("SELECT key FROM cases WHERE substr(key, 1, length(?1)) = lower(?1) ORDER BY key LIMIT 2")
-            .and_then(|mut query| query.query_map([given], |row| row.get(0))?.collect());
-        self.read(rows)
+        self.rows("SELECT key FROM cases WHERE substr(key, 1, length(?1)) = lower(?1) ORDER BY key LIMIT 2", [given], |row| row.get(0))
     }
 
     /// The story of the case a user names, as [`Store::key_of`] reads the name.
-    ///
-    /// # Errors
-    /// As [`Store::key_of`], or an entry that cannot be read.
-    pub fn story(&self, given: &str) -> Result<Story, StoreError> {
+    pub(crate) fn story(&self, given: &str) -> Result<Story, StoreError> {
         let key = self.key_of(given)?;
         let found: Option<Found> = self.read(
             self.connection

@@ -1,7 +1,8 @@
 //! Jobs handed to a scheduler: which there are, which cases their tasks were given.
 
-use super::{Store, StoreError, count, integer, process};
+use super::{Store, StoreError, count, integer};
 use crate::campaign::Campaign;
+use crate::process;
 use rusqlite::{Row, params};
 use serde::Serialize;
 use std::collections::HashMap;
@@ -69,41 +70,26 @@ pub struct SliceState {
 
 impl Store {
     /// Says which task this process works for, before it is entered with [`Store::register`].
-    pub fn work_for(&mut self, task: TaskName) {
+    pub(crate) fn work_for(&mut self, task: TaskName) {
         self.task = Some(task);
     }
 
     /// Open cases of the grid in the order of work.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn open_cases(&self) -> Result<Vec<OpenCase>, StoreError> {
-        let rows = self
-            .connection
-            .prepare(
+    pub(crate) fn open_cases(&self) -> Result<Vec<OpenCase>, StoreError> {
+        self.rows(
                 "SELECT key, cost * (1.0 - min(1.0 * steps_done / steps, 1.0)), steps_done > 0
                  FROM cases
-                 WHERE state IN ('pending', 'running') AND counts ORDER BY turn, gain DESC, position",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map([], |row| {
+                 WHERE state IN ('pending', 'running') AND counts ORDER BY turn, gain DESC, position", [], |row| {
                         Ok(OpenCase {
                             key: row.get(0)?,
                             cost: row.get(1)?,
                             begun: row.get(2)?,
                         })
-                    })?
-                    .collect()
-            });
-        self.read(rows)
+                    })
     }
 
     /// Records a job that is about to be handed to a scheduler; [`Store::submitted`] adds its name.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn submit(
+    pub(crate) fn submit(
         &mut self,
         submission: &Submission,
         slices: &[Vec<String>],
@@ -136,10 +122,7 @@ impl Store {
     }
 
     /// Records the name the scheduler gave a job.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn submitted(&mut self, id: i64, job: &str) -> Result<(), StoreError> {
+    pub(crate) fn submitted(&mut self, id: i64, job: &str) -> Result<(), StoreError> {
         self.write(|connection| {
             connection.execute(
                 "UPDATE submissions SET job = ?2 WHERE id = ?1",
@@ -150,10 +133,7 @@ impl Store {
     }
 
     /// Forgets a job the scheduler refused.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn not_submitted(&mut self, id: i64) -> Result<(), StoreError> {
+    pub(crate) fn not_submitted(&mut self, id: i64) -> Result<(), StoreError> {
         self.write(|connection| {
             connection.execute("DELETE FROM slices WHERE submission = ?1", [id])?;
             connection.execute("DELETE FROM submissions WHERE id = ?1", [id])?;
@@ -162,10 +142,7 @@ impl Store {
     }
 
     /// Records that a job was cancelled.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn cancelled(&mut self, id: i64) -> Result<(), StoreError> {
+    pub(crate) fn cancelled(&mut self, id: i64) -> Result<(), StoreError> {
         self.write(|connection| {
             connection.execute(
                 "UPDATE submissions SET cancelled_at = coalesce(cancelled_at, ?2) WHERE id = ?1",
@@ -176,44 +153,28 @@ impl Store {
     }
 
     /// All jobs, the first first.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn submissions(&self) -> Result<Vec<Submission>, StoreError> {
-        let rows = self
-            .connection
-            .prepare(
+    pub(crate) fn submissions(&self) -> Result<Vec<Submission>, StoreError> {
+        self.rows(
                 "SELECT id, engine, job, plan, folder, tasks, workers, build, submitted_at, cancelled_at
-                 FROM submissions ORDER BY id",
-            )
-            .and_then(|mut query| query.query_map([], submission)?.collect());
-        self.read(rows)
+                 FROM submissions ORDER BY id", [], submission)
     }
 
     /// Keys of the open cases of a job, with their tasks.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn open_of(&self, id: i64) -> Result<HashMap<String, usize>, StoreError> {
-        let rows = self
-            .connection
-            .prepare(
-                "SELECT c.key, s.task FROM slices s JOIN cases c ON c.id = s.case_id
+    pub(crate) fn open_of(&self, id: i64) -> Result<HashMap<String, usize>, StoreError> {
+        self.rows(
+            "SELECT c.key, s.task FROM slices s JOIN cases c ON c.id = s.case_id
                  WHERE s.submission = ?1 AND c.state IN ('pending', 'running')",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map([id], |row| Ok((row.get(0)?, number(row.get(1)?))))?
-                    .collect()
-            });
-        self.read(rows)
+            [id],
+            |row| Ok((row.get(0)?, number(row.get(1)?))),
+        )
     }
 
     /// How far the slices of a job are, by task.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn slice_states(&self, id: i64, tasks: usize) -> Result<Vec<SliceState>, StoreError> {
+    pub(crate) fn slice_states(
+        &self,
+        id: i64,
+        tasks: usize,
+    ) -> Result<Vec<SliceState>, StoreError> {
         let rows: Result<Vec<(usize, SliceState)>, _> = self
             .connection
             .prepare(
@@ -247,10 +208,7 @@ impl Store {
     }
 
     /// How far a published shard is.
-    ///
-    /// # Errors
-    /// A file that cannot be read.
-    pub fn slice_of_shard(path: &std::path::Path) -> Result<SliceState, StoreError> {
+    pub(crate) fn slice_of_shard(path: &std::path::Path) -> Result<SliceState, StoreError> {
         let shard = Self::open_shard(path)?;
         let work = shard.work()?;
         let counts = work.counts;
@@ -279,7 +237,7 @@ impl Store {
         some.rules.clear();
         some.cases
             .retain(|(key, _)| keys.contains(key.to_string().as_str()));
-        let (mut new, _) = Store::enter(to, &some, super::Order::default())?;
+        let (mut new, _) = Store::enter(to, &some, crate::campaign::Order::default())?;
         new.merge_as(
             super::merge::MergeMode::Task,
             std::slice::from_ref(&self.path),

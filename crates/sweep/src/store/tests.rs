@@ -1,5 +1,5 @@
 use super::*;
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, Order};
 use crate::case::State;
 use crate::test_support::{counters, sample, snapshot};
 use rusqlite::params;

@@ -2,13 +2,15 @@
 
 use super::{Arguments, Conditions, compute};
 use crate::campaign::Campaign;
+use crate::campaign::Order;
 use crate::cli::Error;
 use crate::cli::Output;
 use crate::cluster::shard::{self, Publisher, ShardError, Slices};
 use crate::cluster::{Requeue, Scheduler};
 use crate::exit;
+use crate::process::Identity;
 use crate::runner::{Progress, RunObserver, Stop};
-use crate::store::{Counts, Identity, MergeMode, OpenCase, Order, Store, StoreError, TaskName};
+use crate::store::{Counts, MergeMode, OpenCase, Store, StoreError, TaskName};
 use rustix::process::Signal;
 use serde::Serialize;
 use std::collections::HashSet;

@@ -1,11 +1,12 @@
 //! What `sweep submit` reads and writes: the store, or a copy of it, and the folder of the plan.
 
 use crate::campaign::Campaign;
+use crate::campaign::Order;
 use crate::cli::Error;
 use crate::cluster::Job;
 use crate::cluster::shard::{BEGUN, ShardError, no_room};
 use crate::files::write_whole;
-use crate::store::{self, OpenCase, Order, Store};
+use crate::store::{self, OpenCase, Store};
 use std::collections::HashSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

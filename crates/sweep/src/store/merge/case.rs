@@ -3,9 +3,9 @@
 use super::{MergeMode, Merged};
 use crate::campaign::Protocol;
 use crate::case::{Case, State};
+use crate::process::now;
 use crate::store::campaign::Points;
 use crate::store::ends::{self, RunEnd};
-use crate::store::process::now;
 use crate::store::{
     Checkpoint, claims, count, failures, frames, integer, query, registry, samples,
 };

@@ -1,6 +1,7 @@
 //! What happens to a store from outside: dead owners, locks, deletion, damage, other versions.
 
 use super::*;
+use crate::process;
 
 /// A store with one finished case, one under way with two checkpoints and one that failed.
 fn mixed(directory: &Path) -> Store {
@@ -151,9 +152,9 @@ fn owner_on_another_host_is_taken_over_after_the_limit_and_not_before() {
             )
             .unwrap();
     };
-    silence(HEARTBEAT_LIMIT.as_secs() - 10);
+    silence(process::HEARTBEAT_LIMIT.as_secs() - 10);
     assert_eq!(heir.release_dead().unwrap(), 0);
-    silence(HEARTBEAT_LIMIT.as_secs() + 10);
+    silence(process::HEARTBEAT_LIMIT.as_secs() + 10);
     assert_eq!(heir.release_dead().unwrap(), 1);
 }
 

@@ -3,8 +3,8 @@
 //! most to gain per second first. Where every point has one seed only, the most expensive points, which account for 75 % of the work,
 //! go most expensive first as the other seeds would.
 
+use super::Campaign;
 use crate::axes::{Axis, Value, identity};
-use crate::campaign::Campaign;
 use crate::case::Case;
 use sd_core::Params;
 use std::collections::HashMap;
@@ -78,7 +78,7 @@ impl Priority {
     }
 
     /// The same in words.
-    pub(super) fn words(&self) -> String {
+    pub(crate) fn words(&self) -> String {
         let word =
             |(axis, values): &(&Axis, Vec<String>)| format!("{}={}", axis.key, values.join(","));
         self.axes.iter().map(word).collect::<Vec<_>>().join(" ")
@@ -133,7 +133,7 @@ fn is(wanted: &str, value: Value) -> bool {
 
 /// The rank of every case, in the order of the file. Cases that precisions may add share one, after all others of their
 /// priority.
-pub(super) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> Vec<u64> {
+pub(crate) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> Vec<u64> {
     let mut later = vec![false; campaign.cases.len()];
     for rule in &campaign.rules {
         let first = (rule.cases.start + rule.precision.at_least).min(rule.cases.end);

@@ -5,26 +5,26 @@ use std::sync::LazyLock;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// A process on another host counts as dead once its heartbeat is this old.
-pub const HEARTBEAT_LIMIT: Duration = Duration::from_mins(2);
+pub(crate) const HEARTBEAT_LIMIT: Duration = Duration::from_mins(2);
 
 /// What tells one process from every other one.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Identity {
+pub(crate) struct Identity {
     /// Name of the host.
-    pub host: String,
+    pub(crate) host: String,
     /// Its boot: differs after a restart. Empty where the system does not tell.
-    pub boot: String,
+    pub(crate) boot: String,
     /// Namespace in which the pid has meaning: two containers may share host and boot.
-    pub namespace: String,
+    pub(crate) namespace: String,
     /// Process id.
-    pub pid: u32,
+    pub(crate) pid: u32,
     /// Start of the process in clock ticks since boot: differs if the pid is used again.
-    pub start: String,
+    pub(crate) start: String,
 }
 
 /// What is known about another process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Life {
+pub(crate) enum Life {
     /// It runs, or was seen recently.
     Alive,
     /// It is gone.
@@ -33,7 +33,7 @@ pub enum Life {
 
 impl Identity {
     /// This process.
-    pub fn of_this_process() -> Self {
+    pub(crate) fn of_this_process() -> Self {
         let pid = std::process::id();
         Self {
             host: rustix::system::uname()
@@ -50,7 +50,7 @@ impl Identity {
     }
 
     /// Whether the process `other`, last heard of `silence` ago, still lives, as far as this process can know.
-    pub fn judge(&self, other: &Self, silence: Duration) -> Life {
+    pub(crate) fn judge(&self, other: &Self, silence: Duration) -> Life {
         if self.host == other.host && self.boot == other.boot && self.namespace == other.namespace {
             return if runs(other) { Life::Alive } else { Life::Dead };
         }
@@ -108,7 +108,7 @@ fn read(path: &str) -> String {
 
 /// How long ago a heartbeat was. One that lies so far ahead of the clock that it would keep its process alive without end is as
 /// good as none.
-pub(super) fn silence(heartbeat: i64) -> Duration {
+pub(crate) fn silence(heartbeat: i64) -> Duration {
     let since = now().saturating_sub(heartbeat);
     let ahead = Duration::from_millis(since.min(0).unsigned_abs());
     if ahead > HEARTBEAT_LIMIT {
