@@ -287,9 +287,9 @@ impl StageSolver {
                 let list = &mut contacts.list;
                 let spheres = resistance.radii().len();
                 let new = || Box::new(ProcedureSolver::new(spheres));
-                self.procedure
-                    .get_or_insert_with(new)
-                    .solve(resistance, background, &surface, forces, listed, list, velocities)
+                self.procedure.get_or_insert_with(new).solve(
+                    resistance, background, &surface, forces, listed, list, velocities,
+                )
             }
         }
     }
@@ -343,9 +343,9 @@ impl FixedPointMap for ContactMap<'_> {
         } else {
             ActivationUpdate::Hold
         };
-        let (quality, changed) = self
-            .contacts
-            .solve(&self.input, applied, self.memory, update, v)?;
+        let (quality, changed) =
+            self.contacts
+                .solve(&self.input, applied, self.memory, update, v)?;
         self.changes += u32::from(changed && !first);
         self.quality = Quality {
             systems: self.quality.systems + quality.systems,

@@ -14,9 +14,9 @@
 //! step's motion: gaps drift. That is the scheme's own error, kept here for comparison.
 
 use super::pair::{Contact, ContactState};
-use super::{Quality, most_contacts};
 use super::solve::dense::DenseSystem;
 use super::solve::problem::{self, Forces, Problem, States, System};
+use super::{Quality, most_contacts};
 use crate::error::Error;
 use crate::geometry::modes::Background;
 use crate::geometry::pair::PairKey;
@@ -86,7 +86,7 @@ impl ProcedureSolver {
         };
         solver.problem.normal.reserve(contacts);
         solver.problem.tangential.reserve(contacts);
-        solver.states.closed.reserve(contacts);
+        solver.states.reserve(contacts);
         solver.forces.reserve(contacts);
         solver
     }

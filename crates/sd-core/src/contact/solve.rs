@@ -64,8 +64,7 @@ pub(crate) struct ProblemSolver {
 impl ProblemSolver {
     /// Room for that many candidates.
     pub(crate) fn reserve(&mut self, candidates: usize) {
-        self.states.closed.reserve(candidates);
-        self.states.friction.reserve(2 * candidates);
+        self.states.reserve(candidates);
         self.active.reserve(2 * candidates);
         self.forces.reserve(candidates);
         self.start.reserve(candidates);

@@ -21,13 +21,11 @@
 //! Where friction reads the motion that normal forces alone leave, there is no such function: Newton's
 //! method then goes without a line search, in the same loop.
 
-use super::{Outcome, ProblemSolver};
 use super::newton::FrictionActivation;
-use super::problem::{
-    Forces, FrictionState, Problem, States, System, Tangential, largest,
-};
-use crate::contact::{Quality, Status};
+use super::problem::{Forces, FrictionState, Problem, States, System, Tangential, largest};
+use super::{Outcome, ProblemSolver};
 use crate::contact::laws::COMPLIANCE;
+use crate::contact::{Quality, Status};
 
 /// Convex problems in which the bounds follow the load.
 ///
@@ -170,10 +168,8 @@ impl ConvexSolver {
     pub(super) fn reserve(&mut self, candidates: usize) {
         self.problem.normal.reserve(candidates);
         self.problem.tangential.reserve(2 * candidates);
-        for states in [&mut self.states, &mut self.before] {
-            states.closed.reserve(candidates);
-            states.friction.reserve(2 * candidates);
-        }
+        self.states.reserve(candidates);
+        self.before.reserve(candidates);
         for [of_candidates, of_rows] in [&mut self.penalties, &mut self.multipliers] {
             of_candidates.reserve(candidates);
             of_rows.reserve(2 * candidates);
@@ -194,7 +190,7 @@ impl ConvexSolver {
     fn start(&mut self, problem: &Problem, states: &States, forces: &Forces) {
         self.multipliers[0].clone_from(&forces.normal);
         self.multipliers[1].clone_from(&forces.tangential);
-        self.states.clone_from(states);
+        self.states.copy_from(states);
         self.bounds.clear();
         for row in &problem.tangential {
             self.bounds
@@ -298,7 +294,7 @@ impl ConvexSolver {
 
     /// Whether the active set of the last system is that of its solution, up to the rounding of forces.
     fn agrees(&mut self, roundoff: f64) -> bool {
-        self.before.clone_from(&self.states);
+        self.before.copy_from(&self.states);
         self.read_states();
         std::mem::swap(&mut self.before, &mut self.states);
         let (now, found) = (&self.iterates[0], &self.before);
@@ -374,7 +370,7 @@ impl ProblemSolver {
             let (more, minimised) = self.convex.minimise(system, &mut self.forces);
             systems += more;
             self.convex.take_multipliers(&mut self.forces);
-            self.states.clone_from(&self.convex.states);
+            self.states.copy_from(&self.convex.states);
             let refined = refine(problem, &self.forces);
             if activation.updates && iteration <= BOUND_UPDATES {
                 self.update_activation(problem, activation, 0.0);
@@ -383,7 +379,8 @@ impl ProblemSolver {
             let error = violation.friction_error;
             let follows = iteration <= BOUND_UPDATES;
             // A network with more contacts than motions may hold gaps that agree no better.
-            let settled = violation.residual <= EXACT_RESIDUAL || violation.residual > 0.5 * residual;
+            let settled =
+                violation.residual <= EXACT_RESIDUAL || violation.residual > 0.5 * residual;
             residual = violation.residual;
             let gaps_hold = minimised
                 && refined == 0

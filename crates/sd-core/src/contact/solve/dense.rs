@@ -8,7 +8,7 @@
 //! forces alone leave, there is no G_tt. With p = −t on sticking rows the system of given states is symmetric but for the columns of
 //! contacts that slide, whose friction follows the load: `t = ±ν (f − f₀)`.
 
-use super::problem::{Forces, FrictionState, RoundoffThresholds, Problem, States, System, largest};
+use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest};
 use crate::contact::row::Row;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::Matrix;
@@ -211,7 +211,9 @@ impl DenseSystem {
         active.clear();
         active.extend((0..order.len()).filter(|&c| states.closed[order[c]]));
         sticking.clear();
-        sticking.extend((0..row_order.len()).filter(|&c| states.friction[row_order[c]] == FrictionState::Stick));
+        sticking.extend(
+            (0..row_order.len()).filter(|&c| states.friction[row_order[c]] == FrictionState::Stick),
+        );
         let (first, size) = (active.len(), active.len() + sticking.len());
         let matrix = self.solver.matrix_mut();
         matrix.reshape(size, size);

@@ -132,7 +132,7 @@ impl FrictionState {
 }
 
 /// The active set: what each candidate and each row does. The problem is linear once it is known.
-#[derive(Debug, Default, Clone, PartialEq)]
+#[derive(Debug, Default)]
 pub(crate) struct States {
     /// Whether each candidate is closed.
     pub(crate) closed: Vec<bool>,
@@ -140,8 +140,22 @@ pub(crate) struct States {
     pub(crate) friction: Vec<FrictionState>,
 }
 
+impl States {
+    /// Becomes equal to the other, without allocating once there is room.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.closed.clone_from(&other.closed);
+        self.friction.clone_from(&other.friction);
+    }
+
+    /// Room for that many candidates and twice as many rows.
+    pub(crate) fn reserve(&mut self, candidates: usize) {
+        self.closed.reserve(candidates);
+        self.friction.reserve(2 * candidates);
+    }
+}
+
 /// Forces, and the velocities that go with them.
-#[derive(Debug, Default, Clone)]
+#[derive(Debug, Default)]
 pub(crate) struct Forces {
     /// f of each candidate, in mu·a²·rate.
     pub(crate) normal: Vec<f64>,

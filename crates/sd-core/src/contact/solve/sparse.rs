@@ -19,7 +19,9 @@ mod linear;
 
 use self::active::Active;
 use self::linear::{BothMotions, Linear, Preconditioner};
-use super::problem::{AppliedForces, Forces, FrictionState, RoundoffThresholds, Problem, States, System, largest};
+use super::problem::{
+    AppliedForces, Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest,
+};
 use crate::contact::laws::COMPLIANCE;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
@@ -138,7 +140,11 @@ impl SparseSystem {
     fn find_residual(&mut self, linear: &Linear<'_>, forces: &Forces) {
         let problem = linear.problem;
         let n = self.velocities.len();
-        let flow = if problem.uses_frictionless_slip { 2 * n } else { n };
+        let flow = if problem.uses_frictionless_slip {
+            2 * n
+        } else {
+            n
+        };
         let size = flow + problem.normal.len() + problem.tangential.len();
         self.residual.clear();
         self.residual.resize(size, 0.0);
@@ -279,7 +285,8 @@ impl System for OnNetwork<'_> {
         open.closed.clear();
         open.closed.resize(problem.normal.len(), false);
         open.friction.clear();
-        open.friction.resize(problem.tangential.len(), FrictionState::Inactive);
+        open.friction
+            .resize(problem.tangential.len(), FrictionState::Inactive);
         for (given, applied) in self.system.given.iter_mut().zip(&self.system.applied) {
             given.clone_from(applied);
         }
@@ -484,5 +491,8 @@ impl<'a> OnNetwork<'a> {
 
 /// Whether contacts yield under their forces.
 fn is_soft(problem: &Problem) -> bool {
-    problem.normal.iter().any(|entry| entry.compliance > COMPLIANCE)
+    problem
+        .normal
+        .iter()
+        .any(|entry| entry.compliance > COMPLIANCE)
 }

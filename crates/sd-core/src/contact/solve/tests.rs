@@ -1,13 +1,12 @@
 //! The conditions of the contact problem on random networks, under every law.
 
-use super::{Outcome, ProblemSolver};
 use super::newton::FrictionActivation;
 use super::problem::{
-    Forces, FrictionState, Normal, Problem, RoundoffThresholds, States, System, Tangential,
-    largest,
+    Forces, FrictionState, Normal, Problem, RoundoffThresholds, States, System, Tangential, largest,
 };
-use crate::contact::{Quality, Status};
+use super::{Outcome, ProblemSolver};
 use crate::contact::row::Row;
+use crate::contact::{Quality, Status};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 

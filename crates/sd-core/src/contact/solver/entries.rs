@@ -135,7 +135,9 @@ impl ContactSolver {
                 contact.state = match self.solver.states.friction[m] {
                     FrictionState::Inactive => ContactState::Frictionless,
                     FrictionState::Stick => ContactState::Rolling,
-                    FrictionState::SlipPositive | FrictionState::SlipNegative => ContactState::Slipping,
+                    FrictionState::SlipPositive | FrictionState::SlipNegative => {
+                        ContactState::Slipping
+                    }
                 };
             }
         }

@@ -5,8 +5,8 @@
 //! variable that runs are made of, and a step takes the time strain/rate.
 
 use super::{Scheme, SchemeMemory, Simulation};
-use crate::contact::{Quality, Status};
 use crate::contact::laws::Laws;
+use crate::contact::{Quality, Status};
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;

@@ -4,8 +4,8 @@
 //! the step: 3 % at 0.025. Where rigid contacts bear forces the middle of the step is sampled, whose forces are those that hold the
 //! gaps of the step's start over all of it: their mean. Other layers are sampled at the first stage.
 
-use super::{Sample, Simulation};
 use super::step::INEXACT_FRICTION;
+use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
 use crate::geometry::modes::Vec2;
 use crate::run::steppers::Stage;

@@ -11,7 +11,7 @@ use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
 
 /// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
 const MAX_HALVINGS: u32 = 6;
-/// The same where friction is inexact in one of its stages, or no motion is admissible.
+/// The same where friction is inexact in one of its stages.
 const MAX_HALVINGS_FOR_FRICTION: u32 = 2;
 /// A gap of rigid contacts counts as too low below this share of the roughness height.
 const HELD_SHARE: f64 = 0.95;
@@ -76,8 +76,7 @@ impl Simulation {
     ///
     /// Near jamming velocities can jump between two stages, so far that a gap of rigid contacts falls below h within a step or at its
     /// end, or that soft spheres overlap by too much to be spheres. Such a step is repeated as two of half the size, down to 2⁻⁶ of it.
-    /// So is a step of rigid contacts whose friction is inexact or that has no admissible motion, down to a quarter; what is so then is
-    /// accepted and counted.
+    /// So is a step of rigid contacts whose friction is inexact, down to a quarter; what is inexact then is accepted and counted.
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
@@ -240,12 +239,13 @@ impl Simulation {
         let (before, counters) = (*taken, self.counters);
         let attempt = self.attempt_rigid(method, state, part, taken)?;
         let jammed = self.counters.jammed_stages > counters.jammed_stages;
-        let halves = match &attempt {
-            Attempt::Moved if !jammed => return Ok(()),
-            // Much smaller steps do not help where no motion is admitted.
-            Attempt::LowGap if !jammed => part.halvings < MAX_HALVINGS,
-            _ => part.halvings < MAX_HALVINGS_FOR_FRICTION,
-        };
+        // Smaller steps do not help where no motion is admitted.
+        let halves = !jammed
+            && match &attempt {
+                Attempt::Moved => return Ok(()),
+                Attempt::Inexact => part.halvings < MAX_HALVINGS_FOR_FRICTION,
+                Attempt::LowGap => part.halvings < MAX_HALVINGS,
+            };
         if halves {
             if !matches!(attempt, Attempt::LowGap) {
                 method.undo(state);

@@ -74,7 +74,11 @@ impl Linear<'_> {
     pub(super) fn split<'x>(&self, x: &'x [f64]) -> [&'x [f64]; 4] {
         let n = 3 * self.network.spheres();
         let (v, rest) = x.split_at(n);
-        let (v_n, rest) = rest.split_at(if self.problem.uses_frictionless_slip { n } else { 0 });
+        let (v_n, rest) = rest.split_at(if self.problem.uses_frictionless_slip {
+            n
+        } else {
+            0
+        });
         let (f, t) = rest.split_at(self.problem.normal.len());
         [v, v_n, f, t]
     }
@@ -83,7 +87,11 @@ impl Linear<'_> {
     pub(super) fn split_mut<'x>(&self, x: &'x mut [f64]) -> [&'x mut [f64]; 4] {
         let n = 3 * self.network.spheres();
         let (v, rest) = x.split_at_mut(n);
-        let (v_n, rest) = rest.split_at_mut(if self.problem.uses_frictionless_slip { n } else { 0 });
+        let (v_n, rest) = rest.split_at_mut(if self.problem.uses_frictionless_slip {
+            n
+        } else {
+            0
+        });
         let (f, t) = rest.split_at_mut(self.problem.normal.len());
         [v, v_n, f, t]
     }
@@ -123,7 +131,11 @@ impl Linear<'_> {
             acting.row.add_to_first::<1, L>(force, y);
         }
         y_t.fill(0.0);
-        let flow = if self.problem.uses_frictionless_slip { v_n } else { v };
+        let flow = if self.problem.uses_frictionless_slip {
+            v_n
+        } else {
+            v
+        };
         for sticking in &self.active.sticking {
             let m = sticking.at;
             y_t[m] = WEIGHT * (sticking.row.read(flow) - sticking.compliance * t[m]);
