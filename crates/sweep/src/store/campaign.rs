@@ -90,7 +90,13 @@ impl Store {
             Err(error) => return Err(unwritable(error.error)),
         }
         let _ = std::fs::File::open(folder).and_then(|folder| folder.sync_all());
-        let mut store = Self::open(path)?;
+        let mut store = Self::open(path).map_err(|error| match error {
+            StoreError::Missing { path } => StoreError::Gone {
+                path,
+                what: "deleted",
+            },
+            other => other,
+        })?;
         (store.process, store.request) = (registered, request);
         store.warning = None;
         Ok(Some((store, adoption)))
