@@ -93,7 +93,9 @@ pub struct Point {
     pub worst_residual: Option<f64>,
     /// Unconverged right-hand sides over all with contacts.
     pub unconverged_fraction: Option<f64>,
-    /// Contact problems without a solution.
+    /// Right-hand sides whose friction is off by more than 1e-3 of the largest force, over all.
+    pub inexact_fraction: Option<f64>,
+    /// Contact problems without an admissible motion.
     pub jammed_stages: u64,
     /// Mean seconds of computing of a run.
     pub wall_time_s: Option<f64>,
@@ -332,6 +334,7 @@ impl Point {
             ),
             worst_residual: values(|r| r.worst_residual).into_iter().reduce(f64::max),
             unconverged_fraction: ratio(sum(|r| r.unconverged_stages), sum(|r| r.stages)),
+            inexact_fraction: ratio(sum(|r| r.inexact_stages), sum(|r| r.stages)),
             jammed_stages: averaged.iter().map(|run| run.jammed_stages).sum(),
             wall_time_s: mean(&values(|r| r.wall_time_s)),
             cpu_time_s: mean(&values(|r| r.cpu_time_s)),

@@ -18,7 +18,7 @@ use std::collections::HashMap;
 
 /// Columns of the end of a run that its digest covers, after the key of its case.
 pub(super) const COLUMNS: &str = "steps, jammed, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, \
-     jam_events, jammed_steps, jammed_stages, wall_time_s, cpu_time_s, resumed, process, finished_at, state";
+     jam_events, jammed_steps, jammed_stages, wall_time_s, cpu_time_s, resumed, process, finished_at, state, inexact_stages";
 
 /// How far a run was computed.
 #[derive(Debug, Clone)]
@@ -63,6 +63,7 @@ impl RunEnd {
             Value::Integer(self.process),
             Value::Integer(self.finished_at),
             self.state.clone().map_or(Value::Null, Value::Blob),
+            whole(counters.inexact_stages),
         ];
         let key = Value::Text(key.to_owned());
         let digest = Digest::default().with([&key]).with(&values).finish();
@@ -70,7 +71,7 @@ impl RunEnd {
         connection
             .prepare_cached(&format!(
                 "INSERT OR REPLACE INTO ends (case_id, {COLUMNS}, digest)
-                 VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+                 VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
             ))?
             .execute(params_from_iter(
                 std::iter::once(&case)
@@ -109,6 +110,7 @@ impl RunEnd {
                 jam_events: whole(7)?,
                 jammed_steps: whole(8)?,
                 jammed_stages: whole(9)?,
+                inexact_stages: whole(16)?,
                 ..Counters::default()
             },
             wall_time_s: number(10)?,

@@ -112,6 +112,8 @@ pub struct PointRun {
     pub stages: u64,
     /// Of these, unconverged ones.
     pub unconverged_stages: u64,
+    /// Of these, with friction off by more than 1e-3 of the largest force.
+    pub inexact_stages: u64,
     /// Why its numbers are doubtful, if they are.
     pub doubts: Vec<Doubt>,
     /// Contact problems without a solution.
@@ -430,7 +432,7 @@ fn point_runs(connection: &Connection) -> Result<Vec<PointRun>, rusqlite::Error>
              r.rolling, r.approach, r.minimum_gap, r.stages, r.unconverged_stages, r.worst_residual, r.wall_time_s,
              r.normal_stress_difference, r.jammed_stages, r.doubts, r.cpu_time_s, r.discard_step, r.viscosity_part_1,
              r.viscosity_part_2, r.viscosity_part_3, r.viscosity_part_4, r.viscosity_variance, r.viscosity_correlation,
-             {}, {}
+             r.inexact_stages, {}, {}
          FROM cases c JOIN points p ON p.id = c.point
          LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
          LEFT JOIN ends e ON e.case_id = c.id AND c.state NOT IN ('done', 'jammed')
@@ -566,7 +568,7 @@ pub(super) fn state(name: ValueRef<'_>) -> Result<State, rusqlite::Error> {
 }
 
 /// First column of the stresses in a row of [`point_runs`].
-const OF_STRESSES: usize = 35;
+const OF_STRESSES: usize = 36;
 
 /// One row of [`point_runs`].
 fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> Result<PointRun, rusqlite::Error> {
@@ -610,6 +612,7 @@ fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> Result<PointRun
         minimum_gap: row.get(19)?,
         stages: whole(20)?,
         unconverged_stages: whole(21)?,
+        inexact_stages: whole(35)?,
         worst_residual: row.get(22)?,
         wall_time_s: row.get(23)?,
         normal_stress_difference: row.get(24)?,

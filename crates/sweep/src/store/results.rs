@@ -20,7 +20,7 @@ use std::sync::LazyLock;
 const BEFORE: &str = "discard_step, samples, viscosity, viscosity_quartile_1, viscosity_median, viscosity_quartile_3, \
      viscosity_stresslet, viscosity_stresslet_quartile_1, viscosity_stresslet_median, viscosity_stresslet_quartile_3, \
      normal_stress_difference, dissipation, contacts_per_sphere, activated_fraction, rolling_fraction, \
-     mean_approach_velocity, contacts, activated, rolling, approach, minimum_gap, stages, unconverged_stages, \
+     mean_approach_velocity, contacts, activated, rolling, approach, minimum_gap, stages, unconverged_stages, inexact_stages, \
      worst_residual, worst_friction_error, jam_events, jammed_strain, final_strain, wall_time_s, resumed, process, \
      finished_at, jammed_stages, doubts";
 const AFTER: &str = "cpu_time_s, viscosity_part_1, viscosity_part_2, viscosity_part_3, viscosity_part_4, \
@@ -135,6 +135,7 @@ impl Place<'_> {
             number(counters.minimum_gap),
             whole(counters.stages),
             whole(counters.unconverged_stages),
+            whole(counters.inexact_stages),
             number(counters.worst_residual),
             number(counters.worst_friction_error),
             whole(counters.jam_events),

@@ -13,9 +13,9 @@ use std::sync::LazyLock;
 /// Columns of a sample after its case, before those of the stresses, which are made from their declarations.
 const COLUMNS: &str = "step, strain, viscosity, viscosity_stresslet, normal_stress_difference, dissipation, contacts, activated, \
      rolling, slipping, normal_velocity, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, \
-     minimum_gap_so_far, jam_events, jammed_steps, jammed_steps_running, jammed_stages, shear_rate";
+     minimum_gap_so_far, jam_events, jammed_steps, jammed_steps_running, jammed_stages, inexact_stages, shear_rate";
 /// How many these are.
-const COLUMN_COUNT: usize = 22;
+const COLUMN_COUNT: usize = 23;
 
 /// Reads the samples of a case up to a step.
 static SELECT: LazyLock<String> = LazyLock::new(|| {
@@ -167,6 +167,7 @@ fn values(step: u64, s: &Sample) -> Vec<Value> {
         whole(s.counters.jammed_steps),
         whole(s.counters.jammed_steps_running),
         whole(s.counters.jammed_stages),
+        whole(s.counters.inexact_stages),
         number(s.shear_rate),
     ];
     values.extend(stresses::parts().map(|column| number(column.read(s))));
@@ -204,8 +205,9 @@ fn sample(row: &Row<'_>) -> Result<(u64, Sample), rusqlite::Error> {
             jammed_steps: whole(18)?,
             jammed_steps_running: whole(19)?,
             jammed_stages: whole(20)?,
+            inexact_stages: whole(21)?,
         },
-        shear_rate: number(21)?,
+        shear_rate: number(22)?,
     };
     Ok((whole(0)?, sample))
 }

@@ -116,6 +116,7 @@ CREATE TABLE samples (
     jammed_steps             INTEGER NOT NULL,
     jammed_steps_running     INTEGER NOT NULL,
     jammed_stages            INTEGER NOT NULL,
+    inexact_stages           INTEGER NOT NULL,
     shear_rate               REAL,      -- follows from the stress where that is imposed
     {parts},
     PRIMARY KEY (case_id, step)
@@ -135,6 +136,7 @@ CREATE TABLE ends (
     jam_events           INTEGER NOT NULL,
     jammed_steps         INTEGER NOT NULL,
     jammed_stages        INTEGER NOT NULL,
+    inexact_stages       INTEGER NOT NULL,
     wall_time_s          REAL NOT NULL,
     cpu_time_s           REAL NOT NULL,
     resumed              INTEGER NOT NULL,      -- times it went on from a checkpoint
@@ -170,6 +172,7 @@ CREATE TABLE results (
     minimum_gap                    REAL,        -- of all stages of the run, discarded strain included, as are those below
     stages                         INTEGER NOT NULL,
     unconverged_stages             INTEGER NOT NULL,
+    inexact_stages                 INTEGER NOT NULL,
     worst_residual                 REAL,
     worst_friction_error           REAL,
     jam_events                     INTEGER NOT NULL,

@@ -17,7 +17,16 @@ const OF_BOTH: &[Meaning] = &[
         "1",
         "contact problems that did not converge",
     ),
-    ("jammed_stages", "1", "contact problems without a solution"),
+    (
+        "inexact_stages",
+        "1",
+        "contact problems with friction off by more than 1e-3 of the largest force",
+    ),
+    (
+        "jammed_stages",
+        "1",
+        "contact problems without an admissible motion",
+    ),
     (
         "worst_residual",
         "a rate",

@@ -11,7 +11,7 @@ use crate::report::points::{Point, Report};
 /// Columns of a table that is as wide as it needs to be: name, heading, significant digits, and how soon it is left out where there is
 /// no room, the highest first.
 #[rustfmt::skip]
-const USUAL: [(&str, &str, i32, u8); 19] = [
+const USUAL: [(&str, &str, i32, u8); 20] = [
     ("seeds", "runs", 4, 1),
     ("seeds_wanted", "wanted", 4, 3),
     ("precision", "precision", 2, 3),
@@ -31,6 +31,7 @@ const USUAL: [(&str, &str, i32, u8); 19] = [
     ("mean_approach_velocity", "approach", 2, 9),
     ("worst_residual", "worst\nresidual", 2, 9),
     ("unconverged_fraction", "unconverged", 2, 9),
+    ("inexact_fraction", "inexact\nfriction", 2, 9),
 ];
 
 impl Report {
