@@ -161,6 +161,7 @@ impl Damage {
         }
         damage.look_at_cases(connection)?;
         damage.look_at_samples(connection)?;
+        damage.look_at_processes(connection)?;
         let fits = rules::check(connection);
         if let Some(altered) = fits.as_ref().err().and_then(Altered::in_error) {
             damage.grid(&altered.to_string());
@@ -255,6 +256,23 @@ impl Damage {
         }
         for case in digests.into_keys() {
             self.case(case, "the samples of a run", false);
+        }
+        Ok(())
+    }
+
+    /// That every result has a process that computed it.
+    fn look_at_processes(&mut self, connection: &Connection) -> Result<(), rusqlite::Error> {
+        let mut query = connection.prepare(
+            "SELECT case_id FROM ends WHERE process NOT IN (SELECT id FROM processes)
+             UNION SELECT case_id FROM results WHERE process NOT IN (SELECT id FROM processes)",
+        )?;
+        let mut rows = query.query([])?;
+        while let Some(row) = rows.next()? {
+            self.case(
+                row.get(0)?,
+                "the process that computed it is not there",
+                false,
+            );
         }
         Ok(())
     }

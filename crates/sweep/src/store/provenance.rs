@@ -1,5 +1,6 @@
 //! Who computed what is stored, and how long the rest will take.
 
+use super::digest::Altered;
 use super::{Store, StoreError, count, digest, registry};
 use serde::Serialize;
 
@@ -48,14 +49,16 @@ impl Store {
             .connection
             .prepare(
                 "SELECT p.host, p.version, p.physics_version, p.build, p.threads, p.started_at, r.results
-                 FROM processes p JOIN (SELECT process, count(*) AS results FROM results GROUP BY process) r ON r.process = p.id
-                 ORDER BY p.id DESC LIMIT 50",
+                 FROM (SELECT process, count(*) AS results FROM results GROUP BY process) r LEFT JOIN processes p ON p.id = r.process
+                 ORDER BY r.process DESC LIMIT 50",
             ))
             .and_then(|mut query| {
                 query
                     .query_map([], |row| {
                         Ok(Provenance {
-                            host: row.get(0)?,
+                            host: row.get::<_, Option<String>>(0)?.ok_or_else(|| {
+                                    Altered::error("a result of a process that is not there")
+                                })?,
                             version: row.get(1)?,
                             physics_version: count(row.get(2)?),
                             build: row.get(3)?,
