@@ -114,8 +114,8 @@ fn half() -> f64 {
 impl Params {
     /// Most spheres of a layer or configuration.
     pub const MOST_SPHERES: usize = parameters::MOST_SPHERES;
-    /// A layer of more spheres than this is large: matrices of all its contacts would not fit into memory, so that contact problems are
-    /// solved without them, and the layer that a seed makes is numbered row by row.
+    /// A layer of more spheres than this is large: its active sets are looked at after less exact linear
+    /// systems, and the layer that a seed makes is numbered row by row.
     pub const LARGE_ABOVE: usize = 1000;
 
     /// A coefficient of friction above this is steep: where friction answers the motion of rigid contacts, problems near jamming are then

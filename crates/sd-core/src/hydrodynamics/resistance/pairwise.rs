@@ -5,7 +5,6 @@ use crate::error::Error;
 use crate::geometry::pair::{Neighbours, PairKey};
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::sparse::{Block, BlockCholesky, BlockPattern};
-use crate::linalg::dense::Matrix;
 use crate::linalg::simd::vectorised;
 
 /// Which pairs the near part has, in s'. Others count by their diagonal blocks alone.
@@ -222,26 +221,6 @@ impl PairwiseResistance {
                 }
             },
         );
-    }
-
-    /// Puts all of it into the lower triangle of a full matrix, `[3N × 3N]`.
-    pub fn fill_full(&self, matrix: &mut Matrix) {
-        let size = 3 * self.own.len();
-        matrix.reset(size, size);
-        let mut add = |rows: usize, columns: usize, block: &Block| {
-            for (column, entries) in block.chunks_exact(3).enumerate() {
-                let target = &mut matrix.column_mut(3 * columns + column)[3 * rows..];
-                for (x, entry) in target.iter_mut().zip(entries) {
-                    *x += entry;
-                }
-            }
-        };
-        for (sphere, block) in self.own.iter().enumerate() {
-            add(sphere, sphere, block);
-        }
-        for ([i, j], block) in &self.couplings {
-            add(*j as usize, *i as usize, block);
-        }
     }
 
     /// Puts the near part into a matrix of the pattern: all diagonal blocks, couplings of the pattern.
