@@ -118,11 +118,6 @@ impl Params {
     /// systems, and the layer that a seed makes is numbered row by row.
     pub const LARGE_ABOVE: usize = 1000;
 
-    /// A coefficient of friction above this is steep: where friction answers the motion of rigid contacts, problems near jamming are then
-    /// harder, and more often without a solution, so that both are looked for by shorter ways. Below it these would gain nothing, and call
-    /// layers jammed that can move.
-    pub const STEEP_ABOVE: f64 = 1.0;
-
     /// What parameters are before any is written: choices that hold the numbers of every other, and numbers that are none.
     pub const UNWRITTEN: Self = Self {
         spheres: 0,
