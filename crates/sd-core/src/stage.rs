@@ -6,7 +6,7 @@ pub(crate) use method::ContactKind;
 pub use method::{Method, memory_bytes};
 
 use crate::contact::laws::{Laws, Span};
-use crate::contact::procedure::{ContactList, ProcedureSolver};
+use crate::contact::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::contact::repulsion::Repelled;
 use crate::contact::solver::{ActivationUpdate, AppliedForces, StageInput};
 use crate::contact::{ContactMemory, ContactSolver, Quality, Status, Surface};
@@ -248,37 +248,34 @@ impl StageSolver {
                 if !holds {
                     contacts.begin(&input, memory);
                 }
-                let quality = match &mut self.far {
-                    Some(far) => {
-                        let mut map = ContactMap {
-                            input,
-                            contacts,
-                            memory,
-                            applied: &mut self.applied,
-                            quality: Quality::default(),
-                            changes: if holds { MOST_CHANGES } else { 0 },
-                            decided: DECIDING / CLOSER,
-                        };
-                        let strain = background.strain();
-                        let found = far
-                            .solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
-                        let mut quality = map.quality;
-                        if !found.converged {
-                            // A flow that the spheres are subjected to besides the background.
-                            quality.residual = quality.residual.max(found.residual);
-                            if !quality.jammed() {
-                                quality.status = Status::Failed;
-                            }
+                let quality = if let Some(far) = &mut self.far {
+                    let mut map = ContactMap {
+                        input,
+                        contacts,
+                        memory,
+                        applied: &mut self.applied,
+                        quality: Quality::default(),
+                        changes: if holds { MOST_CHANGES } else { 0 },
+                        decided: DECIDING / CLOSER,
+                    };
+                    let strain = background.strain();
+                    let found =
+                        far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
+                    let mut quality = map.quality;
+                    if !found.converged {
+                        // A flow that the spheres are subjected to besides the background.
+                        quality.residual = quality.residual.max(found.residual);
+                        if !quality.jammed() {
+                            quality.status = Status::Failed;
                         }
-                        contacts.take_motion(velocities);
-                        quality
                     }
-                    None => {
-                        let applied = AppliedForces::both(forces);
-                        contacts
-                            .solve(&input, applied, memory, self.update, velocities)?
-                            .0
-                    }
+                    contacts.take_motion(velocities);
+                    quality
+                } else {
+                    let applied = AppliedForces::both(forces);
+                    contacts
+                        .solve(&input, applied, memory, self.update, velocities)?
+                        .0
                 };
                 contacts.keep_springs(&input, &mut memory.springs);
                 Ok(quality)
@@ -287,9 +284,15 @@ impl StageSolver {
                 let list = &mut contacts.list;
                 let spheres = resistance.radii().len();
                 let new = || Box::new(ProcedureSolver::new(spheres));
-                self.procedure.get_or_insert_with(new).solve(
-                    resistance, background, &surface, forces, listed, list, velocities,
-                )
+                let input = ProcedureInput {
+                    resistance,
+                    background,
+                    surface: &surface,
+                    forces,
+                };
+                self.procedure
+                    .get_or_insert_with(new)
+                    .solve(&input, listed, list, velocities)
             }
         }
     }

@@ -55,7 +55,7 @@ fn hardest_problems_end() {
         assert_eq!((cells[6], cells[7]), ("0", "0"), "{tables}");
         let stages: f64 = cells[8].parse().expect("a count");
         let unconverged: f64 = cells[9]
-            .split(" ")
+            .split(' ')
             .next()
             .expect("a word")
             .parse()

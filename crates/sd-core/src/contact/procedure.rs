@@ -66,6 +66,19 @@ impl ContactList {
     }
 }
 
+/// What a stage is solved for.
+#[derive(Clone, Copy)]
+pub struct ProcedureInput<'a> {
+    /// Hydrodynamics, factored.
+    pub resistance: &'a Resistance,
+    /// Imposed flow.
+    pub background: &'a Background,
+    /// Roughness, friction and critical load.
+    pub surface: &'a Surface,
+    /// All forces but those of contact, `[3N]`.
+    pub forces: &'a [f64],
+}
+
 /// Solver of the steps, with its workspace.
 pub struct ProcedureSolver {
     problem: Problem,
@@ -96,7 +109,6 @@ impl ProcedureSolver {
     /// Pairs that would be pulled leave the list (step 3). A listed pair out of lubrication range has left, too.
     ///
     /// # Arguments
-    /// - `forces`: all but those of contact, `[3N]`.
     /// - `listed`: pairs in contact; `contacts`: the same, with the forces and velocities found.
     /// - `velocities`: disturbances `[3N]` that come out.
     ///
@@ -104,14 +116,17 @@ impl ProcedureSolver {
     /// [`Error::ProcedureNeedsDense`], where the resistance is held pair by pair.
     pub fn solve(
         &mut self,
-        resistance: &Resistance,
-        background: &Background,
-        surface: &Surface,
-        forces: &[f64],
+        input: &ProcedureInput<'_>,
         listed: &mut ContactList,
         contacts: &mut Vec<Contact>,
         velocities: &mut [f64],
     ) -> Result<Quality, Error> {
+        let ProcedureInput {
+            resistance,
+            background,
+            surface,
+            forces,
+        } = *input;
         if resistance.pairwise().is_some() {
             return Err(Error::ProcedureNeedsDense);
         }
