@@ -56,9 +56,9 @@ pub(crate) struct ProblemSolver {
     pub(crate) forces: Forces,
     /// The one fallback.
     convex: ConvexSolver,
-    /// Forces to start from, and the rows whose friction was active.
+    /// Forces to start from; of each row whether friction was active, and whether it had been deactivated.
     start: Forces,
-    active: Vec<bool>,
+    active: Vec<(bool, bool)>,
 }
 
 impl ProblemSolver {
@@ -118,14 +118,15 @@ impl ProblemSolver {
     /// Notes on which rows friction is active.
     fn keep_activation(&mut self, problem: &Problem) {
         self.active.clear();
+        let rows = problem.tangential.iter();
         self.active
-            .extend(problem.tangential.iter().map(|row| row.active));
+            .extend(rows.map(|row| (row.active, row.was_deactivated)));
     }
 
     /// Makes friction active where it was noted: an active set that cycled says little about loads.
     fn restore_activation(&self, problem: &mut Problem) {
-        for (row, &active) in problem.tangential.iter_mut().zip(&self.active) {
-            (row.active, row.was_deactivated) = (active, false);
+        for (row, &noted) in problem.tangential.iter_mut().zip(&self.active) {
+            (row.active, row.was_deactivated) = noted;
         }
     }
 
