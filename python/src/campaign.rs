@@ -12,11 +12,11 @@ use std::ffi::CString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
-use sweep::axes::Axis;
 use sweep::api::{Beginning, Begun, begin};
+use sweep::axes::Axis;
+use sweep::campaign::Priority;
 use sweep::format::parse_positive_duration;
 use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style, compute_campaign};
-use sweep::campaign::Priority;
 use sweep::store::{StoreSource, network_file_system};
 use toml::{Table, Value};
 
