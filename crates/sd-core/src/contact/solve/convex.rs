@@ -1,6 +1,11 @@
-//! The one fallback: a sequence of convex problems, each of which Newton's method solves from any start.
+//! The one fallback: a sequence of convex problems, whose bounds of friction follow the load.
 //!
-//! With the bounds ρ of friction given, the problem is the minimum over the velocities v of
+//! With the bounds ρ of friction given, friction is that of Tresca, and the problem is the minimum over the
+//! velocities v of a strictly convex function, so that it has one solution (Kunisch & Stadler, ESAIM: M2AN 39, 41
+//! (2005)). [`ConvexSolver`] keeps the bounds; each problem is solved in one of two ways:
+//!
+//! 1. by the active-set iteration of [`super::newton`], which mostly ends after a few systems, and exactly;
+//! 2. where that cycles, with a penalty S in place of the rigid contacts, as the minimum of
 //!
 //! ```text
 //! 1/2 v'R v − F'v + Σ max(0, u_k)²/(2 S) + Σ envelope of the interval ±ρ_m at s_m
@@ -8,15 +13,17 @@
 //! s_m = t^_m + S (D v + d)_m      t_m = clamp(s_m, −ρ_m, ρ_m)     trial friction of row m
 //! ```
 //!
-//! which is strictly convex, with a gradient that is piecewise linear, so that Newton's method with an
-//! exact line search ends from any start (Kunisch & Stadler, ESAIM: M2AN 39, 41 (2005)). Springs
-//! have their own compliance in place of 1/S. For rigid contacts f^ and t^ are multipliers, the
-//! forces of the solution before (augmented Lagrangian): they make the gaps hold.
+//! whose gradient is piecewise linear: Newton's method with an exact line search ends from any start.
+//! Springs have their own compliance in place of 1/S. The multipliers f^ and t^ are the forces of
+//! the convex problem before (augmented Lagrangian): they make the gaps hold.
 //!
-//! The bounds follow the load from one convex problem to the next. A bound whose error changes sign
-//! without halving goes back and forth: its moves are damped, each contact by itself. After
-//! [`BOUND_UPDATES`] iterations the bounds stay as they are, and the multipliers alone go on until the
-//! gaps hold. If no motion keeps the gaps, the multipliers grow without bound instead.
+//! The solution of each convex problem is a guess of the active set of the coupled one, from which
+//! [`super::newton`] is tried again whenever the guess is a new one; that mostly ends the sequence
+//! after a few problems. The bounds follow the load from one convex problem to the next. A bound whose
+//! error changes sign without halving goes back and forth: its moves are damped, each contact by
+//! itself. After [`BOUND_UPDATES`] problems the bounds stay as they are, so that the gaps hold,
+//! and how far friction is from the law is measured. If no motion keeps the gaps, forces grow
+//! without bound instead.
 //!
 //! Where friction reads the motion that normal forces alone leave, there is no such function: Newton's
 //! method then goes without a line search, in the same loop.
@@ -28,30 +35,25 @@ use crate::contact::laws::COMPLIANCE;
 use crate::contact::{Quality, Status};
 
 /// Convex problems in which the bounds follow the load.
-///
-/// Recorded problems at ν = 1: of those that come here, friction is off by more than 1e-3 in 10 of 28 after
-/// 15, in 4 after 40 and in none after 100 (c = 0.693).
-const BOUND_UPDATES: u32 = 100;
+const BOUND_UPDATES: u32 = 40;
 /// Convex problems after that, for the multipliers alone. Each takes one or two digits off the residual.
 const MULTIPLIER_UPDATES: u32 = 30;
-/// 1/S of rigid contacts, in a/(mu·a²·rate). A larger one takes less time for a problem but leaves bounds that do
-/// not settle: at c = 0.76, ν = 1, friction is off by more than 1e-3 in 6 of 51 problems, in 33 of 70
-/// with 1e-5; single precision, in which sparse factors are held, allows no smaller one.
+/// 1/S of rigid contacts, in a/(mu·a²·rate). Single precision, in which sparse factors are held, allows no smaller one.
 const PENALTY_COMPLIANCE: f64 = 1e-6;
-/// Residual at which the multipliers are exact, in a·rate.
-const EXACT_RESIDUAL: f64 = 1e-8;
-/// Newton iterations for one convex problem; the next one goes on from where they end.
-const NEWTON_ITERATIONS: u32 = 30;
+/// Newton iterations for one problem with penalties; the next one goes on from where they end.
+const NEWTON_ITERATIONS: u32 = 10;
 /// What the move of a bound that goes back and forth is multiplied by, and by what it recovers in each iteration where it does not.
 const DAMPING: f64 = 0.5;
 const RECOVERY: f64 = 1.1;
-/// How much smaller the friction error must have become since Newton's method last failed on the coupled problem for it to
-/// be tried again: near the solution it takes two systems in place of some twenty convex problems.
-const NEAR: f64 = 0.1;
 /// Share of a Newton step below which it is rounding: the linear system is then solved to the end.
 const SMALLEST_STEP: f64 = 1e-3;
 /// Largest coefficient of a bound: an infinite one is no bound with a load, and 0 without.
 const LARGEST_COEFFICIENT: f64 = 100.0;
+/// Where bounds are given, no load decides where friction is active.
+const GIVEN: FrictionActivation = FrictionActivation {
+    critical_load: 0.0,
+    updates: false,
+};
 
 /// Velocities of the spheres by what they do to contacts. All parts are linear in the velocities.
 #[derive(Debug, Default)]
@@ -84,6 +86,40 @@ impl Iterate {
             self.trial_tangential.push(match states.friction[m] {
                 FrictionState::Stick => t,
                 _ => t + forces.slip[m] / row.compliance,
+            });
+        }
+    }
+
+    /// The velocities under forces that are the multipliers of the problem.
+    fn start(&mut self, problem: &Problem, forces: &Forces) {
+        self.normal.clone_from(&forces.normal);
+        self.tangential.clone_from(&forces.tangential);
+        self.trial_normal.clear();
+        for (k, entry) in problem.normal.iter().enumerate() {
+            let trial = forces.normal[k] - forces.slack[k] / entry.compliance;
+            self.trial_normal.push(trial);
+        }
+        self.trial_tangential.clear();
+        for (m, row) in problem.tangential.iter().enumerate() {
+            let trial = forces.tangential[m] + forces.slip[m] / row.compliance;
+            self.trial_tangential.push(trial);
+        }
+    }
+
+    /// The active set of these velocities.
+    fn show_states(&self, problem: &Problem, states: &mut States) {
+        states.closed.clear();
+        states
+            .closed
+            .extend(self.trial_normal.iter().map(|&u| u > 0.0));
+        states.friction.clear();
+        for (row, &s) in problem.tangential.iter().zip(&self.trial_tangential) {
+            states.friction.push(if row.intercept == 0.0 {
+                FrictionState::Inactive
+            } else if s.abs() < row.intercept {
+                FrictionState::Stick
+            } else {
+                FrictionState::slipping(s)
             });
         }
     }
@@ -144,182 +180,62 @@ impl Iterate {
 /// The convex problem under way, with its workspace.
 #[derive(Debug, Default)]
 pub(super) struct ConvexSolver {
-    /// The convex problem: entries with penalties, and bounds that are given.
+    /// The problem with bounds that are given.
     problem: Problem,
-    /// 1/S of each candidate and of each row; 0 for springs.
-    penalties: [Vec<f64>; 2],
-    /// f^ and t^.
-    multipliers: [Vec<f64>; 2],
     /// ρ of each row.
     bounds: Vec<f64>,
     /// The bound at the present load, less that: now, and in the iteration before.
     errors: [Vec<f64>; 2],
     /// Share of the error by which each row moves.
     damping: Vec<f64>,
-    /// The present velocities, and those of the linear system.
-    iterates: [Iterate; 2],
-    /// The active set of the next linear system, and that of the last one.
+    /// The active set of its last solution.
     states: States,
-    before: States,
+    /// That from which Newton's method on the coupled problem was tried last.
+    tried: States,
+    /// The same problem with penalties.
+    penalised: Penalised,
 }
 
 impl ConvexSolver {
     /// Room for that many candidates.
     pub(super) fn reserve(&mut self, candidates: usize) {
-        self.problem.normal.reserve(candidates);
-        self.problem.tangential.reserve(2 * candidates);
+        self.problem.reserve(candidates);
         self.states.reserve(candidates);
-        self.before.reserve(candidates);
-        for [of_candidates, of_rows] in [&mut self.penalties, &mut self.multipliers] {
-            of_candidates.reserve(candidates);
-            of_rows.reserve(2 * candidates);
-        }
+        self.tried.reserve(candidates);
         let [errors, errors_before] = &mut self.errors;
         for values in [&mut self.bounds, &mut self.damping, errors, errors_before] {
             values.reserve(2 * candidates);
         }
-        for iterate in &mut self.iterates {
-            iterate.normal.reserve(candidates);
-            iterate.trial_normal.reserve(candidates);
-            iterate.tangential.reserve(2 * candidates);
-            iterate.trial_tangential.reserve(2 * candidates);
-        }
+        self.penalised.reserve(candidates);
     }
 
-    /// Starts from forces within their bounds.
+    /// Starts from an active set, and from the bounds of the present loads.
     fn start(&mut self, problem: &Problem, states: &States, forces: &Forces) {
-        self.multipliers[0].clone_from(&forces.normal);
-        self.multipliers[1].clone_from(&forces.tangential);
         self.states.copy_from(states);
+        let rows = problem.tangential.iter();
         self.bounds.clear();
-        for row in &problem.tangential {
-            self.bounds
-                .push(finite_bound(row, forces.normal[row.contact]));
-        }
+        self.bounds
+            .extend(rows.map(|row| finite_bound(row, forces.normal[row.contact])));
         self.damping.clear();
         self.damping.resize(self.bounds.len(), 1.0);
         self.errors[1].clear();
         self.errors[1].resize(self.bounds.len(), 0.0);
+        self.tried.closed.clear();
+        self.tried.friction.clear();
     }
 
-    /// Poses the convex problem of the present multipliers and bounds.
+    /// Poses the convex problem of the present bounds, with an active set to start from.
     fn pose(&mut self, problem: &Problem) {
-        let penalty = |compliance: f64| {
-            if compliance > COMPLIANCE {
-                0.0
-            } else {
-                PENALTY_COMPLIANCE
-            }
-        };
-        let [normal_penalties, row_penalties] = &mut self.penalties;
-        self.problem.uses_frictionless_slip = problem.uses_frictionless_slip;
-        self.problem.normal.clone_from(&problem.normal);
-        normal_penalties.clear();
-        for (entry, f) in self.problem.normal.iter_mut().zip(&self.multipliers[0]) {
-            let e = penalty(entry.compliance);
-            entry.bias -= e * f;
-            entry.compliance += e;
-            normal_penalties.push(e);
-        }
-        self.problem.tangential.clone_from(&problem.tangential);
-        row_penalties.clear();
+        self.problem.copy_from(problem);
         for (m, row) in self.problem.tangential.iter_mut().enumerate() {
-            (row.active, row.coefficient) = (true, 0.0);
-            row.intercept = self.bounds[m];
-            let e = penalty(row.compliance);
-            row.shift += e * self.multipliers[1][m];
-            row.compliance += e;
-            row_penalties.push(e);
+            let bound = self.bounds[m];
+            (row.active, row.coefficient, row.intercept) = (bound > 0.0, 0.0, bound);
             let state = &mut self.states.friction[m];
             *state = match *state {
-                _ if row.intercept == 0.0 => FrictionState::Inactive,
+                _ if bound == 0.0 => FrictionState::Inactive,
                 FrictionState::Inactive => FrictionState::Stick,
                 same => same,
             };
-        }
-    }
-
-    /// Solves the convex problem from the present active set; the number of systems, and whether it is solved.
-    fn minimise(&mut self, system: &mut impl System, forces: &mut Forces) -> (u32, bool) {
-        let mut last = false;
-        for count in 1..=NEWTON_ITERATIONS {
-            let Some(roundoff) = system.solve(&self.problem, &self.states, last, forces) else {
-                return (count, false);
-            };
-            let [now, next] = &mut self.iterates;
-            next.take(&self.problem, &self.states, forces);
-            let share = if count == 1 || self.problem.uses_frictionless_slip {
-                1.0
-            } else {
-                now.line_search(next, &self.problem)
-            };
-            if share < 1.0 {
-                now.move_towards(next, share);
-            } else {
-                std::mem::swap(now, next);
-            }
-            let ends = if share < 1.0 {
-                share < SMALLEST_STEP
-            } else {
-                self.agrees(roundoff.force)
-            };
-            if ends && roundoff.exact {
-                return (count, true);
-            }
-            last = ends;
-            if !ends {
-                self.read_states();
-            }
-        }
-        (NEWTON_ITERATIONS, false)
-    }
-
-    /// The active set of the present velocities.
-    fn read_states(&mut self) {
-        let now = &self.iterates[0];
-        for (closed, &u) in self.states.closed.iter_mut().zip(&now.trial_normal) {
-            *closed = u > 0.0;
-        }
-        for (m, row) in self.problem.tangential.iter().enumerate() {
-            let s = now.trial_tangential[m];
-            if row.intercept > 0.0 {
-                self.states.friction[m] = if s.abs() < row.intercept {
-                    FrictionState::Stick
-                } else {
-                    FrictionState::slipping(s)
-                };
-            }
-        }
-    }
-
-    /// Whether the active set of the last system is that of its solution, up to the rounding of forces.
-    fn agrees(&mut self, roundoff: f64) -> bool {
-        self.before.copy_from(&self.states);
-        self.read_states();
-        std::mem::swap(&mut self.before, &mut self.states);
-        let (now, found) = (&self.iterates[0], &self.before);
-        let mut closed = self.states.closed.iter().zip(&found.closed).enumerate();
-        let mut friction = self.states.friction.iter().zip(&found.friction).enumerate();
-        closed.all(|(k, (a, b))| a == b || now.trial_normal[k].abs() <= roundoff)
-            && friction.all(|(m, (a, b))| {
-                let beyond = now.trial_tangential[m].abs() - self.problem.tangential[m].intercept;
-                a == b || beyond.abs() <= roundoff
-            })
-    }
-
-    /// Takes the forces of a solution as multipliers, and its slack and slip back to those of the problem itself.
-    fn take_multipliers(&mut self, forces: &mut Forces) {
-        let [multipliers, friction_multipliers] = &mut self.multipliers;
-        for (k, e) in self.penalties[0].iter().enumerate() {
-            let f = &mut forces.normal[k];
-            *f = f.max(0.0);
-            forces.slack[k] += e * (multipliers[k] - *f);
-            multipliers[k] = *f;
-        }
-        for (m, e) in self.penalties[1].iter().enumerate() {
-            let t = forces.tangential[m];
-            forces.slip[m] -= e * (friction_multipliers[m] - t);
-            friction_multipliers[m] = t;
         }
     }
 
@@ -340,6 +256,13 @@ impl ConvexSolver {
         }
         std::mem::swap(errors, before);
     }
+
+    /// Whether an active set is another than that tried last; it is then the one tried last.
+    fn is_new(&mut self, states: &States) -> bool {
+        let new = self.tried != *states;
+        self.tried.copy_from(states);
+        new
+    }
 }
 
 /// Bound of a row at a load, finite also where there is none.
@@ -350,6 +273,135 @@ fn finite_bound(row: &Tangential, load: f64) -> f64 {
         ..*row
     }
     .bound(load)
+}
+
+/// A convex problem with penalties, as a contact problem whose rigid contacts have the compliance 1/S.
+#[derive(Debug, Default)]
+struct Penalised {
+    problem: Problem,
+    /// 1/S of each candidate and of each row; 0 for springs.
+    penalties: [Vec<f64>; 2],
+    /// The present velocities, and those of the linear system.
+    iterates: [Iterate; 2],
+    /// The active set of the last system, as its velocities show it.
+    found: States,
+}
+
+impl Penalised {
+    /// Room for that many candidates.
+    fn reserve(&mut self, candidates: usize) {
+        self.problem.reserve(candidates);
+        self.found.reserve(candidates);
+        let [of_candidates, of_rows] = &mut self.penalties;
+        of_candidates.reserve(candidates);
+        of_rows.reserve(2 * candidates);
+        for iterate in &mut self.iterates {
+            iterate.normal.reserve(candidates);
+            iterate.trial_normal.reserve(candidates);
+            iterate.tangential.reserve(2 * candidates);
+            iterate.trial_tangential.reserve(2 * candidates);
+        }
+    }
+
+    /// Poses a convex problem with the forces f^ and t^ as multipliers, and with the velocities under these to start from.
+    fn pose(&mut self, convex: &Problem, multipliers: &Forces) {
+        let penalty = |compliance: f64| {
+            if compliance > COMPLIANCE {
+                0.0
+            } else {
+                PENALTY_COMPLIANCE
+            }
+        };
+        self.problem.copy_from(convex);
+        let [of_candidates, of_rows] = &mut self.penalties;
+        of_candidates.clear();
+        for (entry, f) in self.problem.normal.iter_mut().zip(&multipliers.normal) {
+            let e = penalty(entry.compliance);
+            entry.bias -= e * f;
+            entry.compliance += e;
+            of_candidates.push(e);
+        }
+        of_rows.clear();
+        for (row, t) in self
+            .problem
+            .tangential
+            .iter_mut()
+            .zip(&multipliers.tangential)
+        {
+            let e = penalty(row.compliance);
+            row.shift += e * t;
+            row.compliance += e;
+            of_rows.push(e);
+        }
+        self.iterates[0].start(&self.problem, multipliers);
+    }
+
+    /// Solves the problem from the velocities posed, with the active set of the solution; whether it is solved, and the number of systems.
+    fn minimise(
+        &mut self,
+        system: &mut impl System,
+        states: &mut States,
+        forces: &mut Forces,
+    ) -> (bool, u32) {
+        self.iterates[0].show_states(&self.problem, states);
+        let mut last = false;
+        for count in 1..=NEWTON_ITERATIONS {
+            let Some(roundoff) = system.solve(&self.problem, states, last, forces) else {
+                return (false, count);
+            };
+            let [now, next] = &mut self.iterates;
+            next.take(&self.problem, states, forces);
+            let share = if self.problem.uses_frictionless_slip {
+                1.0
+            } else {
+                now.line_search(next, &self.problem)
+            };
+            if share < 1.0 {
+                now.move_towards(next, share);
+            } else {
+                std::mem::swap(now, next);
+            }
+            self.iterates[0].show_states(&self.problem, &mut self.found);
+            let ends = if share < 1.0 {
+                share < SMALLEST_STEP
+            } else {
+                self.agrees(states, roundoff.force)
+            };
+            if ends && roundoff.exact {
+                return (true, count);
+            }
+            last = ends;
+            if !ends {
+                states.copy_from(&self.found);
+            }
+        }
+        (false, NEWTON_ITERATIONS)
+    }
+
+    /// Whether the active set of the last system is that of its solution, up to the rounding of forces.
+    fn agrees(&self, states: &States, roundoff: f64) -> bool {
+        let (now, found) = (&self.iterates[0], &self.found);
+        let mut closed = states.closed.iter().zip(&found.closed).enumerate();
+        let mut friction = states.friction.iter().zip(&found.friction).enumerate();
+        closed.all(|(k, (a, b))| a == b || now.trial_normal[k].abs() <= roundoff)
+            && friction.all(|(m, (a, b))| {
+                let beyond = now.trial_tangential[m].abs() - self.problem.tangential[m].intercept;
+                a == b || beyond.abs() <= roundoff
+            })
+    }
+
+    /// Brings the forces of the solution into their bounds, and its slack and slip back to those of the problem without penalties.
+    ///
+    /// `multipliers`: f^ and t^.
+    fn take_back_penalties(&self, multipliers: &Forces, forces: &mut Forces) {
+        for (k, e) in self.penalties[0].iter().enumerate() {
+            forces.normal[k] = forces.normal[k].max(0.0);
+            forces.slack[k] += e * (multipliers.normal[k] - forces.normal[k]);
+        }
+        for (m, e) in self.penalties[1].iter().enumerate() {
+            forces.slip[m] -= e * (multipliers.tangential[m] - forces.tangential[m]);
+        }
+    }
 }
 
 impl ProblemSolver {
@@ -363,37 +415,25 @@ impl ProblemSolver {
     ) -> Outcome {
         self.forces.project_onto_bounds(problem);
         self.convex.start(problem, &self.states, &self.forces);
-        let (mut systems, mut iteration, mut tried) = (0, 1, 1.0);
-        let mut residual = f64::INFINITY;
-        loop {
-            self.convex.pose(problem);
-            let (more, minimised) = self.convex.minimise(system, &mut self.forces);
+        let mut systems = 0;
+        for iteration in 1..=BOUND_UPDATES + MULTIPLIER_UPDATES {
+            let (solved, more) = self.solve_with_given_bounds(problem, system, refine);
             systems += more;
-            self.convex.take_multipliers(&mut self.forces);
-            self.states.copy_from(&self.convex.states);
-            let refined = refine(problem, &self.forces);
-            if activation.updates && iteration <= BOUND_UPDATES {
+            let follows = iteration <= BOUND_UPDATES;
+            if activation.updates && follows {
                 self.update_activation(problem, activation, 0.0);
             }
             let violation = self.forces.violation(problem, system);
-            let error = violation.friction_error;
-            let follows = iteration <= BOUND_UPDATES;
-            // A network with more contacts than motions may hold gaps that agree no better.
-            let settled =
-                violation.residual <= EXACT_RESIDUAL || violation.residual > 0.5 * residual;
-            residual = violation.residual;
-            let gaps_hold = minimised
-                && refined == 0
-                && residual <= Quality::RESIDUAL_LIMIT
-                && (settled || follows && error > Quality::FRICTION_LIMIT);
+            let gaps_hold = solved && violation.residual <= Quality::RESIDUAL_LIMIT;
             let is_unbounded = largest(&self.forces.normal) > Quality::UNBOUNDED;
+            let is_exact = violation.friction_error <= Quality::FRICTION_LIMIT;
             let ends = iteration == BOUND_UPDATES + MULTIPLIER_UPDATES;
-            if gaps_hold && (error <= Quality::FRICTION_LIMIT || !follows) || is_unbounded || ends {
+            if gaps_hold && (is_exact || !follows) || is_unbounded || ends {
                 let status = match violation.status() {
+                    Status::Solved => Status::Solved,
                     // The multipliers of a convex problem that has a solution converge.
-                    Status::Failed if is_unbounded || minimised && refined == 0 => {
-                        Status::NoAdmissibleMotion
-                    }
+                    Status::Failed if solved => Status::NoAdmissibleMotion,
+                    _ if is_unbounded => Status::NoAdmissibleMotion,
                     other => other,
                 };
                 return Outcome {
@@ -403,9 +443,9 @@ impl ProblemSolver {
                 };
             }
             if follows {
-                self.convex.follow_loads(problem, &self.forces);
-                if error <= NEAR * tried {
-                    tried = error;
+                self.states.release_open_contacts(problem);
+                if self.convex.is_new(&self.states) {
+                    self.start.copy_from(&self.forces);
                     self.keep_activation(problem);
                     let (converged, more) = self.newton(problem, system, activation, refine);
                     systems += more;
@@ -413,9 +453,42 @@ impl ProblemSolver {
                         return self.accept(problem, system, systems);
                     }
                     self.restore_activation(problem);
+                    self.forces.copy_from(&self.start);
                 }
+                self.convex.follow_loads(problem, &self.forces);
             }
-            iteration += 1;
         }
+        unreachable!("the last iteration returns")
+    }
+
+    /// Solves the problem with the present bounds; whether it is solved, and the number of systems.
+    fn solve_with_given_bounds(
+        &mut self,
+        problem: &mut Problem,
+        system: &mut impl System,
+        refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
+    ) -> (bool, u32) {
+        self.convex.pose(problem);
+        let mut convex = std::mem::take(&mut self.convex.problem);
+        self.forces.project_onto_bounds(&convex);
+        self.start.copy_from(&self.forces);
+        self.states.copy_from(&self.convex.states);
+        let (mut solved, mut systems) = self.newton(&mut convex, system, GIVEN, refine);
+        if solved {
+            self.forces.project_onto_bounds(&convex);
+        } else {
+            let mut penalised = std::mem::take(&mut self.convex.penalised);
+            system.measure(&convex, &mut self.start);
+            penalised.pose(&convex, &self.start);
+            let (minimised, more) = penalised.minimise(system, &mut self.states, &mut self.forces);
+            penalised.take_back_penalties(&self.start, &mut self.forces);
+            solved = minimised && refine(&mut convex, &self.forces) == 0;
+            systems += more;
+            self.convex.penalised = penalised;
+        }
+        self.convex.states.copy_from(&self.states);
+        problem.normal.clone_from(&convex.normal);
+        self.convex.problem = convex;
+        (solved, systems)
     }
 }

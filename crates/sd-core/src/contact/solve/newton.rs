@@ -84,7 +84,9 @@ impl ProblemSolver {
             *closed ^= contradicted;
         }
         for (m, state) in states.friction.iter_mut().enumerate() {
-            let next = if states.closed[problem.tangential[m].contact] {
+            let row = &problem.tangential[m];
+            // A bound that is given holds whether the contact is closed or not.
+            let next = if states.closed[row.contact] || !row.follows_load() {
                 next_state(problem, forces, m, *state, roundoff)
             } else {
                 FrictionState::Inactive

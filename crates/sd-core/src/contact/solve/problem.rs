@@ -75,6 +75,21 @@ pub(crate) struct Problem {
     pub(crate) uses_frictionless_slip: bool,
 }
 
+impl Problem {
+    /// Becomes equal to the other, without allocating once there is room.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.normal.clone_from(&other.normal);
+        self.tangential.clone_from(&other.tangential);
+        self.uses_frictionless_slip = other.uses_frictionless_slip;
+    }
+
+    /// Room for that many candidates and twice as many rows.
+    pub(crate) fn reserve(&mut self, candidates: usize) {
+        self.normal.reserve(candidates);
+        self.tangential.reserve(2 * candidates);
+    }
+}
+
 /// The forces on the spheres besides those of contact, `[3N]` each.
 #[derive(Clone, Copy)]
 pub struct AppliedForces<'a> {
@@ -132,7 +147,7 @@ impl FrictionState {
 }
 
 /// The active set: what each candidate and each row does. The problem is linear once it is known.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, PartialEq)]
 pub(crate) struct States {
     /// Whether each candidate is closed.
     pub(crate) closed: Vec<bool>,
@@ -141,6 +156,15 @@ pub(crate) struct States {
 }
 
 impl States {
+    /// Takes friction from contacts that are open, and from rows where it is not active.
+    pub(crate) fn release_open_contacts(&mut self, problem: &Problem) {
+        for (state, row) in self.friction.iter_mut().zip(&problem.tangential) {
+            if !self.closed[row.contact] || !row.active {
+                *state = FrictionState::Inactive;
+            }
+        }
+    }
+
     /// Becomes equal to the other, without allocating once there is room.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.closed.clone_from(&other.closed);

@@ -277,9 +277,9 @@ proptest! {
                 prop_assert!(f >= 0.0 && w[m] > -1e-9 && f * w[m] < 1e-8, "{law:?}: {f} {}", w[m]);
                 let acts = row.active && f > law.offset;
                 let bound = if acts { law.friction * (f - law.offset) } else { 0.0 };
-                prop_assert!(t.abs() <= bound * (1.0 + 1e-12), "{law:?}: {t} of {bound}");
                 // Friction is exact to this share of the largest force.
                 let exact = Quality::FRICTION_LIMIT * largest(&forces.normal);
+                prop_assert!(t.abs() <= bound + exact, "{law:?}: {t} of {bound}");
                 if bound <= exact {
                     continue;
                 }
