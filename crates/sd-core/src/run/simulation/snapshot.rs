@@ -12,7 +12,7 @@ use crate::stage::Method;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`Snapshot`].
-pub const SNAPSHOT_VERSION: u32 = 3;
+pub const SNAPSHOT_VERSION: u32 = 4;
 
 /// All that the next step needs. Restored with the same parameters, a run goes on with the same bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -101,14 +101,19 @@ impl SchemeMemory {
         match (self, scheme) {
             (Self::Laws(memory), ContactScheme::Rigid | ContactScheme::Laws(_)) => {
                 let forces = &memory.warm_start.forces;
-                let springs = &memory.springs.0;
+                let springs = [
+                    &memory.springs,
+                    &memory.rolling_springs,
+                    &memory.warm_start.rolling,
+                ];
+                let mut springs = springs.iter().flat_map(|list| &list.0);
                 if !(forces.iter().all(|f| there(&(f.0, f.1)))
-                    && springs.iter().all(|f| there(&(f.0, f.1))))
+                    && springs.clone().all(|f| there(&(f.0, f.1))))
                 {
                     return Some("contacts of spheres that are not there");
                 }
                 let finite = forces.iter().all(|f| f.2.is_finite() && f.3.is_finite())
-                    && springs.iter().all(|f| f.2.is_finite());
+                    && springs.all(|f| f.2.is_finite());
                 (!finite).then_some("not all numbers are finite")
             }
             (Self::Procedure { listed, velocities }, ContactScheme::Procedure) => {
