@@ -92,10 +92,7 @@ impl Contact {
     /// The row that reads the rolling velocity. The background turns both spheres alike.
     pub(crate) fn rolling_row(&self) -> Row {
         let radii = self.levers.map(|lever| lever - 0.5 * self.pair.gap);
-        Row::rolling(
-            [self.pair.i, self.pair.j],
-            rolling_friction::radius(radii),
-        )
+        Row::rolling([self.pair.i, self.pair.j], rolling_friction::radius(radii))
     }
 
     /// Takes the velocities of the contact in a motion with disturbances `[3N]`.

@@ -58,6 +58,8 @@ pub enum ContactRequest {
         time_span: f64,
         /// Forces of the tangential springs; others are unstretched.
         springs: SpringForces,
+        /// The same of rolling friction.
+        rolling_springs: SpringForces,
     },
 }
 
@@ -69,6 +71,7 @@ impl ContactRequest {
             lubrication_gap: 0.0,
             time_span,
             springs: SpringForces::default(),
+            rolling_springs: SpringForces::default(),
         }
     }
 
@@ -83,6 +86,7 @@ impl ContactRequest {
                 lubrication_gap: laws.lubrication_gap,
                 time_span,
                 springs: SpringForces::default(),
+                rolling_springs: SpringForces::default(),
             },
         }
     }
@@ -156,6 +160,7 @@ fn move_under(
             laws,
             time_span,
             springs,
+            rolling_springs,
             ..
         } => {
             check_surface(&laws.surface, laws.normal.is_rigid())?;
@@ -167,6 +172,7 @@ fn move_under(
             )?;
             let mut memory = ContactMemory {
                 springs: springs.clone(),
+                rolling_springs: rolling_springs.clone(),
                 ..ContactMemory::default()
             };
             let contact = StageContact::Laws {

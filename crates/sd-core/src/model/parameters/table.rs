@@ -4,8 +4,8 @@ use super::choices::{
     alone, contact_word, contact_words, has_chosen_laws, has_leading_order, has_lubrication_gap,
     has_spring, has_tangential_spring, is_mixed, may_adhere, needs_leading_order,
     needs_lubrication_gap, needs_repulsion, needs_rolling, needs_spring, needs_tangential_spring,
-    needs_touch, put_contact, put_hydrodynamics, put_law, put_spheres, put_tangential, read, repels,
-    resists_rolling, rubs, tangential_words,
+    needs_touch, put_contact, put_hydrodynamics, put_law, put_spheres, put_tangential, read,
+    repels, resists_rolling, rubs, tangential_words,
 };
 use super::quantities::{
     AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, ROUGHNESS, SHEAR_RATE,

@@ -116,7 +116,9 @@ impl Dependence {
         let jumps = rubs && laws.onset == FrictionOnset::CriticalLoad;
         let smooth = rubs && laws.onset == FrictionOnset::Reduced;
         match params.contact {
-            ContactScheme::Laws(laws) if laws.is_soft() || laws.adhesion > 0.0 || smooth => Self::Forces { jumps },
+            ContactScheme::Laws(laws) if laws.is_soft() || laws.adhesion > 0.0 || smooth => {
+                Self::Forces { jumps }
+            }
             _ if jumps => Self::Set,
             _ => Self::None,
         }

@@ -4,6 +4,7 @@ use super::Counters;
 use super::drive::Drive;
 use crate::contact::ContactMemory;
 use crate::contact::procedure::ContactList;
+use crate::contact::warm_start::SpringForces;
 use crate::error::Error;
 use crate::geometry::pair::PairKey;
 use crate::model::{ContactScheme, Params, StartLayer};
@@ -75,15 +76,17 @@ impl SchemeMemory {
         }
     }
 
-    /// Stretches tangential springs of this stiffness; under laws without any, nothing happens.
-    pub(super) fn stretch(&mut self, stretches: &[(u32, u32, f64)], stiffness: f64) {
+    /// Stretches the springs of friction, of this stiffness, as a layer has them; under laws without any, nothing happens.
+    pub(super) fn stretch(&mut self, layer: &start::Start, stiffness: f64) {
         if let Self::Laws(memory) = self
             && stiffness > 0.0
         {
-            let forces = stretches
-                .iter()
-                .map(|&(i, j, stretch)| (i, j, stiffness * stretch));
-            memory.springs.0.extend(forces);
+            let forces = |stretches: &[(u32, u32, f64)]| {
+                let pairs = stretches.iter();
+                SpringForces(pairs.map(|&(i, j, x)| (i, j, stiffness * x)).collect())
+            };
+            memory.springs = forces(&layer.springs);
+            memory.rolling_springs = forces(&layer.rolling_springs);
         }
     }
 
@@ -139,9 +142,12 @@ impl Snapshot {
         let stiffness = Drive::new(params, self.critical_load)
             .laws(params)
             .tangential_stiffness;
-        let springs = match &self.memory {
-            SchemeMemory::Laws(memory) if stiffness > 0.0 => memory.springs.0.as_slice(),
-            SchemeMemory::Laws(_) | SchemeMemory::Procedure { .. } => &[],
+        let stretches = |springs: fn(&ContactMemory) -> &SpringForces| match &self.memory {
+            SchemeMemory::Laws(memory) if stiffness > 0.0 => {
+                let forces = springs(memory).0.iter();
+                forces.map(|&(i, j, f)| (i, j, f / stiffness)).collect()
+            }
+            SchemeMemory::Laws(_) | SchemeMemory::Procedure { .. } => Vec::new(),
         };
         let offset = before + params.direction * strain * self.side;
         StartLayer {
@@ -151,10 +157,8 @@ impl Snapshot {
             centres: self.centres.clone(),
             orientations: self.orientations.clone(),
             origin: None,
-            springs: springs
-                .iter()
-                .map(|&(i, j, force)| (i, j, force / stiffness))
-                .collect(),
+            springs: stretches(|memory| &memory.springs),
+            rolling_springs: stretches(|memory| &memory.rolling_springs),
         }
     }
 
