@@ -343,9 +343,14 @@ fn mean_viscosity(params: &Params) -> f64 {
 
 #[test]
 fn resistance_to_rolling_thickens_a_layer() {
-    let [free, rough] = [0.0, 0.3].map(|coefficient| mean_viscosity(&besides(coefficient, 0.0)));
+    // At 0.7 it would jam some of them.
+    let at = |coefficient| Params {
+        area_fraction: 0.6,
+        ..besides(coefficient, 0.0)
+    };
+    let [free, rough] = [0.0, 0.3].map(|coefficient| mean_viscosity(&at(coefficient)));
     println!("viscosity {free} without rolling friction, {rough} with");
-    assert!(rough > 1.02 * free, "{free} {rough}");
+    assert!(rough > 1.2 * free, "{free} {rough}");
 }
 
 #[test]
@@ -353,11 +358,12 @@ fn adhering_asperities_hold_through_the_steps_of_a_layer() {
     // Between two steps a contact that bears a force must not drift out of the range in which it counts as touching.
     let params = Params {
         time_step: 0.01,
-        ..besides(0.1, 2.0)
+        area_fraction: 0.6,
+        ..besides(0.1, 20.0)
     };
     let mut simulation = run(&params, 3, 50);
     let (mut loaded, mut farthest, mut pulled) = (0, 0.0_f64, 0);
-    for _ in 0..60 {
+    for _ in 0..100 {
         let (_, frame) = simulation.step_with_frame().unwrap();
         let cell = Cell::periodic(
             simulation.side(),
@@ -368,9 +374,9 @@ fn adhering_asperities_hold_through_the_steps_of_a_layer() {
         for c in &frame.contacts {
             let [a, b] = [c.i, c.j].map(|sphere| simulation.centres()[sphere]);
             let radii = simulation.radii();
-            let gap = cell.wrap(b - a).norm() - radii[c.i] - radii[c.j];
+            let gap = cell.nearest(b - a).0.norm() - radii[c.i] - radii[c.j];
             loaded += 1;
-            pulled += u32::from(c.normal_force < 2.0 * params.critical_load());
+            pulled += u32::from(c.normal_force < 20.0 * params.critical_load());
             farthest = farthest.max(gap);
         }
     }
