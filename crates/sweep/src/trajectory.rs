@@ -16,7 +16,7 @@ use sd_core::simulation::{Frame, FrameContact};
 use serde::{Deserialize, Serialize};
 
 /// First byte of a stored frame.
-const VERSION: u8 = 2;
+const VERSION: u8 = 1;
 
 /// A frame as it is stored.
 #[derive(Serialize, Deserialize)]
