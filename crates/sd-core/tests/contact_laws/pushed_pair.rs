@@ -147,6 +147,10 @@ fn spring_stores_what_work_leaves_over() {
         laws(SPRING, TangentialLaw::Coulomb, 0.0),
         laws(HERTZ, TangentialLaw::Coulomb, 0.0),
         repelled,
+        Laws {
+            adhesion: 4.0,
+            ..laws(SPRING, TangentialLaw::Coulomb, 0.0)
+        },
     ] {
         let stored = |gap: f64| {
             let d = (0.01 - gap).max(0.0);
@@ -156,7 +160,8 @@ fn spring_stores_what_work_leaves_over() {
                 NormalLaw::Hertz => 0.4 * stiffness * d.powf(2.5),
                 NormalLaw::Rigid | NormalLaw::ExponentialRepulsion => 0.0,
             };
-            contact + laws.repulsion.map_or(0.0, |r| r.energy(gap))
+            // The pair adheres all the time: it works against the attraction where it opens.
+            contact + laws.repulsion.map_or(0.0, |r| r.energy(gap)) + laws.adhesion * gap
         };
         let mismatch = |steps: u32| {
             let p = pushed(&laws, 0.009, [30.0, 0.0], 0.3, steps, 0.3);
