@@ -105,6 +105,9 @@ pub(crate) struct Part {
     /// Stiffness of springs, in F_crit/a; of Hertz's law in F_crit/a^(3/2)
     #[arg(long, default_value_t = 1e4)]
     stiffness: f64,
+    /// Coefficient of rolling friction, of laws that it goes with
+    #[arg(long, default_value_t = 0.0)]
+    rolling_friction: f64,
     /// How many seeds
     #[arg(long, default_value_t = 2)]
     seeds: u64,
@@ -150,9 +153,10 @@ impl Part {
                                     friction,
                                     shear_rate: SHEAR_RATE,
                                     hydrodynamics: Hydrodynamics::BallMelrose,
-                                    contact: ContactScheme::Laws(
-                                        law.choice(roughness, self.stiffness),
-                                    ),
+                                    contact: ContactScheme::Laws(ContactLaws {
+                                        rolling_friction: self.rolling_friction,
+                                        ..law.choice(roughness, self.stiffness)
+                                    }),
                                     time_step: TIME_STEP,
                                     ..Params::UNWRITTEN
                                 };
@@ -182,6 +186,10 @@ impl Case {
             "--law {} --area-fraction {area_fraction} --friction {friction} --roughness {roughness} --spheres {spheres}",
             self.law
         );
+        let rolling_friction = self.params.contact.laws().rolling_friction;
+        if rolling_friction > 0.0 {
+            let _ = write!(options, " --rolling-friction {rolling_friction}");
+        }
         let stiffness = self.params.contact.laws().stiffness;
         if stiffness.is_finite() {
             let _ = write!(options, " --stiffness {stiffness:e}");

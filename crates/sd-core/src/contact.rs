@@ -4,11 +4,13 @@
 //! normal force f ≥ 0:  −f n on i, +f n on j             v_n = n·(U_j − U_i)
 //! friction F_t:        +F_t t on i, −F_t t on j,         u_t = t·(U_j − U_i) − (l_i Ω_i + l_j Ω_j)
 //!                      torques l_i F_t, l_j F_t          t = (−n_y, n_x), l = a + g/2
+//! rolling friction:    torques +a_ij F_r on i, −a_ij F_r on j,        u_r = a_ij (Ω_j − Ω_i)
 //! ```
 //!
 //! Every law is entries of one problem, stated at the top of `contact/solve.rs`. [`laws`] says what a law comes to at a stage, [`solver`] chooses the pairs that
 //! take part, poses the problem and takes its solution. [`procedure`] stays apart: it is a protocol, not a law.
 
+pub mod adhesion;
 pub mod laws;
 pub mod pair;
 pub mod procedure;

@@ -6,10 +6,12 @@
 //!
 //! This room stands on the ground of the crate: it knows no sphere, no matrix and no other room.
 
+pub mod adhesion;
 pub mod normal;
 pub mod onset;
 pub mod quantity;
 pub mod repulsion;
+pub mod rolling_friction;
 pub mod stiffness_unit;
 pub mod tangential;
 mod words;

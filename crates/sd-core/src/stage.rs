@@ -5,11 +5,12 @@ mod method;
 pub(crate) use method::ContactKind;
 pub use method::{Method, memory_bytes};
 
+use crate::contact::adhesion::Adhering;
 use crate::contact::laws::{Laws, Span};
 use crate::contact::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::contact::repulsion::Repelled;
 use crate::contact::solver::{ActivationUpdate, AppliedForces, StageInput};
-use crate::contact::{ContactMemory, ContactSolver, Quality, Status, Surface};
+use crate::contact::{ContactMemory, ContactSolver, Quality, Status, Surface, most_contacts};
 use crate::error::Error;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::{Background, Vec2};
@@ -63,6 +64,8 @@ pub struct StageSolver {
     pub contacts: ContactSolver,
     /// Pairs that a repulsion keeps apart, besides.
     pub repelled: Repelled,
+    /// Pairs that adhesion holds together, besides; their normal force is the attraction, below 0.
+    pub adhering: Adhering,
     /// External and background forces `[3N]`.
     forces: Vec<f64>,
     /// Disturbance velocities `[3N]` of the last solve.
@@ -80,11 +83,15 @@ pub struct StageSolver {
 impl StageSolver {
     /// Workspace for the spheres the resistance was made for.
     pub fn new(resistance: Resistance) -> Self {
-        let n = 3 * resistance.radii().len();
+        let spheres = resistance.radii().len();
+        let n = 3 * spheres;
+        let mut adhering = Adhering::default();
+        adhering.pairs.reserve(most_contacts(spheres));
         Self {
             contacts: ContactSolver::new(&resistance),
             resistance,
             repelled: Repelled::default(),
+            adhering,
             forces: vec![0.0; n],
             velocities: vec![0.0; n],
             applied: Vec::with_capacity(n),
@@ -187,16 +194,22 @@ impl StageSolver {
             *force += x;
         }
         self.repelled.pairs.clear();
-        if let Contact::Laws { laws, span, .. } = &contact
-            && let Some(repulsion) = &laws.repulsion
-        {
+        self.adhering.pairs.clear();
+        if let Contact::Laws { laws, span, .. } = &contact {
             let (resistance, forces) = (&mut self.resistance, &mut self.forces);
-            self.repelled
-                .add(repulsion, resistance, background, span, forces);
+            if let Some(repulsion) = &laws.repulsion {
+                self.repelled
+                    .add(repulsion, resistance, background, span, forces);
+            }
+            if laws.adhesion > 0.0 {
+                self.adhering
+                    .add(laws, resistance, background, span, forces);
+            }
         }
         self.resistance.factor()?;
         let quality = self.solve_factored(background, contact)?;
         self.repelled.finish(&self.velocities);
+        self.adhering.finish(&self.velocities);
         match self.velocities.iter().position(|v| !v.is_finite()) {
             Some(at) => Err(Error::NotFinite {
                 quantity: "the velocity",
@@ -277,7 +290,7 @@ impl StageSolver {
                         .solve(&input, applied, memory, self.update, velocities)?
                         .0
                 };
-                contacts.keep_springs(&input, &mut memory.springs);
+                contacts.keep_springs(&input, memory);
                 Ok(quality)
             }
             Contact::Procedure { surface, listed } => {

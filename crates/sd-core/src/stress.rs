@@ -3,7 +3,7 @@
 //! ```text
 //! Σ = (Σ_i S_i + Σ_k S^C_k)/V,              S^C = −r f n n + (r/2) F_t (n t + t n)
 //! η = 1 + Σ_xy/rate,    N1 = Σ_xx − Σ_yy,    N2 = Σ_yy − Σ_zz,    Π = −(1/3) trace Σ
-//! V (η − 1) = v'Rv − Σ f v_n + Σ F_t u_t     (exact: an identity of the solution)
+//! V (η − 1) = v'Rv − Σ f v_n + Σ F_t u_t + Σ F_r u_r     (exact: an identity of the solution)
 //! ```
 //!
 //! V = 2 ⟨a⟩ A is the volume of the layer. The contact stress is the symmetric first moment of the contact forces: each sphere feels the
@@ -11,7 +11,9 @@
 //! −(S_xx + S_yy), since they are traceless. The hydrodynamic part of the particle pressure Π needs the trace functions of Jeffrey, Morris &
 //! Brady, Phys. Fluids A 5, 2317 (1993), and is left out: Π is that of contacts and repulsion alone.
 //!
-//! Each component is the sum of four parts: hydrodynamic, from the stresslets; normal and tangential contact forces; repulsion.
+//! Each component is the sum of four parts: hydrodynamic, from the stresslets; normal and tangential contact forces; repulsion. Adhesion is
+//! a part of the normal contact force: f − F_A. Rolling friction is a couple that turns one sphere against the other: without a force it
+//! has no first moment, and its antisymmetric parts on the two spheres cancel, so that it acts on the stress through the motion alone.
 
 use crate::contact::{Contact, ContactState};
 use crate::geometry::modes::{Background, strain_tensor};
@@ -27,7 +29,7 @@ pub const JAM_VISCOSITY: f64 = 1e4;
 pub struct StressParts {
     /// From the stresslets.
     pub hydrodynamic: f64,
-    /// From the normal contact forces.
+    /// From the normal contact forces, adhesion included.
     pub normal_contact: f64,
     /// From the tangential contact forces.
     pub tangential_contact: f64,
@@ -118,6 +120,9 @@ impl StressWork {
             sums.add(tangential_stress(c), 0.0, |parts| {
                 &mut parts.tangential_contact
             });
+        }
+        for c in &stage.adhering.pairs {
+            sums.add(normal_stress(c), 0.0, |parts| &mut parts.normal_contact);
         }
         for c in &stage.repelled.pairs {
             sums.add(normal_stress(c), 0.0, |parts| &mut parts.repulsion);

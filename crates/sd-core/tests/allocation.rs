@@ -62,6 +62,16 @@ fn other_laws() -> Vec<ContactLaws> {
         ContactLaws::linear_spring(1e6, TangentialLaw::StickRotate, 0.01),
         spring(TangentialLaw::StickSlide),
         ContactLaws {
+            rolling_friction: 0.1,
+            adhesion: 1.0,
+            ..rigid(TangentialLaw::Coulomb)
+        },
+        ContactLaws {
+            rolling_friction: 0.1,
+            adhesion: 1.0,
+            ..spring(TangentialLaw::StickSlide)
+        },
+        ContactLaws {
             normal: NormalLaw::Hertz,
             repulsion: 1.0,
             repulsion_length: 0.02,

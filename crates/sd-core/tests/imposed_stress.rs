@@ -60,6 +60,15 @@ fn soft(tangential: TangentialLaw, onset: FrictionOnset, repulsion: f64) -> Cont
     })
 }
 
+/// The same with rolling friction and adhesion.
+fn with(contact: ContactScheme, rolling_friction: f64, adhesion: f64) -> ContactScheme {
+    ContactScheme::Laws(ContactLaws {
+        rolling_friction,
+        adhesion,
+        ..*contact.laws()
+    })
+}
+
 /// Every kind of law: what depends on the critical load is nothing, a set, or all forces.
 fn schemes() -> Vec<ContactScheme> {
     use FrictionOnset::{CriticalLoad, Reduced};
@@ -70,6 +79,9 @@ fn schemes() -> Vec<ContactScheme> {
         rigid(Coulomb, CriticalLoad),
         rigid(Coulomb, Reduced),
         rigid(StickRotate, CriticalLoad),
+        with(rigid(Coulomb, CriticalLoad), 0.1, 0.0),
+        with(rigid(Coulomb, CriticalLoad), 0.1, 1.0),
+        with(soft(StickSlide, CriticalLoad, 0.0), 0.1, 1.0),
         soft(StickSlide, CriticalLoad, 0.0),
         soft(StickSlide, Reduced, 2.0),
         soft(RollSlip, Reduced, 0.0),
@@ -254,6 +266,7 @@ fn reversed_shear_is_the_mirror_image() {
         centres: end.centres.iter().map(|x| [sign * x[0], x[1]]).collect(),
         orientations: end.orientations.iter().map(|angle| sign * angle).collect(),
         springs: Vec::new(),
+        rolling_springs: Vec::new(),
         origin: None,
     };
     let from = |start, direction| Params {

@@ -383,6 +383,7 @@ fn order_in_time_is_four() {
         ],
         orientations: vec![0.0; 3],
         springs: Vec::new(),
+        rolling_springs: Vec::new(),
         side: 20.0,
     };
     let end = |steps: u32| shear(&start, at_start(&start), 0.0, 0.2 / f64::from(steps), steps);

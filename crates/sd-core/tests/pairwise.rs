@@ -199,7 +199,7 @@ fn velocities_forces_and_states_are_those_of_the_factored_layer() {
     }
 }
 
-/// All laws that go together, with either onset; some with a repulsion besides, and the repulsion alone.
+/// All laws that go together, with either onset; some with a repulsion, rolling friction or adhesion besides, and the repulsion alone.
 fn all_laws() -> Vec<ContactLaws> {
     let mut all = Vec::new();
     for (normal, stiffness) in [
@@ -230,6 +230,26 @@ fn all_laws() -> Vec<ContactLaws> {
                     ..soft
                 });
             }
+        }
+    }
+    for (normal, stiffness) in [
+        (NormalLaw::Rigid, f64::INFINITY),
+        (NormalLaw::LinearSpring, 1e5),
+    ] {
+        let rigid = normal == NormalLaw::Rigid;
+        let tangential = if rigid {
+            TangentialLaw::Coulomb
+        } else {
+            TangentialLaw::StickSlide
+        };
+        for (rolling_friction, adhesion) in [(0.1, 0.0), (0.1, 1.0)] {
+            all.push(ContactLaws {
+                normal,
+                rolling_friction,
+                adhesion,
+                lubrication_gap: if rigid { 0.0 } else { 0.001 },
+                ..ContactLaws::linear_spring(stiffness, tangential, 0.01)
+            });
         }
     }
     all.push(ContactLaws {

@@ -83,7 +83,9 @@ impl Record {
             springs: SpringForces(stretched.map(|&(i, j, _, t)| (i, j, t)).collect()),
             warm_start: WarmStart {
                 forces: self.memory.clone(),
+                ..WarmStart::default()
             },
+            ..ContactMemory::default()
         }
     }
 

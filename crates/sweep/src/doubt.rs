@@ -139,11 +139,11 @@ pub(crate) fn is_rigid(params: &Params) -> bool {
     }
 }
 
-/// Whether springs or a repulsion can give back work: then a viscosity may fall below 0 for a moment.
+/// Whether springs, a repulsion or adhesion can give back work: then a viscosity may fall below 0 for a moment.
 fn stores_energy(params: &Params) -> bool {
     match &params.contact {
         ContactScheme::Rigid | ContactScheme::Procedure => false,
-        ContactScheme::Laws(laws) => laws.is_soft() || laws.repulsion > 0.0,
+        ContactScheme::Laws(laws) => laws.is_soft() || laws.adhesion > 0.0,
     }
 }
 

@@ -33,6 +33,9 @@ pub(crate) fn replay(p: &Params, snapshot: &Snapshot) -> String {
             contact["laws"] = json!(laws);
             if let SchemeMemory::Laws(memory) = &snapshot.memory {
                 contact["springs"] = json!(memory.springs);
+                if laws.rolling_friction > 0.0 {
+                    contact["rolling_springs"] = json!(memory.rolling_springs);
+                }
             }
         }
     }

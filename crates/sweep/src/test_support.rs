@@ -66,7 +66,8 @@ pub(crate) fn snapshot(steps: u64) -> Snapshot {
         "orientations": [0.5, -0.25],
         "radii": [1.0, 1.0],
         "side": 20.0,
-        "memory": {"laws": {"warm_start": {"forces": [[0, 1, 2.5, -0.5]]}, "springs": [[0, 1, -0.5]]}},
+        "memory": {"laws": {"warm_start": {"forces": [[0, 1, 2.5, -0.5]], "rolling": [[0, 1, 0.25]]},
+            "springs": [[0, 1, -0.5]], "rolling_springs": [[0, 1, 0.25]]}},
         "counters": counters(),
     }))
     .unwrap()
@@ -89,6 +90,7 @@ pub(crate) fn frame() -> Frame {
             gap: 0.0078125,
             normal_force: 12.5,
             tangential_force: -2.0,
+            rolling_force: 0.5,
             state: sd_core::contact::ContactState::Slipping,
         }],
     }

@@ -31,6 +31,8 @@ struct Stored {
     spheres: Vec<[f32; 6]>,
     /// i, j, state, and normal x and y, gap, normal and tangential force of each contact.
     contacts: Vec<(u32, u32, u8, [f32; 5])>,
+    /// Quasi-force of rolling friction of each contact; none without such friction.
+    rolling: Vec<f32>,
 }
 
 /// Names of the states, by their stored number.
@@ -97,6 +99,12 @@ pub fn encode(frame: &Frame) -> Result<Vec<u8>, postcard::Error> {
                 )
             })
             .collect(),
+        rolling: if frame.contacts.iter().any(|c| c.rolling_force != 0.0) {
+            let forces = frame.contacts.iter().map(|c| c.rolling_force);
+            forces.map(single).collect()
+        } else {
+            Vec::new()
+        },
     };
     postcard::to_extend(&stored, vec![VERSION])
 }
@@ -116,7 +124,8 @@ pub fn decode(bytes: &[u8]) -> Option<Frame> {
     let contacts: Option<Vec<FrameContact>> = stored
         .contacts
         .iter()
-        .map(|(i, j, state, numbers)| {
+        .enumerate()
+        .map(|(k, (i, j, state, numbers))| {
             let [nx, ny, gap, normal_force, tangential_force] = numbers.map(f64::from);
             Some(FrameContact {
                 i: usize::try_from(*i).ok().filter(|i| *i < n)?,
@@ -125,6 +134,7 @@ pub fn decode(bytes: &[u8]) -> Option<Frame> {
                 gap,
                 normal_force,
                 tangential_force,
+                rolling_force: stored.rolling.get(k).copied().map_or(0.0, f64::from),
                 state: match state {
                     0 => ContactState::Frictionless,
                     1 => ContactState::Rolling,
@@ -184,8 +194,8 @@ mod tests {
         write_csv(&contact_table(&[(25, &frame)]), &mut contacts).unwrap();
         assert_eq!(
             String::from_utf8(contacts).unwrap(),
-            "step,strain,i,j,normal_x,normal_y,gap,normal_force,tangential_force,state\n\
-             25,0.5,0,1,1,0,0.0078125,12.5,-2,slipping\n"
+            "step,strain,i,j,normal_x,normal_y,gap,normal_force,tangential_force,rolling_force,state\n\
+             25,0.5,0,1,1,0,0.0078125,12.5,-2,0.5,slipping\n"
         );
     }
 }

@@ -41,6 +41,10 @@ pub struct Laws {
     pub onset: FrictionOnset,
     /// Repulsion besides.
     pub repulsion: Option<ExponentialRepulsion>,
+    /// Coefficient of rolling friction; 0 without.
+    pub rolling_friction: f64,
+    /// Attraction F_A of surfaces that touch, in mu·a²·rate; 0 without.
+    pub adhesion: f64,
 }
 
 /// A law of the normal force with its parameters.
@@ -85,6 +89,13 @@ impl Laws {
                 force: choice.repulsion * load,
                 length: choice.repulsion_length,
             }),
+            rolling_friction: choice.rolling_friction,
+            // The load may be infinite.
+            adhesion: if choice.adhesion > 0.0 {
+                choice.adhesion * load
+            } else {
+                0.0
+            },
         }
     }
 
@@ -106,7 +117,16 @@ impl Laws {
     /// Coefficient and intercept of the bound `ρ(f) = max(0, coefficient f + intercept)` of friction; the coefficient is infinite where
     /// there is no bound.
     pub(super) fn friction_bound(&self) -> (f64, f64) {
-        let coefficient = self.tangential.bound(self.surface.friction, 1.0);
+        self.bound(self.tangential.bound(self.surface.friction, 1.0))
+    }
+
+    /// The same of rolling friction.
+    pub(super) fn rolling_bound(&self) -> (f64, f64) {
+        self.bound(self.rolling_friction)
+    }
+
+    /// A bound by its coefficient: it begins with the load as the onset has it.
+    fn bound(&self, coefficient: f64) -> (f64, f64) {
         let intercept = match self.onset {
             FrictionOnset::Reduced if coefficient.is_finite() => {
                 -coefficient * self.surface.critical_load

@@ -3,6 +3,7 @@
 use super::row::Row;
 use crate::geometry::modes::{Background, Vec2};
 use crate::geometry::pair::Neighbours;
+use crate::law::rolling_friction;
 use serde::{Deserialize, Serialize};
 
 /// What a contact does.
@@ -38,6 +39,12 @@ pub struct Contact {
     pub slip_velocity: f64,
     /// What it does.
     pub state: ContactState,
+    /// Quasi-force F_r of rolling friction, in mu·a²·rate: the couple on i over the radius of rolling; 0 without such friction.
+    pub rolling_force: f64,
+    /// Rolling velocity u_r in the final motion.
+    pub rolling_velocity: f64,
+    /// Whether rolling friction halts it: whether F_r is within its bound.
+    pub(crate) rolling_halted: bool,
     /// Whether friction acts on it: its load was above the critical one when that was decided.
     pub(crate) friction_acts: bool,
 }
@@ -64,6 +71,9 @@ impl Contact {
             normal_velocity: 0.0,
             slip_velocity: 0.0,
             state: ContactState::Frictionless,
+            rolling_force: 0.0,
+            rolling_velocity: 0.0,
+            rolling_halted: false,
             friction_acts: false,
         }
     }
@@ -79,10 +89,17 @@ impl Contact {
         Row::slip([self.pair.i, self.pair.j], t, self.levers)
     }
 
+    /// The row that reads the rolling velocity. The background turns both spheres alike.
+    pub(crate) fn rolling_row(&self) -> Row {
+        let radii = self.levers.map(|lever| lever - 0.5 * self.pair.gap);
+        Row::rolling([self.pair.i, self.pair.j], rolling_friction::radius(radii))
+    }
+
     /// Takes the velocities of the contact in a motion with disturbances `[3N]`.
     pub(crate) fn take_velocities(&mut self, velocities: &[f64]) {
         self.normal_velocity = self.background[0] + self.normal_row().read(velocities);
         self.slip_velocity = self.background[1] + self.slip_row().read(velocities);
+        self.rolling_velocity = self.rolling_row().read(velocities);
     }
 }
 

@@ -32,6 +32,12 @@ impl Row {
         Self { spheres, weights }
     }
 
+    /// u_r = a (Ω_j − Ω_i), a the radius of rolling.
+    pub(crate) fn rolling(spheres: [usize; 2], radius: f64) -> Self {
+        let weights = [0.0, 0.0, -radius, 0.0, 0.0, radius];
+        Self { spheres, weights }
+    }
+
     /// The velocity, of velocities `[3N]`.
     #[inline(always)]
     pub(crate) fn read(&self, v: &[f64]) -> f64 {

@@ -45,6 +45,9 @@ pub struct ContactMemory {
     pub warm_start: WarmStart,
     /// Forces of tangential springs; none under laws without.
     pub springs: SpringForces,
+    /// The same of the springs of rolling friction.
+    #[serde(default)]
+    pub rolling_springs: SpringForces,
 }
 
 impl ContactMemory {
@@ -52,12 +55,15 @@ impl ContactMemory {
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.warm_start.copy_from(&other.warm_start);
         self.springs.0.clone_from(&other.springs.0);
+        self.rolling_springs.0.clone_from(&other.rolling_springs.0);
     }
 
     /// Room for that many contacts.
     pub(crate) fn reserve(&mut self, contacts: usize) {
         self.warm_start.forces.reserve(contacts);
+        self.warm_start.rolling.0.reserve(contacts);
         self.springs.0.reserve(contacts);
+        self.rolling_springs.0.reserve(contacts);
     }
 }
 
@@ -92,6 +98,8 @@ pub struct ContactSolver {
     pub(super) backend: Backend,
     /// Tangential springs within a step.
     stretches: Stretches,
+    /// Those of rolling friction.
+    rolling_stretches: Stretches,
 }
 
 impl ContactSolver {
@@ -111,11 +119,13 @@ impl ContactSolver {
             solver: ProblemSolver::default(),
             backend,
             stretches: Stretches::default(),
+            rolling_stretches: Stretches::default(),
         };
         solver.problem.normal.reserve(most);
         solver.problem.tangential.reserve(2 * most);
         solver.solver.reserve(most);
         solver.stretches.reserve(most);
+        solver.rolling_stretches.reserve(most);
         solver
     }
 
@@ -190,10 +200,12 @@ impl ContactSolver {
             .all(|contact| contact.friction_acts == (contact.normal_force > load))
     }
 
-    /// Brings the forces of tangential springs into another unit.
-    pub(crate) fn rescale_springs(&mut self, springs: &mut SpringForces, factor: f64) {
-        springs.rescale(factor);
+    /// Brings the forces of all springs of friction into another unit.
+    pub(crate) fn rescale_springs(&mut self, memory: &mut ContactMemory, factor: f64) {
+        memory.springs.rescale(factor);
+        memory.rolling_springs.rescale(factor);
         self.stretches.rescale(factor);
+        self.rolling_stretches.rescale(factor);
     }
 
     /// Velocities `[3N]` of the spheres without contacts.
@@ -245,9 +257,18 @@ impl ContactSolver {
     }
 
     /// Keeps the springs of a solved stage.
-    pub(crate) fn keep_springs(&mut self, input: &StageInput<'_>, springs: &mut SpringForces) {
-        if input.laws.tangential.has_spring() {
-            self.stretches.take(&self.list, springs, input.span.phase);
+    pub(crate) fn keep_springs(&mut self, input: &StageInput<'_>, memory: &mut ContactMemory) {
+        if !input.laws.tangential.has_spring() {
+            return;
+        }
+        let (list, phase) = (&self.list, input.span.phase);
+        self.stretches
+            .take(list, &mut memory.springs, phase, |c| c.tangential_force);
+        if input.laws.rolling_friction > 0.0 {
+            self.rolling_stretches
+                .take(list, &mut memory.rolling_springs, phase, |c| {
+                    c.rolling_force
+                });
         }
     }
 
@@ -285,7 +306,7 @@ impl ContactSolver {
                 solved
             }
         };
-        self.keep_forces();
+        self.keep_forces(laws);
         self.take_motion(velocities);
         Ok(outcome)
     }

@@ -1,4 +1,4 @@
-//! Tangential springs from step to step, and from stage to stage within one.
+//! Springs of friction and of rolling friction from step to step, and from stage to stage within one.
 
 use super::laws::Phase;
 use super::pair::Contact;
@@ -10,7 +10,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 /// γ of two-stage steps: how far contact forces look ahead, in steps.
 pub const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
 
-/// Tangential springs under way within a step.
+/// Springs under way within a step.
 #[derive(Debug, Clone, Default)]
 pub struct Stretches {
     /// By pair, ordered by (i, j).
@@ -46,14 +46,20 @@ impl Stretches {
         }
     }
 
-    /// Takes the friction forces of a solved stage: springs move on at the end of a step, and within one wait for its second stage.
-    pub(crate) fn take(&mut self, contacts: &[Contact], forces: &mut SpringForces, phase: Phase) {
+    /// Takes the friction forces of a solved stage, which `force` reads off a contact: springs move on at the end of a step, and within one wait for its second stage.
+    pub(crate) fn take(
+        &mut self,
+        contacts: &[Contact],
+        forces: &mut SpringForces,
+        phase: Phase,
+        force: fn(&Contact) -> f64,
+    ) {
         match phase {
             Phase::Alone | Phase::Middle => {}
             Phase::First => {
                 self.entries.clear();
                 for contact in contacts {
-                    let (start, first) = (forces.of(contact), contact.tangential_force);
+                    let (start, first) = (forces.of(contact), force(contact));
                     if start != 0.0 || first != 0.0 {
                         let spring = TangentialSpring { start, first };
                         self.entries.push((contact.pair.key(), spring));
@@ -63,7 +69,7 @@ impl Stretches {
             Phase::Second => {
                 forces.0.clear();
                 for contact in contacts.iter().filter(|c| c.normal_force > 0.0) {
-                    let end = self.of(contact).end(contact.tangential_force, GAMMA);
+                    let end = self.of(contact).end(force(contact), GAMMA);
                     if end != 0.0 {
                         forces.keep(contact, end);
                     }

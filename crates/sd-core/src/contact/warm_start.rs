@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize};
 pub struct WarmStart {
     /// `(i, j, f, t)` of pairs with a force, and of others about to touch, without; ordered by (i, j).
     pub forces: Vec<(u32, u32, f64, f64)>,
+    /// Quasi-forces of rolling friction, of pairs that have one.
+    #[serde(default)]
+    pub rolling: SpringForces,
 }
 
 /// The key of an entry.
@@ -32,14 +35,26 @@ impl WarmStart {
     }
 
     /// Remembers a pair; pairs come in order.
-    pub(crate) fn keep(&mut self, pair: &Neighbours, forces: [f64; 2]) {
+    ///
+    /// `forces`: f, t and the quasi-force of rolling friction.
+    pub(crate) fn keep(&mut self, pair: &Neighbours, [f, t, rolling]: [f64; 3]) {
         let (i, j) = pair.key();
-        self.forces.push((i, j, forces[0], forces[1]));
+        self.forces.push((i, j, f, t));
+        if rolling != 0.0 {
+            self.rolling.0.push((i, j, rolling));
+        }
     }
 
     /// Becomes equal to the other, without allocating once there is room.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.forces.clone_from(&other.forces);
+        self.rolling.0.clone_from(&other.rolling.0);
+    }
+
+    /// Forgets all.
+    pub(crate) fn clear(&mut self) {
+        self.forces.clear();
+        self.rolling.0.clear();
     }
 
     /// Whether nothing is known.
@@ -48,7 +63,7 @@ impl WarmStart {
     }
 }
 
-/// Forces of the tangential springs, by pair.
+/// Forces of springs, by pair.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SpringForces(pub Vec<(u32, u32, f64)>);
 

@@ -44,6 +44,12 @@ pub struct ContactLaws {
     pub repulsion: f64,
     /// Decay length l of the repulsion, in a, above 0; 0 without repulsion.
     pub repulsion_length: f64,
+    /// Coefficient μ_r of rolling friction, from 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub rolling_friction: f64,
+    /// Attraction F_A of surfaces that touch, in F_crit, from 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub adhesion: f64,
 }
 
 /// Default of [`ContactLaws::stiffness_unit`].
@@ -60,6 +66,15 @@ fn is_by_critical_load(unit: &StiffnessUnit) -> bool {
     *unit == by_critical_load()
 }
 
+/// Whether a law that most cases are without is not there: it is left out, so that they keep their keys.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "the signature serde asks for"
+)]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
 impl ContactLaws {
     /// The paper's laws: rigid asperities that roll or slip above the critical load.
     pub const PAPER: Self = Self {
@@ -73,6 +88,8 @@ impl ContactLaws {
         lubrication_gap: 0.0,
         repulsion: 0.0,
         repulsion_length: 0.0,
+        rolling_friction: 0.0,
+        adhesion: 0.0,
     };
 
     /// Linear springs of a stiffness in F_crit/a, with all else at its default for a roughness height h.
@@ -103,7 +120,7 @@ impl ContactLaws {
     /// Whether something is in units of the critical load, which must then be above 0 and finite.
     pub fn needs_critical_load(&self) -> bool {
         let springs = self.normal.is_spring() && self.stiffness_unit == StiffnessUnit::CriticalLoad;
-        springs || self.repulsion > 0.0
+        springs || self.repulsion > 0.0 || self.adhesion > 0.0
     }
 
     /// Whether forces depend on the gaps, so that steps must resolve or outlast them.
@@ -121,10 +138,9 @@ impl ContactLaws {
             return Err(Refusal {
                 key: "critical_load",
                 value: load.to_string(),
-                problem: "has no meaning under these soft laws".into(),
-                allowed: "above 0 and finite where stiffness or repulsion are in units of it: with an infinite one they \
-                          are infinite, which is `rigid`, and with 0 nothing holds the spheres apart; a stiffness may be \
-                          in units of the flow"
+                problem: "has no meaning under these laws".into(),
+                allowed: "above 0 and finite where stiffness, repulsion or adhesion are in units of it: with an infinite \
+                          one they are infinite, and with 0 there are none; a stiffness may be in units of the flow"
                     .into(),
                 because: Some("contact"),
             }

@@ -214,9 +214,10 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
         return refuse(
             "shear_rate",
             params.shear_rate.to_string(),
-            "has no meaning under soft laws in units of F_crit",
-            "above 0 and finite: stiffness and repulsion are in units of F_crit = 6 pi/shear_rate, which is infinite at 0 \
-             and zero at inf; give rigid contacts a grid of their own there, or springs the `stiffness_unit` = \"flow\""
+            "has no meaning under laws in units of F_crit",
+            "above 0 and finite: stiffness, repulsion and adhesion are in units of F_crit = 6 pi/shear_rate, which is \
+             infinite at 0 and zero at inf; give rigid contacts without them a grid of their own there, or springs the \
+             `stiffness_unit` = \"flow\""
                 .into(),
             "contact",
         );

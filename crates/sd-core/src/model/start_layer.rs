@@ -19,6 +19,9 @@ pub struct StartLayer {
     /// Stretches of tangential springs, in a, of pairs (i, j) with i < j, ordered; others are unstretched.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub springs: Vec<(u32, u32, f64)>,
+    /// The same of the springs of rolling friction.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rolling_springs: Vec<(u32, u32, f64)>,
     /// A number above 0 for all layers of the same origin, such as the ends of all runs of a point: runs that begin with them are runs of
     /// one point as well. `None`: the layer stands for itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -39,7 +42,8 @@ impl StartLayer {
         ];
         // FNV-1a, by Fowler, Noll & Vo, over the bits of all numbers.
         let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-        let stretches = self.springs.iter().map(|spring| &spring.2);
+        let springs = self.springs.iter().chain(&self.rolling_springs);
+        let stretches = springs.map(|spring| &spring.2);
         let lists = lists.into_iter().flatten().chain(stretches);
         for value in scalars.iter().chain(lists) {
             for byte in value.to_bits().to_le_bytes() {
@@ -63,15 +67,17 @@ mod tests {
             centres: vec![[0.0, 0.0], [3.0, 0.0]],
             orientations: vec![0.0, 0.0],
             springs: vec![(0, 1, 1e-3)],
+            rolling_springs: vec![(0, 1, 1e-3)],
             origin: None,
         };
-        let mut others = vec![layer.clone(); 6];
+        let mut others = vec![layer.clone(); 7];
         others[0].side = 11.0;
         others[1].offset = 1.5;
         others[2].radii[1] = 0.9;
         others[3].centres[1][1] = 1e-9;
         others[4].orientations[0] = 0.1;
         others[5].springs[0].2 = 2e-3;
+        others[6].rolling_springs[0].2 = 2e-3;
         for other in others {
             assert_ne!(other.number(), layer.number());
         }

@@ -58,6 +58,8 @@ pub enum ContactRequest {
         time_span: f64,
         /// Forces of the tangential springs; others are unstretched.
         springs: SpringForces,
+        /// The same of rolling friction.
+        rolling_springs: SpringForces,
     },
 }
 
@@ -69,6 +71,7 @@ impl ContactRequest {
             lubrication_gap: 0.0,
             time_span,
             springs: SpringForces::default(),
+            rolling_springs: SpringForces::default(),
         }
     }
 
@@ -83,6 +86,7 @@ impl ContactRequest {
                 lubrication_gap: laws.lubrication_gap,
                 time_span,
                 springs: SpringForces::default(),
+                rolling_springs: SpringForces::default(),
             },
         }
     }
@@ -101,6 +105,8 @@ pub struct SolvedConfiguration {
     pub contacts: Vec<Contact>,
     /// Pairs that a repulsion keeps apart besides the contacts.
     pub repelled: Vec<Contact>,
+    /// Pairs that adhesion holds together besides the contacts; their normal force is below 0.
+    pub adhering: Vec<Contact>,
 }
 
 impl SolvedConfiguration {
@@ -109,16 +115,20 @@ impl SolvedConfiguration {
         strain_tensor(&self.stresslets[i])
     }
 
-    /// Power that contacts and repulsion take, in mu·a³·rate²: what friction dissipates, and what goes into springs, dashpots and
+    /// Power that contacts, repulsion and adhesion take, in mu·a³·rate²: what friction dissipates, and what goes into springs, dashpots and
     /// the repulsion.
     ///
     /// ```text
-    /// Σ F_t u_t − Σ f v_n
+    /// Σ F_t u_t + Σ F_r u_r − Σ f v_n
     /// ```
     pub fn contact_power(&self) -> f64 {
-        let contacts = self.contacts.iter().chain(&self.repelled);
+        let others = self.repelled.iter().chain(&self.adhering);
+        let contacts = self.contacts.iter().chain(others);
         contacts
-            .map(|c| c.tangential_force * c.slip_velocity - c.normal_force * c.normal_velocity)
+            .map(|c| {
+                c.tangential_force * c.slip_velocity - c.normal_force * c.normal_velocity
+                    + c.rolling_force * c.rolling_velocity
+            })
             .sum()
     }
 }
@@ -150,6 +160,7 @@ fn move_under(
             laws,
             time_span,
             springs,
+            rolling_springs,
             ..
         } => {
             check_surface(&laws.surface, laws.normal.is_rigid())?;
@@ -161,6 +172,7 @@ fn move_under(
             )?;
             let mut memory = ContactMemory {
                 springs: springs.clone(),
+                rolling_springs: rolling_springs.clone(),
                 ..ContactMemory::default()
             };
             let contact = StageContact::Laws {
@@ -266,6 +278,7 @@ pub fn solve(
         stress,
         contacts,
         repelled: stage.repelled.pairs.clone(),
+        adhering: stage.adhering.pairs.clone(),
     })
 }
 

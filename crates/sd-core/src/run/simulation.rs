@@ -94,7 +94,7 @@ impl Simulation {
         let start = start::first_layer(params, seed)?;
         let mut memory = SchemeMemory::new(&params.contact);
         let drive = Drive::new(params, None);
-        memory.stretch(&start.springs, drive.laws(params).tangential_stiffness);
+        memory.stretch(&start, drive.laws(params).tangential_stiffness);
         let snapshot = Snapshot {
             version: SNAPSHOT_VERSION,
             steps: 0,

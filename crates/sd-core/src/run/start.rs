@@ -40,6 +40,8 @@ pub struct Start {
     pub orientations: Vec<f64>,
     /// Stretches of tangential springs, in a, by pair.
     pub springs: Vec<(u32, u32, f64)>,
+    /// The same of the springs of rolling friction.
+    pub rolling_springs: Vec<(u32, u32, f64)>,
     /// Side of the square cell, in a.
     pub side: f64,
 }
@@ -181,10 +183,12 @@ pub fn first_layer(params: &Params, seed: u64) -> Result<Start, Error> {
         centres,
         orientations,
         springs,
+        rolling_springs,
         ..
     } = fit(given, params)?;
     Ok(Start {
         springs,
+        rolling_springs,
         radii,
         centres: centres.iter().map(|x| Vec2::new(x[0], x[1])).collect(),
         orientations,
@@ -230,6 +234,7 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
                 return Ok(Start {
                     orientations: vec![0.0; packing.radii.len()],
                     springs: Vec::new(),
+                    rolling_springs: Vec::new(),
                     radii: packing.radii,
                     centres,
                     side,

@@ -145,7 +145,9 @@ impl Method {
 pub fn memory_bytes(params: &Params) -> f64 {
     let n = params.spheres as f64;
     let motions = match params.contact {
-        ContactScheme::Laws(laws) => laws.tangential.halts().motions(),
+        ContactScheme::Laws(laws) => {
+            laws.tangential.halts().motions() + usize::from(laws.rolling_friction > 0.0)
+        }
         ContactScheme::Rigid | ContactScheme::Procedure => 1,
     };
     match Method::of(params) {

@@ -52,9 +52,24 @@ fn schemes() -> Vec<ContactScheme> {
             ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01)
         })
     };
+    let with = |contact: ContactScheme, rolling_friction, adhesion| {
+        ContactScheme::Laws(ContactLaws {
+            rolling_friction,
+            adhesion,
+            ..*contact.laws()
+        })
+    };
     vec![
         rigid(TangentialLaw::Coulomb),
         rigid(TangentialLaw::StickRotate),
+        with(rigid(TangentialLaw::Coulomb), 0.1, 0.0),
+        with(rigid(TangentialLaw::Coulomb), 0.0, 2.0),
+        with(rigid(TangentialLaw::RollSlip), 0.0, 2.0),
+        with(rigid(TangentialLaw::Coulomb), 0.1, 1.0),
+        with(spring(1e4, TangentialLaw::StickSlide), 0.1, 0.0),
+        with(spring(1e4, TangentialLaw::StickSlide), 0.1, 1.0),
+        with(spring(1e4, TangentialLaw::Coulomb), 0.1, 0.0),
+        with(hertz(TangentialLaw::StickSlide), 0.1, 1.0),
         spring(1e4, TangentialLaw::RollSlip),
         spring(1e4, TangentialLaw::StickSlide),
         spring(1e4, TangentialLaw::Coulomb),
@@ -88,18 +103,21 @@ fn layers_keep_their_laws_under_every_choice() {
         let laws = contact.laws();
         let mut simulation = run(&params, 3, 100);
         let load = params.critical_load();
-        let (mut touching, mut rubbing) = (0, 0);
+        let (mut touching, mut rubbing, mut rolling) = (0, 0, 0);
         for _ in 0..40 {
             let (sample, frame) = simulation.step_with_frame().unwrap();
             assert!(sample.viscosity > 1.0 + 5.0 / 3.0 * params.area_fraction);
             for c in &frame.contacts {
                 touching += 1;
                 rubbing += u32::from(c.tangential_force != 0.0);
+                rolling += u32::from(c.rolling_force != 0.0);
                 let beyond = match laws.onset {
                     FrictionOnset::CriticalLoad | FrictionOnset::Contact => c.normal_force,
                     FrictionOnset::Reduced => (c.normal_force - load).max(0.0),
                 };
                 assert!(c.normal_force > 0.0);
+                let most = laws.rolling_friction * beyond;
+                assert!(c.rolling_force.abs() <= most * (1.0 + 1e-9), "{c:?}");
                 if laws.tangential != TangentialLaw::StickRotate {
                     let limit = params.friction * beyond;
                     assert!(
@@ -115,6 +133,7 @@ fn layers_keep_their_laws_under_every_choice() {
         // Two a step, or four where rigid contacts bear nothing.
         let most = if laws.is_soft() { 280 } else { 560 };
         assert!((280..=most).contains(&counters.stages), "{contact:?}");
+        assert_eq!(rolling > 0, laws.rolling_friction > 0.0, "{contact:?}");
         let alone = laws.normal == NormalLaw::ExponentialRepulsion;
         assert_eq!(touching == 0, alone, "{contact:?}");
         assert_eq!(rubbing == 0, alone, "{contact:?}");
@@ -144,6 +163,10 @@ fn resumed_run_has_the_same_bits_under_every_choice() {
         );
         let stretched = memory.springs.0.iter().any(|f| f.2 != 0.0);
         assert_eq!(stretched, contact.laws().tangential.has_spring());
+        let rolls = contact.laws().rolling_friction > 0.0;
+        let turned = |forces: &[(u32, u32, f64)]| forces.iter().any(|f| f.2 != 0.0);
+        assert_eq!(turned(&memory.warm_start.rolling.0), rolls);
+        assert_eq!(turned(&memory.rolling_springs.0), rolls && stretched);
     }
 }
 
@@ -176,7 +199,7 @@ fn energy_of_a_layer_balances_under_every_choice() {
             stress.dissipation + instant.contact_power() / volume,
         );
         assert!(
-            (left - right).abs() < 1e-9 * left,
+            (left - right).abs() < 1e-10 * left,
             "{contact:?}: {left} against {right}"
         );
     }
@@ -281,4 +304,83 @@ fn gaps_hold_in_a_large_layer_with_high_friction() {
         counters.worst_residual <= Quality::RESIDUAL_LIMIT,
         "{counters:?}"
     );
+}
+
+/// A layer of rigid contacts under Coulomb friction with rolling friction and adhesion besides.
+fn besides(rolling_friction: f64, adhesion: f64) -> Params {
+    params(ContactScheme::Laws(ContactLaws {
+        tangential: TangentialLaw::Coulomb,
+        rolling_friction,
+        adhesion,
+        ..ContactLaws::PAPER
+    }))
+}
+
+#[test]
+fn rolling_friction_and_adhesion_vanish_with_their_coefficients() {
+    let viscosity = |params: &Params| {
+        let mut simulation = run(params, 3, 59);
+        simulation.step().unwrap().viscosity
+    };
+    let without = viscosity(&besides(0.0, 0.0));
+    for little in [besides(1e-9, 0.0), besides(0.0, 1e-9)] {
+        let off = viscosity(&little) / without - 1.0;
+        assert!(off.abs() < 1e-5, "{off:e}");
+    }
+    let much = viscosity(&besides(0.3, 0.0)) / without - 1.0;
+    assert!(much.abs() > 1e-3, "{much:e}");
+}
+
+/// Mean viscosity over a strain of 1 after the first half, of three starts.
+fn mean_viscosity(params: &Params) -> f64 {
+    let runs = [3, 4, 5].map(|seed| {
+        let mut simulation = run(params, seed, 100);
+        let samples = (0..200).map(|_| simulation.step().unwrap().viscosity);
+        samples.sum::<f64>() / 200.0
+    });
+    runs.iter().sum::<f64>() / 3.0
+}
+
+#[test]
+fn resistance_to_rolling_thickens_a_layer() {
+    // At 0.7 it would jam some of them.
+    let at = |coefficient| Params {
+        area_fraction: 0.6,
+        ..besides(coefficient, 0.0)
+    };
+    let [free, rough] = [0.0, 0.3].map(|coefficient| mean_viscosity(&at(coefficient)));
+    println!("viscosity {free} without rolling friction, {rough} with");
+    assert!(rough > 1.2 * free, "{free} {rough}");
+}
+
+#[test]
+fn adhering_asperities_hold_through_the_steps_of_a_layer() {
+    // Between two steps a contact that bears a force must not drift out of the range in which it counts as touching.
+    let params = Params {
+        time_step: 0.01,
+        area_fraction: 0.6,
+        ..besides(0.1, 20.0)
+    };
+    let mut simulation = run(&params, 3, 50);
+    let (mut loaded, mut farthest, mut pulled) = (0, 0.0_f64, 0);
+    for _ in 0..100 {
+        let (_, frame) = simulation.step_with_frame().unwrap();
+        let cell = Cell::periodic(
+            simulation.side(),
+            simulation.side(),
+            simulation.offset_at(simulation.strain()),
+        )
+        .unwrap();
+        for c in &frame.contacts {
+            let [a, b] = [c.i, c.j].map(|sphere| simulation.centres()[sphere]);
+            let radii = simulation.radii();
+            let gap = cell.nearest(b - a).0.norm() - radii[c.i] - radii[c.j];
+            loaded += 1;
+            pulled += u32::from(c.normal_force < 20.0 * params.critical_load());
+            farthest = farthest.max(gap);
+        }
+    }
+    println!("{loaded} loaded contacts, {pulled} of them pulled, at most {farthest} apart");
+    assert!(loaded > 1000 && pulled > 100, "{loaded} {pulled}");
+    assert!(farthest < 1.01 * params.roughness, "{farthest}");
 }

@@ -1,12 +1,15 @@
 //! Laws of contact other than the paper's: what must hold for each of them.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "says what was measured")]
 
+mod adhering_pair;
 #[path = "../common/mod.rs"]
 mod common;
 mod layers;
 mod pressed_pair;
 mod pushed_pair;
+mod rolling_pair;
 
 use sd_core::cell::Cell;
 use sd_core::contact::Surface;
@@ -49,6 +52,8 @@ fn laws(normal: NormalForce, tangential: TangentialLaw, friction: f64) -> Laws {
         tangential_stiffness: 0.0,
         onset: FrictionOnset::CriticalLoad,
         repulsion: None,
+        rolling_friction: 0.0,
+        adhesion: 0.0,
     }
 }
 
@@ -81,6 +86,7 @@ fn solved(configuration: &Configuration, laws: &Laws, time_span: f64) -> SolvedC
         lubrication_gap: 0.001,
         time_span,
         springs: SpringForces::default(),
+        rolling_springs: SpringForces::default(),
     };
     solve(configuration, &request, &NearFields::default()).unwrap()
 }

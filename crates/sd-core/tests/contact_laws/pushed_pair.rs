@@ -13,20 +13,32 @@ use sd_core::{
 };
 
 /// A pair moved in time under constant forces along and across its line of centres.
-struct Pushed {
+pub(super) struct Pushed {
     state: State,
-    memory: ContactMemory,
+    pub(super) memory: ContactMemory,
     /// Work done by the forces, energy dissipated in the fluid and by friction: by the trapezoidal rule of the stages.
-    work: f64,
-    dissipated: f64,
-    last: Contact,
+    pub(super) work: f64,
+    pub(super) dissipated: f64,
+    pub(super) last: Contact,
 }
 
 /// Pushes a pair for some time in steps, from a gap; the forces turn with the frame only if `turn` does.
-fn pushed(
+pub(super) fn pushed(
     laws: &Laws,
     gap: f64,
     [push, shear]: [f64; 2],
+    time: f64,
+    steps: u32,
+    turn: f64,
+) -> Pushed {
+    pushed_by(laws, gap, [push, shear, 0.0], time, steps, turn)
+}
+
+/// The same with a torque on the first sphere and its opposite on the second.
+pub(super) fn pushed_by(
+    laws: &Laws,
+    gap: f64,
+    [push, shear, torque]: [f64; 3],
     time: f64,
     steps: u32,
     turn: f64,
@@ -57,7 +69,7 @@ fn pushed(
         }),
     };
     let force = n * push + Vec2::new(-n.y, n.x) * shear;
-    let external = [force.x, force.y, 0.0, -force.x, -force.y, 0.0];
+    let external = [force.x, force.y, torque, -force.x, -force.y, -torque];
     let mut first = Vec::new();
     let mut integrator = Rosenbrock::default();
     let dt = time / f64::from(steps);
@@ -86,10 +98,13 @@ fn pushed(
                 };
                 power += 0.5 * of(&external);
                 // What the fluid takes: all forces on the spheres times their velocities.
-                let contacts = motion.contacts.list.iter().chain(&motion.repelled.pairs);
+                let others = motion.repelled.pairs.iter().chain(&motion.adhering.pairs);
+                let contacts = motion.contacts.list.iter().chain(others);
                 let contact: f64 = contacts
                     .map(|c| {
-                        c.normal_force * c.normal_velocity - c.tangential_force * c.slip_velocity
+                        c.normal_force * c.normal_velocity
+                            - c.tangential_force * c.slip_velocity
+                            - c.rolling_force * c.rolling_velocity
                     })
                     .sum();
                 loss += 0.5 * (of(&external) + contact);
@@ -105,8 +120,16 @@ fn pushed(
     out
 }
 
+/// What the springs of a pushed pair store, whose stiffness along the line of centres is 2000.
+pub(super) fn stretched(p: &Pushed, tangential_stiffness: f64) -> f64 {
+    let d = 0.01 - gap(p);
+    let springs = p.memory.springs.0.iter().chain(&p.memory.rolling_springs.0);
+    let squares: f64 = springs.map(|spring| spring.2 * spring.2).sum();
+    0.5 * 2000.0 * d * d + 0.5 * squares / tangential_stiffness
+}
+
 /// Gap of a pushed pair.
-fn gap(p: &Pushed) -> f64 {
+pub(super) fn gap(p: &Pushed) -> f64 {
     (p.state.centres[1] - p.state.centres[0]).norm() - 2.4
 }
 
@@ -124,6 +147,10 @@ fn spring_stores_what_work_leaves_over() {
         laws(SPRING, TangentialLaw::Coulomb, 0.0),
         laws(HERTZ, TangentialLaw::Coulomb, 0.0),
         repelled,
+        Laws {
+            adhesion: 4.0,
+            ..laws(SPRING, TangentialLaw::Coulomb, 0.0)
+        },
     ] {
         let stored = |gap: f64| {
             let d = (0.01 - gap).max(0.0);
@@ -133,7 +160,8 @@ fn spring_stores_what_work_leaves_over() {
                 NormalLaw::Hertz => 0.4 * stiffness * d.powf(2.5),
                 NormalLaw::Rigid | NormalLaw::ExponentialRepulsion => 0.0,
             };
-            contact + laws.repulsion.map_or(0.0, |r| r.energy(gap))
+            // The pair adheres all the time: it works against the attraction where it opens.
+            contact + laws.repulsion.map_or(0.0, |r| r.energy(gap)) + laws.adhesion * gap
         };
         let mismatch = |steps: u32| {
             let p = pushed(&laws, 0.009, [30.0, 0.0], 0.3, steps, 0.3);
@@ -153,11 +181,6 @@ fn sticking_spring_stores_and_sliding_dissipates() {
     for (friction, slides) in [(2.0, false), (0.1, true)] {
         let laws = stick_slide(SPRING, 1000.0, friction);
         let start = 0.01 - 5.0 / 2000.0;
-        let stored = |p: &Pushed| {
-            let d = 0.01 - gap(p);
-            let stretched = p.memory.springs.0[0].2;
-            0.5 * 2000.0 * d * d + 0.5 * stretched * stretched / 1000.0
-        };
         // Friction's own loss is the work of F_t on the slip beyond what the spring takes up.
         let balance = |steps: u32| {
             let shear = if slides { 4.0 } else { 1.0 };
@@ -165,7 +188,8 @@ fn sticking_spring_stores_and_sliding_dissipates() {
             assert_eq!(p.last.state == ContactState::Slipping, slides);
             let cone = friction * p.last.normal_force * (1.0 + 1e-12);
             assert!(p.last.tangential_force.abs() <= cone);
-            p.work - p.dissipated - stored(&p) + 0.5 * 2000.0 * (5.0_f64 / 2000.0).powi(2)
+            p.work - p.dissipated - stretched(&p, 1000.0)
+                + 0.5 * 2000.0 * (5.0_f64 / 2000.0).powi(2)
         };
         let fine = balance(400);
         if slides {

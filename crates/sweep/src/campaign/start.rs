@@ -58,6 +58,7 @@ fn from_json(text: &str) -> Result<StartLayer, String> {
         orientations: layer.orientations.unwrap_or_else(|| vec![0.0; n]),
         centres: layer.centres,
         springs: Vec::new(),
+        rolling_springs: Vec::new(),
         origin: None,
     })
 }
@@ -172,6 +173,7 @@ fn from_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
         centres: Vec::new(),
         orientations: Vec::new(),
         springs: Vec::new(),
+        rolling_springs: Vec::new(),
         origin: None,
     };
     for (line, sphere) in &frame.spheres {

@@ -78,6 +78,16 @@ fn values_without_meaning_under_a_law_make_no_cases_of_their_own() {
         ),
         "rigid roll-slip inf 0, rigid coulomb inf 0.3, linear-spring roll-slip 1000 0, linear-spring stick-slide 1000 0.3"
     );
+    // Rolling friction beside laws that leave pairs free to roll, and with friction.
+    let rolling = GOOD.replace(
+        "seeds = 4",
+        "seeds = [1]\ntangential = [\"roll-slip\", \"coulomb\"]\nrolling_friction = [0.0, 0.1]",
+    );
+    let cases = parse_text(&rolling).unwrap().cases;
+    // At each of three rates: without friction, rolling pairs, and slipping ones with and without it.
+    assert_eq!(cases.len(), 3 * 4);
+    let rolls = |case: &Case| case.params.contact.laws().rolling_friction > 0.0;
+    assert_eq!(cases.iter().filter(|(_, case)| rolls(case)).count(), 3);
     let sizes = GOOD.replace(
         "seeds = 4",
         "seeds = [1]\nsize_ratio = [1, 2]\nlarge_fraction = [0.2, 0.5]",
@@ -185,6 +195,20 @@ fn every_error_shows_the_place_and_says_what_is_allowed() {
         (
             "shear_rate = [0, 0.1, inf]",
             "shear_rate = 1\ncontact = \"exponential-repulsion\"\nrepulsion = 0",
+        ),
+        ("seeds = 4", "rolling_friction = 0.1\nseeds = 4"),
+        (
+            "seeds = 4",
+            "tangential = \"coulomb\"\nrolling_friction = [0, 11]\nseeds = 4",
+        ),
+        (
+            "seeds = 4",
+            "contact = [\"rigid\", \"procedure\"]\ntangential = \"none\"\nadhesion = 1\nseeds = 4",
+        ),
+        ("seeds = 4", "adhesion = [0, 1]\nseeds = 4"),
+        (
+            "shear_rate = [0, 0.1, inf]",
+            "shear_rate = 1\ncontact = \"exponential-repulsion\"\nadhesion = 1",
         ),
         ("roughness = 0.01", "roughness = 0"),
         (

@@ -302,6 +302,9 @@ struct Pair {
     normal_velocity: f64,
     /// Slip in the final motion.
     slip_velocity: f64,
+    /// Quasi-force of rolling friction, and the rolling velocity in the final motion.
+    rolling_force: f64,
+    rolling_velocity: f64,
     /// What the contact does.
     state: ContactState,
 }
@@ -338,6 +341,8 @@ impl From<&SolvedConfiguration> for Answer {
                     tangential_force: contact.tangential_force,
                     normal_velocity: contact.normal_velocity,
                     slip_velocity: contact.slip_velocity,
+                    rolling_force: contact.rolling_force,
+                    rolling_velocity: contact.rolling_velocity,
                     state: contact.state,
                 })
                 .collect(),

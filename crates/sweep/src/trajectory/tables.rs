@@ -53,7 +53,7 @@ const SPHERE_COLUMNS: [FrameColumn; 10] = [
 ];
 /// Columns of the table of contacts.
 #[rustfmt::skip]
-const CONTACT_COLUMNS: [FrameColumn; 10] = [
+const CONTACT_COLUMNS: [FrameColumn; 11] = [
     count("step", |step, _, _| Value::Count(step)),
     number("strain", "1", |_, f, _| Value::Number(f.strain)),
     count("i", |_, f, k| Value::Count(f.contacts[k].i as u64)),
@@ -63,6 +63,7 @@ const CONTACT_COLUMNS: [FrameColumn; 10] = [
     number("gap", "a", |_, f, k| Value::Number(f.contacts[k].gap)),
     number("normal_force", "mu a^2 rate", |_, f, k| Value::Number(f.contacts[k].normal_force)),
     number("tangential_force", "mu a^2 rate", |_, f, k| Value::Number(f.contacts[k].tangential_force)),
+    number("rolling_force", "mu a^2 rate", |_, f, k| Value::Number(f.contacts[k].rolling_force)),
     FrameColumn {
         name: "state",
         unit: "",

@@ -18,16 +18,18 @@ struct Network {
 }
 
 impl Network {
-    /// `columns`: of the normal forces, then of friction. `isolated`: whether friction moves no contact along its tangent.
-    fn new(columns: &[Vec<f64>], isolated: bool) -> Self {
-        let count = columns.len() / 2;
-        let matrix = |part: &[Vec<f64>]| DMatrix::from_fn(24, count, |row, k| part[k][row]);
-        let (n, t) = (matrix(&columns[..count]), matrix(&columns[count..]));
+    /// `columns`: of the normal forces, then of friction, row by row of each contact.
+    fn new(columns: &[Vec<f64>], law: Law) -> Self {
+        let (rows, isolated) = (law.rows(), law.isolated);
+        let count = columns.len() / (1 + rows);
+        let matrix = |part: &[Vec<f64>]| DMatrix::from_fn(24, part.len(), |row, k| part[k][row]);
+        let (normal, tangential) = columns.split_at(count);
+        let (n, t) = (matrix(normal), matrix(&tangential[..count * rows]));
         Self {
             normal: n.transpose() * &n,
             coupling: t.transpose() * &n,
             tangential: if isolated {
-                DMatrix::zeros(count, count)
+                DMatrix::zeros(count * rows, count * rows)
             } else {
                 t.transpose() * &t
             },
@@ -58,34 +60,39 @@ impl System for Network {
         _: bool,
         forces: &mut Forces,
     ) -> Option<RoundoffThresholds> {
-        let count = problem.normal.len();
-        let mut matrix = DMatrix::identity(2 * count, 2 * count);
-        let mut rhs = DVector::zeros(2 * count);
+        let (count, rows) = (problem.normal.len(), problem.tangential.len());
+        let mut matrix = DMatrix::identity(count + rows, count + rows);
+        let mut rhs = DVector::zeros(count + rows);
         for k in 0..count {
             if states.closed[k] {
                 matrix[(k, k)] = 0.0;
                 for l in 0..count {
                     matrix[(k, l)] += self.normal[(k, l)];
-                    matrix[(k, count + l)] = -self.coupling[(l, k)];
+                }
+                for m in 0..rows {
+                    matrix[(k, count + m)] = -self.coupling[(m, k)];
                 }
                 matrix[(k, k)] += problem.normal[k].compliance;
                 rhs[k] = -problem.normal[k].bias;
             }
-            let row = count + k;
-            match states.friction[k] {
+        }
+        for (m, entry) in problem.tangential.iter().enumerate() {
+            let row = count + m;
+            match states.friction[m] {
                 FrictionState::Stick => {
                     matrix[(row, row)] = 0.0;
                     for l in 0..count {
-                        matrix[(row, l)] = self.coupling[(k, l)];
-                        matrix[(row, count + l)] -= self.tangential[(k, l)];
+                        matrix[(row, l)] = self.coupling[(m, l)];
                     }
-                    matrix[(row, row)] -= problem.tangential[k].compliance;
-                    rhs[row] = -problem.tangential[k].shift;
+                    for l in 0..rows {
+                        matrix[(row, count + l)] -= self.tangential[(m, l)];
+                    }
+                    matrix[(row, row)] -= entry.compliance;
+                    rhs[row] = -entry.shift;
                 }
                 state => {
-                    let entry = &problem.tangential[k];
-                    if entry.follows_load() && states.closed[k] {
-                        matrix[(row, k)] = -state.sign() * entry.coefficient;
+                    if entry.follows_load() && states.closed[entry.contact] {
+                        matrix[(row, entry.contact)] = -state.sign() * entry.coefficient;
                     }
                     rhs[row] = state.sign() * entry.intercept;
                 }
@@ -125,24 +132,41 @@ struct Law {
     compliance: f64,
     tangential_compliance: f64,
     friction: f64,
+    /// Coefficient of a second row, as rolling friction has it; 0 without.
+    rolling: f64,
     offset: f64,
     isolated: bool,
 }
 
-/// Every kind of law with a bound: rigid and soft, each with friction that rolls, sticks or has a spring. Without a bound friction that
+impl Law {
+    /// Friction rows of a contact.
+    fn rows(self) -> usize {
+        1 + usize::from(self.rolling > 0.0)
+    }
+}
+
+/// Every kind of law with a bound: rigid and soft, each with friction that rolls, sticks or has a spring, alone and with rolling friction besides. Without a bound friction that
 /// lifts contacts need not have a solution.
 fn laws() -> Vec<Law> {
     let mut all = Vec::new();
     for compliance in [1e-3, 0.3] {
         for (tangential_compliance, isolated) in [(1e-3, false), (0.5, false), (20.0, true)] {
             for (friction, offset) in [(0.1, 0.0), (0.5, 0.05), (1.0, 0.0)] {
-                all.push(Law {
+                let law = Law {
                     compliance,
                     tangential_compliance,
                     friction,
+                    rolling: 0.0,
                     offset,
                     isolated,
-                });
+                };
+                all.push(law);
+                if !isolated {
+                    all.push(Law {
+                        rolling: 0.2,
+                        ..law
+                    });
+                }
             }
         }
     }
@@ -155,6 +179,7 @@ fn rigid_coulomb(friction: f64) -> Law {
         compliance: 1e-10,
         tangential_compliance: 1e-10,
         friction,
+        rolling: 0.0,
         offset: 0.0,
         isolated: false,
     }
@@ -176,16 +201,19 @@ fn problem_of(law: Law, count: usize, given: &[f64]) -> Problem {
             bias: given[k],
             compliance: law.compliance,
         });
-        problem.tangential.push(Tangential {
-            contact: k,
-            row,
-            shift: given[10 + k],
-            compliance: law.tangential_compliance,
-            coefficient: law.friction,
-            intercept: -law.friction * law.offset,
-            active: k % 4 != 3,
-            was_deactivated: false,
-        });
+        let coefficients = [law.friction, law.rolling];
+        for (which, coefficient) in coefficients.into_iter().take(law.rows()).enumerate() {
+            problem.tangential.push(Tangential {
+                contact: k,
+                row,
+                shift: given[10 + (k + which) % 10],
+                compliance: law.tangential_compliance,
+                coefficient,
+                intercept: -coefficient * law.offset,
+                active: k % 4 != 3,
+                was_deactivated: false,
+            });
+        }
     }
     problem
 }
@@ -207,9 +235,10 @@ fn solve(
     let mut problem = problem_of(law, count, given);
     let mut solver = ProblemSolver::default();
     solver.states.closed.resize(count, true);
-    solver.states.friction.resize(count, FrictionState::Stick);
+    let rows = problem.tangential.len();
+    solver.states.friction.resize(rows, FrictionState::Stick);
     solver.forces.normal.resize(count, 0.0);
-    solver.forces.tangential.resize(count, 0.0);
+    solver.forces.tangential.resize(rows, 0.0);
     let outcome = solver.solve(&mut problem, network, activation, |_, _| 0);
     (problem, solver, outcome)
 }
@@ -233,7 +262,7 @@ proptest! {
             .collect();
         for friction in [1.0, 10.0] {
             let law = rigid_coulomb(friction);
-            let mut network = Network::new(&columns, false);
+            let mut network = Network::new(&columns, law);
             let (_, _, outcome) = solve(law, &mut network, &given, HELD);
             prop_assert!(outcome.status != Status::Failed, "ν = {friction}: {outcome:?}");
             let jammed = outcome.status == Status::NoAdmissibleMotion;
@@ -248,7 +277,7 @@ proptest! {
         given in prop::collection::vec(-1.0..1.0f64, 20),
     ) {
         for law in laws().into_iter().filter(|law| law.offset == 0.0) {
-            let mut network = Network::new(&columns, law.isolated);
+            let mut network = Network::new(&columns, law);
             let activation = FrictionActivation { critical_load: 0.05, updates: true };
             let (problem, solver, outcome) = solve(law, &mut network, &given, activation);
             prop_assert!(outcome.status == Status::Solved, "{law:?}: {outcome:?}");
@@ -266,17 +295,17 @@ proptest! {
         given in prop::collection::vec(-1.0..1.0f64, 20),
     ) {
         for law in laws() {
-            let mut network = Network::new(&columns, law.isolated);
+            let mut network = Network::new(&columns, law);
             let (problem, solver, outcome) = solve(law, &mut network, &given, HELD);
             prop_assert!(outcome.status == Status::Solved, "{law:?}: {outcome:?}");
             // The conditions themselves, whatever the solver says of them.
             let forces = &solver.forces;
             let [w, z] = network.velocities(&problem, forces);
             for (m, row) in problem.tangential.iter().enumerate() {
-                let (f, t) = (forces.normal[m], forces.tangential[m]);
-                prop_assert!(f >= 0.0 && w[m] > -1e-9 && f * w[m] < 1e-8, "{law:?}: {f} {}", w[m]);
+                let (f, w, t) = (forces.normal[row.contact], w[row.contact], forces.tangential[m]);
+                prop_assert!(f >= 0.0 && w > -1e-9 && f * w < 1e-8, "{law:?}: {f} {w}");
                 let acts = row.active && f > law.offset;
-                let bound = if acts { law.friction * (f - law.offset) } else { 0.0 };
+                let bound = if acts { row.coefficient * (f - law.offset) } else { 0.0 };
                 // Friction is exact to this share of the largest force.
                 let exact = Quality::FRICTION_LIMIT * largest(&forces.normal);
                 prop_assert!(t.abs() <= bound + exact, "{law:?}: {t} of {bound}");
@@ -306,6 +335,7 @@ fn an_isolated_contact_is_solved_by_hand() {
         compliance: 0.0,
         tangential_compliance: 0.0,
         friction: 0.2,
+        rolling: 0.0,
         offset: 0.0,
         isolated: false,
     };
@@ -353,7 +383,7 @@ fn an_isolated_contact_is_solved_by_hand() {
             0.25,
         ),
     ] {
-        let mut network = Network::new(&columns, law.isolated);
+        let mut network = Network::new(&columns, law);
         let (_, solver, outcome) = solve(law, &mut network, &given, HELD);
         let violation = outcome.violation;
         let (f, t) = (solver.forces.normal[0], solver.forces.tangential[0]);

@@ -38,6 +38,7 @@ impl ContactSolver {
                 let mut contact = Contact::new(*pair, radii, input.background);
                 if let Some((_, [f, t])) = forces {
                     (contact.normal_force, contact.tangential_force) = (f, t);
+                    contact.rolling_force = warm_start.rolling.of(&contact);
                 }
                 self.list.push(contact);
             }
@@ -56,7 +57,7 @@ impl ContactSolver {
         velocities: &[f64],
         warm_start: &mut WarmStart,
     ) -> bool {
-        warm_start.forces.clear();
+        warm_start.clear();
         if !input.laws.normal.law.touches() {
             return false;
         }
@@ -70,12 +71,16 @@ impl ContactSolver {
                 && contact.pair.key() == pair.key()
             {
                 known += 1;
-                forces = [contact.normal_force, contact.tangential_force];
+                forces = [
+                    contact.normal_force,
+                    contact.tangential_force,
+                    contact.rolling_force,
+                ];
                 parting = parting_velocity(input, contact);
                 velocity = contact.normal_velocity;
             } else {
                 let contact = Contact::new(*pair, radii, input.background);
-                forces = [0.0, 0.0];
+                forces = [0.0; 3];
                 parting = parting_velocity(input, &contact);
                 velocity = contact.background[0] + contact.normal_row().read(velocities);
                 closes |= velocity < parting;

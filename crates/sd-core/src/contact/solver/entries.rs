@@ -1,6 +1,6 @@
 //! What the laws of the candidates come down to: entries of the contact problem, and what its solution says of them.
 
-use super::super::laws::{COMPLIANCE, Overlap};
+use super::super::laws::{COMPLIANCE, Laws, Overlap};
 use super::super::pair::ContactState;
 use super::super::row::Row;
 use super::super::solve::problem::{self, Forces, FrictionState, Problem};
@@ -74,6 +74,10 @@ impl ContactSolver {
                 },
             was_deactivated: false,
         };
+        // What a spring of friction adds to the compliance and the shift of its row, if its force is `base` before it looks ahead.
+        let ahead = laws.tangential_stiffness * input.span.time;
+        let spring = |base: f64| [ahead.recip(), base / ahead];
+        let phase = input.span.phase;
         match laws.tangential.halts() {
             Halt::IsolatedSlip => {
                 if contact.slip_resistance == 0.0 {
@@ -82,11 +86,10 @@ impl ContactSolver {
                 row.compliance = contact.slip_resistance.recip();
             }
             Halt::SpringSlip => {
-                let (springs, phase) = (&memory.springs, input.span.phase);
-                let base = self.stretches.base(contact, springs, phase);
-                let ahead = laws.tangential_stiffness * input.span.time;
-                row.compliance += ahead.recip();
-                row.shift += base / ahead;
+                let base = self.stretches.base(contact, &memory.springs, phase);
+                let [compliance, stretch] = spring(base);
+                row.compliance += compliance;
+                row.shift += stretch;
             }
             Halt::Slip | Halt::SlipAndRotation => {}
         }
@@ -99,6 +102,24 @@ impl ContactSolver {
             row.row = Row::spin([contact.pair.i, contact.pair.j]);
             self.problem.tangential.push(row);
             forces.push(0.0);
+        }
+        if laws.rolling_friction > 0.0 {
+            let (coefficient, intercept) = laws.rolling_bound();
+            let [compliance, shift] = if laws.tangential.has_spring() {
+                let springs = &memory.rolling_springs;
+                spring(self.rolling_stretches.base(contact, springs, phase))
+            } else {
+                [0.0, 0.0]
+            };
+            self.problem.tangential.push(problem::Tangential {
+                row: contact.rolling_row(),
+                shift,
+                compliance: COMPLIANCE + compliance,
+                coefficient,
+                intercept,
+                ..row
+            });
+            forces.push(contact.rolling_force);
         }
     }
 
@@ -118,19 +139,20 @@ impl ContactSolver {
     }
 
     /// Puts the forces found, and what their contacts do, into `list`.
-    pub(super) fn keep_forces(&mut self) {
+    pub(super) fn keep_forces(&mut self, laws: &Laws) {
         for (contact, &f) in self.list.iter_mut().zip(&self.solver.forces.normal) {
             contact.normal_force = f;
             contact.tangential_force = 0.0;
             contact.state = ContactState::Frictionless;
+            (contact.rolling_force, contact.rolling_halted) = (0.0, false);
         }
         let mut before = None;
         for (m, row) in self.problem.tangential.iter().enumerate() {
             let first = before != Some(row.contact);
             before = Some(row.contact);
-            // The second row of a contact is that of its spin.
+            let contact = &mut self.list[row.contact];
+            // The second row of a contact is that of its spin, or of rolling friction.
             if first {
-                let contact = &mut self.list[row.contact];
                 contact.tangential_force = self.solver.forces.tangential[m];
                 contact.state = match self.solver.states.friction[m] {
                     FrictionState::Inactive => ContactState::Frictionless,
@@ -139,6 +161,9 @@ impl ContactSolver {
                         ContactState::Slipping
                     }
                 };
+            } else if laws.rolling_friction > 0.0 {
+                contact.rolling_force = self.solver.forces.tangential[m];
+                contact.rolling_halted = self.solver.states.friction[m] == FrictionState::Stick;
             }
         }
     }

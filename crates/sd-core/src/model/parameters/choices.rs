@@ -1,7 +1,7 @@
 //! Choices whose words stand for more than one field of the parameters: the contact scheme and friction.
 
 use crate::error::Refusal;
-use crate::law::{NormalLaw, TangentialLaw, Word, Words};
+use crate::law::{NormalLaw, TangentialLaw, Word, Words, rolling_friction};
 use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, Params};
 
 /// Word for the paper's steps in the place of a normal law.
@@ -71,8 +71,8 @@ pub(super) fn put_contact(params: &mut Params, word: &str) -> Result<(), Refusal
             key,
             value,
             problem: "does not go with `contact` = \"procedure\"".into(),
-            allowed: "the procedure has the paper's laws only: \"roll-slip\" or \"none\", \"critical-load\", no repulsion; \
-                      give it a grid of its own"
+            allowed: "the procedure has the paper's laws only: \"roll-slip\" or \"none\", \"critical-load\", no repulsion, \
+                      rolling friction or adhesion; give it a grid of its own"
                 .into(),
             because: Some("contact"),
         })
@@ -85,6 +85,12 @@ pub(super) fn put_contact(params: &mut Params, word: &str) -> Result<(), Refusal
     }
     if laws.repulsion > 0.0 {
         return refuse("repulsion", laws.repulsion.to_string());
+    }
+    if laws.rolling_friction > 0.0 {
+        return refuse("rolling_friction", laws.rolling_friction.to_string());
+    }
+    if laws.adhesion > 0.0 {
+        return refuse("adhesion", laws.adhesion.to_string());
     }
     params.contact = ContactScheme::Procedure;
     Ok(())
@@ -130,6 +136,16 @@ pub(super) fn put_law(params: &mut Params, change: impl FnOnce(&mut ContactLaws)
 /// Whether friction ever acts.
 pub(super) fn rubs(params: &Params) -> bool {
     params.contact.laws().normal.touches() && params.rubs()
+}
+
+/// Whether rolling friction acts: where friction does, beside a law that leaves pairs free to roll.
+pub(super) fn resists_rolling(params: &Params) -> bool {
+    rubs(params) && rolling_friction::goes_with(params.contact.laws().tangential)
+}
+
+/// Whether surfaces touch and may adhere. The paper's steps have no such law.
+pub(super) fn may_adhere(params: &Params) -> bool {
+    params.contact.laws().normal.touches() && !matches!(params.contact, ContactScheme::Procedure)
 }
 
 /// Whether the laws are other than the paper's.
@@ -202,6 +218,16 @@ pub(super) fn needs_tangential_spring() -> String {
         "`tangential` = {} with a spring",
         words_where(TangentialLaw::has_spring)
     )
+}
+
+pub(super) fn needs_rolling() -> String {
+    let laws = rolling_friction::goes_with_words();
+    format!("`friction` above 0 and `tangential` = {laws}, which leave pairs free to roll")
+}
+
+pub(super) fn needs_touch() -> String {
+    let touching = words_where(NormalLaw::touches);
+    format!("surfaces that touch: `contact` = {touching}")
 }
 
 pub(super) fn needs_repulsion() -> String {

@@ -2,17 +2,20 @@
 
 use super::choices::{
     alone, contact_word, contact_words, has_chosen_laws, has_leading_order, has_lubrication_gap,
-    has_spring, has_tangential_spring, is_mixed, needs_leading_order, needs_lubrication_gap,
-    needs_repulsion, needs_spring, needs_tangential_spring, put_contact, put_hydrodynamics,
-    put_law, put_spheres, put_tangential, read, repels, rubs, tangential_words,
+    has_spring, has_tangential_spring, is_mixed, may_adhere, needs_leading_order,
+    needs_lubrication_gap, needs_repulsion, needs_rolling, needs_spring, needs_tangential_spring,
+    needs_touch, put_contact, put_hydrodynamics, put_law, put_spheres, put_tangential, read,
+    repels, resists_rolling, rubs, tangential_words,
 };
 use super::quantities::{
     AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, ROUGHNESS, SHEAR_RATE,
     SHEAR_STRESS, SIZE_RATIO, SPHERES, START, TIME_STEP,
 };
 use super::{Choice, Form, Number, Parameter};
+use crate::law::adhesion::ADHESION;
 use crate::law::normal::{DASHPOT, STIFFNESS};
 use crate::law::repulsion::{REPULSION, REPULSION_ALONE, REPULSION_LENGTH, USUAL_LENGTH};
+use crate::law::rolling_friction::ROLLING_FRICTION;
 use crate::law::tangential::stick_slide::{TANGENTIAL_STIFFNESS, USUAL_STIFFNESS};
 use crate::law::{FrictionOnset, Quantity, StiffnessUnit, Words as _};
 use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
@@ -22,7 +25,7 @@ use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, LeadingOrder};
 ///
 /// A choice stands above the numbers that have a meaning under it. Values are therefore put into [`crate::Params`] from the last
 /// entry to the first.
-pub static PARAMETERS: [Parameter; 24] = [
+pub static PARAMETERS: [Parameter; 26] = [
     Parameter {
         key: "hydrodynamics",
         symbol: "hydrodynamics",
@@ -160,6 +163,19 @@ pub static PARAMETERS: [Parameter; 24] = [
         ..number(&FRICTION)
     },
     Parameter {
+        has_meaning: resists_rolling,
+        needs: Some(needs_rolling),
+        is_shown: |p| p.contact.laws().rolling_friction > 0.0,
+        form: Form::Number(Number {
+            quantity: &ROLLING_FRICTION,
+            default: Some(|_| 0.0),
+            get: |p| p.contact.laws().rolling_friction,
+            put: |p, value| put_law(p, |laws| laws.rolling_friction = value),
+            ..OF_LAWS
+        }),
+        ..number(&ROLLING_FRICTION)
+    },
+    Parameter {
         has_meaning: has_spring,
         needs: Some(needs_spring),
         is_shown: has_spring,
@@ -267,6 +283,19 @@ pub static PARAMETERS: [Parameter; 24] = [
             ..OF_LAWS
         }),
         ..number(&REPULSION_LENGTH)
+    },
+    Parameter {
+        has_meaning: may_adhere,
+        needs: Some(needs_touch),
+        is_shown: |p| p.contact.laws().adhesion > 0.0,
+        form: Form::Number(Number {
+            quantity: &ADHESION,
+            default: Some(|_| 0.0),
+            get: |p| p.contact.laws().adhesion,
+            put: |p, value| put_law(p, |laws| laws.adhesion = value),
+            ..OF_LAWS
+        }),
+        ..number(&ADHESION)
     },
     Parameter {
         is_shown: |p| p.start.is_some(),

@@ -116,7 +116,9 @@ impl Dependence {
         let jumps = rubs && laws.onset == FrictionOnset::CriticalLoad;
         let smooth = rubs && laws.onset == FrictionOnset::Reduced;
         match params.contact {
-            ContactScheme::Laws(laws) if laws.is_soft() || smooth => Self::Forces { jumps },
+            ContactScheme::Laws(laws) if laws.is_soft() || laws.adhesion > 0.0 || smooth => {
+                Self::Forces { jumps }
+            }
             _ if jumps => Self::Set,
             _ => Self::None,
         }
@@ -225,7 +227,7 @@ impl Simulation {
                 // A spring keeps its stretch, not its force in units of the flow.
                 let factor = laws.tangential_stiffness / before;
                 let contacts = &mut self.stage.contacts;
-                contacts.rescale_springs(&mut memory.springs, factor);
+                contacts.rescale_springs(memory, factor);
             }
         }
     }

@@ -43,6 +43,8 @@ pub struct FrameContact {
     pub normal_force: f64,
     /// Tangential force, in mu·a²·rate.
     pub tangential_force: f64,
+    /// Quasi-force of rolling friction, in mu·a²·rate; 0 without.
+    pub rolling_force: f64,
     /// What it does.
     pub state: ContactState,
 }
@@ -98,6 +100,7 @@ impl Simulation {
                     gap: contact.pair.gap,
                     normal_force: contact.normal_force,
                     tangential_force: contact.tangential_force,
+                    rolling_force: contact.rolling_force,
                     state: contact.state,
                 })
                 .collect(),

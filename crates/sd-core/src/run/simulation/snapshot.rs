@@ -4,6 +4,7 @@ use super::Counters;
 use super::drive::Drive;
 use crate::contact::ContactMemory;
 use crate::contact::procedure::ContactList;
+use crate::contact::warm_start::SpringForces;
 use crate::error::Error;
 use crate::geometry::pair::PairKey;
 use crate::model::{ContactScheme, Params, StartLayer};
@@ -75,15 +76,17 @@ impl SchemeMemory {
         }
     }
 
-    /// Stretches tangential springs of this stiffness; under laws without any, nothing happens.
-    pub(super) fn stretch(&mut self, stretches: &[(u32, u32, f64)], stiffness: f64) {
+    /// Stretches the springs of friction, of this stiffness, as a layer has them; under laws without any, nothing happens.
+    pub(super) fn stretch(&mut self, layer: &start::Start, stiffness: f64) {
         if let Self::Laws(memory) = self
             && stiffness > 0.0
         {
-            let forces = stretches
-                .iter()
-                .map(|&(i, j, stretch)| (i, j, stiffness * stretch));
-            memory.springs.0.extend(forces);
+            let forces = |stretches: &[(u32, u32, f64)]| {
+                let pairs = stretches.iter();
+                SpringForces(pairs.map(|&(i, j, x)| (i, j, stiffness * x)).collect())
+            };
+            memory.springs = forces(&layer.springs);
+            memory.rolling_springs = forces(&layer.rolling_springs);
         }
     }
 
@@ -101,14 +104,19 @@ impl SchemeMemory {
         match (self, scheme) {
             (Self::Laws(memory), ContactScheme::Rigid | ContactScheme::Laws(_)) => {
                 let forces = &memory.warm_start.forces;
-                let springs = &memory.springs.0;
+                let springs = [
+                    &memory.springs,
+                    &memory.rolling_springs,
+                    &memory.warm_start.rolling,
+                ];
+                let mut springs = springs.iter().flat_map(|list| &list.0);
                 if !(forces.iter().all(|f| there(&(f.0, f.1)))
-                    && springs.iter().all(|f| there(&(f.0, f.1))))
+                    && springs.clone().all(|f| there(&(f.0, f.1))))
                 {
                     return Some("contacts of spheres that are not there");
                 }
                 let finite = forces.iter().all(|f| f.2.is_finite() && f.3.is_finite())
-                    && springs.iter().all(|f| f.2.is_finite());
+                    && springs.all(|f| f.2.is_finite());
                 (!finite).then_some("not all numbers are finite")
             }
             (Self::Procedure { listed, velocities }, ContactScheme::Procedure) => {
@@ -134,9 +142,12 @@ impl Snapshot {
         let stiffness = Drive::new(params, self.critical_load)
             .laws(params)
             .tangential_stiffness;
-        let springs = match &self.memory {
-            SchemeMemory::Laws(memory) if stiffness > 0.0 => memory.springs.0.as_slice(),
-            SchemeMemory::Laws(_) | SchemeMemory::Procedure { .. } => &[],
+        let stretches = |springs: fn(&ContactMemory) -> &SpringForces| match &self.memory {
+            SchemeMemory::Laws(memory) if stiffness > 0.0 => {
+                let forces = springs(memory).0.iter();
+                forces.map(|&(i, j, f)| (i, j, f / stiffness)).collect()
+            }
+            SchemeMemory::Laws(_) | SchemeMemory::Procedure { .. } => Vec::new(),
         };
         let offset = before + params.direction * strain * self.side;
         StartLayer {
@@ -146,10 +157,8 @@ impl Snapshot {
             centres: self.centres.clone(),
             orientations: self.orientations.clone(),
             origin: None,
-            springs: springs
-                .iter()
-                .map(|&(i, j, force)| (i, j, force / stiffness))
-                .collect(),
+            springs: stretches(|memory| &memory.springs),
+            rolling_springs: stretches(|memory| &memory.rolling_springs),
         }
     }
 

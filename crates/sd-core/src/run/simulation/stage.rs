@@ -85,8 +85,8 @@ impl Simulation {
                 let contact = Contact::Laws { laws, span, memory };
                 let quality = if pass == Pass::First {
                     solver.solve(&background, &[], contact)?
-                } else if laws.repulsion.is_some() {
-                    // Its slope is a part of the matrix that was factored.
+                } else if laws.repulsion.is_some() || laws.adhesion > 0.0 {
+                    // They are a part of the forces, and a repulsion of the matrix that was factored.
                     solver.assemble(cell, centres)?;
                     solver.solve(&background, &[], contact)?
                 } else {

@@ -152,9 +152,12 @@ impl Simulation {
         let bears = |sphere: usize| partners[sphere] > 1;
         let taken: usize = loaded()
             .filter(|contact| bears(contact.pair.i) && bears(contact.pair.j))
-            .map(|contact| match contact.state {
-                ContactState::Rolling => 1 + halted,
-                ContactState::Frictionless | ContactState::Slipping => 1,
+            .map(|contact| {
+                usize::from(contact.rolling_halted)
+                    + match contact.state {
+                        ContactState::Rolling => 1 + halted,
+                        ContactState::Frictionless | ContactState::Slipping => 1,
+                    }
             })
             .sum();
         let spheres = (0..partners.len()).filter(|&sphere| bears(sphere)).count();

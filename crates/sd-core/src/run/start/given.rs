@@ -78,7 +78,11 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
     };
     let centres: Vec<Vec2> = order.iter().map(centre).collect();
     check_gaps(&cell, &centres, &radii, &order, params)?;
-    let Some(springs) = reordered(&given.springs, &order) else {
+    // The slip of a pair is the same seen from either sphere; the rolling velocity has the other sign.
+    let (Some(springs), Some(rolling_springs)) = (
+        reordered(&given.springs, &order, 1.0),
+        reordered(&given.rolling_springs, &order, -1.0),
+    ) else {
         return refuse(
             "a layer".into(),
             "has springs of spheres that are not there, or of no finite stretch".into(),
@@ -99,6 +103,7 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
         centres: centres.iter().map(|x| [x.x, x.y]).collect(),
         radii,
         springs,
+        rolling_springs,
         origin: given.origin,
     })
 }
@@ -154,7 +159,13 @@ fn check_gaps(
 }
 
 /// Springs with the numbers that spheres have in another order; `None` where a sphere is not there or a stretch is not finite.
-fn reordered(springs: &[(u32, u32, f64)], order: &[usize]) -> Option<Vec<(u32, u32, f64)>> {
+///
+/// `exchanged`: sign of a stretch where the spheres of a pair change places.
+fn reordered(
+    springs: &[(u32, u32, f64)],
+    order: &[usize],
+    exchanged: f64,
+) -> Option<Vec<(u32, u32, f64)>> {
     let place = |sphere: u32| {
         let old = usize::try_from(sphere).ok()?;
         u32::try_from(order.iter().position(|&other| other == old)?).ok()
@@ -165,8 +176,8 @@ fn reordered(springs: &[(u32, u32, f64)], order: &[usize]) -> Option<Vec<(u32, u
         if i == j || !stretch.is_finite() {
             return None;
         }
-        // The slip of a pair is the same seen from either sphere.
-        all.push((i.min(j), i.max(j), stretch));
+        let sign = if i < j { 1.0 } else { exchanged };
+        all.push((i.min(j), i.max(j), sign * stretch));
     }
     all.sort_unstable_by_key(|spring| (spring.0, spring.1));
     Some(all)

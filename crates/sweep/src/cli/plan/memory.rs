@@ -36,6 +36,7 @@ pub(super) fn frame_bytes(params: &Params) -> f64 {
         gap: 0.01,
         normal_force: 1.0,
         tangential_force: 0.1,
+        rolling_force: 0.0,
         state: sd_core::contact::ContactState::Rolling,
     };
     let frame = Frame {

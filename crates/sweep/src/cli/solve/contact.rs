@@ -47,6 +47,8 @@ pub(super) struct Contact {
     laws: Option<ContactLaws>,
     /// Pairs, and the forces of their tangential springs.
     springs: Option<Vec<Spring>>,
+    /// The same of rolling friction.
+    rolling_springs: Option<Vec<Spring>>,
 }
 
 /// A tangential spring as it is written.
@@ -96,6 +98,7 @@ impl Contact {
         let chosen = [
             ("contact.laws", self.laws.is_some()),
             ("contact.springs", self.springs.is_some()),
+            ("contact.rolling_springs", self.rolling_springs.is_some()),
         ];
         if scheme != Scheme::Laws {
             stray(&chosen)?;
@@ -164,26 +167,33 @@ impl Contact {
             .ok_or(("contact.laws", "scheme laws needs it".into()))?;
         laws.validate(&surface, hydrodynamics)
             .map_err(|error| ("contact.laws", error.to_string()))?;
-        let springs = self.springs.unwrap_or_default();
-        if springs.len() > PAIR_LIMIT {
-            return Err(("contact.springs", format!("at most {PAIR_LIMIT} pairs")));
-        }
-        let mut forces: Vec<_> = springs.into_iter().map(Spring::entry).collect();
-        if let Some(spring) = forces.iter().find(|f| f.0 >= f.1) {
-            return Err((
-                "contact.springs",
-                format!(
-                    "pairs are [i, j, …] with i < j, not [{}, {}, …]",
-                    spring.0, spring.1
-                ),
-            ));
-        }
-        forces.sort_unstable_by_key(|f| (f.0, f.1));
         Ok(ContactRequest::Laws {
             lubrication_gap: laws.lubrication_gap,
             laws: Laws::new(&laws, surface),
             time_span,
-            springs: SpringForces(forces),
+            springs: forces("contact.springs", self.springs)?,
+            rolling_springs: forces("contact.rolling_springs", self.rolling_springs)?,
         })
     }
+}
+
+/// The forces of springs, ordered by pair.
+fn forces(
+    name: &'static str,
+    springs: Option<Vec<Spring>>,
+) -> Result<SpringForces, (&'static str, String)> {
+    let springs = springs.unwrap_or_default();
+    if springs.len() > PAIR_LIMIT {
+        return Err((name, format!("at most {PAIR_LIMIT} pairs")));
+    }
+    let mut forces: Vec<_> = springs.into_iter().map(Spring::entry).collect();
+    if let Some(spring) = forces.iter().find(|f| f.0 >= f.1) {
+        let [i, j] = [spring.0, spring.1];
+        return Err((
+            name,
+            format!("pairs are [i, j, …] with i < j, not [{i}, {j}, …]"),
+        ));
+    }
+    forces.sort_unstable_by_key(|f| (f.0, f.1));
+    Ok(SpringForces(forces))
 }

@@ -1,0 +1,51 @@
+//! Pairs that adhere, by the law of [`crate::law::adhesion`].
+//!
+//! Which pairs touch is known before a stage is solved: in the middle of a step of rigid contacts those that touched where the step began.
+//! So the attraction is a force on the spheres like one from outside.
+
+use super::laws::{Laws, Span};
+use super::pair::Contact;
+use crate::geometry::modes::Background;
+use crate::hydrodynamics::resistance::Resistance;
+use crate::law::adhesion;
+
+/// Adhering pairs of a stage.
+#[derive(Debug, Default)]
+pub struct Adhering {
+    /// The pairs. The normal force is −F_A; velocities are those of the stage once it is solved.
+    pub pairs: Vec<Contact>,
+}
+
+impl Adhering {
+    /// Adds the attraction to `forces` `[3N]`.
+    pub(crate) fn add(
+        &mut self,
+        laws: &Laws,
+        resistance: &Resistance,
+        background: &Background,
+        span: &Span<'_>,
+        forces: &mut [f64],
+    ) {
+        let range = adhesion::range(laws.surface.roughness, laws.normal.is_rigid());
+        for pair in resistance.neighbours() {
+            let mut contact = Contact::new(*pair, resistance.radii(), background);
+            let gap = if laws.normal.is_rigid() {
+                span.gap(&contact, background)
+            } else {
+                pair.gap
+            };
+            if gap < range {
+                contact.normal_force = -laws.adhesion;
+                contact.normal_row().add(-laws.adhesion, forces);
+                self.pairs.push(contact);
+            }
+        }
+    }
+
+    /// Velocities that belong to the solved motion `[3N]`.
+    pub(crate) fn finish(&mut self, velocities: &[f64]) {
+        for contact in &mut self.pairs {
+            contact.take_velocities(velocities);
+        }
+    }
+}
