@@ -98,6 +98,7 @@ pub mod law;
 pub mod linalg;
 pub mod model;
 mod run;
+pub mod space;
 mod stage;
 mod stress;
 
@@ -116,7 +117,7 @@ pub use model::{
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::steppers::rosenbrock::{self, Rosenbrock};
 pub use run::steppers::{RungeKutta, Stage, State};
-pub use run::{instant, pair, simulation, start, verify};
+pub use run::{bulk, instant, pair, simulation, start, verify};
 pub use stage::{Contact as StageContact, Method, StageSolver, memory_bytes};
 pub use stress::{Stress, StressComponents, StressParts, StressWork};
 
