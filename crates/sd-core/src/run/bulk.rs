@@ -218,7 +218,9 @@ fn check(configuration: &Configuration) -> Result<(), Error> {
         ("forces", &configuration.forces),
         ("torques", &configuration.torques),
     ] {
-        vectors.iter().try_for_each(|x| finite(field, x.as_slice()))?;
+        vectors
+            .iter()
+            .try_for_each(|x| finite(field, x.as_slice()))?;
     }
     finite("background", strain.as_slice())?;
     finite("background", background.angular_velocity.as_slice())?;

@@ -132,9 +132,7 @@ impl<S: Space> NeighbourList<S> {
                         _ => None,
                     };
                     let (first, span) = match shift {
-                        Some(shift) if shift == 0.0 && counts[0] > 3 => {
-                            (column + counts[0] - 1, 3)
-                        }
+                        Some(shift) if shift == 0.0 && counts[0] > 3 => (column + counts[0] - 1, 3),
                         Some(shift) if counts[0] > 4 => {
                             let start = (column as f64 + shift).floor();
                             #[expect(
@@ -148,8 +146,8 @@ impl<S: Space> NeighbourList<S> {
                         _ => (0, counts[0]),
                     };
                     for other in first..first + span {
-                        let bin = (other_plane * counts[1] + other_row) * counts[0]
-                            + other % counts[0];
+                        let bin =
+                            (other_plane * counts[1] + other_row) * counts[0] + other % counts[0];
                         for &j in &self.sorted[self.starts[bin]..self.starts[bin + 1]] {
                             if j > i {
                                 self.found.extend(Neighbours::within(

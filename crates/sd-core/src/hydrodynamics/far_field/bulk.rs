@@ -7,10 +7,13 @@
 //! flow, and E∞ is the mean rate of strain.
 
 mod dense;
+mod grid;
 mod kernels;
+mod operator;
 
 pub(crate) use dense::DenseMobility;
 pub(crate) use kernels::self_mobility;
+pub(crate) use operator::MobilityOperator;
 
 #[cfg(test)]
 mod tests;

@@ -181,7 +181,10 @@ mod tests {
                 let found = twist(size_ratio, 2.0 + xi).unwrap();
                 for k in 0..2 {
                     let error = (found[k] - expected[k]).abs();
-                    assert!(error < 1e-12, "{size_ratio} {xi} {k}: {found:?} {expected:?}");
+                    assert!(
+                        error < 1e-12,
+                        "{size_ratio} {xi} {k}: {found:?} {expected:?}"
+                    );
                 }
             }
         }
@@ -199,7 +202,10 @@ mod tests {
         ] {
             let found = twist(size_ratio, 2.0 + xi).unwrap();
             for k in 0..2 {
-                assert!((found[k] - expected[k]).abs() < 6e-6, "{found:?} {expected:?}");
+                assert!(
+                    (found[k] - expected[k]).abs() < 6e-6,
+                    "{found:?} {expected:?}"
+                );
             }
         }
     }

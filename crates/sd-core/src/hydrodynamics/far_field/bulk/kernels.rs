@@ -38,10 +38,7 @@ fn coupling([f1, f2, f3, f4]: [f64; 4], distance: f64) -> Coupling {
         force_rotation: spin,
         force_strain: push,
         torque_velocity: spin,
-        torque_rotation: [
-            -0.5 * SCALE * l1,
-            -0.25 * SCALE * (2.0 * l1 + square * l2),
-        ],
+        torque_rotation: [-0.5 * SCALE * l1, -0.25 * SCALE * (2.0 * l1 + square * l2)],
         torque_strain: twist,
         stress_velocity: push.map(|x| -x),
         stress_rotation: -twist,

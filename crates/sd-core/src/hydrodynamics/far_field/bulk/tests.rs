@@ -73,8 +73,8 @@ fn images_of_one_lattice_are_one_whatever_cell_spans_it() {
     };
     let moved: Vec<_> = centres
         .iter()
-        .enumerate()
-        .map(|(k, x)| x + cell.image_vector([1 - k as i32, k as i32, 2 - k as i32]))
+        .zip([[1, 0, 2], [0, 1, 1], [-1, 2, 0]])
+        .map(|(x, image)| x + cell.image_vector(image))
         .collect();
     let worst = difference(&expected, &filled(&later, &moved, &radii, 0.5));
     assert!(worst < 1e-12, "{worst:e}");
@@ -162,7 +162,10 @@ fn far_field_of_cubic_lattices_has_its_closed_forms() {
             stream[0] = 1.0;
             let drag = far_response(name, phi, stream)[0] / (6.0 * PI);
             let expected = 1.0 - c * phi.cbrt() + phi;
-            assert!((drag.recip() - expected).abs() < 1e-4, "{name} {phi} {drag}");
+            assert!(
+                (drag.recip() - expected).abs() < 1e-4,
+                "{name} {phi} {drag}"
+            );
             let volume = 4.0 / 3.0 * PI / phi;
             // Along the axes: e1; E_xy: e2. The stress is that of unit strain, over 2 mu.
             let five = phi.powf(5.0 / 3.0);
@@ -176,5 +179,51 @@ fn far_field_of_cubic_lattices_has_its_closed_forms() {
                 assert!(error < 2e-3, "{name} {phi} {mode}: {added} {expected}");
             }
         }
+    }
+}
+
+#[test]
+fn operator_is_the_dense_mobility() {
+    let cell = Cell::periodic(Vector3::new(14.0, 15.0, 13.0), 3.7).unwrap();
+    let centres: Vec<Vector3<f64>> = (0..24)
+        .map(|k| {
+            let place = Vector3::new(f64::from(k % 3), f64::from(k / 3 % 4), f64::from(k / 12));
+            let moved = Vector3::new((1.7 * f64::from(k)).sin(), (0.9 * f64::from(k)).cos(), 0.4);
+            place.component_mul(&Vector3::new(4.5, 3.6, 6.0)) + moved * 0.5
+        })
+        .collect();
+    let radii: Vec<f64> = (0..24)
+        .map(|k| if k % 3 == 0 { 1.3 } else { 1.0 })
+        .collect();
+    let n = radii.len();
+    let exact = filled(&cell, &centres, &radii, 0.5);
+    for tolerance in [1e-4, 1e-6, 1e-8] {
+        let mut operator = MobilityOperator::new(&cell, &radii, tolerance).unwrap();
+        operator.update(&cell, &centres).unwrap();
+        let mut worst: f64 = 0.0;
+        for (sphere, mode) in [
+            (0, 0),
+            (3, 2),
+            (5, 3),
+            (9, 4),
+            (11, 6),
+            (17, 8),
+            (20, 9),
+            (23, 10),
+        ] {
+            let (mut x, mut y) = (vec![[0.0; 11]; n], vec![[0.0; 11]; n]);
+            x[sphere][mode] = 1.0;
+            operator.apply(&x, &mut y);
+            for (i, y) in y.iter().enumerate() {
+                for (k, y) in y.iter().enumerate() {
+                    let [row, column] = [(i, k), (sphere, mode)]
+                        .map(|(sphere, mode)| DenseMobility::row(n, sphere, mode));
+                    let expected = exact[(row.max(column), row.min(column))];
+                    worst = worst.max((y - expected).abs());
+                }
+            }
+        }
+        println!("{tolerance:e}: {worst:.1e}");
+        assert!(worst < tolerance / (6.0 * PI), "{tolerance:e}: {worst:e}");
     }
 }
