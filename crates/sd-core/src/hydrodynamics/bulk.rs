@@ -9,7 +9,12 @@
 //!
 //! As [`crate::hydrodynamics::resistance`], from the same scalar functions and tables; X^C is added. Pairs count up to
 //! `s' = 2r/(a_i + a_j) < 4`; two spheres alone in unbounded fluid count at any distance and are then exact under Stokesian Dynamics.
-//! Velocities and forces are ordered `(U, Ω)` sphere by sphere, `[6N]`.
+//! Velocities and forces are ordered `(U, Ω)` sphere by sphere, `[6N]`. [`Resistance`] is full and factored, for few spheres;
+//! [`SparseResistance`] is held pair by pair and has the far field iterated on top, for many.
+
+mod sparse;
+
+pub(crate) use sparse::SparseResistance;
 
 use crate::error::Error;
 use crate::geometry::cell::LUBRICATION_RANGE;
@@ -128,6 +133,11 @@ impl NearPart {
         self.neighbours.pairs()
     }
 
+    /// Of each pair, its blocks (i, i), (j, i), (j, j).
+    fn blocks(&self) -> &[[Coupling; 3]] {
+        &self.blocks
+    }
+
     /// Radii, in a.
     pub(crate) fn radii(&self) -> &[f64] {
         &self.radii
@@ -199,24 +209,20 @@ pub(crate) struct Resistance {
 }
 
 impl Resistance {
-    /// Workspace for spheres of the given radii, in cells of the given sides.
+    /// Workspace for spheres in cells of the given sides; with the far field if `is_full`, else with isolated drag.
     ///
     /// # Errors
-    /// Those of [`NearPart::new`].
-    pub(crate) fn new(
-        hydrodynamics: Hydrodynamics,
-        cell: &Cell<Bulk>,
-        radii: &[f64],
-        tables: &NearFields,
-    ) -> Result<Self, Error> {
-        let near = NearPart::new(hydrodynamics, cell, radii, tables)?;
-        let far = match hydrodynamics {
-            Hydrodynamics::StokesianDynamics => Some(DenseFar {
-                mobility: DenseMobility::new(cell, radii, DenseMobility::TOLERANCE)?,
+    /// Those of [`DenseMobility::new`].
+    pub(crate) fn new(near: NearPart, cell: &Cell<Bulk>, is_full: bool) -> Result<Self, Error> {
+        let far = if is_full {
+            let mobility = DenseMobility::new(cell, near.radii(), DenseMobility::TOLERANCE)?;
+            Some(DenseFar {
+                mobility,
                 factor: SkylineCholesky::default(),
                 inverse: Matrix::default(),
-            }),
-            Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => None,
+            })
+        } else {
+            None
         };
         Ok(Self {
             near,

@@ -12,7 +12,7 @@
 //! ```
 
 use crate::error::Error;
-use crate::hydrodynamics::bulk::{Resistance, Strain};
+use crate::hydrodynamics::bulk::{NearPart, Resistance, SparseResistance, Strain};
 use crate::hydrodynamics::resistance::NearFields;
 use crate::model::Hydrodynamics;
 use crate::space::Bulk;
@@ -128,6 +128,16 @@ pub struct SolvedConfiguration {
     pub dissipation: Option<f64>,
 }
 
+/// Spheres from which on the resistance is held pair by pair.
+const LEAST_SPARSE: usize = 100;
+
+/// Whether the resistance is held pair by pair, with the far field iterated on top: many spheres, in a cell or without a far field.
+fn is_sparse(configuration: &Configuration) -> bool {
+    let has_far_field = configuration.hydrodynamics == Hydrodynamics::StokesianDynamics;
+    configuration.centres.len() >= LEAST_SPARSE
+        && (configuration.cell != Cell::Unbounded || !has_far_field)
+}
+
 /// Solves one instant.
 ///
 /// # Errors
@@ -147,18 +157,30 @@ pub fn solve(
         torques,
     } = configuration;
     let strain = background.rate_of_strain.components();
-    let mut resistance = Resistance::new(*hydrodynamics, cell, radii, tables)?;
-    resistance.update(cell, centres)?;
-    let (driving, _) = resistance.apply(&vec![0.0; 6 * centres.len()], &strain);
-    let mut velocities: Vec<f64> = forces
+    let external: Vec<f64> = forces
         .iter()
         .zip(torques)
         .flat_map(|(f, t)| [f.x, f.y, f.z, t.x, t.y, t.z])
-        .zip(driving)
-        .map(|(external, driving)| external - driving)
         .collect();
-    resistance.solve(&mut velocities);
-    let (counterforces, stresslets) = resistance.apply(&velocities, &strain);
+    let is_full = *hydrodynamics == Hydrodynamics::StokesianDynamics;
+    let near = NearPart::new(*hydrodynamics, cell, radii, tables)?;
+    let (velocities, counterforces, stresslets) = if is_sparse(configuration) {
+        let mut resistance = SparseResistance::new(near, cell, is_full)?;
+        let motion = resistance.solve(cell, centres, &external, &strain)?;
+        (motion.velocities, motion.forces, motion.stresslets)
+    } else {
+        let mut resistance = Resistance::new(near, cell, is_full)?;
+        resistance.update(cell, centres)?;
+        let (driving, _) = resistance.apply(&vec![0.0; external.len()], &strain);
+        let mut velocities: Vec<f64> = external
+            .iter()
+            .zip(driving)
+            .map(|(external, driving)| external - driving)
+            .collect();
+        resistance.solve(&mut velocities);
+        let (counterforces, stresslets) = resistance.apply(&velocities, &strain);
+        (velocities, counterforces, stresslets)
+    };
     let power = crate::linalg::dense::dot(&velocities, &counterforces)
         + stresslets.iter().map(|s| s.dot(&strain)).sum::<f64>();
     let stresslets: Vec<_> = stresslets
@@ -234,4 +256,73 @@ fn check(configuration: &Configuration) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheared cell of spheres on a disordered lattice, at φ = 0.35.
+    fn suspension(hydrodynamics: Hydrodynamics) -> Configuration {
+        let side = 2.29;
+        let centres: Vec<_> = (0..64)
+            .map(|k| {
+                let place = Vector3::new(f64::from(k % 4), f64::from(k / 4 % 4), f64::from(k / 16));
+                let k = f64::from(k);
+                place * side
+                    + Vector3::new((1.7 * k).sin(), (2.9 * k).cos(), (0.9 * k).sin()) * 0.07
+            })
+            .collect();
+        let n = centres.len();
+        Configuration {
+            radii: vec![1.0; n],
+            cell: Cell::periodic(Vector3::repeat(4.0 * side), side).unwrap(),
+            hydrodynamics,
+            background: Background::SHEAR,
+            forces: (0..n)
+                .map(|k| Vector3::new((0.7 * k as f64).sin(), 0.3, -0.1))
+                .collect(),
+            torques: (0..n)
+                .map(|k| Vector3::new(0.1, (1.1 * k as f64).cos(), 0.2))
+                .collect(),
+            centres,
+        }
+    }
+
+    #[test]
+    fn motion_pair_by_pair_is_that_of_full_matrices() {
+        for (hydrodynamics, tolerance) in [
+            (Hydrodynamics::StokesianDynamics, 1e-5),
+            (Hydrodynamics::BallMelrose, 1e-8),
+        ] {
+            let full = hydrodynamics == Hydrodynamics::StokesianDynamics;
+            let c = suspension(hydrodynamics);
+            let dense = solve(&c, &NearFields::default()).unwrap();
+            let near = || NearPart::new(hydrodynamics, &c.cell, &c.radii, &NearFields::default());
+            let mut sparse = SparseResistance::new(near().unwrap(), &c.cell, full).unwrap();
+            let external: Vec<f64> = c
+                .forces
+                .iter()
+                .zip(&c.torques)
+                .flat_map(|(f, t)| [f.x, f.y, f.z, t.x, t.y, t.z])
+                .collect();
+            let strain = c.background.rate_of_strain.components();
+            let motion = sparse
+                .solve(&c.cell, &c.centres, &external, &strain)
+                .unwrap();
+            for (i, v) in motion.velocities.chunks_exact(6).enumerate() {
+                let error = (Vector3::new(v[0], v[1], v[2]) - dense.velocities[i])
+                    .amax()
+                    .max((Vector3::new(v[3], v[4], v[5]) - dense.angular_velocities[i]).amax());
+                assert!(error < tolerance, "{hydrodynamics:?} {i}: {error:e}");
+                let stress = motion.stresslets[i] - dense.stresslets[i].components();
+                let error = stress.amax() / 20.0;
+                assert!(error < tolerance, "{hydrodynamics:?} stress {i}: {error:e}");
+            }
+            // The forces that resist the motion are those that drive it.
+            let left = motion.forces.iter().zip(&external);
+            let left = left.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(left < 1e-7, "{hydrodynamics:?}: {left:e}");
+        }
+    }
 }
