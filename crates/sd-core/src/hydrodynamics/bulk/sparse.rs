@@ -231,10 +231,10 @@ impl Solver {
         let factor = &mut self.factor;
         factor.reset(&pattern);
         for (i, drag) in drag.iter().enumerate() {
-            for part in 0..2 {
+            for (part, &drag) in drag.iter().take(2).enumerate() {
                 let mut block = Block::default();
                 for k in 0..3 {
-                    block[4 * k] = drag[part];
+                    block[4 * k] = drag;
                 }
                 factor.add_own(&pattern, 2 * i + part, &block);
             }
