@@ -21,8 +21,9 @@ use crate::space::Bulk;
 use crate::space::cell::Cell;
 use nalgebra::Vector3;
 
-/// s' below which the coupling of a pair is in the preconditioner's factor, as in that of the layer.
-const FACTORED: f64 = 2.2;
+/// s' below which the coupling of a pair is in the preconditioner's factor. With the layer's 2.2 the factor fills in: on a disordered
+/// cubic lattice of 2197 spheres at φ = 0.45 a Ball-Melrose instant takes 3.9 s in place of 0.4 s.
+const FACTORED: f64 = 2.05;
 /// Largest residual force at which the solves with `R_P` stop, over the largest force.
 const LEFT: f64 = 1e-10;
 const MOST_SOLVER_ITERATIONS: u32 = 500;
