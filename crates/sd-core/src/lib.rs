@@ -50,13 +50,16 @@
 //! linalg          dense matrices, lu, cholesky (dense, recursive, tiled, skyline, sparse), conjugate_gradients, gmres, anderson:
 //!                 the only room that names the linear-algebra library
 //! geometry        the sheared cell, pairs and lists of them, the six planar modes of a sphere
+//! space           what differs between a layer and a suspension; cell and neighbours written once for both, which the layer does not use yet
 //! hydrodynamics   two_sphere: near field of a pair; far_field: mobility of all spheres; resistance: their sum, held dense, within a
-//!                 skyline or pair by pair; iterative: the far field put on top of Ball-Melrose by iteration, for many spheres
+//!                 skyline or pair by pair; iterative: the far field put on top of Ball-Melrose by iteration, for many spheres; bulk: the
+//!                 same in three dimensions, eleven modes a sphere
 //! contact         forces between rough surfaces. laws: the entries of a law at a stage; solver: the pairs that take part; solve: the
 //!                 one contact problem, its states, and its dense and sparse linear algebra; procedure: the paper's steps, apart
 //! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
 //! stress          viscosity, normal stress differences, particle pressure, each by its causes; energy balance
 //! run             start: the first layer; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
+//!                 bulk: one evaluation in three dimensions, without contacts;
 //!                 pair: two spheres alone; verify: known results, computed anew
 //! ```
 //! A right-hand side goes through them in this order: pairs in range (`geometry`), their near field and the far field of all
@@ -98,6 +101,7 @@ pub mod law;
 pub mod linalg;
 pub mod model;
 mod run;
+pub mod space;
 mod stage;
 mod stress;
 
@@ -116,7 +120,7 @@ pub use model::{
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::steppers::rosenbrock::{self, Rosenbrock};
 pub use run::steppers::{RungeKutta, Stage, State};
-pub use run::{instant, pair, simulation, start, verify};
+pub use run::{bulk, instant, pair, simulation, start, verify};
 pub use stage::{Contact as StageContact, Method, StageSolver, memory_bytes};
 pub use stress::{Stress, StressComponents, StressParts, StressWork};
 

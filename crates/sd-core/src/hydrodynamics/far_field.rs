@@ -10,6 +10,7 @@
 //! `(e1, e2, e3)` of sphere 0, of sphere 1, …, then the 3N velocity or force rows `(U_x, U_y, Ω)` of sphere 0, ….
 //! So the block of the inverse that is needed explicitly, force from velocity, is the trailing one.
 
+pub(crate) mod bulk;
 mod ewald;
 mod grid;
 pub(crate) mod kernels;

@@ -37,9 +37,9 @@ pub use pairwise::PairwiseResistance;
 use pairwise::Reach;
 pub(crate) use pairwise::{Motion, side_by_side_mut};
 use skyline::SkylineResistance;
-use tables::NearTerms;
 
 pub use tables::NearFields;
+pub(crate) use tables::{BySizes, NearTerms};
 
 /// How `R_FU` is held.
 enum Form {
@@ -201,7 +201,8 @@ impl Resistance {
             .update(cell, centres, &self.radii, self.range)?;
         let (radii, pairs) = (&self.radii, self.neighbours.pairs());
         let (least, terms) = (self.lubrication_gap, &mut self.terms);
-        self.near.evaluate(radii, pairs, least, terms);
+        let gaps = pairs.iter().map(|pair| ([pair.i, pair.j], pair.gap));
+        self.near.evaluate(radii, gaps, least, terms);
         if let Some(far_pairs) = &mut self.far_pairs {
             far_pairs.add(radii, pairs, terms);
         }

@@ -12,7 +12,10 @@
 //! - `table`: [`NearField`], 0.2 µs per pair
 //! - `far_pair`: `R2B∞` near contact
 //! - `pair_term`: [`PairTerm`], its result in the frame of the layer
+//! - `twist`: X^C, which only a suspension needs, in closed form and tabulated
+//! - `coupling`: a pair matrix in three dimensions, as the fifteen numbers of each of its blocks
 
+mod coupling;
 mod equal_spheres;
 mod far_pair;
 mod leading_order;
@@ -21,12 +24,16 @@ mod pair_frame;
 mod pair_term;
 mod series;
 mod table;
+mod twist;
 
+pub(crate) use coupling::{Coupling, MODES, Modes};
 pub(crate) use far_pair::FarPair;
 pub(crate) use leading_order::LeadingOrderPair;
 pub use pair_frame::PairMatrix;
 pub use pair_term::{PairTerm, PairVector};
 pub use table::{NEAR_FIELD_VERSION, NearField};
+pub(crate) use twist::TwistTable;
+pub use twist::twist;
 
 use crate::error::Error;
 use near_contact::NearContact;
@@ -36,7 +43,7 @@ const ALWAYS_SOLVED: f64 = 2e-3;
 /// Gap over the smaller radius from which [`scalars`] solves, if ξ is smaller.
 const SOLVED: f64 = 1e-2;
 
-/// The resistance functions of the planar problem, each `[11, 12]`, dimensionless.
+/// The resistance functions of the planar problem (all but X^C, see [`twist()`]), each `[11, 12]`, dimensionless.
 ///
 /// Scaled as Kim & Karrila do: A by `6π mu a_1`, B and G by `4π mu a_1²`, C and H by `8π mu a_1³`, M by
 /// `(20/3)π mu a_1³`; d points from sphere 1 to sphere 2.
@@ -123,6 +130,18 @@ pub(crate) fn check_size_ratio(size_ratio: f64) -> Result<f64, Error> {
     }
 }
 
+/// Refuses a separation at which the spheres touch, or which is not a number.
+fn check_s_prime(s_prime: f64) -> Result<(), Error> {
+    if s_prime > 2.0 && s_prime.is_finite() {
+        return Ok(());
+    }
+    Err(Error::OutOfRange {
+        field: "s_prime",
+        value: s_prime,
+        allowed: "above 2 and finite",
+    })
+}
+
 /// Both labellings at ξ, in range.
 fn both_labellings(size_ratio: f64, xi: f64) -> [Scalars; 2] {
     if xi >= ALWAYS_SOLVED || xi >= SOLVED * near_contact::xi_per_smaller_radius(size_ratio) {
@@ -151,13 +170,7 @@ fn both_labellings(size_ratio: f64, xi: f64) -> [Scalars; 2] {
 /// Jeffrey & Onishi (1984), Jeffrey (1992), solved instead of expanded; scaled as in [`Scalars`].
 pub fn scalars(size_ratio: f64, s_prime: f64) -> Result<Scalars, Error> {
     let size_ratio = check_size_ratio(size_ratio)?;
-    if !(s_prime > 2.0 && s_prime.is_finite()) {
-        return Err(Error::OutOfRange {
-            field: "s_prime",
-            value: s_prime,
-            allowed: "above 2 and finite",
-        });
-    }
+    check_s_prime(s_prime)?;
     Ok(both_labellings(size_ratio, s_prime - 2.0)[0])
 }
 

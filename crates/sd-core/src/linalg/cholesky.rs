@@ -5,3 +5,4 @@ mod recursive;
 pub(crate) mod skyline;
 pub(crate) mod sparse;
 pub(crate) mod tiled;
+pub(crate) mod trailing;

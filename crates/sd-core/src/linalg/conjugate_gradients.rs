@@ -16,6 +16,11 @@ pub(crate) struct ConjugateGradients {
 }
 
 impl ConjugateGradients {
+    /// Largest entry of the residual that the last solve left.
+    pub(crate) fn residual(&self) -> f64 {
+        largest(&self.residual)
+    }
+
     /// `x ≈ A⁻¹ b` from x = 0, the residual measured by its largest entry; how many iterations that took.
     ///
     /// # Arguments

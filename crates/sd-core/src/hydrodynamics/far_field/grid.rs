@@ -9,7 +9,7 @@
 //! divided out twice; dipoles and gradients go through the window's derivative. Reading is the transpose of writing, so the
 //! operator is symmetric to rounding. The cost is that of four transforms and of N times the points under a window.
 
-mod axis;
+pub(super) mod axis;
 
 use super::kernels::FiniteSize;
 use super::wave_space::transforms;
@@ -412,7 +412,7 @@ impl Grid {
 ///
 /// The window leaves exp(−π WIDTH √(1 − 1/oversampling)) of each wave; derivatives of what is folded onto the smallest wave
 /// vectors weigh some hundred times more. Test `operator_is_the_dense_mobility`.
-fn oversampling(tolerance: f64) -> f64 {
+pub(super) fn oversampling(tolerance: f64) -> f64 {
     let root = (FOLDED / tolerance).ln() / (PI * WIDTH as f64);
     (1.0 - root * root).max(0.25).recip().max(1.25)
 }
@@ -438,7 +438,7 @@ fn dipole(s: [f64; 3]) -> [[f64; 2]; 2] {
 }
 
 /// Transforms of two real fields a, b at k from those of a + ib at k and −k.
-fn split(here: Complex64, there: Complex64) -> [Complex64; 2] {
+pub(super) fn split(here: Complex64, there: Complex64) -> [Complex64; 2] {
     let (sum, difference) = (here + there.conj(), here - there.conj());
     [
         sum * 0.5,
@@ -447,7 +447,7 @@ fn split(here: Complex64, there: Complex64) -> [Complex64; 2] {
 }
 
 /// The reverse: transforms of a + ib at k and −k.
-fn pack([a, b]: [Complex64; 2]) -> [Complex64; 2] {
+pub(super) fn pack([a, b]: [Complex64; 2]) -> [Complex64; 2] {
     [
         Complex64::new(a.re - b.im, a.im + b.re),
         Complex64::new(a.re + b.im, b.re - a.im),

@@ -1,7 +1,6 @@
 //! Where near-field terms come from: tables of any size ratios, shared between runs, and the terms of the pairs of sizes in one layer.
 
 use crate::error::Error;
-use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::two_sphere::{LeadingOrderPair, NearField, PairTerm, check_size_ratio};
 use crate::linalg::simd::vectorised;
 use crate::model::Hydrodynamics;
@@ -54,7 +53,7 @@ fn same_ratio(a: f64, b: f64) -> bool {
 }
 
 /// Something for each pair of sizes that a set of spheres has.
-pub(super) struct BySizes<T> {
+pub(crate) struct BySizes<T> {
     /// Of each pair of sizes, row by row.
     pairs: Vec<T>,
     /// Number of the size of each sphere, from the smallest.
@@ -64,7 +63,7 @@ pub(super) struct BySizes<T> {
 
 impl<T> BySizes<T> {
     /// Makes it for every pair of sizes in order.
-    pub(super) fn new(
+    pub(crate) fn new(
         radii: &[f64],
         mut make: impl FnMut([f64; 2]) -> Result<T, Error>,
     ) -> Result<Self, Error> {
@@ -90,13 +89,13 @@ impl<T> BySizes<T> {
 
     /// That of spheres i and j.
     #[inline(always)]
-    pub(super) fn of(&self, i: usize, j: usize) -> &T {
+    pub(crate) fn of(&self, i: usize, j: usize) -> &T {
         &self.pairs[self.size_count * self.sizes[i] + self.sizes[j]]
     }
 }
 
 /// Where the near-field terms of pairs come from.
-pub(super) enum NearTerms {
+pub(crate) enum NearTerms {
     /// Exact pairs without their far field, from tables.
     Exact(BySizes<Arc<NearField>>),
     /// Leading-order lubrication.
@@ -108,7 +107,7 @@ impl NearTerms {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a size ratio outside 0.01 to 100.
-    pub(super) fn new(
+    pub(crate) fn new(
         hydrodynamics: Hydrodynamics,
         radii: &[f64],
         tables: &NearFields,
@@ -137,11 +136,11 @@ impl NearTerms {
         Ok(Self::Exact(pairs))
     }
 
-    /// Puts the terms of all pairs into `terms`; below the gap `least` they are those at that gap.
-    pub(super) fn evaluate(
+    /// Puts the terms of all pairs, given by their spheres and gaps, into `terms`; below the gap `least` they are those at that gap.
+    pub(crate) fn evaluate(
         &self,
         radii: &[f64],
-        pairs: &[Neighbours],
+        pairs: impl Iterator<Item = ([usize; 2], f64)>,
         least: f64,
         terms: &mut Vec<PairTerm>,
     ) {
@@ -150,15 +149,14 @@ impl NearTerms {
             #[inline(always)]
             || match self {
                 Self::Exact(tables) => {
-                    for pair in pairs {
-                        let (i, j) = (pair.i, pair.j);
-                        let gap = pair.gap.max(least);
+                    for ([i, j], gap) in pairs {
+                        let gap = gap.max(least);
                         terms.push(tables.of(i, j).evaluate(radii[i], radii[j], gap));
                     }
                 }
                 Self::LeadingOrder(leading) => {
-                    for pair in pairs {
-                        terms.push(leading.of(pair.i, pair.j).evaluate(pair.gap.max(least)));
+                    for ([i, j], gap) in pairs {
+                        terms.push(leading.of(i, j).evaluate(gap.max(least)));
                     }
                 }
             },

@@ -70,6 +70,11 @@ impl PairTerm {
         Self { entries: *entries }
     }
 
+    #[inline(always)]
+    pub(super) fn entries(&self) -> &[f64; ENTRIES] {
+        &self.entries
+    }
+
     /// The same times a factor.
     #[inline]
     pub(crate) fn scaled(&self, factor: f64) -> Self {

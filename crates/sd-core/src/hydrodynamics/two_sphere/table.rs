@@ -21,11 +21,13 @@ const FIRST: f64 = -18.5;
 /// Width of an interval.
 const WIDTH: f64 = 0.5;
 /// Number of intervals; the last ends at ln ξ = 4 (ξ = 54.6).
-const INTERVALS: usize = 45;
+pub(super) const INTERVALS: usize = 45;
+/// ln ξ at the upper end of the grid.
+pub(super) const LAST: f64 = FIRST + WIDTH * INTERVALS as f64;
 /// Intervals below ξ = 1, in which the singular terms are split off.
 const SPLIT: usize = 37;
 /// Nodes of an interval; the polynomials have one degree less.
-const NODES: usize = 8;
+pub(super) const NODES: usize = 8;
 /// The entries, the slip resistance, and one unused.
 const LANES: usize = ENTRIES + 2;
 /// Lanes summed together, few enough to stay in registers.
@@ -86,7 +88,7 @@ struct Stored {
 }
 
 /// ξ at a node of an interval.
-fn node_xi(interval: usize, node: usize) -> f64 {
+pub(super) fn node_xi(interval: usize, node: usize) -> f64 {
     (FIRST + WIDTH * (interval as f64 + 0.5 + 0.5 * node_position(node))).exp()
 }
 
@@ -103,8 +105,21 @@ fn solved_nodes(size_ratio: f64) -> impl Iterator<Item = (usize, usize)> {
         .filter(move |&(interval, node)| node_xi(interval, node) >= least)
 }
 
+/// The interval of `ln ξ` and the place in it; the ends stand for all beyond.
+#[inline(always)]
+pub(super) fn locate(logarithm: f64) -> (usize, f64) {
+    let position = ((logarithm - FIRST) / WIDTH).clamp(0.0, INTERVALS as f64);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the grid"
+    )]
+    let interval = (position as usize).min(INTERVALS - 1);
+    (interval, 2.0 * (position - interval as f64) - 1.0)
+}
+
 /// The matrix from values at the nodes to coefficients of powers.
-fn powers_from_nodes() -> [[f64; NODES]; NODES] {
+pub(super) fn powers_from_nodes() -> [[f64; NODES]; NODES] {
     // Lagrange polynomials, multiplied out: well conditioned at this degree.
     std::array::from_fn(|node| {
         let mut coefficients = [0.0; NODES];
@@ -242,19 +257,6 @@ impl NearField {
         self.size_ratio
     }
 
-    /// The interval of `ln ξ` and the place in it; the ends stand for all beyond.
-    #[inline(always)]
-    fn locate(logarithm: f64) -> (usize, f64) {
-        let position = ((logarithm - FIRST) / WIDTH).clamp(0.0, INTERVALS as f64);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "clamped to the grid"
-        )]
-        let interval = (position as usize).min(INTERVALS - 1);
-        (interval, 2.0 * (position - interval as f64) - 1.0)
-    }
-
     /// The term of one pair.
     ///
     /// # Arguments
@@ -265,10 +267,10 @@ impl NearField {
         let xi = 2.0 * gap / (radius_i + radius_j);
         let logarithm = xi.ln();
         let mut entries = [0.0; ENTRIES];
-        if logarithm > FIRST + WIDTH * INTERVALS as f64 {
+        if logarithm > LAST {
             return PairTerm::new(&entries);
         }
-        let (interval, x) = Self::locate(logarithm);
+        let (interval, x) = locate(logarithm);
         let powers = &self.regular[interval];
         let singular = if interval < SPLIT {
             [1.0 / xi, -logarithm, -xi * logarithm]
@@ -318,7 +320,7 @@ impl NearField {
     /// # Returns     in mu·a, positive; below ξ = 1e-8 continued linearly in `ln ξ`, beyond 54 constant
     pub fn slip_resistance(&self, radius_i: f64, radius_j: f64, gap: f64) -> f64 {
         let logarithm = (2.0 * gap / (radius_i + radius_j)).ln();
-        let (interval, x) = Self::locate(logarithm);
+        let (interval, x) = locate(logarithm);
         let powers = &self.regular[interval];
         let (mut sum, mut slope) = (0.0, 0.0);
         for power in powers[SLIP / BLOCK].iter().rev() {

@@ -10,38 +10,42 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Points under the window along each coordinate.
-pub(super) const WIDTH: usize = 12;
+pub(in crate::hydrodynamics::far_field) const WIDTH: usize = 12;
 /// Degree of the polynomials that stand for the window.
 const DEGREE: usize = 15;
 
 /// The window of one sphere along one coordinate.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Window {
+pub(in crate::hydrodynamics::far_field) struct Window {
     /// First grid point; the next ones follow, wrapped.
-    pub(super) first: usize,
-    pub(super) values: [f64; WIDTH],
+    pub(in crate::hydrodynamics::far_field) first: usize,
+    pub(in crate::hydrodynamics::far_field) values: [f64; WIDTH],
     /// Derivatives with respect to the grid point's lattice coordinate.
-    pub(super) slopes: [f64; WIDTH],
+    pub(in crate::hydrodynamics::far_field) slopes: [f64; WIDTH],
 }
 
 /// One lattice direction of the grid.
 #[derive(Clone)]
-pub(super) struct Axis {
+pub(in crate::hydrodynamics::far_field) struct Axis {
     /// Grid points.
-    pub(super) points: usize,
+    pub(in crate::hydrodynamics::far_field) points: usize,
     /// Largest wave number kept.
-    pub(super) highest: usize,
+    pub(in crate::hydrodynamics::far_field) highest: usize,
     /// One over the window's transform, by wave number ≥ 0.
-    pub(super) correction: Vec<f64>,
+    pub(in crate::hydrodynamics::far_field) correction: Vec<f64>,
     /// Coefficients of the window's values in u = 2t − 1, t the place between two grid points.
     polynomials: [[f64; WIDTH]; DEGREE + 1],
     /// Transforms along the axis, forward and back.
-    pub(super) plans: [Arc<dyn Fft<f64>>; 2],
+    pub(in crate::hydrodynamics::far_field) plans: [Arc<dyn Fft<f64>>; 2],
 }
 
 impl Axis {
     /// Wave numbers up to `highest` on a grid `oversampling` times as fine as they need, or somewhat finer.
-    pub(super) fn new(highest: usize, oversampling: f64, planner: &mut FftPlanner<f64>) -> Self {
+    pub(in crate::hydrodynamics::far_field) fn new(
+        highest: usize,
+        oversampling: f64,
+        planner: &mut FftPlanner<f64>,
+    ) -> Self {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -74,7 +78,7 @@ impl Axis {
 
     /// The window around a lattice coordinate.
     #[inline(always)]
-    pub(super) fn window(&self, coordinate: f64) -> Window {
+    pub(in crate::hydrodynamics::far_field) fn window(&self, coordinate: f64) -> Window {
         let points = self.points as f64;
         let position = (coordinate - coordinate.floor()) * points;
         let begin = position - 0.5 * WIDTH as f64;
@@ -104,7 +108,7 @@ impl Axis {
     }
 
     /// Grid index of a wave number of either sign.
-    pub(super) fn index(&self, wave: isize) -> usize {
+    pub(in crate::hydrodynamics::far_field) fn index(&self, wave: isize) -> usize {
         wave.rem_euclid(self.points.cast_signed()).cast_unsigned()
     }
 }

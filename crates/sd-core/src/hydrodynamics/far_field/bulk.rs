@@ -1,0 +1,19 @@
+//! The far field of a suspension: mobility of force, torque and stresslet, eleven modes a sphere, in unbounded fluid or periodic.
+//!
+//! ```text
+//! (U − u∞, Ω − Ω∞, −E∞) = M (F, T, S~)
+//! ```
+//! In a periodic cell the wave vector k = 0 is left out: velocities are those in the frame in which the whole suspension has no mean
+//! flow, and E∞ is the mean rate of strain.
+
+mod dense;
+mod grid;
+mod kernels;
+mod operator;
+
+pub(crate) use dense::DenseMobility;
+pub(crate) use kernels::self_mobility;
+pub(crate) use operator::MobilityOperator;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,376 @@
+//! The long-ranged part of a suspension's mobility applied to a vector, by fast Fourier transforms on a grid in the sheared cell.
+//!
+//! ```text
+//! u(x_i) = Σ_k e^(ik·x_i) G^ (P − k² Q),   v(x_i) = −Σ_k e^(ik·x_i) G^ k² P,   G^ = γ (I − kk/k²),   k ≠ 0
+//! P(k) = Σ_j e^(−ik·x_j) f_j,   Q(k) the same with every mode times its κ a²;   f_j: force, and dipoles as −Q_bc ∂_c
+//! velocity mode of i: read off u, plus κ a² times the same of v
+//! ```
+//! Window, its transform and its derivative are those of the layer's grid; reading is the transpose of writing.
+
+use super::dense::transform;
+use crate::hydrodynamics::far_field::grid::axis::{Axis, WIDTH, Window};
+use crate::hydrodynamics::far_field::grid::{oversampling, pack, split};
+use crate::hydrodynamics::far_field::kernels::FiniteSize;
+use crate::hydrodynamics::two_sphere::Modes;
+use crate::linalg::simd::vectorised;
+use nalgebra::Vector3;
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex64;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
+
+/// Lines of the grid transformed at once.
+const LINES: usize = 8;
+
+/// The wave part, planned for a cell's sides, radii, splitting parameter and cut-off.
+pub(super) struct Grid {
+    /// Splitting parameter α, in 1/a.
+    alpha: f64,
+    /// Largest |k|, in 1/a.
+    cut_off: f64,
+    sizes: Vec<FiniteSize>,
+    /// The three lattice coordinates.
+    axes: [Axis; 3],
+    sides: Vector3<f64>,
+    offset: f64,
+    windows: Vec<[Window; 3]>,
+    /// γ over the windows' transforms; zero beyond the cut-off.
+    kernel: Vec<f64>,
+    /// `P + iQ`, then `u + iv`, three components a point; the first coordinate runs fastest.
+    values: Vec<[Complex64; 3]>,
+    /// Lines being transformed.
+    lines: Vec<Complex64>,
+    scratch: Vec<Complex64>,
+}
+
+impl Grid {
+    /// Makes a plan for cells of these sides and any offset; `tolerance`: of M, relative to its largest entry.
+    pub(super) fn new(
+        sides: Vector3<f64>,
+        sizes: &[FiniteSize],
+        alpha: f64,
+        cut_off: f64,
+        tolerance: f64,
+    ) -> Self {
+        let mut planner = FftPlanner::new();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "as many as the plan allows"
+        )]
+        let highest = |side: f64| (cut_off * side / (2.0 * PI)).floor() as usize;
+        // The second wave number is (k_y L_y + k_x offset)/2π, the offset at most half a side.
+        let axes = [sides.x, sides.y.hypot(0.5 * sides.x), sides.z]
+            .map(|side| Axis::new(highest(side), oversampling(tolerance), &mut planner));
+        let points = axes.iter().map(|axis| axis.points).product();
+        let longest = axes.iter().map(|axis| axis.points).max().unwrap_or(0);
+        let scratch = axes
+            .iter()
+            .flat_map(|axis| axis.plans.iter().map(|plan| plan.get_inplace_scratch_len()))
+            .max()
+            .unwrap_or(0);
+        let zero = Complex64::new(0.0, 0.0);
+        Self {
+            alpha,
+            cut_off,
+            sizes: sizes.to_vec(),
+            sides,
+            offset: f64::NAN,
+            windows: Vec::with_capacity(sizes.len()),
+            kernel: vec![0.0; points],
+            values: vec![[zero; 3]; points],
+            lines: vec![zero; 3 * LINES * longest],
+            scratch: vec![zero; scratch],
+            axes,
+        }
+    }
+
+    /// Takes the offset and the centres of the next applications.
+    pub(super) fn update(&mut self, offset: f64, centres: &[Vector3<f64>]) {
+        if self.offset.to_bits() != offset.to_bits() {
+            self.offset = offset;
+            self.fill_kernel();
+        }
+        let Self {
+            windows,
+            axes,
+            sides,
+            ..
+        } = self;
+        windows.clear();
+        vectorised(
+            #[inline(always)]
+            || {
+                for x in centres {
+                    let second = x.y / sides.y;
+                    let first = (x.x - second * offset) / sides.x;
+                    windows.push([
+                        axes[0].window(first),
+                        axes[1].window(second),
+                        axes[2].window(x.z / sides.z),
+                    ]);
+                }
+            },
+        );
+    }
+
+    /// Calls `visit` with the place of every kept wave vector, that of its opposite, and the wave vector; one of each such pair.
+    fn for_waves(&self, mut visit: impl FnMut(usize, usize, Vector3<f64>, [usize; 3])) {
+        let highest = [0, 1, 2].map(|k| self.axes[k].highest.cast_signed());
+        let place = |m: isize, n: isize, l: isize| {
+            let [x, y, z] =
+                [(0, m), (1, n), (2, l)].map(|(axis, wave)| self.axes[axis].index(wave));
+            (z * self.axes[1].points + y) * self.axes[0].points + x
+        };
+        for l in -highest[2]..=highest[2] {
+            for n in -highest[1]..=highest[1] {
+                for m in 0..=highest[0] {
+                    if m == 0 && (n, l) <= (0, 0) {
+                        continue;
+                    }
+                    let (x, y) = (m as f64 / self.sides.x, n as f64);
+                    let k = Vector3::new(
+                        x,
+                        (y - x * self.offset) / self.sides.y,
+                        l as f64 / self.sides.z,
+                    ) * (2.0 * PI);
+                    if k.norm_squared() <= self.cut_off * self.cut_off {
+                        let numbers = [m, n, l].map(isize::unsigned_abs);
+                        visit(place(m, n, l), place(-m, -n, -l), k, numbers);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The transforms of the kernel at this offset.
+    fn fill_kernel(&mut self) {
+        let mut kernel = std::mem::take(&mut self.kernel);
+        kernel.fill(0.0);
+        let volume = self.sides.product();
+        self.for_waves(|here, _, k, numbers| {
+            let window: f64 = (0..3)
+                .map(|axis| self.axes[axis].correction[numbers[axis]])
+                .product();
+            kernel[here] = transform(k.norm_squared(), self.alpha) * window * window / volume;
+        });
+        self.kernel = kernel;
+    }
+
+    /// Adds the wave part of `M x` to y.
+    pub(super) fn add(&mut self, x: &[Modes], y: &mut [Modes]) {
+        vectorised(
+            #[inline(always)]
+            || self.spread(x),
+        );
+        for axis in 0..3 {
+            self.transform_axis(axis, 0);
+        }
+        self.multiply();
+        for axis in (0..3).rev() {
+            self.transform_axis(axis, 1);
+        }
+        vectorised(
+            #[inline(always)]
+            || self.read(y),
+        );
+    }
+
+    /// Derivatives of the lattice coordinates: row c holds what `∂_c` has of `∂_X, ∂_Y, ∂_Z`.
+    fn slopes(&self) -> [[f64; 3]; 3] {
+        let [x, y, z] = [0, 1, 2].map(|k| self.sides[k].recip());
+        [[x, 0.0, 0.0], [-self.offset * x * y, y, 0.0], [0.0, 0.0, z]]
+    }
+
+    /// Spreads the sources over the grid.
+    #[inline(always)]
+    fn spread(&mut self, x: &[Modes]) {
+        self.values.fill([Complex64::new(0.0, 0.0); 3]);
+        let slopes = self.slopes();
+        let counts = [0, 1, 2].map(|k| self.axes[k].points);
+        for ((windows, size), modes) in self.windows.iter().zip(&self.sizes).zip(x) {
+            let stress = dipole(&modes[6..]);
+            let turn = rotation([modes[3], modes[4], modes[5]]);
+            // Weights of the window, and of its derivatives by the lattice coordinates; P and Q of each component in turn.
+            let mut value = [0.0_f64; 6];
+            let mut by = [[0.0_f64; 6]; 3];
+            for b in 0..3 {
+                value[2 * b] = modes[b];
+                value[2 * b + 1] = size.force * modes[b];
+                for (c, slopes) in slopes.iter().enumerate() {
+                    for (by, slope) in by.iter_mut().zip(slopes) {
+                        by[2 * b] -= (stress[b][c] + turn[b][c]) * slope;
+                        by[2 * b + 1] -= size.stresslet * stress[b][c] * slope;
+                    }
+                }
+            }
+            let [along, across, up] = windows;
+            for p in 0..WIDTH {
+                let plane = (up.first + p) % counts[2] * counts[1];
+                let (vz, sz) = (up.values[p], up.slopes[p]);
+                for r in 0..WIDTH {
+                    let row = (plane + (across.first + r) % counts[1]) * counts[0];
+                    let (vy, sy) = (across.values[r], across.slopes[r]);
+                    let by_value: [f64; 6] = std::array::from_fn(|k| {
+                        vz * (vy * value[k] + sy * by[1][k]) + sz * vy * by[2][k]
+                    });
+                    let by_slope = by[0].map(|weight| weight * vy * vz);
+                    for c in 0..WIDTH {
+                        let mut column = along.first + c;
+                        if column >= counts[0] {
+                            column -= counts[0];
+                        }
+                        let (v, s) = (along.values[c], along.slopes[c]);
+                        let point = &mut self.values[row + column];
+                        for (k, point) in point.iter_mut().enumerate() {
+                            point.re += by_value[2 * k] * v + by_slope[2 * k] * s;
+                            point.im += by_value[2 * k + 1] * v + by_slope[2 * k + 1] * s;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Transforms all lines along an axis: forward (0) or back (1).
+    fn transform_axis(&mut self, axis: usize, direction: usize) {
+        let counts = [0, 1, 2].map(|k| self.axes[k].points);
+        let length = counts[axis];
+        let stride: usize = counts[..axis].iter().product();
+        let plan = &self.axes[axis].plans[direction];
+        let lines = self.values.len() / length;
+        let start = |line: usize| line / stride * stride * length + line % stride;
+        for first in (0..lines).step_by(LINES) {
+            let count = LINES.min(lines - first);
+            let work = &mut self.lines[..3 * count * length];
+            for at in 0..length {
+                for line in 0..count {
+                    let point = &self.values[start(first + line) + at * stride];
+                    for (k, value) in point.iter().enumerate() {
+                        work[(3 * line + k) * length + at] = *value;
+                    }
+                }
+            }
+            plan.process_with_scratch(work, &mut self.scratch);
+            for at in 0..length {
+                for line in 0..count {
+                    let point = &mut self.values[start(first + line) + at * stride];
+                    for (k, value) in point.iter_mut().enumerate() {
+                        *value = work[(3 * line + k) * length + at];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Computes u and v of every wave vector from P and Q.
+    fn multiply(&mut self) {
+        let zero = Complex64::new(0.0, 0.0);
+        let sources = std::mem::take(&mut self.values);
+        let mut results = vec![[zero; 3]; sources.len()];
+        self.for_waves(|here, there, k, _| {
+            let gamma = self.kernel[here];
+            let square = k.norm_squared();
+            let fields = [0, 1, 2].map(|c| split(sources[here][c], sources[there][c]));
+            let project = |v: [Complex64; 3]| {
+                let along = (v[0] * k.x + v[1] * k.y + v[2] * k.z) / square;
+                [0, 1, 2].map(|c| (v[c] - along * k[c]) * gamma)
+            };
+            let u = project(fields.map(|[p, q]| p - q * square));
+            let v = project(fields.map(|[p, _]| -p * square));
+            for c in 0..3 {
+                [results[here][c], results[there][c]] = pack([u[c], v[c]]);
+            }
+        });
+        self.values = results;
+    }
+
+    /// Adds the modes of each sphere read off u and v: the transpose of [`Grid::spread`].
+    #[inline(always)]
+    fn read(&self, y: &mut [Modes]) {
+        let slopes = self.slopes();
+        let counts = [0, 1, 2].map(|k| self.axes[k].points);
+        for (([along, across, up], size), y) in self.windows.iter().zip(&self.sizes).zip(y) {
+            let mut value = [0.0_f64; 6];
+            let mut by = [[0.0_f64; 6]; 3];
+            for p in 0..WIDTH {
+                let plane = (up.first + p) % counts[2] * counts[1];
+                let (vz, sz) = (up.values[p], up.slopes[p]);
+                for r in 0..WIDTH {
+                    let row = (plane + (across.first + r) % counts[1]) * counts[0];
+                    let (vy, sy) = (across.values[r], across.slopes[r]);
+                    let (mut by_value, mut by_slope) = ([0.0_f64; 6], [0.0_f64; 6]);
+                    for c in 0..WIDTH {
+                        let mut column = along.first + c;
+                        if column >= counts[0] {
+                            column -= counts[0];
+                        }
+                        let (v, s) = (along.values[c], along.slopes[c]);
+                        for (k, point) in self.values[row + column].iter().enumerate() {
+                            by_value[2 * k] += point.re * v;
+                            by_value[2 * k + 1] += point.im * v;
+                            by_slope[2 * k] += point.re * s;
+                            by_slope[2 * k + 1] += point.im * s;
+                        }
+                    }
+                    for k in 0..6 {
+                        value[k] += vy * vz * by_value[k];
+                        by[0][k] += vy * vz * by_slope[k];
+                        by[1][k] += sy * vz * by_value[k];
+                        by[2][k] += vy * sz * by_value[k];
+                    }
+                }
+            }
+            // Gradients of u and v by component and direction; ∂ of the centre is minus that of the grid point.
+            let gradient = |field: usize| {
+                [0, 1, 2].map(|b| {
+                    slopes.map(|slopes| {
+                        -(0..3)
+                            .map(|axis| by[axis][2 * b + field] * slopes[axis])
+                            .sum::<f64>()
+                    })
+                })
+            };
+            let (of_u, of_v) = (gradient(0), gradient(1));
+            let (own, sized) = (strain(&of_u), strain(&of_v));
+            for b in 0..3 {
+                y[b] += value[2 * b] + size.force * value[2 * b + 1];
+                let (c, d) = ((b + 1) % 3, (b + 2) % 3);
+                y[3 + b] += 0.5 * (of_u[d][c] - of_u[c][d]);
+            }
+            for k in 0..5 {
+                y[6 + k] += own[k] + size.stresslet * sized[k];
+            }
+        }
+    }
+}
+
+/// Dipole of a stresslet in components.
+fn dipole(s: &[f64]) -> [[f64; 3]; 3] {
+    let (sum, difference) = (s[2] / 6.0_f64.sqrt(), FRAC_1_SQRT_2 * s[0]);
+    let [xy, xz, yz] = [s[1], s[3], s[4]].map(|x| FRAC_1_SQRT_2 * x);
+    [
+        [sum + difference, xy, xz],
+        [xy, sum - difference, yz],
+        [xz, yz, -2.0 * sum],
+    ]
+}
+
+/// Dipole of a torque: `−ε_kbc T_k/2`.
+fn rotation([x, y, z]: [f64; 3]) -> [[f64; 3]; 3] {
+    [
+        [0.0, -0.5 * z, 0.5 * y],
+        [0.5 * z, 0.0, -0.5 * x],
+        [-0.5 * y, 0.5 * x, 0.0],
+    ]
+}
+
+/// Components of the strain of a gradient `∂_c u_b`, by b and c.
+fn strain(g: &[[f64; 3]; 3]) -> [f64; 5] {
+    [
+        FRAC_1_SQRT_2 * (g[0][0] - g[1][1]),
+        FRAC_1_SQRT_2 * (g[0][1] + g[1][0]),
+        (g[0][0] + g[1][1] - 2.0 * g[2][2]) / 6.0_f64.sqrt(),
+        FRAC_1_SQRT_2 * (g[0][2] + g[2][0]),
+        FRAC_1_SQRT_2 * (g[1][2] + g[2][1]),
+    ]
+}

@@ -1,0 +1,251 @@
+//! X^C: two spheres that turn about their line of centres, in closed form and tabulated.
+//!
+//! ```text
+//! X11C = Σ_{n≥0} [sinh α / sinh(α + n (α + β))]³,   X12C = −Σ_{n≥1} [sinh α / sinh(n (α + β))]³
+//! cosh α = (r² + a_1² − a_2²)/(2 r a_1),   cosh β = (r² + a_2² − a_1²)/(2 r a_2)
+//! ```
+//!
+//! Both stay finite at contact, where they are `x³ ζ(3, x)` and `−x³ ζ(3)` with `x = λ/(1 + λ)`; their slope there has a logarithm.
+//! The two-sphere resistance less that of the far field is, with `t = (a_1 a_2/r²)³`:
+//!
+//! ```text
+//! R11 = 8π a_1³ [X11C − 1/(1 − t)],   R12 = 8π a_1³ [X12C + (a_2/r)³/(1 − t)]
+//! ```
+//!
+//! # Source
+//! Jeffery, Proc. London Math. Soc. 14, 327 (1915), in the normalisation of [`super::Scalars`].
+
+use super::check_size_ratio;
+use super::table::{INTERVALS, LAST, NODES, locate, node_xi, powers_from_nodes};
+use crate::error::Error;
+use std::f64::consts::PI;
+
+/// Terms summed one by one; the rest is an integral with its end corrections, whose error is 1e-15.
+const SUMMED: u32 = 200;
+
+/// `Σ_{n≥0} sinh³ α / sinh³(first + n step)`.
+fn sum(scale: f64, first: f64, step: f64) -> f64 {
+    let term = |x: f64| (scale / x.sinh()).powi(3);
+    let mut total = 0.0;
+    for n in 0..SUMMED {
+        let added = term(first + f64::from(n) * step);
+        total += added;
+        if added < 1e-18 * total {
+            return total;
+        }
+    }
+    // Euler-Maclaurin: ∫ csch³ = −(coth csch + ln tanh(x/2))/2 and its value and slope at the lower end.
+    let x = first + f64::from(SUMMED) * step;
+    let integral = 0.5 * ((x.tanh() * x.sinh()).recip() + (0.5 * x).tanh().ln());
+    let rest = scale.powi(3) * integral / step;
+    total + rest + term(x) * (0.5 + 0.25 * step / x.tanh())
+}
+
+/// X^C of both spheres at ξ, the first of radius 1: `[X11C, X12C]` with it as sphere 1, then with the other.
+fn functions(size_ratio: f64, xi: f64) -> [[f64; 2]; 2] {
+    let mean = 0.5 * (1.0 + size_ratio);
+    let (gap, distance) = (mean * xi, mean * (2.0 + xi));
+    let radii = [1.0, size_ratio];
+    // cosh α − 1, without cancellation.
+    let excess = [0, 1].map(|one: usize| {
+        let (own, other) = (radii[one], radii[1 - one]);
+        gap * (distance - own + other) / (2.0 * distance * own)
+    });
+    let sines = excess.map(|x| (x * (2.0 + x)).sqrt());
+    let angles = [0, 1].map(|one| (excess[one] + sines[one]).ln_1p());
+    let step = angles[0] + angles[1];
+    [0, 1].map(|one| {
+        [
+            sum(sines[one], angles[one], step),
+            -sum(sines[one], step, step),
+        ]
+    })
+}
+
+/// X^C of two spheres in unbounded fluid, `[X11C, X12C]`: the torque from turning about the line of centres, over `8π mu a_1³`.
+///
+/// # Arguments
+/// - `size_ratio`: `λ = a_2/a_1`, within 0.01..=100.
+/// - `s_prime`: `s' = 2r/(a_1 + a_2)`, above 2.
+///
+/// # Accuracy
+/// Rounding; test `twist_agrees_with_coupled_multipoles`.
+///
+/// # Errors
+/// [`Error::OutOfRange`] if an argument is, or is not a number.
+pub fn twist(size_ratio: f64, s_prime: f64) -> Result<[f64; 2], Error> {
+    let size_ratio = check_size_ratio(size_ratio)?;
+    super::check_s_prime(s_prime)?;
+    Ok(functions(size_ratio, s_prime - 2.0)[0])
+}
+
+/// The twist entries of the near-field term of spheres of two radii, i before j: `[ii, ij, jj]`, in mu·a³.
+#[derive(Debug, Clone)]
+pub(crate) struct TwistTable {
+    /// By interval of ln ξ, as in [`super::NearField`], and power of the local variable.
+    powers: Vec<[[f64; 3]; NODES]>,
+    /// Twice over the sum of the radii.
+    per_mean: f64,
+}
+
+impl TwistTable {
+    /// The table of spheres with these radii, in a; takes a millisecond.
+    pub(crate) fn new(radii: [f64; 2]) -> Self {
+        let [a, b] = radii;
+        let to_powers = powers_from_nodes();
+        let powers = (0..INTERVALS)
+            .map(|interval| {
+                let mut powers = [[0.0; 3]; NODES];
+                for (node, weights) in to_powers.iter().enumerate() {
+                    let xi = node_xi(interval, node);
+                    let distance = 0.5 * (a + b) * (2.0 + xi);
+                    let [first, second] = functions(b / a, xi);
+                    let cubes = [a, b].map(|radius| 8.0 * PI * radius.powi(3));
+                    let t = (a * b / (distance * distance)).powi(3);
+                    let far = (1.0 - t).recip();
+                    let values = [
+                        cubes[0] * (first[0] - far),
+                        cubes[0] * (first[1] + (b / distance).powi(3) * far),
+                        cubes[1] * (second[0] - far),
+                    ];
+                    for (power, weight) in powers.iter_mut().zip(weights) {
+                        for (power, value) in power.iter_mut().zip(values) {
+                            *power += weight * value;
+                        }
+                    }
+                }
+                powers
+            })
+            .collect();
+        Self {
+            powers,
+            per_mean: 2.0 / (a + b),
+        }
+    }
+
+    /// The entries at a gap, in a; positive.
+    #[inline(always)]
+    pub(crate) fn evaluate(&self, gap: f64) -> [f64; 3] {
+        let logarithm = (self.per_mean * gap).ln();
+        if logarithm > LAST {
+            return [0.0; 3];
+        }
+        let (interval, x) = locate(logarithm);
+        let mut sums = [0.0_f64; 3];
+        for power in self.powers[interval].iter().rev() {
+            for (sum, power) in sums.iter_mut().zip(power) {
+                *sum = sum.mul_add(x, *power);
+            }
+        }
+        sums
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::dense::Matrix;
+    use crate::linalg::lu;
+
+    /// X^C from the coupled multipoles `Q_n = start − Σ_s C(n+s, n) tⁿ t'^(s+1) s/(n+1) Q'_s`, solved as they stand.
+    fn coupled(size_ratio: f64, xi: f64, orders: usize) -> [f64; 2] {
+        let distance = 0.5 * (1.0 + size_ratio) * (2.0 + xi);
+        let t = [1.0 / distance, size_ratio / distance];
+        let mut matrix = Matrix::zeros(2 * orders, 2 * orders);
+        let mut x = Matrix::zeros(2 * orders, 2);
+        for sphere in 0..2 {
+            let (own, other) = (t[sphere], t[1 - sphere]);
+            let (row, column) = (sphere * orders, (1 - sphere) * orders);
+            x[(row, sphere)] = 1.0;
+            for n in 1..=orders {
+                matrix[(row + n - 1, row + n - 1)] += 1.0;
+                for s in 1..=orders {
+                    let (n_, s_) = (n as f64, s as f64);
+                    let binomial = libm::lgamma(n_ + s_ + 1.0)
+                        - libm::lgamma(n_ + 1.0)
+                        - libm::lgamma(s_ + 1.0);
+                    let power = binomial + n_ * own.ln() + (s_ + 1.0) * other.ln();
+                    matrix[(row + n - 1, column + s - 1)] += power.exp() * s_ / (n_ + 1.0);
+                }
+            }
+        }
+        lu::solve_once(&mut matrix, &mut x).unwrap();
+        [x[(0, 0)], size_ratio * x[(0, 1)]]
+    }
+
+    #[test]
+    fn twist_agrees_with_coupled_multipoles() {
+        for size_ratio in [1.0, 0.5, 2.0, 1.4] {
+            for xi in [0.05, 0.3, 2.0] {
+                let expected = coupled(size_ratio, xi, 120);
+                let found = twist(size_ratio, 2.0 + xi).unwrap();
+                for k in 0..2 {
+                    let error = (found[k] - expected[k]).abs();
+                    assert!(
+                        error < 1e-12,
+                        "{size_ratio} {xi} {k}: {found:?} {expected:?}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn twist_has_the_values_of_an_independent_solution() {
+        for (size_ratio, xi, expected) in [
+            (1.0, 0.1, [1.02831, -0.11683]),
+            (1.0, 0.01, [1.04677, -0.14419]),
+            (1.0, 0.003, [1.04985, -0.14799]),
+            (0.5, 0.1, [1.01241, -0.03442]),
+            (0.5, 0.01, [1.01906, -0.04263]),
+            (0.5, 0.003, [1.02011, -0.04380]),
+        ] {
+            let found = twist(size_ratio, 2.0 + xi).unwrap();
+            for k in 0..2 {
+                assert!(
+                    (found[k] - expected[k]).abs() < 6e-6,
+                    "{found:?} {expected:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn twist_is_finite_at_contact_and_decays_far_apart() {
+        // ζ(3), and x³ ζ(3, x) at x = 1/2 and 1/3.
+        let zeta = 1.202_056_903_159_594_3;
+        let [own, other] = functions(1.0, 1e-9)[0];
+        assert!((own - 7.0 / 8.0 * zeta).abs() < 1e-7, "{own}");
+        assert!((other + zeta / 8.0).abs() < 1e-7, "{other}");
+        let [own, other] = functions(0.5, 1e-9)[0];
+        assert!((own - 1.02078).abs() < 6e-6, "{own}");
+        assert!((other + zeta / 27.0).abs() < 1e-7, "{other}");
+        let (ratio, s_prime) = (1.5, 100.0);
+        let r = 0.5 * 2.5 * s_prime;
+        let [own, other] = twist(ratio, s_prime).unwrap();
+        assert!((other / -(ratio / r).powi(3) - 1.0).abs() < 1e-5, "{other}");
+        assert!((own - 1.0).abs() < 1e-10, "{own}");
+    }
+
+    #[test]
+    fn table_meets_the_closed_form() {
+        for [a, b] in [[1.0, 1.0], [1.0, 1.4], [1.4, 1.0], [0.7, 2.8]] {
+            let table = TwistTable::new([a, b]);
+            for k in 0..60 {
+                let xi = (-18.0 + 0.36 * f64::from(k)).exp();
+                let distance = 0.5 * (a + b) * (2.0 + xi);
+                let t = (a * b / (distance * distance)).powi(3);
+                let [first, second] = functions(b / a, xi);
+                let found = table.evaluate(distance - a - b);
+                for (found, expected) in found.into_iter().zip([
+                    a.powi(3) * (first[0] - 1.0 / (1.0 - t)),
+                    a.powi(3) * (first[1] + (b / distance).powi(3) / (1.0 - t)),
+                    b.powi(3) * (second[0] - 1.0 / (1.0 - t)),
+                ]) {
+                    let error = (found / (8.0 * PI) - expected).abs() / a.max(b).powi(3);
+                    assert!(error < 1e-9, "{a} {b} {xi}: {error:.1e}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! The sheared periodic cell (Lees-Edwards) of any space, or unbounded fluid.
+
+use super::Space;
+use crate::error::Error;
+use crate::geometry::cell::LUBRICATION_RANGE;
+
+/// Names of the sides in errors.
+const SIDES: [&str; 3] = ["cell[0]", "cell[1]", "cell[2]"];
+
+/// Where the spheres are: a periodic cell, or unbounded fluid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cell<S: Space> {
+    /// No images.
+    Unbounded,
+    /// Lattice vectors along the axes, but for the second, which is shifted by the offset along x.
+    Periodic {
+        /// Sides along flow, gradient and vorticity, in a.
+        sides: S::Vector,
+        /// Shift of the images above in y, in `[-sides[0]/2, sides[0]/2)`, in a.
+        offset: f64,
+    },
+}
+
+impl<S: Space> Cell<S> {
+    /// A periodic cell; any offset is wrapped.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] unless the sides are positive and finite and the offset is finite.
+    pub fn periodic(sides: S::Vector, offset: f64) -> Result<Self, Error> {
+        for (k, field) in SIDES.into_iter().enumerate().take(S::DIMENSIONS) {
+            if !(sides[k] > 0.0 && sides[k].is_finite()) {
+                return Err(Error::OutOfRange {
+                    field,
+                    value: sides[k],
+                    allowed: "positive and finite",
+                });
+            }
+        }
+        if !offset.is_finite() {
+            return Err(Error::OutOfRange {
+                field: "offset",
+                value: offset,
+                allowed: "finite",
+            });
+        }
+        Ok(Self::Periodic {
+            sides,
+            offset: offset - sides[0] * (offset / sides[0] + 0.5).floor(),
+        })
+    }
+
+    /// Product of the sides, in a² or a³; `None` if unbounded.
+    pub fn content(&self) -> Option<f64> {
+        match self {
+            Self::Unbounded => None,
+            Self::Periodic { sides, .. } => Some((0..S::DIMENSIONS).map(|k| sides[k]).product()),
+        }
+    }
+
+    /// Position of an image relative to the original.
+    pub fn image_vector(&self, image: [i32; 3]) -> S::Vector {
+        let mut vector = S::Vector::default();
+        if let Self::Periodic { sides, offset } = self {
+            for k in 0..S::DIMENSIONS {
+                vector[k] = f64::from(image[k]) * sides[k];
+            }
+            vector[0] += f64::from(image[1]) * offset;
+        }
+        vector
+    }
+
+    /// Moves a separation to the image whose components are at most half the sides, and says which it is.
+    ///
+    /// Every vector shorter than half of every side is found this way.
+    #[inline(always)]
+    pub fn nearest(&self, separation: S::Vector) -> (S::Vector, [i32; 3]) {
+        let mut image = [0; 3];
+        let mut vector = separation;
+        if let Self::Periodic { sides, offset } = self {
+            let mut shift = |vector: &mut S::Vector, k: usize| -> f64 {
+                // The reciprocals are the same for all pairs of a list: one division each.
+                let cells = -(vector[k] * sides[k].recip()).round_ties_even();
+                #[expect(clippy::cast_possible_truncation, reason = "whole numbers of cells")]
+                let whole = cells as i32;
+                image[k] = whole;
+                vector[k] += cells * sides[k];
+                cells
+            };
+            let up = shift(&mut vector, 1);
+            vector[0] += up * offset;
+            shift(&mut vector, 0);
+            for k in 2..S::DIMENSIONS {
+                shift(&mut vector, k);
+            }
+        }
+        (vector, image)
+    }
+
+    /// Moves a position into the cell, `0 ≤ x < sides`.
+    pub fn wrap(&self, position: S::Vector) -> S::Vector {
+        let mut wrapped = position;
+        if let Self::Periodic { sides, offset } = self {
+            let up = (position[1] / sides[1]).floor();
+            wrapped[0] -= up * offset;
+            wrapped[1] -= up * sides[1];
+            for k in (0..S::DIMENSIONS).filter(|&k| k != 1) {
+                wrapped[k] -= sides[k] * (wrapped[k] / sides[k]).floor();
+            }
+        }
+        wrapped
+    }
+
+    /// Refuses a cell in which a sphere could meet two images of one neighbour within the lubrication range.
+    ///
+    /// # Errors
+    /// [`Error::CellTooSmall`] names the side that is too short.
+    pub fn check_range(&self, radii: &[f64]) -> Result<(), Error> {
+        let Self::Periodic { sides, .. } = self else {
+            return Ok(());
+        };
+        let largest = radii.iter().copied().fold(0.0, f64::max);
+        let needed = 2.0 * LUBRICATION_RANGE * largest;
+        for (k, direction) in ['x', 'y', 'z'].into_iter().enumerate().take(S::DIMENSIONS) {
+            if sides[k] < needed {
+                return Err(Error::CellTooSmall {
+                    direction,
+                    side: sides[k],
+                    needed,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{self, modes::Vec2};
+    use crate::space::{Bulk, Layer};
+    use nalgebra::Vector3;
+
+    #[test]
+    fn cell_of_the_layer_has_the_same_bits() {
+        let ours = Cell::<Layer>::periodic(Vec2::new(10.0, 12.3), 17.7).unwrap();
+        let theirs = geometry::cell::Cell::periodic(10.0, 12.3, 17.7).unwrap();
+        for k in 0..200 {
+            let x = Vec2::new((1.7 * f64::from(k)).sin(), (0.9 * f64::from(k)).cos()) * 40.0;
+            let (near, image) = ours.nearest(x);
+            assert_eq!((near, [image[0], image[1]]), theirs.nearest(x));
+            assert_eq!(ours.wrap(x), theirs.wrap(x));
+        }
+    }
+
+    #[test]
+    fn image_vector_undoes_nearest() {
+        let cell = Cell::<Bulk>::periodic(Vector3::new(10.0, 12.0, 9.0), 3.0).unwrap();
+        for k in 0..100 {
+            let k = f64::from(k);
+            let x = Vector3::new((1.7 * k).sin(), (0.9 * k).cos(), (2.3 * k).sin()) * 30.0;
+            let (near, image) = cell.nearest(x);
+            assert!((near - x - cell.image_vector(image)).norm() < 1e-12);
+            assert!(near.x.abs() <= 5.0 && near.y.abs() <= 6.0 && near.z.abs() <= 4.5);
+            let wrapped = cell.wrap(x);
+            assert!((cell.nearest(wrapped - x).0).norm() < 1e-12);
+        }
+    }
+}

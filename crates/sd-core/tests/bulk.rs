@@ -1,0 +1,455 @@
+//! Three dimensions: agreement with numbers computed independently of this program (`tests/data/README.md`), symmetries, limits.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use sd_core::bulk::{Background, Configuration, SolvedConfiguration, TracelessTensor, solve};
+use sd_core::space::cell::Cell;
+use sd_core::{Hydrodynamics, LeadingOrder, NearFields};
+use serde_json::Value;
+use std::f64::consts::PI;
+
+fn data(name: &str) -> Value {
+    let path = format!("{}/../../tests/data/{name}", env!("CARGO_MANIFEST_DIR"));
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    let list = value.as_array().unwrap();
+    list.iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+fn vectors(value: &Value) -> Vec<Vector3<f64>> {
+    let list = value.as_array().unwrap();
+    list.iter()
+        .map(|x| Vector3::from_column_slice(&numbers(x)))
+        .collect()
+}
+
+/// Spheres of radius 1 in simple shear, without forces.
+fn sheared(
+    centres: Vec<Vector3<f64>>,
+    cell: Cell<sd_core::space::Bulk>,
+    hydrodynamics: Hydrodynamics,
+) -> Configuration {
+    let n = centres.len();
+    Configuration {
+        centres,
+        radii: vec![1.0; n],
+        cell,
+        hydrodynamics,
+        background: Background::SHEAR,
+        forces: vec![Vector3::zeros(); n],
+        torques: vec![Vector3::zeros(); n],
+    }
+}
+
+/// Largest difference relative to the largest reference number.
+fn difference(ours: impl IntoIterator<Item = f64>, reference: &[f64]) -> f64 {
+    let scale = reference.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    ours.into_iter()
+        .zip(reference)
+        .map(|(a, b)| (a - b).abs() / scale)
+        .fold(0.0, f64::max)
+}
+
+fn compare(solved: &SolvedConfiguration, part: &Value, what: &str) {
+    let flat =
+        |list: &[Vector3<f64>]| -> Vec<f64> { list.iter().flat_map(|v| [v.x, v.y, v.z]).collect() };
+    for (name, ours) in [
+        ("velocity_disturbance", &solved.velocities),
+        ("angular_velocity_disturbance", &solved.angular_velocities),
+    ] {
+        let error = difference(flat(ours), &flat(&vectors(&part[name])));
+        assert!(error < 1e-6, "{what} {name}: {error:e}");
+    }
+    let names = ["xx", "yy", "xy", "xz", "yz"];
+    for (k, name) in names
+        .map(|name| format!("stresslet_{name}"))
+        .iter()
+        .enumerate()
+    {
+        let component = |s: &TracelessTensor| [s.xx, s.yy, s.xy, s.xz, s.yz][k];
+        let error = difference(
+            solved.stresslets.iter().map(component),
+            &numbers(&part[name]),
+        );
+        assert!(error < 1e-6, "{what} {name}: {error:e}");
+    }
+    for (name, ours) in [
+        ("viscosity", solved.viscosity),
+        ("dissipation", solved.dissipation),
+    ] {
+        if let Some(expected) = part[name].as_f64() {
+            let error = (ours.unwrap() / expected - 1.0).abs();
+            assert!(error < 1e-6, "{what} {name}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn instants_agree_with_an_independent_program() {
+    for (number, instant) in data("bulk_instant.json")
+        .as_array()
+        .unwrap()
+        .iter()
+        .enumerate()
+    {
+        for (part, hydrodynamics) in [
+            ("full", Hydrodynamics::StokesianDynamics),
+            ("ball_melrose", Hydrodynamics::BallMelrose),
+        ] {
+            let centres = vectors(&instant["centres"]);
+            let mut configuration = if instant["cell"].is_null() {
+                sheared(centres, Cell::Unbounded, hydrodynamics)
+            } else {
+                let sides = Vector3::from_column_slice(&numbers(&instant["cell"]));
+                let offset = instant["offset"].as_f64().unwrap();
+                sheared(
+                    centres,
+                    Cell::periodic(sides, offset).unwrap(),
+                    hydrodynamics,
+                )
+            };
+            if instant["cell"].is_null() {
+                let e = |name: &str| instant["rate_of_strain"][name].as_f64().unwrap();
+                configuration.background = Background {
+                    rate_of_strain: TracelessTensor {
+                        xx: e("xx"),
+                        yy: e("yy"),
+                        xy: e("xy"),
+                        xz: e("xz"),
+                        yz: e("yz"),
+                    },
+                    angular_velocity: Vector3::from_column_slice(&numbers(
+                        &instant["angular_velocity"],
+                    )),
+                };
+                configuration.forces = vectors(&instant["forces"]);
+                configuration.torques = vectors(&instant["torques"]);
+            }
+            let solved = solve(&configuration, &NearFields::default()).unwrap();
+            if let (Some(viscosity), Some(dissipation)) = (solved.viscosity, solved.dissipation) {
+                assert!((viscosity - 1.0 - dissipation).abs() < 1e-10);
+            }
+            compare(
+                &solved,
+                &instant[part],
+                &format!("instant {number}, {part}"),
+            );
+        }
+    }
+}
+
+/// A cubic lattice in as many cells as the near field needs.
+fn lattice(name: &str, phi: f64) -> (Cell<sd_core::space::Bulk>, Vec<Vector3<f64>>) {
+    let spheres = places(name).len() as f64;
+    lattice_of_side(name, (4.0 / 3.0 * PI * spheres / phi).cbrt())
+}
+
+/// The spheres of one cube, in sides of it.
+fn places(name: &str) -> &'static [[f64; 3]] {
+    match name {
+        "SC" => &[[0.0; 3]],
+        "BCC" => &[[0.0; 3], [0.5; 3]],
+        _ => &[[0.0; 3], [0.5, 0.5, 0.0], [0.5, 0.0, 0.5], [0.0, 0.5, 0.5]],
+    }
+}
+
+fn lattice_of_side(name: &str, side: f64) -> (Cell<sd_core::space::Bulk>, Vec<Vector3<f64>>) {
+    let cells = (1..100)
+        .find(|&cells| f64::from(cells) * side >= 8.0)
+        .unwrap();
+    let mut centres = Vec::new();
+    for k in 0..i32::pow(cells, 3) {
+        let corner = [k % cells, k / cells % cells, k / cells / cells].map(f64::from);
+        let corner = Vector3::from(corner);
+        centres.extend(
+            places(name)
+                .iter()
+                .map(|&x| (corner + Vector3::from(x)) * side),
+        );
+    }
+    let cell = Cell::periodic(Vector3::repeat(f64::from(cells) * side), 0.0).unwrap();
+    (cell, centres)
+}
+
+#[test]
+fn lattices_near_contact_have_their_exact_slopes() {
+    // Viscosity against one over the gap: strain along the axes (alpha) and E_xy (beta); 0 where it is logarithmic.
+    for (name, side, alpha, beta) in [
+        ("SC", 1.0, 3.0 * PI / 8.0, 0.0),
+        ("BCC", 2.0 / 3.0_f64.sqrt(), 0.0, 3.0_f64.sqrt() * PI / 4.0),
+        (
+            "FCC",
+            2.0_f64.sqrt(),
+            3.0 * PI / (8.0 * 2.0_f64.sqrt()),
+            3.0 * PI / (4.0 * 2.0_f64.sqrt()),
+        ),
+    ] {
+        let viscosities = |xi: f64| {
+            let (cell, centres) = lattice_of_side(name, side * (2.0 + xi));
+            let mut configuration = sheared(centres, cell, Hydrodynamics::BallMelrose);
+            configuration.background.rate_of_strain.xx = 0.5;
+            configuration.background.rate_of_strain.yy = -0.5;
+            let solved = solve(&configuration, &NearFields::default()).unwrap();
+            let s = solved.stresslets[0];
+            let density = configuration.centres.len() as f64 / cell.content().unwrap();
+            [0.5 * (s.xx - s.yy), s.xy].map(|stress| density * stress)
+        };
+        let (near, nearer) = (viscosities(1e-3), viscosities(1e-4));
+        for (k, expected) in [alpha, beta].into_iter().enumerate() {
+            let slope = (nearer[k] - near[k]) / (1e4 - 1e3);
+            assert!(
+                (slope - expected).abs() < 1e-3,
+                "{name} {k}: {slope} {expected}"
+            );
+        }
+        if name == "SC" {
+            let slope = (nearer[1] - near[1]) / 10.0_f64.ln();
+            assert!((slope / (PI / 4.0) - 1.0).abs() < 0.02, "{slope}");
+        }
+    }
+}
+
+#[test]
+fn drags_and_viscosities_of_cubic_lattices_agree_with_an_independent_program() {
+    for case in data("bulk_lattices.json").as_array().unwrap() {
+        let phi = case["volume_fraction"].as_f64().unwrap();
+        let name = case["lattice"].as_str().unwrap();
+        let (cell, centres) = lattice(name, phi);
+        let volume = cell.content().unwrap();
+        let mut configuration = sheared(centres, cell, Hydrodynamics::StokesianDynamics);
+        // By the symmetry of the lattice both strains and the force act apart: one solution holds all three.
+        let (axes, diagonal) = (0.5, 0.3);
+        configuration.background.rate_of_strain = TracelessTensor {
+            xx: diagonal,
+            yy: -diagonal,
+            xy: axes,
+            ..TracelessTensor::default()
+        };
+        configuration.forces.fill(Vector3::x());
+        let solved = solve(&configuration, &NearFields::default()).unwrap();
+        let s = solved.stresslets[0];
+        let density = configuration.centres.len() as f64 / volume;
+        for (key, found) in [
+            ("viscosity_shear_axes", 1.0 + density * s.xy / (2.0 * axes)),
+            (
+                "viscosity_shear_diagonal",
+                1.0 + density * (s.xx - s.yy) / (4.0 * diagonal),
+            ),
+            ("drag", 1.0 / (6.0 * PI * solved.velocities[0].x)),
+        ] {
+            let expected = case[key].as_f64().unwrap();
+            let error = (found / expected - 1.0).abs();
+            assert!(error < 1e-5, "{name} {phi} {key}: {found} {expected}");
+        }
+    }
+}
+
+fn matrix(t: &TracelessTensor) -> Matrix3<f64> {
+    Matrix3::new(t.xx, t.xy, t.xz, t.xy, t.yy, t.yz, t.xz, t.yz, -t.xx - t.yy)
+}
+
+fn tensor(m: &Matrix3<f64>) -> TracelessTensor {
+    TracelessTensor {
+        xx: m[(0, 0)],
+        yy: m[(1, 1)],
+        xy: m[(0, 1)],
+        xz: m[(0, 2)],
+        yz: m[(1, 2)],
+    }
+}
+
+/// A cluster of unequal spheres under forces, torques and a strain.
+fn cluster(hydrodynamics: Hydrodynamics) -> Configuration {
+    let centres = [
+        [0.0; 3],
+        [2.1, 0.3, -0.2],
+        [0.4, 2.5, 1.1],
+        [1.0, 0.9, -2.3],
+    ];
+    let forces = [
+        [1.0, 0.2, -0.5],
+        [0.3, -1.0, 0.7],
+        [-0.2, 0.1, 0.4],
+        [0.6, 0.5, 0.9],
+    ];
+    let torques = [
+        [0.1, 0.7, -0.5],
+        [0.9, -0.2, 0.3],
+        [-0.6, 0.8, 0.1],
+        [0.2, 0.5, -0.9],
+    ];
+    Configuration {
+        centres: centres.map(Vector3::from).to_vec(),
+        radii: vec![1.0, 1.0, 1.4, 1.0],
+        cell: Cell::Unbounded,
+        hydrodynamics,
+        background: Background {
+            rate_of_strain: TracelessTensor {
+                xx: 0.3,
+                yy: -0.5,
+                xy: 0.2,
+                xz: -0.4,
+                yz: 0.6,
+            },
+            angular_velocity: Vector3::zeros(),
+        },
+        forces: forces.map(Vector3::from).to_vec(),
+        torques: torques.map(Vector3::from).to_vec(),
+    }
+}
+
+/// Largest difference between a motion turned and the motion of what is turned.
+fn turned(configuration: &Configuration, turn: &Matrix3<f64>) -> f64 {
+    let mut other = configuration.clone();
+    for list in [&mut other.centres, &mut other.forces, &mut other.torques] {
+        for x in list.iter_mut() {
+            *x = turn * *x;
+        }
+    }
+    let strain = turn * matrix(&other.background.rate_of_strain) * turn.transpose();
+    other.background.rate_of_strain = tensor(&strain);
+    let tables = NearFields::default();
+    let (a, b) = (
+        solve(configuration, &tables).unwrap(),
+        solve(&other, &tables).unwrap(),
+    );
+    let mut worst: f64 = 0.0;
+    for i in 0..a.velocities.len() {
+        worst = worst
+            .max((turn * a.velocities[i] - b.velocities[i]).amax())
+            .max((turn * a.angular_velocities[i] - b.angular_velocities[i]).amax());
+        let stress = turn * matrix(&a.stresslets[i]) * turn.transpose();
+        worst = worst.max((stress - matrix(&b.stresslets[i])).amax());
+    }
+    worst
+}
+
+#[test]
+fn motion_turns_with_the_configuration() {
+    let turn = Rotation3::from_euler_angles(0.7, -1.1, 2.3);
+    for hydrodynamics in [
+        Hydrodynamics::StokesianDynamics,
+        Hydrodynamics::BallMelrose,
+        Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+    ] {
+        let worst = turned(&cluster(hydrodynamics), turn.matrix());
+        assert!(worst < 1e-10, "{hydrodynamics:?}: {worst:e}");
+    }
+}
+
+#[test]
+fn motion_turns_with_a_cubic_cell() {
+    let cell = Cell::periodic(Vector3::new(11.5, 11.5, 11.5), 0.0).unwrap();
+    for hydrodynamics in [Hydrodynamics::StokesianDynamics, Hydrodynamics::BallMelrose] {
+        let configuration = Configuration {
+            cell,
+            ..cluster(hydrodynamics)
+        };
+        // The two quarter turns that make up the 24 rotations of the cube.
+        for turn in [
+            Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+            Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),
+        ] {
+            let worst = turned(&configuration, &turn);
+            assert!(worst < 1e-10, "{hydrodynamics:?}: {worst:e}");
+        }
+    }
+}
+
+#[test]
+fn centres_in_a_plane_move_as_in_the_layer() {
+    use sd_core::instant;
+    use sd_core::modes::{Background as Planar, Vec2};
+    let places = [[0.0, 0.0], [2.1, 0.3], [0.4, 2.5], [4.0, 1.9]];
+    let (forces, torques) = (
+        [[1.0, 0.2], [0.3, -1.0], [-0.2, 0.1], [0.6, 0.5]],
+        [0.1, -0.7, 0.4, 0.9],
+    );
+    for hydrodynamics in [
+        Hydrodynamics::StokesianDynamics,
+        Hydrodynamics::BallMelrose,
+        Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+    ] {
+        let radii = vec![1.0, 1.0, 1.4, 1.0];
+        let layer = instant::solve(
+            &instant::Configuration {
+                centres: places.map(Vec2::from).to_vec(),
+                radii: radii.clone(),
+                cell: sd_core::cell::Cell::Unbounded,
+                hydrodynamics,
+                background: Planar::SHEAR,
+                forces: forces.map(Vec2::from).to_vec(),
+                torques: torques.to_vec(),
+            },
+            &instant::ContactRequest::None,
+            &NearFields::default(),
+        )
+        .unwrap();
+        let flat = |x: &[f64; 2]| Vector3::new(x[0], x[1], 0.0);
+        let solved = solve(
+            &Configuration {
+                centres: places.iter().map(flat).collect(),
+                radii,
+                cell: Cell::Unbounded,
+                hydrodynamics,
+                background: Background::SHEAR,
+                forces: forces.iter().map(flat).collect(),
+                torques: torques.iter().map(|&t| Vector3::new(0.0, 0.0, t)).collect(),
+            },
+            &NearFields::default(),
+        )
+        .unwrap();
+        for i in 0..places.len() {
+            let [x, y, spin] = layer.disturbances[i];
+            let velocity = solved.velocities[i] - Vector3::new(x, y, 0.0);
+            let turning = solved.angular_velocities[i] - Vector3::new(0.0, 0.0, spin);
+            assert!(
+                velocity.amax() < 1e-10 && turning.amax() < 1e-10,
+                "{velocity} {turning}"
+            );
+            let (xx, yy, xy) = layer.stresslet(i);
+            let s = solved.stresslets[i];
+            for difference in [s.xx - xx, s.yy - yy, s.xy - xy, s.xz, s.yz] {
+                assert!(
+                    difference.abs() < 1e-10,
+                    "{hydrodynamics:?} {i}: {difference:e}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn dilute_suspension_has_einsteins_viscosity() {
+    let cell = Cell::periodic(Vector3::new(40.0, 40.0, 40.0), 0.0).unwrap();
+    let phi = 4.0 / 3.0 * PI / 64000.0;
+    for hydrodynamics in [Hydrodynamics::StokesianDynamics, Hydrodynamics::BallMelrose] {
+        let solved = solve(
+            &sheared(vec![Vector3::zeros()], cell, hydrodynamics),
+            &NearFields::default(),
+        )
+        .unwrap();
+        let added = (solved.viscosity.unwrap() - 1.0) / phi;
+        assert!((added - 2.5).abs() < 1e-3, "{added}");
+        assert!((solved.dissipation.unwrap() / phi - added).abs() < 1e-10);
+    }
+}
+
+#[test]
+fn bad_configurations_are_refused() {
+    let cell = Cell::periodic(Vector3::new(7.0, 9.0, 9.0), 0.0).unwrap();
+    let good = cluster(Hydrodynamics::BallMelrose);
+    let refused = |change: &dyn Fn(&mut Configuration)| {
+        let mut bad = good.clone();
+        change(&mut bad);
+        solve(&bad, &NearFields::default()).unwrap_err().to_string()
+    };
+    assert!(refused(&|c| c.cell = cell).contains("wide along x"));
+    assert!(refused(&|c| c.centres[1] = Vector3::new(1.9, 0.0, 0.0)).contains("overlap"));
+    assert!(refused(&|c| c.radii[0] = 0.0).contains("radii"));
+    assert!(refused(&|c| c.forces.clear()).contains("forces"));
+    assert!(refused(&|c| c.centres[0].z = f64::NAN).contains("centres"));
+}
