@@ -183,7 +183,7 @@ impl Campaign {
     ) -> PyResult<Bound<'py, PyAny>> {
         let workers = threads(workers)?;
         let plan = py
-            .detach(|| sweep::cli::plan(&self.0, workers))
+            .detach(|| sweep::api::plan(&self.0, workers))
             .map_err(raise)?;
         values::answer(py, &plan)
     }

@@ -1,5 +1,15 @@
 //! What the command line and the Python package call alike: work on a campaign and its store, without arguments or output.
 
+mod error;
+mod explain;
+pub(crate) mod instant;
+pub(crate) mod plan;
+
+pub use error::Error;
+pub use explain::ErrorRenderer;
+pub use instant::{Input as InstantInput, InputError, configuration, named_scalars};
+pub use plan::{Plan, plan};
+
 use crate::campaign::{Campaign, Order, Priority};
 use crate::costs::Costs;
 use crate::store::{Adoption, Finding, Merged, Store, StoreError};

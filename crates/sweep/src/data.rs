@@ -1,5 +1,6 @@
 //! Tables as whole columns, for programs that take them so, and the numbers of a record as a row of one.
 
+pub(crate) mod csv_rows;
 mod fields;
 mod parquet;
 
@@ -7,7 +8,6 @@ pub use fields::{Field, Unfit, fields};
 pub use parquet::ParquetFile;
 
 use crate::axes::{Kind, Value};
-use crate::csv_rows;
 use std::borrow::Cow;
 use std::io::{self, Write};
 

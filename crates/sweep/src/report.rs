@@ -17,7 +17,6 @@ mod text;
 mod tidy;
 mod units;
 
-pub use crate::stresses::sample_fields;
 pub use columns::{Columns, point_table};
 pub use error::ReportError;
 pub(crate) use figure::chart;
@@ -29,7 +28,7 @@ pub use json::write as write_json;
 pub use page::{PageHost, data, movie, page};
 pub use parquet::parquet;
 pub use points::{Point, Report};
-pub use runs::{TableFormat, sample_table};
+pub use runs::{TableFormat, sample_fields, sample_table};
 pub use selection::{Excerpt, Selection};
 pub(crate) use sheet::{Head, Sheet, SheetColumn, room};
 pub use sheet::{NumberFormat, Shape, write_latex};

@@ -2,9 +2,9 @@
 
 use super::Output;
 use super::place::{StoreArguments, say_warning};
+use crate::api::Error;
 use crate::campaign::Campaign;
 use crate::campaign::Order;
-use crate::cli::Error;
 use crate::cluster::shard::{self, ShardError};
 use crate::exit;
 use crate::store::{Counts, Disagreement, Merged, Store, StoreError, StoreSource};

@@ -1,8 +1,8 @@
 //! Which store a command is about.
 
 use super::Output;
+use crate::api::Error;
 use crate::campaign::Campaign;
-use crate::cli::Error;
 use crate::store::{Store, StoreSource};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

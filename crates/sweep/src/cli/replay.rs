@@ -2,7 +2,7 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::cli::Error;
+use crate::api::Error;
 use crate::exit;
 
 /// Failures named in an error.

@@ -6,7 +6,7 @@ mod one_by_one;
 use super::Output;
 use super::place::StoreArguments;
 use super::tables::{TableArguments, refuse_two_answers};
-use crate::cli::Error;
+use crate::api::Error;
 use crate::exit;
 use crate::files::write_whole;
 use crate::format::wrapped;

@@ -4,9 +4,9 @@ mod task;
 
 use super::Output;
 use super::place::{say_warning, store_of};
+use crate::api::Error;
 use crate::api::{Beginning, Begun, begin};
 use crate::campaign::{Campaign, Priority};
-use crate::cli::Error;
 use crate::exit;
 use crate::format::{bytes, parse_duration, parse_positive_duration};
 use crate::runner::{self, Options, Progress, Reason, Stop, Style};

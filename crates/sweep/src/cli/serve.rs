@@ -2,7 +2,7 @@
 
 use super::Output;
 use super::place::{StoreArguments, say_last_run};
-use crate::cli::Error;
+use crate::api::Error;
 use crate::exit;
 use std::io::Write;
 use std::net::{SocketAddr, ToSocketAddrs as _};

@@ -4,7 +4,7 @@ mod tasks;
 
 use super::Output;
 use super::place::{StoreArguments, say_warning};
-use crate::cli::Error;
+use crate::api::Error;
 use crate::cluster::shard;
 use crate::exit;
 use crate::format::duration;

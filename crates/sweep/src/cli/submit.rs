@@ -2,10 +2,11 @@
 
 mod folder;
 
+use super::Output;
 use super::place::store_of;
-use super::{Output, plan};
+use crate::api::Error;
+use crate::api::plan::memory_bytes;
 use crate::campaign::Campaign;
-use crate::cli::Error;
 use crate::cluster::{
     Job, Scheduler, SchedulerError, quoted, shard,
     shard::Slices,
@@ -469,7 +470,7 @@ fn forecast(
     if output.quiet {
         return Ok(());
     }
-    let memory = plan::memory_bytes(campaign, job.workers);
+    let memory = memory_bytes(campaign, job.workers);
     let seconds = store.remaining_cpu_s(&store.work()?)?;
     note(
         output,

@@ -8,9 +8,11 @@ use super::selection::Excerpt;
 use super::units::{At, Units};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::csv_rows;
-use crate::data::{Cells, DataColumn, ParquetFile, numbered, write_csv, write_csv_rows};
+use crate::data::{
+    Cells, DataColumn, Field, ParquetFile, Unfit, fields, numbered, write_csv, write_csv_rows,
+};
 use crate::store::PointRun;
-use crate::stresses::sample_fields;
+use crate::stresses::STRESSES;
 use meanings::{OF_RUNS, OF_SAMPLES, explain};
 use sd_core::Sample;
 use std::collections::HashMap;
@@ -263,6 +265,25 @@ impl Batch {
         }
         Ok(())
     }
+}
+
+/// What a sample holds, and the components of the stress whose parts it holds, under the names of the columns of samples.
+///
+/// # Errors
+/// None is known: the fields of a sample are numbers.
+pub fn sample_fields(sample: &Sample) -> Result<Vec<Field>, Unfit> {
+    let mut all = fields(sample)?;
+    let totals = STRESSES.iter().filter(|column| !column.is_part());
+    let totals = totals.map(|column| Field {
+        name: column.name.into(),
+        value: Value::Number(column.read(sample)),
+    });
+    let before = all
+        .iter()
+        .position(|field| field.name == "normal_stress_difference");
+    let place = before.map_or(all.len(), |place| place + 1);
+    all.splice(place..place, totals);
+    Ok(all)
 }
 
 /// Samples as columns, of the fields of [`sample_fields`].

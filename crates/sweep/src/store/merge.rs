@@ -7,8 +7,8 @@ mod case;
 mod shards;
 
 use super::{Store, StoreError, count, ends, rules};
-use crate::campaign::Protocol;
 use crate::process::now;
+use crate::protocol::Protocol;
 use case::Merging;
 use rusqlite::{Connection, params};
 use serde::Serialize;
@@ -311,7 +311,7 @@ impl Store {
 /// The numbers of the cases of a store, and whether these are all. Of a damaged one those on pages that can be read.
 fn cases_of(other: &Connection) -> (Vec<i64>, bool) {
     let (mut ids, mut is_all, mut last, mut missed) = (Vec::new(), true, 0, 0);
-    let most = 4 * usize::try_from(crate::campaign::CASE_LIMIT).unwrap_or(usize::MAX);
+    let most = 4 * usize::try_from(crate::model::campaign::CASE_LIMIT).unwrap_or(usize::MAX);
     while ids.len() < most && missed < MOST_MISSED {
         let read = other
             .prepare_cached("SELECT id FROM cases WHERE id > ?1 ORDER BY id")

@@ -3,7 +3,7 @@
 use super::log;
 use super::place::{address, is_full, refuse_other_than_files};
 use super::{Store, StoreError, harden, wait_for_lock};
-use crate::campaign::Campaign;
+use crate::model::campaign::Campaign;
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
 use std::path::{Path, PathBuf};

@@ -2,7 +2,8 @@
 
 use super::registry::AtWork;
 use super::{Store, StoreError, count};
-use crate::campaign::{Campaign, Discard};
+use crate::model::campaign::Campaign;
+use crate::protocol::Discard;
 use crate::statistics::Precision;
 use rusqlite::{Connection, OptionalExtension};
 use serde::Serialize;

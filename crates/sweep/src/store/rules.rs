@@ -5,7 +5,7 @@
 
 use super::digest::{self, Altered, number, whole};
 use super::{Store, StoreError, count, integer};
-use crate::campaign::Campaign;
+use crate::model::campaign::Campaign;
 use crate::statistics::{Decision, Measure, Outcome, Precision};
 use rusqlite::types::Value;
 use rusqlite::{Connection, OptionalExtension, Row, params, params_from_iter};

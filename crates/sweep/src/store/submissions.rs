@@ -1,7 +1,7 @@
 //! Jobs handed to a scheduler: which there are, which cases their tasks were given.
 
 use super::{Store, StoreError, count, integer};
-use crate::campaign::Campaign;
+use crate::model::campaign::Campaign;
 use crate::process;
 use rusqlite::{Row, params};
 use serde::Serialize;
@@ -237,7 +237,7 @@ impl Store {
         some.rules.clear();
         some.cases
             .retain(|(key, _)| keys.contains(key.to_string().as_str()));
-        let (mut new, _) = Store::enter(to, &some, crate::campaign::Order::default())?;
+        let (mut new, _) = Store::enter(to, &some, crate::model::order::Order::default())?;
         new.merge_as(
             super::merge::MergeMode::Task,
             std::slice::from_ref(&self.path),

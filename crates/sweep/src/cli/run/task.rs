@@ -1,9 +1,9 @@
 //! `sweep run --shard`: one task of a campaign, in a store of its own.
 
 use super::{Arguments, Conditions, compute};
+use crate::api::Error;
 use crate::campaign::Campaign;
 use crate::campaign::Order;
-use crate::cli::Error;
 use crate::cli::Output;
 use crate::cluster::shard::{self, Publisher, ShardError, Slices};
 use crate::cluster::{Requeue, Scheduler};

@@ -1,6 +1,6 @@
 //! What `sweep status` says of tasks that were submitted.
 
-use crate::cli::Error;
+use crate::api::Error;
 use crate::cluster::{ActiveTask, Scheduler, shard};
 use crate::store::{SliceState, Store, Submission};
 use serde::Serialize;

@@ -1,9 +1,9 @@
 //! Merging one case: what outranks what. All of it is read and compared with its digests before anything of it is written.
 
 use super::{MergeMode, Merged};
-use crate::campaign::Protocol;
 use crate::case::{Case, State};
 use crate::process::now;
+use crate::protocol::Protocol;
 use crate::store::campaign::Points;
 use crate::store::ends::{self, RunEnd};
 use crate::store::{
