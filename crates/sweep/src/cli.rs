@@ -185,7 +185,8 @@ impl Cli {
         use tracing_subscriber::layer::SubscriberExt as _;
         use tracing_subscriber::util::SubscriberInitExt as _;
         let level = match self.verbose {
-            0 => LevelFilter::OFF,
+            0 if self.quiet => LevelFilter::OFF,
+            0 => LevelFilter::WARN,
             1 => LevelFilter::INFO,
             _ => LevelFilter::DEBUG,
         };
@@ -197,7 +198,7 @@ impl Cli {
             .with_target(false);
         let _ = tracing_subscriber::registry()
             .with(lines)
-            .with(chosen.unwrap_or_else(|| Targets::new().with_default(level)))
+            .with(chosen.unwrap_or_else(|| Targets::new().with_target("sweep", level)))
             .try_init();
     }
 

@@ -4,6 +4,7 @@ mod axis_words;
 mod columns;
 mod curves;
 mod error;
+mod failures;
 mod figure;
 mod json;
 mod page;
@@ -19,6 +20,7 @@ mod units;
 
 pub use columns::{Columns, point_table};
 pub use error::ReportError;
+pub use failures::FailureGroup;
 pub(crate) use figure::chart;
 pub use figure::{
     Drawing, Format, Graph, Intervals, Kind, LegendPlace, Length, Line, Look, Outline, Quantity,

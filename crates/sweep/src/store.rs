@@ -15,9 +15,9 @@ mod frames;
 mod log;
 mod merge;
 mod place;
+mod points;
 mod provenance;
 mod prune;
-mod query;
 mod reading;
 mod registry;
 mod request;
@@ -28,6 +28,7 @@ mod samples;
 mod schema;
 mod story;
 mod submissions;
+mod work;
 
 pub(crate) use crate::checkpoint::can_be_kept;
 pub use crate::checkpoint::{Checkpoint, Damage};
@@ -35,23 +36,24 @@ pub use check::{Checked, Finding, accept_changes, check};
 pub use claims::Claim;
 pub(crate) use ends::LastState;
 pub use error::StoreError;
-pub use failures::FailureGroup;
+pub use failures::{Attempt, FailureLine};
 pub use frames::StoredFrame;
 pub(crate) use merge::MergeMode;
 pub use merge::{Damaged, Disagreement, Merged};
 pub(crate) use place::is_full;
 pub use place::network_file_system;
+pub use points::PointRun;
 pub use provenance::Provenance;
-pub(crate) use query::PointWork;
-pub use query::{Counts, FailureLine, PointRun, ProcessLine, Replay, Work};
 pub use reading::StoreSource;
 pub(crate) use reading::snapshot;
 pub use registry::DEATH_LIMIT;
 pub use request::{Adoption, Inventory};
 pub use results::{Failure, Finished};
 pub use rules::PointState;
-pub use story::{Attempt, Origin, Story};
+pub use story::{Origin, Story};
 pub use submissions::{OpenCase, SliceState, Submission, TaskName};
+pub(crate) use work::PointWork;
+pub use work::{Counts, ProcessLine, Work};
 
 use log::Mark;
 use place::{FileIdentity, Files};
@@ -72,6 +74,8 @@ const LOCK_WAIT: Duration = if cfg!(test) {
 };
 /// How often, where no owner is known to live.
 const LOCK_WAITS: u32 = if cfg!(test) { 4 } else { 12 };
+/// After so many more the user is told again.
+const WAITS_UNTOLD: u32 = 60;
 /// How long a lock is waited for once a stop was requested.
 const LOCK_WAIT_WHEN_STOPPING: Duration = Duration::from_millis(500);
 /// Time from one look at a lock to the next.
@@ -100,7 +104,7 @@ pub struct Store {
     request: Option<Request>,
     /// The file last run, if another version of it is shown.
     last_run_with: Option<PathBuf>,
-    /// What is waited for, until somebody has said so.
+    /// What is waited for while cases are computed, until somebody has said so.
     waiting: Arc<Mutex<Option<String>>>,
 }
 
@@ -271,14 +275,20 @@ impl Store {
                 return Err(error);
             }
             match registry::other_worker(&self.connection, self.me())? {
-                Some((pid, host)) => {
-                    let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-                    *waiting = Some(format!(
+                Some((pid, host)) if waits % WAITS_UNTOLD == 1 => {
+                    let text = format!(
                         "waiting for the lock of {}, which process {pid} on {host} works on",
                         self.path.display()
-                    ));
-                    tracing::warn!(pid, host, "waiting for the lock");
+                    );
+                    if self.process.is_some() {
+                        let mut waiting =
+                            self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+                        *waiting = Some(text);
+                    } else {
+                        tracing::warn!("{text}");
+                    }
                 }
+                Some(_) => {}
                 None if waits < LOCK_WAITS => {}
                 None => return Err(error),
             }

@@ -105,7 +105,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         writeln!(out, "computed on {} by {}", origin.host, origin.program())?;
     }
     for failure in &story.failures {
-        let place = failure.pair.map_or_else(String::new, |[i, j]| {
+        let place = failure.pair.map_or_else(String::new, |(i, j)| {
             format!(
                 ", pair {i}, {j}, gap {}",
                 failure

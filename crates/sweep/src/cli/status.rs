@@ -8,10 +8,9 @@ use crate::api::Error;
 use crate::cluster::shard;
 use crate::exit;
 use crate::format::duration;
+use crate::report::FailureGroup;
 use crate::statistics::Verdict;
-use crate::store::{
-    Counts, Disagreement, FailureGroup, FailureLine, PointState, ProcessLine, Store, StoreError,
-};
+use crate::store::{Counts, Disagreement, FailureLine, PointState, ProcessLine, Store, StoreError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 //! Taking a campaign file into its store.
 
-use super::digest::{self, Altered};
+use super::digest::{self, Altered, Sealed};
 use super::log::{self, Mark};
 use super::registry::AtWork;
 use super::request::{Adoption, Request};
@@ -19,8 +19,13 @@ use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::path::Path;
 
-/// Columns of the campaign that its digest covers.
-pub(super) const COLUMNS: &str = "name, text, protocol, file, request, grid";
+/// The campaign.
+pub(super) const SEALED: Sealed = Sealed {
+    table: "campaign",
+    columns: "name, text, protocol, file, request, grid",
+    with_key: false,
+    words: "the campaign",
+};
 
 impl Store {
     /// Opens the store of a campaign, makes it if it is not there, and takes the campaign into it: see [`Store::adopt`]. A new
@@ -224,8 +229,7 @@ impl Store {
 
 /// Makes sure that the campaign is what was written.
 pub(super) fn check(connection: &Connection) -> Result<(), rusqlite::Error> {
-    let query = format!("SELECT {COLUMNS}, digest FROM campaign");
-    digest::check(connection, &query, [], "the campaign")
+    SEALED.check(connection, "true", [])
 }
 
 /// The campaign as a store was last run with it.
@@ -298,7 +302,7 @@ impl<'c> Entry<'c> {
     /// Makes the cases of a store those of the campaign.
     fn enter(&self, connection: &Connection, is_new: bool) -> Result<(), rusqlite::Error> {
         let text = |text: &str| Value::Text(text.to_owned());
-        let mut row = vec![
+        let row = [
             text(&self.campaign.name),
             text(&self.campaign.text),
             text(&self.protocol),
@@ -306,14 +310,11 @@ impl<'c> Entry<'c> {
             text(&self.request.hash),
             text(&self.request.grid),
         ];
-        row.push(Value::Integer(digest::of(&row)));
-        row.push(Value::Text(self.order.priority.words()));
-        connection.execute(
-            &format!(
-                "INSERT OR REPLACE INTO campaign (id, {COLUMNS}, digest, priority) VALUES (1, ?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"
-            ),
-            params_from_iter(row),
-        )?;
+        let more = [
+            ("id", Value::Integer(1)),
+            ("priority", Value::Text(self.order.priority.words())),
+        ];
+        SEALED.put(connection, None, &row, &more)?;
         self.enter_cases(connection)?;
         if is_new {
             schema::index(connection)?;

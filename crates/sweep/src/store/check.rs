@@ -1,9 +1,9 @@
 //! Whether all of a store is what was written; and what is damaged made pending again, to be computed with the same digits.
 
 use super::campaign;
-use super::digest::{Altered, Digest};
+use super::digest::{Altered, altered, rewrite};
 use super::log::Mark;
-use super::query::KnownPoint;
+use super::points::KnownPoint;
 use super::results::COVERED;
 use super::schema::axis_columns;
 use super::{Store, StoreError, claims, ends, failures, frames, registry, rules, samples};
@@ -25,94 +25,35 @@ const OF_CASES: [&str; 6] = [
     "failures",
 ];
 
-/// A kind of row that has a digest.
-struct Kind {
-    table: &'static str,
-    words: &'static str,
-    /// Selects the number of a row, the case it belongs to or 0, what its digest covers, and its digest.
-    query: String,
-}
-
-/// All of them.
-fn kinds() -> [Kind; 8] {
-    let kind = |table, words, query| Kind {
-        table,
-        words,
-        query,
-    };
-    let of = |before: &str, columns: &str| columns.replace(", ", &format!(", {before}"));
-    [
-        kind(
-            "campaign",
-            "the campaign",
-            format!("SELECT rowid, 0, {}, digest FROM campaign", campaign::COLUMNS),
-        ),
-        kind(
-            "processes",
-            "a process that computed",
-            format!("SELECT rowid, 0, {}, digest FROM processes", registry::COLUMNS),
-        ),
-        kind(
-            "points",
-            "the parameters of a point",
-            format!("SELECT rowid, 0, params, {}, digest FROM points", axis_columns("")),
-        ),
-        kind(
-            "rules",
-            "the precision requested at a point",
-            format!("SELECT rowid, 0, {}, digest FROM rules", rules::COLUMNS),
-        ),
-        kind(
-            "ends",
-            "the end of a run",
-            format!(
-                "SELECT e.rowid, c.id, c.key, e.{}, e.digest FROM ends e JOIN cases c ON c.id = e.case_id",
-                of("e.", ends::COLUMNS)
+/// Tables with a digest in each row, what a row is in words, and a statement that selects of each row its number, what the digest
+/// covers, and the digest.
+fn kinds() -> Vec<(&'static str, &'static str, String)> {
+    let sealed = [
+        campaign::SEALED,
+        registry::SEALED,
+        rules::SEALED,
+        ends::SEALED,
+        failures::SEALED,
+        frames::SEALED,
+    ];
+    let axes = axis_columns("");
+    let of_results = format!(
+        "SELECT r.rowid, {} FROM results r JOIN cases c ON c.id = r.case_id JOIN points p ON p.id = c.point
+         WHERE c.state IN ('done', 'jammed')",
+        *COVERED
+    );
+    sealed
+        .into_iter()
+        .map(|kind| (kind.table, kind.words, kind.select("t.rowid, ")))
+        .chain([
+            (
+                "points",
+                "the parameters of a point",
+                format!("SELECT rowid, params, {axes}, digest FROM points"),
             ),
-        ),
-        kind(
-            "failures",
-            "a failure",
-            format!(
-                "SELECT f.rowid, c.id, c.key, f.{}, f.digest FROM failures f JOIN cases c ON c.id = f.case_id",
-                of("f.", failures::COLUMNS)
-            ),
-        ),
-        kind(
-            "frames",
-            "a frame of a run",
-            format!("SELECT f.rowid, f.case_id, {}, f.digest FROM frames f", frames::COLUMNS),
-        ),
-        kind(
-            "results",
-            "the result of a run",
-            format!(
-                "SELECT r.rowid, c.id, {} FROM results r JOIN cases c ON c.id = r.case_id JOIN points p ON p.id = c.point
-                 WHERE c.state IN ('done', 'jammed')",
-                *COVERED
-            ),
-        ),
-    ]
-}
-
-impl Kind {
-    /// Calls `each` with the number of every row whose digest is not the one of its contents, its case, and what the digest is.
-    fn altered(
-        &self,
-        connection: &Connection,
-        mut each: impl FnMut(i64, i64, i64),
-    ) -> Result<(), rusqlite::Error> {
-        let mut query = connection.prepare(&self.query)?;
-        let last = query.column_count() - 1;
-        let mut rows = query.query([])?;
-        while let Some(row) = rows.next()? {
-            let digest = Digest::default().with_row(row, 2..last)?.finish();
-            if row.get::<_, i64>(last).ok() != Some(digest) {
-                each(row.get(0)?, row.get(1)?, digest);
-            }
-        }
-        Ok(())
-    }
+            ("results", "the result of a run", of_results),
+        ])
+        .collect()
 }
 
 /// Something that is not what was written.
@@ -151,13 +92,19 @@ struct Damage {
 impl Damage {
     fn of(connection: &Connection) -> Result<Self, rusqlite::Error> {
         let mut damage = Self::default();
-        for kind in kinds() {
-            kind.altered(connection, |row, case, _| match kind.table {
-                _ if case != 0 => damage.case(case, kind.words, false),
-                "processes" => damage.processes.push(row),
-                "points" => damage.points.push(row),
-                _ => damage.grid(kind.words),
-            })?;
+        for (table, words, query) in kinds() {
+            for (row, _) in altered(connection, &query)? {
+                match table {
+                    "processes" => damage.processes.push(row),
+                    "points" => damage.points.push(row),
+                    _ if OF_CASES.contains(&table) => {
+                        let case = format!("SELECT case_id FROM {table} WHERE rowid = ?1");
+                        let case = connection.query_row(&case, [row], |row| row.get(0))?;
+                        damage.case(case, words, false);
+                    }
+                    _ => damage.grid(words),
+                }
+            }
         }
         damage.look_at_cases(connection)?;
         damage.look_at_samples(connection)?;
@@ -340,7 +287,7 @@ impl Damage {
                 "UPDATE processes SET host = 'unknown', build = '', version = '' WHERE id = ?1",
                 [process],
             )?;
-            registry::seal(connection, *process)?;
+            registry::SEALED.seal(connection, &format!("t.id = {process}"))?;
         }
         if self.grid || !self.points.is_empty() || self.cases.values().any(|(_, is_row)| *is_row) {
             // What the store was last run with is entered again.
@@ -470,14 +417,9 @@ pub fn accept_changes(path: &Path) -> Result<(), StoreError> {
                 params![case, digest],
             )?;
         }
-        for kind in kinds() {
-            let mut altered = Vec::new();
-            kind.altered(&connection, |row, _, digest| altered.push((row, digest)))?;
-            for (row, digest) in altered {
-                connection.execute(
-                    &format!("UPDATE {} SET digest = ?2 WHERE rowid = ?1", kind.table),
-                    params![row, digest],
-                )?;
+        for (table, _, query) in kinds() {
+            for (row, digest) in altered(&connection, &query)? {
+                rewrite(&connection, table, row, digest)?;
             }
         }
         Mark::renew(&connection)?;

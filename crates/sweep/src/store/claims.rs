@@ -166,7 +166,7 @@ fn point_of(
     connection
         .prepare_cached("SELECT digest, params FROM points WHERE id = ?1")?
         .query_row([point], |row| {
-            Ok((row.get(0)?, super::query::params(row, 1)?))
+            Ok((row.get(0)?, super::points::params(row, 1)?))
         })
 }
 

@@ -3,7 +3,7 @@
 //! `SQLite` notices a page that is out of its place; it does not notice a changed digit.
 
 use rusqlite::types::{Type, Value, ValueRef};
-use rusqlite::{Connection, Params, Row};
+use rusqlite::{Connection, Params, Row, params_from_iter};
 use std::fmt;
 use std::ops::Range;
 
@@ -70,6 +70,117 @@ impl Digest {
 /// The digest of some values.
 pub(super) fn of(values: &[Value]) -> i64 {
     Digest::default().with(values).finish()
+}
+
+/// A table whose rows have a digest.
+pub(super) struct Sealed {
+    pub(super) table: &'static str,
+    /// The columns that the digest covers, in their order.
+    pub(super) columns: &'static str,
+    /// Whether it covers the key of the case of a row before these.
+    pub(super) with_key: bool,
+    /// A row, in words.
+    pub(super) words: &'static str,
+}
+
+impl Sealed {
+    /// Selects of rows `t`, and their cases `c` where there is a key, `first`, what the digest covers, and the digest.
+    pub(super) fn select(&self, first: &str) -> String {
+        let (key, cases) = match self.with_key {
+            true => ("c.key, ", " JOIN cases c ON c.id = t.case_id"),
+            false => ("", ""),
+        };
+        let columns = self.columns.replace(", ", ", t.");
+        let table = self.table;
+        format!("SELECT {first}{key}t.{columns}, t.digest FROM {table} t{cases}")
+    }
+
+    /// Makes sure that the rows that meet a condition are what was written.
+    ///
+    /// # Errors
+    /// [`Altered`], and those of the query.
+    pub(super) fn check(
+        &self,
+        connection: &Connection,
+        condition: &str,
+        parameters: impl Params,
+    ) -> Result<(), rusqlite::Error> {
+        let query = format!("{} WHERE {condition}", self.select(""));
+        check(connection, &query, parameters, self.words)
+    }
+
+    /// Writes a row in place of any other with its number, the key of its case in front, and `more` that the digest does not
+    /// cover.
+    pub(super) fn put(
+        &self,
+        connection: &Connection,
+        key: Option<&str>,
+        values: &[Value],
+        more: &[(&str, Value)],
+    ) -> Result<(), rusqlite::Error> {
+        let key = key.map(|key| Value::Text(key.to_owned()));
+        let digest = Value::Integer(Digest::default().with(&key).with(values).finish());
+        let names: String = more.iter().map(|(name, _)| format!(", {name}")).collect();
+        let places = vec!["?"; values.len() + 1 + more.len()].join(", ");
+        let (table, columns) = (self.table, self.columns);
+        connection
+            .prepare_cached(&format!(
+                "INSERT OR REPLACE INTO {table} ({columns}, digest{names}) VALUES ({places})"
+            ))?
+            .execute(params_from_iter(
+                values
+                    .iter()
+                    .chain([&digest])
+                    .chain(more.iter().map(|(_, value)| value)),
+            ))
+            .map(|_| ())
+    }
+
+    /// Writes the digests of the rows that meet a condition anew.
+    pub(super) fn seal(
+        &self,
+        connection: &Connection,
+        condition: &str,
+    ) -> Result<(), rusqlite::Error> {
+        let query = format!("{} WHERE {condition}", self.select("t.rowid, "));
+        for (row, digest) in altered(connection, &query)? {
+            rewrite(connection, self.table, row, digest)?;
+        }
+        Ok(())
+    }
+}
+
+/// Rows whose digest is not the one of their contents, and what it is: the first column of each is its number, the last the
+/// digest of those between.
+pub(super) fn altered(
+    connection: &Connection,
+    query: &str,
+) -> Result<Vec<(i64, i64)>, rusqlite::Error> {
+    let mut query = connection.prepare(query)?;
+    let last = query.column_count() - 1;
+    let (mut rows, mut all) = (query.query([])?, Vec::new());
+    while let Some(row) = rows.next()? {
+        let digest = Digest::default().with_row(row, 1..last)?.finish();
+        if row.get::<_, i64>(last).ok() != Some(digest) {
+            all.push((row.get(0)?, digest));
+        }
+    }
+    Ok(all)
+}
+
+/// Gives a row another digest.
+pub(super) fn rewrite(
+    connection: &Connection,
+    table: &str,
+    row: i64,
+    digest: i64,
+) -> Result<(), rusqlite::Error> {
+    connection
+        .execute(
+            &format!("UPDATE {table} SET digest = ?2 WHERE rowid = ?1"),
+            [row, digest],
+        )
+        .map(|_| ())
 }
 
 /// Makes sure that rows are what was written: the last column of each is the digest of those before it.

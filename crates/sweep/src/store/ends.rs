@@ -2,7 +2,7 @@
 //!
 //! A run is computed once: its beginning is the run of less strain, and from its last state it goes on to more.
 
-use super::digest::{self, Digest, number, whole};
+use super::digest::{Sealed, number, whole};
 use super::results::Place;
 use super::{Checkpoint, Damage, Store, StoreError, claims, count, rules, samples};
 use crate::axes::identity;
@@ -11,14 +11,19 @@ use crate::process;
 use crate::protocol::{Discard, Protocol};
 use crate::statistics::mser_5;
 use rusqlite::types::Value;
-use rusqlite::{Connection, OptionalExtension, Row, params, params_from_iter};
+use rusqlite::{Connection, OptionalExtension, Row, params};
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
 use std::collections::HashMap;
 
-/// Columns of the end of a run that its digest covers, after the key of its case.
-pub(super) const COLUMNS: &str = "steps, jammed, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, \
-     jam_events, jammed_steps, jammed_stages, wall_time_s, cpu_time_s, resumed, process, finished_at, state, inexact_stages";
+/// The ends of runs.
+pub(super) const SEALED: Sealed = Sealed {
+    table: "ends",
+    columns: "steps, jammed, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, jam_events, \
+              jammed_steps, jammed_stages, wall_time_s, cpu_time_s, resumed, process, finished_at, state, inexact_stages",
+    with_key: true,
+    words: "the end of a run",
+};
 
 /// How far a run was computed.
 #[derive(Debug, Clone)]
@@ -65,30 +70,23 @@ impl RunEnd {
             self.state.clone().map_or(Value::Null, Value::Blob),
             whole(counters.inexact_stages),
         ];
-        let key = Value::Text(key.to_owned());
-        let digest = Digest::default().with([&key]).with(&values).finish();
-        let case = Value::Integer(case);
-        connection
-            .prepare_cached(&format!(
-                "INSERT OR REPLACE INTO ends (case_id, {COLUMNS}, digest)
-                 VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
-            ))?
-            .execute(params_from_iter(
-                std::iter::once(&case)
-                    .chain(&values)
-                    .chain([&Value::Integer(digest)]),
-            ))
-            .map(|_| ())
+        SEALED.put(
+            connection,
+            Some(key),
+            &values,
+            &[("case_id", Value::Integer(case))],
+        )
     }
 
     /// The end of the run of a case, if it was computed to one.
     ///
     /// # Errors
-    /// Those of the query, and [`Altered`](digest::Altered) if it is not what was written.
+    /// Those of the query, and [`Altered`](super::digest::Altered) if it is not what was written.
     pub(super) fn of(connection: &Connection, case: i64) -> Result<Option<Self>, rusqlite::Error> {
-        check(connection, "e.case_id = ?1", [case])?;
+        SEALED.check(connection, "t.case_id = ?1", [case])?;
+        let columns = SEALED.columns;
         connection
-            .prepare_cached(&format!("SELECT {COLUMNS} FROM ends WHERE case_id = ?1"))?
+            .prepare_cached(&format!("SELECT {columns} FROM ends WHERE case_id = ?1"))?
             .query_row([case], Self::read)
             .optional()
     }
@@ -129,23 +127,6 @@ impl RunEnd {
             _ => self.counters,
         }
     }
-}
-
-/// Makes sure that ends of runs are what was written: those that meet a condition on `e` and `c`.
-pub(super) fn check(
-    connection: &Connection,
-    condition: &str,
-    parameters: impl rusqlite::Params,
-) -> Result<(), rusqlite::Error> {
-    let columns = COLUMNS.replace(", ", ", e.");
-    digest::check(
-        connection,
-        &format!(
-            "SELECT c.key, e.{columns}, e.digest FROM ends e JOIN cases c ON c.id = e.case_id WHERE {condition}"
-        ),
-        parameters,
-        "the end of a run",
-    )
 }
 
 /// A case that was computed to an end, and what is requested of it.
@@ -194,7 +175,7 @@ impl Computed {
                     id: row.get(0)?,
                     key: row.get(1)?,
                     point: row.get(2)?,
-                    params: super::query::params(row, 3)?,
+                    params: super::points::params(row, 3)?,
                     requested: count(row.get(4)?),
                     state: row.get(5)?,
                     steps_done: count(row.get(6)?),
@@ -416,7 +397,7 @@ impl Store {
     /// [`StoreError::Damaged`], and trouble with the file.
     pub(crate) fn last_states(&self) -> Result<Vec<LastState>, StoreError> {
         let states = || {
-            check(&self.connection, "c.counts AND c.state = 'done'", [])?;
+            SEALED.check(&self.connection, "c.counts AND c.state = 'done'", [])?;
             self.connection
                 .prepare(
                     "SELECT p.params, c.seed, e.state FROM cases c JOIN points p ON p.id = c.point
@@ -425,7 +406,7 @@ impl Store {
                 )?
                 .query_map([], |row| {
                     Ok(LastState {
-                        params: super::query::params(row, 0)?,
+                        params: super::points::params(row, 0)?,
                         seed: count(row.get(1)?),
                         state: row.get(2)?,
                     })

@@ -1,7 +1,7 @@
 //! Frames of runs.
 
 use super::claims::Claim;
-use super::digest::{self, number, whole};
+use super::digest::{Sealed, number, whole};
 use super::{Store, StoreError, count, integer};
 use crate::trajectory;
 use rusqlite::types::Value;
@@ -17,8 +17,13 @@ pub struct StoredFrame {
     pub frame: Frame,
 }
 
-/// Columns of a frame that its digest covers.
-pub(super) const COLUMNS: &str = "f.step, f.strain, f.data";
+/// The frames.
+pub(super) const SEALED: Sealed = Sealed {
+    table: "frames",
+    columns: "step, strain, data",
+    with_key: false,
+    words: "a frame of a run",
+};
 
 /// Writes a frame in place of any other of its step.
 pub(super) fn put(
@@ -28,24 +33,11 @@ pub(super) fn put(
     strain: f64,
     data: Vec<u8>,
 ) -> Result<(), rusqlite::Error> {
-    let row = [whole(step), number(strain), Value::Blob(data)];
-    let digest = digest::of(&row);
-    let [step, strain, data] = row;
-    connection
-        .prepare_cached(
-            "INSERT OR REPLACE INTO frames (case_id, step, strain, data, digest) VALUES (?1, ?2, ?3, ?4, ?5)",
-        )?
-        .execute(params![case, step, strain, data, digest])
-        .map(|_| ())
-}
-
-/// Makes sure that the frames of a case are what was written.
-fn check(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
-    digest::check(
+    SEALED.put(
         connection,
-        &format!("SELECT {COLUMNS}, f.digest FROM frames f WHERE f.case_id = ?1"),
-        [case],
-        "a frame of a run",
+        None,
+        &[whole(step), number(strain), Value::Blob(data)],
+        &[("case_id", Value::Integer(case))],
     )
 }
 
@@ -54,7 +46,7 @@ pub(super) fn of(
     connection: &Connection,
     case: i64,
 ) -> Result<Vec<(u64, f64, Vec<u8>)>, rusqlite::Error> {
-    check(connection, case)?;
+    SEALED.check(connection, "t.case_id = ?1", [case])?;
     connection
         .prepare_cached("SELECT step, strain, data FROM frames WHERE case_id = ?1")?
         .query_map([case], |row| {
@@ -89,14 +81,8 @@ impl Store {
     /// [`StoreError::NoFrames`] if none are kept, trouble with the file, or an entry that cannot be read.
     pub fn frames(&self, key: &str, stride: usize) -> Result<Vec<StoredFrame>, StoreError> {
         let rows = || -> Result<Vec<(i64, Vec<u8>)>, rusqlite::Error> {
-            digest::check(
-                &self.connection,
-                &format!(
-                    "SELECT {COLUMNS}, f.digest FROM frames f WHERE f.case_id = (SELECT id FROM cases WHERE key = ?1)"
-                ),
-                [key],
-                "a frame of a run",
-            )?;
+            let of_case = "t.case_id = (SELECT id FROM cases WHERE key = ?1)";
+            SEALED.check(&self.connection, of_case, [key])?;
             self.connection
                 .prepare(
                     "SELECT step, data FROM

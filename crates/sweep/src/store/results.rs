@@ -243,8 +243,8 @@ impl Store {
             if computed.is_none_or(|steps| steps <= failure.step) {
                 samples::write(connection, claim.id, &failure.samples)?;
             }
-            let row = failures::Row {
-                attempt: None,
+            let failed = failures::Attempt {
+                attempt: 0,
                 error: failure.error.clone(),
                 step: failure.step,
                 strain: failure.step as f64 * claim.case.params.time_step,
@@ -254,7 +254,7 @@ impl Store {
                 process: me,
                 failed_at: process::now(),
             };
-            failures::insert(connection, claim.id, row)?;
+            failures::insert(connection, claim.id, failed)?;
             claims::drop_checkpoints(connection, claim.id)?;
             rules::apply_to_case(connection, claim.id)?;
             Ok(true)
@@ -265,15 +265,16 @@ impl Store {
     /// Makes all failed cases of the grid pending again. Returns how many.
     pub(crate) fn retry_failed(&mut self) -> Result<usize, StoreError> {
         self.write(|connection| {
-            let failed: Vec<(i64, u64)> = connection
+            let failed: Vec<(i64, String, u64)> = connection
                 .prepare(
-                    "SELECT c.id, coalesce(e.steps, 0) FROM cases c LEFT JOIN ends e ON e.case_id = c.id
+                    "SELECT c.id, c.key, coalesce(e.steps, 0) FROM cases c LEFT JOIN ends e ON e.case_id = c.id
                      WHERE c.state = 'failed' AND c.counts",
                 )?
-                .query_map([], |row| Ok((row.get(0)?, row.get(1).map(super::count)?)))?
+                .query_map([], |row| Ok((row.get(0)?, row.get(1)?, row.get(2).map(super::count)?)))?
                 .collect::<Result<_, _>>()?;
-            for (case, steps) in failed {
+            for (case, key, steps) in failed {
                 samples::cut(connection, case, steps)?;
+                tracing::info!(case = key, "retried");
             }
             let reopened = failures::reopen(connection, "counts")?;
             rules::apply_all(connection)?;

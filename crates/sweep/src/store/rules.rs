@@ -3,12 +3,12 @@
 //! All seeds that a point may get are in the store from the beginning. The rule marks those that count, whenever a case of the
 //! point ends, in the same transaction: what counts is a function of the results alone.
 
-use super::digest::{self, Altered, number, whole};
+use super::digest::{Altered, Sealed, number, whole};
 use super::{Store, StoreError, count, integer};
 use crate::model::campaign::Campaign;
 use crate::statistics::{Decision, Measure, Outcome, Precision};
 use rusqlite::types::Value;
-use rusqlite::{Connection, OptionalExtension, Row, params, params_from_iter};
+use rusqlite::{Connection, OptionalExtension, Row, params};
 use sd_core::Params;
 
 /// How a point stands at which a precision is asked for.
@@ -30,8 +30,13 @@ struct Seed {
     cost: f64,
 }
 
-/// Columns of a rule that its digest covers.
-pub(super) const COLUMNS: &str = "number, precision, quantity, at_least, at_most";
+/// The rules.
+pub(super) const SEALED: Sealed = Sealed {
+    table: "rules",
+    columns: "number, precision, quantity, at_least, at_most",
+    with_key: false,
+    words: "the precision requested at a point",
+};
 
 /// Enters the rules of a campaign in place of those that are there. Its cases are in the store, and all count: see [`apply_all`],
 /// which leaves out seeds that do not.
@@ -41,21 +46,17 @@ pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> Result<(), 
         "UPDATE cases SET rule = NULL, gain = 0.0 WHERE rule IS NOT NULL",
         [],
     )?;
-    let mut insert = connection.prepare(&format!(
-        "INSERT INTO rules ({COLUMNS}, digest) VALUES (?1, ?2, ?3, ?4, ?5, ?6)"
-    ))?;
     let mut give = connection.prepare("UPDATE cases SET rule = ?2 WHERE key = ?1")?;
     for (number_of_it, rule) in (0..).zip(&campaign.rules) {
         let precision = rule.precision;
-        let mut row = vec![
+        let row = [
             whole(number_of_it),
             number(precision.precision),
             Value::Text(precision.quantity.name().into()),
             whole(precision.at_least as u64),
             whole(precision.at_most as u64),
         ];
-        row.push(Value::Integer(digest::of(&row)));
-        insert.execute(params_from_iter(row))?;
+        SEALED.put(connection, None, &row, &[])?;
         for (key, _) in &campaign.cases[rule.cases.clone()] {
             give.execute(params![key.to_string(), integer(number_of_it)])?;
         }
@@ -65,7 +66,7 @@ pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> Result<(), 
 
 /// Lets every rule decide.
 pub(super) fn apply_all(connection: &Connection) -> Result<(), rusqlite::Error> {
-    for (point, rule) in rules(connection)? {
+    for (point, rule) in rules(connection, "true", [])? {
         apply(connection, point, &rule)?;
     }
     Ok(())
@@ -73,16 +74,11 @@ pub(super) fn apply_all(connection: &Connection) -> Result<(), rusqlite::Error> 
 
 /// Lets the rule decide that a case belongs to, if it belongs to one.
 pub(super) fn apply_to_case(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
-    let found = connection
-        .prepare_cached(&format!(
-            "SELECT {COLUMNS}, digest FROM rules WHERE number = (SELECT rule FROM cases WHERE id = ?1)"
-        ))?
-        .query_row([case], rule)
-        .optional()?;
-    match found {
-        Some((point, rule)) => apply(connection, point, &rule),
-        None => Ok(()),
+    let of_case = "t.number = (SELECT rule FROM cases WHERE id = ?1)";
+    for (point, rule) in rules(connection, of_case, [case])? {
+        apply(connection, point, &rule)?;
     }
+    Ok(())
 }
 
 /// Marks the seeds of a point that count, and no others.
@@ -114,11 +110,6 @@ fn decide(rule: &Precision, seeds: &[Seed]) -> Decision {
 
 /// A row of the rules.
 fn rule(row: &Row<'_>) -> Result<(i64, Precision), rusqlite::Error> {
-    if digest::Digest::default().with_row(row, 0..5)?.finish() != row.get::<_, i64>(5)? {
-        return Err(Altered::error(
-            "the precision requested at a point is not what was written",
-        ));
-    }
     let quantity: String = row.get(2)?;
     let seeds = |column: usize| -> Result<usize, rusqlite::Error> {
         Ok(usize::try_from(count(row.get(column)?)).unwrap_or(usize::MAX))
@@ -134,13 +125,17 @@ fn rule(row: &Row<'_>) -> Result<(i64, Precision), rusqlite::Error> {
     ))
 }
 
-/// All rules, in the order of the campaign file.
-fn rules(connection: &Connection) -> Result<Vec<(i64, Precision)>, rusqlite::Error> {
+/// The rules that meet a condition, in the order of the campaign file.
+fn rules(
+    connection: &Connection,
+    condition: &str,
+    parameters: impl rusqlite::Params + Copy,
+) -> Result<Vec<(i64, Precision)>, rusqlite::Error> {
+    SEALED.check(connection, condition, parameters)?;
+    let select = SEALED.select("");
     connection
-        .prepare_cached(&format!(
-            "SELECT {COLUMNS}, digest FROM rules ORDER BY number"
-        ))?
-        .query_map([], rule)?
+        .prepare_cached(&format!("{select} WHERE {condition} ORDER BY t.number"))?
+        .query_map(parameters, rule)?
         .collect()
 }
 
@@ -199,7 +194,7 @@ pub(super) fn first_batch(
 /// Makes sure that at every point those seeds count that its rule says, and elsewhere all of the grid.
 pub(super) fn check(connection: &Connection) -> Result<(), rusqlite::Error> {
     let altered = || Altered::error("which seeds count is not what was written");
-    for (point, rule) in rules(connection)? {
+    for (point, rule) in rules(connection, "true", [])? {
         let seeds = seeds(connection, point, &rule)?;
         let wanted = decide(&rule, &seeds).wanted;
         if seeds
@@ -222,14 +217,14 @@ impl Store {
     /// How the points stand at which a precision is asked for, in the order of the file.
     pub(crate) fn point_states(&self) -> Result<Vec<PointState>, StoreError> {
         let read = || {
-            rules(&self.connection)?
+            rules(&self.connection, "true", [])?
                 .into_iter()
                 .map(|(point, rule)| {
                     let seeds = seeds(&self.connection, point, &rule)?;
                     let params = self
                         .connection
                         .prepare_cached("SELECT p.params FROM cases c JOIN points p ON p.id = c.point WHERE c.rule = ?1 LIMIT 1")?
-                        .query_row([point], |row| super::query::params(row, 0))?;
+                        .query_row([point], |row| super::points::params(row, 0))?;
                     Ok(PointState {
                         params,
                         rule,

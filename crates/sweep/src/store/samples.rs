@@ -1,7 +1,7 @@
 //! Samples of runs.
 
+use super::count;
 use super::digest::{Altered, Digest, number, whole};
-use super::{count, integer};
 use crate::stresses;
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params, params_from_iter};
@@ -108,18 +108,6 @@ pub(super) fn digests(
     Ok(digests)
 }
 
-/// The digest of the samples of a case as they are now.
-fn digest_of(connection: &Connection, case: i64) -> Result<Option<i64>, rusqlite::Error> {
-    let mut query = connection.prepare_cached(&SELECT)?;
-    let columns = query.column_count();
-    let mut rows = query.query([case])?;
-    let mut digest: Option<Digest> = None;
-    while let Some(row) = rows.next()? {
-        digest = Some(digest.unwrap_or_default().with_row(row, 0..columns)?);
-    }
-    Ok(digest.map(Digest::finish))
-}
-
 /// Where two samples differ first, bit for bit, if they do.
 pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<String> {
     let names = stresses::names(stresses::parts(), "");
@@ -214,15 +202,7 @@ fn sample(row: &Row<'_>) -> Result<(u64, Sample), rusqlite::Error> {
 
 /// Drops the samples of a case from a step on.
 pub(super) fn cut(connection: &Connection, case: i64, from: u64) -> Result<(), rusqlite::Error> {
-    connection.execute(
-        "DELETE FROM samples WHERE case_id = ?1 AND step >= ?2",
-        params![case, integer(from)],
-    )?;
-    let digest = digest_of(connection, case)?;
-    connection
-        .execute(
-            "UPDATE cases SET samples_digest = ?2 WHERE id = ?1",
-            params![case, digest],
-        )
-        .map(|_| ())
+    let mut samples = of(connection, case)?;
+    samples.retain(|(step, _)| *step < from);
+    write(connection, case, &samples).map(|_| ())
 }

@@ -1,8 +1,9 @@
 //! All that the store knows of one case.
 
+use super::failures::{self, Attempt};
+use super::points::params;
 use super::provenance::program;
-use super::query::params;
-use super::{Store, StoreError, claims, count, ends, failures, results, samples};
+use super::{Store, StoreError, claims, count, ends, results, samples};
 use crate::doubt::Doubt;
 use rusqlite::{OptionalExtension, Row};
 use sd_core::{Params, Sample};
@@ -58,23 +59,6 @@ pub struct Origin {
     pub build: String,
     /// When it ended, or was last heard of, in milliseconds since 1970.
     pub at: i64,
-}
-
-/// A failed attempt.
-#[derive(Debug, Clone, Serialize)]
-pub struct Attempt {
-    /// Its number.
-    pub attempt: u64,
-    /// Its error.
-    pub error: String,
-    /// The step that failed.
-    pub step: u64,
-    /// Strain at its start.
-    pub strain: f64,
-    /// Pair it failed at.
-    pub pair: Option<[u64; 2]>,
-    /// Gap of that pair.
-    pub gap: Option<f64>,
 }
 
 /// A case and its row.
@@ -147,17 +131,8 @@ impl Store {
         let Some((id, mut story)) = found else {
             return Err(self.no_case(given, "no case"));
         };
-        self.read(
-            results::check(&self.connection, id)
-                .and_then(|()| failures::check(&self.connection, "c.id = ?1", [id])),
-        )?;
-        let failures = self
-            .connection
-            .prepare(
-                "SELECT attempt, error, step, strain, sphere_i, sphere_j, gap FROM failures WHERE case_id = ?1 ORDER BY id",
-            )
-            .and_then(|mut query| query.query_map([id], attempt)?.collect());
-        story.failures = self.read(failures)?;
+        self.read(results::check(&self.connection, id))?;
+        story.failures = self.read(failures::of(&self.connection, id))?;
         story.samples = self.samples_so_far(id, story.steps)?;
         story.frames = self.frame_count(&key)?;
         Ok(story)
@@ -252,16 +227,4 @@ fn case(row: &Row<'_>) -> Result<Found, rusqlite::Error> {
         samples: Vec::new(),
     };
     Ok((row.get(0)?, story))
-}
-
-fn attempt(row: &Row<'_>) -> Result<Attempt, rusqlite::Error> {
-    let pair: (Option<i64>, Option<i64>) = (row.get(4)?, row.get(5)?);
-    Ok(Attempt {
-        attempt: count(row.get(0)?),
-        error: row.get(1)?,
-        step: count(row.get(2)?),
-        strain: row.get(3)?,
-        pair: pair.0.zip(pair.1).map(|(i, j)| [count(i), count(j)]),
-        gap: row.get(6)?,
-    })
 }

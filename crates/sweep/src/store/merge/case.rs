@@ -5,10 +5,12 @@ use crate::case::{Case, State};
 use crate::process::now;
 use crate::protocol::Protocol;
 use crate::store::campaign::Points;
+use crate::store::digest::whole;
 use crate::store::ends::{self, RunEnd};
 use crate::store::{
-    Checkpoint, claims, count, failures, frames, integer, query, registry, samples,
+    Checkpoint, claims, count, failures, frames, integer, points, registry, samples,
 };
+use rusqlite::types::Value;
 use rusqlite::{Connection, OptionalExtension, params};
 use sd_core::Sample;
 use std::collections::HashMap;
@@ -100,7 +102,7 @@ impl Merging<'_> {
                     let end: Option<i64> = row.get(4)?;
                     Ok(Ours {
                         id: row.get(0)?,
-                        state: query::state(row.get_ref(1)?)?,
+                        state: points::state(row.get_ref(1)?)?,
                         steps_done: count(row.get(2)?),
                         requested: count(row.get(3)?),
                         end: match end {
@@ -286,7 +288,7 @@ impl Merging<'_> {
                 )?
                 .exists(params![ours.id, process, failure.failed_at])?;
             if !is_there {
-                let failure = failures::Row { process, ..failure };
+                let failure = failures::Attempt { process, ..failure };
                 failures::insert(self.connection, ours.id, failure)?;
                 taken = true;
             }
@@ -358,7 +360,10 @@ impl Merging<'_> {
             .optional()?;
         let here = match known {
             Some(here) => here,
-            None => registry::put(self.connection, &described, 0, Some(now()))?,
+            None => {
+                let left = [("heartbeat", whole(0)), ("ended_at", Value::Integer(now()))];
+                registry::put(self.connection, &described, &left)?
+            }
         };
         self.processes.insert(there, here);
         Ok(here)
@@ -378,12 +383,12 @@ impl Theirs {
                     id,
                     key: row.get(0)?,
                     case: Case {
-                        params: query::params(row, 1)?,
+                        params: points::params(row, 1)?,
                         seed: count(row.get(2)?),
                         steps: count(row.get(3)?),
                         sample_stride: count(row.get(4)?).max(1),
                     },
-                    state: query::state(row.get_ref(5)?)?,
+                    state: points::state(row.get_ref(5)?)?,
                     steps_done: count(row.get(6)?),
                 })
             })?;

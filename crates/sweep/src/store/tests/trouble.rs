@@ -88,9 +88,22 @@ fn case_that_kills_its_process_again_and_again_ends_as_failed() {
     }
     assert_eq!(heir.counts().unwrap().failed, 1);
     let line = heir.failures(9).unwrap().remove(0);
-    assert!(line.error.contains("5 times in a row"), "{}", line.error);
-    assert_eq!((line.step, line.attempt), (20, u64::from(DEATH_LIMIT)));
-    let state = heir.replays(None, 9).unwrap().remove(0).snapshot.unwrap();
+    assert!(
+        line.failed.error.contains("5 times in a row"),
+        "{}",
+        line.failed.error
+    );
+    assert_eq!(
+        (line.failed.step, line.failed.attempt),
+        (20, u64::from(DEATH_LIMIT))
+    );
+    let state = heir
+        .replays(None, 9)
+        .unwrap()
+        .remove(0)
+        .failed
+        .snapshot
+        .unwrap();
     assert!(state.contains("\"centres\""), "{state}");
     heir.retry_failed().unwrap();
     assert!(heir.next().is_some());
