@@ -217,9 +217,6 @@ pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), In
 }
 
 /// Solves an instant; near-field tables that it needs are made.
-///
-/// # Errors
-/// Those of the solver.
 pub(crate) fn answer(
     configuration: &Configuration,
     contact: &ContactRequest,

@@ -74,10 +74,7 @@ impl Excerpt<'_> {
     }
 
     /// Writes the runs.
-    ///
-    /// # Errors
-    /// Trouble with the store, or output that cannot be written.
-    pub fn write_runs(
+    pub(crate) fn write_runs(
         &self,
         format: TableFormat,
         out: &mut (dyn Write + Send),
@@ -97,10 +94,7 @@ impl Excerpt<'_> {
     }
 
     /// Writes the samples of all runs, in the order of the campaign: key, seed, the axes that vary, then what was sampled, step by step.
-    ///
-    /// # Errors
-    /// Trouble with the store, or output that cannot be written.
-    pub fn write_samples(
+    pub(crate) fn write_samples(
         &self,
         format: TableFormat,
         out: &mut (dyn Write + Send),
@@ -131,18 +125,12 @@ impl Excerpt<'_> {
     }
 
     /// Writes name, unit and meaning of each column of the runs.
-    ///
-    /// # Errors
-    /// Trouble with the store, or output that cannot be written.
-    pub fn write_run_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
+    pub(crate) fn write_run_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
         about(&self.runs()?, out)
     }
 
     /// Writes name, unit and meaning of each column of the samples.
-    ///
-    /// # Errors
-    /// Trouble with the store, or output that cannot be written.
-    pub fn write_sample_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
+    pub(crate) fn write_sample_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
         let runs = selected_runs(self.store, self.selection)?;
         about(&Batch::of(&axes_of_samples(&runs), self.units)?.table, out)
     }

@@ -11,10 +11,7 @@ use crate::format::short;
 use std::io::Write;
 
 /// Writes the points as comma-separated values: a header row of names, numbers in full, nothing where there is none.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+pub(crate) fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let columns = columns_of(report);
     let rows = report.points.iter().map(|point| {
         columns
@@ -30,10 +27,7 @@ pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError
 }
 
 /// Writes the sidecar: name, unit and meaning of each column.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_units(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+pub(crate) fn write_units(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let columns = columns_of(report);
     let rows = columns
         .iter()
@@ -42,10 +36,7 @@ pub fn write_units(report: &Report, out: &mut dyn Write) -> Result<(), ReportErr
 }
 
 /// Writes the points as a Markdown table with units in its head, without the columns that have nothing to say.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+pub(crate) fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let matters = |name| {
         // The rate that follows from an imposed stress is a result.
         Axis::of_key(name).is_none_or(|axis| {

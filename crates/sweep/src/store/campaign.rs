@@ -197,18 +197,12 @@ impl Store {
     }
 
     /// The name of the campaign.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn campaign_name(&self) -> Result<String, StoreError> {
+    pub(crate) fn campaign_name(&self) -> Result<String, StoreError> {
         self.of_campaign("name")
     }
 
     /// The campaign file last run, to the letter.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn campaign_text(&self) -> Result<String, StoreError> {
+    pub(crate) fn campaign_text(&self) -> Result<String, StoreError> {
         self.of_campaign("text")
     }
 

@@ -86,9 +86,10 @@ pub(super) struct Sealed {
 impl Sealed {
     /// Selects of rows `t`, and their cases `c` where there is a key, `first`, what the digest covers, and the digest.
     pub(super) fn select(&self, first: &str) -> String {
-        let (key, cases) = match self.with_key {
-            true => ("c.key, ", " JOIN cases c ON c.id = t.case_id"),
-            false => ("", ""),
+        let (key, cases) = if self.with_key {
+            ("c.key, ", " JOIN cases c ON c.id = t.case_id")
+        } else {
+            ("", "")
         };
         let columns = self.columns.replace(", ", ", t.");
         let table = self.table;
@@ -120,12 +121,14 @@ impl Sealed {
     ) -> Result<(), rusqlite::Error> {
         let key = key.map(|key| Value::Text(key.to_owned()));
         let digest = Value::Integer(Digest::default().with(&key).with(values).finish());
-        let names: String = more.iter().map(|(name, _)| format!(", {name}")).collect();
+        let names: Vec<&str> = more.iter().map(|(name, _)| *name).collect();
+        let names = names.join(", ");
+        let comma = if more.is_empty() { "" } else { ", " };
         let places = vec!["?"; values.len() + 1 + more.len()].join(", ");
         let (table, columns) = (self.table, self.columns);
         connection
             .prepare_cached(&format!(
-                "INSERT OR REPLACE INTO {table} ({columns}, digest{names}) VALUES ({places})"
+                "INSERT OR REPLACE INTO {table} ({columns}, digest{comma}{names}) VALUES ({places})"
             ))?
             .execute(params_from_iter(
                 values

@@ -392,9 +392,6 @@ pub(crate) struct LastState {
 
 impl Store {
     /// The last states of all done runs of the grid that have one, in the order of the campaign.
-    ///
-    /// # Errors
-    /// [`StoreError::Damaged`], and trouble with the file.
     pub(crate) fn last_states(&self) -> Result<Vec<LastState>, StoreError> {
         let states = || {
             SEALED.check(&self.connection, "c.counts AND c.state = 'done'", [])?;

@@ -35,9 +35,9 @@ pub struct Attempt {
     #[serde(skip)]
     pub snapshot: Option<String>,
     #[serde(skip)]
-    pub(super) process: i64,
+    pub(crate) process: i64,
     #[serde(skip)]
-    pub(super) failed_at: i64,
+    pub(crate) failed_at: i64,
 }
 
 /// A case that failed.

@@ -115,10 +115,7 @@ impl Store {
     }
 
     /// How many frames a case has.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn frame_count(&self, key: &str) -> Result<u64, StoreError> {
+    pub(crate) fn frame_count(&self, key: &str) -> Result<u64, StoreError> {
         self.read(self.connection.query_row(
             "SELECT count(*) FROM cases c JOIN frames f ON f.case_id = c.id AND f.step < c.steps WHERE c.key = ?1",
             [key],

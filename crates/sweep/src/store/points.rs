@@ -88,10 +88,7 @@ impl PointRun {
 
 impl Store {
     /// All cases of the grid in the order of the file, each compared with what was written.
-    ///
-    /// # Errors
-    /// [`StoreError::Damaged`], and trouble with the file.
-    pub fn point_runs(&self) -> Result<Vec<PointRun>, StoreError> {
+    pub(crate) fn point_runs(&self) -> Result<Vec<PointRun>, StoreError> {
         self.read(point_runs(&self.connection))
     }
 }

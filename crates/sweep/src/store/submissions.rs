@@ -224,9 +224,6 @@ impl Store {
     }
 
     /// Writes the begun ones of some cases, as far as they are, into a new store of their own.
-    ///
-    /// # Errors
-    /// Trouble with either file.
     pub(crate) fn write_begun(
         &self,
         campaign: &Campaign,

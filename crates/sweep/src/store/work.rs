@@ -195,9 +195,6 @@ impl Store {
     }
 
     /// How far the runs of each point are, in the order of the campaign.
-    ///
-    /// # Errors
-    /// Trouble with the file.
     pub(crate) fn point_work(&self) -> Result<Vec<PointWork>, StoreError> {
         self.rows(
                 "SELECT min(position), count(*), total(state IN ('pending', 'running')),
@@ -213,9 +210,6 @@ impl Store {
     }
 
     /// Parameters, steps and seconds of CPU of runs that this build has computed on this machine, a thousand or so.
-    ///
-    /// # Errors
-    /// Trouble with the file, or an entry that cannot be read.
     pub(crate) fn measured_runs(&self) -> Result<Vec<(Params, u64, f64)>, StoreError> {
         let here = (process::Identity::of_this_process().host, process::build());
         let mut runs = Vec::new();

@@ -358,12 +358,11 @@ impl Merging<'_> {
             .prepare_cached("SELECT id FROM processes WHERE digest = ?1")?
             .query_row([crate::store::digest::of(&described)], |row| row.get(0))
             .optional()?;
-        let here = match known {
-            Some(here) => here,
-            None => {
-                let left = [("heartbeat", whole(0)), ("ended_at", Value::Integer(now()))];
-                registry::put(self.connection, &described, &left)?
-            }
+        let here = if let Some(here) = known {
+            here
+        } else {
+            let left = [("heartbeat", whole(0)), ("ended_at", Value::Integer(now()))];
+            registry::put(self.connection, &described, &left)?
         };
         self.processes.insert(there, here);
         Ok(here)
