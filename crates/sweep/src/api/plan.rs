@@ -148,11 +148,11 @@ pub(crate) fn make(
     let trials = trials(&costs, &points, begun);
     let tried = trials
         .iter()
-        .filter_map(|trial| trial.outcome.as_ref().ok());
+        .filter_map(|(_, outcome)| outcome.as_ref().ok());
     tried.for_each(|record| costs.learn(record));
     let reasons: Vec<(&Params, &String)> = trials
         .iter()
-        .filter_map(|trial| Some((&trial.params, trial.outcome.as_ref().err()?)))
+        .filter_map(|(params, outcome)| Some((params, outcome.as_ref().err()?)))
         .collect();
     let kinds = kinds(&work, &costs, &trials, &reasons);
     let program_s = if kinds.is_empty() { 0.0 } else { PROGRAM_S };
@@ -216,8 +216,8 @@ fn kinds(
 ) -> Vec<Kind> {
     let tried: HashSet<_> = trials
         .iter()
-        .filter(|trial| trial.outcome.is_ok())
-        .map(|trial| identity(&trial.params))
+        .filter(|(_, outcome)| outcome.is_ok())
+        .map(|(params, _)| identity(params))
         .collect();
     let mut kinds: Vec<Kind> = Vec::new();
     let mut sums: Vec<Sum> = Vec::new();
