@@ -172,13 +172,11 @@ fn distance(a: &[Option<Value>], b: &[Option<Value>]) -> Option<f64> {
     let mut squares = 0.0;
     for ((axis, a), b) in AXES.iter().zip(a).zip(b) {
         let apart = match (a, b) {
-            (None, None) => 0.0,
-            (Some(Value::Word(a)), Some(Value::Word(b))) if a == b => 0.0,
+            (a, b) if a == b => 0.0,
             (Some(Value::Word(_)), _) | (_, Some(Value::Word(_))) => return None,
-            // A value that means nothing here, and something there.
-            (None, Some(_)) | (Some(_), None) => 0.5,
             (Some(Value::Number(a)), Some(Value::Number(b))) => numbers_apart(axis.key, *a, *b),
-            _ => 0.0,
+            // A value that means nothing here, and something there.
+            _ => 0.5,
         };
         squares += apart * apart;
     }

@@ -84,7 +84,9 @@ pub(crate) fn trials(costs: &Costs, points: &[(&Case, f64)], begun: Instant) -> 
                 run.has_ended.notify_all();
             });
         }
-        round.iter().for_each(|run| run.wait(deadline));
+        for run in round {
+            run.wait(deadline);
+        }
     }
     runs.iter().map(|run| run.trial()).collect()
 }
