@@ -12,11 +12,11 @@ use std::ffi::CString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
-use sweep::api::{Beginning, Begun, begin};
+use sweep::api::{Beginning, Begun, begin, complete};
 use sweep::axes::Axis;
 use sweep::campaign::Priority;
 use sweep::format::parse_positive_duration;
-use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style, compute_campaign};
+use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style};
 use sweep::store::{StoreSource, network_file_system};
 use toml::{Table, Value};
 
@@ -392,21 +392,16 @@ fn compute(
         let mut told: Vec<String> = store.warning().map(str::to_owned).into_iter().collect();
         let damaged = taken.into_iter().flat_map(|taken| taken.damaged);
         told.extend(damaged.map(|damaged| damaged.to_string()));
-        let counts = store.counts()?;
-        if counts.pending + counts.running > 0 {
-            let options = Options {
-                workers,
-                threads: wanted.workers,
-                wall_limit: wanted.wall_limit,
-                trajectory: wanted.trajectory,
-                observer: None,
-                stop: &stop,
-                progress: &progress,
-            };
-            compute_campaign(&mut store, campaign, options)?;
-        }
-        store.check_campaign()?;
-        let counts = store.counts()?;
+        let options = Options {
+            workers,
+            threads: wanted.workers,
+            wall_limit: wanted.wall_limit,
+            trajectory: wanted.trajectory,
+            observer: None,
+            stop: &stop,
+            progress: &progress,
+        };
+        let counts = complete(&mut store, campaign, options)?;
         let left = counts.pending + counts.running;
         if left > 0 && matches!(stop.reason(), Some(Reason::TimeLimit)) {
             told.push(format!(

@@ -117,6 +117,14 @@ pub(crate) struct Output<'o> {
 }
 
 impl Output<'_> {
+    /// Says something on standard error, unless the user wants none of it.
+    pub(crate) fn note(&self, text: &str) {
+        if !self.quiet {
+            // Standard error may be closed.
+            let _ = writeln!(crate::visible::stderr(), "{text}");
+        }
+    }
+
     /// Writes a value as one line of JSON.
     pub(crate) fn json(&mut self, value: &impl Serialize) -> std::io::Result<()> {
         serde_json::to_writer(&mut *self.out, value)?;
