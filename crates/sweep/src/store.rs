@@ -26,6 +26,7 @@ mod rules;
 mod runs;
 mod samples;
 mod schema;
+mod statements;
 mod story;
 mod submissions;
 mod work;
@@ -246,7 +247,7 @@ impl Store {
     /// Does something in one transaction that holds the write lock from its start.
     fn write<T>(
         &mut self,
-        work: impl FnOnce(&Connection) -> Result<T, rusqlite::Error>,
+        work: impl FnOnce(&Connection) -> rusqlite::Result<T>,
     ) -> Result<T, StoreError> {
         let under_way = self.process.is_some();
         self.make_sure_of_the_file()?;
@@ -261,7 +262,7 @@ impl Store {
 
     /// Begins a transaction. A lock is waited for as long as another process that works on the store lives; one that has another
     /// owner for a minute.
-    fn begin(&self) -> Result<Transaction<'_>, rusqlite::Error> {
+    fn begin(&self) -> rusqlite::Result<Transaction<'_>> {
         let mut waits = 0;
         loop {
             let begun =
@@ -298,7 +299,7 @@ impl Store {
     /// A transaction that need not be on the disk when it returns.
     fn write_relaxed<T>(
         &mut self,
-        work: impl FnOnce(&Connection) -> Result<T, rusqlite::Error>,
+        work: impl FnOnce(&Connection) -> rusqlite::Result<T>,
     ) -> Result<T, StoreError> {
         self.read(self.connection.pragma_update(None, "synchronous", "NORMAL"))?;
         let result = self.write(work);
@@ -321,7 +322,7 @@ impl Store {
     }
 
     /// Turns an error of a query into one of the store.
-    fn read<T>(&self, result: Result<T, rusqlite::Error>) -> Result<T, StoreError> {
+    fn read<T>(&self, result: rusqlite::Result<T>) -> Result<T, StoreError> {
         result.map_err(|error| StoreError::sqlite(&self.path, error, self.process.is_some()))
     }
 
@@ -330,7 +331,7 @@ impl Store {
         &self,
         query: &str,
         parameters: impl rusqlite::Params,
-        read: impl FnMut(&rusqlite::Row<'_>) -> Result<T, rusqlite::Error>,
+        read: impl FnMut(&rusqlite::Row<'_>) -> rusqlite::Result<T>,
     ) -> Result<C, StoreError> {
         let rows = self
             .connection
@@ -370,7 +371,7 @@ impl Drop for Store {
 }
 
 /// Lets nothing that is written in a store be carried out: no views, no triggers, no functions but those without effect.
-fn harden(connection: &Connection) -> Result<(), rusqlite::Error> {
+fn harden(connection: &Connection) -> rusqlite::Result<()> {
     for (option, value) in [
         (DbConfig::SQLITE_DBCONFIG_TRUSTED_SCHEMA, false),
         (DbConfig::SQLITE_DBCONFIG_ENABLE_TRIGGER, false),

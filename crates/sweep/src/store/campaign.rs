@@ -5,6 +5,7 @@ use super::log::{self, Mark};
 use super::registry::AtWork;
 use super::request::{Adoption, Request};
 use super::schema::{self, axis_cells, axis_columns};
+use super::statements::Statements;
 use super::{Store, StoreError, claims, ends, failures, harden, integer, rules};
 use crate::axes::AXES;
 use crate::files::folder_of;
@@ -222,7 +223,7 @@ impl Store {
 }
 
 /// Makes sure that the campaign is what was written.
-pub(super) fn check(connection: &Connection) -> Result<(), rusqlite::Error> {
+pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
     SEALED.check(connection, "true", [])
 }
 
@@ -237,7 +238,7 @@ struct LastRun {
 }
 
 impl LastRun {
-    fn of(connection: &Connection) -> Result<Option<Self>, rusqlite::Error> {
+    fn of(connection: &Connection) -> rusqlite::Result<Option<Self>> {
         // A damaged one is written anew.
         if check(connection).is_err_and(|error| Altered::in_error(&error).is_some()) {
             return Ok(None);
@@ -294,7 +295,7 @@ impl<'c> Entry<'c> {
     }
 
     /// Makes the cases of a store those of the campaign.
-    fn enter(&self, connection: &Connection, is_new: bool) -> Result<(), rusqlite::Error> {
+    fn enter(&self, connection: &Connection, is_new: bool) -> rusqlite::Result<()> {
         let text = |text: &str| Value::Text(text.to_owned());
         let row = [
             text(&self.campaign.name),
@@ -324,7 +325,7 @@ impl<'c> Entry<'c> {
     }
 
     /// Writes new cases, and gives known ones their places in the file.
-    fn enter_cases(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+    fn enter_cases(&self, connection: &Connection) -> rusqlite::Result<()> {
         connection.execute(
             "UPDATE cases SET position = NULL, counts = 0 WHERE position IS NOT NULL",
             [],
@@ -382,7 +383,7 @@ impl Points {
         &mut self,
         connection: &Connection,
         params: &Params,
-    ) -> Result<i64, rusqlite::Error> {
+    ) -> rusqlite::Result<i64> {
         if let Some((_, place)) = self.last.as_ref().filter(|(last, _)| last == params) {
             return Ok(*place);
         }
@@ -396,14 +397,13 @@ impl Points {
             place
         } else {
             let places = vec!["?"; 2 + AXES.len()].join(", ");
-            connection
-                .prepare_cached(&format!(
+            connection.run(
+                &format!(
                     "INSERT INTO points (params, {}, digest) VALUES ({places})",
                     axis_columns("")
-                ))?
-                .execute(params_from_iter(
-                    row.iter().chain([&Value::Integer(digest)]),
-                ))?;
+                ),
+                params_from_iter(row.iter().chain([&Value::Integer(digest)])),
+            )?;
             connection.last_insert_rowid()
         };
         self.known.insert(digest, place);
@@ -413,15 +413,14 @@ impl Points {
 }
 
 /// The number of the point with a digest.
-fn number_of(connection: &Connection, digest: i64) -> Result<Option<i64>, rusqlite::Error> {
-    connection
-        .prepare_cached("SELECT id FROM points WHERE digest = ?1")?
-        .query_row([digest], |row| row.get(0))
-        .optional()
+fn number_of(connection: &Connection, digest: i64) -> rusqlite::Result<Option<i64>> {
+    connection.find("SELECT id FROM points WHERE digest = ?1", [digest], |row| {
+        row.get(0)
+    })
 }
 
 /// The row of a point, without its number and its digest.
-pub(super) fn point_row(params: &Params) -> Result<Vec<Value>, rusqlite::Error> {
+pub(super) fn point_row(params: &Params) -> rusqlite::Result<Vec<Value>> {
     let text = serde_json::to_string(params)
         .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
     Ok(std::iter::once(Value::Text(text))

@@ -6,6 +6,7 @@ use super::log::Mark;
 use super::points::KnownPoint;
 use super::results::COVERED;
 use super::schema::axis_columns;
+use super::statements::Statements;
 use super::{Store, StoreError, claims, ends, failures, frames, registry, rules, samples};
 use crate::protocol::Protocol;
 use rusqlite::{Connection, params};
@@ -90,7 +91,7 @@ struct Damage {
 }
 
 impl Damage {
-    fn of(connection: &Connection) -> Result<Self, rusqlite::Error> {
+    fn of(connection: &Connection) -> rusqlite::Result<Self> {
         let mut damage = Self::default();
         for (table, words, query) in kinds() {
             for (row, _) in altered(connection, &query)? {
@@ -132,7 +133,7 @@ impl Damage {
     }
 
     /// That every case has its point and its key, and the state that goes with its result and its failures.
-    fn look_at_cases(&mut self, connection: &Connection) -> Result<(), rusqlite::Error> {
+    fn look_at_cases(&mut self, connection: &Connection) -> rusqlite::Result<()> {
         let protocol: Option<Protocol> = connection
             .query_row("SELECT protocol FROM campaign", [], |row| {
                 row.get::<_, String>(0)
@@ -190,7 +191,7 @@ impl Damage {
     }
 
     /// That the samples of every case are what was written.
-    fn look_at_samples(&mut self, connection: &Connection) -> Result<(), rusqlite::Error> {
+    fn look_at_samples(&mut self, connection: &Connection) -> rusqlite::Result<()> {
         let mut digests = samples::digests(connection)?;
         let mut query = connection
             .prepare("SELECT id, samples_digest FROM cases WHERE samples_digest IS NOT NULL")?;
@@ -208,7 +209,7 @@ impl Damage {
     }
 
     /// That every result has a process that computed it.
-    fn look_at_processes(&mut self, connection: &Connection) -> Result<(), rusqlite::Error> {
+    fn look_at_processes(&mut self, connection: &Connection) -> rusqlite::Result<()> {
         let mut query = connection.prepare(
             "SELECT case_id FROM ends WHERE process NOT IN (SELECT id FROM processes)
              UNION SELECT case_id FROM results WHERE process NOT IN (SELECT id FROM processes)",
@@ -264,7 +265,7 @@ impl Damage {
     }
 
     /// Forgets what is damaged: runs are pending again, cases and points are entered anew with the campaign.
-    fn forget(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+    fn forget(&self, connection: &Connection) -> rusqlite::Result<()> {
         for (case, (_, is_row)) in &self.cases {
             forget_case(connection, *case)?;
             if *is_row {
@@ -272,10 +273,10 @@ impl Damage {
             }
         }
         for point in &self.points {
-            let cases: Vec<i64> = connection
-                .prepare("SELECT id FROM cases WHERE point = ?1")?
-                .query_map([point], |row| row.get(0))?
-                .collect::<Result<_, _>>()?;
+            let cases: Vec<i64> =
+                connection.all("SELECT id FROM cases WHERE point = ?1", [point], |row| {
+                    row.get(0)
+                })?;
             for case in cases {
                 forget_case(connection, case)?;
             }
@@ -298,7 +299,7 @@ impl Damage {
 }
 
 /// Makes a case pending with nothing to it.
-fn forget_case(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
+fn forget_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     for table in OF_CASES {
         connection.execute(&format!("DELETE FROM {table} WHERE case_id = ?1"), [case])?;
     }
@@ -310,11 +311,9 @@ fn forget_case(connection: &Connection, case: i64) -> Result<(), rusqlite::Error
 }
 
 /// What `SQLite` finds wrong with the structure of a store.
-fn structure(connection: &Connection) -> Result<Vec<String>, rusqlite::Error> {
-    let mut found: Vec<String> = connection
-        .prepare("PRAGMA main.integrity_check(20)")?
-        .query_map([], |row| row.get(0))?
-        .collect::<Result<_, _>>()?;
+fn structure(connection: &Connection) -> rusqlite::Result<Vec<String>> {
+    let mut found: Vec<String> =
+        connection.all("PRAGMA main.integrity_check(20)", [], |row| row.get(0))?;
     // Values that no column of ours can have are found by other means.
     found.retain(|line| line != "ok" && !line.contains("CHECK constraint"));
     Ok(found)
@@ -396,13 +395,14 @@ impl Store {
 /// # Errors
 /// Trouble with the file.
 pub fn accept_changes(path: &Path) -> Result<(), StoreError> {
-    let accepted = || -> Result<(), rusqlite::Error> {
+    let accepted = || -> rusqlite::Result<()> {
         let connection = Connection::open(path)?;
         connection.execute_batch("BEGIN IMMEDIATE")?;
-        let keys: Vec<String> = connection
-            .prepare("SELECT key FROM cases WHERE position IS NOT NULL")?
-            .query_map([], |row| row.get(0))?
-            .collect::<Result<_, _>>()?;
+        let keys: Vec<String> = connection.all(
+            "SELECT key FROM cases WHERE position IS NOT NULL",
+            [],
+            |row| row.get(0),
+        )?;
         let keys = keys
             .iter()
             .map(|key| u128::from_str_radix(key, 16).unwrap_or(0));

@@ -2,6 +2,7 @@
 //!
 //! `SQLite` notices a page that is out of its place; it does not notice a changed digit.
 
+use super::statements::Statements;
 use rusqlite::types::{Type, Value, ValueRef};
 use rusqlite::{Connection, Params, Row, params_from_iter};
 use std::fmt;
@@ -51,7 +52,7 @@ impl Digest {
         mut self,
         row: &Row<'_>,
         columns: Range<usize>,
-    ) -> Result<Self, rusqlite::Error> {
+    ) -> rusqlite::Result<Self> {
         for column in columns {
             self.add(row.get_ref(column)?);
         }
@@ -105,7 +106,7 @@ impl Sealed {
         connection: &Connection,
         condition: &str,
         parameters: impl Params,
-    ) -> Result<(), rusqlite::Error> {
+    ) -> rusqlite::Result<()> {
         let query = format!("{} WHERE {condition}", self.select(""));
         check(connection, &query, parameters, self.words)
     }
@@ -118,7 +119,7 @@ impl Sealed {
         key: Option<&str>,
         values: &[Value],
         more: &[(&str, Value)],
-    ) -> Result<(), rusqlite::Error> {
+    ) -> rusqlite::Result<()> {
         let key = key.map(|key| Value::Text(key.to_owned()));
         let digest = Value::Integer(Digest::default().with(&key).with(values).finish());
         let names: Vec<&str> = more.iter().map(|(name, _)| *name).collect();
@@ -126,25 +127,21 @@ impl Sealed {
         let comma = if more.is_empty() { "" } else { ", " };
         let places = vec!["?"; values.len() + 1 + more.len()].join(", ");
         let (table, columns) = (self.table, self.columns);
-        connection
-            .prepare_cached(&format!(
+        connection.run(
+            &format!(
                 "INSERT OR REPLACE INTO {table} ({columns}, digest{comma}{names}) VALUES ({places})"
-            ))?
-            .execute(params_from_iter(
+            ),
+            params_from_iter(
                 values
                     .iter()
                     .chain([&digest])
                     .chain(more.iter().map(|(_, value)| value)),
-            ))
-            .map(|_| ())
+            ),
+        )
     }
 
     /// Writes the digests of the rows that meet a condition anew.
-    pub(super) fn seal(
-        &self,
-        connection: &Connection,
-        condition: &str,
-    ) -> Result<(), rusqlite::Error> {
+    pub(super) fn seal(&self, connection: &Connection, condition: &str) -> rusqlite::Result<()> {
         let query = format!("{} WHERE {condition}", self.select("t.rowid, "));
         for (row, digest) in altered(connection, &query)? {
             rewrite(connection, self.table, row, digest)?;
@@ -155,10 +152,7 @@ impl Sealed {
 
 /// Rows whose digest is not the one of their contents, and what it is: the first column of each is its number, the last the
 /// digest of those between.
-pub(super) fn altered(
-    connection: &Connection,
-    query: &str,
-) -> Result<Vec<(i64, i64)>, rusqlite::Error> {
+pub(super) fn altered(connection: &Connection, query: &str) -> rusqlite::Result<Vec<(i64, i64)>> {
     let mut query = connection.prepare(query)?;
     let last = query.column_count() - 1;
     let (mut rows, mut all) = (query.query([])?, Vec::new());
@@ -177,13 +171,11 @@ pub(super) fn rewrite(
     table: &str,
     row: i64,
     digest: i64,
-) -> Result<(), rusqlite::Error> {
-    connection
-        .execute(
-            &format!("UPDATE {table} SET digest = ?2 WHERE rowid = ?1"),
-            [row, digest],
-        )
-        .map(|_| ())
+) -> rusqlite::Result<()> {
+    connection.run(
+        &format!("UPDATE {table} SET digest = ?2 WHERE rowid = ?1"),
+        [row, digest],
+    )
 }
 
 /// Makes sure that rows are what was written: the last column of each is the digest of those before it.
@@ -195,7 +187,7 @@ pub(super) fn check(
     query: &str,
     parameters: impl Params,
     what: &str,
-) -> Result<(), rusqlite::Error> {
+) -> rusqlite::Result<()> {
     let mut query = connection.prepare_cached(query)?;
     let last = query.column_count() - 1;
     let mut rows = query.query(parameters)?;

@@ -1,6 +1,7 @@
 //! Failures: as they are kept, and as they are listed.
 
 use super::digest::{Sealed, number, whole};
+use super::statements::Statements;
 use super::{Store, StoreError, count};
 use crate::process;
 use rusqlite::types::Value;
@@ -55,14 +56,12 @@ pub struct FailureLine {
 }
 
 /// Keeps a failure of a case; that of its last attempt has the number 0.
-pub(super) fn insert(
-    connection: &Connection,
-    case: i64,
-    failed: Attempt,
-) -> Result<(), rusqlite::Error> {
-    let (key, attempts): (String, i64) = connection
-        .prepare_cached("SELECT key, attempts FROM cases WHERE id = ?1")?
-        .query_row([case], |row| Ok((row.get(0)?, row.get(1)?)))?;
+pub(super) fn insert(connection: &Connection, case: i64, failed: Attempt) -> rusqlite::Result<()> {
+    let (key, attempts): (String, i64) = connection.one(
+        "SELECT key, attempts FROM cases WHERE id = ?1",
+        [case],
+        |row| Ok((row.get(0)?, row.get(1)?)),
+    )?;
     let optional = |value: Option<u64>| value.map_or(Value::Null, whole);
     let values = [
         match failed.attempt {
@@ -85,20 +84,19 @@ pub(super) fn insert(
 }
 
 /// The failures of a case.
-pub(super) fn of(connection: &Connection, case: i64) -> Result<Vec<Attempt>, rusqlite::Error> {
+pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<Attempt>> {
     SEALED.check(connection, "t.case_id = ?1", [case])?;
     let columns = SEALED.columns;
-    connection
-        .prepare_cached(&format!(
-            "SELECT {columns} FROM failures NOT INDEXED WHERE case_id = ?1 ORDER BY id"
-        ))?
-        .query_map([case], |row| attempt(row, 0))?
-        .collect()
+    connection.all(
+        &format!("SELECT {columns} FROM failures NOT INDEXED WHERE case_id = ?1 ORDER BY id"),
+        [case],
+        |row| attempt(row, 0),
+    )
 }
 
 /// A failure in a row, from a column on.
-fn attempt(row: &Row<'_>, from: usize) -> Result<Attempt, rusqlite::Error> {
-    let whole = |column| -> Result<Option<u64>, rusqlite::Error> {
+fn attempt(row: &Row<'_>, from: usize) -> rusqlite::Result<Attempt> {
+    let whole = |column| -> rusqlite::Result<Option<u64>> {
         Ok(row.get::<_, Option<i64>>(from + column)?.map(count))
     };
     Ok(Attempt {
@@ -161,10 +159,7 @@ impl Store {
 }
 
 /// Records that cases that meet a condition are pending again after their failures.
-pub(super) fn mark_retried(
-    connection: &Connection,
-    condition: &str,
-) -> Result<(), rusqlite::Error> {
+pub(super) fn mark_retried(connection: &Connection, condition: &str) -> rusqlite::Result<()> {
     let cases = format!("(SELECT id FROM cases WHERE {condition})");
     let changed = connection.execute(
         &format!("UPDATE failures SET retried = 1 WHERE retried = 0 AND case_id IN {cases}"),
@@ -178,7 +173,7 @@ pub(super) fn mark_retried(
 
 /// Makes failed cases that meet a condition pending again: they begin anew, or where they were computed to an end before, go on
 /// from there. Returns how many.
-pub(super) fn reopen(connection: &Connection, condition: &str) -> Result<usize, rusqlite::Error> {
+pub(super) fn reopen(connection: &Connection, condition: &str) -> rusqlite::Result<usize> {
     let failed = format!("state = 'failed' AND {condition}");
     mark_retried(connection, &failed)?;
     connection.execute(

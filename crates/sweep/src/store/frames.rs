@@ -2,6 +2,7 @@
 
 use super::claims::Claim;
 use super::digest::{Sealed, number, whole};
+use super::statements::Statements;
 use super::{Store, StoreError, count, integer};
 use crate::trajectory;
 use rusqlite::types::Value;
@@ -32,7 +33,7 @@ pub(super) fn put(
     step: u64,
     strain: f64,
     data: Vec<u8>,
-) -> Result<(), rusqlite::Error> {
+) -> rusqlite::Result<()> {
     SEALED.put(
         connection,
         None,
@@ -42,17 +43,13 @@ pub(super) fn put(
 }
 
 /// The frames of a case: step, strain and data.
-pub(super) fn of(
-    connection: &Connection,
-    case: i64,
-) -> Result<Vec<(u64, f64, Vec<u8>)>, rusqlite::Error> {
+pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u64, f64, Vec<u8>)>> {
     SEALED.check(connection, "t.case_id = ?1", [case])?;
-    connection
-        .prepare_cached("SELECT step, strain, data FROM frames WHERE case_id = ?1")?
-        .query_map([case], |row| {
-            Ok((count(row.get(0)?), row.get(1)?, row.get(2)?))
-        })?
-        .collect()
+    connection.all(
+        "SELECT step, strain, data FROM frames WHERE case_id = ?1",
+        [case],
+        |row| Ok((count(row.get(0)?), row.get(1)?, row.get(2)?)),
+    )
 }
 
 impl Store {
@@ -80,20 +77,15 @@ impl Store {
     /// # Errors
     /// [`StoreError::NoFrames`] if none are kept, trouble with the file, or an entry that cannot be read.
     pub fn frames(&self, key: &str, stride: usize) -> Result<Vec<StoredFrame>, StoreError> {
-        let rows = || -> Result<Vec<(i64, Vec<u8>)>, rusqlite::Error> {
+        let rows = || -> rusqlite::Result<Vec<(i64, Vec<u8>)>> {
             let of_case = "t.case_id = (SELECT id FROM cases WHERE key = ?1)";
             SEALED.check(&self.connection, of_case, [key])?;
-            self.connection
-                .prepare(
-                    "SELECT step, data FROM
+            self.connection.all("SELECT step, data FROM
                          (SELECT f.step, f.data, row_number() OVER (ORDER BY f.step) - 1 AS number
                           FROM cases c JOIN frames f ON f.case_id = c.id AND f.step < c.steps WHERE c.key = ?1)
-                     WHERE number % ?2 = 0 ORDER BY step",
-                )?
-                .query_map(params![key, integer(stride.max(1) as u64)], |row| {
+                     WHERE number % ?2 = 0 ORDER BY step", params![key, integer(stride.max(1) as u64)], |row| {
                     Ok((row.get(0)?, row.get(1)?))
-                })?
-                .collect()
+                })
         };
         let rows = self.read(rows())?;
         if rows.is_empty() {

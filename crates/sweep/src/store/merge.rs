@@ -183,7 +183,10 @@ impl Store {
     fn builds(&self) -> Result<BTreeSet<String>, StoreError> {
         self.rows(
                 "SELECT DISTINCT build FROM processes WHERE id IN
-                     (SELECT process FROM results UNION SELECT process FROM checkpoints UNION SELECT process FROM failures)", [], |row| row.get(0))
+                     (SELECT process FROM results UNION SELECT process FROM checkpoints UNION SELECT process FROM failures)",
+                [],
+                |row| row.get(0),
+            )
     }
 
     /// Merges one shard in one transaction.
@@ -262,7 +265,7 @@ impl Store {
                 "SELECT c.key, d.what, k.host, k.pid, k.job, k.task, k.restart, o.host, o.pid, o.job, o.task, o.restart
                  FROM disagreements d JOIN cases c ON c.id = d.case_id JOIN processes k ON k.id = d.kept
                       JOIN processes o ON o.id = d.other ORDER BY c.position, c.id", [], |row| {
-                        let who = |from: usize| -> Result<String, rusqlite::Error> {
+                        let who = |from: usize| -> rusqlite::Result<String> {
                             let (host, pid): (String, i64) = (row.get(from)?, row.get(from + 1)?);
                             let job: Option<String> = row.get(from + 2)?;
                             let task: Option<i64> = row.get(from + 3)?;

@@ -3,6 +3,7 @@
 use super::digest::{Altered, Digest};
 use super::results::COVERED;
 use super::schema::axis_cells;
+use super::statements::Statements;
 use super::{Store, StoreError, campaign, count, request, rules};
 use crate::case::{CaseKey, State};
 use crate::doubt::Doubt;
@@ -94,13 +95,14 @@ impl Store {
 }
 
 /// See [`Store::point_runs`].
-fn point_runs(connection: &Connection) -> Result<Vec<PointRun>, rusqlite::Error> {
+fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
     campaign::check(connection)?;
     rules::check(connection)?;
     failures_fit_states(connection)?;
-    let (protocol, grid): (String, String) = connection
-        .prepare_cached("SELECT protocol, grid FROM campaign")?
-        .query_row([], |row| Ok((row.get(0)?, row.get(1)?)))?;
+    let (protocol, grid): (String, String) =
+        connection.one("SELECT protocol, grid FROM campaign", [], |row| {
+            Ok((row.get(0)?, row.get(1)?))
+        })?;
     let protocol: Protocol = serde_json::from_str(&protocol).map_err(|error| {
         rusqlite::Error::FromSqlConversionFailure(0, Type::Text, Box::new(error))
     })?;
@@ -147,15 +149,14 @@ fn point_runs(connection: &Connection) -> Result<Vec<PointRun>, rusqlite::Error>
 }
 
 /// That each failed case says why, and no pending one has failed.
-fn failures_fit_states(connection: &Connection) -> Result<(), rusqlite::Error> {
-    let unfit: bool = connection
-        .prepare(
-            "SELECT 1 FROM cases c WHERE c.state = 'failed'
+fn failures_fit_states(connection: &Connection) -> rusqlite::Result<()> {
+    let unfit: bool = connection.has(
+        "SELECT 1 FROM cases c WHERE c.state = 'failed'
                  AND NOT EXISTS (SELECT 1 FROM failures WHERE case_id = c.id AND NOT retried)
              UNION ALL SELECT 1 FROM failures f JOIN cases c ON c.id = f.case_id
                  WHERE NOT f.retried AND c.state IN ('pending', 'running')",
-        )?
-        .exists([])?;
+        [],
+    )?;
     if unfit {
         return Err(Altered::error(
             "the state of a case is not that of its failures",
@@ -174,21 +175,17 @@ pub(super) struct KnownPoint {
 
 impl KnownPoint {
     /// All points, by their numbers.
-    fn all(
-        connection: &Connection,
-        protocol: Protocol,
-    ) -> Result<HashMap<i64, Self>, rusqlite::Error> {
-        connection
-            .prepare("SELECT * FROM points")?
-            .query_map([], |row| Ok((row.get(0)?, Self::read(row, protocol)?)))?
-            .collect()
+    fn all(connection: &Connection, protocol: Protocol) -> rusqlite::Result<HashMap<i64, Self>> {
+        connection.all("SELECT * FROM points", [], |row| {
+            Ok((row.get(0)?, Self::read(row, protocol)?))
+        })
     }
 
     /// A row of the points.
     ///
     /// # Errors
     /// [`Altered`] if it is not what was written.
-    pub(super) fn read(row: &Row<'_>, protocol: Protocol) -> Result<Self, rusqlite::Error> {
+    pub(super) fn read(row: &Row<'_>, protocol: Protocol) -> rusqlite::Result<Self> {
         let last = row.as_ref().column_count() - 1;
         let params = params(row, 1)?;
         let digest = Digest::default().with_row(row, 1..last)?.finish();
@@ -212,11 +209,7 @@ impl KnownPoint {
     ///
     /// # Errors
     /// [`Altered`] if these do not go together.
-    pub(super) fn checked_key(
-        &self,
-        row: &Row<'_>,
-        is_in_grid: bool,
-    ) -> Result<CaseKey, rusqlite::Error> {
+    pub(super) fn checked_key(&self, row: &Row<'_>, is_in_grid: bool) -> rusqlite::Result<CaseKey> {
         let (seed, steps, stride) = (count(row.get(1)?), count(row.get(2)?), count(row.get(3)?));
         let key = CaseKey::of_text(&self.text, seed, stride);
         let written = row.get_ref(0)?.as_str()?;
@@ -240,7 +233,7 @@ impl KnownPoint {
 }
 
 /// The state of this name.
-pub(super) fn state(name: ValueRef<'_>) -> Result<State, rusqlite::Error> {
+pub(super) fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
     let name = name.as_str()?;
     State::of(name).ok_or_else(|| Altered::error(format!("there is no state {name:?} of a case")))
 }
@@ -249,7 +242,7 @@ pub(super) fn state(name: ValueRef<'_>) -> Result<State, rusqlite::Error> {
 const OF_STRESSES: usize = 36;
 
 /// One row of [`point_runs`].
-fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> Result<PointRun, rusqlite::Error> {
+fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> rusqlite::Result<PointRun> {
     let covered = OF_STRESSES + COUNT;
     let last = row.as_ref().column_count() - 1;
     let has_result = row.get_ref(8)? != ValueRef::Null;
@@ -306,7 +299,7 @@ fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> Result<PointRun
 }
 
 /// What a run tells about steadiness, where it does.
-fn steadiness(row: &Row<'_>) -> Result<Option<Steadiness>, rusqlite::Error> {
+fn steadiness(row: &Row<'_>) -> rusqlite::Result<Option<Steadiness>> {
     let number = |column: usize| row.get::<_, Option<f64>>(column);
     let parts = [number(29)?, number(30)?, number(31)?, number(32)?];
     let ([Some(a), Some(b), Some(c), Some(d)], Some(variance), Some(correlation)) =
@@ -322,7 +315,7 @@ fn steadiness(row: &Row<'_>) -> Result<Option<Steadiness>, rusqlite::Error> {
 }
 
 /// The parameters in a column of JSON.
-pub(super) fn params(row: &Row<'_>, column: usize) -> Result<Params, rusqlite::Error> {
+pub(super) fn params(row: &Row<'_>, column: usize) -> rusqlite::Result<Params> {
     let text: String = row.get(column)?;
     serde_json::from_str(&text).map_err(|error| {
         rusqlite::Error::FromSqlConversionFailure(column, Type::Text, Box::new(error))

@@ -1,6 +1,7 @@
 //! The processes that work on a store: entering, living, leaving, and taking over from those that are gone.
 
 use super::digest::{Sealed, whole};
+use super::statements::Statements;
 use super::{Checkpoint, Store, StoreError, claims, count, failures, integer, rules};
 use crate::case::PHYSICS_VERSION;
 use crate::process::{self, Identity, Life};
@@ -42,9 +43,9 @@ pub(super) struct AtWork {
 
 impl AtWork {
     /// All of them but the process `me`.
-    pub(super) fn others(connection: &Connection, me: i64) -> Result<Vec<Self>, rusqlite::Error> {
+    pub(super) fn others(connection: &Connection, me: i64) -> rusqlite::Result<Vec<Self>> {
         let here = Identity::of_this_process();
-        let read = |row: &Row<'_>| -> Result<Self, rusqlite::Error> {
+        let read = |row: &Row<'_>| -> rusqlite::Result<Self> {
             let identity = Identity {
                 host: row.get(1)?,
                 boot: row.get(2)?,
@@ -61,12 +62,9 @@ impl AtWork {
                 is_alive: life == Life::Alive,
             })
         };
-        connection
-            .prepare_cached(&format!(
+        connection.all(&format!(
                 "SELECT id, host, boot, namespace, pid, start, heartbeat, file, request FROM processes WHERE {AT_WORK}"
-            ))?
-            .query_map([me], read)?
-            .collect()
+            ), [me], read)
     }
 
     /// One that lives and computes what another version of the campaign requests.
@@ -74,7 +72,7 @@ impl AtWork {
         connection: &Connection,
         me: i64,
         request: &str,
-    ) -> Result<Option<Self>, rusqlite::Error> {
+    ) -> rusqlite::Result<Option<Self>> {
         let differs = |other: &Self| other.request.as_ref().is_some_and(|other| other != request);
         Ok(Self::others(connection, me)?
             .into_iter()
@@ -87,7 +85,7 @@ impl AtWork {
 }
 
 /// A process that did not leave in order, if nobody else works on the store.
-pub(super) fn abandoned(connection: &Connection) -> Result<Option<(u32, String)>, rusqlite::Error> {
+pub(super) fn abandoned(connection: &Connection) -> rusqlite::Result<Option<(u32, String)>> {
     let others = AtWork::others(connection, 0)?;
     if others.iter().any(|other| other.is_alive) {
         return Ok(None);
@@ -99,7 +97,7 @@ pub(super) fn abandoned(connection: &Connection) -> Result<Option<(u32, String)>
 pub(super) fn other_worker(
     connection: &Connection,
     me: i64,
-) -> Result<Option<(u32, String)>, rusqlite::Error> {
+) -> rusqlite::Result<Option<(u32, String)>> {
     let mut others = AtWork::others(connection, me)?.into_iter();
     Ok(others.find(|other| other.is_alive).map(AtWork::name))
 }
@@ -109,7 +107,7 @@ pub(super) fn put(
     connection: &Connection,
     described: &[Value],
     more: &[(&str, Value)],
-) -> Result<i64, rusqlite::Error> {
+) -> rusqlite::Result<i64> {
     SEALED.put(connection, None, described, more)?;
     Ok(connection.last_insert_rowid())
 }
@@ -139,7 +137,7 @@ impl Store {
     pub(super) fn enter_process(
         connection: &Connection,
         request: &super::Request,
-    ) -> Result<Registered, rusqlite::Error> {
+    ) -> rusqlite::Result<Registered> {
         let identity = Identity::of_this_process();
         let now = process::now();
         let text = |text: &str| Value::Text(text.to_owned());
@@ -198,12 +196,10 @@ impl Store {
     pub(crate) fn heartbeat(&mut self) -> Result<(), StoreError> {
         let me = self.me();
         self.write_relaxed(|connection| {
-            connection
-                .execute(
-                    "UPDATE processes SET heartbeat = ?2 WHERE id = ?1",
-                    params![me, process::now()],
-                )
-                .map(|_| ())
+            connection.run(
+                "UPDATE processes SET heartbeat = ?2 WHERE id = ?1",
+                params![me, process::now()],
+            )
         })
     }
 
@@ -224,7 +220,7 @@ impl Store {
         let Some(Registered { id: me, identity }) = self.process.clone() else {
             return Ok(0);
         };
-        let dead = |connection: &Connection| -> Result<Vec<AtWork>, rusqlite::Error> {
+        let dead = |connection: &Connection| -> rusqlite::Result<Vec<AtWork>> {
             let mut others = AtWork::others(connection, me)?;
             others.retain(|other| !other.is_alive);
             Ok(others)
@@ -258,28 +254,27 @@ impl Store {
 }
 
 /// Records that a process ended.
-fn end(connection: &Connection, id: i64) -> Result<(), rusqlite::Error> {
-    connection
-        .prepare_cached("UPDATE processes SET ended_at = ?2 WHERE id = ?1")?
-        .execute(params![id, process::now()])
-        .map(|_| ())
+fn end(connection: &Connection, id: i64) -> rusqlite::Result<()> {
+    connection.run(
+        "UPDATE processes SET ended_at = ?2 WHERE id = ?1",
+        params![id, process::now()],
+    )
 }
 
 /// Ends those cases of a dead process as failed that died too often. Returns how many.
-fn quarantine(connection: &Connection, process: i64) -> Result<usize, rusqlite::Error> {
-    let condemned: Vec<(i64, sd_core::Params, u64)> = connection
-        .prepare(
-            "SELECT c.id, p.params, c.steps_done FROM cases c JOIN points p ON p.id = c.point
+fn quarantine(connection: &Connection, process: i64) -> rusqlite::Result<usize> {
+    let condemned: Vec<(i64, sd_core::Params, u64)> = connection.all(
+        "SELECT c.id, p.params, c.steps_done FROM cases c JOIN points p ON p.id = c.point
              WHERE c.owner = ?1 AND c.state = 'running' AND c.deaths >= ?2",
-        )?
-        .query_map(params![process, DEATH_LIMIT], |row| {
+        params![process, DEATH_LIMIT],
+        |row| {
             Ok((
                 row.get(0)?,
                 super::points::params(row, 1)?,
                 count(row.get(2)?),
             ))
-        })?
-        .collect::<Result<_, _>>()?;
+        },
+    )?;
     for (id, params, steps_done) in &condemned {
         let last = claims::checkpoints(connection, *id)?
             .into_iter()

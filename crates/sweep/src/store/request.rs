@@ -1,11 +1,12 @@
 //! What a version of a campaign file requests of its store, and what it finds there.
 
 use super::registry::AtWork;
+use super::statements::Statements;
 use super::{Store, StoreError, count};
 use crate::model::campaign::Campaign;
 use crate::protocol::Discard;
 use crate::statistics::Precision;
-use rusqlite::{Connection, OptionalExtension};
+use rusqlite::Connection;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -56,11 +57,13 @@ impl Request {
     }
 
     /// The file whose version of the campaign a store now holds, if that requests something else.
-    fn displaced_by(&self, connection: &Connection) -> Result<Option<PathBuf>, rusqlite::Error> {
+    fn displaced_by(&self, connection: &Connection) -> rusqlite::Result<Option<PathBuf>> {
         connection
-            .prepare_cached("SELECT file FROM campaign WHERE request != ?1")?
-            .query_row([&self.hash], |row| row.get::<_, String>(0))
-            .optional()
+            .find(
+                "SELECT file FROM campaign WHERE request != ?1",
+                [&self.hash],
+                |row| row.get::<_, String>(0),
+            )
             .map(|file| file.map(PathBuf::from))
     }
 }

@@ -3,6 +3,7 @@
 use super::claims::{self, Claim};
 use super::digest::{self, Digest, number, whole};
 use super::ends::{self, RunEnd};
+use super::statements::Statements;
 use super::{Store, StoreError, failures, rules, samples};
 use crate::case::{Case, State};
 use crate::doubt::Doubt;
@@ -68,7 +69,7 @@ impl Place<'_> {
         end: &RunEnd,
         samples: &[(u64, Sample)],
         samples_digest: Option<i64>,
-    ) -> Result<(), rusqlite::Error> {
+    ) -> rusqlite::Result<()> {
         let counters = end.counters_at(steps, samples);
         let averages = Averages::of(samples, discard);
         let values = self.values((steps, discard), &averages, &counters, samples, end);
@@ -84,13 +85,14 @@ impl Place<'_> {
             .with(&values)
             .finish();
         let case = Value::Integer(self.id);
-        connection
-            .prepare_cached(&INSERT)?
-            .execute(params_from_iter(
+        connection.run(
+            &INSERT,
+            params_from_iter(
                 std::iter::once(&case)
                     .chain(&values)
                     .chain([&Value::Integer(digest)]),
-            ))?;
+            ),
+        )?;
         claims::end(connection, self.id, state, steps)
     }
 
@@ -159,7 +161,7 @@ impl Place<'_> {
 }
 
 /// Makes sure that the result of a case is what was written.
-pub(super) fn check(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
+pub(super) fn check(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     digest::check(
         connection,
         &format!(
@@ -265,13 +267,9 @@ impl Store {
     /// Makes all failed cases of the grid pending again. Returns how many.
     pub(crate) fn retry_failed(&mut self) -> Result<usize, StoreError> {
         self.write(|connection| {
-            let failed: Vec<(i64, String, u64)> = connection
-                .prepare(
-                    "SELECT c.id, c.key, coalesce(e.steps, 0) FROM cases c LEFT JOIN ends e ON e.case_id = c.id
-                     WHERE c.state = 'failed' AND c.counts",
-                )?
-                .query_map([], |row| Ok((row.get(0)?, row.get(1)?, row.get(2).map(super::count)?)))?
-                .collect::<Result<_, _>>()?;
+            let failed: Vec<(i64, String, u64)> = connection.all(
+                "SELECT c.id, c.key, coalesce(e.steps, 0) FROM cases c LEFT JOIN ends e ON e.case_id = c.id
+                     WHERE c.state = 'failed' AND c.counts", [], |row| Ok((row.get(0)?, row.get(1)?, row.get(2).map(super::count)?)))?;
             for (case, key, steps) in failed {
                 samples::cut(connection, case, steps)?;
                 tracing::info!(case = key, "retried");
@@ -284,10 +282,11 @@ impl Store {
 }
 
 /// Whether this process still owns a case that it computes.
-fn owns(connection: &Connection, claim: &Claim, me: i64) -> Result<bool, rusqlite::Error> {
-    connection
-        .prepare_cached("SELECT 1 FROM cases WHERE id = ?1 AND owner = ?2 AND state = 'running'")?
-        .exists([claim.id, me])
+fn owns(connection: &Connection, claim: &Claim, me: i64) -> rusqlite::Result<bool> {
+    connection.has(
+        "SELECT 1 FROM cases WHERE id = ?1 AND owner = ?2 AND state = 'running'",
+        [claim.id, me],
+    )
 }
 
 /// Keeps a run that came to its end: the averages are of the samples at hand, unless each point has its own strain to discard.
@@ -296,7 +295,7 @@ fn finish(
     claim: &Claim,
     finished: &Finished,
     me: i64,
-) -> Result<(), rusqlite::Error> {
+) -> rusqlite::Result<()> {
     let Case { params, .. } = &claim.case;
     let end = RunEnd {
         steps: finished.steps,

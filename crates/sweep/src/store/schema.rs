@@ -28,7 +28,7 @@ pub(super) enum Found {
 }
 
 /// Says what a database is.
-pub(super) fn identify(connection: &Connection) -> Result<Found, rusqlite::Error> {
+pub(super) fn identify(connection: &Connection) -> rusqlite::Result<Found> {
     let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i32>(0));
     if pragma("application_id")? == APPLICATION_ID && has_plain_tables(connection)? {
         return Ok(Found::Ours(pragma("user_version")?));
@@ -69,7 +69,7 @@ fn statements() -> String {
 }
 
 /// Makes the tables, without indices.
-pub(super) fn create(connection: &Connection) -> Result<(), rusqlite::Error> {
+pub(super) fn create(connection: &Connection) -> rusqlite::Result<()> {
     let statements = statements();
     let tables: Vec<&str> = statements
         .lines()
@@ -81,7 +81,7 @@ pub(super) fn create(connection: &Connection) -> Result<(), rusqlite::Error> {
 }
 
 /// Makes the indices: faster once the tables are filled.
-pub(super) fn index(connection: &Connection) -> Result<(), rusqlite::Error> {
+pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
     let indices: Vec<&str> = STATEMENTS
         .lines()
         .filter(|line| line.starts_with(INDEX))
@@ -90,7 +90,7 @@ pub(super) fn index(connection: &Connection) -> Result<(), rusqlite::Error> {
 }
 
 /// Lets a connection that only reads change some tables for itself.
-pub(super) fn shadow(connection: &Connection) -> Result<(), rusqlite::Error> {
+pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
     for statement in statements().split_inclusive(";\n") {
         for table in SHADOWED {
             let begins = format!("CREATE TABLE {table} (");
@@ -130,7 +130,7 @@ pub(super) fn axis_cells(params: &Params) -> impl Iterator<Item = Value> {
 
 /// Makes sure that what has the name of a table of ours is a table with values in it: no view, no virtual table, no columns
 /// that are computed when they are read.
-fn has_plain_tables(connection: &Connection) -> Result<bool, rusqlite::Error> {
+fn has_plain_tables(connection: &Connection) -> rusqlite::Result<bool> {
     let names = STATEMENTS
         .lines()
         .filter_map(|line| line.strip_prefix("CREATE TABLE "));

@@ -191,7 +191,7 @@ impl Origin {
 }
 
 /// One row of [`Store::story`].
-fn case(row: &Row<'_>) -> Result<Found, rusqlite::Error> {
+fn case(row: &Row<'_>) -> rusqlite::Result<Found> {
     let host: Option<String> = row.get(11)?;
     let origin = match host {
         None => None,

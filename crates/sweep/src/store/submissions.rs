@@ -245,7 +245,7 @@ impl Store {
 }
 
 /// A row of [`Store::submissions`].
-fn submission(row: &Row<'_>) -> Result<Submission, rusqlite::Error> {
+fn submission(row: &Row<'_>) -> rusqlite::Result<Submission> {
     Ok(Submission {
         id: row.get(0)?,
         engine: row.get(1)?,

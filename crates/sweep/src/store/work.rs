@@ -1,6 +1,7 @@
 //! How far a campaign is, and how long the rest of it takes.
 
 use super::points::{params, state};
+use super::statements::Statements;
 use super::{Store, StoreError, count};
 use crate::case::State;
 use crate::process;
@@ -94,13 +95,11 @@ impl Store {
         let heard_since = process::now()
             - i64::try_from(process::HEARTBEAT_LIMIT.as_millis()).unwrap_or(i64::MAX);
         let read = || {
-            let alive: HashSet<i64> = self
-                .connection
-                .prepare_cached(
-                    "SELECT id FROM processes WHERE ended_at IS NULL AND heartbeat >= ?1",
-                )?
-                .query_map([heard_since], |row| row.get(0))?
-                .collect::<Result<_, _>>()?;
+            let alive: HashSet<i64> = self.connection.all(
+                "SELECT id FROM processes WHERE ended_at IS NULL AND heartbeat >= ?1",
+                [heard_since],
+                |row| row.get(0),
+            )?;
             // Summed up here: SQLite would sort all cases by their states first.
             let mut query = self.connection.prepare_cached(
                 "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner FROM cases NOT INDEXED WHERE counts",
@@ -156,7 +155,7 @@ impl Store {
     fn sampled_runs(
         &self,
         query: &str,
-        mut each: impl FnMut(&Row<'_>) -> Result<(), rusqlite::Error>,
+        mut each: impl FnMut(&Row<'_>) -> rusqlite::Result<()>,
     ) -> Result<(), StoreError> {
         let mut read = || {
             let last: Option<i64> =

@@ -7,11 +7,12 @@ use crate::protocol::Protocol;
 use crate::store::campaign::Points;
 use crate::store::digest::whole;
 use crate::store::ends::{self, RunEnd};
+use crate::store::statements::Statements;
 use crate::store::{
     Checkpoint, claims, count, failures, frames, integer, points, registry, samples,
 };
 use rusqlite::types::Value;
-use rusqlite::{Connection, OptionalExtension, params};
+use rusqlite::{Connection, params};
 use sd_core::Sample;
 use std::collections::HashMap;
 
@@ -58,7 +59,7 @@ struct Run {
 
 impl Merging<'_> {
     /// Takes over what there is of a case.
-    pub(super) fn case(&mut self, id: i64) -> Result<(), rusqlite::Error> {
+    pub(super) fn case(&mut self, id: i64) -> rusqlite::Result<()> {
         let Ok(theirs) = Theirs::read(self.other, id) else {
             self.merged.unreadable += 1;
             return Ok(());
@@ -91,14 +92,10 @@ impl Merging<'_> {
     }
 
     /// The case as the store has it; a case of no grid is added if there is anything `worth` it.
-    fn ours(&self, theirs: &Theirs, worth: bool) -> Result<Option<Ours>, rusqlite::Error> {
+    fn ours(&self, theirs: &Theirs, worth: bool) -> rusqlite::Result<Option<Ours>> {
         let look = || {
-            self.connection
-                .prepare_cached(
-                    "SELECT c.id, c.state, c.steps_done, c.steps, e.steps, e.jammed, e.process FROM cases c
-                     LEFT JOIN ends e ON e.case_id = c.id WHERE c.key = ?1",
-                )?
-                .query_row([&theirs.key], |row| {
+            self.connection.find("SELECT c.id, c.state, c.steps_done, c.steps, e.steps, e.jammed, e.process FROM cases c
+                     LEFT JOIN ends e ON e.case_id = c.id WHERE c.key = ?1", [&theirs.key], |row| {
                     let end: Option<i64> = row.get(4)?;
                     Ok(Ours {
                         id: row.get(0)?,
@@ -111,7 +108,6 @@ impl Merging<'_> {
                         },
                     })
                 })
-                .optional()
         };
         let known = look()?;
         if known.is_some() || self.mode != MergeMode::Campaign || !worth {
@@ -135,7 +131,7 @@ impl Merging<'_> {
     }
 
     /// Takes a run over if there is none yet. Of two that agree the longer is kept, of two that do not the later attempt.
-    fn run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> Result<(), rusqlite::Error> {
+    fn run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> rusqlite::Result<()> {
         let Some((steps, jammed, process)) = ours.end else {
             // A case this store's own processes take farther is left to them.
             if ours.state != State::Running || run.end.jammed || run.end.steps >= ours.requested {
@@ -168,12 +164,10 @@ impl Merging<'_> {
         if is_later {
             self.take_run(ours, theirs, run)?;
         }
-        self.connection
-            .execute(
+        self.connection.run(
                 "INSERT OR IGNORE INTO disagreements (case_id, kept, other, what, found_at) VALUES (?1, ?2, ?3, ?4, ?5)",
                 params![ours.id, kept, other, what, now()],
             )
-            .map(|_| ())
     }
 
     /// Where a run differs first from the one that is there, if it does, as far as both were computed; times may differ.
@@ -182,7 +176,7 @@ impl Merging<'_> {
         case: i64,
         ours: (u64, bool),
         run: &Run,
-    ) -> Result<Option<String>, rusqlite::Error> {
+    ) -> rusqlite::Result<Option<String>> {
         let theirs = (run.end.steps, run.end.jammed);
         let jammed_early = |one: (u64, bool), other: u64| one.1 && one.0 < other;
         if jammed_early(theirs, ours.0)
@@ -219,7 +213,7 @@ impl Merging<'_> {
     }
 
     /// Takes over a run that was computed to an end.
-    fn take_run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> Result<(), rusqlite::Error> {
+    fn take_run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> rusqlite::Result<()> {
         let end = RunEnd {
             process: self.take_process(run.end.process)?,
             ..run.end.clone()
@@ -243,12 +237,11 @@ impl Merging<'_> {
     }
 
     /// Puts processes in the order of their attempts: those of the store itself come last, and so win.
-    fn attempt(&self, process: i64) -> Result<(i64, i64, i64, String, i64), rusqlite::Error> {
-        self.connection
-            .prepare_cached(
-                "SELECT job, restart, started_at, host, pid FROM processes WHERE id = ?1",
-            )?
-            .query_row([process], |row| {
+    fn attempt(&self, process: i64) -> rusqlite::Result<(i64, i64, i64, String, i64)> {
+        self.connection.one(
+            "SELECT job, restart, started_at, host, pid FROM processes WHERE id = ?1",
+            [process],
+            |row| {
                 let job: Option<String> = row.get(0)?;
                 let restart: Option<i64> = row.get(1)?;
                 let number = |job: String| {
@@ -262,18 +255,19 @@ impl Merging<'_> {
                     row.get(3)?,
                     row.get(4)?,
                 ))
-            })
+            },
+        )
     }
 
     /// Takes over failures the store does not have.
-    fn take_failures(&mut self, ours: &Ours, theirs: &Theirs) -> Result<(), rusqlite::Error> {
+    fn take_failures(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
         let read = || {
             Ok((
                 failures::of(self.other, theirs.id)?,
                 samples::of(self.other, theirs.id)?,
             ))
         };
-        let read: Result<_, rusqlite::Error> = read();
+        let read: rusqlite::Result<_> = read();
         let Ok((found, samples)) = read else {
             self.merged.unreadable += 1;
             return Ok(());
@@ -281,12 +275,10 @@ impl Merging<'_> {
         let mut taken = false;
         for failure in found {
             let process = self.take_process(failure.process)?;
-            let is_there = self
-                .connection
-                .prepare_cached(
-                    "SELECT 1 FROM failures WHERE case_id = ?1 AND process = ?2 AND failed_at = ?3",
-                )?
-                .exists(params![ours.id, process, failure.failed_at])?;
+            let is_there = self.connection.has(
+                "SELECT 1 FROM failures WHERE case_id = ?1 AND process = ?2 AND failed_at = ?3",
+                params![ours.id, process, failure.failed_at],
+            )?;
             if !is_there {
                 let failure = failures::Attempt { process, ..failure };
                 failures::insert(self.connection, ours.id, failure)?;
@@ -309,7 +301,7 @@ impl Merging<'_> {
     }
 
     /// Takes over the checkpoints of a run under way in place of those there, which are older.
-    fn take_checkpoints(&mut self, ours: &Ours, theirs: &Theirs) -> Result<(), rusqlite::Error> {
+    fn take_checkpoints(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
         let whole = theirs.checkpoints(self.other).unwrap_or_default();
         let Some(steps) = whole.iter().map(|checkpoint| checkpoint.1).max() else {
             self.merged.unreadable += 1;
@@ -334,7 +326,7 @@ impl Merging<'_> {
     }
 
     /// Takes over frames. Those of one step are the same, whoever computed them.
-    fn take_frames(&mut self, ours: &Ours, theirs: &Theirs) -> Result<(), rusqlite::Error> {
+    fn take_frames(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
         let Ok(frames) = frames::of(self.other, theirs.id) else {
             self.merged.unreadable += 1;
             return Ok(());
@@ -348,16 +340,16 @@ impl Merging<'_> {
     }
 
     /// Takes over the process of a number, and gives it the number it has here.
-    fn take_process(&mut self, there: i64) -> Result<i64, rusqlite::Error> {
+    fn take_process(&mut self, there: i64) -> rusqlite::Result<i64> {
         if let Some(here) = self.processes.get(&there) {
             return Ok(*here);
         }
         let described = registry::described(self.other, there).unwrap_or_else(registry::unknown);
-        let known: Option<i64> = self
-            .connection
-            .prepare_cached("SELECT id FROM processes WHERE digest = ?1")?
-            .query_row([crate::store::digest::of(&described)], |row| row.get(0))
-            .optional()?;
+        let known: Option<i64> = self.connection.find(
+            "SELECT id FROM processes WHERE digest = ?1",
+            [crate::store::digest::of(&described)],
+            |row| row.get(0),
+        )?;
         let here = if let Some(here) = known {
             here
         } else {
@@ -371,13 +363,12 @@ impl Merging<'_> {
 
 impl Theirs {
     /// The case of a number, if it still has its key.
-    fn read(other: &Connection, id: i64) -> Result<Self, rusqlite::Error> {
-        let found = other
-            .prepare_cached(
-                "SELECT c.key, p.params, c.seed, c.steps, c.sample_stride, c.state, c.steps_done
+    fn read(other: &Connection, id: i64) -> rusqlite::Result<Self> {
+        let found = other.one(
+            "SELECT c.key, p.params, c.seed, c.steps, c.sample_stride, c.state, c.steps_done
                  FROM cases c JOIN points p ON p.id = c.point WHERE c.id = ?1",
-            )?
-            .query_row([id], |row| {
+            [id],
+            |row| {
                 Ok(Self {
                     id,
                     key: row.get(0)?,
@@ -390,7 +381,8 @@ impl Theirs {
                     state: points::state(row.get_ref(5)?)?,
                     steps_done: count(row.get(6)?),
                 })
-            })?;
+            },
+        )?;
         if found.case.key().to_string() == found.key {
             Ok(found)
         } else {
@@ -399,7 +391,7 @@ impl Theirs {
     }
 
     /// The run of it, if it was computed to an end: with the samples of all its steps, and a last state that fits.
-    fn run(&self, other: &Connection) -> Result<Option<Run>, rusqlite::Error> {
+    fn run(&self, other: &Connection) -> rusqlite::Result<Option<Run>> {
         let is_finished = matches!(self.state, State::Done | State::Jammed);
         let untrusted = || rusqlite::Error::QueryReturnedNoRows;
         let Some(mut end) = RunEnd::of(other, self.id)? else {
@@ -429,7 +421,7 @@ impl Theirs {
     }
 
     /// Whole checkpoints of it.
-    fn checkpoints(&self, other: &Connection) -> Result<Vec<Kept>, rusqlite::Error> {
+    fn checkpoints(&self, other: &Connection) -> rusqlite::Result<Vec<Kept>> {
         let mut found: Vec<Kept> = other
             .prepare_cached("SELECT generation, process, data FROM checkpoints WHERE case_id = ?1")?
             .query_map([self.id], |row| {
