@@ -17,7 +17,8 @@ use sweep::axes::Axis;
 use sweep::campaign::Priority;
 use sweep::format::parse_positive_duration;
 use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style};
-use sweep::store::{StoreSource, network_file_system};
+use sweep::disk::network_file_system;
+use sweep::store::StoreSource;
 use toml::{Table, Value};
 
 /// Most threads; more are a slip of the keyboard.

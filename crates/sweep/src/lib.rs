@@ -40,7 +40,7 @@ mod test_support;
 pub use api::Error;
 pub use model::{axes, case, protocol};
 pub use statistics::doubt;
-pub use system::{exit, tables};
+pub use system::{disk, exit, tables};
 pub use text::format;
 
 pub(crate) use data::csv_rows;

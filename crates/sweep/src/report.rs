@@ -28,7 +28,7 @@ pub use figure::{
 };
 pub use json::write as write_json;
 pub use page::{PageHost, data, movie, page};
-pub use parquet::parquet;
+pub(crate) use parquet::parquet;
 pub use points::{Point, Report};
 pub use runs::{TableFormat, sample_fields, sample_table};
 pub use selection::{Excerpt, Selection};

@@ -41,8 +41,6 @@ pub use failures::{Attempt, FailureLine};
 pub use frames::StoredFrame;
 pub(crate) use merge::MergeMode;
 pub use merge::{Damaged, Disagreement, Merged};
-pub(crate) use place::is_full;
-pub use place::network_file_system;
 pub use points::PointRun;
 pub use provenance::Provenance;
 pub use reading::StoreSource;
@@ -341,16 +339,8 @@ impl Store {
     }
 
     /// Turns an error of JSON into one of the store.
-    fn json<T>(
-        &self,
-        table: &'static str,
-        result: Result<T, serde_json::Error>,
-    ) -> Result<T, StoreError> {
-        result.map_err(|error| StoreError::Entry {
-            path: self.path.clone(),
-            table,
-            reason: error.to_string(),
-        })
+    fn json<T>(&self, result: Result<T, serde_json::Error>) -> Result<T, StoreError> {
+        result.map_err(|error| StoreError::unreadable(&self.path, &error))
     }
 }
 

@@ -8,9 +8,7 @@ use super::selection::Excerpt;
 use super::units::{At, Units};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::csv_rows;
-use crate::data::{
-    Cells, DataColumn, Field, ParquetFile, Unfit, fields, numbered, write_csv, write_csv_rows,
-};
+use crate::data::{Cells, DataColumn, Field, ParquetFile, Unfit, fields, numbered, write_csv_rows};
 use crate::store::PointRun;
 use crate::stresses::STRESSES;
 use meanings::{OF_RUNS, OF_SAMPLES, explain};
@@ -80,17 +78,9 @@ impl Excerpt<'_> {
         out: &mut (dyn Write + Send),
     ) -> Result<(), ReportError> {
         let table = self.runs()?;
-        match format {
-            TableFormat::Csv => write_csv(&table, out)?,
-            TableFormat::Parquet => {
-                let campaign = self.store.campaign_name()?;
-                let about = [("campaign", campaign.as_str())];
-                let mut file = ParquetFile::begin(out, "runs", &table, &about)?;
-                file.append(&table)?;
-                file.finish()?;
-            }
-        }
-        Ok(())
+        let mut file = TableFile::begin(format, out, "runs", &table, self)?;
+        file.append(&table)?;
+        file.finish()
     }
 
     /// Writes the samples of all runs, in the order of the campaign: key, seed, the axes that vary, then what was sampled, step by step.
@@ -102,17 +92,7 @@ impl Excerpt<'_> {
         let runs = selected_runs(self.store, self.selection)?;
         let axes = axes_of_samples(&runs);
         let mut batch = Batch::of(&axes, self.units)?;
-        let campaign = self.store.campaign_name()?;
-        let about = [("campaign", campaign.as_str())];
-        let mut file = match format {
-            TableFormat::Csv => {
-                write_csv(&batch.table, out)?;
-                Samples::Csv(out)
-            }
-            TableFormat::Parquet => {
-                Samples::Parquet(ParquetFile::begin(out, "samples", &batch.table, &about)?)
-            }
-        };
+        let mut file = TableFile::begin(format, out, "samples", &batch.table, self)?;
         for run in &runs {
             batch.add(run, &axes, &self.store.samples(&run.key)?)?;
             if batch.rows() >= ROWS {
@@ -169,13 +149,31 @@ fn convert(column: &mut DataColumn, units: Units, at: impl Fn(usize) -> At) {
     }
 }
 
-/// A table of samples that is being written.
-enum Samples<'w> {
+/// A table that is being written.
+enum TableFile<'w> {
     Csv(&'w mut (dyn Write + Send)),
     Parquet(ParquetFile<&'w mut (dyn Write + Send)>),
 }
 
-impl Samples<'_> {
+impl<'w> TableFile<'w> {
+    /// Begins a table with these columns, without their rows.
+    fn begin(
+        format: TableFormat,
+        out: &'w mut (dyn Write + Send),
+        name: &str,
+        like: &[DataColumn],
+        of: &Excerpt<'_>,
+    ) -> Result<Self, ReportError> {
+        if format == TableFormat::Parquet {
+            let campaign = of.store.campaign_name()?;
+            let about = [("campaign", campaign.as_str())];
+            return Ok(Self::Parquet(ParquetFile::begin(out, name, like, &about)?));
+        }
+        let names = like.iter().map(|column| column.name.as_ref());
+        csv_rows::write(names, std::iter::empty::<[&str; 0]>(), out)?;
+        Ok(Self::Csv(out))
+    }
+
     fn append(&mut self, table: &[DataColumn]) -> Result<(), ReportError> {
         match self {
             Self::Csv(out) => write_csv_rows(table, out)?,
@@ -186,10 +184,9 @@ impl Samples<'_> {
 
     fn finish(self) -> Result<(), ReportError> {
         match self {
-            Self::Csv(_) => {}
-            Self::Parquet(file) => file.finish()?,
+            Self::Csv(_) => Ok(()),
+            Self::Parquet(file) => Ok(file.finish()?),
         }
-        Ok(())
     }
 }
 
@@ -287,8 +284,8 @@ pub fn sample_table(sampled: &[(u64, Sample)]) -> Result<Vec<DataColumn>, Report
     Ok(table)
 }
 
-/// Writes what is known of each column.
-fn about(table: &[DataColumn], out: &mut dyn Write) -> Result<(), ReportError> {
+/// Writes name, unit and meaning of each column.
+pub(super) fn about(table: &[DataColumn], out: &mut dyn Write) -> Result<(), ReportError> {
     let rows = table
         .iter()
         .map(|column| [column.name.as_ref(), column.unit, column.meaning]);

@@ -2,9 +2,10 @@
 //!
 //! Units and meanings are in a sidecar, so that the table itself has one header row of plain names.
 
-use super::columns::{Column, columns_of};
+use super::columns::{Column, columns_of, point_table};
 use super::error::ReportError;
 use super::points::Report;
+use super::runs::about;
 use crate::axes::{Axis, Value};
 use crate::csv_rows;
 use crate::format::short;
@@ -28,11 +29,7 @@ pub(crate) fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), Repo
 
 /// Writes the sidecar: name, unit and meaning of each column.
 pub(crate) fn write_units(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
-    let columns = columns_of(report);
-    let rows = columns
-        .iter()
-        .map(|column| [column.name, column.unit_in(report), column.meaning]);
-    Ok(csv_rows::write(["column", "unit", "meaning"], rows, out)?)
+    about(&point_table(report), out)
 }
 
 /// Writes the points as a Markdown table with units in its head, without the columns that have nothing to say.

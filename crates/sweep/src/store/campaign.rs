@@ -71,7 +71,7 @@ impl Store {
             .prefix(".sweep-part-")
             .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
             .tempfile_in(folder)
-            .map_err(|error| unwritable(super::place::reason_against(path).unwrap_or(error)))?;
+            .map_err(|error| unwritable(crate::disk::reason_against(path).unwrap_or(error)))?;
         let failed = |error| StoreError::sqlite(path, error, false);
         // Nobody else knows it, and what is cut short is thrown away.
         let connection = Connection::open(draft.path()).map_err(failed)?;
@@ -194,7 +194,7 @@ impl Store {
     /// Trouble with the file, or an entry that cannot be read.
     pub fn protocol(&self) -> Result<Protocol, StoreError> {
         let text = self.of_campaign("protocol")?;
-        self.json("campaign", serde_json::from_str(&text))
+        self.json(serde_json::from_str(&text))
     }
 
     /// The name of the campaign.
@@ -272,12 +272,8 @@ struct Entry<'c> {
 
 impl<'c> Entry<'c> {
     fn of(campaign: &'c Campaign, order: Order<'c>, path: &Path) -> Result<Self, StoreError> {
-        let protocol =
-            serde_json::to_string(&campaign.protocol).map_err(|error| StoreError::Entry {
-                path: path.to_owned(),
-                table: "campaign",
-                reason: error.to_string(),
-            })?;
+        let protocol = serde_json::to_string(&campaign.protocol)
+            .map_err(|error| StoreError::unreadable(path, &error))?;
         Ok(Self {
             campaign,
             order,

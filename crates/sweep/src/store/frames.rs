@@ -93,11 +93,9 @@ impl Store {
         }
         rows.into_iter()
             .map(|(step, data)| {
-                let frame = trajectory::decode(&data).ok_or_else(|| StoreError::Entry {
-                    path: self.path.clone(),
-                    table: "frames",
-                    reason: format!("step {step} of case {key}: damaged, or of a newer version"),
-                })?;
+                let why = format!("the frame of step {step} of case {key}");
+                let frame = trajectory::decode(&data)
+                    .ok_or_else(|| StoreError::unreadable(&self.path, &why))?;
                 Ok(StoredFrame {
                     step: count(step),
                     frame,

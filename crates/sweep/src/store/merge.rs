@@ -208,7 +208,7 @@ impl Store {
                 return Ok(());
             }
         };
-        let builds = self.json("shards", serde_json::to_string(&shard.builds))?;
+        let builds = self.json(serde_json::to_string(&shard.builds))?;
         let before = merged.clone();
         let mut damage = shard.damage.clone();
         let written = self.write(|connection| {

@@ -1,9 +1,10 @@
 //! Opening a store to read it: while others write, without write access, on a full disk.
 
 use super::log;
-use super::place::{address, is_full, refuse_other_than_files};
+use super::place::{address, refuse_other_than_files};
 use super::statements::Statements;
 use super::{Store, StoreError, harden, wait_for_lock};
+use crate::disk::is_full;
 use crate::model::campaign::Campaign;
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags};

@@ -1,5 +1,6 @@
 //! Jobs handed to a scheduler: which there are, which cases their tasks were given.
 
+use super::statements::Statements;
 use super::{Store, StoreError, count, integer};
 use crate::model::campaign::Campaign;
 use crate::process;
@@ -123,33 +124,22 @@ impl Store {
 
     /// Records the name the scheduler gave a job.
     pub(crate) fn submitted(&mut self, id: i64, job: &str) -> Result<(), StoreError> {
-        self.write(|connection| {
-            connection.execute(
-                "UPDATE submissions SET job = ?2 WHERE id = ?1",
-                params![id, job],
-            )?;
-            Ok(())
-        })
+        let named = "UPDATE submissions SET job = ?2 WHERE id = ?1";
+        self.write(|connection| connection.run(named, params![id, job]))
     }
 
     /// Forgets a job the scheduler refused.
     pub(crate) fn not_submitted(&mut self, id: i64) -> Result<(), StoreError> {
         self.write(|connection| {
-            connection.execute("DELETE FROM slices WHERE submission = ?1", [id])?;
-            connection.execute("DELETE FROM submissions WHERE id = ?1", [id])?;
-            Ok(())
+            connection.run("DELETE FROM slices WHERE submission = ?1", [id])?;
+            connection.run("DELETE FROM submissions WHERE id = ?1", [id])
         })
     }
 
     /// Records that a job was cancelled.
     pub(crate) fn cancelled(&mut self, id: i64) -> Result<(), StoreError> {
-        self.write(|connection| {
-            connection.execute(
-                "UPDATE submissions SET cancelled_at = coalesce(cancelled_at, ?2) WHERE id = ?1",
-                params![id, process::now()],
-            )?;
-            Ok(())
-        })
+        let over = "UPDATE submissions SET cancelled_at = coalesce(cancelled_at, ?2) WHERE id = ?1";
+        self.write(|connection| connection.run(over, params![id, process::now()]))
     }
 
     /// All jobs, the first first.
@@ -175,31 +165,23 @@ impl Store {
         id: i64,
         tasks: usize,
     ) -> Result<Vec<SliceState>, StoreError> {
-        let rows: Result<Vec<(usize, SliceState)>, _> = self
-            .connection
-            .prepare(
-                "SELECT s.task, count(*), total(c.state IN ('done', 'jammed', 'failed')),
-                     total(CASE WHEN c.state IN ('done', 'jammed', 'failed') THEN c.cost
-                                ELSE c.cost * c.steps_done / c.steps END) / max(total(c.cost), 1e-300)
-                 FROM slices s JOIN cases c ON c.id = s.case_id WHERE s.submission = ?1 GROUP BY s.task",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map([id], |row| {
-                        let ended = super::request::number(row.get(2)?);
-                        Ok((
-                            number(row.get(0)?),
-                            SliceState {
-                                cases: count(row.get(1)?),
-                                ended,
-                                work_done: row.get(3)?,
-                            },
-                        ))
-                    })?
-                    .collect()
-            });
+        let rows: Vec<(usize, SliceState)> = self.rows(
+            "SELECT s.task, count(*), total(c.state IN ('done', 'jammed', 'failed')),
+                 total(CASE WHEN c.state IN ('done', 'jammed', 'failed') THEN c.cost
+                            ELSE c.cost * c.steps_done / c.steps END) / max(total(c.cost), 1e-300)
+             FROM slices s JOIN cases c ON c.id = s.case_id WHERE s.submission = ?1 GROUP BY s.task",
+            [id],
+            |row| {
+                let slice = SliceState {
+                    cases: count(row.get(1)?),
+                    ended: super::request::number(row.get(2)?),
+                    work_done: row.get(3)?,
+                };
+                Ok((number(row.get(0)?), slice))
+            },
+        )?;
         let mut states = vec![SliceState::default(); tasks];
-        for (task, state) in self.read(rows)? {
+        for (task, state) in rows {
             if let Some(place) = states.get_mut(task) {
                 *place = state;
             }
