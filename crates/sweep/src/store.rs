@@ -141,18 +141,15 @@ impl Store {
     /// A store on a connection, which must hold one.
     fn on(connection: Connection, path: &Path) -> Result<Self, StoreError> {
         let failed = |error| StoreError::sqlite(path, error, false);
+        let file = path.to_owned();
         match schema::identify(&connection).map_err(failed)? {
-            schema::Found::Ours(schema::VERSION) => {}
-            schema::Found::Ours(found) => {
+            Some(schema::VERSION) => {}
+            None => return Err(StoreError::NotAStore { path: file }),
+            Some(found) => {
                 return Err(StoreError::Schema {
-                    path: path.to_owned(),
+                    path: file,
                     found,
                     known: schema::VERSION,
-                });
-            }
-            schema::Found::Foreign => {
-                return Err(StoreError::NotAStore {
-                    path: path.to_owned(),
                 });
             }
         }
@@ -336,6 +333,14 @@ impl Store {
             .prepare_cached(query)
             .and_then(|mut query| query.query_map(parameters, read)?.collect());
         self.read(rows)
+    }
+
+    /// The number that a query finds.
+    fn number(&self, query: &str, parameters: impl rusqlite::Params) -> Result<u64, StoreError> {
+        let number = self
+            .connection
+            .query_row(query, parameters, |row| row.get(0));
+        self.read(number).map(count)
     }
 
     /// Turns an error of JSON into one of the store.

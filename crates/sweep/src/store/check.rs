@@ -3,15 +3,13 @@
 use super::campaign;
 use super::digest::{Altered, altered, rewrite};
 use super::log::Mark;
-use super::points::KnownPoint;
 use super::results::COVERED;
 use super::schema::axis_columns;
 use super::statements::Statements;
-use super::{Store, StoreError, claims, ends, failures, frames, registry, rules, samples};
-use crate::protocol::Protocol;
+use super::{Store, StoreError, claims, ends, failures, frames, points, registry, rules, samples};
 use rusqlite::{Connection, params};
 use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Largest file whose structure is looked at before a run, in bytes: this takes less than half a second.
@@ -134,58 +132,26 @@ impl Damage {
 
     /// That every case has its point and its key, and the state that goes with its result and its failures.
     fn look_at_cases(&mut self, connection: &Connection) -> rusqlite::Result<()> {
-        let protocol: Option<Protocol> = connection
-            .query_row("SELECT protocol FROM campaign", [], |row| {
-                row.get::<_, String>(0)
-            })
-            .ok()
-            .and_then(|text| serde_json::from_str(&text).ok());
-        let Some(protocol) = protocol else {
-            self.grid("the campaign");
-            return Ok(());
-        };
-        let mut points: BTreeMap<i64, Option<KnownPoint>> = BTreeMap::new();
-        let mut query = connection.prepare("SELECT * FROM points ORDER BY id")?;
-        let mut rows = query.query([])?;
-        while let Some(row) = rows.next()? {
-            points.insert(row.get(0)?, KnownPoint::read(row, protocol).ok());
-        }
-        let mut query = connection.prepare(
-            "SELECT c.key, c.seed, c.steps, c.sample_stride, c.state, c.position, c.id, c.point, r.case_id, e.steps, e.jammed,
-                 EXISTS (SELECT 1 FROM failures WHERE case_id = c.id AND NOT retried)
-             FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
-             LEFT JOIN ends e ON e.case_id = c.id AND c.state NOT IN ('done', 'jammed')",
-        )?;
-        let mut rows = query.query([])?;
-        let (mut positions, mut keys) = (BTreeSet::new(), Vec::new());
-        while let Some(row) = rows.next()? {
-            let id = row.get(6)?;
-            let position: Option<i64> = row.get(5)?;
-            let key = points
-                .get(&row.get(7)?)
-                .and_then(Option::as_ref)
-                .ok_or_else(|| Altered::error("it has no point"))
-                .and_then(|point| point.checked_key(row, position.is_some()));
-            match key {
-                Ok(key) => keys.extend(position.map(|_| key.number())),
-                Err(error) => {
-                    self.case(id, &error.to_string(), true);
-                    continue;
-                }
+        let more = "c.id, EXISTS (SELECT 1 FROM failures WHERE case_id = c.id AND NOT retried)";
+        let is_whole = points::look(connection, more, "true", |row, known| {
+            let (id, has_failed): (i64, bool) = (row.get(11)?, row.get(12)?);
+            let fits = match row.get_ref(4)?.as_str()? {
+                "failed" => has_failed,
+                "pending" | "running" => !has_failed,
+                _ => true,
+            };
+            match known {
+                Err(error) => self.case(id, &Altered::words(&error), true),
+                Ok(_) if fits => {}
+                Ok(_) => self.case(id, "its state is not that of its failures", true),
             }
-            let (has_failed, is_failed): (bool, bool) =
-                (row.get(11)?, row.get_ref(4)?.as_str()? == "failed");
-            let is_open = matches!(row.get_ref(4)?.as_str()?, "pending" | "running");
-            if is_failed && !has_failed || is_open && has_failed {
-                self.case(id, "its state is not that of its failures", true);
-            }
-            positions.extend(position);
-        }
-        let numbers = 0..super::integer(positions.len() as u64);
-        let written: String =
-            connection.query_row("SELECT grid FROM campaign", [], |row| row.get(0))?;
-        if !positions.into_iter().eq(numbers) || super::request::grid(keys.into_iter()) != written {
-            self.grid("a case of the grid is missing");
+            Ok(())
+        });
+        match is_whole {
+            Ok(true) => {}
+            Ok(false) => self.grid("a case of the grid is missing"),
+            Err(error) if Altered::in_error(&error).is_some() => self.grid("the campaign"),
+            Err(error) => return Err(error),
         }
         Ok(())
     }

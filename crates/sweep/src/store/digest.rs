@@ -209,6 +209,11 @@ impl Altered {
         rusqlite::Error::FromSqlConversionFailure(0, Type::Null, Box::new(Self(what.into())))
     }
 
+    /// An error of a query in words.
+    pub(super) fn words(error: &rusqlite::Error) -> String {
+        Self::in_error(error).map_or_else(|| error.to_string(), Self::to_string)
+    }
+
     /// What an error of a query is about, if it is about this.
     pub(super) fn in_error(error: &rusqlite::Error) -> Option<&Self> {
         match error {

@@ -106,11 +106,9 @@ impl Store {
 
     /// How many frames a case has.
     pub(crate) fn frame_count(&self, key: &str) -> Result<u64, StoreError> {
-        self.read(self.connection.query_row(
+        self.number(
             "SELECT count(*) FROM cases c JOIN frames f ON f.case_id = c.id AND f.step < c.steps WHERE c.key = ?1",
             [key],
-            |row| row.get(0),
-        ))
-        .map(count)
+        )
     }
 }

@@ -99,46 +99,23 @@ fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
     campaign::check(connection)?;
     rules::check(connection)?;
     failures_fit_states(connection)?;
-    let (protocol, grid): (String, String) =
-        connection.one("SELECT protocol, grid FROM campaign", [], |row| {
-            Ok((row.get(0)?, row.get(1)?))
-        })?;
-    let protocol: Protocol = serde_json::from_str(&protocol).map_err(|error| {
-        rusqlite::Error::FromSqlConversionFailure(0, Type::Text, Box::new(error))
-    })?;
-    let mut query = connection.prepare(&format!(
-        "SELECT c.key, c.seed, c.steps, c.sample_stride, c.state, c.position, c.counts, c.point, r.case_id,
-             e.steps, e.jammed, r.viscosity, r.viscosity_median, r.viscosity_stresslet, r.samples, r.contacts, r.activated,
-             r.rolling, r.approach, r.minimum_gap, r.stages, r.unconverged_stages, r.worst_residual, r.wall_time_s,
-             r.normal_stress_difference, r.jammed_stages, r.doubts, r.cpu_time_s, r.discard_step, r.viscosity_part_1,
-             r.viscosity_part_2, r.viscosity_part_3, r.viscosity_part_4, r.viscosity_variance, r.viscosity_correlation,
-             r.inexact_stages, {}, {}
-         FROM cases c JOIN points p ON p.id = c.point
-         LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
-         LEFT JOIN ends e ON e.case_id = c.id AND c.state NOT IN ('done', 'jammed')
-         WHERE c.position IS NOT NULL",
+    let more = format!(
+        "r.viscosity, r.viscosity_median, r.viscosity_stresslet, r.samples, r.contacts, r.activated, r.rolling, r.approach,
+         r.minimum_gap, r.stages, r.unconverged_stages, r.worst_residual, r.wall_time_s, r.normal_stress_difference,
+         r.jammed_stages, r.doubts, r.cpu_time_s, r.discard_step, r.viscosity_part_1, r.viscosity_part_2,
+         r.viscosity_part_3, r.viscosity_part_4, r.viscosity_variance, r.viscosity_correlation, r.inexact_stages, {}, {}",
         stresses::names(STRESSES.iter(), "r."),
         *COVERED
-    ))?;
-    let points = KnownPoint::all(connection, protocol)?;
-    let (mut runs, mut positions, mut keys) = (Vec::new(), Vec::new(), Vec::new());
-    let mut rows = query.query([])?;
-    while let Some(row) = rows.next()? {
-        let known = points
-            .get(&row.get(7)?)
-            .ok_or_else(|| Altered::error("the point of a case is missing"))?;
-        let key = known.checked_key(row, true)?;
-        let position: i64 = row.get(5)?;
-        keys.push(key);
-        positions.push(position);
+    );
+    let mut runs = Vec::new();
+    let is_whole = look(connection, &more, "c.position IS NOT NULL", |row, known| {
+        let (key, point) = known?;
         if row.get(6)? {
-            runs.push(point_run(row, key, known)?);
+            runs.push(point_run(row, key, point)?);
         }
-    }
-    positions.sort_unstable();
-    let numbers = 0..super::integer(positions.len() as u64);
-    let keys = keys.into_iter().map(CaseKey::number);
-    if !positions.into_iter().eq(numbers) || request::grid(keys) != grid {
+        Ok(())
+    })?;
+    if !is_whole {
         return Err(Altered::error(
             "the grid is not what was written: a case is missing",
         ));
@@ -146,6 +123,53 @@ fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
     // Put into order here: SQLite would copy all columns for that.
     runs.sort_unstable_by_key(|run: &PointRun| run.position);
     Ok(runs)
+}
+
+/// Calls `each` with the row of every case that meets a condition, and its key and its point, or why these are not what was
+/// written. Columns of `more` come from 11 on. Says whether all of the grid are there.
+pub(super) fn look(
+    connection: &Connection,
+    more: &str,
+    condition: &str,
+    mut each: impl FnMut(&Row<'_>, rusqlite::Result<(CaseKey, &KnownPoint)>) -> rusqlite::Result<()>,
+) -> rusqlite::Result<bool> {
+    let text = |row: &Row<'_>| Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?));
+    let (protocol, grid) = connection
+        .one("SELECT protocol, grid FROM campaign", [], text)
+        .map_err(|_| Altered::error("the campaign"))?;
+    let protocol: Protocol =
+        serde_json::from_str(&protocol).map_err(|_| Altered::error("the campaign"))?;
+    let points: HashMap<i64, rusqlite::Result<KnownPoint>> =
+        connection.all("SELECT * FROM points", [], |row| {
+            Ok((row.get(0)?, KnownPoint::read(row, protocol)))
+        })?;
+    let mut query = connection.prepare(&format!(
+        "SELECT c.key, c.seed, c.steps, c.sample_stride, c.state, c.position, c.counts, c.point, r.case_id, e.steps, e.jammed,
+             {more}
+         FROM cases c LEFT JOIN points p ON p.id = c.point
+         LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
+         LEFT JOIN ends e ON e.case_id = c.id AND c.state NOT IN ('done', 'jammed') WHERE {condition}"
+    ))?;
+    let (mut positions, mut keys) = (Vec::new(), Vec::new());
+    let mut rows = query.query([])?;
+    while let Some(row) = rows.next()? {
+        let position: Option<i64> = row.get(5)?;
+        let known = match points.get(&row.get(7)?) {
+            Some(Ok(point)) => point
+                .checked_key(row, position.is_some())
+                .map(|key| (key, point)),
+            Some(Err(error)) => Err(Altered::error(Altered::words(error))),
+            None => Err(Altered::error("the point of a case is missing")),
+        };
+        if let (Ok((key, _)), Some(position)) = (&known, position) {
+            positions.push(position);
+            keys.push(key.number());
+        }
+        each(row, known)?;
+    }
+    positions.sort_unstable();
+    let numbers = 0..super::integer(positions.len() as u64);
+    Ok(positions.into_iter().eq(numbers) && request::grid(keys.into_iter()) == grid)
 }
 
 /// That each failed case says why, and no pending one has failed.
@@ -174,18 +198,11 @@ pub(super) struct KnownPoint {
 }
 
 impl KnownPoint {
-    /// All points, by their numbers.
-    fn all(connection: &Connection, protocol: Protocol) -> rusqlite::Result<HashMap<i64, Self>> {
-        connection.all("SELECT * FROM points", [], |row| {
-            Ok((row.get(0)?, Self::read(row, protocol)?))
-        })
-    }
-
     /// A row of the points.
     ///
     /// # Errors
     /// [`Altered`] if it is not what was written.
-    pub(super) fn read(row: &Row<'_>, protocol: Protocol) -> rusqlite::Result<Self> {
+    fn read(row: &Row<'_>, protocol: Protocol) -> rusqlite::Result<Self> {
         let last = row.as_ref().column_count() - 1;
         let params = params(row, 1)?;
         let digest = Digest::default().with_row(row, 1..last)?.finish();
@@ -209,7 +226,7 @@ impl KnownPoint {
     ///
     /// # Errors
     /// [`Altered`] if these do not go together.
-    pub(super) fn checked_key(&self, row: &Row<'_>, is_in_grid: bool) -> rusqlite::Result<CaseKey> {
+    fn checked_key(&self, row: &Row<'_>, is_in_grid: bool) -> rusqlite::Result<CaseKey> {
         let (seed, steps, stride) = (count(row.get(1)?), count(row.get(2)?), count(row.get(3)?));
         let key = CaseKey::of_text(&self.text, seed, stride);
         let written = row.get_ref(0)?.as_str()?;

@@ -172,10 +172,7 @@ impl Store {
     /// How many runs in the store are not requested.
     pub(crate) fn orphans(&self) -> Result<u64, StoreError> {
         let query = format!("SELECT count(*) FROM cases c WHERE {ORPHANED}");
-        self.read(
-            self.connection
-                .query_row(&query, [], |row| row.get(0).map(count)),
-        )
+        self.number(&query, [])
     }
 
     /// The file last run on this store, if what is read is not what that file requested: another version of it.

@@ -19,53 +19,31 @@ const SHADOWED: [&str; 6] = [
     "campaign", "points", "cases", "results", "failures", "rules",
 ];
 
-/// What a file is.
-pub(super) enum Found {
-    /// A store of this version of the schema.
-    Ours(i32),
-    /// Something else.
-    Foreign,
-}
-
-/// Says what a database is.
-pub(super) fn identify(connection: &Connection) -> rusqlite::Result<Found> {
+/// The version of the schema of a store; `None` of anything else.
+pub(super) fn identify(connection: &Connection) -> rusqlite::Result<Option<i32>> {
     let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i32>(0));
     if pragma("application_id")? == APPLICATION_ID && has_plain_tables(connection)? {
-        return Ok(Found::Ours(pragma("user_version")?));
+        return pragma("user_version").map(Some);
     }
-    Ok(Found::Foreign)
+    Ok(None)
 }
 
 /// The statements that make the tables.
 fn statements() -> String {
-    let kind_of = |kind: Kind| match kind {
-        Kind::Word => "TEXT",
-        Kind::Count => "INTEGER",
-        Kind::Number => "REAL",
-    };
-    let joined = |names: &mut dyn Iterator<Item = String>| names.collect::<Vec<_>>().join(", ");
+    let axes = AXES.iter().map(|axis| match axis.kind() {
+        Kind::Word => format!("{} TEXT", axis.key),
+        Kind::Count => format!("{} INTEGER", axis.key),
+        Kind::Number => format!("{} REAL", axis.key),
+    });
+    let parts = parts().map(|part| format!("{} REAL", part.name));
+    let stresses = STRESSES
+        .iter()
+        .map(|stress| format!("{} REAL", stress.name));
     STATEMENTS
-        .replace(
-            "{axes}",
-            &joined(
-                &mut AXES
-                    .iter()
-                    .map(|a| format!("{} {}", a.key, kind_of(a.kind()))),
-            ),
-        )
+        .replace("{axes}", &axes.collect::<Vec<_>>().join(", "))
         .replace("{axes_of_points}", &axis_columns("p."))
-        .replace(
-            "{parts}",
-            &joined(&mut parts().map(|part| format!("{} REAL", part.name))),
-        )
-        .replace(
-            "{stresses}",
-            &joined(
-                &mut STRESSES
-                    .iter()
-                    .map(|stress| format!("{} REAL", stress.name)),
-            ),
-        )
+        .replace("{parts}", &parts.collect::<Vec<_>>().join(", "))
+        .replace("{stresses}", &stresses.collect::<Vec<_>>().join(", "))
 }
 
 /// Makes the tables, without indices.

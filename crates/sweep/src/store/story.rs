@@ -90,22 +90,16 @@ impl Store {
     /// Keys of the cases meant by a name, two at most.
     fn find_cases(&self, given: &str) -> Result<Vec<String>, StoreError> {
         let number = given.parse::<i64>().ok().filter(|_| given.len() < 8);
-        let by_number: Option<String> = match number {
-            None => None,
-            Some(number) => self.read(
-                self.connection
-                    .query_row(
-                        "SELECT key FROM cases WHERE position = ?1 - 1",
-                        [number],
-                        |row| row.get(0),
-                    )
-                    .optional(),
-            )?,
-        };
-        if let Some(key) = by_number {
-            return Ok(vec![key]);
+        let by_number = "SELECT key FROM cases WHERE position = ?1 - 1";
+        let by_number: Vec<String> = self.rows(by_number, [number], |row| row.get(0))?;
+        if !by_number.is_empty() {
+            return Ok(by_number);
         }
-        self.rows("SELECT key FROM cases WHERE substr(key, 1, length(?1)) = lower(?1) ORDER BY key LIMIT 2", [given], |row| row.get(0))
+        self.rows(
+            "SELECT key FROM cases WHERE substr(key, 1, length(?1)) = lower(?1) ORDER BY key LIMIT 2",
+            [given],
+            |row| row.get(0),
+        )
     }
 
     /// The story of the case a user names, as [`Store::key_of`] reads the name.
