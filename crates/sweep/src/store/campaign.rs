@@ -339,9 +339,11 @@ impl<'c> Entry<'c> {
         let now = process::now();
         let turn = claims::turn("steps_done").replace("turn", "excluded.turn");
         let mut insert = connection.prepare(&format!(
-            "INSERT INTO cases (key, point, seed, steps, sample_stride, position, counts, turn, cost, changed_at)
+            "INSERT INTO cases (key, point, seed, steps, sample_stride, position, counts, turn,
+                 cost, changed_at)
              VALUES (?1, ?2, ?3, ?4, ?5, ?6, 1, ?7, ?8, ?9)
-             ON CONFLICT (key) DO UPDATE SET position = excluded.position, counts = 1, cost = excluded.cost,
+             ON CONFLICT (key) DO UPDATE SET position = excluded.position, counts = 1,
+             cost = excluded.cost,
                  steps = excluded.steps, turn = {turn}"
         ))?;
         // In the order of work: cases that are computed one after the other lie side by side, and so will what comes of them.

@@ -14,8 +14,8 @@ use std::path::Path;
 
 /// Largest file whose structure is looked at before a run, in bytes: this takes less than half a second.
 const CHEAP: i64 = 64 << 20;
-/// Tables with rows of a case.
-const OF_CASES: [&str; 6] = [
+/// Tables with what was computed of a case.
+pub(super) const OF_CASES: [&str; 6] = [
     "samples",
     "frames",
     "checkpoints",
@@ -37,7 +37,8 @@ fn kinds() -> Vec<(&'static str, &'static str, String)> {
     ];
     let axes = axis_columns("");
     let of_results = format!(
-        "SELECT r.rowid, {} FROM results r JOIN cases c ON c.id = r.case_id JOIN points p ON p.id = c.point
+        "SELECT r.rowid, {} FROM results r JOIN cases c ON c.id = r.case_id
+             JOIN points p ON p.id = c.point
          WHERE c.state IN ('done', 'jammed')",
         *COVERED
     );
@@ -270,7 +271,8 @@ fn forget_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
         connection.execute(&format!("DELETE FROM {table} WHERE case_id = ?1"), [case])?;
     }
     connection.execute(
-        "UPDATE cases SET state = 'pending', owner = NULL, steps_done = 0, deaths = 0, samples_digest = NULL WHERE id = ?1",
+        "UPDATE cases SET state = 'pending', owner = NULL, steps_done = 0, deaths = 0,
+             samples_digest = NULL WHERE id = ?1",
         [case],
     )?;
     claims::free_where(connection, "id = ?2", &[&case]).map(|_| ())

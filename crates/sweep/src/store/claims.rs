@@ -46,7 +46,8 @@ impl Store {
                 None => next(connection, workers, batch.as_secs_f64())?,
             };
             let mut own = connection.prepare_cached(
-                "UPDATE cases SET state = 'running', owner = ?2, attempts = attempts + 1, changed_at = ?3
+                "UPDATE cases SET state = 'running', owner = ?2, attempts = attempts + 1,
+                     changed_at = ?3
                  WHERE id = ?1 RETURNING key, point, seed, steps, sample_stride, steps_done",
             )?;
             let mut known: Option<(i64, i64, sd_core::Params)> = None;
@@ -56,7 +57,9 @@ impl Store {
                         own.query_row(params![id, me, process::now()], |row| {
                             let point = row.get(1)?;
                             let (digest, params) = match &known {
-                                Some((id, digest, params)) if *id == point => (*digest, params.clone()),
+                                Some((id, digest, params)) if *id == point => {
+                                    (*digest, params.clone())
+                                }
                                 _ => point_of(connection, point)?,
                             };
                             known = Some((point, digest, params.clone()));
@@ -77,7 +80,9 @@ impl Store {
                     if steps_done > 0 {
                         claim.checkpoints = checkpoints(connection, id)?;
                         // More may be requested than was computed to an end before.
-                        claim.checkpoints.extend(ends::end_to_go_on_from(connection, id)?);
+                        claim
+                            .checkpoints
+                            .extend(ends::end_to_go_on_from(connection, id)?);
                     }
                     Ok(claim)
                 })
@@ -210,7 +215,8 @@ fn overdue(connection: &Connection, workers: usize) -> rusqlite::Result<Option<i
         return Ok(None);
     }
     let mut query = connection.prepare_cached(
-        "SELECT id, cost, steps_done > 0 OR deaths >= ?2 FROM cases WHERE state = 'pending' AND counts
+        "SELECT id, cost, steps_done > 0 OR deaths >= ?2 FROM cases WHERE state = 'pending'
+             AND counts
          ORDER BY cost DESC LIMIT ?1",
     )?;
     let mut rows = query.query(params![integer(LOOKED_AT as u64), SUSPECT])?;

@@ -165,12 +165,16 @@ impl Computed {
         condition: &str,
         parameters: impl rusqlite::Params,
     ) -> rusqlite::Result<Vec<Self>> {
-        connection.all(&format!(
-                "SELECT c.id, c.key, p.digest, p.params, c.steps, c.state, c.steps_done, r.discard_step, e.steps,
+        connection.all(
+            &format!(
+                "SELECT c.id, c.key, p.digest, p.params, c.steps, c.state, c.steps_done,
+                     r.discard_step, e.steps,
                      e.jammed, e.state IS NOT NULL
                  FROM ends e JOIN cases c ON c.id = e.case_id JOIN points p ON p.id = c.point
                  LEFT JOIN results r ON r.case_id = c.id WHERE {condition}"
-            ), parameters, |row| {
+            ),
+            parameters,
+            |row| {
                 Ok(Self {
                     id: row.get(0)?,
                     key: row.get(1)?,
@@ -184,7 +188,8 @@ impl Computed {
                     jammed: row.get(9)?,
                     continues: row.get(10)?,
                 })
-            })
+            },
+        )
     }
 
     fn verdict(&self) -> Verdict {
@@ -389,7 +394,8 @@ impl Store {
     pub(crate) fn last_states(&self) -> Result<Vec<LastState>, StoreError> {
         let states = || {
             SEALED.check(&self.connection, "c.counts AND c.state = 'done'", [])?;
-            self.connection.all("SELECT p.params, c.seed, e.state FROM cases c JOIN points p ON p.id = c.point
+            self.connection.all("SELECT p.params, c.seed, e.state FROM cases c
+                 JOIN points p ON p.id = c.point
                      JOIN ends e ON e.case_id = c.id
                      WHERE c.counts AND c.state = 'done' AND e.state IS NOT NULL ORDER BY c.position", [], |row| {
                     Ok(LastState {

@@ -143,7 +143,8 @@ impl Store {
             .replace(", ", ", f.")
             .replace("f.snapshot", snapshot);
         let query = format!(
-            "SELECT c.key, c.seed, p.params, f.{columns} FROM cases c JOIN points p ON p.id = c.point
+            "SELECT c.key, c.seed, p.params, f.{columns} FROM cases c
+                 JOIN points p ON p.id = c.point
              JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
              WHERE c.state = 'failed' AND {which} ORDER BY c.position LIMIT ?1"
         );
@@ -178,11 +179,14 @@ pub(super) fn reopen(connection: &Connection, condition: &str) -> rusqlite::Resu
     mark_retried(connection, &failed)?;
     connection.execute(
         &format!(
-            "UPDATE cases SET state = 'pending', deaths = 0, changed_at = ?1, turn = {turn}, steps_done = coalesce(
+            "UPDATE cases SET state = 'pending', deaths = 0, changed_at = ?1, turn = {turn},
+                 steps_done = coalesce(
                  (SELECT e.steps FROM ends e WHERE e.case_id = cases.id AND e.state IS NOT NULL), 0)
              WHERE {failed}",
-            turn = super::claims::turn("(SELECT count(*) FROM ends e WHERE e.case_id = cases.id AND e.state IS NOT NULL)")
-                .replace("deaths", "0")
+            turn = super::claims::turn(
+                "(SELECT count(*) FROM ends e WHERE e.case_id = cases.id AND e.state IS NOT NULL)"
+            )
+            .replace("deaths", "0")
         ),
         [process::now()],
     )

@@ -80,12 +80,15 @@ impl Store {
         let rows = || -> rusqlite::Result<Vec<(i64, Vec<u8>)>> {
             let of_case = "t.case_id = (SELECT id FROM cases WHERE key = ?1)";
             SEALED.check(&self.connection, of_case, [key])?;
-            self.connection.all("SELECT step, data FROM
+            self.connection.all(
+                "SELECT step, data FROM
                          (SELECT f.step, f.data, row_number() OVER (ORDER BY f.step) - 1 AS number
-                          FROM cases c JOIN frames f ON f.case_id = c.id AND f.step < c.steps WHERE c.key = ?1)
-                     WHERE number % ?2 = 0 ORDER BY step", params![key, integer(stride.max(1) as u64)], |row| {
-                    Ok((row.get(0)?, row.get(1)?))
-                })
+                          FROM cases c JOIN frames f ON f.case_id = c.id
+                          AND f.step < c.steps WHERE c.key = ?1)
+                     WHERE number % ?2 = 0 ORDER BY step",
+                params![key, integer(stride.max(1) as u64)],
+                |row| Ok((row.get(0)?, row.get(1)?)),
+            )
         };
         let rows = self.read(rows())?;
         if rows.is_empty() {
@@ -107,7 +110,8 @@ impl Store {
     /// How many frames a case has.
     pub(crate) fn frame_count(&self, key: &str) -> Result<u64, StoreError> {
         self.number(
-            "SELECT count(*) FROM cases c JOIN frames f ON f.case_id = c.id AND f.step < c.steps WHERE c.key = ?1",
+            "SELECT count(*) FROM cases c JOIN frames f ON f.case_id = c.id
+                 AND f.step < c.steps WHERE c.key = ?1",
             [key],
         )
     }

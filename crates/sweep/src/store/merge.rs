@@ -174,11 +174,12 @@ impl Store {
     /// Builds of the program that computed what is stored.
     fn builds(&self) -> Result<BTreeSet<String>, StoreError> {
         self.rows(
-                "SELECT DISTINCT build FROM processes WHERE id IN
-                     (SELECT process FROM results UNION SELECT process FROM checkpoints UNION SELECT process FROM failures)",
-                [],
-                |row| row.get(0),
-            )
+            "SELECT DISTINCT build FROM processes WHERE id IN
+                     (SELECT process FROM results UNION SELECT process FROM checkpoints
+                     UNION SELECT process FROM failures)",
+            [],
+            |row| row.get(0),
+        )
     }
 
     /// Merges one shard in one transaction.
@@ -261,7 +262,8 @@ impl Store {
         };
         let query = format!(
             "SELECT c.key, {}, {}, d.what FROM disagreements d JOIN cases c ON c.id = d.case_id
-             JOIN processes k ON k.id = d.kept JOIN processes o ON o.id = d.other ORDER BY c.position, c.id",
+             JOIN processes k ON k.id = d.kept JOIN processes o ON o.id = d.other
+             ORDER BY c.position, c.id",
             who("k"),
             who("o")
         );

@@ -144,11 +144,13 @@ pub(super) fn look(
             Ok((row.get(0)?, KnownPoint::read(row, protocol)))
         })?;
     let mut query = connection.prepare(&format!(
-        "SELECT c.key, c.seed, c.steps, c.sample_stride, c.state, c.position, c.counts, c.point, r.case_id, e.steps, e.jammed,
+        "SELECT c.key, c.seed, c.steps, c.sample_stride, c.state, c.position, c.counts, c.point,
+             r.case_id, e.steps, e.jammed,
              {more}
          FROM cases c LEFT JOIN points p ON p.id = c.point
          LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
-         LEFT JOIN ends e ON e.case_id = c.id AND c.state NOT IN ('done', 'jammed') WHERE {condition}"
+         LEFT JOIN ends e ON e.case_id = c.id AND c.state NOT IN ('done', 'jammed')
+         WHERE {condition}"
     ))?;
     let (mut positions, mut keys) = (Vec::new(), Vec::new());
     let mut rows = query.query([])?;

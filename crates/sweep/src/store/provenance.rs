@@ -41,8 +41,10 @@ impl Store {
     pub(crate) fn provenance(&self) -> Result<Vec<Provenance>, StoreError> {
         self.read(registry::SEALED.check(&self.connection, "true", []))?;
         self.rows(
-            "SELECT p.host, p.version, p.physics_version, p.build, p.threads, p.started_at, r.results
-             FROM (SELECT process, count(*) AS results FROM results GROUP BY process) r LEFT JOIN processes p ON p.id = r.process
+            "SELECT p.host, p.version, p.physics_version, p.build, p.threads, p.started_at,
+                 r.results
+             FROM (SELECT process, count(*) AS results FROM results GROUP BY process) r LEFT
+             JOIN processes p ON p.id = r.process
              ORDER BY r.process DESC LIMIT 50",
             [],
             |row| {

@@ -19,8 +19,6 @@ pub(super) const SEALED: Sealed = Sealed {
     with_key: false,
     words: "a process that computed",
 };
-/// What is true of a process that has not left.
-const AT_WORK: &str = "ended_at IS NULL AND id != ?1";
 /// What is true of a case under way whose owner is not there.
 const ORPHANED_RUNNING: &str =
     "state = 'running' AND NOT EXISTS (SELECT 1 FROM processes p WHERE p.id = cases.owner)";
@@ -62,9 +60,10 @@ impl AtWork {
                 is_alive: life == Life::Alive,
             })
         };
-        connection.all(&format!(
-                "SELECT id, host, boot, namespace, pid, start, heartbeat, file, request FROM processes WHERE {AT_WORK}"
-            ), [me], read)
+        let others = "SELECT id, host, boot, namespace, pid, start, heartbeat, file, request
+             FROM processes
+             WHERE ended_at IS NULL AND id != ?1";
+        connection.all(others, [me], read)
     }
 
     /// One that lives and computes what another version of the campaign requests.
@@ -173,7 +172,8 @@ impl Store {
         let task = self.task.clone();
         self.write(|connection| {
             connection.execute(
-                "UPDATE processes SET threads = ?2, job = ?3, task = ?4, restart = ?5, node = ?6 WHERE id = ?1",
+                "UPDATE processes SET threads = ?2, job = ?3, task = ?4, restart = ?5,
+                     node = ?6 WHERE id = ?1",
                 params![
                     me,
                     integer(threads as u64),

@@ -139,7 +139,8 @@ impl Store {
             let mut inventory = self.connection.query_row(
                 &format!(
                     "SELECT total(counts), total(counts AND state IN ('done', 'jammed', 'failed')),
-                         total(counts AND state IN ('pending', 'running') AND steps_done > 0), total({ORPHANED}) FROM cases c"
+                         total(counts AND state IN ('pending', 'running')
+                         AND steps_done > 0), total({ORPHANED}) FROM cases c"
                 ),
                 [],
                 |row| {
@@ -156,9 +157,11 @@ impl Store {
             inventory.new = inventory.runs - inventory.ended - inventory.begun;
             if inventory.orphans > 0 {
                 let bytes = format!(
-                    "SELECT total({CASE_BYTES} + {SAMPLE_BYTES} * (SELECT count(*) FROM samples WHERE case_id = c.id)
+                    "SELECT total({CASE_BYTES} + {SAMPLE_BYTES} * (SELECT count(*)
+                         FROM samples WHERE case_id = c.id)
                          + coalesce((SELECT sum(length(data)) FROM frames WHERE case_id = c.id), 0)
-                         + coalesce((SELECT sum(length(data)) FROM checkpoints WHERE case_id = c.id), 0)
+                         + coalesce((SELECT sum(length(data)) FROM checkpoints
+                         WHERE case_id = c.id), 0)
                          + coalesce((SELECT length(state) FROM ends WHERE case_id = c.id), 0))
                      FROM cases c WHERE {ORPHANED}"
                 );

@@ -165,7 +165,8 @@ pub(super) fn check(connection: &Connection, case: i64) -> rusqlite::Result<()> 
     digest::check(
         connection,
         &format!(
-            "SELECT {} FROM results r JOIN cases c ON c.id = r.case_id JOIN points p ON p.id = c.point
+            "SELECT {} FROM results r JOIN cases c ON c.id = r.case_id
+                 JOIN points p ON p.id = c.point
              WHERE c.id = ?1 AND c.state IN ('done', 'jammed')",
             *COVERED
         ),
@@ -268,8 +269,12 @@ impl Store {
     pub(crate) fn retry_failed(&mut self) -> Result<usize, StoreError> {
         self.write(|connection| {
             let failed: Vec<(i64, String, u64)> = connection.all(
-                "SELECT c.id, c.key, coalesce(e.steps, 0) FROM cases c LEFT JOIN ends e ON e.case_id = c.id
-                     WHERE c.state = 'failed' AND c.counts", [], |row| Ok((row.get(0)?, row.get(1)?, row.get(2).map(super::count)?)))?;
+                "SELECT c.id, c.key, coalesce(e.steps, 0) FROM cases c LEFT
+                     JOIN ends e ON e.case_id = c.id
+                     WHERE c.state = 'failed' AND c.counts",
+                [],
+                |row| Ok((row.get(0)?, row.get(1)?, row.get(2).map(super::count)?)),
+            )?;
             for (case, key, steps) in failed {
                 samples::cut(connection, case, steps)?;
                 tracing::info!(case = key, "retried");

@@ -146,11 +146,15 @@ fn rules(
 fn seeds(connection: &Connection, point: i64, rule: &Precision) -> rusqlite::Result<Vec<Seed>> {
     // The name of a quantity is one of a few words, not what somebody wrote.
     let quantity = rule.quantity.name();
-    connection.all(&format!(
-            "SELECT c.id, c.state, c.counts, c.cost, CASE WHEN r.doubts = '' THEN r.{quantity} END FROM cases c
+    connection.all(
+        &format!(
+            "SELECT c.id, c.state, c.counts, c.cost,
+                 CASE WHEN r.doubts = '' THEN r.{quantity} END FROM cases c
              LEFT JOIN results r ON r.case_id = c.id AND c.state = 'done'
              WHERE c.rule = ?1 ORDER BY c.position"
-        ), [point], |row| {
+        ),
+        [point],
+        |row| {
             let state: String = row.get(1)?;
             let value: Option<f64> = row.get(4)?;
             Ok(Seed {
@@ -163,7 +167,8 @@ fn seeds(connection: &Connection, point: i64, rule: &Precision) -> rusqlite::Res
                 counts: row.get(2)?,
                 cost: row.get(3)?,
             })
-        })
+        },
+    )
 }
 
 /// The cases of the first batch of the point of a case, if a rule decides on it.

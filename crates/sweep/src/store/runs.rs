@@ -73,8 +73,12 @@ fn push(cells: &mut Cells, value: ValueRef<'_>) -> Result<(), FromSqlError> {
 
 /// What the columns of cases and results are declared to hold.
 fn declared_kinds(connection: &Connection) -> rusqlite::Result<HashMap<String, Kind>> {
-    connection.all("SELECT name, type FROM pragma_table_info('results') UNION SELECT name, type FROM pragma_table_info('cases')
-             UNION SELECT name, type FROM pragma_table_info('points')", [], |row| {
+    connection.all(
+        "SELECT name, type FROM pragma_table_info('results')
+         UNION SELECT name, type FROM pragma_table_info('cases')
+             UNION SELECT name, type FROM pragma_table_info('points')",
+        [],
+        |row| {
             let declared: String = row.get(1)?;
             let kind = match declared.as_str() {
                 "TEXT" => Kind::Word,
@@ -82,5 +86,6 @@ fn declared_kinds(connection: &Connection) -> rusqlite::Result<HashMap<String, K
                 _ => Kind::Number,
             };
             Ok((row.get(0)?, kind))
-        })
+        },
+    )
 }

@@ -75,7 +75,8 @@ pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
             if let Some(at) = statement.find(&begins) {
                 let columns = &statement[at + begins.len()..];
                 connection.execute_batch(&format!(
-                    "CREATE TEMP TABLE {table} ({columns} INSERT INTO temp.{table} SELECT * FROM main.{table}"
+                    "CREATE TEMP TABLE {table} ({columns} INSERT INTO temp.{table} SELECT *
+                         FROM main.{table}"
                 ))?;
             }
         }

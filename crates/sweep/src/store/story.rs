@@ -108,14 +108,16 @@ impl Store {
         let found: Option<Found> = self.read(
             self.connection
                 .query_row(
-                    "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
+                    "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps,
+                         c.steps_done, c.attempts,
                          r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
                          coalesce(r.finished_at, p.heartbeat), coalesce(r.doubts, ''),
                          r.cpu_time_s
                      FROM cases c JOIN points q ON q.id = c.point
                      LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
                      LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
-                         (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
+                         (SELECT process FROM failures f WHERE f.case_id = c.id
+                         ORDER BY f.id DESC LIMIT 1))
                      WHERE c.key = ?1",
                     [&key],
                     case,

@@ -97,7 +97,8 @@ impl Store {
     ) -> Result<i64, StoreError> {
         self.write(|connection| {
             connection.execute(
-                "INSERT INTO submissions (engine, job, plan, folder, tasks, workers, build, submitted_at)
+                "INSERT INTO submissions (engine, job, plan, folder, tasks, workers, build,
+                     submitted_at)
                  VALUES (?1, NULL, ?2, ?3, ?4, ?5, ?6, ?7)",
                 params![
                     submission.engine,
@@ -111,7 +112,8 @@ impl Store {
             )?;
             let id = connection.last_insert_rowid();
             let mut insert = connection.prepare_cached(
-                "INSERT INTO slices (submission, case_id, task) SELECT ?1, id, ?3 FROM cases WHERE key = ?2",
+                "INSERT INTO slices (submission, case_id, task) SELECT ?1, id, ?3 FROM cases
+                     WHERE key = ?2",
             )?;
             for (task, keys) in slices.iter().enumerate() {
                 for key in keys {
@@ -145,8 +147,12 @@ impl Store {
     /// All jobs, the first first.
     pub(crate) fn submissions(&self) -> Result<Vec<Submission>, StoreError> {
         self.rows(
-                "SELECT id, engine, job, plan, folder, tasks, workers, build, submitted_at, cancelled_at
-                 FROM submissions ORDER BY id", [], submission)
+            "SELECT id, engine, job, plan, folder, tasks, workers, build, submitted_at,
+                     cancelled_at
+                 FROM submissions ORDER BY id",
+            [],
+            submission,
+        )
     }
 
     /// Keys of the open cases of a job, with their tasks.

@@ -102,7 +102,8 @@ impl Store {
             )?;
             // Summed up here: SQLite would sort all cases by their states first.
             let mut query = self.connection.prepare_cached(
-                "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner FROM cases NOT INDEXED WHERE counts",
+                "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner
+                     FROM cases NOT INDEXED WHERE counts",
             )?;
             let mut rows = query.query([])?;
             let mut work = Work::default();
@@ -139,7 +140,8 @@ impl Store {
     fn pace(&self) -> Result<Option<(f64, f64)>, StoreError> {
         let mut sums = (0.0, 0.0, 0.0);
         self.sampled_runs(
-            "SELECT r.case_id, r.wall_time_s, r.cpu_time_s, c.cost * e.steps / c.steps FROM results r
+            "SELECT r.case_id, r.wall_time_s, r.cpu_time_s, c.cost * e.steps / c.steps
+                 FROM results r
              JOIN cases c ON c.id = r.case_id JOIN ends e ON e.case_id = c.id",
             |row| {
                 sums.0 += row.get::<_, f64>(1)?;
@@ -196,16 +198,20 @@ impl Store {
     /// How far the runs of each point are, in the order of the campaign.
     pub(crate) fn point_work(&self) -> Result<Vec<PointWork>, StoreError> {
         self.rows(
-                "SELECT min(position), count(*), total(state IN ('pending', 'running')),
-                     total(CASE WHEN state IN ('pending', 'running') THEN min(1.0 * steps_done / steps, 1.0) END)
-                 FROM cases WHERE counts GROUP BY point ORDER BY 1", [], |row| {
-                        Ok(PointWork {
-                            position: usize::try_from(count(row.get(0)?)).unwrap_or(usize::MAX),
-                            runs: count(row.get(1)?) as f64,
-                            open: row.get(2)?,
-                            done: row.get(3)?,
-                        })
-                    })
+            "SELECT min(position), count(*), total(state IN ('pending', 'running')),
+                     total(CASE WHEN state IN ('pending',
+                     'running') THEN min(1.0 * steps_done / steps, 1.0) END)
+                 FROM cases WHERE counts GROUP BY point ORDER BY 1",
+            [],
+            |row| {
+                Ok(PointWork {
+                    position: usize::try_from(count(row.get(0)?)).unwrap_or(usize::MAX),
+                    runs: count(row.get(1)?) as f64,
+                    open: row.get(2)?,
+                    done: row.get(3)?,
+                })
+            },
+        )
     }
 
     /// Parameters, steps and seconds of CPU of runs that this build has computed on this machine, a thousand or so.
@@ -213,11 +219,16 @@ impl Store {
         let here = (process::Identity::of_this_process().host, process::build());
         let mut runs = Vec::new();
         self.sampled_runs(
-            "SELECT r.case_id, p.params, e.steps, r.cpu_time_s, o.host, o.build FROM results r JOIN cases c ON c.id = r.case_id
-             JOIN points p ON p.id = c.point JOIN ends e ON e.case_id = c.id JOIN processes o ON o.id = r.process",
+            "SELECT r.case_id, p.params, e.steps, r.cpu_time_s, o.host, o.build
+                 FROM results r JOIN cases c ON c.id = r.case_id
+             JOIN points p ON p.id = c.point JOIN ends e ON e.case_id = c.id
+             JOIN processes o ON o.id = r.process",
             |row| {
                 let cpu_s: f64 = row.get(3)?;
-                if cpu_s > 0.0 && row.get::<_, String>(4)? == here.0 && row.get::<_, String>(5)? == here.1 {
+                if cpu_s > 0.0
+                    && row.get::<_, String>(4)? == here.0
+                    && row.get::<_, String>(5)? == here.1
+                {
                     runs.push((params(row, 1)?, count(row.get(2)?), cpu_s));
                 }
                 Ok(())
@@ -230,15 +241,19 @@ impl Store {
     pub(crate) fn processes(&self) -> Result<Vec<ProcessLine>, StoreError> {
         let now = process::now();
         self.rows(
-                "SELECT p.host, p.pid, p.heartbeat, count(*) FROM processes p JOIN cases c ON c.owner = p.id
-                 WHERE c.state = 'running' GROUP BY p.id ORDER BY p.id", [], |row| {
-                        let heartbeat: i64 = row.get(2)?;
-                        Ok(ProcessLine {
-                            host: row.get(0)?,
-                            pid: row.get(1)?,
-                            silent_s: count(now - heartbeat) as f64 / 1000.0,
-                            running: count(row.get(3)?),
-                        })
-                    })
+            "SELECT p.host, p.pid, p.heartbeat, count(*) FROM processes p
+                     JOIN cases c ON c.owner = p.id
+                 WHERE c.state = 'running' GROUP BY p.id ORDER BY p.id",
+            [],
+            |row| {
+                let heartbeat: i64 = row.get(2)?;
+                Ok(ProcessLine {
+                    host: row.get(0)?,
+                    pid: row.get(1)?,
+                    silent_s: count(now - heartbeat) as f64 / 1000.0,
+                    running: count(row.get(3)?),
+                })
+            },
+        )
     }
 }

@@ -94,8 +94,12 @@ impl Merging<'_> {
     /// The case as the store has it; a case of no grid is added if there is anything `worth` it.
     fn ours(&self, theirs: &Theirs, worth: bool) -> rusqlite::Result<Option<Ours>> {
         let look = || {
-            self.connection.find("SELECT c.id, c.state, c.steps_done, c.steps, e.steps, e.jammed, e.process FROM cases c
-                     LEFT JOIN ends e ON e.case_id = c.id WHERE c.key = ?1", [&theirs.key], |row| {
+            self.connection.find(
+                "SELECT c.id, c.state, c.steps_done, c.steps, e.steps, e.jammed,
+                 e.process FROM cases c
+                     LEFT JOIN ends e ON e.case_id = c.id WHERE c.key = ?1",
+                [&theirs.key],
+                |row| {
                     let end: Option<i64> = row.get(4)?;
                     Ok(Ours {
                         id: row.get(0)?,
@@ -107,7 +111,8 @@ impl Merging<'_> {
                             None => None,
                         },
                     })
-                })
+                },
+            )
         };
         let known = look()?;
         if known.is_some() || self.mode != MergeMode::Campaign || !worth {
@@ -115,7 +120,8 @@ impl Merging<'_> {
         }
         let case = &theirs.case;
         self.connection.execute(
-            "INSERT INTO cases (key, point, seed, steps, sample_stride, counts, turn, cost, changed_at)
+            "INSERT INTO cases (key, point, seed, steps, sample_stride, counts, turn, cost,
+                 changed_at)
              VALUES (?1, ?2, ?3, ?4, ?5, 0, 0, ?6, ?7)",
             params![
                 theirs.key,
@@ -165,9 +171,10 @@ impl Merging<'_> {
             self.take_run(ours, theirs, run)?;
         }
         self.connection.run(
-                "INSERT OR IGNORE INTO disagreements (case_id, kept, other, what, found_at) VALUES (?1, ?2, ?3, ?4, ?5)",
-                params![ours.id, kept, other, what, now()],
-            )
+            "INSERT OR IGNORE INTO disagreements (case_id, kept, other, what, found_at)
+                     VALUES (?1, ?2, ?3, ?4, ?5)",
+            params![ours.id, kept, other, what, now()],
+        )
     }
 
     /// Where a run differs first from the one that is there, if it does, as far as both were computed; times may differ.
@@ -227,7 +234,8 @@ impl Merging<'_> {
         failures::mark_retried(self.connection, &format!("id = {}", ours.id))?;
         let goes_on_from = if end.state.is_some() { end.steps } else { 0 };
         self.connection.execute(
-            "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?2, steps_done = max(steps_done, ?3) WHERE id = ?1",
+            "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?2,
+                 steps_done = max(steps_done, ?3) WHERE id = ?1",
             params![ours.id, now(), integer(goes_on_from)],
         )?;
         claims::free_where(self.connection, "id = ?2", &[&ours.id])?;
