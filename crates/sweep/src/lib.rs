@@ -5,13 +5,24 @@
 //! a process may die at any line, and the next one goes on. On a cluster a scheduler of the [`cluster`] starts tasks that compute slices of the
 //! campaign in stores of their own, published as shards and merged into the one store.
 //!
+//! # The rooms, from the ground up
+//! ```text
+//! system  text  data                  the machine; words and numbers; tables
+//! model  statistics                   axes, case, protocol, campaign, order of work; averages, doubts, stopping rules
+//! store                               SQLite: cases, checkpoints, samples, results
+//! campaign                            the TOML file, which may name runs of a store to begin with
+//! costs  runner  cluster              estimates; computing; tasks of a scheduler
+//! report  serve                       tables, figures, the page
+//! api  cli                            each command as a function; its arguments and its output
+//! ```
+//!
 //! # From another program
 //! The Python package calls the same functions as the commands do, and holds none of their work:
 //! ```text
 //! campaign::Campaign                  a campaign file, or the text of one
 //! api::{plan, InstantInput, …}        what plan, solve and scalars read and answer
 //! api::begin                          a campaign in its store, before anything is computed
-//! runner::compute_campaign            run: with runner::{Stop, Progress, Options}
+//! api::complete                       the cases of a store computed: with runner::{Stop, Progress, Options}
 //! store::StoreSource                  opened for reading, for report::Report, Store::samples, Store::frames, Store::runs
 //! report::outline                     a figure, to be drawn elsewhere
 //! data::DataColumn                    what tables are made of

@@ -350,7 +350,7 @@ fn short_torture_passes() {
     }
     let script = root().join("scripts/torture");
     let output = Command::new(script)
-        .args(["8", "16"])
+        .args(["8", "16", "20"])
         .env("SWEEP", cargo_bin("sweep"))
         .output()
         .unwrap();

@@ -282,12 +282,13 @@ impl Merging<'_> {
         };
         let mut taken = false;
         for failure in found {
-            let process = self.take_process(failure.process)?;
+            // Whoever it was: the process may be lost in the shard.
             let is_there = self.connection.has(
-                "SELECT 1 FROM failures WHERE case_id = ?1 AND process = ?2 AND failed_at = ?3",
-                params![ours.id, process, failure.failed_at],
+                "SELECT 1 FROM failures WHERE case_id = ?1 AND failed_at = ?2 AND step = ?3 AND error = ?4",
+                params![ours.id, failure.failed_at, integer(failure.step), failure.error],
             )?;
             if !is_there {
+                let process = self.take_process(failure.process)?;
                 let failure = failures::Attempt { process, ..failure };
                 failures::insert(self.connection, ours.id, failure)?;
                 taken = true;
