@@ -49,7 +49,7 @@ impl Case {
         self.steps as f64 * self.params.time_step
     }
 
-    /// Estimated seconds of the whole run, in the sense of [`step_cost`].
+    /// Estimated seconds of the whole run: right for the order of runs, not for promises.
     pub fn cost(&self) -> f64 {
         self.steps as f64 * step_cost(&self.params)
     }
