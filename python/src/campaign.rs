@@ -12,12 +12,13 @@ use std::ffi::CString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
-use sweep::api::{Beginning, Begun, begin};
+use sweep::api::{Beginning, Begun, begin, complete};
 use sweep::axes::Axis;
 use sweep::campaign::Priority;
 use sweep::format::parse_positive_duration;
-use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style, compute_campaign};
-use sweep::store::{StoreSource, network_file_system};
+use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style};
+use sweep::disk::network_file_system;
+use sweep::store::StoreSource;
 use toml::{Table, Value};
 
 /// Most threads; more are a slip of the keyboard.
@@ -183,7 +184,7 @@ impl Campaign {
     ) -> PyResult<Bound<'py, PyAny>> {
         let workers = threads(workers)?;
         let plan = py
-            .detach(|| sweep::cli::plan(&self.0, workers))
+            .detach(|| sweep::api::plan(&self.0, workers))
             .map_err(raise)?;
         values::answer(py, &plan)
     }
@@ -392,21 +393,16 @@ fn compute(
         let mut told: Vec<String> = store.warning().map(str::to_owned).into_iter().collect();
         let damaged = taken.into_iter().flat_map(|taken| taken.damaged);
         told.extend(damaged.map(|damaged| damaged.to_string()));
-        let counts = store.counts()?;
-        if counts.pending + counts.running > 0 {
-            let options = Options {
-                workers,
-                threads: wanted.workers,
-                wall_limit: wanted.wall_limit,
-                trajectory: wanted.trajectory,
-                observer: None,
-                stop: &stop,
-                progress: &progress,
-            };
-            compute_campaign(&mut store, campaign, options)?;
-        }
-        store.check_campaign()?;
-        let counts = store.counts()?;
+        let options = Options {
+            workers,
+            threads: wanted.workers,
+            wall_limit: wanted.wall_limit,
+            trajectory: wanted.trajectory,
+            observer: None,
+            stop: &stop,
+            progress: &progress,
+        };
+        let counts = complete(&mut store, campaign, options)?;
         let left = counts.pending + counts.running;
         if left > 0 && matches!(stop.reason(), Some(Reason::TimeLimit)) {
             told.push(format!(

@@ -5,7 +5,7 @@ use pyo3::create_exception;
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError, PyValueError};
 use std::io::ErrorKind;
 use sweep::campaign::CampaignError;
-use sweep::cli::ErrorRenderer;
+use sweep::api::ErrorRenderer;
 use sweep::report::ReportError;
 use sweep::store::StoreError as OfTheStore;
 use sweep::{Error, exit};

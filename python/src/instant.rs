@@ -12,7 +12,7 @@ use sd_core::{NearFields, StressComponents, instant};
 use serde::Deserialize as _;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
-use sweep::cli::{InputError, InstantInput, configuration};
+use sweep::api::{InputError, InstantInput, configuration};
 
 /// Most size ratios whose tables are kept.
 const MOST_TABLES: usize = 100;

@@ -74,7 +74,7 @@ impl Store {
                 counts.failed,
                 counts.total(),
                 &first.key[..8],
-                first.error
+                first.failed.error
             )
         }))
     }

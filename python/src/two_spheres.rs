@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sd_core::pair::{Passing, pass_while};
 use std::time::{Duration, Instant};
-use sweep::cli::named_scalars;
+use sweep::api::named_scalars;
 
 /// Time from one look for Ctrl-C to the next.
 pub(crate) const LOOK: Duration = Duration::from_millis(50);

@@ -1,8 +1,24 @@
 //! What the command line and the Python package call alike: work on a campaign and its store, without arguments or output.
 
+pub(crate) mod cancel;
+mod error;
+mod explain;
+pub(crate) mod instant;
+pub(crate) mod merge;
+pub(crate) mod plan;
+pub(crate) mod status;
+pub(crate) mod submit;
+pub(crate) mod task;
+
+pub use error::Error;
+pub use explain::ErrorRenderer;
+pub use instant::{Input as InstantInput, InputError, configuration, named_scalars};
+pub use plan::{Plan, plan};
+
 use crate::campaign::{Campaign, Order, Priority};
 use crate::costs::Costs;
-use crate::store::{Adoption, Finding, Merged, Store, StoreError};
+use crate::runner::{Options, compute_campaign};
+use crate::store::{Adoption, Counts, Finding, Merged, Store, StoreError};
 use std::path::{Path, PathBuf};
 
 /// What a run begins with.
@@ -67,6 +83,24 @@ pub fn begin(
         taken,
         damaged,
     })
+}
+
+/// Computes what is open of a campaign in its store, which must hold it to the end. Says how its cases stand then.
+///
+/// # Errors
+/// Those of [`compute_campaign`], and a store that holds another version of the campaign now, or lies at its path no more.
+pub fn complete(
+    store: &mut Store,
+    campaign: &Campaign,
+    options: Options<'_>,
+) -> Result<Counts, Error> {
+    let counts = store.counts()?;
+    if counts.pending + counts.running > 0 {
+        compute_campaign(store, campaign, options)?;
+    }
+    store.check_campaign()?;
+    store.make_sure_of_the_file()?;
+    Ok(store.counts()?)
 }
 
 /// Whether there is nothing in a file: a store takes its place.

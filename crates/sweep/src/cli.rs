@@ -4,7 +4,6 @@ mod cancel;
 mod check;
 mod completions;
 mod convert;
-mod error;
 mod export;
 mod man;
 mod merge;
@@ -18,23 +17,17 @@ mod run;
 mod scalars;
 mod serve;
 mod show;
-mod shown;
 mod solve;
 mod status;
 mod submit;
 mod tables;
 mod verify;
 
-pub use error::Error;
-pub use plan::{Plan, plan};
-pub use scalars::named as named_scalars;
-pub use solve::{Input as InstantInput, InputError, configuration};
-
+use crate::api::{Error, ErrorRenderer};
 use crate::case::PHYSICS_VERSION;
-use crate::visible::{TextOutput, Visible, visible};
+use crate::visible::{TextOutput, Visible};
 use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
-use shown::Shown;
 use std::io::{IsTerminal, Write};
 use std::sync::{Arc, LazyLock};
 
@@ -124,6 +117,14 @@ pub(crate) struct Output<'o> {
 }
 
 impl Output<'_> {
+    /// Says something on standard error, unless the user wants none of it.
+    pub(crate) fn note(&self, text: &str) {
+        if !self.quiet {
+            // Standard error may be closed.
+            let _ = writeln!(crate::visible::stderr(), "{text}");
+        }
+    }
+
     /// Writes a value as one line of JSON.
     pub(crate) fn json(&mut self, value: &impl Serialize) -> std::io::Result<()> {
         serde_json::to_writer(&mut *self.out, value)?;
@@ -185,14 +186,6 @@ fn terminal_width() -> Option<u16> {
         .filter(|width| *width > 0)
 }
 
-/// Tells errors in the way the user wants them.
-#[derive(Debug, Clone, Copy)]
-pub struct ErrorRenderer {
-    coloured: bool,
-    /// Columns it may take.
-    width: usize,
-}
-
 impl Cli {
     /// Sends events to standard error, as many as are wanted. Those of another program that runs this one are left alone.
     fn start_log(&self) {
@@ -200,7 +193,8 @@ impl Cli {
         use tracing_subscriber::layer::SubscriberExt as _;
         use tracing_subscriber::util::SubscriberInitExt as _;
         let level = match self.verbose {
-            0 => LevelFilter::OFF,
+            0 if self.quiet => LevelFilter::OFF,
+            0 => LevelFilter::WARN,
             1 => LevelFilter::INFO,
             _ => LevelFilter::DEBUG,
         };
@@ -212,7 +206,7 @@ impl Cli {
             .with_target(false);
         let _ = tracing_subscriber::registry()
             .with(lines)
-            .with(chosen.unwrap_or_else(|| Targets::new().with_default(level)))
+            .with(chosen.unwrap_or_else(|| Targets::new().with_target("sweep", level)))
             .try_init();
     }
 
@@ -227,34 +221,6 @@ impl Cli {
                 }
             },
             width: 100,
-        }
-    }
-}
-
-impl ErrorRenderer {
-    /// One without colours that leaves lines as long as they are.
-    pub fn plain() -> Self {
-        Self {
-            coloured: false,
-            width: 10_000,
-        }
-    }
-
-    /// An error as a person reads it on standard error: what, where, and what is allowed.
-    pub fn explain(self, error: &Error) -> String {
-        let theme = if self.coloured {
-            miette::GraphicalTheme::unicode()
-        } else {
-            miette::GraphicalTheme::unicode_nocolor()
-        };
-        let mut text = String::new();
-        let rendered = miette::GraphicalReportHandler::new_themed(theme)
-            .with_width(self.width)
-            .without_cause_chain()
-            .render_report(&mut text, &Shown::of(error));
-        match rendered {
-            Ok(()) => text,
-            Err(_) => visible(&error.to_string()).into_owned(),
         }
     }
 }

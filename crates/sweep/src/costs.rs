@@ -1,7 +1,7 @@
 //! What runs cost, in seconds of processor: known from runs measured on this machine with this build, and where none is near from
 //! a short run.
 //!
-//! Between measured runs the cost of a step is interpolated: its ratio to the rough estimate [`Case::step_cost`], which knows how
+//! Between measured runs the cost of a step is interpolated: its ratio to the rough estimate [`step_cost`], which knows how
 //! methods grow with the number of spheres, is averaged with weights that fall as the fourth power of the distance in parameters.
 
 mod cache;
@@ -10,8 +10,8 @@ mod pilot;
 pub(crate) use cache::record;
 pub(crate) use pilot::{Trial, trials};
 
-use crate::axes::{AXES, Identity, Value, identity};
-use crate::case::Case;
+use crate::axes::{AXES, Axis, Identity, Value, identity};
+use crate::case::{Case, step_cost};
 use sd_core::{Method, Params};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -42,10 +42,8 @@ pub(crate) struct Record {
 struct Known {
     values: Vec<Option<Value>>,
     method: Method,
-    /// Sums of the logarithms of cost over rough estimate and of their squares, and the number of runs.
-    logarithms: f64,
-    squares: f64,
-    runs: f64,
+    /// Logarithms of cost over rough estimate, one of every run.
+    logarithms: Vec<f64>,
 }
 
 /// What a step costs.
@@ -88,7 +86,7 @@ impl Costs {
 
     /// Takes note of a measured run.
     pub(crate) fn learn(&mut self, record: &Record) {
-        let rough = rough_step(&record.params);
+        let rough = step_cost(&record.params);
         if record.steps == 0 || record.cpu_s <= 0.0 || rough <= 0.0 {
             return;
         }
@@ -101,20 +99,16 @@ impl Costs {
                 known.push(Known {
                     values: values(&record.params),
                     method: Method::of(&record.params),
-                    logarithms: 0.0,
-                    squares: 0.0,
-                    runs: 0.0,
+                    logarithms: Vec::new(),
                 });
                 known.len() - 1
             });
-        known[place].logarithms += logarithm;
-        known[place].squares += logarithm * logarithm;
-        known[place].runs += 1.0;
+        known[place].logarithms.push(logarithm);
     }
 
     /// What a step of runs with these parameters costs.
     pub(crate) fn step(&self, params: &Params) -> StepCost {
-        let (values, method, rough) = (values(params), Method::of(params), rough_step(params));
+        let (values, method, rough) = (values(params), Method::of(params), step_cost(params));
         let (mut total, mut weights, mut nearest) = (0.0, 0.0, f64::INFINITY);
         let (mut squares, mut freedom, mut runs) = (0.0, 0.0, 0.0);
         for known in self.known.iter().rev().take(MOST_POINTS) {
@@ -122,32 +116,27 @@ impl Costs {
                 continue;
             };
             // Other methods grow in other ways with the number of spheres.
-            let distance = if known.method == method {
-                distance
-            } else {
-                distance + 1.0
-            };
-            let weight = known.runs / (distance.powi(4) + CORE.powi(4));
-            total += weight * known.logarithms / known.runs;
+            let distance = distance + if known.method == method { 0.0 } else { 1.0 };
+            let of_point = known.logarithms.len() as f64;
+            let sum: f64 = known.logarithms.iter().sum();
+            let weight = of_point / (distance.powi(4) + CORE.powi(4));
+            total += weight * sum / of_point;
             weights += weight;
             nearest = nearest.min(distance);
             if distance <= NEAR {
-                squares += known.squares - known.logarithms.powi(2) / known.runs;
-                freedom += known.runs - 1.0;
-                runs += known.runs;
+                let off = known.logarithms.iter().map(|own| own - sum / of_point);
+                squares += off.map(|off| off * off).sum::<f64>();
+                freedom += of_point - 1.0;
+                runs += of_point;
             }
         }
-        let ratio = if weights > 0.0 {
-            (total / weights).exp()
-        } else {
-            1.0
-        };
+        let logarithm = if weights > 0.0 { total / weights } else { 0.0 };
         StepCost {
-            seconds: rough * ratio,
+            seconds: rough * logarithm.exp(),
             distance: nearest,
             scatter: (freedom > 0.0).then(|| Scatter {
                 // Of logarithms, which for a small scatter is that over the mean.
-                relative: (squares.max(0.0) / freedom).sqrt(),
+                relative: (squares / freedom).sqrt(),
                 runs,
                 freedom,
             }),
@@ -167,21 +156,15 @@ impl Costs {
     }
 }
 
-/// Seconds of a step on a common core, roughly.
-fn rough_step(params: &Params) -> f64 {
-    Case {
-        params: params.clone(),
-        seed: 0,
-        steps: 1,
-        sample_stride: 1,
-    }
-    .step_cost()
-}
-
 /// Values on all axes; `None` where they say nothing.
 fn values(params: &Params) -> Vec<Option<Value>> {
-    let value = |axis: &crate::axes::Axis| axis.means_something(params).then(|| axis.value(params));
-    AXES.iter().map(value).collect()
+    let value = |axis: &Axis| match axis.value(params) {
+        Value::Count(count) => Value::Number(count as f64),
+        value => value,
+    };
+    AXES.iter()
+        .map(|axis| axis.means_something(params).then(|| value(axis)))
+        .collect()
 }
 
 /// How far two points are apart, as far as costs go; `None` where they differ in a choice. Below 1 costs are about alike.
@@ -189,24 +172,15 @@ fn distance(a: &[Option<Value>], b: &[Option<Value>]) -> Option<f64> {
     let mut squares = 0.0;
     for ((axis, a), b) in AXES.iter().zip(a).zip(b) {
         let apart = match (a, b) {
-            (None, None) => 0.0,
-            (Some(Value::Word(a)), Some(Value::Word(b))) if a == b => 0.0,
+            (a, b) if a == b => 0.0,
             (Some(Value::Word(_)), _) | (_, Some(Value::Word(_))) => return None,
+            (Some(Value::Number(a)), Some(Value::Number(b))) => numbers_apart(axis.key, *a, *b),
             // A value that means nothing here, and something there.
-            (None, Some(_)) | (Some(_), None) => 0.5,
-            (Some(a), Some(b)) => numbers_apart(axis.key, number(*a), number(*b)),
+            _ => 0.5,
         };
         squares += apart * apart;
     }
     Some(squares.sqrt())
-}
-
-fn number(value: Value) -> f64 {
-    match value {
-        Value::Count(count) => count as f64,
-        Value::Number(number) => number,
-        Value::Word(_) => f64::NAN,
-    }
 }
 
 /// How far two numbers on an axis are apart, as far as costs go.
@@ -291,6 +265,6 @@ mod tests {
         };
         assert_eq!(costs.step(&other).distance, f64::INFINITY);
         let seconds = costs.step(&other).seconds;
-        assert!((seconds / rough_step(&other) - 1.0).abs() < 1e-12);
+        assert!((seconds / step_cost(&other) - 1.0).abs() < 1e-12);
     }
 }

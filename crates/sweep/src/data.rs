@@ -1,5 +1,6 @@
 //! Tables as whole columns, for programs that take them so, and the numbers of a record as a row of one.
 
+pub(crate) mod csv_rows;
 mod fields;
 mod parquet;
 
@@ -7,7 +8,6 @@ pub use fields::{Field, Unfit, fields};
 pub use parquet::ParquetFile;
 
 use crate::axes::{Kind, Value};
-use crate::csv_rows;
 use std::borrow::Cow;
 use std::io::{self, Write};
 
@@ -136,10 +136,7 @@ impl DataColumn {
 }
 
 /// Writes a table as comma-separated values: a header row of names, then a row each, with nothing where there is nothing.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_csv(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
+pub(crate) fn write_csv(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
     csv_rows::write(
         table.iter().map(|column| column.name.as_ref()),
         rows(table),
@@ -148,10 +145,7 @@ pub fn write_csv(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
 }
 
 /// The same without the header row, for tables that come in parts.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_csv_rows(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
+pub(crate) fn write_csv_rows(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
     csv_rows::write_rows(rows(table), out)
 }
 
@@ -163,10 +157,7 @@ fn rows(table: &[DataColumn]) -> impl Iterator<Item = impl Iterator<Item = Strin
 
 /// A table of records that all have the same fields, each with a number of its own in the first column. `like` stands for what the
 /// records are where there are none.
-///
-/// # Errors
-/// [`Unfit`] if a record has something that is no cell.
-pub fn numbered<R>(
+pub(crate) fn numbered<R>(
     number: &'static str,
     records: &[(u64, R)],
     like: &R,

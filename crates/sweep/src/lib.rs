@@ -5,48 +5,56 @@
 //! a process may die at any line, and the next one goes on. On a cluster a scheduler of the [`cluster`] starts tasks that compute slices of the
 //! campaign in stores of their own, published as shards and merged into the one store.
 //!
+//! # The rooms, from the ground up
+//! ```text
+//! system  text  data                  the machine; words and numbers; tables
+//! model  statistics                   axes, case, protocol, campaign, order of work; averages, doubts, stopping rules
+//! store                               SQLite: cases, checkpoints, samples, results
+//! campaign                            the TOML file, which may name runs of a store to begin with
+//! costs  runner  cluster              estimates; computing; tasks of a scheduler
+//! report  serve                       tables, figures, the page
+//! api  cli                            each command as a function; its arguments and its output
+//! ```
+//!
 //! # From another program
 //! The Python package calls the same functions as the commands do, and holds none of their work:
 //! ```text
 //! campaign::Campaign                  a campaign file, or the text of one
-//! cli::{plan, InstantInput, …}        what plan, solve and scalars read and answer
+//! api::{plan, InstantInput, …}        what plan, solve and scalars read and answer
 //! api::begin                          a campaign in its store, before anything is computed
-//! runner::compute_campaign            run: with runner::{Stop, Progress, Options}
+//! api::complete                       the cases of a store computed: with runner::{Stop, Progress, Options}
 //! store::StoreSource                  opened for reading, for report::Report, Store::samples, Store::frames, Store::runs
 //! report::outline                     a figure, to be drawn elsewhere
 //! data::DataColumn                    what tables are made of
-//! Error, cli::ErrorRenderer           the same words, and the kind of trouble by its exit code
+//! Error, api::ErrorRenderer           the same words, and the kind of trouble by its exit code
 //! ```
 
 pub mod api;
-pub mod axes;
 pub mod campaign;
-pub mod case;
-mod checkpoint;
 pub mod cli;
-mod clock;
 pub mod cluster;
 mod costs;
-mod csv_rows;
 pub mod data;
-pub mod doubt;
-pub mod exit;
-mod files;
-pub mod format;
-mod process;
-pub mod protocol;
-mod replay;
+mod model;
 pub mod report;
 pub mod runner;
 pub mod serve;
 pub mod statistics;
 pub mod store;
-mod stresses;
-pub mod tables;
+mod system;
+mod text;
 pub mod trajectory;
-mod visible;
 
 #[cfg(test)]
 mod test_support;
 
-pub use cli::Error;
+pub use api::Error;
+pub use model::{axes, case, protocol};
+pub use statistics::doubt;
+pub use system::{disk, exit, tables};
+pub use text::format;
+
+pub(crate) use data::csv_rows;
+pub(crate) use model::{checkpoint, replay, stresses};
+pub(crate) use system::{clock, files, process};
+pub(crate) use text::visible;

@@ -4,6 +4,7 @@ mod axis_words;
 mod columns;
 mod curves;
 mod error;
+mod failures;
 mod figure;
 mod json;
 mod page;
@@ -17,9 +18,9 @@ mod text;
 mod tidy;
 mod units;
 
-pub use crate::stresses::sample_fields;
 pub use columns::{Columns, point_table};
 pub use error::ReportError;
+pub use failures::FailureGroup;
 pub(crate) use figure::chart;
 pub use figure::{
     Drawing, Format, Graph, Intervals, Kind, LegendPlace, Length, Line, Look, Outline, Quantity,
@@ -27,13 +28,14 @@ pub use figure::{
 };
 pub use json::write as write_json;
 pub use page::{PageHost, data, movie, page};
-pub use parquet::parquet;
+pub(crate) use parquet::parquet;
 pub use points::{Point, Report};
-pub use runs::{TableFormat, sample_table};
+pub use runs::{TableFormat, sample_fields, sample_table};
 pub use selection::{Excerpt, Selection};
+pub(crate) use sheet::write_latex;
 pub(crate) use sheet::{Head, Sheet, SheetColumn, room};
-pub use sheet::{NumberFormat, Shape, write_latex};
+pub use sheet::{NumberFormat, Shape};
 pub use text::write as write_text;
 pub(crate) use text::{table, whole};
-pub use tidy::{write_csv, write_markdown, write_units};
+pub(crate) use tidy::{write_csv, write_markdown, write_units};
 pub use units::Units;

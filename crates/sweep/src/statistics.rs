@@ -1,5 +1,6 @@
 //! From samples to the average of a run, and from runs to a mean with its error.
 
+pub mod doubt;
 mod steady;
 mod stopping;
 

@@ -15,9 +15,9 @@ mod frames;
 mod log;
 mod merge;
 mod place;
+mod points;
 mod provenance;
 mod prune;
-mod query;
 mod reading;
 mod registry;
 mod request;
@@ -26,8 +26,10 @@ mod rules;
 mod runs;
 mod samples;
 mod schema;
+mod statements;
 mod story;
 mod submissions;
+mod work;
 
 pub(crate) use crate::checkpoint::can_be_kept;
 pub use crate::checkpoint::{Checkpoint, Damage};
@@ -35,23 +37,22 @@ pub use check::{Checked, Finding, accept_changes, check};
 pub use claims::Claim;
 pub(crate) use ends::LastState;
 pub use error::StoreError;
-pub use failures::FailureGroup;
+pub use failures::{Attempt, FailureLine};
 pub use frames::StoredFrame;
 pub(crate) use merge::MergeMode;
 pub use merge::{Damaged, Disagreement, Merged};
-pub(crate) use place::is_full;
-pub use place::network_file_system;
+pub use points::PointRun;
 pub use provenance::Provenance;
-pub(crate) use query::PointWork;
-pub use query::{Counts, FailureLine, PointRun, ProcessLine, Replay, Work};
 pub use reading::StoreSource;
 pub(crate) use reading::snapshot;
 pub use registry::DEATH_LIMIT;
 pub use request::{Adoption, Inventory};
 pub use results::{Failure, Finished};
 pub use rules::PointState;
-pub use story::{Attempt, Origin, Story};
+pub use story::{Origin, Story};
 pub use submissions::{OpenCase, SliceState, Submission, TaskName};
+pub(crate) use work::PointWork;
+pub use work::{Counts, ProcessLine, Work};
 
 use log::Mark;
 use place::{FileIdentity, Files};
@@ -72,6 +73,8 @@ const LOCK_WAIT: Duration = if cfg!(test) {
 };
 /// How often, where no owner is known to live.
 const LOCK_WAITS: u32 = if cfg!(test) { 4 } else { 12 };
+/// After so many more the user is told again.
+const WAITS_UNTOLD: u32 = 60;
 /// How long a lock is waited for once a stop was requested.
 const LOCK_WAIT_WHEN_STOPPING: Duration = Duration::from_millis(500);
 /// Time from one look at a lock to the next.
@@ -100,7 +103,7 @@ pub struct Store {
     request: Option<Request>,
     /// The file last run, if another version of it is shown.
     last_run_with: Option<PathBuf>,
-    /// What is waited for, until somebody has said so.
+    /// What is waited for while cases are computed, until somebody has said so.
     waiting: Arc<Mutex<Option<String>>>,
 }
 
@@ -138,18 +141,15 @@ impl Store {
     /// A store on a connection, which must hold one.
     fn on(connection: Connection, path: &Path) -> Result<Self, StoreError> {
         let failed = |error| StoreError::sqlite(path, error, false);
+        let file = path.to_owned();
         match schema::identify(&connection).map_err(failed)? {
-            schema::Found::Ours(schema::VERSION) => {}
-            schema::Found::Ours(found) => {
+            Some(schema::VERSION) => {}
+            None => return Err(StoreError::NotAStore { path: file }),
+            Some(found) => {
                 return Err(StoreError::Schema {
-                    path: path.to_owned(),
+                    path: file,
                     found,
                     known: schema::VERSION,
-                });
-            }
-            schema::Found::Foreign => {
-                return Err(StoreError::NotAStore {
-                    path: path.to_owned(),
                 });
             }
         }
@@ -242,7 +242,7 @@ impl Store {
     /// Does something in one transaction that holds the write lock from its start.
     fn write<T>(
         &mut self,
-        work: impl FnOnce(&Connection) -> Result<T, rusqlite::Error>,
+        work: impl FnOnce(&Connection) -> rusqlite::Result<T>,
     ) -> Result<T, StoreError> {
         let under_way = self.process.is_some();
         self.make_sure_of_the_file()?;
@@ -257,7 +257,7 @@ impl Store {
 
     /// Begins a transaction. A lock is waited for as long as another process that works on the store lives; one that has another
     /// owner for a minute.
-    fn begin(&self) -> Result<Transaction<'_>, rusqlite::Error> {
+    fn begin(&self) -> rusqlite::Result<Transaction<'_>> {
         let mut waits = 0;
         loop {
             let begun =
@@ -271,14 +271,20 @@ impl Store {
                 return Err(error);
             }
             match registry::other_worker(&self.connection, self.me())? {
-                Some((pid, host)) => {
-                    let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-                    *waiting = Some(format!(
+                Some((pid, host)) if waits % WAITS_UNTOLD == 1 => {
+                    let text = format!(
                         "waiting for the lock of {}, which process {pid} on {host} works on",
                         self.path.display()
-                    ));
-                    tracing::warn!(pid, host, "waiting for the lock");
+                    );
+                    if self.process.is_some() {
+                        let mut waiting =
+                            self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+                        *waiting = Some(text);
+                    } else {
+                        tracing::warn!("{text}");
+                    }
                 }
+                Some(_) => {}
                 None if waits < LOCK_WAITS => {}
                 None => return Err(error),
             }
@@ -288,7 +294,7 @@ impl Store {
     /// A transaction that need not be on the disk when it returns.
     fn write_relaxed<T>(
         &mut self,
-        work: impl FnOnce(&Connection) -> Result<T, rusqlite::Error>,
+        work: impl FnOnce(&Connection) -> rusqlite::Result<T>,
     ) -> Result<T, StoreError> {
         self.read(self.connection.pragma_update(None, "synchronous", "NORMAL"))?;
         let result = self.write(work);
@@ -311,7 +317,7 @@ impl Store {
     }
 
     /// Turns an error of a query into one of the store.
-    fn read<T>(&self, result: Result<T, rusqlite::Error>) -> Result<T, StoreError> {
+    fn read<T>(&self, result: rusqlite::Result<T>) -> Result<T, StoreError> {
         result.map_err(|error| StoreError::sqlite(&self.path, error, self.process.is_some()))
     }
 
@@ -320,7 +326,7 @@ impl Store {
         &self,
         query: &str,
         parameters: impl rusqlite::Params,
-        read: impl FnMut(&rusqlite::Row<'_>) -> Result<T, rusqlite::Error>,
+        read: impl FnMut(&rusqlite::Row<'_>) -> rusqlite::Result<T>,
     ) -> Result<C, StoreError> {
         let rows = self
             .connection
@@ -329,17 +335,17 @@ impl Store {
         self.read(rows)
     }
 
+    /// The number that a query finds.
+    fn number(&self, query: &str, parameters: impl rusqlite::Params) -> Result<u64, StoreError> {
+        let number = self
+            .connection
+            .query_row(query, parameters, |row| row.get(0));
+        self.read(number).map(count)
+    }
+
     /// Turns an error of JSON into one of the store.
-    fn json<T>(
-        &self,
-        table: &'static str,
-        result: Result<T, serde_json::Error>,
-    ) -> Result<T, StoreError> {
-        result.map_err(|error| StoreError::Entry {
-            path: self.path.clone(),
-            table,
-            reason: error.to_string(),
-        })
+    fn json<T>(&self, result: Result<T, serde_json::Error>) -> Result<T, StoreError> {
+        result.map_err(|error| StoreError::unreadable(&self.path, &error))
     }
 }
 
@@ -360,7 +366,7 @@ impl Drop for Store {
 }
 
 /// Lets nothing that is written in a store be carried out: no views, no triggers, no functions but those without effect.
-fn harden(connection: &Connection) -> Result<(), rusqlite::Error> {
+fn harden(connection: &Connection) -> rusqlite::Result<()> {
     for (option, value) in [
         (DbConfig::SQLITE_DBCONFIG_TRUSTED_SCHEMA, false),
         (DbConfig::SQLITE_DBCONFIG_ENABLE_TRIGGER, false),

@@ -7,8 +7,8 @@ mod bonds;
 mod extxyz;
 mod tables;
 
-pub use bonds::write_bonds;
-pub use extxyz::{Filmed, write_extxyz};
+pub(crate) use bonds::write_bonds;
+pub(crate) use extxyz::{Filmed, write_extxyz};
 pub use tables::{contact_table, sphere_table};
 
 use sd_core::contact::ContactState;

@@ -2,15 +2,10 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::cli::Error;
-use crate::cluster::{Scheduler, shard};
+use crate::api::Error;
+use crate::api::cancel::cancel;
 use crate::exit;
-use crate::store::{Store, Submission};
-use serde::Serialize;
-use std::time::{Duration, Instant};
-
-/// Time from one look at tasks that are ending to the next.
-const LOOK: Duration = Duration::from_secs(1);
+use std::time::Duration;
 
 /// End the tasks of a campaign that were submitted
 ///
@@ -30,61 +25,10 @@ pub(crate) struct Arguments {
     wait: u64,
 }
 
-#[derive(Serialize)]
-struct Answer {
-    cancelled: Vec<String>,
-    /// Tasks that have not ended yet.
-    ending: usize,
-}
-
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let path = arguments.place.find()?.path().to_owned();
-    let mut store = Store::open(&path)?;
-    let mut cancelled: Vec<(String, Scheduler)> = Vec::new();
-    let named =
-        |submission: &Submission| arguments.job.is_none() || submission.job == arguments.job;
-    let submissions = store.submissions()?;
-    if arguments.job.is_some() && !submissions.iter().any(named) {
-        return Err(Error::Argument {
-            argument: "--job",
-            message: "no such job was submitted from this store".into(),
-        });
-    }
-    for submission in submissions.iter().filter(|submission| named(submission)) {
-        let (Some(job), Some(scheduler)) =
-            (&submission.job, Scheduler::by_name(&submission.engine))
-        else {
-            continue;
-        };
-        if scheduler.active(job)?.is_empty() {
-            continue;
-        }
-        // Before they are told: a task that finds the mark does not ask to be started again.
-        let mark = shard::cancel_mark(&submission.folder, &submission.plan, job);
-        if let Some(folder) = mark.parent() {
-            let _ = std::fs::create_dir_all(folder);
-        }
-        // Without it the tasks ask Slurm, and find out as well.
-        let _ = std::fs::write(&mark, "");
-        scheduler.cancel(job)?;
-        store.cancelled(submission.id)?;
-        cancelled.push((job.clone(), scheduler));
-    }
-    let begun = Instant::now();
-    let ending = loop {
-        let mut ending = 0;
-        for (job, scheduler) in &cancelled {
-            ending += scheduler.active(job)?.len();
-        }
-        if ending == 0 || begun.elapsed() >= Duration::from_secs(arguments.wait) {
-            break ending;
-        }
-        std::thread::sleep(LOOK);
-    };
-    let answer = Answer {
-        cancelled: cancelled.into_iter().map(|(job, _)| job).collect(),
-        ending,
-    };
+    let source = arguments.place.find()?;
+    let wait = Duration::from_secs(arguments.wait);
+    let answer = cancel(source.path(), arguments.job.as_deref(), wait)?;
     if output.json {
         output.json(&answer)?;
     } else if answer.cancelled.is_empty() {
@@ -94,7 +38,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         )?;
     } else {
         writeln!(output.out, "cancelled: {}", answer.cancelled.join(", "))?;
-        if ending > 0 {
+        if answer.ending > 0 {
+            let ending = answer.ending;
             writeln!(output.out, "{ending} tasks have not ended yet")?;
         }
         writeln!(

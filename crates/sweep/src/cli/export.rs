@@ -2,7 +2,7 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::cli::Error;
+use crate::api::Error;
 use crate::data::write_csv;
 use crate::exit;
 use crate::files::write_whole;

@@ -1,7 +1,7 @@
 //! `sweep man`.
 
 use super::{Cli, Output};
-use crate::cli::Error;
+use crate::api::Error;
 use crate::exit;
 use crate::files::write_whole;
 use clap::CommandFactory;

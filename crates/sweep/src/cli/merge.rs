@@ -2,14 +2,10 @@
 
 use super::Output;
 use super::place::{StoreArguments, say_warning};
-use crate::campaign::Campaign;
-use crate::campaign::Order;
-use crate::cli::Error;
-use crate::cluster::shard::{self, ShardError};
+use crate::api::Error;
+use crate::api::merge::{Joined, join};
 use crate::exit;
-use crate::store::{Counts, Disagreement, Merged, Store, StoreError, StoreSource};
-use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Join the shards that tasks published into the store of their campaign
 ///
@@ -33,96 +29,20 @@ pub(crate) struct Arguments {
     allow_mixed_versions: bool,
 }
 
-#[derive(Serialize)]
-struct Answer {
-    #[serde(flatten)]
-    merged: Merged,
-    /// Cases of the store by state.
-    cases: Counts,
-    /// Results that do not agree.
-    disagreements: Vec<Disagreement>,
-    /// Shards of other builds in the store.
-    mixed_shards: u64,
-}
-
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
-    let shards = if arguments.shards.is_empty() {
-        in_folder(&shard::folder_of(source.path()))?
-    } else {
-        let mut all = Vec::new();
-        for given in &arguments.shards {
-            if given.is_dir() {
-                all.extend(in_folder(given)?);
-            } else if given.exists() {
-                all.push(given.clone());
-            } else {
-                return Err(ShardError::Vanished {
-                    path: given.clone(),
-                }
-                .into());
-            }
-        }
-        all
-    };
-    let mut store = open(&source, &shards)?;
-    say_warning(&store);
-    let merged = store.merge(&shards, arguments.allow_mixed_versions)?;
-    let answer = Answer {
-        merged,
-        cases: store.counts()?,
-        disagreements: store.disagreements()?,
-        mixed_shards: store.mixed_shards()?,
-    };
-    let clean = answer.merged.damaged.is_empty() && answer.disagreements.is_empty();
+    let mixed = arguments.allow_mixed_versions;
+    let joined = join(&source, &arguments.shards, mixed, say_warning)?;
+    let clean = joined.merged.damaged.is_empty() && joined.disagreements.is_empty();
     if output.json {
-        output.json(&answer)?;
+        output.json(&joined)?;
     } else {
-        write_text(&answer, output)?;
+        write_text(&joined, output)?;
     }
     Ok(if clean { exit::DONE } else { exit::FAILED })
 }
 
-/// The shards in a folder.
-pub(super) fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ShardError> {
-    if !folder.is_dir() {
-        return Err(ShardError::Vanished {
-            path: folder.to_owned(),
-        });
-    }
-    Ok(shard::published(folder)
-        .into_iter()
-        .map(|shard| shard.path)
-        .collect())
-}
-
-/// Opens the store; a new one gets the campaign of the file given, or else that of the first shard that can be read.
-fn open(source: &StoreSource, shards: &[PathBuf]) -> Result<Store, Error> {
-    let path = source.path();
-    if path.exists() {
-        return Ok(Store::open(path)?);
-    }
-    if let Some(campaign) = source.campaign() {
-        return Ok(Store::enter(path, campaign, Order::default())?.0);
-    }
-    let mut first = None;
-    for shard in shards {
-        match Store::campaign_of(shard) {
-            Ok(text) => {
-                let campaign = Campaign::parse(&shard.display().to_string(), text)?;
-                return Ok(Store::enter(path, &campaign, Order::default())?.0);
-            }
-            Err(error) => first = first.or(Some(error)),
-        }
-    }
-    Err(first
-        .unwrap_or_else(|| StoreError::Missing {
-            path: path.to_owned(),
-        })
-        .into())
-}
-
-fn write_text(answer: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
+fn write_text(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
     let (merged, cases, out) = (&answer.merged, &answer.cases, &mut *output.out);
     writeln!(
         out,

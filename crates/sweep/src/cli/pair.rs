@@ -3,7 +3,7 @@
 use super::Output;
 use super::report::figure::format_of;
 use super::report::save;
-use crate::cli::Error;
+use crate::api::Error;
 use crate::exit;
 use crate::format::significant;
 use crate::report::{Graph, Line, draw_graph};

@@ -1,8 +1,8 @@
 //! Which store a command is about.
 
 use super::Output;
+use crate::api::Error;
 use crate::campaign::Campaign;
-use crate::cli::Error;
 use crate::store::{Store, StoreSource};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -81,16 +81,13 @@ pub(super) fn say_warning(store: &Store) {
     }
 }
 
-/// Says on standard error that a store was last run with another version of the campaign file than the one it is shown for.
+/// Says that a store was last run with another version of the campaign file than the one it is shown for.
 pub(super) fn say_last_run(store: &Store, output: &Output<'_>) {
-    let Some(file) = store.last_run_with().filter(|_| !output.quiet) else {
-        return;
-    };
-    // Nobody may read standard error.
-    let _ = writeln!(
-        crate::visible::stderr(),
-        "the store {} was last run with another version of the campaign, of {}: shown is what the file given asks for",
-        store.path().display(),
-        file.display()
-    );
+    if let Some(file) = store.last_run_with() {
+        output.note(&format!(
+            "the store {} was last run with another version of the campaign, of {}: shown is what the file given asks for",
+            store.path().display(),
+            file.display()
+        ));
+    }
 }

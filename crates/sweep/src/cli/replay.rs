@@ -2,7 +2,7 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::cli::Error;
+use crate::api::Error;
 use crate::exit;
 
 /// Failures named in an error.
@@ -52,14 +52,14 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
                 keys.join(", ")
             ))
         }
-        (Some(only), []) => match only.snapshot {
+        (Some(only), []) => match only.failed.snapshot {
             Some(snapshot) => {
                 writeln!(output.out, "{snapshot}")?;
                 Ok(exit::DONE)
             }
             None => refuse(format!(
                 "{} failed before there was a layer to print: {}",
-                only.key, only.error
+                only.key, only.failed.error
             )),
         },
     }

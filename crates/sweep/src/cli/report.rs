@@ -6,13 +6,13 @@ mod one_by_one;
 use super::Output;
 use super::place::StoreArguments;
 use super::tables::{TableArguments, refuse_two_answers};
-use crate::cli::Error;
+use crate::api::Error;
 use crate::exit;
 use crate::files::write_whole;
 use crate::format::wrapped;
 use crate::report::{
-    Columns, Excerpt, PageHost, Report, Selection, Shape, Units, page, parquet, write_csv,
-    write_json, write_latex, write_markdown, write_text, write_units,
+    Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, page, parquet,
+    write_csv, write_json, write_latex, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
 use figure::{FigureArguments, Sources};
@@ -77,6 +77,9 @@ pub(crate) struct Arguments {
     drawn: FigureArguments,
 }
 
+/// Writes a table.
+type Writer<'w> = &'w dyn Fn(&mut Vec<u8>) -> Result<(), ReportError>;
+
 /// Writes the report.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let asked = arguments.drawn.asked()?;
@@ -122,32 +125,31 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         figure::write(asked, &sources, output)?;
         files = true;
     }
-    if let Some(path) = &arguments.csv {
-        let mut bytes = Vec::new();
-        write_csv(&report, &mut bytes)?;
-        save(path, &bytes, output)?;
-        if path.as_os_str() != "-" {
-            bytes.clear();
-            write_units(&report, &mut bytes)?;
-            save(&path.with_extension("units.csv"), &bytes, output)?;
+    let shape = arguments.tables.shape();
+    let tables: [(&Option<PathBuf>, Writer<'_>); 4] = [
+        (&arguments.csv, &|bytes| write_csv(&report, bytes)),
+        (&arguments.parquet, &|bytes| parquet(&report, bytes)),
+        (&arguments.markdown, &|bytes| write_markdown(&report, bytes)),
+        (&arguments.tables.latex, &|bytes| {
+            write_latex(&report, shape, bytes)
+        }),
+    ];
+    for (path, write) in tables {
+        if let Some(path) = path {
+            let mut bytes = Vec::new();
+            write(&mut bytes)?;
+            save(path, &bytes, output)?;
+            files = true;
         }
-        files = true;
     }
-    if let Some(path) = &arguments.parquet {
-        save(path, &parquet(&report)?, output)?;
-        files = true;
-    }
-    if let Some(path) = &arguments.markdown {
+    if let Some(path) = arguments
+        .csv
+        .as_ref()
+        .filter(|path| path.as_os_str() != "-")
+    {
         let mut bytes = Vec::new();
-        write_markdown(&report, &mut bytes)?;
-        save(path, &bytes, output)?;
-        files = true;
-    }
-    if let Some(path) = &arguments.tables.latex {
-        let mut bytes = Vec::new();
-        write_latex(&report, arguments.tables.shape(), &mut bytes)?;
-        save(path, &bytes, output)?;
-        files = true;
+        write_units(&report, &mut bytes)?;
+        save(&path.with_extension("units.csv"), &bytes, output)?;
     }
     let excerpt = Excerpt {
         store: &store,
@@ -164,7 +166,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         files = true;
     }
     if !files || output.json {
-        print(&report, arguments.tables.shape(), output)?;
+        print(&report, shape, output)?;
     }
     Ok(exit::DONE)
 }

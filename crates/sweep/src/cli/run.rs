@@ -1,17 +1,16 @@
 //! `sweep run`.
 
-mod task;
-
 use super::Output;
 use super::place::{say_warning, store_of};
-use crate::api::{Beginning, Begun, begin};
+use crate::api::{Beginning, Begun, Error, begin, complete, task};
 use crate::campaign::{Campaign, Priority};
-use crate::cli::Error;
+use crate::disk::network_file_system;
 use crate::exit;
 use crate::format::{bytes, parse_duration, parse_positive_duration};
-use crate::runner::{self, Options, Progress, Reason, Stop, Style};
-use crate::store::{Adoption, Finding, Inventory, Merged, Store, network_file_system};
-use std::io::IsTerminal;
+use crate::runner::{Options, Progress, Reason, RunObserver, Stop, Style};
+use crate::store::{Adoption, Counts, Finding, Inventory, Merged, Store};
+use serde::Serialize;
+use std::io::{IsTerminal, Write as _};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -84,8 +83,8 @@ pub(crate) struct Arguments {
     trajectory: bool,
     /// One task of a cluster: compute slice I, from 0, of N in a store of its own, and publish it among the shards. TERM and
     /// USR1 checkpoint, publish, and have Slurm start the task again if work is left
-    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = task::part)]
-    shard: Option<task::Part>,
+    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = part)]
+    shard: Option<Part>,
     /// The slices, as `sweep submit` wrote them [default: all cases of the file, cut here]
     #[arg(long, value_name = "FILE", requires = "shard")]
     slices: Option<PathBuf>,
@@ -101,6 +100,26 @@ pub(crate) struct Arguments {
     /// Go on from shards another build of sweep computed; their bits may differ
     #[arg(long, requires = "shard")]
     allow_mixed_versions: bool,
+}
+
+/// A task of several.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Part {
+    task: usize,
+    tasks: usize,
+}
+
+/// Reads `I/N`.
+fn part(text: &str) -> Result<Part, String> {
+    text.split_once('/')
+        .and_then(|(task, tasks)| {
+            Some(Part {
+                task: task.parse().ok()?,
+                tasks: tasks.parse().ok()?,
+            })
+        })
+        .filter(|part| part.task < part.tasks && part.tasks <= 1_000_000)
+        .ok_or_else(|| "write I/N with I from 0 to N - 1, as in 0/24".to_owned())
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
@@ -165,9 +184,8 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
         Some(workers) => workers.get(),
         None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
     };
-    let wall_limit = arguments.max_wall_time;
     if let Some(part) = arguments.shard {
-        return task::execute(arguments, part, campaign, workers, wall_limit, output);
+        return run_shard(arguments, part, campaign, workers, output);
     }
     let refused = |message| Error::Argument {
         argument: "--priority",
@@ -203,20 +221,12 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     say_what_was_damaged(&damaged, style);
     say_what_is_there(&campaign, &path, adoption, style);
     say_what_was_taken(taken, style);
-    let counts = store.counts()?;
-    if counts.pending + counts.running > 0 {
-        let conditions = Conditions {
-            workers,
-            wall_limit,
-            stop: &stop,
-            observer: None,
-        };
-        compute(arguments, &campaign, &mut store, conditions, output)?;
-    }
-    store.check_campaign()?;
-    // What is reported must be what lies at the path.
-    store.make_sure_of_the_file()?;
-    let counts = store.counts()?;
+    let conditions = Conditions {
+        workers,
+        stop: &stop,
+        observer: None,
+    };
+    let counts = compute(arguments, &campaign, &mut store, conditions, style)?;
     let is_over = counts.pending + counts.running == 0;
     let code = match stop.reason() {
         // Nothing was left when the time was up.
@@ -290,37 +300,114 @@ fn say_what_was_taken(taken: Option<Merged>, style: Style) {
     }
 }
 
+/// Computes one slice of a campaign, and says how far it is.
+fn run_shard(
+    arguments: &Arguments,
+    part: Part,
+    mut campaign: Campaign,
+    workers: usize,
+    output: &mut Output<'_>,
+) -> Result<u8, Error> {
+    let stop = Stop::for_a_task()?;
+    let quiet = output.quiet;
+    let note = move |text: &str| {
+        if !quiet {
+            // Standard error may be closed.
+            let _ = writeln!(crate::visible::stderr(), "{text}");
+        }
+    };
+    let options = task::Options {
+        task: part.task,
+        tasks: part.tasks,
+        slices: arguments.slices.as_deref(),
+        shards: arguments.shards.as_deref(),
+        scratch: arguments.scratch.as_deref(),
+        publish_every: arguments.publish_every,
+        retry_failed: arguments.retry_failed,
+        allow_mixed_versions: arguments.allow_mixed_versions,
+        note: &note,
+    };
+    let style = style(arguments, output);
+    task::run_task(
+        &mut campaign,
+        &options,
+        &stop,
+        |campaign, store, observer| {
+            let conditions = Conditions {
+                workers,
+                stop: &stop,
+                observer: Some(observer),
+            };
+            compute(arguments, campaign, store, conditions, style)
+        },
+        |counts, shard| answer(part, counts, shard, output),
+    )
+}
+
 /// Under what conditions a campaign is computed.
 #[derive(Clone, Copy)]
 struct Conditions<'c> {
     /// Cases at a time.
     workers: usize,
-    /// Computing time of a single case.
-    wall_limit: Option<Duration>,
     stop: &'c Stop,
-    observer: Option<&'c dyn runner::RunObserver>,
+    observer: Option<&'c dyn RunObserver>,
 }
 
-/// Computes the cases of a store.
+/// Computes the cases of a store. Says how they stand then.
 fn compute(
     arguments: &Arguments,
     campaign: &Campaign,
     store: &mut Store,
     conditions: Conditions<'_>,
-    output: &Output<'_>,
-) -> Result<(), Error> {
-    let style = style(arguments, output);
+    style: Style,
+) -> Result<Counts, Error> {
     let threads = conditions.workers;
     let workers = threads.min(campaign.cases.len());
     let progress = Progress::new(style, workers, Box::new(std::io::stderr()));
     let options = Options {
         workers,
         threads,
-        wall_limit: conditions.wall_limit,
+        wall_limit: arguments.max_wall_time,
         trajectory: arguments.trajectory,
         observer: conditions.observer,
         stop: conditions.stop,
         progress: &progress,
     };
-    Ok(runner::compute_campaign(store, campaign, options)?)
+    complete(store, campaign, options)
+}
+
+/// What is said at the end of a task.
+#[derive(Serialize)]
+struct Answer<'a> {
+    task: usize,
+    tasks: usize,
+    shard: &'a Path,
+    /// Cases of the slice by state.
+    #[serde(rename = "cases")]
+    counts: Counts,
+}
+
+/// Says how far the slice is.
+fn answer(part: Part, counts: Counts, shard: &Path, output: &mut Output<'_>) -> Result<(), Error> {
+    let left = counts.pending + counts.running;
+    if output.json {
+        output.json(&Answer {
+            task: part.task,
+            tasks: part.tasks,
+            shard,
+            counts,
+        })?;
+        return Ok(output.out.flush()?);
+    }
+    writeln!(
+        output.out,
+        "task {} of {}: {} cases done, {} jammed, {} failed, {left} left: {}",
+        part.task,
+        part.tasks,
+        counts.done,
+        counts.jammed,
+        counts.failed,
+        shard.display()
+    )?;
+    Ok(output.out.flush()?)
 }

@@ -1,9 +1,9 @@
 //! `sweep scalars`.
 
 use super::Output;
-use crate::cli::Error;
+use crate::api::{Error, named_scalars};
 use crate::exit;
-use sd_core::two_sphere::{Scalars, scalars};
+use sd_core::two_sphere::scalars;
 use serde_json::json;
 
 /// Print the resistance functions of two spheres
@@ -20,25 +20,9 @@ pub(crate) struct Arguments {
     separation: f64,
 }
 
-/// The functions by their published names: of a sphere's own motion, and of the other's.
-pub fn named(s: &Scalars) -> [(&'static str, [f64; 2]); 10] {
-    [
-        ("XA", s.x_a),
-        ("YA", s.y_a),
-        ("YB", s.y_b),
-        ("YC", s.y_c),
-        ("XG", s.x_g),
-        ("YG", s.y_g),
-        ("YH", s.y_h),
-        ("XM", s.x_m),
-        ("YM", s.y_m),
-        ("ZM", s.z_m),
-    ]
-}
-
 /// Writes the functions.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let named = named(&scalars(arguments.size_ratio, arguments.separation)?);
+    let named = named_scalars(&scalars(arguments.size_ratio, arguments.separation)?);
     if output.json {
         let mut object = json!({
             "size_ratio": arguments.size_ratio,

@@ -2,9 +2,8 @@
 
 use super::Output;
 use super::place::{StoreArguments, say_last_run};
-use crate::cli::Error;
+use crate::api::Error;
 use crate::exit;
-use std::io::Write;
 use std::net::{SocketAddr, ToSocketAddrs as _};
 
 /// Show the report as a live page in the browser
@@ -44,12 +43,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     say_last_run(&store, output);
     drop(store);
     crate::serve::serve(source, arguments.listen, |address| {
-        if !address.ip().is_loopback() && !output.quiet {
-            // Nobody may read standard error: the page is served all the same.
-            let _ = writeln!(
-                crate::visible::stderr(),
+        if !address.ip().is_loopback() {
+            output.note(&format!(
                 "warning: {address} is not loopback: whoever reaches it can read the results of {name}"
-            );
+            ));
         }
         if output.json {
             output.json(&serde_json::json!({"address": address.to_string()}))?;

@@ -2,8 +2,8 @@
 
 use super::Output;
 use super::place::StoreArguments;
+use crate::api::Error;
 use crate::axes::AXES;
-use crate::cli::Error;
 use crate::exit;
 use crate::format::{duration, significant};
 use crate::report::chart;
@@ -105,7 +105,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         writeln!(out, "computed on {} by {}", origin.host, origin.program())?;
     }
     for failure in &story.failures {
-        let place = failure.pair.map_or_else(String::new, |[i, j]| {
+        let place = failure.pair.map_or_else(String::new, |(i, j)| {
             format!(
                 ", pair {i}, {j}, gap {}",
                 failure

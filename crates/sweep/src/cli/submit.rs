@@ -1,30 +1,22 @@
 //! `sweep submit`.
 
-mod folder;
-
+use super::Output;
 use super::place::store_of;
-use super::{Output, plan};
+use crate::api::Error;
+use crate::api::submit::{Options, Submitted, submit};
 use crate::campaign::Campaign;
-use crate::cli::Error;
 use crate::cluster::{
-    Job, Scheduler, SchedulerError, quoted, shard,
-    shard::Slices,
+    Scheduler, SchedulerError, quoted,
     slurm::{Slurm, TimeLimit},
 };
 use crate::exit;
 use crate::format::{bytes, duration, parse_duration, parse_positive_duration};
-use crate::store::{OpenCase, Store, Submission};
 use clap::ValueEnum;
-use folder::{Draft, write_plan};
 use serde::Serialize;
-use std::collections::HashSet;
-use std::io::Write as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Seconds of a task aimed at where no --time is given.
-const USUAL_TIME_S: f64 = 3600.0;
 /// Options of sbatch that are the business of the script.
 const OURS: [&str; 7] = [
     "-a",
@@ -129,7 +121,7 @@ fn word(text: &str) -> Result<String, String> {
     }
 }
 
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Answer<'a> {
     /// The job, once it is submitted.
     job: Option<&'a str>,
@@ -146,65 +138,57 @@ struct Answer<'a> {
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
     let scheduler = scheduler(arguments)?;
-    let limit = match scheduler.task_limit() {
-        Err(SchedulerError::Missing { .. }) if arguments.dry_run => {
-            crate::cluster::slurm::USUAL_ARRAY
-        }
-        limit => limit?,
-    };
     let path = store_of(&campaign, arguments.store.as_deref())?;
-    let folder = shard::folder_of(&path);
-    let draft = Draft::new(arguments.dry_run, &path)?;
-    let mut store = draft.open(&campaign)?;
-    gather(arguments, &mut store, &folder, output)?;
-    let open = open(arguments, &store, output)?;
-    if open.is_empty() {
-        nothing(output)?;
+    let submitted = submit(
+        &campaign,
+        &path,
+        &Options {
+            scheduler: &scheduler,
+            tasks: arguments.tasks.map(NonZeroUsize::get),
+            workers: arguments.workers_per_task.get(),
+            throttle: arguments.throttle.map(NonZeroUsize::get),
+            time_s: arguments
+                .time
+                .as_ref()
+                .map(|limit| limit.time.as_secs_f64()),
+            run_arguments: run_arguments(arguments)?,
+            retry_failed: arguments.retry_failed,
+            allow_mixed_versions: arguments.allow_mixed_versions,
+            again: arguments.again,
+            dry_run: arguments.dry_run,
+            note: &|text| output.note(text),
+        },
+    )?;
+    let Some(submitted) = submitted else {
+        if output.json {
+            output.json(&Answer::default())?;
+        } else {
+            writeln!(
+                output.out,
+                "nothing to submit: no case is open that is not with a task already"
+            )?;
+        }
         return Ok(exit::DONE);
-    }
-    let tasks = tasks(arguments, &open, limit)?;
-    let slices = Slices::cut(&open, tasks);
-    let text = campaign.text_elsewhere();
-    let plan = slices.plan(&text);
-    let job = Job {
-        campaign: campaign.name.clone(),
-        program: folder.join(format!("sweep-{}", crate::process::build())),
-        plan_folder: shard::plan_folder(&folder, &plan),
-        folder,
-        tasks,
-        workers: arguments.workers_per_task.get(),
-        throttle: arguments.throttle.map(NonZeroUsize::get),
-        run_arguments: run_arguments(arguments)?,
     };
-    let script = scheduler.script(&job)?;
-    let name = if arguments.dry_run {
-        None
-    } else {
-        let tasks_read = [
-            ("campaign.toml", text.as_str()),
-            ("slices", &slices.text(&plan)),
-        ];
-        write_plan(&job, &store, &campaign, &open, tasks_read, &script)?;
-        Some(hand_over(&scheduler, &job, &plan, &slices, &mut store)?)
-    };
-    let command = scheduler.command(&job);
+    let (job, command) = (&submitted.job, scheduler.command(&submitted.job));
     if output.json {
         output.json(&Answer {
-            job: name.as_deref(),
-            cases: open.len(),
-            tasks,
-            plan: Some(&plan),
+            job: submitted.name.as_deref(),
+            cases: submitted.cases,
+            tasks: job.tasks,
+            plan: Some(&submitted.plan),
             folder: Some(&job.folder),
             command: Some(&command),
-            script: Some(&script),
+            script: Some(&submitted.script),
         })?;
         return Ok(exit::DONE);
     }
-    if let Some(name) = name {
+    if let Some(name) = &submitted.name {
         writeln!(
             output.out,
-            "job {name}: {} open cases in {tasks} tasks; logs in {}",
-            open.len(),
+            "job {name}: {} open cases in {} tasks; logs in {}",
+            submitted.cases,
+            job.tasks,
             job.plan_folder.display()
         )?;
     } else {
@@ -212,77 +196,11 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             .iter()
             .map(|word| quoted(word))
             .collect::<Result<_, _>>()?;
+        let script = &submitted.script;
         write!(output.out, "{}\n\n{script}", words.join(" "))?;
     }
-    forecast(&campaign, &store, open.len(), &job, output)?;
+    forecast(&campaign, &submitted, output);
     Ok(exit::DONE)
-}
-
-/// Says that nothing is open.
-fn nothing(output: &mut Output<'_>) -> Result<(), Error> {
-    if output.json {
-        return Ok(output.json(&Answer {
-            job: None,
-            cases: 0,
-            tasks: 0,
-            plan: None,
-            folder: None,
-            command: None,
-            script: None,
-        })?);
-    }
-    writeln!(
-        output.out,
-        "nothing to submit: no case is open that is not with a task already"
-    )?;
-    Ok(())
-}
-
-/// Number of tasks: as many as asked for, if so many may be and have anything to do.
-fn tasks(arguments: &Arguments, open: &[OpenCase], limit: usize) -> Result<usize, SchedulerError> {
-    let asked = arguments
-        .tasks
-        .map_or_else(|| usual_tasks(arguments, open, limit), NonZeroUsize::get);
-    if asked > limit {
-        return Err(SchedulerError::TooManyTasks { asked, limit });
-    }
-    Ok(asked.min(open.len()))
-}
-
-/// Records the job and hands it to the scheduler; gives its name.
-fn hand_over(
-    scheduler: &Scheduler,
-    job: &Job,
-    plan: &str,
-    slices: &Slices,
-    store: &mut Store,
-) -> Result<String, Error> {
-    let submission = Submission {
-        id: 0,
-        engine: scheduler.name().into(),
-        job: None,
-        plan: plan.to_owned(),
-        folder: job.folder.clone(),
-        tasks: job.tasks,
-        workers: job.workers,
-        build: crate::process::build(),
-        submitted_at: 0,
-        cancelled_at: None,
-    };
-    let id = store.submit(&submission, &slices.tasks)?;
-    match scheduler.submit(job) {
-        Ok(name) => {
-            store.submitted(id, &name)?;
-            Ok(name)
-        }
-        Err(error) => {
-            // After an answer nobody understands the job may be there all the same.
-            if !matches!(error, SchedulerError::Answer { .. }) {
-                store.not_submitted(id)?;
-            }
-            Err(error.into())
-        }
-    }
 }
 
 /// The scheduler as it was asked for.
@@ -328,104 +246,6 @@ fn scheduler(arguments: &Arguments) -> Result<Scheduler, Error> {
     })
 }
 
-/// Brings the store up to date: shards there are, failed cases to be tried again; refuses to mix builds.
-fn gather(
-    arguments: &Arguments,
-    store: &mut Store,
-    folder: &Path,
-    output: &Output<'_>,
-) -> Result<(), Error> {
-    let shards: Vec<PathBuf> = shard::published(folder)
-        .into_iter()
-        .map(|shard| shard.path)
-        .collect();
-    let merged = store.merge(&shards, arguments.allow_mixed_versions)?;
-    for damaged in &merged.damaged {
-        note(
-            output,
-            &format!("not merged: {}: {}", damaged.path.display(), damaged.reason),
-        );
-    }
-    let (build, known) = (crate::process::build(), store.known_builds()?);
-    if !arguments.allow_mixed_versions && !known.is_empty() && !known.contains(&build) {
-        return Err(Error::Argument {
-            argument: "--allow-mixed-versions",
-            message: format!(
-                "the store holds what build {} of sweep computed, and this is build {build}, whose bits may differ: use \
-                 that one, another --store, or allow it; nothing was submitted",
-                known.into_iter().collect::<Vec<_>>().join(", ")
-            ),
-        });
-    }
-    if arguments.retry_failed {
-        store.retry_failed()?;
-    }
-    Ok(())
-}
-
-/// Open cases that no task has.
-fn open(arguments: &Arguments, store: &Store, output: &Output<'_>) -> Result<Vec<OpenCase>, Error> {
-    let mut taken: HashSet<String> = HashSet::new();
-    for submission in store.submissions()? {
-        if arguments.again {
-            break;
-        }
-        let Some(job) = &submission.job else {
-            note(
-                output,
-                "a submission before was cut short before its job number was known: look with `squeue --me` whether it \
-                 runs. What it computes is merged in any case",
-            );
-            continue;
-        };
-        let cases = store.open_of(submission.id)?;
-        if cases.is_empty() {
-            continue;
-        }
-        let Some(scheduler) = Scheduler::by_name(&submission.engine) else {
-            continue;
-        };
-        let active = scheduler.active(job).map_err(|error| Error::Argument {
-            argument: "--again",
-            message: format!(
-                "whether job {job}, submitted before, still runs is not known ({error}): give the same command again in a \
-                 while, or with --again to submit its open cases once more"
-            ),
-        })?;
-        if active.is_empty() {
-            continue;
-        }
-        let all = active.iter().any(|task| task.task.is_none());
-        let tasks: HashSet<usize> = active.iter().filter_map(|task| task.task).collect();
-        taken.extend(
-            cases
-                .into_iter()
-                .filter(|(_, task)| all || tasks.contains(task))
-                .map(|(key, _)| key),
-        );
-    }
-    let mut open = store.open_cases()?;
-    open.retain(|case| !taken.contains(&case.key));
-    Ok(open)
-}
-
-/// So many tasks that each needs about half of its time by the estimate, which is no promise.
-fn usual_tasks(arguments: &Arguments, open: &[OpenCase], limit: usize) -> usize {
-    let time = arguments
-        .time
-        .as_ref()
-        .map_or(USUAL_TIME_S, |limit| limit.time.as_secs_f64());
-    let cost: f64 = open.iter().map(|case| case.cost).sum();
-    let workers = arguments.workers_per_task.get();
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a count, held within limits below"
-    )]
-    let tasks = (cost / (workers as f64 * time / 2.0)).ceil() as usize;
-    tasks.clamp(1, limit.min(open.len().div_ceil(workers)).max(1))
-}
-
 /// Arguments of every task.
 fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
     let mut run = vec![
@@ -459,42 +279,20 @@ fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
 }
 
 /// Says how long it may take and how much memory a task needs.
-fn forecast(
-    campaign: &Campaign,
-    store: &Store,
-    cases: usize,
-    job: &Job,
-    output: &Output<'_>,
-) -> Result<(), Error> {
-    if output.quiet {
-        return Ok(());
-    }
-    let memory = plan::memory_bytes(campaign, job.workers);
-    let seconds = store.remaining_cpu_s(&store.work()?)?;
-    note(
-        output,
-        &format!(
-            "{cases} cases in {} tasks of {} workers: about {} of computing per task, {} of memory each, if nodes are as fast as \
-             this machine",
-            job.tasks,
-            job.workers,
-            duration(seconds / (job.tasks * job.workers) as f64),
-            bytes(memory)
-        ),
-    );
+fn forecast(campaign: &Campaign, submitted: &Submitted, output: &Output<'_>) {
+    let job = &submitted.job;
+    output.note(&format!(
+        "{} cases in {} tasks of {} workers: about {} of computing per task, {} of memory each, if nodes are as fast as this \
+         machine",
+        submitted.cases,
+        job.tasks,
+        job.workers,
+        duration(submitted.cpu_s / (job.tasks * job.workers) as f64),
+        bytes(submitted.memory_bytes)
+    ));
     if !campaign.rules.is_empty() {
-        note(
-            output,
+        output.note(
             "this is one wave: once it is merged, `sweep submit` submits the seeds that the precision still takes",
         );
-    }
-    Ok(())
-}
-
-/// Says something on standard error.
-fn note(output: &Output<'_>, text: &str) {
-    if !output.quiet {
-        // Nobody may read standard error.
-        let _ = writeln!(crate::visible::stderr(), "{text}");
     }
 }

@@ -1,6 +1,7 @@
 //! The arguments of tables for people, the same for every command that has them.
 
-use super::{Error, Output};
+use super::Output;
+use crate::api::Error;
 use crate::report::{NumberFormat, Shape};
 use std::path::PathBuf;
 

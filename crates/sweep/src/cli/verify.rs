@@ -1,7 +1,7 @@
 //! `sweep verify`.
 
 use super::Output;
-use crate::cli::Error;
+use crate::api::Error;
 use crate::exit;
 use sd_core::verify::{Check, checks};
 use serde_json::json;

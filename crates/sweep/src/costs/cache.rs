@@ -3,9 +3,11 @@
 //! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error.
 
 use super::Record;
-use crate::files::{cache_folder, write_whole};
+use crate::files::{cache_folder, folder_of, write_whole};
+use crate::process::{Identity, build};
+use std::fs::File;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 /// Bytes from which on the older half is dropped.
@@ -16,51 +18,40 @@ const LEAST_STEPS: u64 = 20;
 /// The file of this machine and this build; `None` without a home.
 fn place() -> Option<PathBuf> {
     static PLACE: LazyLock<Option<PathBuf>> = LazyLock::new(|| {
-        let host = crate::process::Identity::of_this_process().host;
-        let name = format!(
-            "costs-{}-{}.jsonl",
-            host.replace('/', "-"),
-            crate::process::build()
-        );
-        Some(cache_folder()?.join(name))
+        let host = Identity::of_this_process().host.replace('/', "-");
+        Some(cache_folder()?.join(format!("costs-{host}-{}.jsonl", build())))
     });
     PLACE.clone()
 }
 
 /// Keeps measured runs, but for those that are too short to tell anything.
 pub(crate) fn record(records: &[Record]) {
-    let records: Vec<&Record> = records
-        .iter()
-        .filter(|record| record.steps >= LEAST_STEPS)
-        .collect();
-    if let Some(place) = place().filter(|_| !records.is_empty()) {
+    if let Some(place) = place() {
         // Without a cache the next plan measures again.
-        let _ = append(&place, &records);
+        let _ = append(&place, records);
     }
 }
 
 /// Appends lines, and drops old ones where there are too many.
-fn append(place: &std::path::Path, records: &[&Record]) -> std::io::Result<()> {
-    if let Some(folder) = place.parent() {
-        std::fs::create_dir_all(folder)?;
+fn append(place: &Path, records: &[Record]) -> std::io::Result<()> {
+    let mut lines = Vec::new();
+    for record in records.iter().filter(|run| run.steps >= LEAST_STEPS) {
+        serde_json::to_writer(&mut lines, record)?;
+        lines.push(b'\n');
     }
+    if lines.is_empty() {
+        return Ok(());
+    }
+    std::fs::create_dir_all(folder_of(place))?;
     if std::fs::metadata(place).is_ok_and(|file| file.len() > LIMIT) {
         let text = std::fs::read_to_string(place)?;
         let lines: Vec<&str> = text.lines().collect();
         let kept = lines[lines.len() / 2..].join("\n") + "\n";
         write_whole(place, |file| file.write_all(kept.as_bytes()))?;
     }
-    let mut lines = Vec::new();
-    for record in records {
-        serde_json::to_writer(&mut lines, record)?;
-        lines.push(b'\n');
-    }
     // In one piece: several processes may append.
-    std::fs::OpenOptions::new()
-        .create(true)
-        .append(true)
-        .open(place)?
-        .write_all(&lines)
+    let mut file = File::options().create(true).append(true).open(place)?;
+    file.write_all(&lines)
 }
 
 /// All runs kept, the oldest first. Lines that cannot be read are left out.
@@ -86,8 +77,8 @@ mod tests {
             steps: 100,
             cpu_s: 1.5,
         };
-        append(&place, &[&run]).unwrap();
-        append(&place, &[&run]).unwrap();
+        append(&place, std::slice::from_ref(&run)).unwrap();
+        append(&place, std::slice::from_ref(&run)).unwrap();
         let text = std::fs::read_to_string(&place).unwrap();
         let read = |text: &str| -> Vec<Record> {
             let lines = text.lines();

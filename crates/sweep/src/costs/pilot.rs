@@ -1,7 +1,7 @@
 //! Short runs that tell what a step costs: long enough for contacts, where there is time for that.
 
 use super::{Costs, NEAR, Record, distance, values};
-use crate::case::Case;
+use crate::case::{Case, step_cost};
 use crate::clock::Clock;
 use crate::tables;
 use sd_core::{Error, NearFields, Params, Simulation};
@@ -20,20 +20,14 @@ const LEAD_IN: f64 = 0.5;
 const LEAD_IN_SHARE: f64 = 0.4;
 /// The longest step on the way there, a strain, and by how much it may be longer than that of the runs.
 const LEAD_IN_STEP: f64 = 0.02;
-const LEAD_IN_FACTOR: f64 = 4.0;
+const LEAD_IN_FACTOR: u32 = 4;
 /// Steps that the shortest run takes.
 const SHORTEST: f64 = 8.0;
 /// Steps measured at least, and those before them that pay for memory the others find ready.
 const LEAST_MEASURED: u32 = 2;
 
-/// A point of which a short run was made.
-#[derive(Debug, Clone)]
-pub(crate) struct Trial {
-    /// Its parameters.
-    pub(crate) params: Params,
-    /// What came of it, or why nothing did.
-    pub(crate) outcome: Result<Record, String>,
-}
+/// The parameters of a short run, and what came of it, or why nothing did.
+pub(crate) type Trial = (Params, Result<Record, String>);
 
 /// How far a short run is.
 #[derive(Debug, Default)]
@@ -53,11 +47,6 @@ struct ShortRun {
     case: Case,
     seed: u64,
     progress: Mutex<Progress>,
-}
-
-/// A short run and who waits for its end.
-struct Shared {
-    run: ShortRun,
     has_ended: Condvar,
 }
 
@@ -76,51 +65,52 @@ pub(crate) fn trials(costs: &Costs, points: &[(&Case, f64)], begun: Instant) -> 
         .min(4);
     // Several seeds of a point where there is room, as runs of different seeds cost differently.
     let number = chosen.len().max(threads);
-    let runs: Vec<Arc<Shared>> = (0..number)
+    let runs: Vec<Arc<ShortRun>> = (0..number)
         .zip(1..)
         .map(|(at, seed)| {
-            let run = ShortRun {
-                case: chosen[at % chosen.len()].clone(),
-                seed: if number > chosen.len() { seed } else { 1 },
-                progress: Mutex::default(),
-            };
-            let has_ended = Condvar::new();
-            Arc::new(Shared { run, has_ended })
+            let seed = if number > chosen.len() { seed } else { 1 };
+            Arc::new(ShortRun::new(chosen[at % chosen.len()], seed))
         })
         .collect();
     let rounds = u32::try_from(number.div_ceil(threads)).unwrap_or(u32::MAX);
     let share = PILOT_TIME.saturating_sub(begun.elapsed()) / rounds;
     for round in runs.chunks(threads) {
         let deadline = Instant::now() + share + PATIENCE / rounds;
-        for shared in round {
-            let shared = Arc::clone(shared);
-            std::thread::spawn(move || shared.make(share));
+        for run in round {
+            let run = Arc::clone(run);
+            std::thread::spawn(move || {
+                let ended = run.make(share);
+                run.progress().ended = Some(ended);
+                run.has_ended.notify_all();
+            });
         }
-        for shared in round {
-            shared.wait(deadline);
+        for run in round {
+            run.wait(deadline);
         }
     }
-    runs.iter().map(|shared| shared.run.trial()).collect()
+    runs.iter().map(|run| run.trial()).collect()
 }
 
-impl Shared {
-    /// Makes the run.
-    fn make(&self, time: Duration) {
-        let ended = self.run.make(time);
-        self.run.progress().ended = Some(ended);
-        self.has_ended.notify_all();
+impl ShortRun {
+    fn new(case: &Case, seed: u64) -> Self {
+        Self {
+            case: case.clone(),
+            seed,
+            progress: Mutex::default(),
+            has_ended: Condvar::new(),
+        }
     }
 
     /// Waits until it has ended or the time is over.
     fn wait(&self, deadline: Instant) {
         let time = deadline.saturating_duration_since(Instant::now());
-        let progress = self.run.progress();
         let under_way = |progress: &mut Progress| progress.ended.is_none();
-        drop(self.has_ended.wait_timeout_while(progress, time, under_way));
+        let waited = self
+            .has_ended
+            .wait_timeout_while(self.progress(), time, under_way);
+        drop(waited);
     }
-}
 
-impl ShortRun {
     fn progress(&self) -> MutexGuard<'_, Progress> {
         let progress = self.progress.lock();
         progress.unwrap_or_else(PoisonError::into_inner)
@@ -141,19 +131,16 @@ impl ShortRun {
             _ if steps == 0 => Err("no step could be made in the time there is".into()),
             _ => Ok(record),
         };
-        Trial {
-            params: self.case.params.clone(),
-            outcome,
-        }
+        (self.case.params.clone(), outcome)
     }
 
     /// Makes it in about that time.
     fn make(&self, time: Duration) -> Result<(), String> {
         let (case, begun) = (&self.case, Instant::now());
-        if Duration::from_secs_f64(SHORTEST * case.step_cost()) > time {
+        if Duration::from_secs_f64(SHORTEST * step_cost(&case.params)) > time {
             return Err(format!(
                 "a step takes about {} s, which is too long for one",
-                crate::format::significant(case.step_cost(), 2)
+                crate::format::significant(step_cost(&case.params), 2)
             ));
         }
         let ratios = tables::ratios(std::iter::once(&case.params)).map_err(|e| e.to_string())?;
@@ -165,11 +152,8 @@ impl ShortRun {
         // From here on steps are those of the case, and the lead-in tells nothing more.
         *self.progress() = Progress::default();
         let mut before = None;
-        for measured in 0.. {
-            let enough = begun.elapsed() >= time || layer.steps() >= case.steps;
-            if measured >= LEAST_MEASURED && enough {
-                break;
-            }
+        let mut measured = 0;
+        while measured < LEAST_MEASURED || (begun.elapsed() < time && layer.steps() < case.steps) {
             let step = self.measured(|| {
                 // As in a run, which keeps the state before every step.
                 before.replace(layer.snapshot());
@@ -178,7 +162,7 @@ impl ShortRun {
             match step {
                 Err(error) if measured == 0 => return Err(error.to_string()),
                 Err(_) => break,
-                Ok(_) => {}
+                Ok(_) => measured += 1,
             }
         }
         Ok(())
@@ -201,12 +185,11 @@ impl ShortRun {
         let begun = Instant::now();
         let (case, seed) = (&self.case, self.seed);
         let params = &case.params;
-        let factor = (LEAD_IN_STEP / params.time_step)
-            .floor()
-            .clamp(1.0, LEAD_IN_FACTOR);
+        let is_short = |factor: &u32| f64::from(*factor) * params.time_step <= LEAD_IN_STEP;
+        let factor = (1..=LEAD_IN_FACTOR).rev().find(is_short).unwrap_or(1);
         let strain = LEAD_IN.min(0.25 * case.strain());
         let coarse = Params {
-            time_step: factor * params.time_step,
+            time_step: f64::from(factor) * params.time_step,
             ..params.clone()
         };
         let mut layer = Simulation::new(&coarse, seed, tables)?;
@@ -217,14 +200,8 @@ impl ShortRun {
             }
         }
         let mut there = layer.snapshot();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "from 1 to 4"
-        )]
-        let factor = factor as u64;
         // Strain is counted in steps.
-        there.steps *= factor;
+        there.steps *= u64::from(factor);
         Simulation::from_snapshot(params, there, tables)
     }
 }
@@ -257,29 +234,22 @@ mod tests {
 
     #[test]
     fn step_that_does_not_end_counts_for_the_time_it_has_taken() {
-        let run = ShortRun {
-            case: Case {
-                params: params(),
-                seed: 1,
-                steps: 10,
-                sample_stride: 1,
-            },
+        let case = Case {
+            params: params(),
             seed: 1,
-            progress: Mutex::default(),
+            steps: 10,
+            sample_stride: 1,
         };
-        assert!(run.trial().outcome.is_err(), "nothing is known yet");
+        let run = ShortRun::new(&case, 1);
+        assert!(run.trial().1.is_err(), "nothing is known yet");
         run.progress().step_begun = Instant::now().checked_sub(Duration::from_secs(7));
-        let record = run.trial().outcome.unwrap();
+        let record = run.trial().1.unwrap();
         assert_eq!(record.steps, 1);
         assert!(record.cpu_s >= 7.0);
         // Nobody waits for it.
-        let shared = Shared {
-            run,
-            has_ended: Condvar::new(),
-        };
-        shared.wait(Instant::now());
-        assert_eq!(shared.run.measured(|| 3), 3);
-        let progress = shared.run.progress();
+        run.wait(Instant::now());
+        assert_eq!(run.measured(|| 3), 3);
+        let progress = run.progress();
         assert_eq!((progress.steps, progress.step_begun), (1, None));
     }
 }

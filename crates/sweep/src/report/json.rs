@@ -1,9 +1,10 @@
 //! The report for machines: one JSON object, its names and meanings a promise.
 
-use super::columns::columns;
+use super::columns::{Column, columns};
 use super::error::ReportError;
 use super::points::{Point, Report};
 use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
 use std::io::Write;
 
 /// The object.
@@ -38,37 +39,23 @@ struct Cases {
 /// The numbers in physical units, where they are asked for.
 #[derive(Serialize)]
 struct Physical<'r> {
-    /// Units of the columns.
-    units: Units<'r>,
+    /// Units of the columns that have one, by name.
+    units: BTreeMap<&'static str, &'static str>,
     /// The same points.
-    points: Vec<PhysicalRow<'r>>,
+    points: Vec<Row<'r>>,
 }
 
-/// The units of the columns that have one, by name.
-struct Units<'r>(&'r Report);
-
-impl Serialize for Units<'_> {
-    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        let units = columns().map(|column| (column.name, column.unit_in(self.0)));
-        s.collect_map(units.filter(|(_, unit)| !unit.is_empty()))
-    }
-}
-
-/// A point as an object: the columns of the tables by name, `null` where nothing was measured.
-struct Row<'r>(&'r Point);
+/// A point as an object: the columns of the tables by name, `null` where nothing was measured; in the units of its report where
+/// that is given.
+struct Row<'r>(&'r Point, Option<&'r Report>);
 
 impl Serialize for Row<'_> {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        s.collect_map(columns().map(|column| (column.name, column.cell(self.0))))
-    }
-}
-
-/// The same in the units of its report.
-struct PhysicalRow<'r>(&'r Report, &'r Point);
-
-impl Serialize for PhysicalRow<'_> {
-    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        s.collect_map(columns().map(|column| (column.name, column.shown(self.0, self.1))))
+        let cell = |column: &Column| match self.1 {
+            Some(report) => column.shown(report, self.0),
+            None => column.cell(self.0),
+        };
+        s.collect_map(columns().map(|column| (column.name, cell(&column))))
     }
 }
 
@@ -77,6 +64,13 @@ impl Serialize for PhysicalRow<'_> {
 /// # Errors
 /// Output that cannot be written.
 pub fn write(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+    let rows = |units| {
+        report
+            .points
+            .iter()
+            .map(|point| Row(point, units))
+            .collect()
+    };
     let document = Document {
         campaign: &report.campaign,
         cases: Cases {
@@ -86,14 +80,13 @@ pub fn write(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
             pending: report.counts.pending + report.counts.running,
             doubtful: report.doubtful,
         },
-        points: report.points.iter().map(Row).collect(),
+        points: rows(None),
         physical: report.units.are_asked_for().then(|| Physical {
-            units: Units(report),
-            points: report
-                .points
-                .iter()
-                .map(|point| PhysicalRow(report, point))
+            units: columns()
+                .map(|column| (column.name, column.unit_in(report)))
+                .filter(|(_, unit)| !unit.is_empty())
                 .collect(),
+            points: rows(Some(report)),
         }),
     };
     serde_json::to_writer(&mut *out, &document).map_err(std::io::Error::from)?;

@@ -2,6 +2,7 @@
 
 use super::columns::Columns;
 use super::error::ReportError;
+use super::failures::FailureGroup;
 use super::selection::Selection;
 use super::steady;
 use super::units::{At, Units};
@@ -12,7 +13,7 @@ use crate::doubt::is_rigid;
 use crate::statistics::{
     Decision, Distribution, Drift, Estimate, Measure, Precision, mean, ratio, relative_half_width,
 };
-use crate::store::{Counts, FailureGroup, PointRun, Provenance, Store};
+use crate::store::{Counts, PointRun, Provenance, Store};
 use crate::stresses::{COUNT, STRESSES};
 use sd_core::Params;
 use std::collections::HashMap;

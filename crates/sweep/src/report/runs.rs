@@ -8,9 +8,9 @@ use super::selection::Excerpt;
 use super::units::{At, Units};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::csv_rows;
-use crate::data::{Cells, DataColumn, ParquetFile, numbered, write_csv, write_csv_rows};
+use crate::data::{Cells, DataColumn, Field, ParquetFile, Unfit, fields, numbered, write_csv_rows};
 use crate::store::PointRun;
-use crate::stresses::sample_fields;
+use crate::stresses::STRESSES;
 use meanings::{OF_RUNS, OF_SAMPLES, explain};
 use sd_core::Sample;
 use std::collections::HashMap;
@@ -72,33 +72,19 @@ impl Excerpt<'_> {
     }
 
     /// Writes the runs.
-    ///
-    /// # Errors
-    /// Trouble with the store, or output that cannot be written.
-    pub fn write_runs(
+    pub(crate) fn write_runs(
         &self,
         format: TableFormat,
         out: &mut (dyn Write + Send),
     ) -> Result<(), ReportError> {
         let table = self.runs()?;
-        match format {
-            TableFormat::Csv => write_csv(&table, out)?,
-            TableFormat::Parquet => {
-                let campaign = self.store.campaign_name()?;
-                let about = [("campaign", campaign.as_str())];
-                let mut file = ParquetFile::begin(out, "runs", &table, &about)?;
-                file.append(&table)?;
-                file.finish()?;
-            }
-        }
-        Ok(())
+        let mut file = TableFile::begin(format, out, "runs", &table, self)?;
+        file.append(&table)?;
+        file.finish()
     }
 
     /// Writes the samples of all runs, in the order of the campaign: key, seed, the axes that vary, then what was sampled, step by step.
-    ///
-    /// # Errors
-    /// Trouble with the store, or output that cannot be written.
-    pub fn write_samples(
+    pub(crate) fn write_samples(
         &self,
         format: TableFormat,
         out: &mut (dyn Write + Send),
@@ -106,17 +92,7 @@ impl Excerpt<'_> {
         let runs = selected_runs(self.store, self.selection)?;
         let axes = axes_of_samples(&runs);
         let mut batch = Batch::of(&axes, self.units)?;
-        let campaign = self.store.campaign_name()?;
-        let about = [("campaign", campaign.as_str())];
-        let mut file = match format {
-            TableFormat::Csv => {
-                write_csv(&batch.table, out)?;
-                Samples::Csv(out)
-            }
-            TableFormat::Parquet => {
-                Samples::Parquet(ParquetFile::begin(out, "samples", &batch.table, &about)?)
-            }
-        };
+        let mut file = TableFile::begin(format, out, "samples", &batch.table, self)?;
         for run in &runs {
             batch.add(run, &axes, &self.store.samples(&run.key)?)?;
             if batch.rows() >= ROWS {
@@ -129,18 +105,12 @@ impl Excerpt<'_> {
     }
 
     /// Writes name, unit and meaning of each column of the runs.
-    ///
-    /// # Errors
-    /// Trouble with the store, or output that cannot be written.
-    pub fn write_run_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
+    pub(crate) fn write_run_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
         about(&self.runs()?, out)
     }
 
     /// Writes name, unit and meaning of each column of the samples.
-    ///
-    /// # Errors
-    /// Trouble with the store, or output that cannot be written.
-    pub fn write_sample_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
+    pub(crate) fn write_sample_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
         let runs = selected_runs(self.store, self.selection)?;
         about(&Batch::of(&axes_of_samples(&runs), self.units)?.table, out)
     }
@@ -179,13 +149,31 @@ fn convert(column: &mut DataColumn, units: Units, at: impl Fn(usize) -> At) {
     }
 }
 
-/// A table of samples that is being written.
-enum Samples<'w> {
+/// A table that is being written.
+enum TableFile<'w> {
     Csv(&'w mut (dyn Write + Send)),
     Parquet(ParquetFile<&'w mut (dyn Write + Send)>),
 }
 
-impl Samples<'_> {
+impl<'w> TableFile<'w> {
+    /// Begins a table with these columns, without their rows.
+    fn begin(
+        format: TableFormat,
+        out: &'w mut (dyn Write + Send),
+        name: &str,
+        like: &[DataColumn],
+        of: &Excerpt<'_>,
+    ) -> Result<Self, ReportError> {
+        if format == TableFormat::Parquet {
+            let campaign = of.store.campaign_name()?;
+            let about = [("campaign", campaign.as_str())];
+            return Ok(Self::Parquet(ParquetFile::begin(out, name, like, &about)?));
+        }
+        let names = like.iter().map(|column| column.name.as_ref());
+        csv_rows::write(names, std::iter::empty::<[&str; 0]>(), out)?;
+        Ok(Self::Csv(out))
+    }
+
     fn append(&mut self, table: &[DataColumn]) -> Result<(), ReportError> {
         match self {
             Self::Csv(out) => write_csv_rows(table, out)?,
@@ -196,10 +184,9 @@ impl Samples<'_> {
 
     fn finish(self) -> Result<(), ReportError> {
         match self {
-            Self::Csv(_) => {}
-            Self::Parquet(file) => file.finish()?,
+            Self::Csv(_) => Ok(()),
+            Self::Parquet(file) => Ok(file.finish()?),
         }
-        Ok(())
     }
 }
 
@@ -265,6 +252,25 @@ impl Batch {
     }
 }
 
+/// What a sample holds, and the components of the stress whose parts it holds, under the names of the columns of samples.
+///
+/// # Errors
+/// None is known: the fields of a sample are numbers.
+pub fn sample_fields(sample: &Sample) -> Result<Vec<Field>, Unfit> {
+    let mut all = fields(sample)?;
+    let totals = STRESSES.iter().filter(|column| !column.is_part());
+    let totals = totals.map(|column| Field {
+        name: column.name.into(),
+        value: Value::Number(column.read(sample)),
+    });
+    let before = all
+        .iter()
+        .position(|field| field.name == "normal_stress_difference");
+    let place = before.map_or(all.len(), |place| place + 1);
+    all.splice(place..place, totals);
+    Ok(all)
+}
+
 /// Samples as columns, of the fields of [`sample_fields`].
 ///
 /// # Errors
@@ -278,8 +284,8 @@ pub fn sample_table(sampled: &[(u64, Sample)]) -> Result<Vec<DataColumn>, Report
     Ok(table)
 }
 
-/// Writes what is known of each column.
-fn about(table: &[DataColumn], out: &mut dyn Write) -> Result<(), ReportError> {
+/// Writes name, unit and meaning of each column.
+pub(super) fn about(table: &[DataColumn], out: &mut dyn Write) -> Result<(), ReportError> {
     let rows = table
         .iter()
         .map(|column| [column.name.as_ref(), column.unit, column.meaning]);

@@ -3,7 +3,7 @@
 mod latex;
 mod points;
 
-pub use latex::write_latex;
+pub(crate) use latex::write_latex;
 
 use super::text::table;
 use crate::format::Uncertain;

@@ -2,19 +2,17 @@
 //!
 //! Units and meanings are in a sidecar, so that the table itself has one header row of plain names.
 
-use super::columns::{Column, columns_of};
+use super::columns::{Column, columns_of, point_table};
 use super::error::ReportError;
 use super::points::Report;
+use super::runs::about;
 use crate::axes::{Axis, Value};
 use crate::csv_rows;
 use crate::format::short;
 use std::io::Write;
 
 /// Writes the points as comma-separated values: a header row of names, numbers in full, nothing where there is none.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+pub(crate) fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let columns = columns_of(report);
     let rows = report.points.iter().map(|point| {
         columns
@@ -30,22 +28,12 @@ pub fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError
 }
 
 /// Writes the sidecar: name, unit and meaning of each column.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_units(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
-    let columns = columns_of(report);
-    let rows = columns
-        .iter()
-        .map(|column| [column.name, column.unit_in(report), column.meaning]);
-    Ok(csv_rows::write(["column", "unit", "meaning"], rows, out)?)
+pub(crate) fn write_units(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+    about(&point_table(report), out)
 }
 
 /// Writes the points as a Markdown table with units in its head, without the columns that have nothing to say.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+pub(crate) fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let matters = |name| {
         // The rate that follows from an imposed stress is a result.
         Axis::of_key(name).is_none_or(|axis| {

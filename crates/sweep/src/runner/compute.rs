@@ -186,7 +186,7 @@ impl Shared<'_> {
 
     /// Says that a case ended.
     fn tell_end(&self, claim: &Claim, state: &str, steps: u64, cpu_s: f64) {
-        tracing::info!(case = claim.key, state, steps, cpu_s, "ended");
+        tracing::info!(case = claim.key, state, steps, cpu_s, "finished");
         self.progress.ended(claim, state, steps, cpu_s);
     }
 

@@ -2,7 +2,7 @@
 
 mod event;
 
-use crate::case::Case;
+use crate::case::{Case, step_cost};
 use crate::store::{Claim, Counts, Work};
 use crate::visible::visible;
 use clap::ValueEnum;
@@ -194,7 +194,7 @@ impl Progress {
         };
         worker.steps.store(steps, Ordering::Relaxed);
         let put = |place: &AtomicU64, value: f64| place.store(value.to_bits(), Ordering::Relaxed);
-        put(&worker.step_cost, case.step_cost());
+        put(&worker.step_cost, step_cost(&case.params));
         put(&worker.time_step, case.params.time_step);
         put(&worker.viscosity, f64::NAN);
         if self.style == Style::Json {

@@ -1,16 +1,18 @@
 //! Taking a campaign file into its store.
 
-use super::digest::{self, Altered};
+use super::digest::{self, Altered, Sealed};
 use super::log::{self, Mark};
 use super::registry::AtWork;
 use super::request::{Adoption, Request};
 use super::schema::{self, axis_cells, axis_columns};
+use super::statements::Statements;
 use super::{Store, StoreError, claims, ends, failures, harden, integer, rules};
 use crate::axes::AXES;
-use crate::campaign::order::{self, Order};
-use crate::campaign::{Campaign, Protocol};
 use crate::files::folder_of;
+use crate::model::campaign::Campaign;
+use crate::model::order::{self, Order};
 use crate::process;
+use crate::protocol::Protocol;
 use rusqlite::types::Value;
 use rusqlite::{Connection, OptionalExtension, params, params_from_iter};
 use sd_core::Params;
@@ -18,8 +20,13 @@ use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::path::Path;
 
-/// Columns of the campaign that its digest covers.
-pub(super) const COLUMNS: &str = "name, text, protocol, file, request, grid";
+/// The campaign.
+pub(super) const SEALED: Sealed = Sealed {
+    table: "campaign",
+    columns: "name, text, protocol, file, request, grid",
+    with_key: false,
+    words: "the campaign",
+};
 
 impl Store {
     /// Opens the store of a campaign, makes it if it is not there, and takes the campaign into it: see [`Store::adopt`]. A new
@@ -64,7 +71,7 @@ impl Store {
             .prefix(".sweep-part-")
             .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
             .tempfile_in(folder)
-            .map_err(|error| unwritable(super::place::reason_against(path).unwrap_or(error)))?;
+            .map_err(|error| unwritable(crate::disk::reason_against(path).unwrap_or(error)))?;
         let failed = |error| StoreError::sqlite(path, error, false);
         // Nobody else knows it, and what is cut short is thrown away.
         let connection = Connection::open(draft.path()).map_err(failed)?;
@@ -187,22 +194,16 @@ impl Store {
     /// Trouble with the file, or an entry that cannot be read.
     pub fn protocol(&self) -> Result<Protocol, StoreError> {
         let text = self.of_campaign("protocol")?;
-        self.json("campaign", serde_json::from_str(&text))
+        self.json(serde_json::from_str(&text))
     }
 
     /// The name of the campaign.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn campaign_name(&self) -> Result<String, StoreError> {
+    pub(crate) fn campaign_name(&self) -> Result<String, StoreError> {
         self.of_campaign("name")
     }
 
     /// The campaign file last run, to the letter.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn campaign_text(&self) -> Result<String, StoreError> {
+    pub(crate) fn campaign_text(&self) -> Result<String, StoreError> {
         self.of_campaign("text")
     }
 
@@ -222,9 +223,8 @@ impl Store {
 }
 
 /// Makes sure that the campaign is what was written.
-pub(super) fn check(connection: &Connection) -> Result<(), rusqlite::Error> {
-    let query = format!("SELECT {COLUMNS}, digest FROM campaign");
-    digest::check(connection, &query, [], "the campaign")
+pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
+    SEALED.check(connection, "true", [])
 }
 
 /// The campaign as a store was last run with it.
@@ -238,7 +238,7 @@ struct LastRun {
 }
 
 impl LastRun {
-    fn of(connection: &Connection) -> Result<Option<Self>, rusqlite::Error> {
+    fn of(connection: &Connection) -> rusqlite::Result<Option<Self>> {
         // A damaged one is written anew.
         if check(connection).is_err_and(|error| Altered::in_error(&error).is_some()) {
             return Ok(None);
@@ -272,12 +272,8 @@ struct Entry<'c> {
 
 impl<'c> Entry<'c> {
     fn of(campaign: &'c Campaign, order: Order<'c>, path: &Path) -> Result<Self, StoreError> {
-        let protocol =
-            serde_json::to_string(&campaign.protocol).map_err(|error| StoreError::Entry {
-                path: path.to_owned(),
-                table: "campaign",
-                reason: error.to_string(),
-            })?;
+        let protocol = serde_json::to_string(&campaign.protocol)
+            .map_err(|error| StoreError::unreadable(path, &error))?;
         Ok(Self {
             campaign,
             order,
@@ -295,9 +291,9 @@ impl<'c> Entry<'c> {
     }
 
     /// Makes the cases of a store those of the campaign.
-    fn enter(&self, connection: &Connection, is_new: bool) -> Result<(), rusqlite::Error> {
+    fn enter(&self, connection: &Connection, is_new: bool) -> rusqlite::Result<()> {
         let text = |text: &str| Value::Text(text.to_owned());
-        let mut row = vec![
+        let row = [
             text(&self.campaign.name),
             text(&self.campaign.text),
             text(&self.protocol),
@@ -305,14 +301,11 @@ impl<'c> Entry<'c> {
             text(&self.request.hash),
             text(&self.request.grid),
         ];
-        row.push(Value::Integer(digest::of(&row)));
-        row.push(Value::Text(self.order.priority.words()));
-        connection.execute(
-            &format!(
-                "INSERT OR REPLACE INTO campaign (id, {COLUMNS}, digest, priority) VALUES (1, ?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)"
-            ),
-            params_from_iter(row),
-        )?;
+        let more = [
+            ("id", Value::Integer(1)),
+            ("priority", Value::Text(self.order.priority.words())),
+        ];
+        SEALED.put(connection, None, &row, &more)?;
         self.enter_cases(connection)?;
         if is_new {
             schema::index(connection)?;
@@ -328,7 +321,7 @@ impl<'c> Entry<'c> {
     }
 
     /// Writes new cases, and gives known ones their places in the file.
-    fn enter_cases(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+    fn enter_cases(&self, connection: &Connection) -> rusqlite::Result<()> {
         connection.execute(
             "UPDATE cases SET position = NULL, counts = 0 WHERE position IS NOT NULL",
             [],
@@ -346,9 +339,11 @@ impl<'c> Entry<'c> {
         let now = process::now();
         let turn = claims::turn("steps_done").replace("turn", "excluded.turn");
         let mut insert = connection.prepare(&format!(
-            "INSERT INTO cases (key, point, seed, steps, sample_stride, position, counts, turn, cost, changed_at)
+            "INSERT INTO cases (key, point, seed, steps, sample_stride, position, counts, turn,
+                 cost, changed_at)
              VALUES (?1, ?2, ?3, ?4, ?5, ?6, 1, ?7, ?8, ?9)
-             ON CONFLICT (key) DO UPDATE SET position = excluded.position, counts = 1, cost = excluded.cost,
+             ON CONFLICT (key) DO UPDATE SET position = excluded.position, counts = 1,
+             cost = excluded.cost,
                  steps = excluded.steps, turn = {turn}"
         ))?;
         // In the order of work: cases that are computed one after the other lie side by side, and so will what comes of them.
@@ -386,7 +381,7 @@ impl Points {
         &mut self,
         connection: &Connection,
         params: &Params,
-    ) -> Result<i64, rusqlite::Error> {
+    ) -> rusqlite::Result<i64> {
         if let Some((_, place)) = self.last.as_ref().filter(|(last, _)| last == params) {
             return Ok(*place);
         }
@@ -400,14 +395,13 @@ impl Points {
             place
         } else {
             let places = vec!["?"; 2 + AXES.len()].join(", ");
-            connection
-                .prepare_cached(&format!(
+            connection.run(
+                &format!(
                     "INSERT INTO points (params, {}, digest) VALUES ({places})",
                     axis_columns("")
-                ))?
-                .execute(params_from_iter(
-                    row.iter().chain([&Value::Integer(digest)]),
-                ))?;
+                ),
+                params_from_iter(row.iter().chain([&Value::Integer(digest)])),
+            )?;
             connection.last_insert_rowid()
         };
         self.known.insert(digest, place);
@@ -417,15 +411,14 @@ impl Points {
 }
 
 /// The number of the point with a digest.
-fn number_of(connection: &Connection, digest: i64) -> Result<Option<i64>, rusqlite::Error> {
-    connection
-        .prepare_cached("SELECT id FROM points WHERE digest = ?1")?
-        .query_row([digest], |row| row.get(0))
-        .optional()
+fn number_of(connection: &Connection, digest: i64) -> rusqlite::Result<Option<i64>> {
+    connection.find("SELECT id FROM points WHERE digest = ?1", [digest], |row| {
+        row.get(0)
+    })
 }
 
 /// The row of a point, without its number and its digest.
-pub(super) fn point_row(params: &Params) -> Result<Vec<Value>, rusqlite::Error> {
+pub(super) fn point_row(params: &Params) -> rusqlite::Result<Vec<Value>> {
     let text = serde_json::to_string(params)
         .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
     Ok(std::iter::once(Value::Text(text))

@@ -1,22 +1,21 @@
 //! Whether all of a store is what was written; and what is damaged made pending again, to be computed with the same digits.
 
 use super::campaign;
-use super::digest::{Altered, Digest};
+use super::digest::{Altered, altered, rewrite};
 use super::log::Mark;
-use super::query::KnownPoint;
 use super::results::COVERED;
 use super::schema::axis_columns;
-use super::{Store, StoreError, claims, ends, failures, frames, registry, rules, samples};
-use crate::protocol::Protocol;
+use super::statements::Statements;
+use super::{Store, StoreError, claims, ends, failures, frames, points, registry, rules, samples};
 use rusqlite::{Connection, params};
 use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Largest file whose structure is looked at before a run, in bytes: this takes less than half a second.
 const CHEAP: i64 = 64 << 20;
-/// Tables with rows of a case.
-const OF_CASES: [&str; 6] = [
+/// Tables with what was computed of a case.
+pub(super) const OF_CASES: [&str; 6] = [
     "samples",
     "frames",
     "checkpoints",
@@ -25,94 +24,36 @@ const OF_CASES: [&str; 6] = [
     "failures",
 ];
 
-/// A kind of row that has a digest.
-struct Kind {
-    table: &'static str,
-    words: &'static str,
-    /// Selects the number of a row, the case it belongs to or 0, what its digest covers, and its digest.
-    query: String,
-}
-
-/// All of them.
-fn kinds() -> [Kind; 8] {
-    let kind = |table, words, query| Kind {
-        table,
-        words,
-        query,
-    };
-    let of = |before: &str, columns: &str| columns.replace(", ", &format!(", {before}"));
-    [
-        kind(
-            "campaign",
-            "the campaign",
-            format!("SELECT rowid, 0, {}, digest FROM campaign", campaign::COLUMNS),
-        ),
-        kind(
-            "processes",
-            "a process that computed",
-            format!("SELECT rowid, 0, {}, digest FROM processes", registry::COLUMNS),
-        ),
-        kind(
-            "points",
-            "the parameters of a point",
-            format!("SELECT rowid, 0, params, {}, digest FROM points", axis_columns("")),
-        ),
-        kind(
-            "rules",
-            "the precision requested at a point",
-            format!("SELECT rowid, 0, {}, digest FROM rules", rules::COLUMNS),
-        ),
-        kind(
-            "ends",
-            "the end of a run",
-            format!(
-                "SELECT e.rowid, c.id, c.key, e.{}, e.digest FROM ends e JOIN cases c ON c.id = e.case_id",
-                of("e.", ends::COLUMNS)
+/// Tables with a digest in each row, what a row is in words, and a statement that selects of each row its number, what the digest
+/// covers, and the digest.
+fn kinds() -> Vec<(&'static str, &'static str, String)> {
+    let sealed = [
+        campaign::SEALED,
+        registry::SEALED,
+        rules::SEALED,
+        ends::SEALED,
+        failures::SEALED,
+        frames::SEALED,
+    ];
+    let axes = axis_columns("");
+    let of_results = format!(
+        "SELECT r.rowid, {} FROM results r JOIN cases c ON c.id = r.case_id
+             JOIN points p ON p.id = c.point
+         WHERE c.state IN ('done', 'jammed')",
+        *COVERED
+    );
+    sealed
+        .into_iter()
+        .map(|kind| (kind.table, kind.words, kind.select("t.rowid, ")))
+        .chain([
+            (
+                "points",
+                "the parameters of a point",
+                format!("SELECT rowid, params, {axes}, digest FROM points"),
             ),
-        ),
-        kind(
-            "failures",
-            "a failure",
-            format!(
-                "SELECT f.rowid, c.id, c.key, f.{}, f.digest FROM failures f JOIN cases c ON c.id = f.case_id",
-                of("f.", failures::COLUMNS)
-            ),
-        ),
-        kind(
-            "frames",
-            "a frame of a run",
-            format!("SELECT f.rowid, f.case_id, {}, f.digest FROM frames f", frames::COLUMNS),
-        ),
-        kind(
-            "results",
-            "the result of a run",
-            format!(
-                "SELECT r.rowid, c.id, {} FROM results r JOIN cases c ON c.id = r.case_id JOIN points p ON p.id = c.point
-                 WHERE c.state IN ('done', 'jammed')",
-                *COVERED
-            ),
-        ),
-    ]
-}
-
-impl Kind {
-    /// Calls `each` with the number of every row whose digest is not the one of its contents, its case, and what the digest is.
-    fn altered(
-        &self,
-        connection: &Connection,
-        mut each: impl FnMut(i64, i64, i64),
-    ) -> Result<(), rusqlite::Error> {
-        let mut query = connection.prepare(&self.query)?;
-        let last = query.column_count() - 1;
-        let mut rows = query.query([])?;
-        while let Some(row) = rows.next()? {
-            let digest = Digest::default().with_row(row, 2..last)?.finish();
-            if row.get::<_, i64>(last).ok() != Some(digest) {
-                each(row.get(0)?, row.get(1)?, digest);
-            }
-        }
-        Ok(())
-    }
+            ("results", "the result of a run", of_results),
+        ])
+        .collect()
 }
 
 /// Something that is not what was written.
@@ -149,15 +90,21 @@ struct Damage {
 }
 
 impl Damage {
-    fn of(connection: &Connection) -> Result<Self, rusqlite::Error> {
+    fn of(connection: &Connection) -> rusqlite::Result<Self> {
         let mut damage = Self::default();
-        for kind in kinds() {
-            kind.altered(connection, |row, case, _| match kind.table {
-                _ if case != 0 => damage.case(case, kind.words, false),
-                "processes" => damage.processes.push(row),
-                "points" => damage.points.push(row),
-                _ => damage.grid(kind.words),
-            })?;
+        for (table, words, query) in kinds() {
+            for (row, _) in altered(connection, &query)? {
+                match table {
+                    "processes" => damage.processes.push(row),
+                    "points" => damage.points.push(row),
+                    _ if OF_CASES.contains(&table) => {
+                        let case = format!("SELECT case_id FROM {table} WHERE rowid = ?1");
+                        let case = connection.query_row(&case, [row], |row| row.get(0))?;
+                        damage.case(case, words, false);
+                    }
+                    _ => damage.grid(words),
+                }
+            }
         }
         damage.look_at_cases(connection)?;
         damage.look_at_samples(connection)?;
@@ -185,65 +132,33 @@ impl Damage {
     }
 
     /// That every case has its point and its key, and the state that goes with its result and its failures.
-    fn look_at_cases(&mut self, connection: &Connection) -> Result<(), rusqlite::Error> {
-        let protocol: Option<Protocol> = connection
-            .query_row("SELECT protocol FROM campaign", [], |row| {
-                row.get::<_, String>(0)
-            })
-            .ok()
-            .and_then(|text| serde_json::from_str(&text).ok());
-        let Some(protocol) = protocol else {
-            self.grid("the campaign");
-            return Ok(());
-        };
-        let mut points: BTreeMap<i64, Option<KnownPoint>> = BTreeMap::new();
-        let mut query = connection.prepare("SELECT * FROM points ORDER BY id")?;
-        let mut rows = query.query([])?;
-        while let Some(row) = rows.next()? {
-            points.insert(row.get(0)?, KnownPoint::read(row, protocol).ok());
-        }
-        let mut query = connection.prepare(
-            "SELECT c.key, c.seed, c.steps, c.sample_stride, c.state, c.position, c.id, c.point, r.case_id, e.steps, e.jammed,
-                 EXISTS (SELECT 1 FROM failures WHERE case_id = c.id AND NOT retried)
-             FROM cases c LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
-             LEFT JOIN ends e ON e.case_id = c.id AND c.state NOT IN ('done', 'jammed')",
-        )?;
-        let mut rows = query.query([])?;
-        let (mut positions, mut keys) = (BTreeSet::new(), Vec::new());
-        while let Some(row) = rows.next()? {
-            let id = row.get(6)?;
-            let position: Option<i64> = row.get(5)?;
-            let key = points
-                .get(&row.get(7)?)
-                .and_then(Option::as_ref)
-                .ok_or_else(|| Altered::error("it has no point"))
-                .and_then(|point| point.checked_key(row, position.is_some()));
-            match key {
-                Ok(key) => keys.extend(position.map(|_| key.number())),
-                Err(error) => {
-                    self.case(id, &error.to_string(), true);
-                    continue;
-                }
+    fn look_at_cases(&mut self, connection: &Connection) -> rusqlite::Result<()> {
+        let more = "c.id, EXISTS (SELECT 1 FROM failures WHERE case_id = c.id AND NOT retried)";
+        let is_whole = points::look(connection, more, "true", |row, known| {
+            let (id, has_failed): (i64, bool) = (row.get(11)?, row.get(12)?);
+            let fits = match row.get_ref(4)?.as_str()? {
+                "failed" => has_failed,
+                "pending" | "running" => !has_failed,
+                _ => true,
+            };
+            match known {
+                Err(error) => self.case(id, &Altered::words(&error), true),
+                Ok(_) if fits => {}
+                Ok(_) => self.case(id, "its state is not that of its failures", true),
             }
-            let (has_failed, is_failed): (bool, bool) =
-                (row.get(11)?, row.get_ref(4)?.as_str()? == "failed");
-            let is_open = matches!(row.get_ref(4)?.as_str()?, "pending" | "running");
-            if is_failed && !has_failed || is_open && has_failed {
-                self.case(id, "its state is not that of its failures", true);
-            }
-            positions.extend(position);
-        }
-        let numbers = 0..super::integer(positions.len() as u64);
-        let written: String =
-            connection.query_row("SELECT grid FROM campaign", [], |row| row.get(0))?;
-        if !positions.into_iter().eq(numbers) || super::request::grid(keys.into_iter()) != written {
-            self.grid("a case of the grid is missing");
+            Ok(())
+        });
+        match is_whole {
+            Ok(true) => {}
+            Ok(false) => self.grid("a case of the grid is missing"),
+            Err(error) if Altered::in_error(&error).is_some() => self.grid("the campaign"),
+            Err(error) => return Err(error),
         }
         Ok(())
     }
 
     /// That the samples of every case are what was written.
-    fn look_at_samples(&mut self, connection: &Connection) -> Result<(), rusqlite::Error> {
+    fn look_at_samples(&mut self, connection: &Connection) -> rusqlite::Result<()> {
         let mut digests = samples::digests(connection)?;
         let mut query = connection
             .prepare("SELECT id, samples_digest FROM cases WHERE samples_digest IS NOT NULL")?;
@@ -261,7 +176,7 @@ impl Damage {
     }
 
     /// That every result has a process that computed it.
-    fn look_at_processes(&mut self, connection: &Connection) -> Result<(), rusqlite::Error> {
+    fn look_at_processes(&mut self, connection: &Connection) -> rusqlite::Result<()> {
         let mut query = connection.prepare(
             "SELECT case_id FROM ends WHERE process NOT IN (SELECT id FROM processes)
              UNION SELECT case_id FROM results WHERE process NOT IN (SELECT id FROM processes)",
@@ -317,7 +232,7 @@ impl Damage {
     }
 
     /// Forgets what is damaged: runs are pending again, cases and points are entered anew with the campaign.
-    fn forget(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+    fn forget(&self, connection: &Connection) -> rusqlite::Result<()> {
         for (case, (_, is_row)) in &self.cases {
             forget_case(connection, *case)?;
             if *is_row {
@@ -325,10 +240,10 @@ impl Damage {
             }
         }
         for point in &self.points {
-            let cases: Vec<i64> = connection
-                .prepare("SELECT id FROM cases WHERE point = ?1")?
-                .query_map([point], |row| row.get(0))?
-                .collect::<Result<_, _>>()?;
+            let cases: Vec<i64> =
+                connection.all("SELECT id FROM cases WHERE point = ?1", [point], |row| {
+                    row.get(0)
+                })?;
             for case in cases {
                 forget_case(connection, case)?;
             }
@@ -340,7 +255,7 @@ impl Damage {
                 "UPDATE processes SET host = 'unknown', build = '', version = '' WHERE id = ?1",
                 [process],
             )?;
-            registry::seal(connection, *process)?;
+            registry::SEALED.seal(connection, &format!("t.id = {process}"))?;
         }
         if self.grid || !self.points.is_empty() || self.cases.values().any(|(_, is_row)| *is_row) {
             // What the store was last run with is entered again.
@@ -351,23 +266,22 @@ impl Damage {
 }
 
 /// Makes a case pending with nothing to it.
-fn forget_case(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
+fn forget_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     for table in OF_CASES {
         connection.execute(&format!("DELETE FROM {table} WHERE case_id = ?1"), [case])?;
     }
     connection.execute(
-        "UPDATE cases SET state = 'pending', owner = NULL, steps_done = 0, deaths = 0, samples_digest = NULL WHERE id = ?1",
+        "UPDATE cases SET state = 'pending', owner = NULL, steps_done = 0, deaths = 0,
+             samples_digest = NULL WHERE id = ?1",
         [case],
     )?;
     claims::free_where(connection, "id = ?2", &[&case]).map(|_| ())
 }
 
 /// What `SQLite` finds wrong with the structure of a store.
-fn structure(connection: &Connection) -> Result<Vec<String>, rusqlite::Error> {
-    let mut found: Vec<String> = connection
-        .prepare("PRAGMA main.integrity_check(20)")?
-        .query_map([], |row| row.get(0))?
-        .collect::<Result<_, _>>()?;
+fn structure(connection: &Connection) -> rusqlite::Result<Vec<String>> {
+    let mut found: Vec<String> =
+        connection.all("PRAGMA main.integrity_check(20)", [], |row| row.get(0))?;
     // Values that no column of ours can have are found by other means.
     found.retain(|line| line != "ok" && !line.contains("CHECK constraint"));
     Ok(found)
@@ -449,13 +363,14 @@ impl Store {
 /// # Errors
 /// Trouble with the file.
 pub fn accept_changes(path: &Path) -> Result<(), StoreError> {
-    let accepted = || -> Result<(), rusqlite::Error> {
+    let accepted = || -> rusqlite::Result<()> {
         let connection = Connection::open(path)?;
         connection.execute_batch("BEGIN IMMEDIATE")?;
-        let keys: Vec<String> = connection
-            .prepare("SELECT key FROM cases WHERE position IS NOT NULL")?
-            .query_map([], |row| row.get(0))?
-            .collect::<Result<_, _>>()?;
+        let keys: Vec<String> = connection.all(
+            "SELECT key FROM cases WHERE position IS NOT NULL",
+            [],
+            |row| row.get(0),
+        )?;
         let keys = keys
             .iter()
             .map(|key| u128::from_str_radix(key, 16).unwrap_or(0));
@@ -470,14 +385,9 @@ pub fn accept_changes(path: &Path) -> Result<(), StoreError> {
                 params![case, digest],
             )?;
         }
-        for kind in kinds() {
-            let mut altered = Vec::new();
-            kind.altered(&connection, |row, _, digest| altered.push((row, digest)))?;
-            for (row, digest) in altered {
-                connection.execute(
-                    &format!("UPDATE {} SET digest = ?2 WHERE rowid = ?1", kind.table),
-                    params![row, digest],
-                )?;
+        for (table, _, query) in kinds() {
+            for (row, digest) in altered(&connection, &query)? {
+                rewrite(&connection, table, row, digest)?;
             }
         }
         Mark::renew(&connection)?;

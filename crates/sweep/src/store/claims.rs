@@ -1,9 +1,10 @@
 //! Claims and checkpoints: the life of a running case.
 
+use super::statements::Statements;
 use super::{Checkpoint, Damage, Store, StoreError, count, ends, integer};
 use crate::case::{Case, State};
 use crate::process;
-use rusqlite::{Connection, OptionalExtension, ToSql, params, params_from_iter};
+use rusqlite::{Connection, ToSql, params, params_from_iter};
 use std::fmt::Write as _;
 use std::time::Duration;
 
@@ -45,7 +46,8 @@ impl Store {
                 None => next(connection, workers, batch.as_secs_f64())?,
             };
             let mut own = connection.prepare_cached(
-                "UPDATE cases SET state = 'running', owner = ?2, attempts = attempts + 1, changed_at = ?3
+                "UPDATE cases SET state = 'running', owner = ?2, attempts = attempts + 1,
+                     changed_at = ?3
                  WHERE id = ?1 RETURNING key, point, seed, steps, sample_stride, steps_done",
             )?;
             let mut known: Option<(i64, i64, sd_core::Params)> = None;
@@ -55,7 +57,9 @@ impl Store {
                         own.query_row(params![id, me, process::now()], |row| {
                             let point = row.get(1)?;
                             let (digest, params) = match &known {
-                                Some((id, digest, params)) if *id == point => (*digest, params.clone()),
+                                Some((id, digest, params)) if *id == point => {
+                                    (*digest, params.clone())
+                                }
                                 _ => point_of(connection, point)?,
                             };
                             known = Some((point, digest, params.clone()));
@@ -76,7 +80,9 @@ impl Store {
                     if steps_done > 0 {
                         claim.checkpoints = checkpoints(connection, id)?;
                         // More may be requested than was computed to an end before.
-                        claim.checkpoints.extend(ends::end_to_go_on_from(connection, id)?);
+                        claim
+                            .checkpoints
+                            .extend(ends::end_to_go_on_from(connection, id)?);
                     }
                     Ok(claim)
                 })
@@ -93,21 +99,28 @@ impl Store {
     pub fn keep(&mut self, claim: &Claim, steps: u64, data: &[u8]) -> Result<(), StoreError> {
         let me = self.me();
         let owned = self.write_relaxed(|connection| {
-            let changed = connection
-                .prepare_cached(
-                    "UPDATE cases SET steps_done = ?3, deaths = 0 WHERE id = ?1 AND owner = ?2 AND state = 'running'",
-                )?
-                .execute(params![claim.id, me, integer(steps)])?;
+            let changed = connection.change(
+                "UPDATE cases SET steps_done = ?3, deaths = 0
+                 WHERE id = ?1 AND owner = ?2 AND state = 'running'",
+                params![claim.id, me, integer(steps)],
+            )?;
             if changed == 0 {
                 return Ok(false);
             }
-            let newest: Option<i64> = connection
-                .prepare_cached(
-                    "SELECT generation FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC LIMIT 1",
-                )?
-                .query_row([claim.id], |row| row.get(0))
-                .optional()?;
-            put_checkpoint(connection, claim.id, i64::from(newest == Some(0)), steps, me, data)?;
+            let newest: Option<i64> = connection.find(
+                "SELECT generation FROM checkpoints WHERE case_id = ?1
+                 ORDER BY steps DESC, written_at DESC LIMIT 1",
+                [claim.id],
+                |row| row.get(0),
+            )?;
+            put_checkpoint(
+                connection,
+                claim.id,
+                i64::from(newest == Some(0)),
+                steps,
+                me,
+                data,
+            )?;
             Ok(true)
         })?;
         owned.then_some(()).ok_or_else(|| claim.lost())
@@ -159,23 +172,16 @@ impl Claim {
 }
 
 /// The digest and the parameters of a point.
-fn point_of(
-    connection: &Connection,
-    point: i64,
-) -> Result<(i64, sd_core::Params), rusqlite::Error> {
-    connection
-        .prepare_cached("SELECT digest, params FROM points WHERE id = ?1")?
-        .query_row([point], |row| {
-            Ok((row.get(0)?, super::query::params(row, 1)?))
-        })
+fn point_of(connection: &Connection, point: i64) -> rusqlite::Result<(i64, sd_core::Params)> {
+    connection.one(
+        "SELECT digest, params FROM points WHERE id = ?1",
+        [point],
+        |row| Ok((row.get(0)?, super::points::params(row, 1)?)),
+    )
 }
 
 /// The cases that come next in the order of work: one, or as many short ones as make a batch.
-fn next(
-    connection: &Connection,
-    workers: usize,
-    batch_s: f64,
-) -> Result<Vec<i64>, rusqlite::Error> {
+fn next(connection: &Connection, workers: usize, batch_s: f64) -> rusqlite::Result<Vec<i64>> {
     let mut query = connection.prepare_cached(
         "SELECT id, cost, steps_done > 0 OR deaths > 0 FROM cases WHERE state = 'pending' AND counts
          ORDER BY turn, gain DESC, position LIMIT ?1",
@@ -204,12 +210,13 @@ fn next(
 }
 
 /// The most expensive pending case, if the rest of what is pending would not keep the other workers busy for as long as it takes.
-fn overdue(connection: &Connection, workers: usize) -> Result<Option<i64>, rusqlite::Error> {
+fn overdue(connection: &Connection, workers: usize) -> rusqlite::Result<Option<i64>> {
     if workers < 2 {
         return Ok(None);
     }
     let mut query = connection.prepare_cached(
-        "SELECT id, cost, steps_done > 0 OR deaths >= ?2 FROM cases WHERE state = 'pending' AND counts
+        "SELECT id, cost, steps_done > 0 OR deaths >= ?2 FROM cases WHERE state = 'pending'
+             AND counts
          ORDER BY cost DESC LIMIT ?1",
     )?;
     let mut rows = query.query(params![integer(LOOKED_AT as u64), SUSPECT])?;
@@ -235,17 +242,13 @@ fn overdue(connection: &Connection, workers: usize) -> Result<Option<i64>, rusql
 pub(super) fn checkpoints(
     connection: &Connection,
     case: i64,
-) -> Result<Vec<Result<Checkpoint, Damage>>, rusqlite::Error> {
-    connection
-        .prepare_cached(
-            "SELECT CASE WHEN length(data) <= ?2 THEN data ELSE x'' END FROM checkpoints
+) -> rusqlite::Result<Vec<Result<Checkpoint, Damage>>> {
+    connection.all(
+        "SELECT CASE WHEN length(data) <= ?2 THEN data ELSE x'' END FROM checkpoints
              WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC",
-        )?
-        .query_map(
-            params![case, integer(Checkpoint::SIZE_LIMIT as u64)],
-            |row| Ok(Checkpoint::decode(row.get_ref(0)?.as_blob()?)),
-        )?
-        .collect()
+        params![case, integer(Checkpoint::SIZE_LIMIT as u64)],
+        |row| Ok(Checkpoint::decode(row.get_ref(0)?.as_blob()?)),
+    )
 }
 
 /// Writes a checkpoint in place of another one.
@@ -256,22 +259,24 @@ pub(super) fn put_checkpoint(
     steps: u64,
     process: i64,
     data: &[u8],
-) -> Result<(), rusqlite::Error> {
-    connection
-        .prepare_cached(
-            "INSERT OR REPLACE INTO checkpoints (case_id, generation, steps, process, written_at, data)
+) -> rusqlite::Result<()> {
+    connection.run(
+        "INSERT OR REPLACE INTO checkpoints (case_id, generation, steps, process, written_at, data)
              VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
-        )?
-        .execute(params![case, generation, integer(steps), process, process::now(), data])
-        .map(|_| ())
+        params![
+            case,
+            generation,
+            integer(steps),
+            process,
+            process::now(),
+            data
+        ],
+    )
 }
 
 /// Drops all checkpoints of a case.
-pub(super) fn drop_checkpoints(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
-    connection
-        .prepare_cached("DELETE FROM checkpoints WHERE case_id = ?1")?
-        .execute([case])
-        .map(|_| ())
+pub(super) fn drop_checkpoints(connection: &Connection, case: i64) -> rusqlite::Result<()> {
+    connection.run("DELETE FROM checkpoints WHERE case_id = ?1", [case])
 }
 
 /// Gives a case a state that is an end.
@@ -280,17 +285,15 @@ pub(super) fn end(
     case: i64,
     state: State,
     steps: u64,
-) -> Result<(), rusqlite::Error> {
-    connection
-        .prepare_cached(
-            "UPDATE cases SET state = ?2, owner = NULL, steps_done = ?3, changed_at = ?4 WHERE id = ?1",
-        )?
-        .execute(params![case, state.name(), integer(steps), process::now()])
-        .map(|_| ())
+) -> rusqlite::Result<()> {
+    connection.run(
+        "UPDATE cases SET state = ?2, owner = NULL, steps_done = ?3, changed_at = ?4 WHERE id = ?1",
+        params![case, state.name(), integer(steps), process::now()],
+    )
 }
 
 /// Makes all running cases of a process pending.
-pub(super) fn free(connection: &Connection, process: i64) -> Result<usize, rusqlite::Error> {
+pub(super) fn free(connection: &Connection, process: i64) -> rusqlite::Result<usize> {
     free_where(connection, "owner = ?2 AND state = 'running'", &[&process])
 }
 
@@ -299,16 +302,15 @@ pub(super) fn free_where(
     connection: &Connection,
     condition: &str,
     parameters: &[&dyn ToSql],
-) -> Result<usize, rusqlite::Error> {
+) -> rusqlite::Result<usize> {
     let mut statement =
         String::from("UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?1, ");
     let _ = write!(statement, "turn = {} WHERE {condition}", turn("steps_done"));
     let now = process::now();
-    connection
-        .prepare_cached(&statement)?
-        .execute(params_from_iter(
-            std::iter::once(&now as &dyn ToSql).chain(parameters.iter().copied()),
-        ))
+    connection.change(
+        &statement,
+        params_from_iter(std::iter::once(&now as &dyn ToSql).chain(parameters.iter().copied())),
+    )
 }
 
 /// The turn of a case with so many steps done, as SQL: before the others if it was begun, after them if it kills its processes.

@@ -2,8 +2,9 @@
 //!
 //! `SQLite` notices a page that is out of its place; it does not notice a changed digit.
 
+use super::statements::Statements;
 use rusqlite::types::{Type, Value, ValueRef};
-use rusqlite::{Connection, Params, Row};
+use rusqlite::{Connection, Params, Row, params_from_iter};
 use std::fmt;
 use std::ops::Range;
 
@@ -51,7 +52,7 @@ impl Digest {
         mut self,
         row: &Row<'_>,
         columns: Range<usize>,
-    ) -> Result<Self, rusqlite::Error> {
+    ) -> rusqlite::Result<Self> {
         for column in columns {
             self.add(row.get_ref(column)?);
         }
@@ -72,6 +73,111 @@ pub(super) fn of(values: &[Value]) -> i64 {
     Digest::default().with(values).finish()
 }
 
+/// A table whose rows have a digest.
+pub(super) struct Sealed {
+    pub(super) table: &'static str,
+    /// The columns that the digest covers, in their order.
+    pub(super) columns: &'static str,
+    /// Whether it covers the key of the case of a row before these.
+    pub(super) with_key: bool,
+    /// A row, in words.
+    pub(super) words: &'static str,
+}
+
+impl Sealed {
+    /// Selects of rows `t`, and their cases `c` where there is a key, `first`, what the digest covers, and the digest.
+    pub(super) fn select(&self, first: &str) -> String {
+        let (key, cases) = if self.with_key {
+            ("c.key, ", " JOIN cases c ON c.id = t.case_id")
+        } else {
+            ("", "")
+        };
+        let columns = self.columns.replace(", ", ", t.");
+        let table = self.table;
+        format!("SELECT {first}{key}t.{columns}, t.digest FROM {table} t{cases}")
+    }
+
+    /// Makes sure that the rows that meet a condition are what was written.
+    ///
+    /// # Errors
+    /// [`Altered`], and those of the query.
+    pub(super) fn check(
+        &self,
+        connection: &Connection,
+        condition: &str,
+        parameters: impl Params,
+    ) -> rusqlite::Result<()> {
+        let query = format!("{} WHERE {condition}", self.select(""));
+        check(connection, &query, parameters, self.words)
+    }
+
+    /// Writes a row in place of any other with its number, the key of its case in front, and `more` that the digest does not
+    /// cover.
+    pub(super) fn put(
+        &self,
+        connection: &Connection,
+        key: Option<&str>,
+        values: &[Value],
+        more: &[(&str, Value)],
+    ) -> rusqlite::Result<()> {
+        let key = key.map(|key| Value::Text(key.to_owned()));
+        let digest = Value::Integer(Digest::default().with(&key).with(values).finish());
+        let names: Vec<&str> = more.iter().map(|(name, _)| *name).collect();
+        let names = names.join(", ");
+        let comma = if more.is_empty() { "" } else { ", " };
+        let places = vec!["?"; values.len() + 1 + more.len()].join(", ");
+        let (table, columns) = (self.table, self.columns);
+        connection.run(
+            &format!(
+                "INSERT OR REPLACE INTO {table} ({columns}, digest{comma}{names}) VALUES ({places})"
+            ),
+            params_from_iter(
+                values
+                    .iter()
+                    .chain([&digest])
+                    .chain(more.iter().map(|(_, value)| value)),
+            ),
+        )
+    }
+
+    /// Writes the digests of the rows that meet a condition anew.
+    pub(super) fn seal(&self, connection: &Connection, condition: &str) -> rusqlite::Result<()> {
+        let query = format!("{} WHERE {condition}", self.select("t.rowid, "));
+        for (row, digest) in altered(connection, &query)? {
+            rewrite(connection, self.table, row, digest)?;
+        }
+        Ok(())
+    }
+}
+
+/// Rows whose digest is not the one of their contents, and what it is: the first column of each is its number, the last the
+/// digest of those between.
+pub(super) fn altered(connection: &Connection, query: &str) -> rusqlite::Result<Vec<(i64, i64)>> {
+    let mut query = connection.prepare(query)?;
+    let last = query.column_count() - 1;
+    let (mut rows, mut all) = (query.query([])?, Vec::new());
+    while let Some(row) = rows.next()? {
+        let digest = Digest::default().with_row(row, 1..last)?.finish();
+        if row.get::<_, i64>(last).ok() != Some(digest) {
+            all.push((row.get(0)?, digest));
+        }
+    }
+    Ok(all)
+}
+
+/// Gives a row another digest.
+pub(super) fn rewrite(
+    connection: &Connection,
+    table: &str,
+    row: i64,
+    digest: i64,
+) -> rusqlite::Result<()> {
+    connection.run(
+        &format!("UPDATE {table} SET digest = ?2 WHERE rowid = ?1"),
+        [row, digest],
+    )
+}
+
 /// Makes sure that rows are what was written: the last column of each is the digest of those before it.
 ///
 /// # Errors
@@ -81,7 +187,7 @@ pub(super) fn check(
     query: &str,
     parameters: impl Params,
     what: &str,
-) -> Result<(), rusqlite::Error> {
+) -> rusqlite::Result<()> {
     let mut query = connection.prepare_cached(query)?;
     let last = query.column_count() - 1;
     let mut rows = query.query(parameters)?;
@@ -101,6 +207,11 @@ impl Altered {
     /// As an error of a query.
     pub(super) fn error(what: impl Into<String>) -> rusqlite::Error {
         rusqlite::Error::FromSqlConversionFailure(0, Type::Null, Box::new(Self(what.into())))
+    }
+
+    /// An error of a query in words.
+    pub(super) fn words(error: &rusqlite::Error) -> String {
+        Self::in_error(error).map_or_else(|| error.to_string(), Self::to_string)
     }
 
     /// What an error of a query is about, if it is about this.

@@ -2,23 +2,29 @@
 //!
 //! A run is computed once: its beginning is the run of less strain, and from its last state it goes on to more.
 
-use super::digest::{self, Digest, number, whole};
+use super::digest::{Sealed, number, whole};
 use super::results::Place;
+use super::statements::Statements;
 use super::{Checkpoint, Damage, Store, StoreError, claims, count, rules, samples};
 use crate::axes::identity;
-use crate::campaign::{Discard, Protocol};
 use crate::case::State;
 use crate::process;
+use crate::protocol::{Discard, Protocol};
 use crate::statistics::mser_5;
 use rusqlite::types::Value;
-use rusqlite::{Connection, OptionalExtension, Row, params, params_from_iter};
+use rusqlite::{Connection, Row, params};
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
 use std::collections::HashMap;
 
-/// Columns of the end of a run that its digest covers, after the key of its case.
-pub(super) const COLUMNS: &str = "steps, jammed, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, \
-     jam_events, jammed_steps, jammed_stages, wall_time_s, cpu_time_s, resumed, process, finished_at, state, inexact_stages";
+/// The ends of runs.
+pub(super) const SEALED: Sealed = Sealed {
+    table: "ends",
+    columns: "steps, jammed, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, jam_events, \
+              jammed_steps, jammed_stages, wall_time_s, cpu_time_s, resumed, process, finished_at, state, inexact_stages",
+    with_key: true,
+    words: "the end of a run",
+};
 
 /// How far a run was computed.
 #[derive(Debug, Clone)]
@@ -44,7 +50,7 @@ impl RunEnd {
         connection: &Connection,
         case: i64,
         key: &str,
-    ) -> Result<(), rusqlite::Error> {
+    ) -> rusqlite::Result<()> {
         let counters = &self.counters;
         let values = [
             whole(self.steps),
@@ -65,36 +71,30 @@ impl RunEnd {
             self.state.clone().map_or(Value::Null, Value::Blob),
             whole(counters.inexact_stages),
         ];
-        let key = Value::Text(key.to_owned());
-        let digest = Digest::default().with([&key]).with(&values).finish();
-        let case = Value::Integer(case);
-        connection
-            .prepare_cached(&format!(
-                "INSERT OR REPLACE INTO ends (case_id, {COLUMNS}, digest)
-                 VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
-            ))?
-            .execute(params_from_iter(
-                std::iter::once(&case)
-                    .chain(&values)
-                    .chain([&Value::Integer(digest)]),
-            ))
-            .map(|_| ())
+        SEALED.put(
+            connection,
+            Some(key),
+            &values,
+            &[("case_id", Value::Integer(case))],
+        )
     }
 
     /// The end of the run of a case, if it was computed to one.
     ///
     /// # Errors
-    /// Those of the query, and [`Altered`](digest::Altered) if it is not what was written.
-    pub(super) fn of(connection: &Connection, case: i64) -> Result<Option<Self>, rusqlite::Error> {
-        check(connection, "e.case_id = ?1", [case])?;
-        connection
-            .prepare_cached(&format!("SELECT {COLUMNS} FROM ends WHERE case_id = ?1"))?
-            .query_row([case], Self::read)
-            .optional()
+    /// Those of the query, and [`Altered`](super::digest::Altered) if it is not what was written.
+    pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Option<Self>> {
+        SEALED.check(connection, "t.case_id = ?1", [case])?;
+        let columns = SEALED.columns;
+        connection.find(
+            &format!("SELECT {columns} FROM ends WHERE case_id = ?1"),
+            [case],
+            Self::read,
+        )
     }
 
-    fn read(row: &Row<'_>) -> Result<Self, rusqlite::Error> {
-        let number = |column: usize| -> Result<f64, rusqlite::Error> {
+    fn read(row: &Row<'_>) -> rusqlite::Result<Self> {
+        let number = |column: usize| -> rusqlite::Result<f64> {
             Ok(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN))
         };
         let whole = |column: usize| row.get(column).map(count);
@@ -131,23 +131,6 @@ impl RunEnd {
     }
 }
 
-/// Makes sure that ends of runs are what was written: those that meet a condition on `e` and `c`.
-pub(super) fn check(
-    connection: &Connection,
-    condition: &str,
-    parameters: impl rusqlite::Params,
-) -> Result<(), rusqlite::Error> {
-    let columns = COLUMNS.replace(", ", ", e.");
-    digest::check(
-        connection,
-        &format!(
-            "SELECT c.key, e.{columns}, e.digest FROM ends e JOIN cases c ON c.id = e.case_id WHERE {condition}"
-        ),
-        parameters,
-        "the end of a run",
-    )
-}
-
 /// A case that was computed to an end, and what is requested of it.
 struct Computed {
     id: i64,
@@ -181,20 +164,22 @@ impl Computed {
         connection: &Connection,
         condition: &str,
         parameters: impl rusqlite::Params,
-    ) -> Result<Vec<Self>, rusqlite::Error> {
-        connection
-            .prepare_cached(&format!(
-                "SELECT c.id, c.key, p.digest, p.params, c.steps, c.state, c.steps_done, r.discard_step, e.steps,
+    ) -> rusqlite::Result<Vec<Self>> {
+        connection.all(
+            &format!(
+                "SELECT c.id, c.key, p.digest, p.params, c.steps, c.state, c.steps_done,
+                     r.discard_step, e.steps,
                      e.jammed, e.state IS NOT NULL
                  FROM ends e JOIN cases c ON c.id = e.case_id JOIN points p ON p.id = c.point
                  LEFT JOIN results r ON r.case_id = c.id WHERE {condition}"
-            ))?
-            .query_map(parameters, |row| {
+            ),
+            parameters,
+            |row| {
                 Ok(Self {
                     id: row.get(0)?,
                     key: row.get(1)?,
                     point: row.get(2)?,
-                    params: super::query::params(row, 3)?,
+                    params: super::points::params(row, 3)?,
                     requested: count(row.get(4)?),
                     state: row.get(5)?,
                     steps_done: count(row.get(6)?),
@@ -203,8 +188,8 @@ impl Computed {
                     jammed: row.get(9)?,
                     continues: row.get(10)?,
                 })
-            })?
-            .collect()
+            },
+        )
     }
 
     fn verdict(&self) -> Verdict {
@@ -218,17 +203,13 @@ impl Computed {
     }
 
     /// Gives it the state and the result that is requested, where every run discards the same strain.
-    fn settle_alone(
-        &self,
-        connection: &Connection,
-        protocol: &Protocol,
-    ) -> Result<(), rusqlite::Error> {
+    fn settle_alone(&self, connection: &Connection, protocol: &Protocol) -> rusqlite::Result<()> {
         let steps = protocol.with_time_step(self.params.time_step);
         self.settle(connection, steps.discard_steps().unwrap_or(0))
     }
 
     /// Gives it the state and the result that is requested.
-    fn settle(&self, connection: &Connection, discard: u64) -> Result<(), rusqlite::Error> {
+    fn settle(&self, connection: &Connection, discard: u64) -> rusqlite::Result<()> {
         let (state, steps) = match self.verdict() {
             Verdict::Result(state, steps) => (state, steps),
             Verdict::Short if matches!(self.state.as_str(), "done" | "jammed") => {
@@ -246,9 +227,11 @@ impl Computed {
         };
         let mut samples = samples::of(connection, self.id)?;
         samples.retain(|(step, _)| *step < steps);
-        let samples_digest: Option<i64> = connection
-            .prepare_cached("SELECT samples_digest FROM cases WHERE id = ?1")?
-            .query_row([self.id], |row| row.get(0))?;
+        let samples_digest: Option<i64> = connection.one(
+            "SELECT samples_digest FROM cases WHERE id = ?1",
+            [self.id],
+            |row| row.get(0),
+        )?;
         Place {
             id: self.id,
             key: &self.key,
@@ -265,7 +248,7 @@ impl Computed {
     }
 
     /// Lets it go on, as more is requested than was computed: from its last state, or where that was not kept from the beginning.
-    fn reopen(&self, connection: &Connection) -> Result<(), rusqlite::Error> {
+    fn reopen(&self, connection: &Connection) -> rusqlite::Result<()> {
         let end = if self.continues { self.steps } else { 0 };
         connection.execute(
             "UPDATE cases SET state = 'pending', deaths = 0, changed_at = ?3, steps_done = max(?2,
@@ -279,10 +262,7 @@ impl Computed {
 
 /// Gives every case of the grid that was computed to an end the state and the result the protocol requests. Cases under way
 /// are left alone.
-pub(super) fn settle_all(
-    connection: &Connection,
-    protocol: &Protocol,
-) -> Result<(), rusqlite::Error> {
+pub(super) fn settle_all(connection: &Connection, protocol: &Protocol) -> rusqlite::Result<()> {
     let computed = Computed::of(
         connection,
         "c.position IS NOT NULL AND c.state != 'running'",
@@ -307,7 +287,7 @@ pub(super) fn settle(
     connection: &Connection,
     case: i64,
     protocol: &Protocol,
-) -> Result<(), rusqlite::Error> {
+) -> rusqlite::Result<()> {
     if protocol.discard == Discard::Auto {
         let of_point = "c.point = (SELECT point FROM cases WHERE id = ?1)
              AND (c.id = ?1 OR c.position IS NOT NULL AND c.state != 'running')";
@@ -321,7 +301,7 @@ pub(super) fn settle_one(
     connection: &Connection,
     case: i64,
     protocol: &Protocol,
-) -> Result<(), rusqlite::Error> {
+) -> rusqlite::Result<()> {
     Computed::of(connection, "c.id = ?1", [case])?
         .iter()
         .try_for_each(|case| case.settle_alone(connection, protocol))
@@ -329,7 +309,7 @@ pub(super) fn settle_one(
 
 /// Settles the runs of a point, leaving out as much as MSER-5 picks from the mean over those that are done. Where a precision
 /// decides on the seeds, these are those of the first batch: so what is left out does not change while seeds are still added.
-fn settle_point(connection: &Connection, point: &[Computed]) -> Result<(), rusqlite::Error> {
+fn settle_point(connection: &Connection, point: &[Computed]) -> rusqlite::Result<()> {
     let Some(first) = point.first() else {
         return Ok(());
     };
@@ -364,16 +344,16 @@ fn settle_point(connection: &Connection, point: &[Computed]) -> Result<(), rusql
 }
 
 /// Steps to which a case was computed, if it was computed to an end.
-pub(super) fn steps_of(connection: &Connection, case: i64) -> Result<Option<u64>, rusqlite::Error> {
+pub(super) fn steps_of(connection: &Connection, case: i64) -> rusqlite::Result<Option<u64>> {
     connection
-        .prepare_cached("SELECT steps FROM ends WHERE case_id = ?1")?
-        .query_row([case], |row| row.get(0))
-        .optional()
+        .find("SELECT steps FROM ends WHERE case_id = ?1", [case], |row| {
+            row.get(0)
+        })
         .map(|steps| steps.map(count))
 }
 
 /// Forgets the last state of a run, which proved to be of no use.
-pub(super) fn drop_state(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
+pub(super) fn drop_state(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     if let Some(end) = RunEnd::of(connection, case)? {
         let key: String =
             connection.query_row("SELECT key FROM cases WHERE id = ?1", [case], |row| {
@@ -388,7 +368,7 @@ pub(super) fn drop_state(connection: &Connection, case: i64) -> Result<(), rusql
 pub(super) fn end_to_go_on_from(
     connection: &Connection,
     case: i64,
-) -> Result<Option<Result<Checkpoint, Damage>>, rusqlite::Error> {
+) -> rusqlite::Result<Option<Result<Checkpoint, Damage>>> {
     let Some(state) = RunEnd::of(connection, case)?.and_then(|end| end.state) else {
         return Ok(None);
     };
@@ -411,26 +391,19 @@ pub(crate) struct LastState {
 
 impl Store {
     /// The last states of all done runs of the grid that have one, in the order of the campaign.
-    ///
-    /// # Errors
-    /// [`StoreError::Damaged`], and trouble with the file.
     pub(crate) fn last_states(&self) -> Result<Vec<LastState>, StoreError> {
         let states = || {
-            check(&self.connection, "c.counts AND c.state = 'done'", [])?;
-            self.connection
-                .prepare(
-                    "SELECT p.params, c.seed, e.state FROM cases c JOIN points p ON p.id = c.point
+            SEALED.check(&self.connection, "c.counts AND c.state = 'done'", [])?;
+            self.connection.all("SELECT p.params, c.seed, e.state FROM cases c
+                 JOIN points p ON p.id = c.point
                      JOIN ends e ON e.case_id = c.id
-                     WHERE c.counts AND c.state = 'done' AND e.state IS NOT NULL ORDER BY c.position",
-                )?
-                .query_map([], |row| {
+                     WHERE c.counts AND c.state = 'done' AND e.state IS NOT NULL ORDER BY c.position", [], |row| {
                     Ok(LastState {
-                        params: super::query::params(row, 0)?,
+                        params: super::points::params(row, 0)?,
                         seed: count(row.get(1)?),
                         state: row.get(2)?,
                     })
-                })?
-                .collect()
+                })
         };
         self.read(states())
     }

@@ -1,7 +1,7 @@
 //! What can be wrong with a store.
 
 use super::digest::Altered;
-use super::place::{is_full, reason_against};
+use crate::disk::{is_full, reason_against};
 use rusqlite::ErrorCode;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -202,16 +202,6 @@ pub enum StoreError {
         /// Its key.
         key: String,
     },
-    /// A row that cannot be understood.
-    #[error("{}: unreadable entry in {table}: {reason}", path.display())]
-    Entry {
-        /// The file.
-        path: PathBuf,
-        /// The table.
-        table: &'static str,
-        /// What is wrong with it.
-        reason: String,
-    },
     /// I/O failed, or `SQLite`.
     #[error("{}: {what}", path.display())]
     #[diagnostic(help("{advice}"))]
@@ -233,6 +223,14 @@ pub enum StoreError {
 }
 
 impl StoreError {
+    /// The error about an entry that cannot be understood.
+    pub(super) fn unreadable(path: &Path, why: &dyn std::fmt::Display) -> Self {
+        Self::Damaged {
+            path: path.to_owned(),
+            what: format!("an entry cannot be read: {why}"),
+        }
+    }
+
     /// Makes sense of an error of `SQLite`.
     pub(super) fn sqlite(path: &Path, source: rusqlite::Error, under_way: bool) -> Self {
         if let Some(altered) = Altered::in_error(&source) {
@@ -313,7 +311,6 @@ impl StoreError {
             | Self::Gone { .. }
             | Self::Displaced { .. }
             | Self::Damaged { .. }
-            | Self::Entry { .. }
             | Self::ForeignLog { .. } => true,
             Self::Sqlite {
                 under_way, passing, ..

@@ -1,7 +1,8 @@
 //! Frames of runs.
 
 use super::claims::Claim;
-use super::digest::{self, number, whole};
+use super::digest::{Sealed, number, whole};
+use super::statements::Statements;
 use super::{Store, StoreError, count, integer};
 use crate::trajectory;
 use rusqlite::types::Value;
@@ -17,8 +18,13 @@ pub struct StoredFrame {
     pub frame: Frame,
 }
 
-/// Columns of a frame that its digest covers.
-pub(super) const COLUMNS: &str = "f.step, f.strain, f.data";
+/// The frames.
+pub(super) const SEALED: Sealed = Sealed {
+    table: "frames",
+    columns: "step, strain, data",
+    with_key: false,
+    words: "a frame of a run",
+};
 
 /// Writes a frame in place of any other of its step.
 pub(super) fn put(
@@ -27,40 +33,23 @@ pub(super) fn put(
     step: u64,
     strain: f64,
     data: Vec<u8>,
-) -> Result<(), rusqlite::Error> {
-    let row = [whole(step), number(strain), Value::Blob(data)];
-    let digest = digest::of(&row);
-    let [step, strain, data] = row;
-    connection
-        .prepare_cached(
-            "INSERT OR REPLACE INTO frames (case_id, step, strain, data, digest) VALUES (?1, ?2, ?3, ?4, ?5)",
-        )?
-        .execute(params![case, step, strain, data, digest])
-        .map(|_| ())
-}
-
-/// Makes sure that the frames of a case are what was written.
-fn check(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
-    digest::check(
+) -> rusqlite::Result<()> {
+    SEALED.put(
         connection,
-        &format!("SELECT {COLUMNS}, f.digest FROM frames f WHERE f.case_id = ?1"),
-        [case],
-        "a frame of a run",
+        None,
+        &[whole(step), number(strain), Value::Blob(data)],
+        &[("case_id", Value::Integer(case))],
     )
 }
 
 /// The frames of a case: step, strain and data.
-pub(super) fn of(
-    connection: &Connection,
-    case: i64,
-) -> Result<Vec<(u64, f64, Vec<u8>)>, rusqlite::Error> {
-    check(connection, case)?;
-    connection
-        .prepare_cached("SELECT step, strain, data FROM frames WHERE case_id = ?1")?
-        .query_map([case], |row| {
-            Ok((count(row.get(0)?), row.get(1)?, row.get(2)?))
-        })?
-        .collect()
+pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u64, f64, Vec<u8>)>> {
+    SEALED.check(connection, "t.case_id = ?1", [case])?;
+    connection.all(
+        "SELECT step, strain, data FROM frames WHERE case_id = ?1",
+        [case],
+        |row| Ok((count(row.get(0)?), row.get(1)?, row.get(2)?)),
+    )
 }
 
 impl Store {
@@ -88,26 +77,18 @@ impl Store {
     /// # Errors
     /// [`StoreError::NoFrames`] if none are kept, trouble with the file, or an entry that cannot be read.
     pub fn frames(&self, key: &str, stride: usize) -> Result<Vec<StoredFrame>, StoreError> {
-        let rows = || -> Result<Vec<(i64, Vec<u8>)>, rusqlite::Error> {
-            digest::check(
-                &self.connection,
-                &format!(
-                    "SELECT {COLUMNS}, f.digest FROM frames f WHERE f.case_id = (SELECT id FROM cases WHERE key = ?1)"
-                ),
-                [key],
-                "a frame of a run",
-            )?;
-            self.connection
-                .prepare(
-                    "SELECT step, data FROM
+        let rows = || -> rusqlite::Result<Vec<(i64, Vec<u8>)>> {
+            let of_case = "t.case_id = (SELECT id FROM cases WHERE key = ?1)";
+            SEALED.check(&self.connection, of_case, [key])?;
+            self.connection.all(
+                "SELECT step, data FROM
                          (SELECT f.step, f.data, row_number() OVER (ORDER BY f.step) - 1 AS number
-                          FROM cases c JOIN frames f ON f.case_id = c.id AND f.step < c.steps WHERE c.key = ?1)
+                          FROM cases c JOIN frames f ON f.case_id = c.id
+                          AND f.step < c.steps WHERE c.key = ?1)
                      WHERE number % ?2 = 0 ORDER BY step",
-                )?
-                .query_map(params![key, integer(stride.max(1) as u64)], |row| {
-                    Ok((row.get(0)?, row.get(1)?))
-                })?
-                .collect()
+                params![key, integer(stride.max(1) as u64)],
+                |row| Ok((row.get(0)?, row.get(1)?)),
+            )
         };
         let rows = self.read(rows())?;
         if rows.is_empty() {
@@ -115,11 +96,9 @@ impl Store {
         }
         rows.into_iter()
             .map(|(step, data)| {
-                let frame = trajectory::decode(&data).ok_or_else(|| StoreError::Entry {
-                    path: self.path.clone(),
-                    table: "frames",
-                    reason: format!("step {step} of case {key}: damaged, or of a newer version"),
-                })?;
+                let why = format!("the frame of step {step} of case {key}");
+                let frame = trajectory::decode(&data)
+                    .ok_or_else(|| StoreError::unreadable(&self.path, &why))?;
                 Ok(StoredFrame {
                     step: count(step),
                     frame,
@@ -129,15 +108,11 @@ impl Store {
     }
 
     /// How many frames a case has.
-    ///
-    /// # Errors
-    /// Trouble with the file.
-    pub fn frame_count(&self, key: &str) -> Result<u64, StoreError> {
-        self.read(self.connection.query_row(
-            "SELECT count(*) FROM cases c JOIN frames f ON f.case_id = c.id AND f.step < c.steps WHERE c.key = ?1",
+    pub(crate) fn frame_count(&self, key: &str) -> Result<u64, StoreError> {
+        self.number(
+            "SELECT count(*) FROM cases c JOIN frames f ON f.case_id = c.id
+                 AND f.step < c.steps WHERE c.key = ?1",
             [key],
-            |row| row.get(0),
-        ))
-        .map(count)
+        )
     }
 }

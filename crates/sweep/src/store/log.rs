@@ -6,6 +6,7 @@
 //! the file and go on from the number that the file has. The marks are found as plain bytes: nothing of the log is parsed.
 
 use super::place::{address, with_suffix};
+use super::statements::Statements;
 use super::{StoreError, harden};
 use rusqlite::{Connection, OpenFlags};
 use std::path::{Path, PathBuf};
@@ -42,16 +43,15 @@ impl Mark {
     }
 
     /// The mark of an open store, as of its last change.
-    pub(super) fn in_store(connection: &Connection) -> Result<Self, rusqlite::Error> {
-        let bytes: Vec<u8> = connection
-            .prepare_cached("SELECT mark FROM log WHERE id = 1")?
-            .query_row([], |row| row.get(0))?;
+    pub(super) fn in_store(connection: &Connection) -> rusqlite::Result<Self> {
+        let bytes: Vec<u8> =
+            connection.one("SELECT mark FROM log WHERE id = 1", [], |row| row.get(0))?;
         Self::of(&bytes)
             .ok_or_else(|| super::digest::Altered::error("its mark is not what was written"))
     }
 
     /// The mark in the file at a path, whatever its log holds.
-    fn in_file(path: &Path) -> Result<Self, rusqlite::Error> {
+    fn in_file(path: &Path) -> rusqlite::Result<Self> {
         let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
             | OpenFlags::SQLITE_OPEN_NO_MUTEX
             | OpenFlags::SQLITE_OPEN_URI;
@@ -61,27 +61,22 @@ impl Mark {
     }
 
     /// Renews the mark of a store; every transaction that changes it does so.
-    pub(super) fn renew(connection: &Connection) -> Result<(), rusqlite::Error> {
+    pub(super) fn renew(connection: &Connection) -> rusqlite::Result<()> {
         let mark = Self::in_store(connection)?;
         let next = Self {
             number: mark.number + 1,
             ..mark
         };
-        connection
-            .prepare_cached("UPDATE log SET mark = ?1 WHERE id = 1")?
-            .execute([next.bytes()])
-            .map(|_| ())
+        connection.run("UPDATE log SET mark = ?1 WHERE id = 1", [next.bytes()])
     }
 
     /// Gives a new store its id.
-    pub(super) fn begin(connection: &Connection) -> Result<(), rusqlite::Error> {
+    pub(super) fn begin(connection: &Connection) -> rusqlite::Result<()> {
         let id = connection.query_row("SELECT randomblob(8)", [], |row| row.get(0))?;
-        connection
-            .execute(
-                "INSERT INTO log VALUES (1, ?1)",
-                [Self { id, number: 0 }.bytes()],
-            )
-            .map(|_| ())
+        connection.run(
+            "INSERT INTO log VALUES (1, ?1)",
+            [Self { id, number: 0 }.bytes()],
+        )
     }
 }
 

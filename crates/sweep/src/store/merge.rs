@@ -6,9 +6,10 @@
 mod case;
 mod shards;
 
-use super::{Store, StoreError, count, ends, rules};
-use crate::campaign::Protocol;
+use super::statements::Statements;
+use super::{Store, StoreError, ends, rules};
 use crate::process::now;
+use crate::protocol::Protocol;
 use case::Merging;
 use rusqlite::{Connection, params};
 use serde::Serialize;
@@ -157,33 +158,28 @@ impl Store {
         if stamp.changing {
             return Ok(false);
         }
-        self.read(
-            self.connection
-                .prepare_cached(
-                    "SELECT 1 FROM shards WHERE name = ?1 AND size = ?2 AND modified = ?3",
-                )
-                .and_then(|mut query| {
-                    query.exists(params![stamp.name, stamp.size, stamp.modified])
-                }),
-        )
+        self.read(self.connection.has(
+            "SELECT 1 FROM shards WHERE name = ?1 AND size = ?2 AND modified = ?3",
+            params![stamp.name, stamp.size, stamp.modified],
+        ))
     }
 
     /// Builds of the program that computed what is stored, or were submitted to.
     pub(crate) fn known_builds(&self) -> Result<BTreeSet<String>, StoreError> {
         let mut known = self.builds()?;
-        known.extend(
-            self.submissions()?
-                .into_iter()
-                .map(|submission| submission.build),
-        );
+        known.extend(self.submissions()?.into_iter().map(|job| job.build));
         Ok(known)
     }
 
     /// Builds of the program that computed what is stored.
     fn builds(&self) -> Result<BTreeSet<String>, StoreError> {
         self.rows(
-                "SELECT DISTINCT build FROM processes WHERE id IN
-                     (SELECT process FROM results UNION SELECT process FROM checkpoints UNION SELECT process FROM failures)", [], |row| row.get(0))
+            "SELECT DISTINCT build FROM processes WHERE id IN
+                     (SELECT process FROM results UNION SELECT process FROM checkpoints
+                     UNION SELECT process FROM failures)",
+            [],
+            |row| row.get(0),
+        )
     }
 
     /// Merges one shard in one transaction.
@@ -205,7 +201,7 @@ impl Store {
                 return Ok(());
             }
         };
-        let builds = self.json("shards", serde_json::to_string(&shard.builds))?;
+        let builds = self.json(serde_json::to_string(&shard.builds))?;
         let before = merged.clone();
         let mut damage = shard.damage.clone();
         let written = self.write(|connection| {
@@ -258,60 +254,50 @@ impl Store {
 
     /// Results that were found to disagree, ever.
     pub(crate) fn disagreements(&self) -> Result<Vec<Disagreement>, StoreError> {
-        self.rows(
-                "SELECT c.key, d.what, k.host, k.pid, k.job, k.task, k.restart, o.host, o.pid, o.job, o.task, o.restart
-                 FROM disagreements d JOIN cases c ON c.id = d.case_id JOIN processes k ON k.id = d.kept
-                      JOIN processes o ON o.id = d.other ORDER BY c.position, c.id", [], |row| {
-                        let who = |from: usize| -> Result<String, rusqlite::Error> {
-                            let (host, pid): (String, i64) = (row.get(from)?, row.get(from + 1)?);
-                            let job: Option<String> = row.get(from + 2)?;
-                            let task: Option<i64> = row.get(from + 3)?;
-                            let restart: Option<i64> = row.get(from + 4)?;
-                            Ok(match (job, task, restart) {
-                                (Some(job), Some(task), Some(restart)) => {
-                                    format!("job {job} task {task} restart {restart} on {host}")
-                                }
-                                _ => format!("process {pid} on {host}"),
-                            })
-                        };
-                        Ok(Disagreement {
-                            key: row.get(0)?,
-                            what: row.get(1)?,
-                            kept: who(2)?,
-                            other: who(7)?,
-                        })
-                    })
+        let who = |of: &str| {
+            format!(
+                "CASE WHEN {of}.job IS NULL THEN 'process ' || {of}.pid
+                      ELSE 'job ' || {of}.job || ' task ' || {of}.task || ' restart ' || {of}.restart END || ' on ' || {of}.host"
+            )
+        };
+        let query = format!(
+            "SELECT c.key, {}, {}, d.what FROM disagreements d JOIN cases c ON c.id = d.case_id
+             JOIN processes k ON k.id = d.kept JOIN processes o ON o.id = d.other
+             ORDER BY c.position, c.id",
+            who("k"),
+            who("o")
+        );
+        self.rows(&query, [], |row| {
+            Ok(Disagreement {
+                key: row.get(0)?,
+                kept: row.get(1)?,
+                other: row.get(2)?,
+                what: row.get(3)?,
+            })
+        })
     }
 
     /// How many of these shards were not merged, or have changed since.
     pub(crate) fn unmerged(&self, shards: &[PathBuf]) -> Result<u64, StoreError> {
         let mut number = 0;
         for shard in shards {
-            let merged = match Stamp::of(shard) {
-                Ok(stamp) => self.has_merged(&stamp)?,
-                _ => false,
-            };
-            number += u64::from(!merged);
+            let stamp = Stamp::of(shard).ok();
+            let is_merged = stamp.map_or(Ok(false), |stamp| self.has_merged(&stamp))?;
+            number += u64::from(!is_merged);
         }
         Ok(number)
     }
 
     /// How many shards of another build than the store's were let in.
     pub(crate) fn mixed_shards(&self) -> Result<u64, StoreError> {
-        self.read(
-            self.connection
-                .query_row("SELECT count(*) FROM shards WHERE mixed", [], |row| {
-                    row.get(0)
-                }),
-        )
-        .map(count)
+        self.number("SELECT count(*) FROM shards WHERE mixed", [])
     }
 }
 
 /// The numbers of the cases of a store, and whether these are all. Of a damaged one those on pages that can be read.
 fn cases_of(other: &Connection) -> (Vec<i64>, bool) {
     let (mut ids, mut is_all, mut last, mut missed) = (Vec::new(), true, 0, 0);
-    let most = 4 * usize::try_from(crate::campaign::CASE_LIMIT).unwrap_or(usize::MAX);
+    let most = 4 * usize::try_from(crate::model::campaign::CASE_LIMIT).unwrap_or(usize::MAX);
     while ids.len() < most && missed < MOST_MISSED {
         let read = other
             .prepare_cached("SELECT id FROM cases WHERE id > ?1 ORDER BY id")

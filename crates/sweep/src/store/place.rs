@@ -1,14 +1,10 @@
-//! Where a store lies: whether its file is still the one that was opened, whether there is room, on what it is stored.
+//! Where a store lies: whether its file is still the one that was opened.
 
 use super::StoreError;
 use super::log::log_of;
-use crate::files::folder_of;
 use std::cell::Cell;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
-
-/// Less room than this on the disk, in bytes, and a write that failed counts as failed for want of it.
-const ROOM: u64 = 256 << 10;
 
 /// What tells one file from every other one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,104 +90,6 @@ pub(super) fn refuse_other_than_files(path: &Path) -> Result<(), StoreError> {
     }
 }
 
-/// Why a file cannot be made or opened for writing, as the system says it.
-pub(super) fn reason_against(path: &Path) -> Option<std::io::Error> {
-    let existed = path.exists();
-    let opened = std::fs::OpenOptions::new()
-        .append(true)
-        .create(true)
-        .open(path);
-    match opened {
-        Err(_) if !takes_files(path) => Some(std::io::Error::other(
-            "the file system there takes no files of users",
-        )),
-        Err(error) => Some(error),
-        Ok(_) => {
-            if !existed {
-                let _ = std::fs::remove_file(path);
-            }
-            None
-        }
-    }
-}
-
-/// Whether a file lies on a disk, and not in what the kernel shows of itself.
-fn takes_files(path: &Path) -> bool {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    rustix::fs::statvfs(folder).is_ok_and(|disk| disk.f_blocks > 0)
-}
-
-/// Whether the disk of a file has next to no room left, or the quota of the user on it is used up.
-pub(crate) fn is_full(path: &Path) -> bool {
-    let place = folder_of(path);
-    rustix::fs::statvfs(place)
-        // What the kernel shows of itself has no room at all, and is not full.
-        .is_ok_and(|disk| {
-            disk.f_blocks > 0
-                && (disk.f_bavail.saturating_mul(disk.f_frsize) < ROOM || disk.f_favail == 0)
-        })
-        || takes_no_more(place)
-        || rustix::process::getrlimit(rustix::process::Resource::Fsize)
-            .current
-            .is_some()
-}
-
-/// Whether the system refuses a small file for want of room: of a quota it says nothing before.
-fn takes_no_more(place: &Path) -> bool {
-    use std::io::{ErrorKind, Write as _};
-    let path = place.join(format!(".sweep-room-{}", std::process::id()));
-    let written = std::fs::File::create_new(&path).and_then(|mut file| {
-        file.write_all(&vec![0; 64 << 10])?;
-        file.sync_all()
-    });
-    let refused = written.is_err_and(|error| {
-        matches!(
-            error.kind(),
-            ErrorKind::StorageFull | ErrorKind::QuotaExceeded
-        )
-    });
-    let _ = std::fs::remove_file(&path);
-    refused
-}
-
-/// The name of the network file system a file lies on, if it does: several machines cannot share a store there.
-pub fn network_file_system(path: &Path) -> Option<&'static str> {
-    #[cfg(target_os = "linux")]
-    {
-        let place = path.ancestors().find(|place| place.exists());
-        let disk = rustix::fs::statfs(place.unwrap_or(Path::new("."))).ok()?;
-        u32::try_from(disk.f_type).ok().and_then(network_name)
-    }
-    #[cfg(not(target_os = "linux"))]
-    {
-        let _ = path;
-        None
-    }
-}
-
-/// Name of a network file system by the number it has in Linux (`man 2 statfs`, `linux/magic.h`).
-#[cfg_attr(
-    not(target_os = "linux"),
-    allow(dead_code, reason = "numbers of Linux")
-)]
-fn network_name(magic: u32) -> Option<&'static str> {
-    Some(match magic {
-        0x6969 => "NFS",
-        0x517b | 0xff53_4d42 | 0xfe53_4d42 => "SMB",
-        0x0bd0_0bd0 => "Lustre",
-        0x4750_4653 => "GPFS",
-        0x00c3_6400 => "Ceph",
-        0x1983_0326 => "BeeGFS",
-        0x5346_414f | 0x6b41_4653 => "AFS",
-        0x0102_1997 => "9P",
-        0xaad7_aaea => "PanFS",
-        0x7461_636f => "OCFS2",
-        0x0116_1970 => "GFS2",
-        0x2003_0528 => "OrangeFS",
-        _ => return None,
-    })
-}
-
 /// The address of a file with options, as `SQLite` reads it.
 pub(super) fn address(path: &Path, options: &str) -> String {
     let escaped = path
@@ -205,14 +103,6 @@ pub(super) fn address(path: &Path, options: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn network_file_systems_are_known_by_their_numbers() {
-        assert_eq!(network_name(0x6969), Some("NFS"));
-        assert_eq!(network_name(0xff53_4d42), Some("SMB"));
-        assert_eq!(network_name(0xef53), None, "ext4");
-        assert_eq!(network_name(0x0102_1994), None, "tmpfs");
-    }
 
     #[test]
     fn a_replaced_file_is_another_file() {

@@ -1,7 +1,7 @@
 //! Who computed what is stored, and how long the rest will take.
 
 use super::digest::Altered;
-use super::{Store, StoreError, count, digest, registry};
+use super::{Store, StoreError, count, registry};
 use serde::Serialize;
 
 /// A process that worked on the store.
@@ -39,36 +39,26 @@ pub(super) fn program(version: &str, physics_version: u64, build: &str) -> Strin
 impl Store {
     /// Processes that finished results, the latest first.
     pub(crate) fn provenance(&self) -> Result<Vec<Provenance>, StoreError> {
-        let rows = digest::check(
-            &self.connection,
-            &format!("SELECT {}, digest FROM processes", registry::COLUMNS),
+        self.read(registry::SEALED.check(&self.connection, "true", []))?;
+        self.rows(
+            "SELECT p.host, p.version, p.physics_version, p.build, p.threads, p.started_at,
+                 r.results
+             FROM (SELECT process, count(*) AS results FROM results GROUP BY process) r LEFT
+             JOIN processes p ON p.id = r.process
+             ORDER BY r.process DESC LIMIT 50",
             [],
-            "a process that computed",
+            |row| {
+                let nobody = || Altered::error("a result of a process that is not there");
+                Ok(Provenance {
+                    host: row.get::<_, Option<String>>(0)?.ok_or_else(nobody)?,
+                    version: row.get(1)?,
+                    physics_version: count(row.get(2)?),
+                    build: row.get(3)?,
+                    threads: count(row.get(4)?),
+                    started_at: row.get(5)?,
+                    results: count(row.get(6)?),
+                })
+            },
         )
-        .and_then(|()| self
-            .connection
-            .prepare(
-                "SELECT p.host, p.version, p.physics_version, p.build, p.threads, p.started_at, r.results
-                 FROM (SELECT process, count(*) AS results FROM results GROUP BY process) r LEFT JOIN processes p ON p.id = r.process
-                 ORDER BY r.process DESC LIMIT 50",
-            ))
-            .and_then(|mut query| {
-                query
-                    .query_map([], |row| {
-                        Ok(Provenance {
-                            host: row.get::<_, Option<String>>(0)?.ok_or_else(|| {
-                                    Altered::error("a result of a process that is not there")
-                                })?,
-                            version: row.get(1)?,
-                            physics_version: count(row.get(2)?),
-                            build: row.get(3)?,
-                            threads: count(row.get(4)?),
-                            started_at: row.get(5)?,
-                            results: count(row.get(6)?),
-                        })
-                    })?
-                    .collect()
-            });
-        self.read(rows)
     }
 }

@@ -1,19 +1,8 @@
 //! Taking runs out of a store that its campaign does not ask for.
 
+use super::check::OF_CASES;
 use super::request::ORPHANED;
 use super::{Store, StoreError, count};
-
-/// Tables with rows of a case, in an order in which they can be emptied, and the column that names the case.
-const TABLES: [&str; 8] = [
-    "samples",
-    "frames",
-    "checkpoints",
-    "results",
-    "ends",
-    "failures",
-    "slices",
-    "disagreements",
-];
 
 impl Store {
     /// Removes all runs that are not in the grid, with all they have, and gives the disk back what they took. Says how many of
@@ -26,12 +15,16 @@ impl Store {
                 |row| row.get(0).map(count),
             )?;
             let orphans = "SELECT id FROM cases WHERE NOT counts AND state != 'running'";
-            for table in TABLES {
-                connection.execute(&format!("DELETE FROM {table} WHERE case_id IN ({orphans})"), [])?;
+            for table in OF_CASES.iter().chain(&["slices", "disagreements"]) {
+                connection.execute(
+                    &format!("DELETE FROM {table} WHERE case_id IN ({orphans})"),
+                    [],
+                )?;
             }
             // Seeds that a precision may still take keep their place.
             connection.execute(
-                "UPDATE cases SET state = 'pending', steps_done = 0, attempts = 0, deaths = 0, samples_digest = NULL
+                "UPDATE cases SET state = 'pending', steps_done = 0, attempts = 0, deaths = 0,
+                     samples_digest = NULL
                  WHERE NOT counts AND state != 'running'",
                 [],
             )?;

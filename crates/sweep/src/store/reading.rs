@@ -1,9 +1,11 @@
 //! Opening a store to read it: while others write, without write access, on a full disk.
 
 use super::log;
-use super::place::{address, is_full, refuse_other_than_files};
+use super::place::{address, refuse_other_than_files};
+use super::statements::Statements;
 use super::{Store, StoreError, harden, wait_for_lock};
-use crate::campaign::Campaign;
+use crate::disk::is_full;
+use crate::model::campaign::Campaign;
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
 use std::path::{Path, PathBuf};
@@ -148,7 +150,7 @@ fn refuse_missing(path: &Path) -> Result<(), StoreError> {
 }
 
 /// Ends queries that take longer than any that reads a store of this size.
-fn limit_time(connection: &mut Connection, path: &Path) -> Result<(), rusqlite::Error> {
+fn limit_time(connection: &mut Connection, path: &Path) -> rusqlite::Result<()> {
     let bytes = std::fs::metadata(path).map_or(0, |file| file.len());
     let limit = PATIENCE + Duration::from_secs(bytes / BYTES_PER_SECOND);
     let begun = Instant::now();
@@ -164,8 +166,7 @@ pub(crate) fn snapshot(path: &Path, to: &Path) -> Result<(), StoreError> {
         .busy_handler(Some(wait_for_lock))
         .map_err(failed)?;
     connection
-        .execute("VACUUM INTO ?1", [to.to_string_lossy()])
-        .map(|_| ())
+        .run("VACUUM INTO ?1", [to.to_string_lossy()])
         .map_err(|error| StoreError::sqlite(to, error, true))
 }
 

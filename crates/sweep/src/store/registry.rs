@@ -1,21 +1,24 @@
 //! The processes that work on a store: entering, living, leaving, and taking over from those that are gone.
 
-use super::digest::{self, Digest, whole};
+use super::digest::{Sealed, whole};
+use super::statements::Statements;
 use super::{Checkpoint, Store, StoreError, claims, count, failures, integer, rules};
 use crate::case::PHYSICS_VERSION;
 use crate::process::{self, Identity, Life};
 use crate::replay::replay;
 use rusqlite::types::Value;
-use rusqlite::{Connection, OptionalExtension, Row, params};
+use rusqlite::{Connection, Row, params};
 
 /// A case whose processes died so many times in a row, with no new checkpoint between, counts as failed: most likely it
 /// kills them.
 pub const DEATH_LIMIT: u32 = 5;
-/// Columns that describe a process, and nothing else of it.
-pub(super) const COLUMNS: &str = "host, boot, namespace, pid, start, started_at, version, physics_version, build, threads, \
-     job, task, restart, node";
-/// What is true of a process that has not left.
-const AT_WORK: &str = "ended_at IS NULL AND id != ?1";
+/// The processes; the columns are what describes one.
+pub(super) const SEALED: Sealed = Sealed {
+    table: "processes",
+    columns: "host, boot, namespace, pid, start, started_at, version, physics_version, build, threads, job, task, restart, node",
+    with_key: false,
+    words: "a process that computed",
+};
 /// What is true of a case under way whose owner is not there.
 const ORPHANED_RUNNING: &str =
     "state = 'running' AND NOT EXISTS (SELECT 1 FROM processes p WHERE p.id = cases.owner)";
@@ -38,9 +41,9 @@ pub(super) struct AtWork {
 
 impl AtWork {
     /// All of them but the process `me`.
-    pub(super) fn others(connection: &Connection, me: i64) -> Result<Vec<Self>, rusqlite::Error> {
+    pub(super) fn others(connection: &Connection, me: i64) -> rusqlite::Result<Vec<Self>> {
         let here = Identity::of_this_process();
-        let read = |row: &Row<'_>| -> Result<Self, rusqlite::Error> {
+        let read = |row: &Row<'_>| -> rusqlite::Result<Self> {
             let identity = Identity {
                 host: row.get(1)?,
                 boot: row.get(2)?,
@@ -57,12 +60,10 @@ impl AtWork {
                 is_alive: life == Life::Alive,
             })
         };
-        connection
-            .prepare_cached(&format!(
-                "SELECT id, host, boot, namespace, pid, start, heartbeat, file, request FROM processes WHERE {AT_WORK}"
-            ))?
-            .query_map([me], read)?
-            .collect()
+        let others = "SELECT id, host, boot, namespace, pid, start, heartbeat, file, request
+             FROM processes
+             WHERE ended_at IS NULL AND id != ?1";
+        connection.all(others, [me], read)
     }
 
     /// One that lives and computes what another version of the campaign requests.
@@ -70,7 +71,7 @@ impl AtWork {
         connection: &Connection,
         me: i64,
         request: &str,
-    ) -> Result<Option<Self>, rusqlite::Error> {
+    ) -> rusqlite::Result<Option<Self>> {
         let differs = |other: &Self| other.request.as_ref().is_some_and(|other| other != request);
         Ok(Self::others(connection, me)?
             .into_iter()
@@ -83,7 +84,7 @@ impl AtWork {
 }
 
 /// A process that did not leave in order, if nobody else works on the store.
-pub(super) fn abandoned(connection: &Connection) -> Result<Option<(u32, String)>, rusqlite::Error> {
+pub(super) fn abandoned(connection: &Connection) -> rusqlite::Result<Option<(u32, String)>> {
     let others = AtWork::others(connection, 0)?;
     if others.iter().any(|other| other.is_alive) {
         return Ok(None);
@@ -95,50 +96,34 @@ pub(super) fn abandoned(connection: &Connection) -> Result<Option<(u32, String)>
 pub(super) fn other_worker(
     connection: &Connection,
     me: i64,
-) -> Result<Option<(u32, String)>, rusqlite::Error> {
+) -> rusqlite::Result<Option<(u32, String)>> {
     let mut others = AtWork::others(connection, me)?.into_iter();
     Ok(others.find(|other| other.is_alive).map(AtWork::name))
 }
 
-/// Writes the row of a process, with its digest. Gives its number.
+/// Writes the row of a process. Gives its number.
 pub(super) fn put(
     connection: &Connection,
     described: &[Value],
-    heartbeat: i64,
-    ended_at: Option<i64>,
-) -> Result<i64, rusqlite::Error> {
-    let more = [
-        Value::Integer(digest::of(described)),
-        Value::Integer(heartbeat),
-        ended_at.map_or(Value::Null, Value::Integer),
-    ];
-    let places = vec!["?"; described.len() + more.len()].join(", ");
-    connection
-        .prepare_cached(&format!(
-            "INSERT INTO processes ({COLUMNS}, digest, heartbeat, ended_at) VALUES ({places})"
-        ))?
-        .execute(rusqlite::params_from_iter(described.iter().chain(&more)))?;
+    more: &[(&str, Value)],
+) -> rusqlite::Result<i64> {
+    SEALED.put(connection, None, described, more)?;
     Ok(connection.last_insert_rowid())
 }
 
 /// What describes the process of a number; `None` if that is not what was written.
 pub(super) fn described(connection: &Connection, id: i64) -> Option<Vec<Value>> {
+    SEALED.check(connection, "t.id = ?1", [id]).ok()?;
+    let columns = SEALED.columns;
     let mut query = connection
-        .prepare_cached(&format!(
-            "SELECT {COLUMNS}, digest FROM processes WHERE id = ?1"
-        ))
+        .prepare_cached(&format!("SELECT {columns} FROM processes WHERE id = ?1"))
         .ok()?;
-    let last = query.column_count() - 1;
-    let (values, is_whole) = query
+    let number = query.column_count();
+    query
         .query_row([id], |row| {
-            let values = (0..last)
-                .map(|column| row.get(column))
-                .collect::<Result<Vec<Value>, _>>()?;
-            let is_whole = digest::of(&values) == row.get::<_, i64>(last)?;
-            Ok((values, is_whole))
+            (0..number).map(|column| row.get(column)).collect()
         })
-        .ok()?;
-    is_whole.then_some(values)
+        .ok()
 }
 
 impl Store {
@@ -151,7 +136,7 @@ impl Store {
     pub(super) fn enter_process(
         connection: &Connection,
         request: &super::Request,
-    ) -> Result<Registered, rusqlite::Error> {
+    ) -> rusqlite::Result<Registered> {
         let identity = Identity::of_this_process();
         let now = process::now();
         let text = |text: &str| Value::Text(text.to_owned());
@@ -168,11 +153,12 @@ impl Store {
             Value::Integer(0),
         ];
         described.resize(14, Value::Null);
-        let id = put(connection, &described, now, None)?;
-        connection.execute(
-            "UPDATE processes SET file = ?2, request = ?3 WHERE id = ?1",
-            params![id, request.file.to_string_lossy(), request.hash],
-        )?;
+        let more = [
+            ("heartbeat", Value::Integer(now)),
+            ("file", text(&request.file.to_string_lossy())),
+            ("request", text(&request.hash)),
+        ];
+        let id = put(connection, &described, &more)?;
         Ok(Registered { id, identity })
     }
 
@@ -186,7 +172,8 @@ impl Store {
         let task = self.task.clone();
         self.write(|connection| {
             connection.execute(
-                "UPDATE processes SET threads = ?2, job = ?3, task = ?4, restart = ?5, node = ?6 WHERE id = ?1",
+                "UPDATE processes SET threads = ?2, job = ?3, task = ?4, restart = ?5,
+                     node = ?6 WHERE id = ?1",
                 params![
                     me,
                     integer(threads as u64),
@@ -196,7 +183,7 @@ impl Store {
                     task.as_ref().map(|task| &task.node),
                 ],
             )?;
-            seal(connection, me)
+            SEALED.seal(connection, &format!("t.id = {me}"))
         })?;
         // In the file itself, so that a store that lost its log is recognized.
         self.read(
@@ -209,12 +196,10 @@ impl Store {
     pub(crate) fn heartbeat(&mut self) -> Result<(), StoreError> {
         let me = self.me();
         self.write_relaxed(|connection| {
-            connection
-                .execute(
-                    "UPDATE processes SET heartbeat = ?2 WHERE id = ?1",
-                    params![me, process::now()],
-                )
-                .map(|_| ())
+            connection.run(
+                "UPDATE processes SET heartbeat = ?2 WHERE id = ?1",
+                params![me, process::now()],
+            )
         })
     }
 
@@ -235,7 +220,7 @@ impl Store {
         let Some(Registered { id: me, identity }) = self.process.clone() else {
             return Ok(0);
         };
-        let dead = |connection: &Connection| -> Result<Vec<AtWork>, rusqlite::Error> {
+        let dead = |connection: &Connection| -> rusqlite::Result<Vec<AtWork>> {
             let mut others = AtWork::others(connection, me)?;
             others.retain(|other| !other.is_alive);
             Ok(others)
@@ -268,51 +253,33 @@ impl Store {
     }
 }
 
-/// Writes the digest of a process anew.
-pub(super) fn seal(connection: &Connection, id: i64) -> Result<(), rusqlite::Error> {
-    let mut query =
-        connection.prepare_cached(&format!("SELECT {COLUMNS} FROM processes WHERE id = ?1"))?;
-    let columns = query.column_count();
-    let digest = query
-        .query_row([id], |row| Digest::default().with_row(row, 0..columns))
-        .optional()?;
-    let digest = digest.map(Digest::finish);
-    connection
-        .execute(
-            "UPDATE processes SET digest = ?2 WHERE id = ?1",
-            params![id, digest],
-        )
-        .map(|_| ())
-}
-
 /// Records that a process ended.
-fn end(connection: &Connection, id: i64) -> Result<(), rusqlite::Error> {
-    connection
-        .prepare_cached("UPDATE processes SET ended_at = ?2 WHERE id = ?1")?
-        .execute(params![id, process::now()])
-        .map(|_| ())
+fn end(connection: &Connection, id: i64) -> rusqlite::Result<()> {
+    connection.run(
+        "UPDATE processes SET ended_at = ?2 WHERE id = ?1",
+        params![id, process::now()],
+    )
 }
 
 /// Ends those cases of a dead process as failed that died too often. Returns how many.
-fn quarantine(connection: &Connection, process: i64) -> Result<usize, rusqlite::Error> {
-    let condemned: Vec<(i64, sd_core::Params, u64)> = connection
-        .prepare(
-            "SELECT c.id, p.params, c.steps_done FROM cases c JOIN points p ON p.id = c.point
+fn quarantine(connection: &Connection, process: i64) -> rusqlite::Result<usize> {
+    let condemned: Vec<(i64, sd_core::Params, u64)> = connection.all(
+        "SELECT c.id, p.params, c.steps_done FROM cases c JOIN points p ON p.id = c.point
              WHERE c.owner = ?1 AND c.state = 'running' AND c.deaths >= ?2",
-        )?
-        .query_map(params![process, DEATH_LIMIT], |row| {
+        params![process, DEATH_LIMIT],
+        |row| {
             Ok((
                 row.get(0)?,
-                super::query::params(row, 1)?,
+                super::points::params(row, 1)?,
                 count(row.get(2)?),
             ))
-        })?
-        .collect::<Result<_, _>>()?;
+        },
+    )?;
     for (id, params, steps_done) in &condemned {
         let last = claims::checkpoints(connection, *id)?
             .into_iter()
             .find_map(Result::ok);
-        let failure = failures::Row {
+        let failure = failures::Attempt {
             error: format!(
                 "its process was killed or crashed {DEATH_LIMIT} times in a row before its next checkpoint \
                  (out of memory?); `sweep run --retry-failed` tries again"
@@ -322,7 +289,7 @@ fn quarantine(connection: &Connection, process: i64) -> Result<usize, rusqlite::
             snapshot: last.map(|last: Checkpoint| replay(params, &last.snapshot)),
             process,
             failed_at: process::now(),
-            ..failures::Row::default()
+            ..failures::Attempt::default()
         };
         failures::insert(connection, *id, failure)?;
         claims::end(connection, *id, crate::case::State::Failed, *steps_done)?;
@@ -334,19 +301,11 @@ fn quarantine(connection: &Connection, process: i64) -> Result<usize, rusqlite::
 
 /// The values that describe a process that is not known.
 pub(super) fn unknown() -> Vec<Value> {
-    let (word, zero) = (|| Value::Text(String::new()), || whole(0));
-    let mut described = vec![
-        Value::Text("unknown".into()),
-        word(),
-        word(),
-        zero(),
-        word(),
-        zero(),
-        word(),
-        zero(),
-        word(),
-        zero(),
-    ];
-    described.resize(14, Value::Null);
-    described
+    let empty = |column| match column {
+        "pid" | "started_at" | "physics_version" | "threads" => whole(0),
+        "job" | "task" | "restart" | "node" => Value::Null,
+        "host" => Value::Text("unknown".into()),
+        _ => Value::Text(String::new()),
+    };
+    SEALED.columns.split(", ").map(empty).collect()
 }

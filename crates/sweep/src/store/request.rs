@@ -1,10 +1,12 @@
 //! What a version of a campaign file requests of its store, and what it finds there.
 
 use super::registry::AtWork;
+use super::statements::Statements;
 use super::{Store, StoreError, count};
-use crate::campaign::{Campaign, Discard};
+use crate::model::campaign::Campaign;
+use crate::protocol::Discard;
 use crate::statistics::Precision;
-use rusqlite::{Connection, OptionalExtension};
+use rusqlite::Connection;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -55,11 +57,13 @@ impl Request {
     }
 
     /// The file whose version of the campaign a store now holds, if that requests something else.
-    fn displaced_by(&self, connection: &Connection) -> Result<Option<PathBuf>, rusqlite::Error> {
+    fn displaced_by(&self, connection: &Connection) -> rusqlite::Result<Option<PathBuf>> {
         connection
-            .prepare_cached("SELECT file FROM campaign WHERE request != ?1")?
-            .query_row([&self.hash], |row| row.get::<_, String>(0))
-            .optional()
+            .find(
+                "SELECT file FROM campaign WHERE request != ?1",
+                [&self.hash],
+                |row| row.get::<_, String>(0),
+            )
             .map(|file| file.map(PathBuf::from))
     }
 }
@@ -135,7 +139,8 @@ impl Store {
             let mut inventory = self.connection.query_row(
                 &format!(
                     "SELECT total(counts), total(counts AND state IN ('done', 'jammed', 'failed')),
-                         total(counts AND state IN ('pending', 'running') AND steps_done > 0), total({ORPHANED}) FROM cases c"
+                         total(counts AND state IN ('pending', 'running')
+                         AND steps_done > 0), total({ORPHANED}) FROM cases c"
                 ),
                 [],
                 |row| {
@@ -152,9 +157,11 @@ impl Store {
             inventory.new = inventory.runs - inventory.ended - inventory.begun;
             if inventory.orphans > 0 {
                 let bytes = format!(
-                    "SELECT total({CASE_BYTES} + {SAMPLE_BYTES} * (SELECT count(*) FROM samples WHERE case_id = c.id)
+                    "SELECT total({CASE_BYTES} + {SAMPLE_BYTES} * (SELECT count(*)
+                         FROM samples WHERE case_id = c.id)
                          + coalesce((SELECT sum(length(data)) FROM frames WHERE case_id = c.id), 0)
-                         + coalesce((SELECT sum(length(data)) FROM checkpoints WHERE case_id = c.id), 0)
+                         + coalesce((SELECT sum(length(data)) FROM checkpoints
+                         WHERE case_id = c.id), 0)
                          + coalesce((SELECT length(state) FROM ends WHERE case_id = c.id), 0))
                      FROM cases c WHERE {ORPHANED}"
                 );
@@ -168,10 +175,7 @@ impl Store {
     /// How many runs in the store are not requested.
     pub(crate) fn orphans(&self) -> Result<u64, StoreError> {
         let query = format!("SELECT count(*) FROM cases c WHERE {ORPHANED}");
-        self.read(
-            self.connection
-                .query_row(&query, [], |row| row.get(0).map(count)),
-        )
+        self.number(&query, [])
     }
 
     /// The file last run on this store, if what is read is not what that file requested: another version of it.

@@ -3,11 +3,12 @@
 use super::claims::{self, Claim};
 use super::digest::{self, Digest, number, whole};
 use super::ends::{self, RunEnd};
+use super::statements::Statements;
 use super::{Store, StoreError, failures, rules, samples};
-use crate::campaign::Protocol;
 use crate::case::{Case, State};
 use crate::doubt::Doubt;
 use crate::process;
+use crate::protocol::Protocol;
 use crate::statistics::{Averages, Distribution};
 use crate::stresses::{self, STRESSES};
 use rusqlite::types::Value;
@@ -68,7 +69,7 @@ impl Place<'_> {
         end: &RunEnd,
         samples: &[(u64, Sample)],
         samples_digest: Option<i64>,
-    ) -> Result<(), rusqlite::Error> {
+    ) -> rusqlite::Result<()> {
         let counters = end.counters_at(steps, samples);
         let averages = Averages::of(samples, discard);
         let values = self.values((steps, discard), &averages, &counters, samples, end);
@@ -84,13 +85,14 @@ impl Place<'_> {
             .with(&values)
             .finish();
         let case = Value::Integer(self.id);
-        connection
-            .prepare_cached(&INSERT)?
-            .execute(params_from_iter(
+        connection.run(
+            &INSERT,
+            params_from_iter(
                 std::iter::once(&case)
                     .chain(&values)
                     .chain([&Value::Integer(digest)]),
-            ))?;
+            ),
+        )?;
         claims::end(connection, self.id, state, steps)
     }
 
@@ -159,11 +161,12 @@ impl Place<'_> {
 }
 
 /// Makes sure that the result of a case is what was written.
-pub(super) fn check(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
+pub(super) fn check(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     digest::check(
         connection,
         &format!(
-            "SELECT {} FROM results r JOIN cases c ON c.id = r.case_id JOIN points p ON p.id = c.point
+            "SELECT {} FROM results r JOIN cases c ON c.id = r.case_id
+                 JOIN points p ON p.id = c.point
              WHERE c.id = ?1 AND c.state IN ('done', 'jammed')",
             *COVERED
         ),
@@ -243,8 +246,8 @@ impl Store {
             if computed.is_none_or(|steps| steps <= failure.step) {
                 samples::write(connection, claim.id, &failure.samples)?;
             }
-            let row = failures::Row {
-                attempt: None,
+            let failed = failures::Attempt {
+                attempt: 0,
                 error: failure.error.clone(),
                 step: failure.step,
                 strain: failure.step as f64 * claim.case.params.time_step,
@@ -254,7 +257,7 @@ impl Store {
                 process: me,
                 failed_at: process::now(),
             };
-            failures::insert(connection, claim.id, row)?;
+            failures::insert(connection, claim.id, failed)?;
             claims::drop_checkpoints(connection, claim.id)?;
             rules::apply_to_case(connection, claim.id)?;
             Ok(true)
@@ -265,15 +268,16 @@ impl Store {
     /// Makes all failed cases of the grid pending again. Returns how many.
     pub(crate) fn retry_failed(&mut self) -> Result<usize, StoreError> {
         self.write(|connection| {
-            let failed: Vec<(i64, u64)> = connection
-                .prepare(
-                    "SELECT c.id, coalesce(e.steps, 0) FROM cases c LEFT JOIN ends e ON e.case_id = c.id
+            let failed: Vec<(i64, String, u64)> = connection.all(
+                "SELECT c.id, c.key, coalesce(e.steps, 0) FROM cases c LEFT
+                     JOIN ends e ON e.case_id = c.id
                      WHERE c.state = 'failed' AND c.counts",
-                )?
-                .query_map([], |row| Ok((row.get(0)?, row.get(1).map(super::count)?)))?
-                .collect::<Result<_, _>>()?;
-            for (case, steps) in failed {
+                [],
+                |row| Ok((row.get(0)?, row.get(1)?, row.get(2).map(super::count)?)),
+            )?;
+            for (case, key, steps) in failed {
                 samples::cut(connection, case, steps)?;
+                tracing::info!(case = key, "retried");
             }
             let reopened = failures::reopen(connection, "counts")?;
             rules::apply_all(connection)?;
@@ -283,10 +287,11 @@ impl Store {
 }
 
 /// Whether this process still owns a case that it computes.
-fn owns(connection: &Connection, claim: &Claim, me: i64) -> Result<bool, rusqlite::Error> {
-    connection
-        .prepare_cached("SELECT 1 FROM cases WHERE id = ?1 AND owner = ?2 AND state = 'running'")?
-        .exists([claim.id, me])
+fn owns(connection: &Connection, claim: &Claim, me: i64) -> rusqlite::Result<bool> {
+    connection.has(
+        "SELECT 1 FROM cases WHERE id = ?1 AND owner = ?2 AND state = 'running'",
+        [claim.id, me],
+    )
 }
 
 /// Keeps a run that came to its end: the averages are of the samples at hand, unless each point has its own strain to discard.
@@ -295,7 +300,7 @@ fn finish(
     claim: &Claim,
     finished: &Finished,
     me: i64,
-) -> Result<(), rusqlite::Error> {
+) -> rusqlite::Result<()> {
     let Case { params, .. } = &claim.case;
     let end = RunEnd {
         steps: finished.steps,

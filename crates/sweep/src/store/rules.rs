@@ -3,12 +3,13 @@
 //! All seeds that a point may get are in the store from the beginning. The rule marks those that count, whenever a case of the
 //! point ends, in the same transaction: what counts is a function of the results alone.
 
-use super::digest::{self, Altered, number, whole};
+use super::digest::{Altered, Sealed, number, whole};
+use super::statements::Statements;
 use super::{Store, StoreError, count, integer};
-use crate::campaign::Campaign;
+use crate::model::campaign::Campaign;
 use crate::statistics::{Decision, Measure, Outcome, Precision};
 use rusqlite::types::Value;
-use rusqlite::{Connection, OptionalExtension, Row, params, params_from_iter};
+use rusqlite::{Connection, Row, params};
 use sd_core::Params;
 
 /// How a point stands at which a precision is asked for.
@@ -30,32 +31,33 @@ struct Seed {
     cost: f64,
 }
 
-/// Columns of a rule that its digest covers.
-pub(super) const COLUMNS: &str = "number, precision, quantity, at_least, at_most";
+/// The rules.
+pub(super) const SEALED: Sealed = Sealed {
+    table: "rules",
+    columns: "number, precision, quantity, at_least, at_most",
+    with_key: false,
+    words: "the precision requested at a point",
+};
 
 /// Enters the rules of a campaign in place of those that are there. Its cases are in the store, and all count: see [`apply_all`],
 /// which leaves out seeds that do not.
-pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> Result<(), rusqlite::Error> {
+pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> rusqlite::Result<()> {
     connection.execute("DELETE FROM rules", [])?;
     connection.execute(
         "UPDATE cases SET rule = NULL, gain = 0.0 WHERE rule IS NOT NULL",
         [],
     )?;
-    let mut insert = connection.prepare(&format!(
-        "INSERT INTO rules ({COLUMNS}, digest) VALUES (?1, ?2, ?3, ?4, ?5, ?6)"
-    ))?;
     let mut give = connection.prepare("UPDATE cases SET rule = ?2 WHERE key = ?1")?;
     for (number_of_it, rule) in (0..).zip(&campaign.rules) {
         let precision = rule.precision;
-        let mut row = vec![
+        let row = [
             whole(number_of_it),
             number(precision.precision),
             Value::Text(precision.quantity.name().into()),
             whole(precision.at_least as u64),
             whole(precision.at_most as u64),
         ];
-        row.push(Value::Integer(digest::of(&row)));
-        insert.execute(params_from_iter(row))?;
+        SEALED.put(connection, None, &row, &[])?;
         for (key, _) in &campaign.cases[rule.cases.clone()] {
             give.execute(params![key.to_string(), integer(number_of_it)])?;
         }
@@ -64,29 +66,24 @@ pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> Result<(), 
 }
 
 /// Lets every rule decide.
-pub(super) fn apply_all(connection: &Connection) -> Result<(), rusqlite::Error> {
-    for (point, rule) in rules(connection)? {
+pub(super) fn apply_all(connection: &Connection) -> rusqlite::Result<()> {
+    for (point, rule) in rules(connection, "true", [])? {
         apply(connection, point, &rule)?;
     }
     Ok(())
 }
 
 /// Lets the rule decide that a case belongs to, if it belongs to one.
-pub(super) fn apply_to_case(connection: &Connection, case: i64) -> Result<(), rusqlite::Error> {
-    let found = connection
-        .prepare_cached(&format!(
-            "SELECT {COLUMNS}, digest FROM rules WHERE number = (SELECT rule FROM cases WHERE id = ?1)"
-        ))?
-        .query_row([case], rule)
-        .optional()?;
-    match found {
-        Some((point, rule)) => apply(connection, point, &rule),
-        None => Ok(()),
+pub(super) fn apply_to_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
+    let of_case = "t.number = (SELECT rule FROM cases WHERE id = ?1)";
+    for (point, rule) in rules(connection, of_case, [case])? {
+        apply(connection, point, &rule)?;
     }
+    Ok(())
 }
 
 /// Marks the seeds of a point that count, and no others.
-fn apply(connection: &Connection, point: i64, rule: &Precision) -> Result<(), rusqlite::Error> {
+fn apply(connection: &Connection, point: i64, rule: &Precision) -> rusqlite::Result<()> {
     let seeds = seeds(connection, point, rule)?;
     let decision = decide(rule, &seeds);
     let batch = &seeds[decision.complete.min(seeds.len())..decision.wanted.min(seeds.len())];
@@ -99,9 +96,10 @@ fn apply(connection: &Connection, point: i64, rule: &Precision) -> Result<(), ru
     for (place, seed) in seeds.iter().enumerate() {
         let counts = place < decision.wanted;
         if counts != seed.counts || (counts && place >= decision.complete) {
-            connection
-                .prepare_cached("UPDATE cases SET counts = ?2, gain = ?3 WHERE id = ?1")?
-                .execute(params![seed.id, counts, gain])?;
+            connection.run(
+                "UPDATE cases SET counts = ?2, gain = ?3 WHERE id = ?1",
+                params![seed.id, counts, gain],
+            )?;
         }
     }
     Ok(())
@@ -113,14 +111,9 @@ fn decide(rule: &Precision, seeds: &[Seed]) -> Decision {
 }
 
 /// A row of the rules.
-fn rule(row: &Row<'_>) -> Result<(i64, Precision), rusqlite::Error> {
-    if digest::Digest::default().with_row(row, 0..5)?.finish() != row.get::<_, i64>(5)? {
-        return Err(Altered::error(
-            "the precision requested at a point is not what was written",
-        ));
-    }
+fn rule(row: &Row<'_>) -> rusqlite::Result<(i64, Precision)> {
     let quantity: String = row.get(2)?;
-    let seeds = |column: usize| -> Result<usize, rusqlite::Error> {
+    let seeds = |column: usize| -> rusqlite::Result<usize> {
         Ok(usize::try_from(count(row.get(column)?)).unwrap_or(usize::MAX))
     };
     Ok((
@@ -134,31 +127,34 @@ fn rule(row: &Row<'_>) -> Result<(i64, Precision), rusqlite::Error> {
     ))
 }
 
-/// All rules, in the order of the campaign file.
-fn rules(connection: &Connection) -> Result<Vec<(i64, Precision)>, rusqlite::Error> {
-    connection
-        .prepare_cached(&format!(
-            "SELECT {COLUMNS}, digest FROM rules ORDER BY number"
-        ))?
-        .query_map([], rule)?
-        .collect()
+/// The rules that meet a condition, in the order of the campaign file.
+fn rules(
+    connection: &Connection,
+    condition: &str,
+    parameters: impl rusqlite::Params + Copy,
+) -> rusqlite::Result<Vec<(i64, Precision)>> {
+    SEALED.check(connection, condition, parameters)?;
+    let select = SEALED.select("");
+    connection.all(
+        &format!("{select} WHERE {condition} ORDER BY t.number"),
+        parameters,
+        rule,
+    )
 }
 
 /// The seeds of a point in their order.
-fn seeds(
-    connection: &Connection,
-    point: i64,
-    rule: &Precision,
-) -> Result<Vec<Seed>, rusqlite::Error> {
+fn seeds(connection: &Connection, point: i64, rule: &Precision) -> rusqlite::Result<Vec<Seed>> {
     // The name of a quantity is one of a few words, not what somebody wrote.
     let quantity = rule.quantity.name();
-    connection
-        .prepare_cached(&format!(
-            "SELECT c.id, c.state, c.counts, c.cost, CASE WHEN r.doubts = '' THEN r.{quantity} END FROM cases c
+    connection.all(
+        &format!(
+            "SELECT c.id, c.state, c.counts, c.cost,
+                 CASE WHEN r.doubts = '' THEN r.{quantity} END FROM cases c
              LEFT JOIN results r ON r.case_id = c.id AND c.state = 'done'
              WHERE c.rule = ?1 ORDER BY c.position"
-        ))?
-        .query_map([point], |row| {
+        ),
+        [point],
+        |row| {
             let state: String = row.get(1)?;
             let value: Option<f64> = row.get(4)?;
             Ok(Seed {
@@ -171,35 +167,35 @@ fn seeds(
                 counts: row.get(2)?,
                 cost: row.get(3)?,
             })
-        })?
-        .collect()
+        },
+    )
 }
 
 /// The cases of the first batch of the point of a case, if a rule decides on it.
 pub(super) fn first_batch(
     connection: &Connection,
     case: i64,
-) -> Result<Option<Vec<i64>>, rusqlite::Error> {
-    let found: Option<(i64, i64)> = connection
-        .prepare_cached(
-            "SELECT number, at_least FROM rules WHERE number = (SELECT rule FROM cases WHERE id = ?1)",
-        )?
-        .query_row([case], |row| Ok((row.get(0)?, row.get(1)?)))
-        .optional()?;
+) -> rusqlite::Result<Option<Vec<i64>>> {
+    let found: Option<(i64, i64)> = connection.find(
+        "SELECT number, at_least FROM rules WHERE number = (SELECT rule FROM cases WHERE id = ?1)",
+        [case],
+        |row| Ok((row.get(0)?, row.get(1)?)),
+    )?;
     found
         .map(|(point, at_least)| {
-            connection
-                .prepare_cached("SELECT id FROM cases WHERE rule = ?1 ORDER BY position LIMIT ?2")?
-                .query_map([point, at_least], |row| row.get(0))?
-                .collect()
+            connection.all(
+                "SELECT id FROM cases WHERE rule = ?1 ORDER BY position LIMIT ?2",
+                [point, at_least],
+                |row| row.get(0),
+            )
         })
         .transpose()
 }
 
 /// Makes sure that at every point those seeds count that its rule says, and elsewhere all of the grid.
-pub(super) fn check(connection: &Connection) -> Result<(), rusqlite::Error> {
+pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
     let altered = || Altered::error("which seeds count is not what was written");
-    for (point, rule) in rules(connection)? {
+    for (point, rule) in rules(connection, "true", [])? {
         let seeds = seeds(connection, point, &rule)?;
         let wanted = decide(&rule, &seeds).wanted;
         if seeds
@@ -210,11 +206,10 @@ pub(super) fn check(connection: &Connection) -> Result<(), rusqlite::Error> {
             return Err(altered());
         }
     }
-    let left_out: bool = connection
-        .prepare_cached(
-            "SELECT 1 FROM cases WHERE counts != (position IS NOT NULL) AND rule IS NULL",
-        )?
-        .exists([])?;
+    let left_out: bool = connection.has(
+        "SELECT 1 FROM cases WHERE counts != (position IS NOT NULL) AND rule IS NULL",
+        [],
+    )?;
     if left_out { Err(altered()) } else { Ok(()) }
 }
 
@@ -222,14 +217,16 @@ impl Store {
     /// How the points stand at which a precision is asked for, in the order of the file.
     pub(crate) fn point_states(&self) -> Result<Vec<PointState>, StoreError> {
         let read = || {
-            rules(&self.connection)?
+            rules(&self.connection, "true", [])?
                 .into_iter()
                 .map(|(point, rule)| {
                     let seeds = seeds(&self.connection, point, &rule)?;
-                    let params = self
-                        .connection
-                        .prepare_cached("SELECT p.params FROM cases c JOIN points p ON p.id = c.point WHERE c.rule = ?1 LIMIT 1")?
-                        .query_row([point], |row| super::query::params(row, 0))?;
+                    let params = self.connection.one(
+                        "SELECT p.params FROM cases c JOIN points p ON p.id = c.point
+                         WHERE c.rule = ?1 LIMIT 1",
+                        [point],
+                        |row| super::points::params(row, 0),
+                    )?;
                     Ok(PointState {
                         params,
                         rule,

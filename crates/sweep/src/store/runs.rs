@@ -1,6 +1,7 @@
 //! The runs of a campaign as a table, with all that the store knows of their results.
 
 use super::schema::axis_columns;
+use super::statements::Statements;
 use super::{Store, StoreError, results};
 use crate::axes::Kind;
 use crate::data::{Cells, DataColumn, Word};
@@ -29,7 +30,7 @@ impl Store {
 }
 
 /// What a statement finds, column by column.
-fn columns_of(connection: &Connection, query: &str) -> Result<Vec<DataColumn>, rusqlite::Error> {
+fn columns_of(connection: &Connection, query: &str) -> rusqlite::Result<Vec<DataColumn>> {
     let kinds = declared_kinds(connection)?;
     let mut statement = connection.prepare(query)?;
     let mut columns: Vec<DataColumn> = statement
@@ -71,13 +72,13 @@ fn push(cells: &mut Cells, value: ValueRef<'_>) -> Result<(), FromSqlError> {
 }
 
 /// What the columns of cases and results are declared to hold.
-fn declared_kinds(connection: &Connection) -> Result<HashMap<String, Kind>, rusqlite::Error> {
-    connection
-        .prepare(
-            "SELECT name, type FROM pragma_table_info('results') UNION SELECT name, type FROM pragma_table_info('cases')
+fn declared_kinds(connection: &Connection) -> rusqlite::Result<HashMap<String, Kind>> {
+    connection.all(
+        "SELECT name, type FROM pragma_table_info('results')
+         UNION SELECT name, type FROM pragma_table_info('cases')
              UNION SELECT name, type FROM pragma_table_info('points')",
-        )?
-        .query_map([], |row| {
+        [],
+        |row| {
             let declared: String = row.get(1)?;
             let kind = match declared.as_str() {
                 "TEXT" => Kind::Word,
@@ -85,6 +86,6 @@ fn declared_kinds(connection: &Connection) -> Result<HashMap<String, Kind>, rusq
                 _ => Kind::Number,
             };
             Ok((row.get(0)?, kind))
-        })?
-        .collect()
+        },
+    )
 }

@@ -1,7 +1,8 @@
 //! Samples of runs.
 
+use super::count;
 use super::digest::{Altered, Digest, number, whole};
-use super::{count, integer};
+use super::statements::Statements;
 use crate::stresses;
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params, params_from_iter};
@@ -34,10 +35,8 @@ pub(super) fn write(
     connection: &Connection,
     case: i64,
     samples: &[(u64, Sample)],
-) -> Result<Option<i64>, rusqlite::Error> {
-    connection
-        .prepare_cached("DELETE FROM samples WHERE case_id = ?1")?
-        .execute([case])?;
+) -> rusqlite::Result<Option<i64>> {
+    connection.run("DELETE FROM samples WHERE case_id = ?1", [case])?;
     let mut insert = connection.prepare_cached(&INSERT)?;
     let mut digest = Digest::default();
     let case_id = Value::Integer(case);
@@ -47,9 +46,10 @@ pub(super) fn write(
         insert.execute(params_from_iter(std::iter::once(&case_id).chain(&values)))?;
     }
     let digest = (!samples.is_empty()).then(|| digest.finish());
-    connection
-        .prepare_cached("UPDATE cases SET samples_digest = ?2 WHERE id = ?1")?
-        .execute(params![case, digest])?;
+    connection.run(
+        "UPDATE cases SET samples_digest = ?2 WHERE id = ?1",
+        params![case, digest],
+    )?;
     Ok(digest)
 }
 
@@ -57,13 +57,12 @@ pub(super) fn write(
 ///
 /// # Errors
 /// Those of the query, and [`Altered`] if they are not what was written.
-pub(super) fn of(
-    connection: &Connection,
-    case: i64,
-) -> Result<Vec<(u64, Sample)>, rusqlite::Error> {
-    let written: Option<i64> = connection
-        .prepare_cached("SELECT samples_digest FROM cases WHERE id = ?1")?
-        .query_row([case], |row| row.get(0))?;
+pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u64, Sample)>> {
+    let written: Option<i64> = connection.one(
+        "SELECT samples_digest FROM cases WHERE id = ?1",
+        [case],
+        |row| row.get(0),
+    )?;
     let mut query = connection.prepare_cached(&SELECT)?;
     let columns = query.column_count();
     let (mut digest, mut samples) = (Digest::default(), Vec::new());
@@ -82,9 +81,7 @@ pub(super) fn of(
 }
 
 /// The digests of the samples of all cases as they are now.
-pub(super) fn digests(
-    connection: &Connection,
-) -> Result<HashMap<i64, Option<i64>>, rusqlite::Error> {
+pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, Option<i64>>> {
     let names = stresses::names(stresses::parts(), "");
     let mut query = connection.prepare(&format!(
         "SELECT {COLUMNS}, {names}, case_id FROM samples ORDER BY case_id, step"
@@ -106,18 +103,6 @@ pub(super) fn digests(
     }
     digests.extend(current.map(|(id, digest)| (id, Some(digest.finish()))));
     Ok(digests)
-}
-
-/// The digest of the samples of a case as they are now.
-fn digest_of(connection: &Connection, case: i64) -> Result<Option<i64>, rusqlite::Error> {
-    let mut query = connection.prepare_cached(&SELECT)?;
-    let columns = query.column_count();
-    let mut rows = query.query([case])?;
-    let mut digest: Option<Digest> = None;
-    while let Some(row) = rows.next()? {
-        digest = Some(digest.unwrap_or_default().with_row(row, 0..columns)?);
-    }
-    Ok(digest.map(Digest::finish))
 }
 
 /// Where two samples differ first, bit for bit, if they do.
@@ -175,8 +160,8 @@ fn values(step: u64, s: &Sample) -> Vec<Value> {
 }
 
 /// A row of [`SELECT`].
-fn sample(row: &Row<'_>) -> Result<(u64, Sample), rusqlite::Error> {
-    let number = |column: usize| -> Result<f64, rusqlite::Error> {
+fn sample(row: &Row<'_>) -> rusqlite::Result<(u64, Sample)> {
+    let number = |column: usize| -> rusqlite::Result<f64> {
         Ok(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN))
     };
     let whole = |column: usize| row.get(column).map(count);
@@ -213,16 +198,8 @@ fn sample(row: &Row<'_>) -> Result<(u64, Sample), rusqlite::Error> {
 }
 
 /// Drops the samples of a case from a step on.
-pub(super) fn cut(connection: &Connection, case: i64, from: u64) -> Result<(), rusqlite::Error> {
-    connection.execute(
-        "DELETE FROM samples WHERE case_id = ?1 AND step >= ?2",
-        params![case, integer(from)],
-    )?;
-    let digest = digest_of(connection, case)?;
-    connection
-        .execute(
-            "UPDATE cases SET samples_digest = ?2 WHERE id = ?1",
-            params![case, digest],
-        )
-        .map(|_| ())
+pub(super) fn cut(connection: &Connection, case: i64, from: u64) -> rusqlite::Result<()> {
+    let mut samples = of(connection, case)?;
+    samples.retain(|(step, _)| *step < from);
+    write(connection, case, &samples).map(|_| ())
 }

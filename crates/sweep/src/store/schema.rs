@@ -19,57 +19,35 @@ const SHADOWED: [&str; 6] = [
     "campaign", "points", "cases", "results", "failures", "rules",
 ];
 
-/// What a file is.
-pub(super) enum Found {
-    /// A store of this version of the schema.
-    Ours(i32),
-    /// Something else.
-    Foreign,
-}
-
-/// Says what a database is.
-pub(super) fn identify(connection: &Connection) -> Result<Found, rusqlite::Error> {
+/// The version of the schema of a store; `None` of anything else.
+pub(super) fn identify(connection: &Connection) -> rusqlite::Result<Option<i32>> {
     let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i32>(0));
     if pragma("application_id")? == APPLICATION_ID && has_plain_tables(connection)? {
-        return Ok(Found::Ours(pragma("user_version")?));
+        return pragma("user_version").map(Some);
     }
-    Ok(Found::Foreign)
+    Ok(None)
 }
 
 /// The statements that make the tables.
 fn statements() -> String {
-    let kind_of = |kind: Kind| match kind {
-        Kind::Word => "TEXT",
-        Kind::Count => "INTEGER",
-        Kind::Number => "REAL",
-    };
-    let joined = |names: &mut dyn Iterator<Item = String>| names.collect::<Vec<_>>().join(", ");
+    let axes = AXES.iter().map(|axis| match axis.kind() {
+        Kind::Word => format!("{} TEXT", axis.key),
+        Kind::Count => format!("{} INTEGER", axis.key),
+        Kind::Number => format!("{} REAL", axis.key),
+    });
+    let parts = parts().map(|part| format!("{} REAL", part.name));
+    let stresses = STRESSES
+        .iter()
+        .map(|stress| format!("{} REAL", stress.name));
     STATEMENTS
-        .replace(
-            "{axes}",
-            &joined(
-                &mut AXES
-                    .iter()
-                    .map(|a| format!("{} {}", a.key, kind_of(a.kind()))),
-            ),
-        )
+        .replace("{axes}", &axes.collect::<Vec<_>>().join(", "))
         .replace("{axes_of_points}", &axis_columns("p."))
-        .replace(
-            "{parts}",
-            &joined(&mut parts().map(|part| format!("{} REAL", part.name))),
-        )
-        .replace(
-            "{stresses}",
-            &joined(
-                &mut STRESSES
-                    .iter()
-                    .map(|stress| format!("{} REAL", stress.name)),
-            ),
-        )
+        .replace("{parts}", &parts.collect::<Vec<_>>().join(", "))
+        .replace("{stresses}", &stresses.collect::<Vec<_>>().join(", "))
 }
 
 /// Makes the tables, without indices.
-pub(super) fn create(connection: &Connection) -> Result<(), rusqlite::Error> {
+pub(super) fn create(connection: &Connection) -> rusqlite::Result<()> {
     let statements = statements();
     let tables: Vec<&str> = statements
         .lines()
@@ -81,7 +59,7 @@ pub(super) fn create(connection: &Connection) -> Result<(), rusqlite::Error> {
 }
 
 /// Makes the indices: faster once the tables are filled.
-pub(super) fn index(connection: &Connection) -> Result<(), rusqlite::Error> {
+pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
     let indices: Vec<&str> = STATEMENTS
         .lines()
         .filter(|line| line.starts_with(INDEX))
@@ -90,14 +68,15 @@ pub(super) fn index(connection: &Connection) -> Result<(), rusqlite::Error> {
 }
 
 /// Lets a connection that only reads change some tables for itself.
-pub(super) fn shadow(connection: &Connection) -> Result<(), rusqlite::Error> {
+pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
     for statement in statements().split_inclusive(";\n") {
         for table in SHADOWED {
             let begins = format!("CREATE TABLE {table} (");
             if let Some(at) = statement.find(&begins) {
                 let columns = &statement[at + begins.len()..];
                 connection.execute_batch(&format!(
-                    "CREATE TEMP TABLE {table} ({columns} INSERT INTO temp.{table} SELECT * FROM main.{table}"
+                    "CREATE TEMP TABLE {table} ({columns} INSERT INTO temp.{table} SELECT *
+                         FROM main.{table}"
                 ))?;
             }
         }
@@ -130,7 +109,7 @@ pub(super) fn axis_cells(params: &Params) -> impl Iterator<Item = Value> {
 
 /// Makes sure that what has the name of a table of ours is a table with values in it: no view, no virtual table, no columns
 /// that are computed when they are read.
-fn has_plain_tables(connection: &Connection) -> Result<bool, rusqlite::Error> {
+fn has_plain_tables(connection: &Connection) -> rusqlite::Result<bool> {
     let names = STATEMENTS
         .lines()
         .filter_map(|line| line.strip_prefix("CREATE TABLE "));

@@ -1,8 +1,9 @@
 //! All that the store knows of one case.
 
+use super::failures::{self, Attempt};
+use super::points::params;
 use super::provenance::program;
-use super::query::params;
-use super::{Store, StoreError, claims, count, ends, failures, results, samples};
+use super::{Store, StoreError, claims, count, ends, results, samples};
 use crate::doubt::Doubt;
 use rusqlite::{OptionalExtension, Row};
 use sd_core::{Params, Sample};
@@ -60,23 +61,6 @@ pub struct Origin {
     pub at: i64,
 }
 
-/// A failed attempt.
-#[derive(Debug, Clone, Serialize)]
-pub struct Attempt {
-    /// Its number.
-    pub attempt: u64,
-    /// Its error.
-    pub error: String,
-    /// The step that failed.
-    pub step: u64,
-    /// Strain at its start.
-    pub strain: f64,
-    /// Pair it failed at.
-    pub pair: Option<[u64; 2]>,
-    /// Gap of that pair.
-    pub gap: Option<f64>,
-}
-
 /// A case and its row.
 type Found = (i64, Story);
 
@@ -106,22 +90,16 @@ impl Store {
     /// Keys of the cases meant by a name, two at most.
     fn find_cases(&self, given: &str) -> Result<Vec<String>, StoreError> {
         let number = given.parse::<i64>().ok().filter(|_| given.len() < 8);
-        let by_number: Option<String> = match number {
-            None => None,
-            Some(number) => self.read(
-                self.connection
-                    .query_row(
-                        "SELECT key FROM cases WHERE position = ?1 - 1",
-                        [number],
-                        |row| row.get(0),
-                    )
-                    .optional(),
-            )?,
-        };
-        if let Some(key) = by_number {
-            return Ok(vec![key]);
+        let by_number = "SELECT key FROM cases WHERE position = ?1 - 1";
+        let by_number: Vec<String> = self.rows(by_number, [number], |row| row.get(0))?;
+        if !by_number.is_empty() {
+            return Ok(by_number);
         }
-        self.rows("SELECT key FROM cases WHERE substr(key, 1, length(?1)) = lower(?1) ORDER BY key LIMIT 2", [given], |row| row.get(0))
+        self.rows(
+            "SELECT key FROM cases WHERE substr(key, 1, length(?1)) = lower(?1) ORDER BY key LIMIT 2",
+            [given],
+            |row| row.get(0),
+        )
     }
 
     /// The story of the case a user names, as [`Store::key_of`] reads the name.
@@ -130,14 +108,16 @@ impl Store {
         let found: Option<Found> = self.read(
             self.connection
                 .query_row(
-                    "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
+                    "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps,
+                         c.steps_done, c.attempts,
                          r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
                          coalesce(r.finished_at, p.heartbeat), coalesce(r.doubts, ''),
                          r.cpu_time_s
                      FROM cases c JOIN points q ON q.id = c.point
                      LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
                      LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
-                         (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
+                         (SELECT process FROM failures f WHERE f.case_id = c.id
+                         ORDER BY f.id DESC LIMIT 1))
                      WHERE c.key = ?1",
                     [&key],
                     case,
@@ -147,17 +127,8 @@ impl Store {
         let Some((id, mut story)) = found else {
             return Err(self.no_case(given, "no case"));
         };
-        self.read(
-            results::check(&self.connection, id)
-                .and_then(|()| failures::check(&self.connection, "c.id = ?1", [id])),
-        )?;
-        let failures = self
-            .connection
-            .prepare(
-                "SELECT attempt, error, step, strain, sphere_i, sphere_j, gap FROM failures WHERE case_id = ?1 ORDER BY id",
-            )
-            .and_then(|mut query| query.query_map([id], attempt)?.collect());
-        story.failures = self.read(failures)?;
+        self.read(results::check(&self.connection, id))?;
+        story.failures = self.read(failures::of(&self.connection, id))?;
         story.samples = self.samples_so_far(id, story.steps)?;
         story.frames = self.frame_count(&key)?;
         Ok(story)
@@ -216,7 +187,7 @@ impl Origin {
 }
 
 /// One row of [`Store::story`].
-fn case(row: &Row<'_>) -> Result<Found, rusqlite::Error> {
+fn case(row: &Row<'_>) -> rusqlite::Result<Found> {
     let host: Option<String> = row.get(11)?;
     let origin = match host {
         None => None,
@@ -252,16 +223,4 @@ fn case(row: &Row<'_>) -> Result<Found, rusqlite::Error> {
         samples: Vec::new(),
     };
     Ok((row.get(0)?, story))
-}
-
-fn attempt(row: &Row<'_>) -> Result<Attempt, rusqlite::Error> {
-    let pair: (Option<i64>, Option<i64>) = (row.get(4)?, row.get(5)?);
-    Ok(Attempt {
-        attempt: count(row.get(0)?),
-        error: row.get(1)?,
-        step: count(row.get(2)?),
-        strain: row.get(3)?,
-        pair: pair.0.zip(pair.1).map(|(i, j)| [count(i), count(j)]),
-        gap: row.get(6)?,
-    })
 }

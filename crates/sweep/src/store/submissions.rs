@@ -1,7 +1,8 @@
 //! Jobs handed to a scheduler: which there are, which cases their tasks were given.
 
+use super::statements::Statements;
 use super::{Store, StoreError, count, integer};
-use crate::campaign::Campaign;
+use crate::model::campaign::Campaign;
 use crate::process;
 use rusqlite::{Row, params};
 use serde::Serialize;
@@ -96,7 +97,8 @@ impl Store {
     ) -> Result<i64, StoreError> {
         self.write(|connection| {
             connection.execute(
-                "INSERT INTO submissions (engine, job, plan, folder, tasks, workers, build, submitted_at)
+                "INSERT INTO submissions (engine, job, plan, folder, tasks, workers, build,
+                     submitted_at)
                  VALUES (?1, NULL, ?2, ?3, ?4, ?5, ?6, ?7)",
                 params![
                     submission.engine,
@@ -110,7 +112,8 @@ impl Store {
             )?;
             let id = connection.last_insert_rowid();
             let mut insert = connection.prepare_cached(
-                "INSERT INTO slices (submission, case_id, task) SELECT ?1, id, ?3 FROM cases WHERE key = ?2",
+                "INSERT INTO slices (submission, case_id, task) SELECT ?1, id, ?3 FROM cases
+                     WHERE key = ?2",
             )?;
             for (task, keys) in slices.iter().enumerate() {
                 for key in keys {
@@ -123,40 +126,33 @@ impl Store {
 
     /// Records the name the scheduler gave a job.
     pub(crate) fn submitted(&mut self, id: i64, job: &str) -> Result<(), StoreError> {
-        self.write(|connection| {
-            connection.execute(
-                "UPDATE submissions SET job = ?2 WHERE id = ?1",
-                params![id, job],
-            )?;
-            Ok(())
-        })
+        let named = "UPDATE submissions SET job = ?2 WHERE id = ?1";
+        self.write(|connection| connection.run(named, params![id, job]))
     }
 
     /// Forgets a job the scheduler refused.
     pub(crate) fn not_submitted(&mut self, id: i64) -> Result<(), StoreError> {
         self.write(|connection| {
-            connection.execute("DELETE FROM slices WHERE submission = ?1", [id])?;
-            connection.execute("DELETE FROM submissions WHERE id = ?1", [id])?;
-            Ok(())
+            connection.run("DELETE FROM slices WHERE submission = ?1", [id])?;
+            connection.run("DELETE FROM submissions WHERE id = ?1", [id])
         })
     }
 
     /// Records that a job was cancelled.
     pub(crate) fn cancelled(&mut self, id: i64) -> Result<(), StoreError> {
-        self.write(|connection| {
-            connection.execute(
-                "UPDATE submissions SET cancelled_at = coalesce(cancelled_at, ?2) WHERE id = ?1",
-                params![id, process::now()],
-            )?;
-            Ok(())
-        })
+        let over = "UPDATE submissions SET cancelled_at = coalesce(cancelled_at, ?2) WHERE id = ?1";
+        self.write(|connection| connection.run(over, params![id, process::now()]))
     }
 
     /// All jobs, the first first.
     pub(crate) fn submissions(&self) -> Result<Vec<Submission>, StoreError> {
         self.rows(
-                "SELECT id, engine, job, plan, folder, tasks, workers, build, submitted_at, cancelled_at
-                 FROM submissions ORDER BY id", [], submission)
+            "SELECT id, engine, job, plan, folder, tasks, workers, build, submitted_at,
+                     cancelled_at
+                 FROM submissions ORDER BY id",
+            [],
+            submission,
+        )
     }
 
     /// Keys of the open cases of a job, with their tasks.
@@ -175,31 +171,23 @@ impl Store {
         id: i64,
         tasks: usize,
     ) -> Result<Vec<SliceState>, StoreError> {
-        let rows: Result<Vec<(usize, SliceState)>, _> = self
-            .connection
-            .prepare(
-                "SELECT s.task, count(*), total(c.state IN ('done', 'jammed', 'failed')),
-                     total(CASE WHEN c.state IN ('done', 'jammed', 'failed') THEN c.cost
-                                ELSE c.cost * c.steps_done / c.steps END) / max(total(c.cost), 1e-300)
-                 FROM slices s JOIN cases c ON c.id = s.case_id WHERE s.submission = ?1 GROUP BY s.task",
-            )
-            .and_then(|mut query| {
-                query
-                    .query_map([id], |row| {
-                        let ended = super::request::number(row.get(2)?);
-                        Ok((
-                            number(row.get(0)?),
-                            SliceState {
-                                cases: count(row.get(1)?),
-                                ended,
-                                work_done: row.get(3)?,
-                            },
-                        ))
-                    })?
-                    .collect()
-            });
+        let rows: Vec<(usize, SliceState)> = self.rows(
+            "SELECT s.task, count(*), total(c.state IN ('done', 'jammed', 'failed')),
+                 total(CASE WHEN c.state IN ('done', 'jammed', 'failed') THEN c.cost
+                            ELSE c.cost * c.steps_done / c.steps END) / max(total(c.cost), 1e-300)
+             FROM slices s JOIN cases c ON c.id = s.case_id WHERE s.submission = ?1 GROUP BY s.task",
+            [id],
+            |row| {
+                let slice = SliceState {
+                    cases: count(row.get(1)?),
+                    ended: super::request::number(row.get(2)?),
+                    work_done: row.get(3)?,
+                };
+                Ok((number(row.get(0)?), slice))
+            },
+        )?;
         let mut states = vec![SliceState::default(); tasks];
-        for (task, state) in self.read(rows)? {
+        for (task, state) in rows {
             if let Some(place) = states.get_mut(task) {
                 *place = state;
             }
@@ -224,9 +212,6 @@ impl Store {
     }
 
     /// Writes the begun ones of some cases, as far as they are, into a new store of their own.
-    ///
-    /// # Errors
-    /// Trouble with either file.
     pub(crate) fn write_begun(
         &self,
         campaign: &Campaign,
@@ -237,7 +222,7 @@ impl Store {
         some.rules.clear();
         some.cases
             .retain(|(key, _)| keys.contains(key.to_string().as_str()));
-        let (mut new, _) = Store::enter(to, &some, crate::campaign::Order::default())?;
+        let (mut new, _) = Store::enter(to, &some, crate::model::order::Order::default())?;
         new.merge_as(
             super::merge::MergeMode::Task,
             std::slice::from_ref(&self.path),
@@ -248,7 +233,7 @@ impl Store {
 }
 
 /// A row of [`Store::submissions`].
-fn submission(row: &Row<'_>) -> Result<Submission, rusqlite::Error> {
+fn submission(row: &Row<'_>) -> rusqlite::Result<Submission> {
     Ok(Submission {
         id: row.get(0)?,
         engine: row.get(1)?,

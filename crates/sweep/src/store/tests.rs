@@ -274,8 +274,8 @@ fn failure_is_kept_and_retried() {
     let claim = store.next().unwrap();
     store.fail(&claim, &failure(37, 1)).unwrap();
     let line = store.failures(10).unwrap().remove(0);
-    assert_eq!((line.step, line.key), (37, claim.key));
-    assert!((line.strain - 0.185).abs() < 1e-12);
+    assert_eq!((line.failed.step, line.key), (37, claim.key));
+    assert!((line.failed.strain - 0.185).abs() < 1e-12);
     assert_eq!(store.retry_failed().unwrap(), 1);
     assert_eq!(store.counts().unwrap().pending, 4);
 }

@@ -5,11 +5,9 @@ use sd_core::simulation::Frame;
 use std::io::{self, Write};
 
 /// Writes the contacts of frames, each with its step, as the dump of local data that LAMMPS writes and OVITO loads as bonds: numbers of
-/// both spheres from 1, normal and tangential force and the quasi-force of rolling friction in mu·a²·rate, gap in a, and 1 frictionless, 2 rolling, 3 slipping.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_bonds(frames: &[(u64, &Frame)], out: &mut dyn Write) -> io::Result<()> {
+/// both spheres from 1, normal and tangential force and the quasi-force of rolling friction in mu·a²·rate, gap in a, and 1 frictionless,
+/// 2 rolling, 3 slipping.
+pub(crate) fn write_bonds(frames: &[(u64, &Frame)], out: &mut dyn Write) -> io::Result<()> {
     for (step, frame) in frames {
         let height = frame.radii.iter().copied().fold(1.0, f64::max);
         let (side, tilt) = (frame.side, frame.offset);

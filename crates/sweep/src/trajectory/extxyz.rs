@@ -8,7 +8,7 @@ use std::io::{self, Write};
 
 /// The run that frames are of.
 #[derive(Debug, Clone)]
-pub struct Filmed {
+pub(crate) struct Filmed {
     /// Its parameters.
     pub params: Params,
     /// Its seed.
@@ -22,10 +22,7 @@ pub struct Filmed {
 /// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are quaternions about z. Spheres of the
 /// smallest radius are of the species S, larger ones of the species L. Velocities are means over the strain to the next frame, of the last
 /// frame over that from the one before; a single frame has none.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_extxyz(
+pub(crate) fn write_extxyz(
     frames: &[(u64, &Frame)],
     filmed: &Filmed,
     out: &mut dyn Write,

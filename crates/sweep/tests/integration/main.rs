@@ -18,8 +18,8 @@ mod harness;
 mod precision;
 mod progress;
 mod published;
-
 mod report;
 mod scripts;
 mod slurm;
 mod trouble;
+mod versions;

@@ -1,7 +1,7 @@
 //! The tables of a plan: its axes, and its kinds of runs.
 
-use super::{Kind, Plan, Source};
-use crate::cli::Error;
+use crate::api::Error;
+use crate::api::plan::{Kind, Plan, Source, Values};
 use crate::format::{Digits, Uncertain, bytes, duration, significant};
 use crate::report::{Head, Shape, Sheet, SheetColumn, room};
 use std::io::{self, Write};
@@ -138,7 +138,7 @@ fn axes(plan: &Plan, shape: Shape, width: Option<u16>) -> Sheet {
     } else {
         room(width).saturating_sub(besides)
     };
-    let column = |name, heading: &str, cell: &dyn Fn(&super::Values) -> Uncertain| {
+    let column = |name, heading: &str, cell: &dyn Fn(&Values) -> Uncertain| {
         let cells = plan.axes.iter().map(|axis| Some(cell(axis))).collect();
         SheetColumn::new(Head::new(name, heading, "", 0), cells, shape.format)
     };

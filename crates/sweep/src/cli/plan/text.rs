@@ -1,8 +1,9 @@
 //! The plan as text.
 
 use super::tables::Sheets;
-use super::{Kind, Plan};
-use crate::cli::{Error, Output};
+use crate::api::Error;
+use crate::api::plan::{Kind, Plan};
+use crate::cli::Output;
 use crate::format::{bytes, duration, significant, wrapped};
 use std::io::Write;
 

@@ -1,8 +1,8 @@
 //! The arguments of figures.
 
 use super::save;
+use crate::api::Error;
 use crate::axes::{AXES, Axis};
-use crate::cli::Error;
 use crate::cli::Output;
 use crate::cli::place::StoreArguments;
 use crate::report::{

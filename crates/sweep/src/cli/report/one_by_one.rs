@@ -1,7 +1,8 @@
 //! Tables with a row for every run, or for every sample.
 
 use super::save;
-use crate::cli::{Error, Output};
+use crate::api::Error;
+use crate::cli::Output;
 use crate::files::write_whole;
 use crate::report::{Excerpt, ReportError, TableFormat};
 use std::io::{BufWriter, Write};

@@ -1,6 +1,7 @@
 //! Publishing a shard: copied, synced and renamed, so that nobody ever sees half of one.
 
 use super::ShardError;
+use crate::disk::is_full;
 use crate::files::{folder_of, write_whole};
 use crate::store::{self, StoreError};
 use std::fs::File;
@@ -111,7 +112,7 @@ pub(crate) fn no_room(error: &io::Error, path: &Path) -> bool {
     matches!(
         error.kind(),
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
-    ) || store::is_full(path)
+    ) || is_full(path)
 }
 
 /// An error of the store as one of the system, which is what stands behind it here.

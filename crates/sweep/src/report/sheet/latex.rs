@@ -9,9 +9,6 @@ use std::io::{self, Write};
 
 impl Sheet {
     /// Writes it as a `tabular` that needs no package, under comments that say where it comes from.
-    ///
-    /// # Errors
-    /// Output that cannot be written.
     pub(crate) fn write_latex(&self, origin: &str, out: &mut dyn Write) -> io::Result<()> {
         for line in origin.trim_end().lines() {
             writeln!(out, "% {line}")?;
@@ -112,10 +109,11 @@ fn symbols(text: &str) -> String {
 }
 
 /// Writes the points as a LaTeX table: the columns of the table on the screen, all the usual ones if it is wide.
-///
-/// # Errors
-/// Output that cannot be written.
-pub fn write_latex(report: &Report, shape: Shape, out: &mut dyn Write) -> Result<(), ReportError> {
+pub(crate) fn write_latex(
+    report: &Report,
+    shape: Shape,
+    out: &mut dyn Write,
+) -> Result<(), ReportError> {
     Ok(Sheet::of(report, shape, None).write_latex(&origin_of(report), out)?)
 }
 

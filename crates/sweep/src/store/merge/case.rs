@@ -1,15 +1,18 @@
 //! Merging one case: what outranks what. All of it is read and compared with its digests before anything of it is written.
 
 use super::{MergeMode, Merged};
-use crate::campaign::Protocol;
 use crate::case::{Case, State};
 use crate::process::now;
+use crate::protocol::Protocol;
 use crate::store::campaign::Points;
+use crate::store::digest::whole;
 use crate::store::ends::{self, RunEnd};
+use crate::store::statements::Statements;
 use crate::store::{
-    Checkpoint, claims, count, failures, frames, integer, query, registry, samples,
+    Checkpoint, claims, count, failures, frames, integer, points, registry, samples,
 };
-use rusqlite::{Connection, OptionalExtension, params};
+use rusqlite::types::Value;
+use rusqlite::{Connection, params};
 use sd_core::Sample;
 use std::collections::HashMap;
 
@@ -56,7 +59,7 @@ struct Run {
 
 impl Merging<'_> {
     /// Takes over what there is of a case.
-    pub(super) fn case(&mut self, id: i64) -> Result<(), rusqlite::Error> {
+    pub(super) fn case(&mut self, id: i64) -> rusqlite::Result<()> {
         let Ok(theirs) = Theirs::read(self.other, id) else {
             self.merged.unreadable += 1;
             return Ok(());
@@ -89,18 +92,18 @@ impl Merging<'_> {
     }
 
     /// The case as the store has it; a case of no grid is added if there is anything `worth` it.
-    fn ours(&self, theirs: &Theirs, worth: bool) -> Result<Option<Ours>, rusqlite::Error> {
+    fn ours(&self, theirs: &Theirs, worth: bool) -> rusqlite::Result<Option<Ours>> {
         let look = || {
-            self.connection
-                .prepare_cached(
-                    "SELECT c.id, c.state, c.steps_done, c.steps, e.steps, e.jammed, e.process FROM cases c
+            self.connection.find(
+                "SELECT c.id, c.state, c.steps_done, c.steps, e.steps, e.jammed,
+                 e.process FROM cases c
                      LEFT JOIN ends e ON e.case_id = c.id WHERE c.key = ?1",
-                )?
-                .query_row([&theirs.key], |row| {
+                [&theirs.key],
+                |row| {
                     let end: Option<i64> = row.get(4)?;
                     Ok(Ours {
                         id: row.get(0)?,
-                        state: query::state(row.get_ref(1)?)?,
+                        state: points::state(row.get_ref(1)?)?,
                         steps_done: count(row.get(2)?),
                         requested: count(row.get(3)?),
                         end: match end {
@@ -108,8 +111,8 @@ impl Merging<'_> {
                             None => None,
                         },
                     })
-                })
-                .optional()
+                },
+            )
         };
         let known = look()?;
         if known.is_some() || self.mode != MergeMode::Campaign || !worth {
@@ -117,7 +120,8 @@ impl Merging<'_> {
         }
         let case = &theirs.case;
         self.connection.execute(
-            "INSERT INTO cases (key, point, seed, steps, sample_stride, counts, turn, cost, changed_at)
+            "INSERT INTO cases (key, point, seed, steps, sample_stride, counts, turn, cost,
+                 changed_at)
              VALUES (?1, ?2, ?3, ?4, ?5, 0, 0, ?6, ?7)",
             params![
                 theirs.key,
@@ -133,7 +137,7 @@ impl Merging<'_> {
     }
 
     /// Takes a run over if there is none yet. Of two that agree the longer is kept, of two that do not the later attempt.
-    fn run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> Result<(), rusqlite::Error> {
+    fn run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> rusqlite::Result<()> {
         let Some((steps, jammed, process)) = ours.end else {
             // A case this store's own processes take farther is left to them.
             if ours.state != State::Running || run.end.jammed || run.end.steps >= ours.requested {
@@ -166,12 +170,11 @@ impl Merging<'_> {
         if is_later {
             self.take_run(ours, theirs, run)?;
         }
-        self.connection
-            .execute(
-                "INSERT OR IGNORE INTO disagreements (case_id, kept, other, what, found_at) VALUES (?1, ?2, ?3, ?4, ?5)",
-                params![ours.id, kept, other, what, now()],
-            )
-            .map(|_| ())
+        self.connection.run(
+            "INSERT OR IGNORE INTO disagreements (case_id, kept, other, what, found_at)
+                     VALUES (?1, ?2, ?3, ?4, ?5)",
+            params![ours.id, kept, other, what, now()],
+        )
     }
 
     /// Where a run differs first from the one that is there, if it does, as far as both were computed; times may differ.
@@ -180,7 +183,7 @@ impl Merging<'_> {
         case: i64,
         ours: (u64, bool),
         run: &Run,
-    ) -> Result<Option<String>, rusqlite::Error> {
+    ) -> rusqlite::Result<Option<String>> {
         let theirs = (run.end.steps, run.end.jammed);
         let jammed_early = |one: (u64, bool), other: u64| one.1 && one.0 < other;
         if jammed_early(theirs, ours.0)
@@ -217,7 +220,7 @@ impl Merging<'_> {
     }
 
     /// Takes over a run that was computed to an end.
-    fn take_run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> Result<(), rusqlite::Error> {
+    fn take_run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> rusqlite::Result<()> {
         let end = RunEnd {
             process: self.take_process(run.end.process)?,
             ..run.end.clone()
@@ -231,7 +234,8 @@ impl Merging<'_> {
         failures::mark_retried(self.connection, &format!("id = {}", ours.id))?;
         let goes_on_from = if end.state.is_some() { end.steps } else { 0 };
         self.connection.execute(
-            "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?2, steps_done = max(steps_done, ?3) WHERE id = ?1",
+            "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?2,
+                 steps_done = max(steps_done, ?3) WHERE id = ?1",
             params![ours.id, now(), integer(goes_on_from)],
         )?;
         claims::free_where(self.connection, "id = ?2", &[&ours.id])?;
@@ -241,12 +245,11 @@ impl Merging<'_> {
     }
 
     /// Puts processes in the order of their attempts: those of the store itself come last, and so win.
-    fn attempt(&self, process: i64) -> Result<(i64, i64, i64, String, i64), rusqlite::Error> {
-        self.connection
-            .prepare_cached(
-                "SELECT job, restart, started_at, host, pid FROM processes WHERE id = ?1",
-            )?
-            .query_row([process], |row| {
+    fn attempt(&self, process: i64) -> rusqlite::Result<(i64, i64, i64, String, i64)> {
+        self.connection.one(
+            "SELECT job, restart, started_at, host, pid FROM processes WHERE id = ?1",
+            [process],
+            |row| {
                 let job: Option<String> = row.get(0)?;
                 let restart: Option<i64> = row.get(1)?;
                 let number = |job: String| {
@@ -260,33 +263,33 @@ impl Merging<'_> {
                     row.get(3)?,
                     row.get(4)?,
                 ))
-            })
+            },
+        )
     }
 
     /// Takes over failures the store does not have.
-    fn take_failures(&mut self, ours: &Ours, theirs: &Theirs) -> Result<(), rusqlite::Error> {
+    fn take_failures(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
         let read = || {
             Ok((
                 failures::of(self.other, theirs.id)?,
                 samples::of(self.other, theirs.id)?,
             ))
         };
-        let read: Result<_, rusqlite::Error> = read();
+        let read: rusqlite::Result<_> = read();
         let Ok((found, samples)) = read else {
             self.merged.unreadable += 1;
             return Ok(());
         };
         let mut taken = false;
         for failure in found {
-            let process = self.take_process(failure.process)?;
-            let is_there = self
-                .connection
-                .prepare_cached(
-                    "SELECT 1 FROM failures WHERE case_id = ?1 AND process = ?2 AND failed_at = ?3",
-                )?
-                .exists(params![ours.id, process, failure.failed_at])?;
+            // Whoever it was: the process may be lost in the shard.
+            let is_there = self.connection.has(
+                "SELECT 1 FROM failures WHERE case_id = ?1 AND failed_at = ?2 AND step = ?3 AND error = ?4",
+                params![ours.id, failure.failed_at, integer(failure.step), failure.error],
+            )?;
             if !is_there {
-                let failure = failures::Row { process, ..failure };
+                let process = self.take_process(failure.process)?;
+                let failure = failures::Attempt { process, ..failure };
                 failures::insert(self.connection, ours.id, failure)?;
                 taken = true;
             }
@@ -307,7 +310,7 @@ impl Merging<'_> {
     }
 
     /// Takes over the checkpoints of a run under way in place of those there, which are older.
-    fn take_checkpoints(&mut self, ours: &Ours, theirs: &Theirs) -> Result<(), rusqlite::Error> {
+    fn take_checkpoints(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
         let whole = theirs.checkpoints(self.other).unwrap_or_default();
         let Some(steps) = whole.iter().map(|checkpoint| checkpoint.1).max() else {
             self.merged.unreadable += 1;
@@ -332,7 +335,7 @@ impl Merging<'_> {
     }
 
     /// Takes over frames. Those of one step are the same, whoever computed them.
-    fn take_frames(&mut self, ours: &Ours, theirs: &Theirs) -> Result<(), rusqlite::Error> {
+    fn take_frames(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
         let Ok(frames) = frames::of(self.other, theirs.id) else {
             self.merged.unreadable += 1;
             return Ok(());
@@ -346,19 +349,21 @@ impl Merging<'_> {
     }
 
     /// Takes over the process of a number, and gives it the number it has here.
-    fn take_process(&mut self, there: i64) -> Result<i64, rusqlite::Error> {
+    fn take_process(&mut self, there: i64) -> rusqlite::Result<i64> {
         if let Some(here) = self.processes.get(&there) {
             return Ok(*here);
         }
         let described = registry::described(self.other, there).unwrap_or_else(registry::unknown);
-        let known: Option<i64> = self
-            .connection
-            .prepare_cached("SELECT id FROM processes WHERE digest = ?1")?
-            .query_row([crate::store::digest::of(&described)], |row| row.get(0))
-            .optional()?;
-        let here = match known {
-            Some(here) => here,
-            None => registry::put(self.connection, &described, 0, Some(now()))?,
+        let known: Option<i64> = self.connection.find(
+            "SELECT id FROM processes WHERE digest = ?1",
+            [crate::store::digest::of(&described)],
+            |row| row.get(0),
+        )?;
+        let here = if let Some(here) = known {
+            here
+        } else {
+            let left = [("heartbeat", whole(0)), ("ended_at", Value::Integer(now()))];
+            registry::put(self.connection, &described, &left)?
         };
         self.processes.insert(there, here);
         Ok(here)
@@ -367,26 +372,26 @@ impl Merging<'_> {
 
 impl Theirs {
     /// The case of a number, if it still has its key.
-    fn read(other: &Connection, id: i64) -> Result<Self, rusqlite::Error> {
-        let found = other
-            .prepare_cached(
-                "SELECT c.key, p.params, c.seed, c.steps, c.sample_stride, c.state, c.steps_done
+    fn read(other: &Connection, id: i64) -> rusqlite::Result<Self> {
+        let found = other.one(
+            "SELECT c.key, p.params, c.seed, c.steps, c.sample_stride, c.state, c.steps_done
                  FROM cases c JOIN points p ON p.id = c.point WHERE c.id = ?1",
-            )?
-            .query_row([id], |row| {
+            [id],
+            |row| {
                 Ok(Self {
                     id,
                     key: row.get(0)?,
                     case: Case {
-                        params: query::params(row, 1)?,
+                        params: points::params(row, 1)?,
                         seed: count(row.get(2)?),
                         steps: count(row.get(3)?),
                         sample_stride: count(row.get(4)?).max(1),
                     },
-                    state: query::state(row.get_ref(5)?)?,
+                    state: points::state(row.get_ref(5)?)?,
                     steps_done: count(row.get(6)?),
                 })
-            })?;
+            },
+        )?;
         if found.case.key().to_string() == found.key {
             Ok(found)
         } else {
@@ -395,7 +400,7 @@ impl Theirs {
     }
 
     /// The run of it, if it was computed to an end: with the samples of all its steps, and a last state that fits.
-    fn run(&self, other: &Connection) -> Result<Option<Run>, rusqlite::Error> {
+    fn run(&self, other: &Connection) -> rusqlite::Result<Option<Run>> {
         let is_finished = matches!(self.state, State::Done | State::Jammed);
         let untrusted = || rusqlite::Error::QueryReturnedNoRows;
         let Some(mut end) = RunEnd::of(other, self.id)? else {
@@ -425,7 +430,7 @@ impl Theirs {
     }
 
     /// Whole checkpoints of it.
-    fn checkpoints(&self, other: &Connection) -> Result<Vec<Kept>, rusqlite::Error> {
+    fn checkpoints(&self, other: &Connection) -> rusqlite::Result<Vec<Kept>> {
         let mut found: Vec<Kept> = other
             .prepare_cached("SELECT generation, process, data FROM checkpoints WHERE case_id = ?1")?
             .query_map([self.id], |row| {

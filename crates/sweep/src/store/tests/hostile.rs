@@ -90,7 +90,6 @@ fn views_virtual_tables_and_computed_columns_are_no_store() {
         let directory = tempfile::tempdir().unwrap();
         let path = shard(directory.path());
         craft(&path, &format!("PRAGMA legacy_alter_table = ON; {statements}"));
-        let begun = Instant::now();
         let mut store = own(directory.path());
         for refused in [Store::open(&path).err(), Store::open_read_only(&path).err()] {
             assert!(
@@ -103,7 +102,6 @@ fn views_virtual_tables_and_computed_columns_are_no_store() {
         }
         let merged = store.merge(std::slice::from_ref(&path), true).unwrap();
         assert_eq!((merged.damaged.len(), merged.results), (1, 0), "{statements}");
-        assert!(begun.elapsed() < Duration::from_secs(20), "{statements}");
     }
 }
 

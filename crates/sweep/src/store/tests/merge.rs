@@ -18,7 +18,8 @@ fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
         .connection
         .execute("UPDATE processes SET host = ?1", [name])
         .unwrap();
-    registry::seal(&store.connection, store.me()).unwrap();
+    let own = format!("t.id = {}", store.me());
+    registry::SEALED.seal(&store.connection, &own).unwrap();
     (store, path)
 }
 

@@ -1,18 +1,55 @@
 //! Errors as they may be shown: nothing in their texts is obeyed by a terminal, and their colours are ours.
 
+use super::Error;
 use crate::visible::visible;
 use miette::{Diagnostic, LabeledSpan, Severity, SourceCode};
 use std::fmt;
 
+/// Renders errors as the user wants them.
+#[derive(Debug, Clone, Copy)]
+pub struct ErrorRenderer {
+    pub(crate) coloured: bool,
+    /// Columns it may take.
+    pub(crate) width: usize,
+}
+
+impl ErrorRenderer {
+    /// One without colours that leaves lines as long as they are.
+    pub fn plain() -> Self {
+        Self {
+            coloured: false,
+            width: 10_000,
+        }
+    }
+
+    /// An error as a person reads it on standard error: what, where, and what is allowed.
+    pub fn explain(self, error: &Error) -> String {
+        let theme = if self.coloured {
+            miette::GraphicalTheme::unicode()
+        } else {
+            miette::GraphicalTheme::unicode_nocolor()
+        };
+        let mut text = String::new();
+        let rendered = miette::GraphicalReportHandler::new_themed(theme)
+            .with_width(self.width)
+            .without_cause_chain()
+            .render_report(&mut text, &Shown::of(error));
+        match rendered {
+            Ok(()) => text,
+            Err(_) => visible(&error.to_string()).into_owned(),
+        }
+    }
+}
+
 /// An error whose texts are [`visible`]. Excerpts are made so where they are cut out of their files.
 #[derive(Debug)]
-pub(super) struct Shown<'e> {
+struct Shown<'e> {
     error: &'e dyn Diagnostic,
     related: Vec<Shown<'e>>,
 }
 
 impl<'e> Shown<'e> {
-    pub(super) fn of(error: &'e dyn Diagnostic) -> Self {
+    fn of(error: &'e dyn Diagnostic) -> Self {
         Self {
             error,
             related: error

@@ -49,38 +49,9 @@ impl Case {
         self.steps as f64 * self.params.time_step
     }
 
-    /// Estimated seconds of one step on a common core: right for the order of runs and for shares of a bar, not for promises.
-    pub fn step_cost(&self) -> f64 {
-        let n = self.params.spheres as f64;
-        // Of one stage, contacts included, as measured.
-        let stage = match (Method::of(&self.params), self.params.hydrodynamics) {
-            // Dense factorizations of 6N and sums over all pairs.
-            (Method::Dense, Hydrodynamics::StokesianDynamics) => {
-                3e-6 * n + 2.6e-7 * n * n + 2.7e-9 * n.powi(3)
-            }
-            (Method::Iterated, _) => 1e-4 * n * (n / 400.0).sqrt(),
-            // Sparse factors, and solves with them.
-            (Method::Pairwise, _) => 2e-6 * n.powf(1.3),
-            // Dense in the contacts alone.
-            (Method::Dense, Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_)) => {
-                2e-6 * n + 3.3e-8 * n * n
-            }
-        };
-        // Solves of a stage until it bears the stress, where that is imposed.
-        let solves = |most: f64| {
-            let searches = self.params.shear_stress.is_some() && self.params.rubs();
-            if searches { most } else { 1.0 }
-        };
-        match self.params.contact {
-            ContactScheme::Procedure => 2.4 * stage * solves(1.5),
-            ContactScheme::Laws(laws) if laws.is_soft() => 2.0 * stage * solves(4.0),
-            ContactScheme::Rigid | ContactScheme::Laws(_) => 2.0 * stage * solves(1.5),
-        }
-    }
-
-    /// Estimated seconds of the whole run, in the sense of [`Case::step_cost`].
+    /// Estimated seconds of the whole run: right for the order of runs, not for promises.
     pub fn cost(&self) -> f64 {
-        self.steps as f64 * self.step_cost()
+        self.steps as f64 * step_cost(&self.params)
     }
 
     /// The case in a few words, for progress and errors.
@@ -94,6 +65,35 @@ impl Case {
             "c={} ν={} h={} {shear} N={} seed {}",
             p.area_fraction, p.friction, p.roughness, p.spheres, self.seed
         )
+    }
+}
+
+/// Estimated seconds of one step on a common core: right for the order of runs and for shares of a bar, not for promises.
+pub(crate) fn step_cost(params: &Params) -> f64 {
+    let n = params.spheres as f64;
+    // Of one stage, contacts included, as measured.
+    let stage = match (Method::of(params), params.hydrodynamics) {
+        // Dense factorizations of 6N and sums over all pairs.
+        (Method::Dense, Hydrodynamics::StokesianDynamics) => {
+            3e-6 * n + 2.6e-7 * n * n + 2.7e-9 * n.powi(3)
+        }
+        (Method::Iterated, _) => 1e-4 * n * (n / 400.0).sqrt(),
+        // Sparse factors, and solves with them.
+        (Method::Pairwise, _) => 2e-6 * n.powf(1.3),
+        // Dense in the contacts alone.
+        (Method::Dense, Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_)) => {
+            2e-6 * n + 3.3e-8 * n * n
+        }
+    };
+    // Solves of a stage until it bears the stress, where that is imposed.
+    let solves = |most: f64| {
+        let searches = params.shear_stress.is_some() && params.rubs();
+        if searches { most } else { 1.0 }
+    };
+    match params.contact {
+        ContactScheme::Procedure => 2.4 * stage * solves(1.5),
+        ContactScheme::Laws(laws) if laws.is_soft() => 2.0 * stage * solves(4.0),
+        ContactScheme::Rigid | ContactScheme::Laws(_) => 2.0 * stage * solves(1.5),
     }
 }
 
@@ -197,7 +197,7 @@ mod tests {
                 spheres,
                 ..case().params
             };
-            Case { params, ..case() }.step_cost()
+            step_cost(&params)
         };
         // Milliseconds, of steps of two stages at c = 0.7; those of 400 and 1000 spheres by pairs on a machine 1.6 times as fast, times that.
         for (hydrodynamics, spheres, measured) in [

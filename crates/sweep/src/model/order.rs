@@ -3,9 +3,9 @@
 //! most to gain per second first. Where every point has one seed only, the most expensive points, which account for 75 % of the work,
 //! go most expensive first as the other seeds would.
 
-use super::Campaign;
-use crate::axes::{Axis, Value, identity};
-use crate::case::Case;
+use super::axes::{AXES, Axis, Identity, Value, identity};
+use super::campaign::Campaign;
+use super::case::Case;
 use sd_core::Params;
 use std::collections::HashMap;
 use std::fmt;
@@ -66,7 +66,7 @@ impl Priority {
                 },
             };
             let axis = Axis::of_key(key).ok_or_else(|| {
-                let known: Vec<&str> = crate::axes::AXES.iter().map(|axis| axis.key).collect();
+                let known: Vec<&str> = AXES.iter().map(|axis| axis.key).collect();
                 format!(
                     "{key:?} is no axis of a campaign; they are {}",
                     known.join(", ")
@@ -141,7 +141,7 @@ pub(crate) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> 
     }
     let mut seeds: HashMap<_, usize> = HashMap::new();
     // Cases of a point come one after the other in their file.
-    let mut last: Option<(&Params, crate::axes::Identity)> = None;
+    let mut last: Option<(&Params, Identity)> = None;
     let mut order: Vec<(Vec<f64>, usize, f64, usize, usize)> =
         Vec::with_capacity(campaign.cases.len());
     for (position, (_, case)) in campaign.cases.iter().enumerate() {

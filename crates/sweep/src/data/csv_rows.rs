@@ -3,9 +3,6 @@
 use std::io::{self, Write};
 
 /// Writes a header row and rows of as many cells.
-///
-/// # Errors
-/// Output that cannot be written, with the kind of error the system gave.
 pub(crate) fn write<'n, H, R, C>(
     header: H,
     rows: impl IntoIterator<Item = R>,
@@ -25,9 +22,6 @@ where
 }
 
 /// Writes rows without a header.
-///
-/// # Errors
-/// Output that cannot be written, with the kind of error the system gave.
 pub(crate) fn write_rows<R, C>(
     rows: impl IntoIterator<Item = R>,
     out: &mut dyn Write,

@@ -243,10 +243,7 @@ pub fn wrapped(text: &str, width: Option<u16>) -> String {
 }
 
 /// Reads a time such as `90s`, `15m`, `2h` or `1h 30m`; a bare number is seconds.
-///
-/// # Errors
-/// What may be written.
-pub fn parse_duration(text: &str) -> Result<Duration, String> {
+pub(crate) fn parse_duration(text: &str) -> Result<Duration, String> {
     let seconds = text.trim().parse::<f64>().ok();
     let read = match seconds {
         Some(seconds) => Duration::try_from_secs_f64(seconds).ok(),

@@ -1,8 +1,4 @@
 //! The campaign file is what counts: two versions of it on one store, longer and shorter runs, stores of older schemas.
-#![expect(
-    clippy::unwrap_used,
-    reason = "tests: a panic is the failure, and names state the fact"
-)]
 
 use assert_cmd::cargo::cargo_bin;
 use rusqlite::types::Value;

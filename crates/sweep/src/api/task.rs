@@ -1,10 +1,7 @@
-//! `sweep run --shard`: one task of a campaign, in a store of its own.
+//! One task of a campaign, in a store of its own that is published as a shard.
 
-use super::{Arguments, Conditions, compute};
-use crate::campaign::Campaign;
-use crate::campaign::Order;
-use crate::cli::Error;
-use crate::cli::Output;
+use super::Error;
+use crate::campaign::{Campaign, Order};
 use crate::cluster::shard::{self, Publisher, ShardError, Slices};
 use crate::cluster::{Requeue, Scheduler};
 use crate::exit;
@@ -12,39 +9,27 @@ use crate::process::Identity;
 use crate::runner::{Progress, RunObserver, Stop};
 use crate::store::{Counts, MergeMode, OpenCase, Store, StoreError, TaskName};
 use rustix::process::Signal;
-use serde::Serialize;
 use std::collections::HashSet;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Part {
-    task: usize,
-    tasks: usize,
-}
-
-pub(super) fn part(text: &str) -> Result<Part, String> {
-    text.split_once('/')
-        .and_then(|(task, tasks)| {
-            Some(Part {
-                task: task.parse().ok()?,
-                tasks: tasks.parse().ok()?,
-            })
-        })
-        .filter(|part| part.task < part.tasks && part.tasks <= 1_000_000)
-        .ok_or_else(|| "write I/N with I from 0 to N - 1, as in 0/24".to_owned())
-}
-
-/// What is said at the end.
-#[derive(Serialize)]
-struct Answer<'a> {
-    task: usize,
-    tasks: usize,
-    shard: &'a Path,
-    /// Cases of the slice by state.
-    #[serde(rename = "cases")]
-    counts: Counts,
+/// Which task it is, and where it works.
+pub(crate) struct Options<'o> {
+    /// Its number, from 0.
+    pub(crate) task: usize,
+    /// How many there are.
+    pub(crate) tasks: usize,
+    /// The slices, as they were written; without them the campaign is cut here.
+    pub(crate) slices: Option<&'o Path>,
+    /// Folder that shards are published in.
+    pub(crate) shards: Option<&'o Path>,
+    /// Disk of this machine to work on.
+    pub(crate) scratch: Option<&'o Path>,
+    pub(crate) publish_every: Duration,
+    pub(crate) retry_failed: bool,
+    pub(crate) allow_mixed_versions: bool,
+    /// Told what the user should know.
+    pub(crate) note: &'o (dyn Fn(&str) + Sync),
 }
 
 struct Task<'t> {
@@ -97,47 +82,25 @@ impl Task<'_> {
     }
 }
 
-/// Computes one slice of the campaign.
-pub(super) fn execute(
-    arguments: &Arguments,
-    part: Part,
-    mut campaign: Campaign,
-    workers: usize,
-    wall_limit: Option<Duration>,
-    output: &mut Output<'_>,
+/// Computes one slice of a campaign, of which only the cases of the slice are left. Gives the exit code and how far the slice is;
+/// `answer` is called with that and the shard before a scheduler may end this process.
+pub(crate) fn run_task(
+    campaign: &mut Campaign,
+    options: &Options<'_>,
+    stop: &Stop,
+    compute: impl FnOnce(&Campaign, &mut Store, &dyn RunObserver) -> Result<Counts, Error>,
+    answer: impl FnOnce(Counts, &Path) -> Result<(), Error>,
 ) -> Result<u8, Error> {
-    let stop = Stop::for_a_task()?;
-    let quiet = output.quiet;
-    let note = move |text: &str| {
-        if !quiet {
-            // Nobody may read standard error.
-            let _ = writeln!(crate::visible::stderr(), "{text}");
-        }
-    };
-    let plan = restrict(arguments, part, &mut campaign)?;
-    let (mut store, task) = begin(arguments, part, &plan, &campaign, &note)?;
-    let conditions = Conditions {
-        workers,
-        wall_limit,
-        stop: &stop,
-        observer: Some(&task),
-    };
-    let counts = store.counts()?;
-    let computed = if counts.pending + counts.running > 0 {
-        compute(arguments, &campaign, &mut store, conditions, output)
-    } else {
-        Ok(())
-    };
+    let plan = restrict(options, campaign)?;
+    let (mut store, task) = begin(options, &plan, campaign)?;
+    let computed = compute(campaign, &mut store, &task);
     // What there is counts, whatever ended the run.
     let published = task.publisher.publish();
-    computed?;
+    let counts = computed?;
     published?;
-    let counts = store.counts()?;
     drop(store);
     task.publisher.clean_up();
-    answer(part, counts, task.publisher.target(), output)?;
-    // Before the scheduler ends this process, as it does with a task that is to be started again.
-    output.out.flush()?;
+    answer(counts, task.publisher.target())?;
     Ok(match stop.signal() {
         Some(signal) if counts.pending + counts.running > 0 => {
             task.again(signal);
@@ -150,19 +113,16 @@ pub(super) fn execute(
 
 /// Makes the store of a task, with all that is known of its slice, and publishes it for the first time.
 fn begin<'t>(
-    arguments: &Arguments,
-    part: Part,
+    options: &Options<'t>,
     plan: &str,
     campaign: &Campaign,
-    note: &'t (dyn Fn(&str) + Sync),
 ) -> Result<(Store, Task<'t>), Error> {
-    let folder = arguments
-        .shards
-        .clone()
-        .unwrap_or_else(|| shard::folder_of(&campaign.default_store()));
-    let scratch = arguments
+    let note = options.note;
+    let usual = || shard::folder_of(&campaign.default_store());
+    let folder = options.shards.map_or_else(usual, Path::to_owned);
+    let scratch = options
         .scratch
-        .clone()
+        .map(Path::to_owned)
         .or_else(|| std::env::var_os("SLURM_TMPDIR").map(PathBuf::from))
         .unwrap_or_else(|| folder.join("work"));
     for folder in [&folder, &scratch] {
@@ -171,10 +131,10 @@ fn begin<'t>(
             source,
         })?;
     }
-    let started_by = Scheduler::of_this_task(part.task);
+    let started_by = Scheduler::of_this_task(options.task);
     let name = started_by
         .as_ref()
-        .map_or_else(|| by_hand(part), |(_, name)| name.clone());
+        .map_or_else(|| by_hand(options.task), |(_, name)| name.clone());
     let file = shard::name(plan, &name);
     let work = scratch.join(&file);
     if work.exists() {
@@ -184,16 +144,16 @@ fn begin<'t>(
     }
     let (mut store, _) = Store::enter(&work, campaign, Order::default())?;
     let before = Before::of(&folder, plan, &name);
-    if go_on_from(&mut store, &before.others, arguments, note)? > 0 {
+    if go_on_from(&mut store, &before.others, options)? > 0 {
         // What failed in another job is in this slice because it is to be computed again.
         store.retry_failed()?;
     }
-    go_on_from(&mut store, &before.own, arguments, note)?;
-    if arguments.retry_failed {
+    go_on_from(&mut store, &before.own, options)?;
+    if options.retry_failed {
         store.retry_failed()?;
     }
     let task = Task {
-        publisher: Publisher::new(work, folder.join(file), arguments.publish_every),
+        publisher: Publisher::new(work, folder.join(file), options.publish_every),
         cancelled: shard::cancel_mark(&folder, plan, &name.job),
         started_by,
         note,
@@ -205,43 +165,19 @@ fn begin<'t>(
 }
 
 /// The name of a task that no scheduler started.
-fn by_hand(part: Part) -> TaskName {
+fn by_hand(task: usize) -> TaskName {
     TaskName {
         job: "by-hand".into(),
-        task: part.task,
+        task,
         restart: 0,
         node: Identity::of_this_process().host,
     }
 }
 
-/// Says how far the slice is.
-fn answer(part: Part, counts: Counts, shard: &Path, output: &mut Output<'_>) -> Result<(), Error> {
-    let left = counts.pending + counts.running;
-    if output.json {
-        return Ok(output.json(&Answer {
-            task: part.task,
-            tasks: part.tasks,
-            shard,
-            counts,
-        })?);
-    }
-    writeln!(
-        output.out,
-        "task {} of {}: {} cases done, {} jammed, {} failed, {left} left: {}",
-        part.task,
-        part.tasks,
-        counts.done,
-        counts.jammed,
-        counts.failed,
-        shard.display()
-    )?;
-    Ok(())
-}
-
 /// Leaves only the cases of the slice in a campaign. Gives the name of the plan.
-fn restrict(arguments: &Arguments, part: Part, campaign: &mut Campaign) -> Result<String, Error> {
-    let (plan, keys) = if let Some(path) = &arguments.slices {
-        Slices::read(path, part.task, part.tasks)?
+fn restrict(options: &Options<'_>, campaign: &mut Campaign) -> Result<String, Error> {
+    let (plan, keys) = if let Some(path) = options.slices {
+        Slices::read(path, options.task, options.tasks)?
     } else {
         let all: Vec<OpenCase> = campaign
             .certain()
@@ -251,10 +187,10 @@ fn restrict(arguments: &Arguments, part: Part, campaign: &mut Campaign) -> Resul
                 begun: false,
             })
             .collect();
-        let mut slices = Slices::cut(&all, part.tasks);
+        let mut slices = Slices::cut(&all, options.tasks);
         (
             slices.plan(&campaign.text),
-            slices.tasks.swap_remove(part.task),
+            slices.tasks.swap_remove(options.task),
         )
     };
     let keys: HashSet<String> = keys.into_iter().collect();
@@ -265,11 +201,11 @@ fn restrict(arguments: &Arguments, part: Part, campaign: &mut Campaign) -> Resul
         .retain(|(key, _)| keys.contains(&key.to_string()));
     if campaign.cases.len() < keys.len() {
         return Err(ShardError::Slices {
-            path: arguments.slices.clone().unwrap_or_default(),
+            path: options.slices.map(Path::to_owned).unwrap_or_default(),
             reason: format!(
                 "{} of its cases are not in {}: these are slices of another campaign file",
                 keys.len() - campaign.cases.len(),
-                arguments.campaign.display()
+                campaign.file.display()
             ),
         }
         .into());
@@ -306,27 +242,22 @@ impl Before {
 
 /// Takes over what shards hold of the slice; gives the number of failures among it. A shard that cannot be used is no reason
 /// to stop: the slice is computed anew.
-fn go_on_from(
-    store: &mut Store,
-    sources: &[PathBuf],
-    arguments: &Arguments,
-    note: &dyn Fn(&str),
-) -> Result<u64, Error> {
+fn go_on_from(store: &mut Store, sources: &[PathBuf], options: &Options<'_>) -> Result<u64, Error> {
     let mut failures = 0;
     for source in sources {
         match store.merge_as(
             MergeMode::Task,
             std::slice::from_ref(source),
-            arguments.allow_mixed_versions,
+            options.allow_mixed_versions,
         ) {
             Ok(merged) => {
                 failures += merged.failures;
                 for damaged in merged.damaged {
-                    note(&damaged.to_string());
+                    (options.note)(&damaged.to_string());
                 }
             }
             Err(error @ (StoreError::OtherBuild { .. } | StoreError::OtherCampaign { .. })) => {
-                note(&format!("{error}: not used"));
+                (options.note)(&format!("{error}: not used"));
             }
             Err(error) => return Err(error.into()),
         }

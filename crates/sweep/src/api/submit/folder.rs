@@ -1,8 +1,8 @@
 //! What `sweep submit` reads and writes: the store, or a copy of it, and the folder of the plan.
 
+use crate::api::Error;
 use crate::campaign::Campaign;
 use crate::campaign::Order;
-use crate::cli::Error;
 use crate::cluster::Job;
 use crate::cluster::shard::{BEGUN, ShardError, no_room};
 use crate::files::write_whole;

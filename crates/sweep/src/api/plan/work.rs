@@ -38,34 +38,34 @@ impl Point<'_> {
 
 /// What is expected where a precision is asked for.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct Expected {
+pub(crate) struct Expected {
     /// Points at which it is.
-    pub(super) points: usize,
+    pub(crate) points: usize,
     /// Of these, points that have it, or get no more seeds.
-    pub(super) settled: usize,
+    pub(crate) settled: usize,
     /// Fewest and most seeds there may be in all.
-    pub(super) at_least: usize,
-    pub(super) at_most: usize,
+    pub(crate) at_least: usize,
+    pub(crate) at_most: usize,
     /// Seeds expected in all.
-    pub(super) seeds: usize,
+    pub(crate) seeds: usize,
     /// Scatter between runs over their mean, measured where it could be.
-    pub(super) scatter: f64,
+    pub(crate) scatter: f64,
     /// Whether it was measured.
-    pub(super) measured: bool,
+    pub(crate) measured: bool,
     /// Lengths of runs and the strain in all that the precision takes with each, over that of the length asked for; empty where
     /// nothing is measured.
-    pub(super) lengths: Vec<Length>,
+    pub(crate) lengths: Vec<Length>,
 }
 
 /// A length of runs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(super) struct Length {
+pub(crate) struct Length {
     /// Strain of a run.
-    pub(super) strain: f64,
+    pub(crate) strain: f64,
     /// Seeds the precision takes.
-    pub(super) seeds: usize,
+    pub(crate) seeds: usize,
     /// Strain of all of them together, over that of the length asked for.
-    pub(super) work: f64,
+    pub(crate) work: f64,
 }
 
 /// What is left to do.

@@ -2,8 +2,6 @@
 //!
 //! The columns of samples and results in the store, averages, tables, exports and the page all go by this list.
 
-use crate::axes::Value;
-use crate::data::{Field, Unfit, fields};
 use sd_core::{Sample, StressComponents};
 
 /// One component of the stress, or one part of it, in mu·rate.
@@ -100,25 +98,6 @@ pub(crate) static STRESSES: [StressColumn; COUNT] = [
 /// Those that every sample keeps, in the order of their columns.
 pub(crate) fn parts() -> impl Iterator<Item = &'static StressColumn> {
     STRESSES.iter().filter(|column| column.is_part())
-}
-
-/// What a sample holds, and the components of the stress whose parts it holds, under the names of the columns of samples.
-///
-/// # Errors
-/// None is known: the fields of a sample are numbers.
-pub fn sample_fields(sample: &Sample) -> Result<Vec<Field>, Unfit> {
-    let mut all = fields(sample)?;
-    let totals = STRESSES.iter().filter(|column| !column.is_part());
-    let totals = totals.map(|column| Field {
-        name: column.name.into(),
-        value: Value::Number(column.read(sample)),
-    });
-    let before = all
-        .iter()
-        .position(|field| field.name == "normal_stress_difference");
-    let place = before.map_or(all.len(), |place| place + 1);
-    all.splice(place..place, totals);
-    Ok(all)
 }
 
 /// The components whose parts are these, in the order of [`parts`].

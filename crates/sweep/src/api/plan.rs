@@ -1,0 +1,307 @@
+//! What a campaign would do: its runs, how long they take here, how much they store.
+
+mod memory;
+mod scatter;
+mod work;
+
+use super::Error;
+use crate::axes::{AXES, Axis, Value, identity};
+use crate::campaign::Campaign;
+use crate::case::Case;
+use crate::costs::{COMPARABLE, Costs, Trial, trials};
+use crate::store::Store;
+use scatter::Sum;
+use sd_core::Params;
+use sd_core::model::Words as _;
+use serde::{Serialize, Serializer};
+use std::collections::{HashMap, HashSet};
+use std::time::Instant;
+use work::Work;
+
+/// Seconds of processor of a run of the program besides its cases: its start, the store, the report; measured.
+const PROGRAM_S: f64 = 0.15;
+/// Bytes of a stored sample, index included; measured.
+const SAMPLE_BYTES: f64 = 145.0;
+/// Bytes of a case without its samples; measured.
+const CASE_BYTES: f64 = 1200.0;
+
+/// What a campaign would do.
+#[derive(Debug, Serialize)]
+pub struct Plan {
+    /// Name of the campaign.
+    pub(crate) campaign: String,
+    /// Number of runs; where a precision is asked for, as many as are expected.
+    pub(crate) cases: usize,
+    /// Of these, runs that have ended.
+    pub(crate) ended: usize,
+    /// Points: runs that differ only in their seed are one.
+    pub(crate) points: usize,
+    /// Points at which a precision is asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) precision: Option<work::Expected>,
+    /// Axes and their values.
+    #[serde(serialize_with = "as_object")]
+    pub(crate) axes: Vec<Values>,
+    /// Runs computed at a time.
+    pub(crate) workers: usize,
+    /// Kinds of runs.
+    pub(crate) kinds: Vec<Kind>,
+    /// Seconds of processor that what is left to do takes.
+    pub(crate) computing_time_s: f64,
+    /// Time from start to end with that many workers.
+    pub(crate) elapsed_s: f64,
+    /// Size of the finished store.
+    pub(crate) disk_bytes: f64,
+    /// Memory with that many workers at the largest kind, in bytes.
+    pub(crate) memory_bytes: f64,
+}
+
+/// An axis and its values.
+pub(crate) type Values = (&'static str, Vec<serde_json::Value>);
+
+/// Axes as one JSON object.
+fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
+    s.collect_map(axes.iter().map(|(name, values)| (name, values)))
+}
+
+/// Where the cost of a kind of runs is known from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Source {
+    /// From runs measured on this machine.
+    Runs,
+    /// From a short run just now.
+    Trial,
+    /// From runs that are not near.
+    Rough,
+}
+
+/// Runs of one kind.
+#[derive(Debug, Serialize)]
+pub(crate) struct Kind {
+    /// Number of spheres.
+    pub(crate) spheres: usize,
+    /// Word of the hydrodynamics.
+    pub(crate) hydrodynamics: &'static str,
+    /// Word of the contact scheme.
+    pub(crate) contact: &'static str,
+    /// Word of the tangential law.
+    pub(crate) tangential: &'static str,
+    /// A step, in strain.
+    pub(crate) time_step: f64,
+    /// Steps of a run.
+    pub(crate) steps: u64,
+    /// Number of runs to compute.
+    pub(crate) cases: usize,
+    /// Seconds of processor of a step, mean over its points.
+    pub(crate) step_s: f64,
+    /// Half the 95 % interval of that, by the scatter of runs measured near.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) step_ci95_s: Option<f64>,
+    /// Seconds of processor of all its runs.
+    pub(crate) computing_time_s: f64,
+    /// Memory of one of its runs, in bytes.
+    pub(crate) memory_bytes: f64,
+    /// Whether the time was measured here.
+    pub(crate) measured: bool,
+    /// Where it is known from: of the point of it that is known least.
+    pub(crate) source: Source,
+    /// Why no short run could be made where one was needed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) reason: Option<String>,
+}
+
+/// Bytes of memory of a program that computes so many of the cases of a campaign at a time.
+pub(crate) fn memory_bytes(campaign: &Campaign, workers: usize) -> f64 {
+    let runs = campaign
+        .cases
+        .iter()
+        .map(|(_, case)| memory::run_bytes(&case.params));
+    memory::resident_bytes() + workers as f64 * runs.fold(0.0, f64::max)
+}
+
+/// Makes the plan of a campaign of which nothing is computed yet. Writes nothing.
+///
+/// # Errors
+/// None where there is no store.
+pub fn plan(campaign: &Campaign, workers: usize) -> Result<Plan, Error> {
+    make(campaign, workers, false, None)
+}
+
+/// Makes the plan of what a store lacks of a campaign; with frames of every run where a `trajectory` is kept.
+pub(crate) fn make(
+    campaign: &Campaign,
+    workers: usize,
+    trajectory: bool,
+    store: Option<&Store>,
+) -> Result<Plan, Error> {
+    let begun = Instant::now();
+    let resident = memory::resident_bytes();
+    let mut costs = Costs::of_this_machine();
+    if let Some(store) = store {
+        for record in work::measured(store)? {
+            costs.learn(&record);
+        }
+    }
+    let work = Work::of(campaign, store)?;
+    let points: Vec<(&Case, f64)> = work.points.iter().map(|p| (p.case, p.runs())).collect();
+    let trials = trials(&costs, &points, begun);
+    let tried = trials
+        .iter()
+        .filter_map(|(_, outcome)| outcome.as_ref().ok());
+    tried.for_each(|record| costs.learn(record));
+    let reasons: Vec<(&Params, &String)> = trials
+        .iter()
+        .filter_map(|(params, outcome)| Some((params, outcome.as_ref().err()?)))
+        .collect();
+    let kinds = kinds(&work, &costs, &trials, &reasons);
+    let program_s = if kinds.is_empty() { 0.0 } else { PROGRAM_S };
+    let computing_time_s = kinds
+        .iter()
+        .fold(program_s, |sum, kind| sum + kind.computing_time_s);
+    let longest = work
+        .points
+        .iter()
+        .map(|point| costs.step(&point.case.params).seconds * point.case.steps as f64)
+        .fold(0.0, f64::max);
+    let samples = (campaign.protocol.strain / campaign.protocol.sample_every).ceil();
+    let frames = if trajectory { samples } else { 0.0 };
+    let largest = kinds
+        .iter()
+        .map(|kind| kind.memory_bytes)
+        .fold(0.0, f64::max);
+    let frame_bytes = |point: &work::Point<'_>| memory::frame_bytes(&point.case.params);
+    let frames_bytes: f64 = work
+        .points
+        .iter()
+        .map(|point| point.all * frames * frame_bytes(point))
+        .sum();
+    let all = work.points.iter().map(|point| point.all).sum::<f64>();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a count"
+    )]
+    let cases = all.round() as usize;
+    Ok(Plan {
+        campaign: campaign.name.clone(),
+        cases,
+        ended: work.ended,
+        points: work.points.len(),
+        precision: work.expected,
+        axes: axes(campaign),
+        workers,
+        computing_time_s,
+        elapsed_s: (computing_time_s / workers as f64).max(longest.min(computing_time_s)),
+        disk_bytes: all * (CASE_BYTES + samples * SAMPLE_BYTES) + frames_bytes,
+        memory_bytes: resident + workers as f64 * largest,
+        kinds,
+    })
+}
+
+/// The word of a choice.
+fn word(params: &Params, key: &str) -> &'static str {
+    match Axis::of_key(key).map(|axis| axis.value(params)) {
+        Some(Value::Word(word)) => word,
+        _ => "",
+    }
+}
+
+/// The kinds of runs there are to compute, the cheapest first.
+fn kinds(
+    work: &Work<'_>,
+    costs: &Costs,
+    trials: &[Trial],
+    reasons: &[(&Params, &String)],
+) -> Vec<Kind> {
+    let tried: HashSet<_> = trials
+        .iter()
+        .filter(|(_, outcome)| outcome.is_ok())
+        .map(|(params, _)| identity(params))
+        .collect();
+    let mut kinds: Vec<Kind> = Vec::new();
+    let mut sums: Vec<Sum> = Vec::new();
+    let mut place_of = HashMap::new();
+    for point in &work.points {
+        let (p, steps) = (&point.case.params, point.case.steps);
+        let (contact, tangential) = (word(p, "contact"), word(p, "tangential"));
+        let hydrodynamics = p.hydrodynamics.word();
+        let place = *place_of
+            .entry((
+                p.spheres,
+                hydrodynamics,
+                contact,
+                tangential,
+                p.time_step.to_bits(),
+                steps,
+            ))
+            .or_insert_with(|| {
+                kinds.push(Kind {
+                    spheres: p.spheres,
+                    hydrodynamics,
+                    contact,
+                    tangential,
+                    time_step: p.time_step,
+                    steps,
+                    cases: 0,
+                    step_s: 0.0,
+                    step_ci95_s: None,
+                    computing_time_s: 0.0,
+                    memory_bytes: 0.0,
+                    measured: true,
+                    source: Source::Runs,
+                    reason: None,
+                });
+                sums.push(Sum::default());
+                kinds.len() - 1
+            });
+        let (kind, cost) = (&mut kinds[place], costs.step(p));
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a count"
+        )]
+        let runs = point.open.round() as usize;
+        kind.cases += runs;
+        kind.computing_time_s += cost.seconds * steps as f64 * point.runs();
+        sums[place].add(cost, steps as f64, point.runs());
+        kind.memory_bytes = kind.memory_bytes.max(memory::run_bytes(p));
+        kind.source = match kind.source {
+            _ if cost.distance > COMPARABLE => Source::Rough,
+            Source::Runs if tried.contains(&identity(p)) => Source::Trial,
+            source => source,
+        };
+        kind.measured = kind.source != Source::Rough;
+        if let Some((_, reason)) = reasons.iter().find(|(of, _)| *of == p) {
+            kind.reason = Some((*reason).clone());
+        }
+    }
+    for (kind, sum) in kinds.iter_mut().zip(sums) {
+        if sum.steps > 0.0 {
+            kind.step_s = kind.computing_time_s / sum.steps;
+            let half = sum.half().filter(|_| kind.measured);
+            kind.step_ci95_s = half.map(|half| half / sum.steps);
+        }
+    }
+    kinds.retain(|kind| kind.cases > 0);
+    kinds.sort_by(|a, b| a.step_s.total_cmp(&b.step_s));
+    kinds
+}
+
+/// Axes with all their values in the order of their first use, without those that say nothing of these cases.
+fn axes(campaign: &Campaign) -> Vec<Values> {
+    let params = || campaign.cases.iter().map(|(_, case)| &case.params);
+    let different = |all: &mut dyn Iterator<Item = serde_json::Value>| {
+        let mut seen = HashSet::new();
+        all.filter(|value| seen.insert(value.to_string())).collect()
+    };
+    let seeds = different(&mut campaign.cases.iter().map(|(_, case)| case.seed.into()));
+    AXES.iter()
+        .filter(|axis| axis.matters(params()))
+        .map(|axis| {
+            let mut values = params().map(|p| serde_json::json!(axis.value(p)));
+            (axis.key, different(&mut values))
+        })
+        .chain([("seeds", seeds)])
+        .collect()
+}

@@ -1,0 +1,342 @@
+//! The runs of the points as a report averages them, each compared with what was written.
+
+use super::digest::{Altered, Digest};
+use super::results::COVERED;
+use super::schema::axis_cells;
+use super::statements::Statements;
+use super::{Store, StoreError, campaign, count, request, rules};
+use crate::case::{CaseKey, State};
+use crate::doubt::Doubt;
+use crate::protocol::Protocol;
+use crate::statistics::Steadiness;
+use crate::stresses::{self, COUNT, STRESSES};
+use rusqlite::types::{Type, Value, ValueRef};
+use rusqlite::{Connection, Row};
+use sd_core::Params;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// One case with its result, if it has one.
+#[derive(Debug, Clone)]
+pub struct PointRun {
+    /// Its place in the campaign file, from 0.
+    pub position: u64,
+    /// Its key.
+    pub key: String,
+    /// Its parameters.
+    pub params: Arc<Params>,
+    /// Its seed.
+    pub seed: u64,
+    /// Its state.
+    pub state: State,
+    /// Mean viscosity in full.
+    pub viscosity: Option<f64>,
+    /// Its median.
+    pub viscosity_median: Option<f64>,
+    /// Mean viscosity from the stresslets alone.
+    pub viscosity_stresslet: Option<f64>,
+    /// Mean first normal stress difference.
+    pub normal_stress_difference: Option<f64>,
+    /// Means of the components and parts of the stress, in the order of [`STRESSES`].
+    pub(crate) stresses: [Option<f64>; COUNT],
+    /// Samples averaged.
+    pub samples: u64,
+    /// Sum of contacts over them.
+    pub contacts: u64,
+    /// Sum of activated contacts.
+    pub activated: u64,
+    /// Sum of rolling contacts.
+    pub rolling: u64,
+    /// Sum of approach velocities.
+    pub approach: f64,
+    /// Smallest gap of the run.
+    pub minimum_gap: Option<f64>,
+    /// Right-hand sides with contacts.
+    pub stages: u64,
+    /// Of these, unconverged ones.
+    pub unconverged_stages: u64,
+    /// Of these, with friction off by more than 1e-3 of the largest force.
+    pub inexact_stages: u64,
+    /// Why its numbers are doubtful, if they are.
+    pub doubts: Vec<Doubt>,
+    /// Contact problems without a solution.
+    pub jammed_stages: u64,
+    /// Worst residual of the run.
+    pub worst_residual: Option<f64>,
+    /// Seconds of computing.
+    pub wall_time_s: Option<f64>,
+    /// Seconds of CPU.
+    pub cpu_time_s: Option<f64>,
+    /// Strain discarded.
+    pub discard: Option<f64>,
+    /// Strain from one sample to the next.
+    pub sample_every: f64,
+    /// What it tells about steadiness.
+    pub steadiness: Option<Steadiness>,
+}
+
+impl PointRun {
+    /// Whether it is finished, and broke a rule.
+    pub fn is_doubtful(&self) -> bool {
+        self.state == State::Done && !self.doubts.is_empty()
+    }
+
+    /// Whether it is finished, and counts in averages.
+    pub fn is_sound(&self) -> bool {
+        self.state == State::Done && self.doubts.is_empty()
+    }
+}
+
+impl Store {
+    /// All cases of the grid in the order of the file, each compared with what was written.
+    pub(crate) fn point_runs(&self) -> Result<Vec<PointRun>, StoreError> {
+        self.read(point_runs(&self.connection))
+    }
+}
+
+/// See [`Store::point_runs`].
+fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
+    campaign::check(connection)?;
+    rules::check(connection)?;
+    failures_fit_states(connection)?;
+    let more = format!(
+        "r.viscosity, r.viscosity_median, r.viscosity_stresslet, r.samples, r.contacts, r.activated, r.rolling, r.approach,
+         r.minimum_gap, r.stages, r.unconverged_stages, r.worst_residual, r.wall_time_s, r.normal_stress_difference,
+         r.jammed_stages, r.doubts, r.cpu_time_s, r.discard_step, r.viscosity_part_1, r.viscosity_part_2,
+         r.viscosity_part_3, r.viscosity_part_4, r.viscosity_variance, r.viscosity_correlation, r.inexact_stages, {}, {}",
+        stresses::names(STRESSES.iter(), "r."),
+        *COVERED
+    );
+    let mut runs = Vec::new();
+    let is_whole = look(connection, &more, "c.position IS NOT NULL", |row, known| {
+        let (key, point) = known?;
+        if row.get(6)? {
+            runs.push(point_run(row, key, point)?);
+        }
+        Ok(())
+    })?;
+    if !is_whole {
+        return Err(Altered::error(
+            "the grid is not what was written: a case is missing",
+        ));
+    }
+    // Put into order here: SQLite would copy all columns for that.
+    runs.sort_unstable_by_key(|run: &PointRun| run.position);
+    Ok(runs)
+}
+
+/// Calls `each` with the row of every case that meets a condition, and its key and its point, or why these are not what was
+/// written. Columns of `more` come from 11 on. Says whether all of the grid are there.
+pub(super) fn look(
+    connection: &Connection,
+    more: &str,
+    condition: &str,
+    mut each: impl FnMut(&Row<'_>, rusqlite::Result<(CaseKey, &KnownPoint)>) -> rusqlite::Result<()>,
+) -> rusqlite::Result<bool> {
+    let text = |row: &Row<'_>| Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?));
+    let (protocol, grid) = connection
+        .one("SELECT protocol, grid FROM campaign", [], text)
+        .map_err(|_| Altered::error("the campaign"))?;
+    let protocol: Protocol =
+        serde_json::from_str(&protocol).map_err(|_| Altered::error("the campaign"))?;
+    let points: HashMap<i64, rusqlite::Result<KnownPoint>> =
+        connection.all("SELECT * FROM points", [], |row| {
+            Ok((row.get(0)?, KnownPoint::read(row, protocol)))
+        })?;
+    let mut query = connection.prepare(&format!(
+        "SELECT c.key, c.seed, c.steps, c.sample_stride, c.state, c.position, c.counts, c.point,
+             r.case_id, e.steps, e.jammed,
+             {more}
+         FROM cases c LEFT JOIN points p ON p.id = c.point
+         LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
+         LEFT JOIN ends e ON e.case_id = c.id AND c.state NOT IN ('done', 'jammed')
+         WHERE {condition}"
+    ))?;
+    let (mut positions, mut keys) = (Vec::new(), Vec::new());
+    let mut rows = query.query([])?;
+    while let Some(row) = rows.next()? {
+        let position: Option<i64> = row.get(5)?;
+        let known = match points.get(&row.get(7)?) {
+            Some(Ok(point)) => point
+                .checked_key(row, position.is_some())
+                .map(|key| (key, point)),
+            Some(Err(error)) => Err(Altered::error(Altered::words(error))),
+            None => Err(Altered::error("the point of a case is missing")),
+        };
+        if let (Ok((key, _)), Some(position)) = (&known, position) {
+            positions.push(position);
+            keys.push(key.number());
+        }
+        each(row, known)?;
+    }
+    positions.sort_unstable();
+    let numbers = 0..super::integer(positions.len() as u64);
+    Ok(positions.into_iter().eq(numbers) && request::grid(keys.into_iter()) == grid)
+}
+
+/// That each failed case says why, and no pending one has failed.
+fn failures_fit_states(connection: &Connection) -> rusqlite::Result<()> {
+    let unfit: bool = connection.has(
+        "SELECT 1 FROM cases c WHERE c.state = 'failed'
+                 AND NOT EXISTS (SELECT 1 FROM failures WHERE case_id = c.id AND NOT retried)
+             UNION ALL SELECT 1 FROM failures f JOIN cases c ON c.id = f.case_id
+                 WHERE NOT f.retried AND c.state IN ('pending', 'running')",
+        [],
+    )?;
+    if unfit {
+        return Err(Altered::error(
+            "the state of a case is not that of its failures",
+        ));
+    }
+    Ok(())
+}
+
+/// The point of a case, as it is read.
+pub(super) struct KnownPoint {
+    text: String,
+    params: Arc<Params>,
+    /// Steps that are requested.
+    steps: u64,
+}
+
+impl KnownPoint {
+    /// A row of the points.
+    ///
+    /// # Errors
+    /// [`Altered`] if it is not what was written.
+    fn read(row: &Row<'_>, protocol: Protocol) -> rusqlite::Result<Self> {
+        let last = row.as_ref().column_count() - 1;
+        let params = params(row, 1)?;
+        let digest = Digest::default().with_row(row, 1..last)?.finish();
+        let cells: Vec<Value> = (2..last)
+            .map(|column| row.get(column))
+            .collect::<Result<_, _>>()?;
+        if digest != row.get::<_, i64>(last)? || !axis_cells(&params).eq(cells) {
+            return Err(Altered::error(
+                "the parameters of a point are not what was written",
+            ));
+        }
+        Ok(Self {
+            text: row.get(1)?,
+            steps: protocol.with_time_step(params.time_step).steps(),
+            params: Arc::new(params),
+        })
+    }
+
+    /// The key of a row whose first columns are key, seed, steps, sample stride, state; then from 8 on whether there is a result,
+    /// and the end that there is of an open case.
+    ///
+    /// # Errors
+    /// [`Altered`] if these do not go together.
+    fn checked_key(&self, row: &Row<'_>, is_in_grid: bool) -> rusqlite::Result<CaseKey> {
+        let (seed, steps, stride) = (count(row.get(1)?), count(row.get(2)?), count(row.get(3)?));
+        let key = CaseKey::of_text(&self.text, seed, stride);
+        let written = row.get_ref(0)?.as_str()?;
+        if key.to_string() != written {
+            return Err(Altered::error(format!(
+                "the parameters of case {written} are not those it was named for"
+            )));
+        }
+        let is_finished = matches!(state(row.get_ref(4)?)?, State::Done | State::Jammed);
+        let has_result = row.get_ref(8)? != ValueRef::Null;
+        let end: Option<i64> = row.get(9)?;
+        let is_covered = end.is_some_and(|end| count(end) >= steps)
+            || row.get::<_, Option<bool>>(10)? == Some(true);
+        if (is_in_grid && steps != self.steps) || is_finished != has_result || is_covered {
+            return Err(Altered::error(format!(
+                "the state of case {written} is not what was written"
+            )));
+        }
+        Ok(key)
+    }
+}
+
+/// The state of this name.
+pub(super) fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
+    let name = name.as_str()?;
+    State::of(name).ok_or_else(|| Altered::error(format!("there is no state {name:?} of a case")))
+}
+
+/// First column of the stresses in a row of [`point_runs`].
+const OF_STRESSES: usize = 36;
+
+/// One row of [`point_runs`].
+fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> rusqlite::Result<PointRun> {
+    let covered = OF_STRESSES + COUNT;
+    let last = row.as_ref().column_count() - 1;
+    let has_result = row.get_ref(8)? != ValueRef::Null;
+    if has_result
+        && Digest::default().with_row(row, covered..last)?.finish() != row.get::<_, i64>(last)?
+    {
+        return Err(Altered::error(format!(
+            "the result of run {key} is not what was written"
+        )));
+    }
+    let whole = |column: usize| {
+        row.get::<_, Option<i64>>(column)
+            .map(|n| count(n.unwrap_or(0)))
+    };
+    let mut stresses = [None; COUNT];
+    for (stress, column) in stresses.iter_mut().zip(OF_STRESSES..) {
+        *stress = row.get(column)?;
+    }
+    let params = point.params.clone();
+    let discarded: Option<i64> = row.get(28)?;
+    Ok(PointRun {
+        position: whole(5)?,
+        stresses,
+        key: key.to_string(),
+        sample_every: whole(3)? as f64 * params.time_step,
+        discard: discarded.map(|steps| count(steps) as f64 * params.time_step),
+        params,
+        seed: whole(1)?,
+        state: state(row.get_ref(4)?)?,
+        viscosity: row.get(11)?,
+        viscosity_median: row.get(12)?,
+        viscosity_stresslet: row.get(13)?,
+        samples: whole(14)?,
+        contacts: whole(15)?,
+        activated: whole(16)?,
+        rolling: whole(17)?,
+        approach: row.get::<_, Option<f64>>(18)?.unwrap_or(0.0),
+        minimum_gap: row.get(19)?,
+        stages: whole(20)?,
+        unconverged_stages: whole(21)?,
+        inexact_stages: whole(35)?,
+        worst_residual: row.get(22)?,
+        wall_time_s: row.get(23)?,
+        normal_stress_difference: row.get(24)?,
+        jammed_stages: whole(25)?,
+        doubts: row
+            .get_ref(26)?
+            .as_str_or_null()?
+            .map(Doubt::read)
+            .unwrap_or_default(),
+        cpu_time_s: row.get(27)?,
+        steadiness: steadiness(row)?,
+    })
+}
+
+/// What a run tells about steadiness, where it does.
+fn steadiness(row: &Row<'_>) -> rusqlite::Result<Option<Steadiness>> {
+    let number = |column: usize| row.get::<_, Option<f64>>(column);
+    let parts = [number(29)?, number(30)?, number(31)?, number(32)?];
+    let ([Some(a), Some(b), Some(c), Some(d)], Some(variance), Some(correlation)) =
+        (parts, number(33)?, number(34)?)
+    else {
+        return Ok(None);
+    };
+    Ok(Some(Steadiness {
+        parts: [a, b, c, d],
+        correlation,
+        variance,
+    }))
+}
+
+/// The parameters in a column of JSON.
+pub(super) fn params(row: &Row<'_>, column: usize) -> rusqlite::Result<Params> {
+    let text: String = row.get(column)?;
+    serde_json::from_str(&text).map_err(|error| {
+        rusqlite::Error::FromSqlConversionFailure(column, Type::Text, Box::new(error))
+    })
+}

@@ -1,0 +1,60 @@
+//! Shorthand for statements, which are kept prepared.
+
+use rusqlite::{CachedStatement, Connection, OptionalExtension as _, Params, Result, Row};
+
+/// Statements of a connection, or of the transaction it is in.
+pub(super) trait Statements {
+    /// A statement.
+    fn prepared(&self, sql: &str) -> Result<CachedStatement<'_>>;
+
+    /// Changes rows.
+    fn run(&self, sql: &str, parameters: impl Params) -> Result<()> {
+        self.change(sql, parameters).map(|_| ())
+    }
+
+    /// Changes rows. Says how many.
+    fn change(&self, sql: &str, parameters: impl Params) -> Result<usize> {
+        self.prepared(sql)?.execute(parameters)
+    }
+
+    /// Whether there is a row.
+    fn has(&self, sql: &str, parameters: impl Params) -> Result<bool> {
+        self.prepared(sql)?.exists(parameters)
+    }
+
+    /// The first row, which must be there.
+    fn one<T>(
+        &self,
+        sql: &str,
+        parameters: impl Params,
+        read: impl FnOnce(&Row<'_>) -> Result<T>,
+    ) -> Result<T> {
+        self.prepared(sql)?.query_row(parameters, read)
+    }
+
+    /// The first row, if there is one.
+    fn find<T>(
+        &self,
+        sql: &str,
+        parameters: impl Params,
+        read: impl FnOnce(&Row<'_>) -> Result<T>,
+    ) -> Result<Option<T>> {
+        self.one(sql, parameters, read).optional()
+    }
+
+    /// All rows.
+    fn all<T, C: FromIterator<T>>(
+        &self,
+        sql: &str,
+        parameters: impl Params,
+        read: impl FnMut(&Row<'_>) -> Result<T>,
+    ) -> Result<C> {
+        self.prepared(sql)?.query_map(parameters, read)?.collect()
+    }
+}
+
+impl Statements for Connection {
+    fn prepared(&self, sql: &str) -> Result<CachedStatement<'_>> {
+        self.prepare_cached(sql)
+    }
+}

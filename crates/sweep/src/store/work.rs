@@ -1,0 +1,259 @@
+//! How far a campaign is, and how long the rest of it takes.
+
+use super::points::{params, state};
+use super::statements::Statements;
+use super::{Store, StoreError, count};
+use crate::case::State;
+use crate::process;
+use rusqlite::{OptionalExtension, Row};
+use sd_core::Params;
+use serde::Serialize;
+use std::collections::HashSet;
+
+/// Cases of the grid by state.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Finished.
+    pub done: u64,
+    /// Ended as jammed layers.
+    pub jammed: u64,
+    /// Ended with an error.
+    pub failed: u64,
+    /// Owned by a process.
+    pub running: u64,
+    /// Not begun or stopped.
+    pub pending: u64,
+}
+
+impl Counts {
+    /// All cases of the grid.
+    pub fn total(&self) -> u64 {
+        self.done + self.jammed + self.failed + self.running + self.pending
+    }
+}
+
+/// How far the grid is, in estimated seconds of CPU.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Work {
+    /// Its cases by state.
+    pub counts: Counts,
+    /// All of it.
+    pub total: f64,
+    /// What is done of it: finished cases, and others up to their last checkpoint, but for those this process has under way.
+    pub done: f64,
+    /// Failed cases, which are not computed again by themselves.
+    pub given_up: f64,
+    /// What is left of cases that are pending or under way.
+    pub left: f64,
+    /// Cases under way whose process was heard of lately.
+    alive: u64,
+}
+
+/// How far the runs of one point are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PointWork {
+    /// Place of the first of them in the campaign.
+    pub(crate) position: usize,
+    /// All that count.
+    pub(crate) runs: f64,
+    /// Those that have not ended.
+    pub(crate) open: f64,
+    /// What is done of these, in runs.
+    pub(crate) done: f64,
+}
+
+/// Finished runs looked at to tell how fast a machine is.
+const SAMPLED: i64 = 1000;
+
+/// One process as it is listed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ProcessLine {
+    /// Its host.
+    pub host: String,
+    /// Its process id.
+    pub pid: u32,
+    /// Seconds since it was last heard of.
+    pub silent_s: f64,
+    /// Cases it owns.
+    pub running: u64,
+}
+
+impl Store {
+    /// Cases of the grid by state.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn counts(&self) -> Result<Counts, StoreError> {
+        self.work().map(|work| work.counts)
+    }
+
+    /// How far the grid is: one look at every case.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn work(&self) -> Result<Work, StoreError> {
+        let heard_since = process::now()
+            - i64::try_from(process::HEARTBEAT_LIMIT.as_millis()).unwrap_or(i64::MAX);
+        let read = || {
+            let alive: HashSet<i64> = self.connection.all(
+                "SELECT id FROM processes WHERE ended_at IS NULL AND heartbeat >= ?1",
+                [heard_since],
+                |row| row.get(0),
+            )?;
+            // Summed up here: SQLite would sort all cases by their states first.
+            let mut query = self.connection.prepare_cached(
+                "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner
+                     FROM cases NOT INDEXED WHERE counts",
+            )?;
+            let mut rows = query.query([])?;
+            let mut work = Work::default();
+            while let Some(row) = rows.next()? {
+                let state = state(row.get_ref(0)?)?;
+                let (cost, done): (f64, f64) = (row.get(1)?, row.get(2)?);
+                let owner: Option<i64> = row.get(3)?;
+                work.total += cost;
+                match state {
+                    State::Done | State::Jammed => work.done += cost,
+                    State::Failed => work.given_up += cost,
+                    State::Pending | State::Running => {
+                        work.left += cost - done;
+                        if owner != Some(self.me()) {
+                            work.done += done;
+                        }
+                    }
+                }
+                work.alive += u64::from(owner.is_some_and(|owner| alive.contains(&owner)));
+                *match state {
+                    State::Done => &mut work.counts.done,
+                    State::Jammed => &mut work.counts.jammed,
+                    State::Failed => &mut work.counts.failed,
+                    State::Running => &mut work.counts.running,
+                    State::Pending => &mut work.counts.pending,
+                } += 1;
+            }
+            Ok(work)
+        };
+        self.read(read())
+    }
+
+    /// Seconds of wall time and of CPU that finished runs took, over those they were estimated to take; `None` where there is none.
+    fn pace(&self) -> Result<Option<(f64, f64)>, StoreError> {
+        let mut sums = (0.0, 0.0, 0.0);
+        self.sampled_runs(
+            "SELECT r.case_id, r.wall_time_s, r.cpu_time_s, c.cost * e.steps / c.steps
+                 FROM results r
+             JOIN cases c ON c.id = r.case_id JOIN ends e ON e.case_id = c.id",
+            |row| {
+                sums.0 += row.get::<_, f64>(1)?;
+                sums.1 += row.get::<_, f64>(2)?;
+                sums.2 += row.get::<_, f64>(3)?;
+                Ok(())
+            },
+        )?;
+        Ok((sums.2 > 0.0).then(|| (sums.0 / sums.2, sums.1 / sums.2)))
+    }
+
+    /// Calls `each` with rows about finished runs, evenly spread over the store.
+    fn sampled_runs(
+        &self,
+        query: &str,
+        mut each: impl FnMut(&Row<'_>) -> rusqlite::Result<()>,
+    ) -> Result<(), StoreError> {
+        let mut read = || {
+            let last: Option<i64> =
+                self.connection
+                    .query_row("SELECT max(case_id) FROM results", [], |row| row.get(0))?;
+            let stride = (last.unwrap_or(0) / SAMPLED).max(1);
+            let mut query = self.connection.prepare_cached(&format!(
+                "{query} WHERE r.case_id >= ?1 ORDER BY r.case_id LIMIT 1"
+            ))?;
+            let mut from = 0;
+            while let Some(found) = query
+                .query_row([from], |row| each(row).and_then(|()| row.get::<_, i64>(0)))
+                .optional()?
+            {
+                from = found + stride;
+            }
+            Ok(())
+        };
+        self.read(read())
+    }
+
+    /// Estimated seconds of CPU that open cases still take, at the pace of those that are finished.
+    pub(crate) fn remaining_cpu_s(&self, work: &Work) -> Result<f64, StoreError> {
+        Ok(work.left * self.pace()?.map_or(1.0, |(_, cpu)| cpu))
+    }
+
+    /// Seconds until the cases at work and those pending are done, judged by what finished ones took; `None` if nobody
+    /// works or nothing is finished yet.
+    pub(crate) fn time_left(&self, work: &Work) -> Result<Option<f64>, StoreError> {
+        if work.alive == 0 {
+            return Ok(None);
+        }
+        Ok(self
+            .pace()?
+            .map(|(wall, _)| work.left * wall / work.alive as f64))
+    }
+
+    /// How far the runs of each point are, in the order of the campaign.
+    pub(crate) fn point_work(&self) -> Result<Vec<PointWork>, StoreError> {
+        self.rows(
+            "SELECT min(position), count(*), total(state IN ('pending', 'running')),
+                     total(CASE WHEN state IN ('pending',
+                     'running') THEN min(1.0 * steps_done / steps, 1.0) END)
+                 FROM cases WHERE counts GROUP BY point ORDER BY 1",
+            [],
+            |row| {
+                Ok(PointWork {
+                    position: usize::try_from(count(row.get(0)?)).unwrap_or(usize::MAX),
+                    runs: count(row.get(1)?) as f64,
+                    open: row.get(2)?,
+                    done: row.get(3)?,
+                })
+            },
+        )
+    }
+
+    /// Parameters, steps and seconds of CPU of runs that this build has computed on this machine, a thousand or so.
+    pub(crate) fn measured_runs(&self) -> Result<Vec<(Params, u64, f64)>, StoreError> {
+        let here = (process::Identity::of_this_process().host, process::build());
+        let mut runs = Vec::new();
+        self.sampled_runs(
+            "SELECT r.case_id, p.params, e.steps, r.cpu_time_s, o.host, o.build
+                 FROM results r JOIN cases c ON c.id = r.case_id
+             JOIN points p ON p.id = c.point JOIN ends e ON e.case_id = c.id
+             JOIN processes o ON o.id = r.process",
+            |row| {
+                let cpu_s: f64 = row.get(3)?;
+                if cpu_s > 0.0
+                    && row.get::<_, String>(4)? == here.0
+                    && row.get::<_, String>(5)? == here.1
+                {
+                    runs.push((params(row, 1)?, count(row.get(2)?), cpu_s));
+                }
+                Ok(())
+            },
+        )?;
+        Ok(runs)
+    }
+
+    /// Processes that own cases.
+    pub(crate) fn processes(&self) -> Result<Vec<ProcessLine>, StoreError> {
+        let now = process::now();
+        self.rows(
+            "SELECT p.host, p.pid, p.heartbeat, count(*) FROM processes p
+                     JOIN cases c ON c.owner = p.id
+                 WHERE c.state = 'running' GROUP BY p.id ORDER BY p.id",
+            [],
+            |row| {
+                let heartbeat: i64 = row.get(2)?;
+                Ok(ProcessLine {
+                    host: row.get(0)?,
+                    pid: row.get(1)?,
+                    silent_s: count(now - heartbeat) as f64 / 1000.0,
+                    running: count(row.get(3)?),
+                })
+            },
+        )
+    }
+}
