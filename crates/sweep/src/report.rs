@@ -23,8 +23,8 @@ pub use error::ReportError;
 pub use failures::FailureGroup;
 pub(crate) use figure::chart;
 pub use figure::{
-    Drawing, Format, Graph, Intervals, Kind, LegendPlace, Length, Line, Look, Outline, Quantity,
-    Range, Style, Trace, draw, draw_graph, outline, traces,
+    Drawing, Format, Graph, Intervals, Kind, LegendPlace, Length, Look, Outline, Quantity, Range,
+    Style, Trace, draw, draw_graphs, outline, traces,
 };
 pub use json::write as write_json;
 pub use page::{PageHost, data, movie, page};

@@ -1,43 +1,46 @@
 //! The live page: a server that reads the store and nothing else.
 //!
-//! It has three routes, all of them reading: the page, its data, and the movie of a run. Requests must name this machine
-//! as their host, so that no page of another site can have its visitor's browser read the store (DNS rebinding).
+//! It has three routes, all of them reading: the page, its data, and the movie of a run. Requests
+//! must name this machine as their host, so that no page of another site can have its visitor's
+//! browser read the store (DNS rebinding). A connection carries one request.
 
 use crate::report::{Excerpt, PageHost, ReportError, Selection, Units, data, movie, page};
 use crate::store::{Store, StoreError, StoreSource};
 use axum::Router;
-use axum::extract::{Path as Segment, Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::extract::connect_info::Connected;
+use axum::extract::{ConnectInfo, Path as Segment, Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use hyper::server::conn::http1;
-use hyper::service::{Service as _, service_fn};
-use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
+use axum::serve::{IncomingStream, Listener};
 use std::io;
 use std::net::{IpAddr, SocketAddr};
+use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::task::{Context, Poll};
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Mutex;
-use tokio::task::AbortHandle;
+use tokio::sync::{Mutex, OwnedSemaphorePermit, Semaphore};
+use tokio::time::{Instant, Sleep, sleep};
+use tower_http::timeout::TimeoutLayer;
 
-/// How long an answer about the store is given again.
+/// How long an answer about the store is reused.
 const FRESH: Duration = Duration::from_secs(1);
 /// Frames of a movie at most.
 const FRAMES: usize = 120;
-/// Connections at a time. With more, those that have asked for nothing yet are let go, the oldest first.
+/// Connections at a time; the system queues the others.
 const CONNECTIONS: usize = 24;
 /// Readers of the store at a time; each has a few files open.
 const READERS: usize = 4;
-/// How long a connection may take to say what it asks for.
-const ASKING: Duration = Duration::from_secs(5);
-/// How long it may take to ask and to be answered in all.
-const ANSWERING: Duration = Duration::from_mins(2);
-/// How long the server waits where there is no file descriptor or no place for another connection.
-const PAUSE: Duration = Duration::from_millis(20);
+/// How long a connection may take to send its request.
+const ASKING: Duration = Duration::from_secs(3);
+/// How long an answer may take; after it the status is 503.
+const ANSWERING: Duration = Duration::from_mins(1);
+/// How long a connection may last.
+const VISIT: Duration = Duration::from_mins(2);
 
 /// Why there is no live page, or no answer to a request.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -51,7 +54,7 @@ pub enum ServeError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Store(#[from] StoreError),
-    /// Something the system would not give.
+    /// A resource that the system refused.
     #[error("cannot start {what}: {reason}")]
     Start {
         /// What was asked for.
@@ -104,72 +107,109 @@ pub fn serve(
                 _ = terminate.recv() => {}
             }
         };
-        let routes = routes(source);
-        // Open connections are let go: a reader loses nothing.
+        let listener = Limited {
+            listener,
+            places: Arc::new(Semaphore::new(CONNECTIONS)),
+        };
+        let routes = routes(source).into_make_service_with_connect_info::<Asked>();
+        // Open connections are closed at once: the server only reads.
         tokio::select! {
-            () = accept(&listener, &routes) => {}
-            () = stopped => {}
+            served = axum::serve(listener, routes) => Ok(served?),
+            () = stopped => Ok(()),
         }
-        Ok(())
     });
     // A reader may be waiting for the store: nobody waits for it.
     runtime.shutdown_background();
     result
 }
 
-/// A connection that was accepted.
-struct Open {
-    handle: AbortHandle,
-    /// Whether it has asked for something.
-    asked: Arc<AtomicBool>,
+/// A listener that accepts a connection only where there is a place for it.
+struct Limited {
+    listener: TcpListener,
+    places: Arc<Semaphore>,
 }
 
-/// Accepts connections without end.
-async fn accept(listener: &TcpListener, routes: &Router) {
-    let mut open: Vec<Open> = Vec::new();
-    loop {
-        let Ok((stream, _)) = listener.accept().await else {
-            // As when there is no descriptor left: some connection ends soon.
-            tokio::time::sleep(PAUSE).await;
-            continue;
+impl Listener for Limited {
+    type Io = Connection;
+    type Addr = SocketAddr;
+
+    async fn accept(&mut self) -> (Connection, SocketAddr) {
+        let place = Arc::clone(&self.places).acquire_owned().await.ok();
+        let (stream, address) = Listener::accept(&mut self.listener).await;
+        let connection = Connection {
+            stream,
+            asked: Asked::default(),
+            accepted: Instant::now(),
+            timer: Box::pin(sleep(ASKING)),
+            _place: place,
         };
-        loop {
-            open.retain(|connection| !connection.handle.is_finished());
-            if open.len() < CONNECTIONS {
-                break;
-            }
-            let idle = open
-                .iter()
-                .position(|connection| !connection.asked.load(Ordering::Relaxed));
-            match idle {
-                Some(oldest) => open.remove(oldest).handle.abort(),
-                None => tokio::time::sleep(PAUSE).await,
-            }
-        }
-        let asked = Arc::new(AtomicBool::new(false));
-        let answered = converse(stream, routes.clone(), Arc::clone(&asked));
-        open.push(Open {
-            handle: tokio::spawn(answered).abort_handle(),
-            asked,
-        });
+        (connection, address)
+    }
+
+    fn local_addr(&self) -> io::Result<SocketAddr> {
+        self.listener.local_addr()
     }
 }
 
-/// Reads one request of a connection and answers it, within limits of time.
-async fn converse(stream: TcpStream, routes: Router, asked: Arc<AtomicBool>) {
-    let routes = TowerToHyperService::new(routes);
-    let service = service_fn(move |request| {
-        asked.store(true, Ordering::Relaxed);
-        routes.call(request)
-    });
-    let connection = http1::Builder::new()
-        .timer(TokioTimer::new())
-        .header_read_timeout(ASKING)
-        // An idle connection would take the place of one that asks.
-        .keep_alive(false)
-        .serve_connection(TokioIo::new(stream), service);
-    // Whoever asked has gone, or takes too long: there is nobody to tell.
-    let _ = tokio::time::timeout(ANSWERING, connection).await;
+/// A connection, which fails once its time is over.
+struct Connection {
+    stream: TcpStream,
+    asked: Asked,
+    accepted: Instant,
+    timer: Pin<Box<Sleep>>,
+    _place: Option<OwnedSemaphorePermit>,
+}
+
+/// Whether a connection has sent its request.
+#[derive(Debug, Clone, Default)]
+struct Asked(Arc<AtomicBool>);
+
+impl Connected<IncomingStream<'_, Limited>> for Asked {
+    fn connect_info(stream: IncomingStream<'_, Limited>) -> Self {
+        stream.io().asked.clone()
+    }
+}
+
+impl Connection {
+    /// The stream, as long as there is time.
+    fn in_time(&mut self, context: &mut Context<'_>) -> io::Result<Pin<&mut TcpStream>> {
+        let end = self.accepted + VISIT;
+        if self.asked.0.load(Ordering::Relaxed) && self.timer.deadline() != end {
+            self.timer.as_mut().reset(end);
+        }
+        match self.timer.as_mut().poll(context) {
+            Poll::Ready(()) => Err(io::ErrorKind::TimedOut.into()),
+            Poll::Pending => Ok(Pin::new(&mut self.stream)),
+        }
+    }
+}
+
+impl AsyncRead for Connection {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        self.in_time(context)?.poll_read(context, buffer)
+    }
+}
+
+impl AsyncWrite for Connection {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        self.in_time(context)?.poll_write(context, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.in_time(context)?.poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.in_time(context)?.poll_shutdown(context)
+    }
 }
 
 fn routes(source: StoreSource) -> Router {
@@ -181,6 +221,10 @@ fn routes(source: StoreSource) -> Router {
         .route("/", get(send_page))
         .route("/data.json", get(send_data))
         .route("/movie/{key}", get(send_movie))
+        .layer(TimeoutLayer::with_status_code(
+            StatusCode::SERVICE_UNAVAILABLE,
+            ANSWERING,
+        ))
         .layer(middleware::from_fn(guard))
         .with_state(shared)
 }
@@ -198,31 +242,46 @@ fn is_ours(host: &str) -> bool {
     name.eq_ignore_ascii_case("localhost") || bare.parse::<IpAddr>().is_ok()
 }
 
-/// Refuses foreign hosts; adds the headers that keep the page to itself.
-async fn guard(request: Request, next: Next) -> Response {
-    let host = request
-        .headers()
-        .get(header::HOST)
-        .and_then(|host| host.to_str().ok());
-    if !host.is_some_and(is_ours) {
+/// Whether a request names this machine as its host; else why it is refused.
+fn check_host(request: &Request) -> Result<(), (StatusCode, &'static str)> {
+    let mut hosts = request.headers().get_all(header::HOST).iter();
+    let (Some(host), None) = (hosts.next(), hosts.next()) else {
+        let text = "a request needs one Host header and no second one\n";
+        return Err((StatusCode::BAD_REQUEST, text));
+    };
+    if !host.to_str().is_ok_and(is_ours) {
         let text = "this server answers to localhost and to addresses only\n";
-        return (StatusCode::MISDIRECTED_REQUEST, text).into_response();
+        return Err((StatusCode::MISDIRECTED_REQUEST, text));
     }
-    let mut response = next.run(request).await;
-    let mut headers = HeaderMap::new();
-    for (name, value) in [
+    let authority = request.uri().authority();
+    if authority.is_some_and(|authority| authority.as_str().as_bytes() != host.as_bytes()) {
+        let text = "the host in the request line is not the one of the Host header\n";
+        return Err((StatusCode::BAD_REQUEST, text));
+    }
+    Ok(())
+}
+
+/// Refuses other hosts and adds the headers that keep the page to itself.
+async fn guard(ConnectInfo(asked): ConnectInfo<Asked>, request: Request, next: Next) -> Response {
+    asked.0.store(true, Ordering::Relaxed);
+    let mut response = match check_host(&request) {
+        Ok(()) => next.run(request).await,
+        Err(refusal) => refusal.into_response(),
+    };
+    let headers = [
+        // An idle connection would take the place of one that sends a request.
+        (header::CONNECTION, "close"),
         (header::CACHE_CONTROL, "no-store"),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (header::X_FRAME_OPTIONS, "DENY"),
         (header::REFERRER_POLICY, "no-referrer"),
-    ] {
-        headers.insert(name, header::HeaderValue::from_static(value));
-    }
-    response.headers_mut().extend(headers);
+    ];
+    let headers = headers.map(|(name, value)| (name, HeaderValue::from_static(value)));
+    response.headers_mut().extend(HeaderMap::from_iter(headers));
     response
 }
 
-/// Reads the store where that may take its time.
+/// Reads the store on a thread that may block.
 async fn read<T: Send + 'static>(
     shared: &Shared,
     what: impl FnOnce(&Store) -> Result<T, ReportError> + Send + 'static,
@@ -240,14 +299,14 @@ async fn read<T: Send + 'static>(
 fn answer(kind: &'static str, result: Result<String, ServeError>) -> Response {
     match result {
         Ok(text) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
+        Err(ServeError::Report(ReportError::Store(error @ StoreError::NoFrames { .. }))) => {
+            (StatusCode::NOT_FOUND, format!("{error}\n")).into_response()
+        }
+        // The reason names files of this machine, which is no business of whoever asks.
         Err(error) => {
-            let status = match error {
-                ServeError::Report(ReportError::Store(StoreError::NoFrames { .. })) => {
-                    StatusCode::NOT_FOUND
-                }
-                _ => StatusCode::SERVICE_UNAVAILABLE,
-            };
-            (status, format!("{error}\n")).into_response()
+            tracing::warn!(%error, "a request was not answered");
+            let text = "the store cannot be read now; `sweep check STORE` says why\n";
+            (StatusCode::SERVICE_UNAVAILABLE, text).into_response()
         }
     }
 }

@@ -6,8 +6,7 @@ use super::report::save;
 use crate::api::Error;
 use crate::exit;
 use crate::format::significant;
-use crate::report::{Graph, Line, draw_graph};
-use crate::statistics::Estimate;
+use crate::report::draw_graphs;
 use crate::tables;
 use sd_core::NearFields;
 use sd_core::pair::{Passing, pass};
@@ -88,25 +87,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let format = arguments.figure.as_deref().map(format_of).transpose()?;
     let passed = pass(&passing, &tables)?;
     if let (Some(path), Some(format)) = (&arguments.figure, format) {
-        let line = |label: &str, x: usize| Line {
-            label: label.to_owned(),
-            panel: 0,
-            is_path: true,
-            points: passed
-                .path
-                .iter()
-                .map(|row| (row[x], Estimate::bare(row[x + 1])))
-                .collect(),
-        };
-        let [x1, x2] = [1, 4];
-        let graph = Graph {
-            x: "x / a".into(),
-            log_x: false,
-            y: "y / a".into(),
-            panels: vec![String::new()],
-            lines: vec![line("first sphere", x1), line("second sphere", x2)],
-        };
-        save(path, &draw_graph(&graph, format)?, output)?;
+        let path_of = |x: usize| passed.path.iter().map(|row| [row[x], row[x + 1]]).collect();
+        let graphs = [("first sphere", path_of(1)), ("second sphere", path_of(4))];
+        let drawn = draw_graphs(&graphs, ["x / a", "y / a"], format)?;
+        save(path, &drawn, output)?;
     }
     if output.json {
         output.json(&passed)?;

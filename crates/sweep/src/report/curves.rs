@@ -25,6 +25,16 @@ pub(super) struct Label {
     pub(super) number: Option<f64>,
 }
 
+impl Label {
+    /// A label that is no number.
+    pub(super) fn of_words(words: &str) -> Self {
+        Self {
+            words: words.to_owned(),
+            number: None,
+        }
+    }
+}
+
 /// What the curves of a figure share: the axis they run along, the one that has a panel for each of its values, and the units.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Shared<'a> {

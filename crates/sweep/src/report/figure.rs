@@ -3,9 +3,9 @@
 //! ```text
 //! sketch      points of reports as lines of panels
 //! outline     the same with colours, ends and ticks of axes: all that another program needs to draw it
-//! layout      the outline as shapes on a page
-//! svg, png, pdf   the shapes as a file that names its origin
-//! graph       lines of numbers that are no points of a campaign
+//! layout      the outline as paths and texts on a page
+//! svg, png, pdf   the page as a file that names its origin
+//! graph       paths that are no results of a campaign
 //! chart       a trace in characters, for the terminal
 //! ```
 
@@ -22,12 +22,12 @@ mod palette;
 mod pdf;
 mod png;
 mod scale;
-mod shape;
+mod scene;
 mod sketch;
 mod svg;
 
 pub(crate) use chart::chart;
-pub use graph::{Graph, Line, draw_graph};
+pub use graph::{Graph, draw_graphs};
 pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
 use origin::Origin;
 pub use outline::Outline;
@@ -140,10 +140,8 @@ pub fn traces(
 ) -> Result<Vec<Trace>, ReportError> {
     let runs = selected_runs(store, selection)?;
     let begins = |run: &PointRun, key: &String| run.key.starts_with(key.as_str());
-    if let Some(key) = keys
-        .iter()
-        .find(|key| !runs.iter().any(|run| begins(run, key)))
-    {
+    let is_unknown = |key: &&String| !runs.iter().any(|run| begins(run, key));
+    if let Some(key) = keys.iter().find(is_unknown) {
         return Err(store.no_case(key, "no case").into());
     }
     let (campaign, protocol) = (store.campaign_name()?, store.protocol()?);

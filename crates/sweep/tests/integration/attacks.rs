@@ -277,35 +277,84 @@ fn connect(server: &Served) -> TcpStream {
     stream
 }
 
-/// The answer to a request for the data.
-fn ask(server: &Served) -> String {
+/// The answer to a request, head and all.
+fn ask(server: &Served, request: &str) -> String {
     let mut stream = connect(server);
-    stream
-        .write_all(b"GET /data.json HTTP/1.1\r\nHost: localhost\r\n\r\n")
-        .unwrap();
+    stream.write_all(request.as_bytes()).unwrap();
     let mut answer = String::new();
     stream.read_to_string(&mut answer).unwrap();
     answer
 }
 
+const PAGE: &str = "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n";
+
+/// The status of an answer.
+fn status(answer: &str) -> &str {
+    answer.split(' ').nth(1).unwrap_or_default()
+}
+
 #[test]
-fn idle_and_slow_visitors_starve_nobody() {
+fn slow_clients_do_not_block_others() {
     let directory = directory();
     let server = serve(directory.path());
-    let idle: Vec<TcpStream> = (0..100).map(|_| connect(&server)).collect();
-    for _ in 0..3 {
-        assert!(ask(&server).starts_with("HTTP/1.1 200"));
-    }
+    let idle: Vec<TcpStream> = (0..40).map(|_| connect(&server)).collect();
+    assert_eq!(status(&ask(&server, PAGE)), "200");
     drop(idle);
     // A byte now and then does not keep a connection.
     let mut slow = connect(&server);
-    slow.set_read_timeout(Some(Duration::from_millis(500)))
+    slow.set_read_timeout(Some(Duration::from_millis(100)))
         .unwrap();
     until("the end of a slow visit", || {
         let is_open = slow.write_all(b"G").is_ok() && !matches!(slow.read(&mut [0; 64]), Ok(0));
         (!is_open).then_some(())
     });
-    assert!(ask(&server).starts_with("HTTP/1.1 200"));
+    assert_eq!(status(&ask(&server, PAGE)), "200");
+}
+
+#[test]
+fn parallel_requests_are_all_answered_in_full() {
+    let directory = directory();
+    let server = serve(directory.path());
+    std::thread::scope(|scope| {
+        let asked: Vec<_> = (0..200)
+            .map(|_| scope.spawn(|| ask(&server, PAGE)))
+            .collect();
+        for answer in asked {
+            let answer = answer.join().unwrap();
+            assert_eq!(status(&answer), "200");
+            let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+            let length = format!("content-length: {}", body.len());
+            assert!(head.contains(&length), "{} of {head}", body.len());
+        }
+    });
+}
+
+#[test]
+fn requests_that_name_no_host_or_two_are_refused() {
+    let directory = directory();
+    let server = serve(directory.path());
+    for (request, wanted) in [
+        ("GET / HTTP/1.1\r\n\r\n", "400"),
+        (
+            "GET / HTTP/1.1\r\nHost: localhost\r\nHost: localhost\r\n\r\n",
+            "400",
+        ),
+        (
+            "GET http://evil.example/ HTTP/1.1\r\nHost: localhost\r\n\r\n",
+            "400",
+        ),
+        (
+            "GET http://localhost/ HTTP/1.1\r\nHost: localhost\r\n\r\n",
+            "200",
+        ),
+    ] {
+        assert_eq!(status(&ask(&server, request)), wanted, "{request}");
+    }
+    // A store that cannot be read is no reason to name where it is.
+    std::fs::write(directory.path().join("results/small.sqlite"), "no store").unwrap();
+    let answer = ask(&server, PAGE);
+    assert_eq!(status(&answer), "503");
+    assert!(!answer.contains("small"), "{answer}");
 }
 
 #[test]

@@ -1,131 +1,93 @@
 //! A trace as a small chart of characters.
 
-use super::scale::Scale;
-use kuva::backend::terminal::TerminalBackend;
-use kuva::render::color::Color;
-use kuva::render::render::{Primitive, Scene, TextAnchor};
+use super::scale::{Scale, count, extent};
+use std::collections::BTreeMap;
 
 /// Lines of a chart: a title, the curve, the horizontal axis and its numbers.
-const ROWS: u16 = 16;
+const ROWS: usize = 16;
 /// The line of the horizontal axis.
-const AXIS: f64 = 14.0;
-/// Units of a scene in a character: many, since what is almost level is drawn as level.
-const UNITS: f64 = 100.0;
+const AXIS: usize = 14;
 /// Columns of a chart at least.
 const NARROWEST: u16 = 40;
+/// Bits of the dots of a Braille character, by row and column.
+const DOTS: [[u8; 2]; 4] = [[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]];
 
 /// Viscosity against strain as lines of text, `columns` wide, without colours.
 pub(crate) fn chart(trace: &[(f64, f64)], columns: u16) -> String {
-    let columns = columns.max(NARROWEST);
-    let ends = |of: fn(&(f64, f64)) -> f64| {
-        let values = trace.iter().map(of);
-        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
-            [low.min(value), high.max(value)]
-        })
-    };
-    let ([start, end], [low, high]) = (ends(|p| p.0), ends(|p| p.1));
+    let columns = usize::from(columns.max(NARROWEST));
+    let [start, end] = extent(trace.iter().map(|point| point.0));
+    let [low, high] = extent(trace.iter().map(|point| point.1));
     let strains = Scale::linear(String::new(), start, end);
-    let viscosities = if low > 0.0 && high > 10.0 * low {
-        Scale::logarithmic(String::new(), low, high)
-    } else {
-        let room = if high > low { 0.0 } else { 0.5 };
-        Scale::linear(String::new(), low - room, high + room)
-    };
-    // In characters from the upper left corner.
-    let mut scene = Scene::new(UNITS * f64::from(columns), UNITS * f64::from(ROWS));
+    let room = if high > low { 0.0 } else { 0.5 };
+    let is_logarithmic = low > 0.0 && high > 10.0 * low;
+    let viscosities = Scale::of_kind(is_logarithmic, String::new(), low - room, high + room);
+    let length = |word: &str| word.chars().count();
     let words = viscosities.ticks.iter().map(|(_, word)| length(word));
-    let left = words.fold(0.0, f64::max) + 2.0;
-    let right = f64::from(columns) - 4.0;
-    let across = |strain| left + strains.part(strain) * (right - left);
-    let down = |viscosity| AXIS - viscosities.part(viscosity) * (AXIS - 2.0);
+    let left = words.max().unwrap_or(0) + 2;
+    let right = columns - 4;
+    // In characters from the upper left corner.
+    let across = |strain| left as f64 + strains.part(strain) * (right - left) as f64;
+    let down = |viscosity| AXIS as f64 - viscosities.part(viscosity) * (AXIS - 2) as f64;
+    let mut lines = vec![vec![' '; columns]; ROWS];
+    let mut put = |row: usize, column: usize, words: &str| {
+        for (cell, letter) in lines[row].iter_mut().skip(column).zip(words.chars()) {
+            *cell = letter;
+        }
+    };
     let title = "viscosity against strain";
-    write(&mut scene, 0.5 * (left + right - length(title)), 0.0, title);
-    rule(&mut scene, [left, 1.0], [left, AXIS]);
-    rule(&mut scene, [left, AXIS], [right, AXIS]);
+    put(0, (left + right - length(title)) / 2, title);
+    for row in 1..AXIS {
+        put(row, left, if row == 1 { "╷" } else { "│" });
+    }
+    put(AXIS, left, &format!("└{}╴", "─".repeat(right - left - 1)));
     for (viscosity, word) in &viscosities.ticks {
-        let row = down(*viscosity).round();
-        rule(&mut scene, [left - 1.0, row], [left, row]);
-        write(&mut scene, left - 1.0 - length(word), row, word);
+        let row = cell(down(*viscosity));
+        let corner = if row == AXIS { "╶┴" } else { "╶┤" };
+        put(row, left - 1 - length(word), word);
+        put(row, left - 1, corner);
     }
     for (strain, word) in &strains.ticks {
-        let column = across(*strain).round();
-        rule(&mut scene, [column, AXIS], [column, AXIS + 1.0]);
-        write(
-            &mut scene,
-            column - (0.5 * length(word)).floor(),
-            AXIS + 1.0,
-            word,
-        );
+        let column = cell(across(*strain));
+        let tick = match column {
+            column if column == left => "├",
+            column if column == right => "┐",
+            _ => "┬",
+        };
+        put(AXIS, column, tick);
+        put(AXIS + 1, column.saturating_sub(length(word) / 2), word);
     }
-    scene.add(Primitive::PolyLine {
-        points: trace
-            .iter()
-            .map(|(strain, viscosity)| (middle(across(*strain)), middle(down(*viscosity))))
-            .collect(),
-        stroke: ink(),
-        stroke_width: 1.0,
-        stroke_dasharray: None,
-    });
-    let drawn = TerminalBackend::new(usize::from(columns), usize::from(ROWS)).render_scene(&scene);
-    let plain = without_colours(&drawn);
-    let lines: Vec<&str> = plain.lines().map(str::trim_end).collect();
-    lines.join("\n").trim_end().to_owned()
-}
-
-/// Any colour: none is shown.
-fn ink() -> Color {
-    Color::from("black")
-}
-
-fn length(word: &str) -> f64 {
-    word.chars().count() as f64
-}
-
-/// The middle of a column or line, in units of the scene.
-fn middle(place: f64) -> f64 {
-    UNITS * (place + 0.5)
-}
-
-/// Words that begin in a column of a line.
-fn write(scene: &mut Scene, column: f64, line: f64, words: &str) {
-    scene.add(Primitive::Text {
-        x: middle(column),
-        y: middle(line),
-        content: words.to_owned(),
-        size: 1,
-        anchor: TextAnchor::Start,
-        rotate: None,
-        bold: false,
-        color: None,
-    });
-}
-
-/// A line through the middles of characters.
-fn rule(scene: &mut Scene, [x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) {
-    scene.add(Primitive::Line {
-        x1: middle(x1),
-        y1: middle(y1),
-        x2: middle(x2),
-        y2: middle(y2),
-        stroke: ink(),
-        stroke_width: 1.0,
-        stroke_dasharray: None,
-    });
-}
-
-/// Text without escape sequences.
-fn without_colours(text: &str) -> String {
-    let mut plain = String::with_capacity(text.len());
-    let mut rest = text.chars();
-    while let Some(character) = rest.next() {
-        if character == '\u{1b}' {
-            // ESC [ parameters, ended by a letter.
-            let _ = rest.by_ref().find(char::is_ascii_alphabetic);
-        } else {
-            plain.push(character);
+    let places = trace.iter().map(|p| [across(p.0), down(p.1)]);
+    for ([row, column], bits) in dots(&places.collect::<Vec<_>>()) {
+        let cell = &mut lines[row][column];
+        if *cell == ' ' {
+            *cell = char::from_u32(0x2800 + u32::from(bits)).unwrap_or(' ');
         }
     }
-    plain
+    let lines = lines.into_iter().map(String::from_iter);
+    let lines: Vec<String> = lines.map(|line| line.trim_end().to_owned()).collect();
+    lines.join("\n")
+}
+
+/// The nearest whole number.
+fn cell(place: f64) -> usize {
+    count(place.round())
+}
+
+/// Dots of a line through places, by row and column of their characters.
+fn dots(places: &[[f64; 2]]) -> BTreeMap<[usize; 2], u8> {
+    let mut dots = BTreeMap::new();
+    // The middle of a character lies between its dots.
+    let fine = |[x, y]: [f64; 2]| [2.0 * x + 0.5, 4.0 * y + 1.5];
+    for pair in places.windows(2) {
+        let [from, to] = [fine(pair[0]), fine(pair[1])];
+        let steps = (to[0] - from[0]).abs().max((to[1] - from[1]).abs()).ceil();
+        for step in 0..=cell(steps) {
+            let part = step as f64 / steps.max(1.0);
+            let [x, y] = [0, 1].map(|k| cell(from[k] + part * (to[k] - from[k])));
+            *dots.entry([y / 4, x / 2]).or_insert(0) |= DOTS[y % 4][x % 2];
+        }
+    }
+    dots
 }
 
 #[cfg(test)]

@@ -1,89 +1,41 @@
-//! Lines of numbers that are no points of a campaign, in the look of its figures.
+//! Paths that are no results of a campaign, in the look of its figures.
 
-use super::log_axis::LogAxis;
 use super::look::Look;
 use super::origin::Origin;
-use super::sketch::{Field, Form, Height, Line as Drawn, Sketch, Spot};
+use super::sketch::{Field, Form, Height, Line, Sketch, Spot};
 use super::{Format, Outline, file};
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
-use crate::statistics::Estimate;
 
-/// What is to be drawn.
-#[derive(Debug, Clone, Default)]
-pub struct Graph {
-    /// Label of the horizontal axis.
-    pub x: String,
-    /// Whether that is logarithmic.
-    pub log_x: bool,
-    /// Label of the vertical axis.
-    pub y: String,
-    /// Titles of the panels; a single one needs none.
-    pub panels: Vec<String>,
-    /// Its lines, in the order of the legend. Lines of one label look alike and have one entry there.
-    pub lines: Vec<Line>,
-}
+/// A path: its entry in the legend and its places.
+pub type Graph<'a> = (&'a str, Vec<[f64; 2]>);
 
-/// One line.
-#[derive(Debug, Clone)]
-pub struct Line {
-    /// Its entry in the legend.
-    pub label: String,
-    /// Its panel, from 0.
-    pub panel: usize,
-    /// Whether it is a path without markers, or else joins points.
-    pub is_path: bool,
-    /// Places along the axis, and heights with half their 95 % intervals.
-    pub points: Vec<(f64, Estimate)>,
-}
-
-/// Draws it.
+/// Draws paths between axes of these names.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw.
-pub fn draw_graph(graph: &Graph, format: Format) -> Result<Vec<u8>, ReportError> {
-    let places = graph.lines.iter().flat_map(|line| &line.points);
-    let places: Vec<f64> = places.map(|(x, _)| *x).collect();
-    let log = graph.log_x.then(|| LogAxis::of(&places));
-    let mut labels: Vec<&str> = Vec::new();
-    for line in &graph.lines {
-        if !labels.contains(&line.label.as_str()) {
-            labels.push(&line.label);
-        }
-    }
-    let place = |label: &str| labels.iter().position(|known| *known == label);
-    let lines = graph.lines.iter().map(|line| Drawn {
-        label: Label {
-            words: line.label.clone(),
-            number: None,
-        },
-        points: line
-            .points
-            .iter()
-            .map(|(x, height)| Spot {
-                x: log.map_or(*x, |log| log.place(*x)),
-                y: Some(Height::from(*height)),
-            })
-            .collect(),
-        place: place(&line.label).unwrap_or_default(),
-        form: if line.is_path {
-            Form::Trace
-        } else {
-            Form::Curve
-        },
-        panel: line.panel,
+pub fn draw_graphs(
+    graphs: &[Graph<'_>],
+    [x, y]: [&str; 2],
+    format: Format,
+) -> Result<Vec<u8>, ReportError> {
+    let spot = |&[x, y]: &[f64; 2]| Spot {
+        x,
+        y: Some(Height::bare(y)),
+    };
+    let line = |(place, (label, places)): (usize, &Graph<'_>)| Line {
+        label: Label::of_words(label),
+        points: places.iter().map(spot).collect(),
+        place,
+        form: Form::Trace,
+        panel: 0,
         discard: None,
-    });
-    let panel = |title: &String| Field {
-        title: title.clone(),
-        dilute: Vec::new(),
     };
     let sketch = Sketch {
-        lines: lines.collect(),
-        panels: graph.panels.iter().map(panel).collect(),
-        x: graph.x.clone(),
-        y: graph.y.clone(),
-        log,
+        lines: graphs.iter().enumerate().map(line).collect(),
+        panels: vec![Field::default()],
+        x: x.into(),
+        y: y.into(),
         ..Sketch::default()
     };
     let look = Look::default();

@@ -7,7 +7,7 @@ use super::legend::Legend;
 use super::look::LegendPlace;
 use super::outline::{Curve, Outline, Panel};
 use super::palette::{Colour, Marker};
-use super::shape::{Page, Place, Shape, Stroke, marker};
+use super::scene::{Page, Place, Shape, Stroke, corners, marker, polygon};
 
 /// Length of a tick.
 const TICK: f64 = 3.0;
@@ -48,16 +48,13 @@ pub(super) fn page(outline: &Outline) -> Page {
             corners: grid.corners(number),
         };
         page.shapes.extend(frame.draw());
-        page.shapes
-            .extend(frame.words(grid.is_left(number), grid.is_lowest(number, outline)));
+        let is_left = number.is_multiple_of(grid.columns);
+        let is_lowest = number + grid.columns >= outline.panels.len();
+        page.shapes.extend(frame.words(is_left, is_lowest));
         if number == 0 && place == LegendPlace::Inside {
             let [from, to] = legend.corner(frame.corners, &frame.obstacles());
-            page.shapes.push(Shape::Area {
-                places: vec![from, [to[0], from[1]], to, [from[0], to[1]]],
-                fill: Some(Colour::WHITE),
-                opacity: 0.8,
-                stroke: None,
-            });
+            page.shapes
+                .push(Shape::filled(corners([from, to]), Colour::WHITE, 0.8));
             page.shapes.extend(legend.draw(from, legend.width()));
         }
     }
@@ -79,19 +76,7 @@ pub(super) fn page(outline: &Outline) -> Page {
         }
         LegendPlace::Inside | LegendPlace::None => {}
     }
-    let shapes = page.shapes.into_iter().flat_map(Shape::in_pieces);
-    Page {
-        shapes: shapes.collect(),
-        ..page
-    }
-}
-
-/// A straight line.
-fn across(from: Place, to: Place, stroke: Stroke) -> Shape {
-    Shape::Line {
-        places: vec![from, to],
-        stroke,
-    }
+    page
 }
 
 /// Where the panels lie.
@@ -147,15 +132,6 @@ impl Grid {
         let y = self.top + row as f64 * (self.top + height + self.below);
         [[x, y], [x + width, y + height]]
     }
-
-    fn is_left(&self, panel: usize) -> bool {
-        panel.is_multiple_of(self.columns)
-    }
-
-    /// Whether no panel lies below.
-    fn is_lowest(&self, panel: usize, outline: &Outline) -> bool {
-        panel + self.columns >= outline.panels.len()
-    }
 }
 
 /// One panel on the page.
@@ -180,36 +156,25 @@ impl Frame<'_> {
     /// What is drawn within the axes, and the axes.
     fn draw(&self) -> Vec<Shape> {
         let [[left, top], [right, bottom]] = self.corners;
-        let mut shapes = vec![Shape::Clip(self.corners)];
+        let mut shapes = vec![Shape::Clip(polygon(corners(self.corners)))];
         if let Some(strain) = self.panel.shaded {
             let end = self.x(strain).clamp(left, right);
-            shapes.push(Shape::Area {
-                places: vec![[left, top], [end, top], [end, bottom], [left, bottom]],
-                fill: Some(Colour::SHADE),
-                opacity: 1.0,
-                stroke: None,
-            });
+            let shade = corners([[left, top], [end, bottom]]);
+            shapes.push(Shape::filled(shade, Colour::SHADE, 1.0));
         }
         shapes.extend(self.dashed());
         for place in &self.panel.x.breaks {
             let x = self.x(*place);
             let stroke = Stroke::solid(Colour::PALE, 0.6).dashed(1.0, 2.0);
-            shapes.push(across([x, top], [x, bottom], stroke));
+            shapes.push(Shape::line([[x, top], [x, bottom]], stroke));
         }
-        for curve in self.panel.curves.iter().filter(|curve| curve.has_band) {
-            shapes.extend(self.bands(curve));
-        }
-        for curve in &self.panel.curves {
-            shapes.extend(self.lines(curve));
-        }
-        for curve in &self.panel.curves {
-            shapes.extend(self.bars(curve));
-        }
+        let curves = || self.panel.curves.iter();
+        shapes.extend(curves().flat_map(|curve| self.bands(curve)));
+        shapes.extend(curves().flat_map(|curve| self.lines(curve)));
+        shapes.extend(curves().flat_map(|curve| self.bars(curve)));
         shapes.push(Shape::EndClip);
         shapes.extend(self.axes());
-        for curve in &self.panel.curves {
-            shapes.extend(self.markers(curve));
-        }
+        shapes.extend(curves().flat_map(|curve| self.markers(curve)));
         shapes.extend(self.marks());
         shapes
     }
@@ -226,49 +191,40 @@ impl Frame<'_> {
             };
             let line = |y: f64, width: f64| {
                 let stroke = Stroke::solid(Colour::GREY, width).dashed(4.5, 3.0);
-                across([left, y], [right, y], stroke)
+                Shape::line([[left, y], [right, y]], stroke)
             };
             if to - from < ALIKE {
                 shapes.push(line(0.5 * (from + to), 0.7));
                 continue;
             }
-            shapes.push(Shape::Area {
-                places: vec![[left, *from], [right, *from], [right, *to], [left, *to]],
-                fill: Some(Colour::GREY),
-                opacity: BAND,
-                stroke: None,
-            });
+            let band = corners([[left, *from], [right, *to]]);
+            shapes.push(Shape::filled(band, Colour::GREY, BAND));
             shapes.extend([*from, *to].map(|y| line(y, 0.4)));
         }
         shapes
     }
 
     fn lines(&self, curve: &Curve) -> Vec<Shape> {
-        let piece = |&(first, last): &(usize, usize)| Shape::Line {
-            places: curve.points[first..=last]
-                .iter()
-                .map(|point| [self.x(point.0), self.y(point.1)])
-                .collect(),
-            stroke: Stroke {
-                dashes: curve.dashes,
-                ..Stroke::solid(curve.colour, curve.width)
-            },
+        let stroke = Stroke {
+            dashes: curve.dashes,
+            ..Stroke::solid(curve.colour, curve.width)
+        };
+        let piece = |&(first, last): &(usize, usize)| {
+            let points = curve.points[first..=last].iter();
+            Shape::line(points.map(|p| [self.x(p.0), self.y(p.1)]), stroke)
         };
         curve.pieces.iter().map(piece).collect()
     }
 
     fn bands(&self, curve: &Curve) -> Vec<Shape> {
+        if !curve.has_band {
+            return Vec::new();
+        }
         let alone = |place: usize| {
             let within = |&(first, last): &(usize, usize)| (first..=last).contains(&place);
             !curve.pieces.iter().any(within)
         };
         let half = 1.2 * curve.marker_size;
-        let area = |places| Shape::Area {
-            places,
-            fill: Some(curve.colour),
-            opacity: BAND,
-            stroke: None,
-        };
         let edge = |point: &(f64, f64, f64, f64), sign: f64| {
             let reach = if sign > 0.0 { point.3 } else { point.2 };
             [self.x(point.0), self.y(point.1 + sign * reach)]
@@ -277,7 +233,7 @@ impl Frame<'_> {
             let points = &curve.points[first..=last];
             let upper = points.iter().map(|point| edge(point, 1.0));
             let lower = points.iter().rev().map(|point| edge(point, -1.0));
-            area(upper.chain(lower).collect())
+            Shape::filled(upper.chain(lower), curve.colour, BAND)
         });
         // A point that nothing joins, such as one of a plateau, has a box.
         let single = (0..curve.points.len())
@@ -285,12 +241,8 @@ impl Frame<'_> {
             .map(|place| {
                 let point = &curve.points[place];
                 let [[x, up], [_, down]] = [edge(point, 1.0), edge(point, -1.0)];
-                area(vec![
-                    [x - half, up],
-                    [x + half, up],
-                    [x + half, down],
-                    [x - half, down],
-                ])
+                let ends = [[x - half, up], [x + half, down]];
+                Shape::filled(corners(ends), curve.colour, BAND)
             });
         pieces.chain(single).collect()
     }
@@ -311,7 +263,7 @@ impl Frame<'_> {
                     [[x - CAP, down], [x + CAP, down]],
                 ]
             })
-            .map(|[from, to]| across(from, to, stroke))
+            .map(|ends| Shape::line(ends, stroke))
             .collect()
     }
 
@@ -338,14 +290,9 @@ impl Frame<'_> {
 
     /// The box of the axes with its ticks and breaks.
     fn axes(&self) -> Vec<Shape> {
-        let [[left, top], [right, bottom]] = self.corners;
+        let [[left, top], [_, bottom]] = self.corners;
         let ink = Stroke::solid(Colour::INK, AXIS);
-        let mut shapes = vec![Shape::Area {
-            places: vec![[left, top], [right, top], [right, bottom], [left, bottom]],
-            fill: None,
-            opacity: 1.0,
-            stroke: Some(ink),
-        }];
+        let mut shapes = vec![Shape::area(corners(self.corners), None, Some(ink))];
         let (x, y) = (&self.panel.x, &self.panel.y);
         let all = |ticks: &[(f64, String)], minor: &[f64]| -> Vec<(f64, f64)> {
             let long = ticks.iter().map(|tick| (tick.0, TICK));
@@ -354,31 +301,23 @@ impl Frame<'_> {
         };
         for (place, length) in all(&x.ticks, &x.minor) {
             let at = self.x(place);
-            shapes.push(across([at, bottom], [at, bottom - length], ink));
+            shapes.push(Shape::line([[at, bottom], [at, bottom - length]], ink));
         }
         for (place, length) in all(&y.ticks, &y.minor) {
             let at = self.y(place);
-            shapes.push(across([left, at], [left + length, at], ink));
+            shapes.push(Shape::line([[left, at], [left + length, at]], ink));
         }
         for place in &x.breaks {
             let at = self.x(*place);
             for edge in [top, bottom] {
                 let [low, high] = [edge + 2.2, edge - 2.2];
-                shapes.push(Shape::Area {
-                    places: vec![
-                        [at - 1.9, low],
-                        [at - 0.1, high],
-                        [at + 1.9, high],
-                        [at + 0.1, low],
-                    ],
-                    fill: Some(Colour::WHITE),
-                    opacity: 1.0,
-                    stroke: None,
-                });
-                for shift in [-1.0, 1.0] {
-                    let at = at + shift;
-                    shapes.push(across([at - 0.9, low], [at + 0.9, high], ink));
-                }
+                let slash = |at: f64| [[at - 0.9, low], [at + 0.9, high]];
+                let [[a, b], [c, d]] = [at - 1.0, at + 1.0].map(slash);
+                shapes.extend([
+                    Shape::filled([a, b, d, c], Colour::WHITE, 1.0),
+                    Shape::line([a, b], ink),
+                    Shape::line([c, d], ink),
+                ]);
             }
         }
         shapes
@@ -397,8 +336,8 @@ impl Frame<'_> {
                 shapes.extend(marker(Marker::Cross, place, size, curve.colour, 0.8));
             }
             if let Some(x) = curve.discard.map(|strain| self.x(strain)).filter(is_inside) {
-                let stroke = Stroke::solid(curve.colour, 1.2);
-                shapes.push(across([x, bottom], [x, bottom - 3.0 * TICK], stroke));
+                let place = [x, bottom - 1.5 * TICK];
+                shapes.extend(marker(Marker::Bar, place, 0.75 * TICK, curve.colour, 1.2));
             }
         }
         shapes

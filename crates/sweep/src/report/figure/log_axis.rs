@@ -1,5 +1,7 @@
 //! A logarithmic axis, with the values 0 and ∞ at its edges.
 
+use super::scale::{count, extent};
+
 /// A logarithmic axis: decades as whole numbers, 0 and ∞ one decade beyond the others.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LogAxis {
@@ -18,16 +20,8 @@ pub(super) struct LogAxis {
 impl LogAxis {
     /// The axis that holds these values.
     pub(super) fn of(values: &[f64]) -> Self {
-        let decades = || {
-            values
-                .iter()
-                .filter(|value| value.is_finite() && **value > 0.0)
-                .map(|value| value.log10())
-        };
-        let ends = [
-            decades().fold(f64::INFINITY, f64::min),
-            decades().fold(f64::NEG_INFINITY, f64::max),
-        ];
+        let finite = values.iter().filter(|v| v.is_finite() && **v > 0.0);
+        let ends = extent(finite.map(|value| value.log10()));
         let ends = if ends[0] <= ends[1] { ends } else { [0.0; 2] };
         Self {
             low: ends[0].floor(),
@@ -55,13 +49,7 @@ pub(super) fn decade_words(decades: &[f64]) -> Vec<String> {
     let short = decades.iter().all(|decade| (-3.5..4.5).contains(decade));
     let word = |decade: &f64| {
         if short {
-            let decimals = if *decade < 0.0 { -decade.round() } else { 0.0 };
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "at most 3"
-            )]
-            let decimals = decimals as usize;
+            let decimals = count(-decade.round());
             format!("{:.decimals$}", 10_f64.powf(decade.round()))
         } else {
             power_of_ten(&format!("{decade:.0}"))

@@ -11,11 +11,6 @@ use std::str::FromStr;
 pub(super) const POINTS_PER_INCH: f64 = 72.0;
 /// Millimetres per inch.
 const MM_PER_INCH: f64 = 25.4;
-/// Widths of a figure that can be meant.
-const WIDTHS: [Length; 2] = [Length::mm(30.0), Length::mm(600.0)];
-/// Sizes of letters that can be meant, in points.
-const FONT_SIZES: [f64; 2] = [3.0, 40.0];
-
 /// A length on paper, in points of a printer.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Deserialize)]
 #[serde(try_from = "String")]
@@ -49,10 +44,7 @@ impl FromStr for Length {
             "pt" => 1.0,
             _ => f64::NAN,
         };
-        let length = number
-            .trim()
-            .parse::<f64>()
-            .map_or(f64::NAN, |n| n * points);
+        let length = points * number.trim().parse::<f64>().unwrap_or(f64::NAN);
         if length.is_finite() {
             Ok(Self(length))
         } else {
@@ -156,39 +148,29 @@ impl Style {
 
     /// Makes sure that the figure can be drawn; `argument` gave its values.
     fn check(&self, argument: &'static str) -> Result<(), ReportError> {
-        let refuse = |message| Err(refused_as(argument, message));
-        let lengths = [("width", self.width), ("height", self.height)];
-        for (name, length) in lengths {
-            if let Some(length) = length.filter(|l| !(WIDTHS[0]..=WIDTHS[1]).contains(l)) {
-                return refuse(format!(
-                    "a {name} of {:.4} mm is out of range: 30 mm to 600 mm",
-                    length.in_mm()
-                ));
-            }
-        }
-        if !(FONT_SIZES[0]..=FONT_SIZES[1]).contains(&self.font_size) {
-            let [low, high] = FONT_SIZES;
-            return refuse(format!(
-                "a font_size of {} is out of range: {low} to {high} points",
-                self.font_size
-            ));
-        }
-        for (name, length) in [
-            ("line_width", self.line_width),
-            ("marker_size", self.marker_size),
+        let mm = |length: Length| length.in_mm();
+        let dpi = f64::from(self.dpi);
+        for (name, value, [low, high], unit) in [
+            ("width", self.width.map(mm), [30.0, 600.0], " mm"),
+            ("height", self.height.map(mm), [30.0, 600.0], " mm"),
+            ("font_size", Some(self.font_size), [3.0, 40.0], " pt"),
+            ("line_width", Some(self.line_width.0), [0.05, 20.0], " pt"),
+            ("marker_size", Some(self.marker_size.0), [0.05, 20.0], " pt"),
+            ("dpi", Some(dpi), [50.0, 2400.0], ""),
         ] {
-            if !(0.05..=20.0).contains(&length.0) {
-                return refuse(format!(
-                    "a {name} of {} pt is out of range: 0.05 pt to 20 pt",
-                    length.0
-                ));
+            // Millimetres are converted from points, which rounds.
+            let is_outside = |value: &f64| !(low - 1e-9..=high + 1e-9).contains(value);
+            if let Some(value) = value.filter(is_outside) {
+                let value = (value * 1e4).round() / 1e4;
+                let message = format!(
+                    "a {name} of {value}{unit} is out of range: {low}{unit} to {high}{unit}"
+                );
+                return Err(refused_as(argument, message));
             }
         }
         if self.colours.is_empty() || self.markers.is_empty() {
-            return refuse("colours and markers need at least one each".into());
-        }
-        if !(50..=2400).contains(&self.dpi) {
-            return refuse(format!("a dpi of {} is out of range: 50 to 2400", self.dpi));
+            let message = "colours and markers need at least one each".into();
+            return Err(refused_as(argument, message));
         }
         Ok(())
     }
@@ -205,11 +187,9 @@ impl FromStr for Range {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let ends = text
-            .split_once("..")
-            .map(|(low, high)| (low.trim().parse::<f64>(), high.trim().parse::<f64>()));
-        match ends {
-            Some((Ok(low), Ok(high))) if low.is_finite() && high.is_finite() && low < high => {
+        let ends = text.split_once("..");
+        match ends.map(|(low, high)| [low, high].map(|end| end.trim().parse::<f64>())) {
+            Some([Ok(low), Ok(high)]) if low.is_finite() && high.is_finite() && low < high => {
                 Ok(Self { low, high })
             }
             _ => Err(format!(

@@ -6,8 +6,8 @@ use super::legend::Legend;
 use super::look::{Intervals, LegendPlace, Look, Range};
 use super::palette::{Colour, Marker};
 use super::refused_as;
-use super::scale::Scale;
-use super::sketch::{Form, Height, Line, Sketch, Spot};
+use super::scale::{Scale, extent};
+use super::sketch::{Field, Form, Height, Line, Sketch, Spot};
 use crate::report::error::ReportError;
 use serde::Serialize;
 
@@ -37,6 +37,9 @@ pub struct Outline {
     pub(super) tick_size: f64,
     #[serde(skip)]
     pub(super) legend: LegendPlace,
+    /// What the legend explains besides curves, as curves without points.
+    #[serde(skip)]
+    notes: Vec<Curve>,
     /// Its panels.
     pub(super) panels: Vec<Panel>,
 }
@@ -58,7 +61,7 @@ pub(super) struct Panel {
 }
 
 /// One curve.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub(super) struct Curve {
     /// Its entry in the legend; empty for none.
     pub(super) label: String,
@@ -104,46 +107,62 @@ impl Outline {
         };
         let y = vertical(sketch, look)?;
         let x = horizontal(sketch, look)?;
-        let mut panels: Vec<Panel> = sketch
-            .panels
-            .iter()
-            .map(|field| Panel {
-                title: field.title.clone(),
-                x: x.clone(),
-                y: y.clone(),
-                curves: Vec::new(),
-                dashed: field.dilute.clone(),
-                dashed_label: None,
-                shaded: None,
-            })
-            .collect();
-        if let Some(panel) = panels.iter_mut().find(|panel| !panel.dashed.is_empty()) {
-            panel.dashed_label = Some("dilute 1 + 5c/3");
-        }
         let discards = || sketch.lines.iter().filter_map(|line| line.discard);
-        let one_discard = discards()
+        let shaded = discards()
             .next()
             .filter(|first| discards().all(|d| (d - first).abs() < 1e-9) && *first > 0.0);
-        for (place, panel) in panels.iter_mut().enumerate() {
+        let labelled = sketch.panels.iter().position(|p| !p.dilute.is_empty());
+        let panel = |(place, field): (usize, &Field)| {
             let lines: Vec<&Line> = sketch.lines.iter().filter(|l| l.panel == place).collect();
-            let shifts = dodges(&lines, &panel.x, look);
-            panel.shaded = one_discard;
-            panel.curves = lines
-                .iter()
-                .zip(shifts)
-                .map(|(line, shift)| {
-                    let mut curve = Curve::of(line, shift, panel, sketch.ordered, look);
-                    curve.discard = line.discard.filter(|d| one_discard.is_none() && *d > 0.0);
-                    curve
-                })
-                .collect();
-        }
+            let shifts = dodges(&lines, &x, look);
+            let curves = lines.iter().zip(shifts).map(|(line, shift)| Curve {
+                discard: line.discard.filter(|d| shaded.is_none() && *d > 0.0),
+                ..Curve::of(line, shift, [&x, &y], sketch.ordered, look)
+            });
+            Panel {
+                title: field.title.clone(),
+                curves: curves.collect(),
+                dashed: field.dilute.clone(),
+                dashed_label: (labelled == Some(place)).then_some("dilute 1 + 5c/3"),
+                shaded,
+                x: x.clone(),
+                y: y.clone(),
+            }
+        };
+        let panels: Vec<Panel> = sketch.panels.iter().enumerate().map(panel).collect();
+        let has = |is_there: fn(&Curve) -> bool| {
+            let mut curves = panels.iter().flat_map(|panel| &panel.curves);
+            curves.any(is_there)
+        };
+        let tick_size = 0.9 * style.font_size;
+        let notes = [
+            (
+                has(|curve| !curve.missing.is_empty()),
+                "no result",
+                Marker::Cross,
+            ),
+            (
+                has(|curve| curve.discard.is_some()),
+                "end of the strain discarded",
+                Marker::Bar,
+            ),
+        ];
+        let notes = notes.into_iter().filter(|note| note.0);
+        let notes = notes.map(|(_, label, marker)| Curve {
+            label: label.into(),
+            colour: Colour::GREY,
+            marker: Some(marker),
+            marker_size: 0.25 * tick_size,
+            width: 0.8,
+            ..Curve::default()
+        });
         let mut outline = Self {
+            notes: notes.collect(),
             width,
             panel_height: 0.0,
             columns,
             label_size: style.font_size,
-            tick_size: 0.9 * style.font_size,
+            tick_size,
             legend: style.legend,
             panels,
         };
@@ -156,7 +175,7 @@ impl Outline {
         Ok(outline)
     }
 
-    /// Curves with an entry in the legend, each once.
+    /// What has an entry in the legend, each once.
     pub(super) fn entries(&self) -> Vec<&Curve> {
         let mut entries: Vec<&Curve> = Vec::new();
         let curves = self.panels.iter().flat_map(|panel| &panel.curves);
@@ -168,41 +187,24 @@ impl Outline {
                 None => entries.push(curve),
             }
         }
+        entries.extend(&self.notes);
         entries
     }
-
-    /// Whether any point is marked as one without a result.
-    pub(super) fn has_missing(&self) -> bool {
-        let mut curves = self.panels.iter().flat_map(|panel| &panel.curves);
-        curves.any(|curve| !curve.missing.is_empty())
-    }
-}
-
-/// Heights of a sketch.
-fn heights(sketch: &Sketch) -> impl Iterator<Item = Height> {
-    let spots = sketch.lines.iter().flat_map(|line| &line.points);
-    spots.filter_map(|spot| spot.y)
 }
 
 /// The vertical axis of all panels.
 fn vertical(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     let label = look.y_label.clone().unwrap_or_else(|| sketch.y.clone());
     let has_intervals = look.style.intervals != Intervals::None;
-    let reach = |height: Height| match height.interval {
-        Some([down, up]) if has_intervals => [height.value - down, height.value + up],
-        _ => [height.value; 2],
+    let reach = |height: Height| {
+        let interval = height.interval.filter(|_| has_intervals);
+        let [down, up] = interval.unwrap_or_default();
+        [height.value - down, height.value + up]
     };
-    let lowest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
-    let highest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::NEG_INFINITY, f64::max);
-    let low = lowest(&mut heights(sketch).map(|h| h.value));
-    let high = highest(&mut heights(sketch).map(|h| h.value));
-    let limits = || {
-        sketch
-            .panels
-            .iter()
-            .flat_map(|panel| &panel.dilute)
-            .copied()
-    };
+    let spots = || sketch.lines.iter().flat_map(|line| &line.points);
+    let heights = || spots().filter_map(|spot| spot.y);
+    let limits = || sketch.panels.iter().flat_map(|p| p.dilute.iter().copied());
+    let [low, high] = extent(heights().map(|height| height.value));
     if look.log_y && low <= 0.0 {
         return Err(refused_as(
             "--log-y",
@@ -211,8 +213,6 @@ fn vertical(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     }
     // All positive, and more than a decade.
     let logarithmic = look.log_y || (low > 0.0 && high > 10.0 * low);
-    let up = highest(&mut heights(sketch).map(|h| reach(h)[1]).chain(limits()));
-    let down = lowest(&mut heights(sketch).map(|h| reach(h)[0]).chain(limits()));
     if let Some(Range { low, high }) = look.y_range {
         if logarithmic && low <= 0.0 {
             return Err(refused_as(
@@ -220,41 +220,28 @@ fn vertical(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
                 format!("the axis is logarithmic and cannot begin at {low}"),
             ));
         }
-        return Ok(if logarithmic {
-            Scale::logarithmic(label, low, high)
-        } else {
-            Scale::linear(label, low, high)
-        });
+        return Ok(Scale::of_kind(logarithmic, label, low, high));
     }
+    let [down, up] = extent(heights().flat_map(reach).chain(limits()));
     if logarithmic {
         // An interval that reaches far below its mean does not stretch the axis.
-        let least = lowest(&mut heights(sketch).map(|h| reach(h)[0].max(0.5 * h.value)));
-        let least = lowest(&mut limits().chain([least]));
+        let least = heights().map(|height| reach(height)[0].max(0.5 * height.value));
+        let [least, _] = extent(least.chain(limits()));
         // Markers at the ends stand clear of the frame.
         let room = (up / least).powf(MARGIN).max(1.15);
         return Ok(Scale::logarithmic(label, least / room, up * room));
     }
     let from_zero = low >= 0.0;
-    let (down, up) = if from_zero {
-        (0.0, up)
-    } else {
-        (down.min(0.0), up.max(0.0))
-    };
-    let span = if up > down { up - down } else { 1.0 };
-    let down = if from_zero { 0.0 } else { down - 0.06 * span };
-    Ok(Scale::linear(label, down, up + 0.06 * span))
+    let down = if from_zero { 0.0 } else { down.min(0.0) };
+    let up = if from_zero { up } else { up.max(0.0) };
+    let room = 0.06 * if up > down { up - down } else { 1.0 };
+    let down = if from_zero { 0.0 } else { down - room };
+    Ok(Scale::linear(label, down, up + room))
 }
 
 /// The horizontal axis of all panels.
 fn horizontal(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     let label = look.x_label.clone().unwrap_or_else(|| sketch.x.clone());
-    let places = || {
-        sketch
-            .lines
-            .iter()
-            .flat_map(|line| &line.points)
-            .map(|s| s.x)
-    };
     if let Some(log) = sketch.log {
         if look.x_range.is_some_and(|range| range.low < 0.0) {
             return Err(refused_as(
@@ -268,21 +255,17 @@ fn horizontal(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     if let Some(Range { low, high }) = look.x_range {
         return Ok(Scale::linear(label, low, high));
     }
-    let [low, high] = [
-        places().fold(f64::INFINITY, f64::min),
-        places().fold(f64::NEG_INFINITY, f64::max),
-    ];
+    let spots = sketch.lines.iter().flat_map(|line| &line.points);
+    let [low, high] = extent(spots.map(|spot| spot.x));
+    if sketch.lines.iter().all(|line| line.form == Form::Trace) && low >= 0.0 {
+        return Ok(Scale::linear(label, 0.0, high));
+    }
     let span = if high > low {
         high - low
     } else {
         high.abs().max(1.0)
     };
-    let is_in_time = sketch.lines.iter().all(|line| line.form == Form::Trace) && low >= 0.0;
-    Ok(if is_in_time {
-        Scale::linear(label, 0.0, high)
-    } else {
-        Scale::linear(label, low - 0.05 * span, high + 0.05 * span)
-    })
+    Ok(Scale::linear(label, low - 0.05 * span, high + 0.05 * span))
 }
 
 /// How far each line is shifted along the axis, so that bars at the same place stand beside each other.
@@ -294,19 +277,18 @@ fn dodges(lines: &[&Line], x: &Scale, look: &Look) -> Vec<f64> {
             && spots.any(|height| height.interval.is_some())
     };
     let barred: Vec<usize> = (0..lines.len()).filter(|n| has_bars(lines[*n])).collect();
-    let near = 0.02 * (x.high - x.low);
-    let meets = |a: &Line, b: &Line| {
-        let is_near = |s: &Spot| b.points.iter().any(|t| (s.x - t.x).abs() < near);
-        a.points.iter().any(is_near)
+    let span = x.high - x.low;
+    let meets = |a: usize, b: usize| {
+        let is_near = |s: &Spot| {
+            let others = &lines[b].points;
+            others.iter().any(|t| (s.x - t.x).abs() < 0.02 * span)
+        };
+        lines[a].points.iter().any(is_near)
     };
-    let any_meet = barred
-        .iter()
-        .enumerate()
-        .any(|(n, a)| barred[..n].iter().any(|b| meets(lines[*a], lines[*b])));
     let mut shifts = vec![0.0; lines.len()];
-    if any_meet {
+    if (1..barred.len()).any(|n| (0..n).any(|m| meets(barred[n], barred[m]))) {
         let number = barred.len() as f64 - 1.0;
-        let each = DODGE.min(DODGE_IN_ALL / number) * (x.high - x.low);
+        let each = DODGE.min(DODGE_IN_ALL / number) * span;
         for (n, line) in barred.into_iter().enumerate() {
             shifts[line] = each * (n as f64 - 0.5 * number);
         }
@@ -315,9 +297,8 @@ fn dodges(lines: &[&Line], x: &Scale, look: &Look) -> Vec<f64> {
 }
 
 impl Curve {
-    fn of(line: &Line, shift: f64, panel: &Panel, ordered: usize, look: &Look) -> Self {
+    fn of(line: &Line, shift: f64, [x, y]: [&Scale; 2], ordered: usize, look: &Look) -> Self {
         let style = &look.style;
-        let (x, y) = (&panel.x, &panel.y);
         let mut points: Vec<(f64, f64, f64, f64)> = Vec::new();
         let mut pieces: Vec<(usize, usize)> = Vec::new();
         let mut missing = Vec::new();
@@ -330,16 +311,14 @@ impl Curve {
                 before = None;
                 continue;
             };
-            let [down, up] = match height.interval {
-                Some(reach) if style.intervals != Intervals::None => reach,
-                _ => [0.0; 2],
-            };
-            // An interval that reaches below zero has no lower end on a logarithmic axis.
-            let down = if y.logarithmic {
-                down.min(0.999 * height.value)
-            } else {
-                down
-            };
+            let interval = height
+                .interval
+                .filter(|_| style.intervals != Intervals::None);
+            let [mut down, up] = interval.unwrap_or_default();
+            if y.logarithmic {
+                // An interval that reaches below zero has no lower end there.
+                down = down.min(0.999 * height.value);
+            }
             let place = points.len();
             points.push((spot.x + shift, height.value, down, up));
             match (before, pieces.last_mut()) {
@@ -348,10 +327,7 @@ impl Curve {
             }
             before = Some(spot.x);
         }
-        if line.form == Form::Crosses {
-            pieces.clear();
-        }
-        pieces.retain(|(first, last)| first < last);
+        pieces.retain(|(first, last)| first < last && line.form != Form::Crosses);
         let interval = |point: &(f64, f64, f64, f64)| point.2 > 0.0 || point.3 > 0.0;
         let has_intervals = line.form == Form::Curve && points.iter().any(interval);
         let is_band = style.intervals == Intervals::Bands;

@@ -63,7 +63,7 @@ pub(super) const MAP: [Colour; 8] = [
 pub(super) const LIGHTEST: Colour = Colour(0xfde725);
 
 /// A colour, 0xRRGGBB.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Colour(pub(super) u32);
 
@@ -158,6 +158,9 @@ pub enum Marker {
     Cross,
     /// An upright cross.
     Plus,
+    /// An upright line, which marks a place on the axis and no point of a curve.
+    #[serde(skip_deserializing)]
+    Bar,
 }
 
 #[cfg(test)]

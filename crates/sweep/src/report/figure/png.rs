@@ -1,61 +1,170 @@
 //! A page as PNG, which knows how large it is on paper.
 
+use super::font;
+use super::look::POINTS_PER_INCH;
 use super::origin::Origin;
-use super::shape::{Page, Shape};
-use super::svg::{dots_per_unit, scene};
-use kuva::backend::png::PngBackend;
-use png::{BitDepth, ColorType, Decoder, Encoder, PixelDimensions, Transformations, Unit};
-use std::io::Cursor;
+use super::palette::Colour;
+use super::scale::count;
+use super::scene::{Page, Place, Segment, Shape, Stroke, Text, single};
+use png::{BitDepth, ColorType, Encoder, PixelDimensions, Unit};
+use tiny_skia::{
+    Color, FillRule, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, StrokeDash, Transform,
+};
+use ttf_parser::OutlineBuilder;
+
+/// Dots of a picture at most: what a viewer can still open.
+const DOTS: f64 = 4e8;
 
 /// The file, at so many dots per inch, with its origin.
+///
+/// # Errors
+/// A page that has too many dots.
 pub(super) fn write(page: &Page, dpi: u32, origin: &Origin) -> Result<Vec<u8>, String> {
-    let scale = dots_per_unit(dpi);
-    #[expect(clippy::cast_possible_truncation, reason = "a scale of the backend")]
-    let backend = PngBackend::new().with_scale(scale as f32);
-    // The backend begins every segment of a line with a dash of its own: dashes are cut here.
-    let shapes: Vec<Shape> = page.shapes.iter().flat_map(Shape::without_dashes).collect();
-    let drawn = backend.render_scene(&scene(&shapes, page))?;
-    with_size(&drawn, dpi, origin).map_err(|error| error.to_string())
+    let scale = f64::from(dpi) / POINTS_PER_INCH;
+    let [width, height] = [page.width, page.height].map(|points| (scale * points).round());
+    let picture = (width * height <= DOTS)
+        .then(|| Pixmap::new(dots(width), dots(height)))
+        .flatten();
+    let mut picture = picture.ok_or_else(|| {
+        format!(
+            "{width} by {height} dots are too many for a PNG: draw it smaller, or with a lower dpi"
+        )
+    })?;
+    picture.fill(Color::WHITE);
+    let scaled = Transform::from_scale(single(scale), single(scale));
+    let mut clip: Option<Mask> = None;
+    for shape in &page.shapes {
+        match shape {
+            Shape::Path {
+                segments,
+                fill,
+                stroke,
+            } => {
+                let Some(path) = path(segments) else {
+                    continue;
+                };
+                if let Some(fill) = fill {
+                    let paint = paint(fill.colour, fill.opacity);
+                    picture.fill_path(&path, &paint, FillRule::Winding, scaled, clip.as_ref());
+                }
+                if let Some(stroke) = stroke {
+                    let paint = paint(stroke.colour, 1.0);
+                    picture.stroke_path(&path, &paint, &line(stroke), scaled, clip.as_ref());
+                }
+            }
+            Shape::Text(text) => {
+                if let Some(path) = letters(text) {
+                    let paint = paint(Colour::INK, 1.0);
+                    picture.fill_path(&path, &paint, FillRule::Winding, scaled, clip.as_ref());
+                }
+            }
+            Shape::Clip(segments) => {
+                clip = Mask::new(picture.width(), picture.height());
+                if let (Some(mask), Some(path)) = (&mut clip, path(segments)) {
+                    mask.fill_path(&path, FillRule::Winding, true, scaled);
+                }
+            }
+            Shape::EndClip => clip = None,
+        }
+    }
+    encode(&picture, dpi, origin).map_err(|error| error.to_string())
 }
 
-/// The same picture with its size and origin.
-fn with_size(
-    drawn: &[u8],
-    dpi: u32,
-    origin: &Origin,
-) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
-    let mut decoder = Decoder::new(Cursor::new(drawn));
-    decoder.set_transformations(Transformations::normalize_to_color8());
-    let mut reader = decoder.read_info()?;
-    let mut dots = vec![
-        0;
-        reader
-            .output_buffer_size()
-            .ok_or("a picture without a size")?
-    ];
-    let info = reader.next_frame(&mut dots)?;
-    dots.truncate(info.buffer_size());
-    let colours = match info.color_type {
-        // It hides what is behind it everywhere.
-        ColorType::Rgba => {
-            dots = dots
-                .chunks_exact(4)
-                .flat_map(|dot| [dot[0], dot[1], dot[2]])
-                .collect();
-            ColorType::Rgb
+/// A number of dots.
+fn dots(number: f64) -> u32 {
+    u32::try_from(count(number)).unwrap_or(u32::MAX)
+}
+
+fn paint(colour: Colour, opacity: f64) -> Paint<'static> {
+    let [red, green, blue] = colour.channels();
+    let mut color = Color::from_rgba8(red, green, blue, 255);
+    color.apply_opacity(single(opacity));
+    let mut paint = Paint::default();
+    paint.set_color(color);
+    paint
+}
+
+fn line(stroke: &Stroke) -> tiny_skia::Stroke {
+    let dashes = stroke.dashes.map(|lengths| lengths.map(single).to_vec());
+    tiny_skia::Stroke {
+        width: single(stroke.width),
+        line_join: LineJoin::Round,
+        dash: dashes.and_then(|lengths| StrokeDash::new(lengths, 0.0)),
+        ..tiny_skia::Stroke::default()
+    }
+}
+
+/// A path; `None` where nothing would be seen.
+fn path(segments: &[Segment]) -> Option<Path> {
+    let mut builder = PathBuilder::new();
+    for segment in segments {
+        match segment {
+            Segment::Move([x, y]) => builder.move_to(single(*x), single(*y)),
+            Segment::Line([x, y]) => builder.line_to(single(*x), single(*y)),
+            Segment::Curve(places) => {
+                let [[x1, y1], [x2, y2], [x, y]] = places.map(|place: Place| place.map(single));
+                builder.cubic_to(x1, y1, x2, y2, x, y);
+            }
+            Segment::Close => builder.close(),
         }
-        colours => colours,
-    };
+    }
+    builder.finish()
+}
+
+/// The outlines of the letters of a text.
+fn letters(text: &Text) -> Option<Path> {
+    let mut outline = Outline(PathBuilder::new());
+    let mut all = PathBuilder::new();
+    let [x, y] = text.start().map(single);
+    let scale = single(text.size) / f32::from(font::FACE.units_per_em());
+    let turn = if text.upright { -90.0 } else { 0.0 };
+    let place = Transform::from_translate(x, y).pre_rotate(turn);
+    let mut along = 0.0;
+    for glyph in text.words.chars().map(font::glyph) {
+        font::FACE.outline_glyph(glyph, &mut outline);
+        let shifted = place.pre_translate(single(along), 0.0);
+        let drawn = std::mem::replace(&mut outline.0, PathBuilder::new()).finish();
+        if let Some(path) = drawn.and_then(|path| path.transform(shifted.pre_scale(scale, -scale)))
+        {
+            all.push_path(&path);
+        }
+        along += text.size * font::advance(glyph);
+    }
+    all.finish()
+}
+
+/// The outline of a letter in the units of its font.
+struct Outline(PathBuilder);
+
+impl OutlineBuilder for Outline {
+    fn move_to(&mut self, x: f32, y: f32) {
+        self.0.move_to(x, y);
+    }
+
+    fn line_to(&mut self, x: f32, y: f32) {
+        self.0.line_to(x, y);
+    }
+
+    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
+        self.0.quad_to(x1, y1, x, y);
+    }
+
+    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
+        self.0.cubic_to(x1, y1, x2, y2, x, y);
+    }
+
+    fn close(&mut self) {
+        self.0.close();
+    }
+}
+
+/// The picture as a file, with its size on paper and its origin.
+fn encode(picture: &Pixmap, dpi: u32, origin: &Origin) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
-    let mut encoder = Encoder::new(&mut bytes, info.width, info.height);
-    encoder.set_color(colours);
+    let mut encoder = Encoder::new(&mut bytes, picture.width(), picture.height());
+    encoder.set_color(ColorType::Rgb);
     encoder.set_depth(BitDepth::Eight);
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "dots per metre"
-    )]
-    let per_metre = (f64::from(dpi) / 0.0254).round() as u32;
+    let per_metre = dots((f64::from(dpi) / 0.0254).round());
     encoder.set_pixel_dims(Some(PixelDimensions {
         xppu: per_metre,
         yppu: per_metre,
@@ -64,6 +173,12 @@ fn with_size(
     encoder.add_itxt_chunk("Title".into(), origin.title())?;
     encoder.add_itxt_chunk("Source".into(), origin.to_string())?;
     encoder.add_text_chunk("Software".into(), Origin::program())?;
-    encoder.write_header()?.write_image_data(&dots)?;
+    // Nothing shows through: the page is white below.
+    let colours: Vec<u8> = picture
+        .pixels()
+        .iter()
+        .flat_map(|dot| [dot.red(), dot.green(), dot.blue()])
+        .collect();
+    encoder.write_header()?.write_image_data(&colours)?;
     Ok(bytes)
 }

@@ -27,16 +27,17 @@ impl Scale {
         // Without a plateau an axis ends soon after its numbers, as long as two decades are left to be named.
         let [first, last] = [log.ends[0] - 0.3, log.ends[1] + 0.3];
         let is_enough = last.floor() > first.ceil();
-        let mut low = match log.zero {
-            true => log.low - 1.4,
-            false if is_enough => first,
-            false => log.low - 0.4,
+        let [mut low, mut high] = if is_enough {
+            [first, last]
+        } else {
+            [log.low - 0.4, log.high + 0.4]
         };
-        let mut high = match log.infinite {
-            true => log.high + 1.4,
-            false if is_enough => last,
-            false => log.high + 0.4,
-        };
+        if log.zero {
+            low = log.low - 1.4;
+        }
+        if log.infinite {
+            high = log.high + 1.4;
+        }
         if let Some(range) = range {
             // The plateaus stay beside the decades that are asked for.
             let ends = [range.low, range.high].map(|end| log.place(end));
@@ -44,51 +45,35 @@ impl Scale {
             high = ends[1];
         }
         let crowded = if high - low > 8.5 { 2.0 } else { 1.0 };
-        let first = (low / crowded).ceil() * crowded;
+        let is_inside = |place: &f64| (low..=high).contains(place);
+        // Adding 0 makes 0 of -0, which would be shown with its sign.
+        let first = (low.max(log.low - 0.5) / crowded).ceil() * crowded + 0.0;
         let places = std::iter::successors(Some(first), |place| Some(place + crowded));
-        let all: Vec<f64> = places.take_while(|place| *place <= high).collect();
-        let decades: Vec<f64> = all
-            .iter()
-            .copied()
-            .filter(|place| (log.low - 0.5..=log.high + 0.5).contains(place))
+        let decades: Vec<f64> = places
+            .take_while(|p| *p <= high.min(log.high + 0.5))
             .collect();
         let words = decade_words(&decades);
-        let mut ticks: Vec<(f64, String)> = decades.into_iter().zip(words).collect();
-        let edges = [
-            (log.zero, log.low - 1.0, "0"),
-            (log.infinite, log.high + 1.0, "∞"),
+        let zero = log.zero.then(|| (log.low - 1.0, "0".to_owned()));
+        let infinite = log.infinite.then(|| (log.high + 1.0, "∞".to_owned()));
+        let named = decades.into_iter().zip(words);
+        let ticks = zero.into_iter().chain(named).chain(infinite);
+        let sides = [
+            log.zero.then_some(log.low - 0.5),
+            log.infinite.then_some(log.high + 0.5),
         ];
-        let is_inside = |place: f64| (low..=high).contains(&place);
-        for (there, place, word) in edges {
-            if there && is_inside(place) {
-                ticks.push((place, word.into()));
-            }
-        }
-        ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let sides = [(log.zero, log.low - 0.5), (log.infinite, log.high + 0.5)];
-        let breaks: Vec<f64> = sides
-            .into_iter()
-            .filter_map(|(there, place)| (there && is_inside(place)).then_some(place))
-            .collect();
         let minor = if crowded > 1.0 {
             Vec::new()
         } else {
-            let starts = [low, log.low - 0.4]
-                .into_iter()
-                .fold(f64::NEG_INFINITY, f64::max);
-            let ends = [high, log.high + 0.4]
-                .into_iter()
-                .fold(f64::INFINITY, f64::min);
-            between_decades(starts, ends)
+            between_decades(low.max(log.low - 0.4), high.min(log.high + 0.4))
         };
         Self {
             label,
             low,
             high,
             logarithmic: false,
-            ticks,
+            ticks: ticks.filter(|(place, _)| is_inside(place)).collect(),
             minor,
-            breaks,
+            breaks: sides.into_iter().flatten().filter(is_inside).collect(),
         }
     }
 
@@ -96,23 +81,13 @@ impl Scale {
     pub(super) fn linear(label: String, low: f64, high: f64) -> Self {
         let (step, fine) = step(high - low, 5.0);
         let places = |step: f64| -> Vec<f64> {
-            #[expect(clippy::cast_possible_truncation, reason = "a few dozen at most")]
-            let [first, last] = [
-                (low / step - 1e-6).ceil() as i64,
-                (high / step + 1e-6).floor() as i64,
-            ];
-            (first..=last).map(|n| n as f64 * step).collect()
+            let first = (low / step - 1e-6).ceil();
+            let number = count((high / step + 1e-6).floor() - first + 1.0);
+            (0..number).map(|n| (first + n as f64) * step).collect()
         };
         let ticks = places(step);
-        let largest = ticks
-            .iter()
-            .fold(0.0, |most: f64, tick| most.max(tick.abs()));
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "clamped"
-        )]
-        let decimals = (-step.log10() - 1e-9).ceil().clamp(0.0, 12.0) as usize;
+        let [_, largest] = extent(ticks.iter().map(|tick| tick.abs()));
+        let decimals = count((-step.log10() - 1e-9).ceil().min(12.0));
         let word = |tick: &f64| {
             if (1e-3..1e5).contains(&largest) {
                 format!("{tick:.decimals$}").replace('-', "−")
@@ -184,6 +159,15 @@ impl Scale {
         }
     }
 
+    /// An axis of either kind.
+    pub(super) fn of_kind(logarithmic: bool, label: String, low: f64, high: f64) -> Self {
+        if logarithmic {
+            Self::logarithmic(label, low, high)
+        } else {
+            Self::linear(label, low, high)
+        }
+    }
+
     /// Where a number stands: 0 at the lower end, 1 at the upper.
     pub(super) fn part(&self, number: f64) -> f64 {
         if self.logarithmic {
@@ -198,6 +182,23 @@ impl Scale {
         let [low, high] = if a < b { [a, b] } else { [b, a] };
         self.breaks.iter().any(|place| (low..high).contains(place))
     }
+}
+
+/// The least and the largest of some numbers.
+pub(super) fn extent(numbers: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    let ends = [f64::INFINITY, f64::NEG_INFINITY];
+    let widen = |[low, high]: [f64; 2], number: f64| [low.min(number), high.max(number)];
+    numbers.into_iter().fold(ends, widen)
+}
+
+/// A number that is a small whole one, to count with.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "0 for what is negative"
+)]
+pub(super) fn count(number: f64) -> usize {
+    number as usize
 }
 
 /// Logarithms of 2 to 9 times powers of ten between two logarithms.

@@ -12,7 +12,7 @@ fn figures_carry_their_size_font_and_origin() {
     let svg = figure(at, &[]);
     for part in [
         "width=\"85.000mm\"",
-        "viewBox=\"0 0 24094 ",
+        "viewBox=\"0 0 240.94 ",
         "@font-face",
         "<metadata>",
         "campaign paper",
@@ -60,7 +60,7 @@ fn lines_stop_at_breaks_and_at_points_without_a_result() {
     let at = folder.path();
     let drawn = |svg: &str| {
         // Lines of curves have the width of curves.
-        svg.matches("stroke-width=\"90\"").count()
+        svg.matches("stroke-width=\"0.9\"").count()
     };
     let whole = figure(at, &ONE);
     assert_eq!(
@@ -175,8 +175,7 @@ fn a_figure_looks_as_it_is_asked_to() {
         error.contains("1 labels for 2 curves") && error.contains("c = 0.65"),
         "{error}"
     );
-    // The size of labels, in hundredths of a point.
-    assert!(asked(&["--font-size", "11"]).contains("font-size=\"1100\""));
+    assert!(asked(&["--font-size", "11"]).contains("font-size=\"11\""));
     assert!(asked(&["--intervals", "bands"]).contains("opacity=\"0.22\""));
     let logarithmic = asked(&["--log-y", "--y-range", "1..100", "--x-range", "0.1..1"]);
     for word in ["1", "10", "100"] {

@@ -3,7 +3,7 @@
 use super::{Frame, TICK};
 use crate::report::figure::font;
 use crate::report::figure::legend::hidden;
-use crate::report::figure::shape::{Anchor, Place, Shape};
+use crate::report::figure::scene::{Anchor, Place, Shape, Text};
 
 /// From one place that a curve passes to the next, where it is looked for what hides it.
 const NEAR: f64 = 3.0;
@@ -13,21 +13,14 @@ impl Frame<'_> {
     pub(super) fn words(&self, is_left: bool, is_lowest: bool) -> Vec<Shape> {
         let [[left, top], [right, bottom]] = self.corners;
         let (label, size) = (self.outline.label_size, self.outline.tick_size);
-        let text = |place, words: &str, size, anchor, upright| Shape::Text {
-            place,
-            words: words.to_owned(),
-            size,
-            anchor,
-            upright,
-        };
-        let mut shapes = Vec::new();
+        let mut texts = Vec::new();
         for (at, words) in self.named_ticks(size) {
             let place = [at, bottom + 1.3 * size];
-            shapes.push(text(place, words, size, Anchor::Middle, false));
+            texts.push(Text::new(place, words, size, Anchor::Middle));
         }
         for (place, words) in &self.panel.y.ticks {
             let place = [left - 0.5 * size, self.y(*place) + 0.36 * size];
-            shapes.push(text(place, words, size, Anchor::End, false));
+            texts.push(Text::new(place, words, size, Anchor::End));
         }
         // A label that is longer than its axis is written smaller.
         let fitting = |words: &str, room: f64| label * (room / font::width(words, label)).min(1.0);
@@ -35,34 +28,32 @@ impl Frame<'_> {
             let words = &self.panel.x.label;
             let place = [0.5 * (left + right), bottom + 1.4 * size + 1.35 * label];
             let size = fitting(words, right - left + 2.0 * label);
-            shapes.push(text(place, words, size, Anchor::Middle, false));
+            texts.push(Text::new(place, words, size, Anchor::Middle));
         }
         if is_left {
             let words = &self.panel.y.label;
             let place = [1.1 * label, 0.5 * (top + bottom)];
             let size = fitting(words, bottom - top + label);
-            shapes.push(text(place, words, size, Anchor::Middle, true));
+            texts.push(Text::new(place, words, size, Anchor::Middle).upright());
         }
         if !self.panel.title.is_empty() {
             let place = [0.5 * (left + right), top - 0.5 * label];
-            shapes.push(text(place, &self.panel.title, label, Anchor::Middle, false));
+            texts.push(Text::new(place, &self.panel.title, label, Anchor::Middle));
         }
         if let Some(strain) = self.panel.shaded {
             let end = self.x(strain).clamp(left, right);
-            let words = "discarded";
-            if end - left > font::width(words, size) + size {
-                let place = [0.5 * (left + end), top + 1.4 * size];
-                shapes.push(text(place, words, size, Anchor::Middle, false));
+            let (words, middle) = ("discarded", 0.5 * (left + end));
+            let upright = |x| Text::new([x, top + 0.6 * size], words, size, Anchor::End).upright();
+            texts.push(if end - left > font::width(words, size) + size {
+                Text::new([middle, top + 1.4 * size], words, size, Anchor::Middle)
             } else if end - left > 1.4 * size {
-                let place = [0.5 * (left + end) + 0.36 * size, top + 0.6 * size];
-                shapes.push(text(place, words, size, Anchor::End, true));
+                upright(middle + 0.36 * size)
             } else {
-                let place = [end + 1.2 * size, top + 0.6 * size];
-                shapes.push(text(place, words, size, Anchor::End, true));
-            }
+                upright(end + 1.2 * size)
+            });
         }
-        shapes.extend(self.dashed_words(&text));
-        shapes
+        texts.extend(self.dashed_words());
+        texts.into_iter().flat_map(Text::shapes).collect()
     }
 
     /// Ticks of the lower axis that are named: all, or every second, third .. one where names would run into each other. Plateaus beyond
@@ -95,10 +86,7 @@ impl Frame<'_> {
     }
 
     /// What dashed lines are called, where it hides least.
-    fn dashed_words(
-        &self,
-        text: &dyn Fn(Place, &str, f64, Anchor, bool) -> Shape,
-    ) -> Option<Shape> {
+    fn dashed_words(&self) -> Option<Text> {
         let words = self.panel.dashed_label?;
         let [[left, top], [right, bottom]] = self.corners;
         let size = 0.9 * self.outline.tick_size;
@@ -122,45 +110,15 @@ impl Frame<'_> {
                     &obstacles,
                 )
             })
-            .map(|place| text(place, words, size, Anchor::Start, false))
+            .map(|place| Text::new(place, words, size, Anchor::Start))
     }
 
     /// Places that words should leave free.
     pub(super) fn obstacles(&self) -> Vec<Place> {
-        let mut places = Vec::new();
-        let mut line = |from: Place, to: Place| {
-            let length = (to[0] - from[0]).hypot(to[1] - from[1]);
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a page is small"
-            )]
-            let number = (length / NEAR).ceil().clamp(1.0, 1e4) as usize;
-            for n in 0..=number {
-                let part = n as f64 / number as f64;
-                places.push([0, 1].map(|k| from[k] + part * (to[k] - from[k])));
-            }
-        };
-        for curve in &self.panel.curves {
-            let at = |place: usize| {
-                let point = &curve.points[place];
-                [self.x(point.0), self.y(point.1)]
-            };
-            for (first, last) in &curve.pieces {
-                for place in *first..*last {
-                    line(at(place), at(place + 1));
-                }
-            }
-            for point in &curve.points {
-                let x = self.x(point.0);
-                let [up, down] = [self.y(point.1 + point.3), self.y(point.1 - point.2)];
-                line([x, up], [x, down]);
-            }
-        }
-        for height in &self.panel.dashed {
-            let [[left, _], [right, _]] = self.corners;
-            line([left, self.y(*height)], [right, self.y(*height)]);
-        }
-        places
+        let parts = [Self::bands, Self::lines, Self::bars, Self::markers];
+        let curves = self.panel.curves.iter();
+        let shapes = curves.flat_map(|curve| parts.map(|part| part(self, curve)));
+        let shapes = shapes.flatten().chain(self.dashed());
+        shapes.flat_map(|shape| shape.places(NEAR)).collect()
     }
 }

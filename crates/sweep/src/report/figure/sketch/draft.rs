@@ -1,16 +1,18 @@
 //! Reports as lines: which points make a curve, where they stand, and in which panel.
 
 use super::{Field, Form, Height, Line, Measured, Sketch, Spot};
-use crate::axes::{AXES, Axis, Value, identity};
+use crate::axes::{AXES, Axis, identity};
 use crate::report::axis_words::AxisWords;
 use crate::report::curves::{Curve, Label, Shared, curves, labels};
 use crate::report::error::ReportError;
 use crate::report::figure::log_axis::LogAxis;
+use crate::report::figure::scale::extent;
 use crate::report::figure::{Drawing, Kind, Trace, refused_as};
 use crate::report::points::{Point, Report};
 use crate::report::units::At;
 use crate::report::units::Units;
 use sd_core::Params;
+use std::cmp::Ordering;
 
 /// What reports are drawn as.
 pub(super) struct Draft<'r> {
@@ -46,11 +48,8 @@ impl<'r> Draft<'r> {
         };
         // A rate that is measured varies without being an axis of the campaign.
         let has_places = |axis: &Axis| {
-            let mut places = points()
-                .map(|p| p.place(axis))
-                .filter(|place| !place.is_nan());
-            let first = places.next();
-            places.any(|place| Some(place) != first)
+            let [low, high] = extent(points().map(|point| point.place(axis)));
+            low < high
         };
         if let Some(axis) = drawing.along
             && drawing.kind != Kind::Trace
@@ -74,25 +73,20 @@ impl<'r> Draft<'r> {
                     format!("the curves run along {}: name another axis", axis.key),
                 ));
             }
-            let mut values: Vec<(Value, &Params)> = Vec::new();
-            for params in params() {
-                let value = axis.value(params);
-                if !values.iter().any(|(known, _)| *known == value) {
-                    values.push((value, params));
-                }
-            }
-            if values.len() < 2 {
+            fields = params().map(Some).collect();
+            let value = |field: Option<&Params>| field.map(|params| axis.value(params));
+            fields.sort_by(|a, b| {
+                let values = value(*a).zip(value(*b));
+                values.map_or(Ordering::Equal, |(a, b)| a.order(&b))
+            });
+            fields.dedup_by(|a, b| value(*a) == value(*b));
+            if fields.len() < 2 {
+                let names = names(&mut AXES.iter());
                 return Err(refused_as(
                     "--panels",
-                    format!(
-                        "all points have the same {}; {}",
-                        axis.key,
-                        names(&mut AXES.iter())
-                    ),
+                    format!("all points have the same {}; {names}", axis.key),
                 ));
             }
-            values.sort_by(|a, b| a.0.order(&b.0));
-            fields = values.into_iter().map(|(_, params)| Some(params)).collect();
         }
         let units = reports
             .first()
@@ -176,19 +170,28 @@ impl<'r> Draft<'r> {
         self.fields.iter().copied().position(same).unwrap_or(0)
     }
 
-    fn field_titles(&self) -> Vec<Field> {
+    /// A sketch of lines along the axis.
+    fn sketch(&self, lines: Vec<Line>, y: String) -> Sketch {
         let values = || self.fields.iter().flatten().copied();
         let words = self
             .panels
             .map(|axis| AxisWords::of(axis, self.units, values()));
-        let of = |field: Option<&Params>| Field {
-            title: match (words, field) {
-                (Some(words), Some(params)) => words.named(params),
-                _ => String::new(),
-            },
+        let title = |field: Option<&Params>| match (words, field) {
+            (Some(words), Some(params)) => words.named(params),
+            _ => String::new(),
+        };
+        let field = |field| Field {
+            title: title(field),
             dilute: Vec::new(),
         };
-        self.fields.iter().copied().map(of).collect()
+        Sketch {
+            lines,
+            panels: self.fields.iter().copied().map(field).collect(),
+            x: self.units.label_of(self.along),
+            y,
+            log: self.log,
+            ordered: 0,
+        }
     }
 
     /// Place of a point.
@@ -241,13 +244,10 @@ impl<'r> Draft<'r> {
             (!curve.points.is_empty()).then(|| self.line(&curve, label, &height))
         });
         let lines: Vec<Line> = lines.collect();
+        let log = self.log.map(|log| self.without_empty_plateaus(log, &lines));
         Sketch {
-            log: self.log.map(|log| self.without_empty_plateaus(log, &lines)),
-            lines,
-            panels: self.field_titles(),
-            x: self.units.label_of(self.along),
-            y: self.units.label(name, unit),
-            ordered: 0,
+            log,
+            ..self.sketch(lines, self.units.label(name, unit))
         }
     }
 
@@ -264,43 +264,31 @@ impl<'r> Draft<'r> {
 
     /// Four lines per curve.
     pub(super) fn contacts(&self) -> Sketch {
-        /// A kind of contact: its name, and its number per sphere.
-        type Count = (&'static str, fn(&Point) -> Option<f64>);
-        let activated =
-            |p: &Point| Some(p.contacts_per_sphere? * p.activated_fraction.unwrap_or(0.0));
-        let counts: [Count; 4] = [
-            ("in contact", |p| p.contacts_per_sphere),
-            ("activated", activated),
-            ("rolling", |p| {
-                let activated = p.activated_fraction.unwrap_or(0.0);
-                Some(p.contacts_per_sphere? * activated * p.rolling_fraction.unwrap_or(0.0))
-            }),
-            ("slipping", |p| {
-                let activated = p.activated_fraction.unwrap_or(0.0);
-                let rolling = p.rolling_fraction.unwrap_or(0.0);
-                Some(p.contacts_per_sphere? * activated * (1.0 - rolling))
-            }),
-        ];
+        let counts = |point: &Point| {
+            let contacts = point.contacts_per_sphere?;
+            let activated = contacts * point.activated_fraction.unwrap_or(0.0);
+            let rolling = point.rolling_fraction.unwrap_or(0.0);
+            Some([
+                contacts,
+                activated,
+                activated * rolling,
+                activated * (1.0 - rolling),
+            ])
+        };
+        let names = ["in contact", "activated", "rolling", "slipping"];
         let mut lines = Vec::new();
         for curve in self.curves() {
-            for (name, count) in counts {
-                let words = [name, &curve.label.words];
-                let number = if curve.label.words.is_empty() { 1 } else { 2 };
-                let label = Label {
-                    words: words[..number].join(", "),
-                    number: None,
+            for (place, name) in names.into_iter().enumerate() {
+                let label = match curve.label.words.as_str() {
+                    "" => Label::of_words(name),
+                    words => Label::of_words(&format!("{name}, {words}")),
                 };
-                lines.push(self.line(&curve, label, &|p| count(p).map(Height::bare)));
+                lines.push(self.line(&curve, label, &|point| {
+                    Some(Height::bare(counts(point)?[place]))
+                }));
             }
         }
-        Sketch {
-            lines,
-            panels: self.field_titles(),
-            x: self.units.label_of(self.along),
-            y: "pairs per sphere".into(),
-            log: self.log,
-            ordered: 0,
-        }
+        self.sketch(lines, "pairs per sphere".into())
     }
 
     /// Runs in time.
@@ -340,12 +328,12 @@ impl<'r> Draft<'r> {
             }
         });
         Sketch {
-            lines: lines.collect(),
-            panels: self.field_titles(),
             x: "strain".into(),
-            y: self.units.label("relative viscosity η", "mu"),
             log: None,
-            ordered: 0,
+            ..self.sketch(
+                lines.collect(),
+                self.units.label("relative viscosity η", "mu"),
+            )
         }
     }
 
@@ -383,30 +371,23 @@ impl<'r> Draft<'r> {
     /// Crosses for the points with runs that jammed under an imposed stress: at a rate of 0 in a flow curve, above all that flows
     /// among viscosities.
     pub(super) fn jammed(&self, kind: Kind, sketch: &Sketch) -> Vec<Line> {
-        let heights = sketch.lines.iter().flat_map(|line| &line.points);
-        let top = 1.5
-            * heights
-                .filter_map(|spot| Some(spot.y?.value))
-                .fold(f64::NEG_INFINITY, f64::max);
+        let spots = sketch.lines.iter().flat_map(|line| &line.points);
+        let [_, top] = extent(spots.filter_map(|spot| Some(spot.y?.value)));
         let mut lines: Vec<Line> = Vec::new();
         for point in self.points().filter(|point| bears(point)) {
-            let Some(stress) = point.params.shear_stress else {
-                continue;
+            let x = if self.along.is_shear_rate() {
+                0.0
+            } else {
+                let place = point.place(self.along);
+                self.units.along(self.along, point.at(), place)
             };
-            let (x, height) = match kind {
-                Kind::FlowCurve => (
-                    0.0,
-                    stress
-                        * self
-                            .units
-                            .factor("F_crit/a²", At::rate(None))
-                            .unwrap_or(f64::NAN),
-                ),
-                Kind::Viscosity if self.along.is_shear_rate() => (0.0, top),
-                Kind::Viscosity => {
-                    let place = point.place(self.along);
-                    (self.units.along(self.along, point.at(), place), top)
+            let height = match kind {
+                Kind::FlowCurve => {
+                    let factor = self.units.factor("F_crit/a²", At::rate(None));
+                    let stress = point.params.shear_stress.unwrap_or(f64::NAN);
+                    factor.map_or(f64::NAN, |factor| stress * factor)
                 }
+                Kind::Viscosity => 1.5 * top,
                 _ => continue,
             };
             if !height.is_finite() {
@@ -420,10 +401,7 @@ impl<'r> Draft<'r> {
             match lines.iter_mut().find(|line| line.panel == panel) {
                 Some(line) => line.points.push(spot),
                 None => lines.push(Line {
-                    label: Label {
-                        words: "jammed at this stress".into(),
-                        number: None,
-                    },
+                    label: Label::of_words("jammed at this stress"),
                     points: vec![spot],
                     place: 0,
                     form: Form::Crosses,
