@@ -283,6 +283,10 @@ pub(crate) struct Pair {
     pub(crate) normal_velocity: f64,
     /// Slip in the final motion.
     pub(crate) slip_velocity: f64,
+    /// Quasi-force of rolling friction.
+    pub(crate) rolling_force: f64,
+    /// Rolling velocity in the final motion.
+    pub(crate) rolling_velocity: f64,
     /// What the contact does.
     pub(crate) state: ContactState,
 }
