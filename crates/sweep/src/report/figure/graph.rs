@@ -24,12 +24,13 @@ pub fn draw_graphs(
         y: Some(Height::bare(y)),
     };
     let line = |(place, (label, places)): (usize, &Graph<'_>)| Line {
-        label: Label::of_words(label),
-        points: places.iter().map(spot).collect(),
         place,
-        form: Form::Trace,
-        panel: 0,
-        discard: None,
+        ..Line::new(
+            Label::of_words(label),
+            places.iter().map(spot).collect(),
+            Form::Trace,
+            0,
+        )
     };
     let sketch = Sketch {
         lines: graphs.iter().enumerate().map(line).collect(),

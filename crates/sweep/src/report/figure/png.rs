@@ -182,3 +182,71 @@ fn encode(picture: &Pixmap, dpi: u32, origin: &Origin) -> Result<Vec<u8>, png::E
     encoder.write_header()?.write_image_data(&colours)?;
     Ok(bytes)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::figure::scene::{Anchor, corners, polygon};
+
+    /// A page of 20 × 20 points at one dot per point: the colour of each dot.
+    fn drawn(shapes: Vec<Shape>) -> impl Fn(usize, usize) -> [u8; 3] {
+        let page = Page {
+            width: 20.0,
+            height: 20.0,
+            shapes,
+        };
+        let file = write(&page, 72, &Origin::default()).unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(file))
+            .read_info()
+            .unwrap();
+        let mut dots = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut dots).unwrap();
+        move |x, y| dots[3 * (20 * y + x)..][..3].try_into().unwrap()
+    }
+
+    const WHITE: [u8; 3] = [255; 3];
+    const BLACK: [u8; 3] = [0; 3];
+
+    #[test]
+    fn areas_and_dashed_lines_are_drawn_within_their_clip() {
+        let black = Colour::default();
+        let dot = drawn(vec![
+            Shape::Clip(polygon(corners([[0.0, 0.0], [10.0, 20.0]]))),
+            Shape::filled(corners([[2.0, 2.0], [18.0, 8.0]]), black, 1.0),
+            Shape::EndClip,
+            Shape::filled(corners([[2.0, 10.0], [8.0, 12.0]]), black, 0.5),
+            Shape::line(
+                [[0.0, 15.5], [20.0, 15.5]],
+                Stroke::solid(black, 1.0).dashed(4.0, 2.0),
+            ),
+        ]);
+        assert_eq!([dot(4, 4), dot(12, 4), dot(4, 9)], [BLACK, WHITE, WHITE]);
+        assert!(dot(4, 10)[0].abs_diff(128) < 2);
+        let dashes = [0, 3, 4, 5, 6, 9, 10].map(|x| dot(x, 15) == BLACK);
+        assert_eq!(dashes, [true, true, false, false, true, true, false]);
+    }
+
+    #[test]
+    fn letters_stand_before_their_place_and_run_upwards() {
+        let across = drawn(Text::new([20.0, 18.0], "MM", 8.0, Anchor::End).shapes());
+        let upwards = Text::new([12.0, 18.0], "MM", 8.0, Anchor::Start).upright();
+        let upwards = drawn(upwards.shapes());
+        let ink = |dot: &dyn Fn(usize, usize) -> [u8; 3], [x, y]: [usize; 2]| {
+            let mut square = (x..x + 6).flat_map(|x| (y..y + 6).map(move |y| (x, y)));
+            square.any(|(x, y)| dot(x, y)[0] < 128)
+        };
+        assert!(ink(&across, [6, 12]) && !ink(&across, [6, 0]));
+        assert!(ink(&upwards, [6, 6]) && !ink(&upwards, [13, 6]));
+    }
+
+    #[test]
+    fn a_picture_of_too_many_dots_is_refused() {
+        let page = Page {
+            width: 1700.0,
+            height: 1700.0,
+            shapes: Vec::new(),
+        };
+        let error = write(&page, 2400, &Origin::default()).unwrap_err();
+        assert!(error.contains("lower dpi"), "{error}");
+    }
+}

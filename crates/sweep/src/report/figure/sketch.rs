@@ -55,6 +55,19 @@ pub(super) struct Line {
     pub(super) discard: Option<f64>,
 }
 
+impl Line {
+    pub(super) fn new(label: Label, points: Vec<Spot>, form: Form, panel: usize) -> Self {
+        Self {
+            label,
+            points,
+            place: 0,
+            form,
+            panel,
+            discard: None,
+        }
+    }
+}
+
 /// One panel.
 #[derive(Debug, Default)]
 pub(super) struct Field {
@@ -149,18 +162,15 @@ fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
     let is_ordered = known.len() > CURVES && known.iter().all(|label| label.number.is_some());
     let most = if is_ordered { ORDERED_CURVES } else { CURVES };
     if known.len() > most {
-        let (more, how) = match drawing.kind {
-            Kind::Trace => (
-                " or more",
-                "choose runs with --where KEY=VALUE or --case KEY",
-            ),
-            _ => (
-                "",
-                "choose points with --where KEY=VALUE, the axis they run along with --along, or --panels",
-            ),
+        let (more, how) = if drawing.kind == Kind::Trace {
+            (" or more", "runs with --where KEY=VALUE or --case KEY")
+        } else {
+            let how =
+                "points with --where KEY=VALUE, the axis they run along with --along, or --panels";
+            ("", how)
         };
         return Err(refused(format!(
-            "{}{more} curves, and at most {most} can be told apart: {how}",
+            "{}{more} curves, and at most {most} can be told apart: choose {how}",
             known.len()
         )));
     }
@@ -171,19 +181,14 @@ fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
     }
     let asked = &drawing.look.labels;
     if !asked.is_empty() && asked.len() != known.len() {
-        let there: Vec<String> = known
-            .iter()
-            .map(|label| format!("{:?}", label.words))
-            .collect();
-        return Err(refused_as(
-            "--label",
-            format!(
-                "{} labels for {} curves; these are, in their order: {}",
-                asked.len(),
-                known.len(),
-                there.join(", ")
-            ),
-        ));
+        let there = known.iter().map(|label| format!("{:?}", label.words));
+        let message = format!(
+            "{} labels for {} curves; these are, in their order: {}",
+            asked.len(),
+            known.len(),
+            there.collect::<Vec<_>>().join(", ")
+        );
+        return Err(refused_as("--label", message));
     }
     for line in &mut sketch.lines {
         let place = known

@@ -133,9 +133,10 @@ impl<'r> Draft<'r> {
 
     /// Whether there is nothing to draw because what there is has no physical scale.
     pub(super) fn check_scale(&self, (_, unit, read): Measured) -> Result<(), ReportError> {
-        let has_result = |point: &&Point| read(point).is_some();
-        let mut found = self.points().filter(has_result);
-        if found.any(|point| !self.has_scale(unit, point)) {
+        if self
+            .points()
+            .any(|point| read(point).is_some() && !self.has_scale(unit, point))
+        {
             return Err(Units::without_scale());
         }
         Ok(())
@@ -143,9 +144,8 @@ impl<'r> Draft<'r> {
 
     /// Whether numbers of this unit, and the place along the axis, have a value in the units asked for.
     fn has_scale(&self, unit: &str, point: &Point) -> bool {
-        let place = point.place(self.along);
-        let along = self.units.along(self.along, point.at(), place);
-        self.units.factor(unit, point.at()).is_some() && (place.is_nan() || !along.is_nan())
+        let has_place = point.place(self.along).is_nan() || !self.value(point).is_nan();
+        self.units.factor(unit, point.at()).is_some() && has_place
     }
 
     fn points(&self) -> impl Iterator<Item = &'r Point> {
@@ -194,10 +194,14 @@ impl<'r> Draft<'r> {
         }
     }
 
-    /// Place of a point.
-    fn place(&self, point: &Point) -> f64 {
-        let place = point.place(self.along);
-        let value = self.units.along(self.along, point.at(), place);
+    /// Value of a point along the axis, in the units asked for.
+    fn value(&self, point: &Point) -> f64 {
+        let value = point.place(self.along);
+        self.units.along(self.along, point.at(), value)
+    }
+
+    /// Where a value stands on the axis.
+    fn place(&self, value: f64) -> f64 {
         self.log.map_or(value, |log| log.place(value))
     }
 
@@ -210,17 +214,12 @@ impl<'r> Draft<'r> {
     ) -> Line {
         let spot = |point: &&Point| {
             let y = height(point).filter(|height| height.value.is_finite());
-            let x = self.place(point);
+            let x = self.place(self.value(point));
             x.is_finite().then_some(Spot { x, y })
         };
-        Line {
-            label,
-            points: curve.points.iter().filter_map(spot).collect(),
-            place: 0,
-            form: Form::Curve,
-            panel: self.panel(&curve.points[0].params),
-            discard: None,
-        }
+        let panel = self.panel(&curve.points[0].params);
+        let spots = curve.points.iter().filter_map(spot).collect();
+        Line::new(label, spots, Form::Curve, panel)
     }
 
     /// One line per curve of one quantity.
@@ -318,13 +317,11 @@ impl<'r> Draft<'r> {
                 x,
                 y: y.is_finite().then(|| Height::bare(factor * y)),
             };
+            let panel = self.panel(&trace.params);
+            let spots = trace.points.iter().map(spot).collect();
             Line {
-                label,
-                points: trace.points.iter().map(spot).collect(),
-                place: 0,
-                form: Form::Trace,
-                panel: self.panel(&trace.params),
                 discard: trace.discard,
+                ..Line::new(label, spots, Form::Trace, panel)
             }
         });
         Sketch {
@@ -378,8 +375,7 @@ impl<'r> Draft<'r> {
             let x = if self.along.is_shear_rate() {
                 0.0
             } else {
-                let place = point.place(self.along);
-                self.units.along(self.along, point.at(), place)
+                self.value(point)
             };
             let height = match kind {
                 Kind::FlowCurve => {
@@ -394,20 +390,16 @@ impl<'r> Draft<'r> {
                 continue;
             }
             let spot = Spot {
-                x: self.log.map_or(x, |log| log.place(x)),
+                x: self.place(x),
                 y: Some(Height::bare(height)),
             };
             let panel = self.panel(&point.params);
             match lines.iter_mut().find(|line| line.panel == panel) {
                 Some(line) => line.points.push(spot),
-                None => lines.push(Line {
-                    label: Label::of_words("jammed at this stress"),
-                    points: vec![spot],
-                    place: 0,
-                    form: Form::Crosses,
-                    panel,
-                    discard: None,
-                }),
+                None => {
+                    let label = Label::of_words("jammed at this stress");
+                    lines.push(Line::new(label, vec![spot], Form::Crosses, panel));
+                }
             }
         }
         lines
@@ -422,20 +414,20 @@ fn default_axis(reports: &[Report], kind: Kind) -> &'static Axis {
         Kind::FlowCurve => return Axis::of_key("shear_rate").unwrap_or(&AXES[0]),
         _ => "shear_rate",
     };
-    let order = [
+    let keys = [
         first,
         "shear_stress",
         "shear_rate",
         "area_fraction",
         "friction",
     ];
-    let mut order: Vec<&'static Axis> = order.into_iter().filter_map(Axis::of_key).collect();
-    order.extend(AXES.iter().filter(|axis| axis.is_numeric()));
+    let numeric = AXES.iter().filter(|axis| axis.is_numeric());
+    let mut axes = keys.into_iter().filter_map(Axis::of_key).chain(numeric);
     let points = || reports.iter().flat_map(|report| &report.points);
-    order
-        .iter()
-        .find(|axis| axis.varies(points().map(|point| &point.params)))
-        .unwrap_or(&order[0])
+    let varies = |axis: &&Axis| axis.varies(points().map(|point| &point.params));
+    axes.find(varies)
+        .or(Axis::of_key(first))
+        .unwrap_or(&AXES[0])
 }
 
 /// Whether runs of it ended jammed under an imposed stress.
