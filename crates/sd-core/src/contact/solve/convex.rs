@@ -38,10 +38,13 @@ use crate::contact::{Quality, Status};
 const BOUND_UPDATES: u32 = 40;
 /// Convex problems after that, for the multipliers alone. Each takes one or two digits off the residual.
 const MULTIPLIER_UPDATES: u32 = 30;
-/// 1/S of rigid contacts, in a/(mu·a²·rate). Single precision, in which sparse factors are held, allows no smaller one.
-const PENALTY_COMPLIANCE: f64 = 1e-6;
+/// First 1/S of rigid contacts, in a/(mu·a²·rate). A problem that is solved is followed by one with a tenth, one that is not by one
+/// with ten times as much: soft contacts are found quickly, hard ones need few multipliers.
+const PENALTY_COMPLIANCE: f64 = 1e-4;
+/// The smallest 1/S: single precision, in which sparse factors are held, allows no smaller one.
+const HARDEST: f64 = 1e-6;
 /// Newton iterations for one problem with penalties; the next one goes on from where they end.
-const NEWTON_ITERATIONS: u32 = 10;
+const NEWTON_ITERATIONS: u32 = 30;
 /// What the move of a bound that goes back and forth is multiplied by, and by what it recovers in each iteration where it does not.
 const DAMPING: f64 = 0.5;
 const RECOVERY: f64 = 1.1;
@@ -220,6 +223,7 @@ impl ConvexSolver {
         self.damping.resize(self.bounds.len(), 1.0);
         self.errors[1].clear();
         self.errors[1].resize(self.bounds.len(), 0.0);
+        self.penalised.penalty = PENALTY_COMPLIANCE;
         self.tried.closed.clear();
         self.tried.friction.clear();
     }
@@ -279,8 +283,8 @@ fn finite_bound(row: &Tangential, load: f64) -> f64 {
 #[derive(Debug, Default)]
 struct Penalised {
     problem: Problem,
-    /// 1/S of each candidate and of each row; 0 for springs.
-    penalties: [Vec<f64>; 2],
+    /// 1/S of rigid contacts.
+    penalty: f64,
     /// The present velocities, and those of the linear system.
     iterates: [Iterate; 2],
     /// The active set of the last system, as its velocities show it.
@@ -292,9 +296,6 @@ impl Penalised {
     fn reserve(&mut self, candidates: usize) {
         self.problem.reserve(candidates);
         self.found.reserve(candidates);
-        let [of_candidates, of_rows] = &mut self.penalties;
-        of_candidates.reserve(candidates);
-        of_rows.reserve(2 * candidates);
         for iterate in &mut self.iterates {
             iterate.normal.reserve(candidates);
             iterate.trial_normal.reserve(candidates);
@@ -309,19 +310,15 @@ impl Penalised {
             if compliance > COMPLIANCE {
                 0.0
             } else {
-                PENALTY_COMPLIANCE
+                self.penalty
             }
         };
         self.problem.copy_from(convex);
-        let [of_candidates, of_rows] = &mut self.penalties;
-        of_candidates.clear();
         for (entry, f) in self.problem.normal.iter_mut().zip(&multipliers.normal) {
             let e = penalty(entry.compliance);
             entry.bias -= e * f;
             entry.compliance += e;
-            of_candidates.push(e);
         }
-        of_rows.clear();
         for (row, t) in self
             .problem
             .tangential
@@ -331,7 +328,6 @@ impl Penalised {
             let e = penalty(row.compliance);
             row.shift += e * t;
             row.compliance += e;
-            of_rows.push(e);
         }
         self.iterates[0].start(&self.problem, multipliers);
     }
@@ -390,16 +386,20 @@ impl Penalised {
             })
     }
 
-    /// Brings the forces of the solution into their bounds, and its slack and slip back to those of the problem without penalties.
-    ///
-    /// `multipliers`: f^ and t^.
-    fn take_back_penalties(&self, multipliers: &Forces, forces: &mut Forces) {
-        for (k, e) in self.penalties[0].iter().enumerate() {
-            forces.normal[k] = forces.normal[k].max(0.0);
-            forces.slack[k] += e * (multipliers.normal[k] - forces.normal[k]);
+    /// The forces of the velocities found, within their bounds.
+    fn show_forces(&self, forces: &mut Forces) {
+        let now = &self.iterates[0];
+        for (f, &u) in forces.normal.iter_mut().zip(&now.trial_normal) {
+            *f = u.max(0.0);
         }
-        for (m, e) in self.penalties[1].iter().enumerate() {
-            forces.slip[m] -= e * (multipliers.tangential[m] - forces.tangential[m]);
+        let rows = self.problem.tangential.iter();
+        for ((t, &s), row) in forces
+            .tangential
+            .iter_mut()
+            .zip(&now.trial_tangential)
+            .zip(rows)
+        {
+            *t = s.clamp(-row.intercept, row.intercept);
         }
     }
 }
@@ -481,7 +481,14 @@ impl ProblemSolver {
             system.measure(&convex, &mut self.start);
             penalised.pose(&convex, &self.start);
             let (minimised, more) = penalised.minimise(system, &mut self.states, &mut self.forces);
-            penalised.take_back_penalties(&self.start, &mut self.forces);
+            if minimised {
+                penalised.show_forces(&mut self.forces);
+                penalised.penalty = HARDEST.max(0.1 * penalised.penalty);
+            } else {
+                self.forces.copy_from(&self.start);
+                penalised.penalty *= 10.0;
+            }
+            system.measure(&convex, &mut self.forces);
             solved = minimised && refine(&mut convex, &self.forces) == 0;
             systems += more;
             self.convex.penalised = penalised;
