@@ -394,12 +394,11 @@ impl<'r> Draft<'r> {
                 y: Some(Height::bare(height)),
             };
             let panel = self.panel(&point.params);
-            match lines.iter_mut().find(|line| line.panel == panel) {
-                Some(line) => line.points.push(spot),
-                None => {
-                    let label = Label::of_words("jammed at this stress");
-                    lines.push(Line::new(label, vec![spot], Form::Crosses, panel));
-                }
+            if let Some(line) = lines.iter_mut().find(|line| line.panel == panel) {
+                line.points.push(spot);
+            } else {
+                let label = Label::of_words("jammed at this stress");
+                lines.push(Line::new(label, vec![spot], Form::Crosses, panel));
             }
         }
         lines
