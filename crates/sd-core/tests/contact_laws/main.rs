@@ -1,7 +1,6 @@
 //! Laws of contact other than the paper's: what must hold for each of them.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stdout, reason = "says what was measured")]
 
 mod adhering_pair;
 #[path = "../common/mod.rs"]
