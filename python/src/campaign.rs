@@ -15,9 +15,9 @@ use std::time::Duration;
 use sweep::api::{Beginning, Begun, begin, complete};
 use sweep::axes::Axis;
 use sweep::campaign::Priority;
+use sweep::disk::network_file_system;
 use sweep::format::parse_positive_duration;
 use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style};
-use sweep::disk::network_file_system;
 use sweep::store::StoreSource;
 use toml::{Table, Value};
 
