@@ -106,7 +106,7 @@ impl Solution {
     }
 
     /// All candidate pairs, force 0 included: structured array with i, j, image [2], gap, normal [2], normal_force, tangential_force,
-    /// normal_velocity, slip_velocity, state.
+    /// normal_velocity, slip_velocity, rolling_force, rolling_velocity, state.
     #[getter]
     fn contacts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let mut records = Records::default();
@@ -123,6 +123,8 @@ impl Solution {
                 contact.tangential_force,
                 contact.normal_velocity,
                 contact.slip_velocity,
+                contact.rolling_force,
+                contact.rolling_velocity,
             ] {
                 records.number(number);
             }
@@ -140,6 +142,8 @@ impl Solution {
                 ("tangential_force", "f8", 1),
                 ("normal_velocity", "f8", 1),
                 ("slip_velocity", "f8", 1),
+                ("rolling_force", "f8", 1),
+                ("rolling_velocity", "f8", 1),
                 ("state", "U12", 1),
             ],
         )

@@ -215,7 +215,10 @@ def test_points_put_first_are_computed_first(tmp_path):
             pass
         # However far it got, those that are done are the first ones of the order.
         with closing(sqlite3.connect(path)) as store:
-            order = "SELECT shear_rate FROM cases WHERE state = 'done' ORDER BY changed_at"
+            order = (
+                "SELECT shear_rate FROM cases JOIN points ON points.id = cases.point "
+                "WHERE state = 'done' ORDER BY changed_at"
+            )
             assert store.execute(order).fetchone()[0] == first
 
 

@@ -294,7 +294,8 @@ fn owns(connection: &Connection, claim: &Claim, me: i64) -> rusqlite::Result<boo
     )
 }
 
-/// Keeps a run that came to its end: the averages are of the samples at hand, unless each point has its own strain to discard.
+/// Keeps a run that came to its end: the averages are of the samples at hand, unless each point has its own strain to discard or more is
+/// computed than requested.
 fn finish(
     connection: &Connection,
     claim: &Claim,
@@ -331,7 +332,8 @@ fn finish(
         &finished.samples,
         samples_digest,
     )?;
-    if discard.is_none() {
+    // A run whose last checkpoint lies beyond what is requested now has more samples than count.
+    if discard.is_none() || finished.steps > claim.case.steps {
         ends::settle(connection, claim.id, &finished.protocol)?;
     }
     rules::apply_to_case(connection, claim.id)
