@@ -78,6 +78,8 @@ fn problems_of_every_law_are_solved() {
         "spring-coulomb",
         "spring-stick-slide",
         "hertz-stick-slide",
+        "rigid-coulomb-rolling",
+        "spring-stick-slide-rolling",
     ] {
         solve(law, |recorded| !recorded.is_hard());
     }
@@ -89,4 +91,10 @@ fn problems_of_layers_that_jam_end() {
     for law in ["rigid-coulomb", "rigid-coulomb-reduced"] {
         solve(law, Recorded::is_hard);
     }
+}
+
+#[test]
+#[ignore = "not solved yet: with rolling friction near jamming friction does not settle, and in three of eight the gaps do not hold"]
+fn problems_of_layers_that_rolling_friction_jams_are_solved() {
+    solve("rigid-coulomb-rolling-jamming", |_| true);
 }

@@ -26,7 +26,7 @@ pub static ADHESION: Quantity = Quantity {
 };
 
 /// Share of the roughness height by which rigid asperities may be apart and touch still: gaps are held at h but for what a step leaves,
-/// which is 1e-3 of h at the usual steps.
+/// which is 2e-3 of h at the usual steps.
 const RIGID_RANGE: f64 = 0.01;
 
 /// Gap, in a, below which surfaces touch.
