@@ -16,8 +16,7 @@ use super::wave_space::transforms;
 use crate::geometry::cell::Cell;
 use crate::geometry::modes::Vec2;
 use crate::linalg::simd::vectorised;
-use axis::{Axis, WIDTH, Window};
-use rustfft::FftPlanner;
+use axis::{Axis, WIDTH, Window, plan_axes};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -61,23 +60,11 @@ impl Grid {
         cut_off: f64,
         tolerance: f64,
     ) -> Self {
-        let mut planner = FftPlanner::new();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "as many as the plan allows"
-        )]
-        let highest = |side: f64| (cut_off * side / (2.0 * PI)).floor() as usize;
         // The second wave number is (k_y L_y + k_x offset)/2π, the offset at most half a side.
-        let axes = [sides[0], sides[1].hypot(0.5 * sides[0])]
-            .map(|side| Axis::new(highest(side), oversampling(tolerance), &mut planner));
+        let lengths = [sides[0], sides[1].hypot(0.5 * sides[0])];
+        let (axes, scratch) = plan_axes(lengths, cut_off, oversampling(tolerance));
         let (points, rows) = (axes[0].points, axes[1].points);
         let zero = Complex64::new(0.0, 0.0);
-        let scratch = axes
-            .iter()
-            .flat_map(|axis| axis.plans.iter().map(|plan| plan.get_inplace_scratch_len()))
-            .max()
-            .unwrap_or(0);
         let kept = 2 * axes[0].highest + 1;
         Self {
             alpha,

@@ -8,13 +8,12 @@
 //! Window, its transform and its derivative are those of the layer's grid; reading is the transpose of writing.
 
 use super::dense::transform;
-use crate::hydrodynamics::far_field::grid::axis::{Axis, WIDTH, Window};
+use crate::hydrodynamics::far_field::grid::axis::{Axis, WIDTH, Window, plan_axes};
 use crate::hydrodynamics::far_field::grid::{oversampling, pack, split};
 use crate::hydrodynamics::far_field::kernels::FiniteSize;
 use crate::hydrodynamics::two_sphere::Modes;
 use crate::linalg::simd::vectorised;
 use nalgebra::Vector3;
-use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -51,23 +50,11 @@ impl Grid {
         cut_off: f64,
         tolerance: f64,
     ) -> Self {
-        let mut planner = FftPlanner::new();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "as many as the plan allows"
-        )]
-        let highest = |side: f64| (cut_off * side / (2.0 * PI)).floor() as usize;
         // The second wave number is (k_y L_y + k_x offset)/2π, the offset at most half a side.
-        let axes = [sides.x, sides.y.hypot(0.5 * sides.x), sides.z]
-            .map(|side| Axis::new(highest(side), oversampling(tolerance), &mut planner));
+        let lengths = [sides.x, sides.y.hypot(0.5 * sides.x), sides.z];
+        let (axes, scratch) = plan_axes(lengths, cut_off, oversampling(tolerance));
         let points = axes.iter().map(|axis| axis.points).product();
         let longest = axes.iter().map(|axis| axis.points).max().unwrap_or(0);
-        let scratch = axes
-            .iter()
-            .flat_map(|axis| axis.plans.iter().map(|plan| plan.get_inplace_scratch_len()))
-            .max()
-            .unwrap_or(0);
         let zero = Complex64::new(0.0, 0.0);
         Self {
             alpha,

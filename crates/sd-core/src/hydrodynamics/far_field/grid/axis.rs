@@ -39,6 +39,32 @@ pub(in crate::hydrodynamics::far_field) struct Axis {
     pub(in crate::hydrodynamics::far_field) plans: [Arc<dyn Fft<f64>>; 2],
 }
 
+/// The directions of a grid whose wave numbers end at `cut_off`, and the scratch that their transforms need.
+///
+/// `lengths`: of each direction, in a: a wave vector k has at most k·length/2π waves along it.
+pub(in crate::hydrodynamics::far_field) fn plan_axes<const DIMENSIONS: usize>(
+    lengths: [f64; DIMENSIONS],
+    cut_off: f64,
+    oversampling: f64,
+) -> ([Axis; DIMENSIONS], usize) {
+    let mut planner = FftPlanner::new();
+    let axes = lengths.map(|length| {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "as many as the plan allows"
+        )]
+        let highest = (cut_off * length / (2.0 * PI)).floor() as usize;
+        Axis::new(highest, oversampling, &mut planner)
+    });
+    let scratch = axes
+        .iter()
+        .flat_map(|axis| axis.plans.iter().map(|plan| plan.get_inplace_scratch_len()))
+        .max()
+        .unwrap_or(0);
+    (axes, scratch)
+}
+
 impl Axis {
     /// Wave numbers up to `highest` on a grid `oversampling` times as fine as they need, or somewhat finer.
     pub(in crate::hydrodynamics::far_field) fn new(
