@@ -11,6 +11,7 @@
 //! η = 1 + Σ S_xy/V → 1 + 5φ/2 for a dilute suspension,   V (η − 1) = v'Rv in shear without forces
 //! ```
 
+use super::instant::{check_lists, check_numbers};
 use crate::error::Error;
 use crate::hydrodynamics::bulk::{NearPart, Resistance, SparseResistance, Strain};
 use crate::hydrodynamics::resistance::NearFields;
@@ -205,57 +206,32 @@ pub fn solve(
 
 /// Refuses a configuration with a list of another length or a value out of range.
 fn check(configuration: &Configuration) -> Result<(), Error> {
-    let n = configuration.centres.len();
-    if n == 0 {
-        return Err(Error::NoSpheres);
-    }
-    for (field, found) in [
-        ("radii", configuration.radii.len()),
-        ("forces", configuration.forces.len()),
-        ("torques", configuration.torques.len()),
-    ] {
-        if found != n {
-            return Err(Error::Length {
-                field,
-                found,
-                expected: n,
-            });
-        }
-    }
-    if let Some(numbers) = configuration.hydrodynamics.leading_order() {
-        numbers.check()?;
-    }
+    let vectors = |list: &[Vector3<f64>]| {
+        list.iter()
+            .flat_map(|x| x.iter().copied())
+            .collect::<Vec<_>>()
+    };
     let background = &configuration.background;
     let strain = background.rate_of_strain.components();
-    let finite = |field, values: &[f64]| match values.iter().find(|x| !x.is_finite()) {
-        None => Ok(()),
-        Some(&value) => Err(Error::OutOfRange {
-            field,
-            value,
-            allowed: "finite",
-        }),
-    };
-    for (field, vectors) in [
-        ("centres", &configuration.centres),
-        ("forces", &configuration.forces),
-        ("torques", &configuration.torques),
-    ] {
-        vectors
-            .iter()
-            .try_for_each(|x| finite(field, x.as_slice()))?;
-    }
-    finite("background", strain.as_slice())?;
-    finite("background", background.angular_velocity.as_slice())?;
-    for &value in &configuration.radii {
-        if !(value > 0.0 && value.is_finite()) {
-            return Err(Error::OutOfRange {
-                field: "radii",
-                value,
-                allowed: "positive and finite",
-            });
-        }
-    }
-    Ok(())
+    let flow = strain.iter().chain(&background.angular_velocity);
+    check_lists(
+        configuration.centres.len(),
+        [
+            ("radii", configuration.radii.len()),
+            ("forces", configuration.forces.len()),
+            ("torques", configuration.torques.len()),
+        ],
+    )?;
+    check_numbers(
+        configuration.hydrodynamics,
+        [
+            ("centres", vectors(&configuration.centres)),
+            ("forces", vectors(&configuration.forces)),
+            ("torques", vectors(&configuration.torques)),
+            ("background", flow.copied().collect()),
+        ],
+        &configuration.radii,
+    )
 }
 
 #[cfg(test)]

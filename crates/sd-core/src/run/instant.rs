@@ -296,53 +296,60 @@ fn in_range(ok: bool, field: &'static str, value: f64, allowed: &'static str) ->
 
 /// Refuses a configuration with a list of another length or a value out of range.
 fn check(configuration: &Configuration) -> Result<(), Error> {
-    let n = configuration.centres.len();
-    if n == 0 {
+    let vectors = |list: &[Vec2]| list.iter().flat_map(|x| [x.x, x.y]).collect();
+    let b = &configuration.background;
+    check_lists(
+        configuration.centres.len(),
+        [
+            ("radii", configuration.radii.len()),
+            ("forces", configuration.forces.len()),
+            ("torques", configuration.torques.len()),
+        ],
+    )?;
+    check_numbers(
+        configuration.hydrodynamics,
+        [
+            ("centres", vectors(&configuration.centres)),
+            ("forces", vectors(&configuration.forces)),
+            ("torques", configuration.torques.clone()),
+            ("background", vec![b.xx, b.yy, b.xy, b.angular_velocity]),
+        ],
+        &configuration.radii,
+    )
+}
+
+/// Refuses a configuration without spheres, or with a list that is not one entry for each of them.
+pub(super) fn check_lists(spheres: usize, lists: [(&'static str, usize); 3]) -> Result<(), Error> {
+    if spheres == 0 {
         return Err(Error::NoSpheres);
     }
-    for (field, found) in [
-        ("radii", configuration.radii.len()),
-        ("forces", configuration.forces.len()),
-        ("torques", configuration.torques.len()),
-    ] {
-        if found != n {
+    for (field, found) in lists {
+        if found != spheres {
             return Err(Error::Length {
                 field,
                 found,
-                expected: n,
+                expected: spheres,
             });
         }
     }
-    if let Some(numbers) = configuration.hydrodynamics.leading_order() {
+    Ok(())
+}
+
+/// Refuses parameters of the hydrodynamics, numbers or radii out of range.
+pub(super) fn check_numbers(
+    hydrodynamics: Hydrodynamics,
+    groups: [(&'static str, Vec<f64>); 4],
+    radii: &[f64],
+) -> Result<(), Error> {
+    if let Some(numbers) = hydrodynamics.leading_order() {
         numbers.check()?;
     }
-    let b = &configuration.background;
-    let groups = [
-        (
-            "centres",
-            configuration
-                .centres
-                .iter()
-                .flat_map(|x| [x.x, x.y])
-                .collect::<Vec<_>>(),
-        ),
-        (
-            "forces",
-            configuration
-                .forces
-                .iter()
-                .flat_map(|x| [x.x, x.y])
-                .collect(),
-        ),
-        ("torques", configuration.torques.clone()),
-        ("background", vec![b.xx, b.yy, b.xy, b.angular_velocity]),
-    ];
     for (field, values) in groups {
         for value in values {
             in_range(value.is_finite(), field, value, "finite")?;
         }
     }
-    for &a in &configuration.radii {
+    for &a in radii {
         in_range(a > 0.0 && a.is_finite(), "radii", a, "positive and finite")?;
     }
     Ok(())
