@@ -2,29 +2,16 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "common/data.rs"]
+mod data;
+
+use data::{data, difference, numbers, vectors};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sd_core::bulk::{Background, Configuration, SolvedConfiguration, TracelessTensor, solve};
 use sd_core::space::cell::Cell;
 use sd_core::{Hydrodynamics, LeadingOrder, NearFields};
 use serde_json::Value;
 use std::f64::consts::PI;
-
-fn data(name: &str) -> Value {
-    let path = format!("{}/../../tests/data/{name}", env!("CARGO_MANIFEST_DIR"));
-    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    let list = value.as_array().unwrap();
-    list.iter().map(|x| x.as_f64().unwrap()).collect()
-}
-
-fn vectors(value: &Value) -> Vec<Vector3<f64>> {
-    let list = value.as_array().unwrap();
-    list.iter()
-        .map(|x| Vector3::from_column_slice(&numbers(x)))
-        .collect()
-}
 
 /// Spheres of radius 1 in simple shear, without forces.
 fn sheared(
@@ -42,15 +29,6 @@ fn sheared(
         forces: vec![Vector3::zeros(); n],
         torques: vec![Vector3::zeros(); n],
     }
-}
-
-/// Largest difference relative to the largest reference number.
-fn difference(ours: impl IntoIterator<Item = f64>, reference: &[f64]) -> f64 {
-    let scale = reference.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    ours.into_iter()
-        .zip(reference)
-        .map(|(a, b)| (a - b).abs() / scale)
-        .fold(0.0, f64::max)
 }
 
 fn compare(solved: &SolvedConfiguration, part: &Value, what: &str) {

@@ -2,43 +2,19 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "common/data.rs"]
+mod data;
+
+use data::{data, difference, numbers, vectors};
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{Hydrodynamics, NearFields};
 use serde_json::Value;
 
-fn data(name: &str) -> Value {
-    let path = format!("{}/../../tests/data/{name}", env!("CARGO_MANIFEST_DIR"));
-    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
-}
-
-/// Numbers of a JSON list.
-fn numbers(value: &Value) -> Vec<f64> {
-    let list = value.as_array().unwrap();
-    list.iter().map(|x| x.as_f64().unwrap()).collect()
-}
-
-/// Pairs of numbers of a JSON list.
-fn vectors(value: &Value) -> Vec<Vec2> {
-    let list = value.as_array().unwrap();
-    list.iter()
-        .map(|x| Vec2::from_column_slice(&numbers(x)))
-        .collect()
-}
-
-/// Largest difference relative to the largest reference number.
-fn difference(ours: impl IntoIterator<Item = f64>, reference: &[f64]) -> f64 {
-    let scale = reference.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    ours.into_iter()
-        .zip(reference)
-        .map(|(a, b)| (a - b).abs() / scale)
-        .fold(0.0, f64::max)
-}
-
 /// Compares one instant with one part of the file, to `tolerance` of the largest number of each kind.
 fn compare(instant: &SolvedConfiguration, part: &Value, what: &str, tolerance: f64) {
-    let velocities: Vec<f64> = vectors(&part["velocity_disturbance"])
+    let velocities: Vec<f64> = vectors::<2>(&part["velocity_disturbance"])
         .iter()
         .flat_map(|v| [v.x, v.y])
         .collect();
@@ -176,7 +152,7 @@ fn two_spheres_are_exact() {
             &NearFields::default(),
         )
         .unwrap();
-        let velocities = vectors(&case["velocity_disturbance"]);
+        let velocities = vectors::<2>(&case["velocity_disturbance"]);
         let spins = numbers(&case["angular_velocity_disturbance"]);
         for i in 0..2 {
             let ours = instant.disturbances[i];
