@@ -36,19 +36,20 @@ use crate::contact::{Quality, Status};
 
 /// Convex problems in which the bounds follow the load.
 const BOUND_UPDATES: u32 = 40;
-/// Convex problems after that, for the multipliers alone. Each takes one or two digits off the residual.
+/// Convex problems after that, for the multipliers alone.
 const MULTIPLIER_UPDATES: u32 = 30;
 /// First 1/S of rigid contacts, in a/(mu·a²·rate). A problem that is solved is followed by one with a tenth, one that is not by one
 /// with ten times as much: soft contacts are found quickly, hard ones need few multipliers.
 const PENALTY_COMPLIANCE: f64 = 1e-4;
 /// The smallest 1/S: single precision, in which sparse factors are held, allows no smaller one.
 const HARDEST: f64 = 1e-6;
-/// Newton iterations for one problem with penalties; the next one goes on from where they end.
+/// Newton iterations for one problem with penalties; one that takes more is given up, and its forces with it.
 const NEWTON_ITERATIONS: u32 = 30;
 /// What the move of a bound that goes back and forth is multiplied by, and by what it recovers in each iteration where it does not.
 const DAMPING: f64 = 0.5;
 const RECOVERY: f64 = 1.1;
-/// Share of a Newton step below which it is rounding: the linear system is then solved to the end.
+/// Share of a Newton step below which it counts as rounding: the linear system is then solved to the end. Near jamming shorter steps
+/// occur far from the minimum too, which is why rolling friction there is not solved (`docs/contacts.md`).
 const SMALLEST_STEP: f64 = 1e-3;
 /// Largest coefficient of a bound: an infinite one is no bound with a load, and 0 without.
 const LARGEST_COEFFICIENT: f64 = 100.0;
@@ -488,6 +489,7 @@ impl ProblemSolver {
                 self.forces.copy_from(&self.start);
                 penalised.penalty *= 10.0;
             }
+            // The motion that the linear algebra holds is then that of these forces.
             system.measure(&convex, &mut self.forces);
             solved = minimised && refine(&mut convex, &self.forces) == 0;
             systems += more;
