@@ -1,13 +1,13 @@
 //! The campaign file is what counts: two versions of it on one store, longer and shorter runs, stores of older schemas.
 
-use assert_cmd::cargo::cargo_bin;
+use crate::harness::{command, json, run, spawn, until};
 use rusqlite::types::Value;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value as Json;
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::Stdio;
+use std::time::Duration;
 
 const CAMPAIGN: &str = r#"name = "small"
 [protocol]
@@ -24,26 +24,12 @@ spheres = 20
 hydrodynamics = "ball-melrose"
 "#;
 
-fn command(directory: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(cargo_bin("sweep"));
-    command.current_dir(directory).args(arguments);
-    command
-}
-
-fn sweep(directory: &Path, arguments: &[&str]) -> Output {
-    command(directory, arguments).output().unwrap()
-}
-
 /// What a command wrote, once it has ended with this code.
 fn said(directory: &Path, arguments: &[&str], code: i32) -> (String, String) {
-    let output = sweep(directory, arguments);
+    let output = run(directory, arguments);
     assert_eq!(output.status.code(), Some(code), "{output:?}");
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     (text(output.stdout), text(output.stderr))
-}
-
-fn json(directory: &Path, arguments: &[&str]) -> Json {
-    serde_json::from_str(&said(directory, arguments, 0).0).unwrap()
 }
 
 fn write(directory: &Path, file: &str, text: &str) {
@@ -107,7 +93,7 @@ fn report_and_status_show_what_the_file_asks_for_and_say_what_was_run_last() {
     said(at, &["run", "small.toml", "--quiet", "--trajectory"], 0);
     let (_, err) = said(at, &["show", "small.toml", "1"], 0);
     assert_eq!(err, "");
-    let first = json(at, &["report", "small.toml", "--json"]);
+    let first = json(at, &["report", "small.toml"]);
     // A copy under the same name, with another grid: one point is common.
     write(
         at,
@@ -158,7 +144,7 @@ fn report_and_status_show_what_the_file_asks_for_and_say_what_was_run_last() {
         err.contains("another version") && err.contains("copy.toml"),
         "{err}"
     );
-    let status = json(at, &["status", "small.toml", "--json"]);
+    let status = json(at, &["status", "small.toml"]);
     assert_eq!(status["cases"]["done"], 4);
     assert_eq!(status["orphans"], 4);
     let last = status["last_run_with"].as_str().unwrap();
@@ -177,14 +163,14 @@ fn report_and_status_show_what_the_file_asks_for_and_say_what_was_run_last() {
         "small.toml",
         &CAMPAIGN.replace("[0.1, 1.0]", "[0.1, 3.0]"),
     );
-    let wider = json(at, &["report", "small.toml", "--json"]);
+    let wider = json(at, &["report", "small.toml"]);
     assert_eq!(
         (&wider["cases"]["done"], &wider["cases"]["pending"]),
         (&2.into(), &2.into())
     );
     assert_eq!(wider["points"][1]["shear_rate"], 3.0);
     // The store as such is shown as it was last run.
-    assert_eq!(json(at, &["report", store, "--json"])["cases"]["done"], 6);
+    assert_eq!(json(at, &["report", store])["cases"]["done"], 6);
 }
 
 #[test]
@@ -200,7 +186,6 @@ fn of_two_campaigns_of_one_name_at_once_the_second_is_refused_and_nobody_loses_w
         .spawn()
         .unwrap();
     let store = at.join("results/small.sqlite");
-    let begun = Instant::now();
     let running = || {
         let running = rusqlite::Connection::open(&store).and_then(|store| {
             store.query_row(
@@ -211,10 +196,9 @@ fn of_two_campaigns_of_one_name_at_once_the_second_is_refused_and_nobody_loses_w
         });
         running.unwrap_or(0) > 0
     };
-    while !store.exists() || !running() {
-        assert!(begun.elapsed() < Duration::from_mins(1), "never began");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    until("a case that runs", || {
+        (store.exists() && running()).then_some(())
+    });
     let (_, err) = said(at, &["run", "sweeps/two.toml"], 2);
     let err = err.replace(['\n', '│'], " ");
     let words: Vec<&str> = err.split_whitespace().collect();
@@ -233,10 +217,7 @@ fn of_two_campaigns_of_one_name_at_once_the_second_is_refused_and_nobody_loses_w
     // One after the other is allowed.
     let (out, _) = said(at, &["run", "sweeps/two.toml"], 0);
     assert!(out.contains("2 of 2 cases done"), "{out}");
-    assert_eq!(
-        json(at, &["report", "sweeps/one.toml", "--json"])["cases"]["done"],
-        4
-    );
+    assert_eq!(json(at, &["report", "sweeps/one.toml"])["cases"]["done"], 4);
 }
 
 #[test]
@@ -256,13 +237,10 @@ fn prune_asks_first_and_removes_what_the_file_does_not_ask_for() {
         "{err}"
     );
     assert_eq!(std::fs::metadata(&store).unwrap().len(), before);
-    let pruned = json(at, &["prune", "small.toml", "--yes", "--json"]);
+    let pruned = json(at, &["prune", "small.toml", "--yes"]);
     assert_eq!(pruned["removed"], 2);
     assert!(std::fs::metadata(&store).unwrap().len() < before);
-    assert_eq!(
-        json(at, &["report", "small.toml", "--json"])["cases"]["done"],
-        2
-    );
+    assert_eq!(json(at, &["report", "small.toml"])["cases"]["done"], 2);
     let (out, _) = said(at, &["run", "small.toml"], 0);
     assert!(out.contains("2 of 2 cases done"), "{out}");
 }
@@ -311,14 +289,10 @@ fn a_run_continued_from_1_to_2_strains_has_the_bits_of_a_run_of_2() {
     write(continued.path(), "small.toml", &all_kinds("2.0"));
     // Interrupted, and killed, on the way from 1 to 2.
     for signal in [Signal::INT, Signal::KILL, Signal::INT] {
-        let mut child = command(
+        let mut child = spawn(
             continued.path(),
             &["run", "small.toml", "--quiet", "--workers", "1"],
-        )
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
+        );
         std::thread::sleep(Duration::from_millis(300));
         let _ = kill_process(Pid::from_child(&child), signal);
         child.wait().unwrap();
@@ -333,7 +307,7 @@ fn a_run_continued_from_1_to_2_strains_has_the_bits_of_a_run_of_2() {
     assert!(resumed >= 1, "{resumed}");
     // And back: of a run of 2 strains the first is a run of 1.
     let text = |directory: &tempfile::TempDir| {
-        let report = json(directory.path(), &["report", "small.toml", "--json"]);
+        let report = json(directory.path(), &["report", "small.toml"]);
         let points = report["points"].as_array().unwrap().clone();
         let names = [
             "viscosity",
