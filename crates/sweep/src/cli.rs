@@ -25,7 +25,7 @@ mod verify;
 
 use crate::api::{Error, ErrorRenderer};
 use crate::case::PHYSICS_VERSION;
-use crate::visible::{TextOutput, Visible};
+use crate::text::visible::{TextOutput, Visible};
 use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
@@ -35,7 +35,7 @@ use std::sync::{Arc, LazyLock};
 static VERSION: LazyLock<String> = LazyLock::new(|| {
     let version = env!("CARGO_PKG_VERSION");
     if std::env::args_os().any(|argument| argument == "--version" || argument == "-V") {
-        let build = crate::process::build();
+        let build = crate::system::process::build();
         format!("{version} (physics {PHYSICS_VERSION}, build {build})")
     } else {
         version.to_owned()
@@ -121,7 +121,7 @@ impl Output<'_> {
     pub(crate) fn note(&self, text: &str) {
         if !self.quiet {
             // Standard error may be closed.
-            let _ = writeln!(crate::visible::stderr(), "{text}");
+            let _ = writeln!(crate::text::visible::stderr(), "{text}");
         }
     }
 

@@ -53,8 +53,3 @@ pub use model::{axes, case, protocol};
 pub use statistics::doubt;
 pub use system::{disk, exit, tables};
 pub use text::format;
-
-pub(crate) use data::csv_rows;
-pub(crate) use model::{checkpoint, replay, stresses};
-pub(crate) use system::{clock, files, process};
-pub(crate) use text::visible;

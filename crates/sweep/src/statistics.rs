@@ -7,7 +7,7 @@ mod stopping;
 pub use steady::{Drift, Steadiness, correlation_samples, mser_5};
 pub use stopping::{Decision, Measure, Outcome, Precision, Verdict, relative_half_width};
 
-use crate::stresses::{COUNT, STRESSES};
+use crate::model::stresses::{COUNT, STRESSES};
 use sd_core::Sample;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::cell::RefCell;

@@ -31,8 +31,8 @@ mod story;
 mod submissions;
 mod work;
 
-pub(crate) use crate::checkpoint::can_be_kept;
-pub use crate::checkpoint::{Checkpoint, Damage};
+pub(crate) use crate::model::checkpoint::can_be_kept;
+pub use crate::model::checkpoint::{Checkpoint, Damage};
 pub use check::{Checked, Finding, accept_changes, check};
 pub use claims::Claim;
 pub(crate) use ends::LastState;

@@ -34,7 +34,7 @@ pub(crate) fn counters() -> Counters {
 
 /// Plausible components of the stress.
 fn stress() -> StressComponents {
-    crate::stresses::of_parts((0..14).map(|n| 0.25 * f64::from(n) - 1.0))
+    crate::model::stresses::of_parts((0..14).map(|n| 0.25 * f64::from(n) - 1.0))
 }
 
 /// A plausible sample.

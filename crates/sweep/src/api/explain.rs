@@ -1,7 +1,7 @@
 //! Errors as they may be shown: nothing in their texts is obeyed by a terminal, and their colours are ours.
 
 use super::Error;
-use crate::visible::visible;
+use crate::text::visible::visible;
 use miette::{Diagnostic, LabeledSpan, Severity, SourceCode};
 use std::fmt;
 

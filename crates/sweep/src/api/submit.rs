@@ -82,7 +82,7 @@ pub(crate) fn submit(
     let plan = slices.plan(&text);
     let job = Job {
         campaign: campaign.name.clone(),
-        program: folder.join(format!("sweep-{}", crate::process::build())),
+        program: folder.join(format!("sweep-{}", crate::system::process::build())),
         plan_folder: shard::plan_folder(&folder, &plan),
         folder,
         tasks,
@@ -145,7 +145,7 @@ fn hand_over(
         folder: job.folder.clone(),
         tasks: job.tasks,
         workers: job.workers,
-        build: crate::process::build(),
+        build: crate::system::process::build(),
         submitted_at: 0,
         cancelled_at: None,
     };
@@ -179,7 +179,7 @@ fn gather(options: &Options<'_>, store: &mut Store, folder: &Path) -> Result<(),
             damaged.reason
         ));
     }
-    let (build, known) = (crate::process::build(), store.known_builds()?);
+    let (build, known) = (crate::system::process::build(), store.known_builds()?);
     if !options.allow_mixed_versions && !known.is_empty() && !known.contains(&build) {
         return Err(Error::Argument {
             argument: "--allow-mixed-versions",

@@ -1,7 +1,7 @@
 //! Layers that runs begin with, taken from the ends of the runs of a point of another store.
 
 use crate::axes::{AXES, Axis, Tag, Value, identity};
-use crate::checkpoint::Checkpoint;
+use crate::model::checkpoint::Checkpoint;
 use crate::store::{LastState as Run, Store};
 use sd_core::Params;
 use sd_core::model::StartLayer;

@@ -1,6 +1,6 @@
 //! Errors that show the place in the campaign file.
 
-use crate::visible::{visible, visible_in_place};
+use crate::text::visible::{visible, visible_in_place};
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use std::fmt::Display;
 use std::io;

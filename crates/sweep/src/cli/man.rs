@@ -3,7 +3,7 @@
 use super::{Cli, Output};
 use crate::api::Error;
 use crate::exit;
-use crate::files::write_whole;
+use crate::system::files::write_whole;
 use clap::CommandFactory;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

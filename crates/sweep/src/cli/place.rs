@@ -77,7 +77,7 @@ fn whole(path: &Path) -> Result<PathBuf, Error> {
 pub(super) fn say_warning(store: &Store) {
     if let Some(warning) = store.warning() {
         // Nobody may read standard error.
-        let _ = writeln!(crate::visible::stderr(), "warning: {warning}");
+        let _ = writeln!(crate::text::visible::stderr(), "warning: {warning}");
     }
 }
 

@@ -90,7 +90,7 @@ fn confirmed(runs: u64, size: &str, path: &std::path::Path) -> Result<bool, Erro
             ),
         });
     }
-    let mut to = crate::visible::stderr();
+    let mut to = crate::text::visible::stderr();
     write!(
         to,
         "Remove {runs} runs, about {size}, from {}? They are not asked for any more, and would have to be computed again. [y/N] ",

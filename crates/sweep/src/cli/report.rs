@@ -8,13 +8,13 @@ use super::place::StoreArguments;
 use super::tables::{TableArguments, refuse_two_answers};
 use crate::api::Error;
 use crate::exit;
-use crate::files::write_whole;
 use crate::format::wrapped;
 use crate::report::{
     Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, page, parquet,
     write_csv, write_json, write_latex, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
+use crate::system::files::write_whole;
 use figure::{FigureArguments, Sources};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

@@ -313,7 +313,7 @@ fn run_shard(
     let note = move |text: &str| {
         if !quiet {
             // Standard error may be closed.
-            let _ = writeln!(crate::visible::stderr(), "{text}");
+            let _ = writeln!(crate::text::visible::stderr(), "{text}");
         }
     };
     let options = task::Options {

@@ -62,7 +62,7 @@ pub(super) fn submit(job: &Job) -> Result<String, SchedulerError> {
         .process_group(0)
         .spawn()
         .map_err(refused)?;
-    let start = crate::process::start_of(child.id()).unwrap_or_default();
+    let start = crate::system::process::start_of(child.id()).unwrap_or_default();
     Ok(format!("{}-{start}", child.id()))
 }
 
@@ -73,7 +73,7 @@ pub(super) fn active(job: &str) -> Vec<ActiveTask> {
         state: "RUNNING".into(),
         node: "this machine".into(),
     };
-    crate::process::alive(job)
+    crate::system::process::alive(job)
         .then_some(task)
         .into_iter()
         .collect()
@@ -81,7 +81,7 @@ pub(super) fn active(job: &str) -> Vec<ActiveTask> {
 
 /// Tells all processes of a job to stop.
 pub(super) fn cancel(job: &str) -> Result<(), SchedulerError> {
-    if !crate::process::alive(job) {
+    if !crate::system::process::alive(job) {
         return Ok(());
     }
     let group = job

@@ -3,8 +3,8 @@
 //! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error.
 
 use super::Record;
-use crate::files::{cache_folder, folder_of, write_whole};
-use crate::process::{Identity, build};
+use crate::system::files::{cache_folder, folder_of, write_whole};
+use crate::system::process::{Identity, build};
 use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 
 use super::{Costs, NEAR, Record, distance, values};
 use crate::case::{Case, step_cost};
-use crate::clock::Clock;
+use crate::system::clock::Clock;
 use crate::tables;
 use sd_core::{Error, NearFields, Params, Simulation};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};

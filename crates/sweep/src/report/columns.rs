@@ -4,8 +4,8 @@ use super::error::ReportError;
 use super::points::{Point, Report};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::data::{Cells, DataColumn};
+use crate::model::stresses::STRESSES;
 use crate::statistics::Estimate;
-use crate::stresses::STRESSES;
 
 /// A column: a name for machines, a unit, a meaning, and a cell for every point.
 #[derive(Debug, Clone, Copy)]

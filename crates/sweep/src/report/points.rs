@@ -10,11 +10,11 @@ use crate::axes::{Axis, identity};
 use crate::campaign::Discard;
 use crate::case::State;
 use crate::doubt::is_rigid;
+use crate::model::stresses::{COUNT, STRESSES};
 use crate::statistics::{
     Decision, Distribution, Drift, Estimate, Measure, Precision, mean, ratio, relative_half_width,
 };
 use crate::store::{Counts, PointRun, Provenance, Store};
-use crate::stresses::{COUNT, STRESSES};
 use sd_core::Params;
 use std::collections::HashMap;
 use std::f64::consts::PI;

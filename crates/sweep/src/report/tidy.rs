@@ -7,7 +7,7 @@ use super::error::ReportError;
 use super::points::Report;
 use super::runs::about;
 use crate::axes::{Axis, Value};
-use crate::csv_rows;
+use crate::data::csv_rows;
 use crate::format::short;
 use std::io::Write;
 

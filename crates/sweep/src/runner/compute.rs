@@ -3,10 +3,10 @@
 use super::{Shared, panics};
 use crate::campaign::Steps;
 use crate::case::{Case, State};
-use crate::clock::{Clock, Spent};
 use crate::costs;
-use crate::replay::replay;
+use crate::model::replay::replay;
 use crate::store::{Checkpoint, Claim, Failure, Finished, StoreError, can_be_kept};
+use crate::system::clock::{Clock, Spent};
 use sd_core::simulation::{Flow, Frame};
 use sd_core::{Sample, Simulation, Snapshot};
 use std::time::{Duration, Instant};

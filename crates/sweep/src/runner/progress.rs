@@ -4,7 +4,7 @@ mod event;
 
 use crate::case::{Case, step_cost};
 use crate::store::{Claim, Counts, Work};
-use crate::visible::visible;
+use crate::text::visible::visible;
 use clap::ValueEnum;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sd_core::Params;

@@ -3,7 +3,7 @@
 use super::statements::Statements;
 use super::{Checkpoint, Damage, Store, StoreError, count, ends, integer};
 use crate::case::{Case, State};
-use crate::process;
+use crate::system::process;
 use rusqlite::{Connection, ToSql, params, params_from_iter};
 use std::fmt::Write as _;
 use std::time::Duration;

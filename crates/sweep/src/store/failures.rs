@@ -3,7 +3,7 @@
 use super::digest::{Sealed, number, whole};
 use super::statements::Statements;
 use super::{Store, StoreError, count};
-use crate::process;
+use crate::system::process;
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params};
 use sd_core::Params;

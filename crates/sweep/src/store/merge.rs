@@ -8,8 +8,8 @@ mod shards;
 
 use super::statements::Statements;
 use super::{Store, StoreError, ends, rules};
-use crate::process::now;
 use crate::protocol::Protocol;
+use crate::system::process::now;
 use case::Merging;
 use rusqlite::{Connection, params};
 use serde::Serialize;
@@ -128,7 +128,7 @@ impl Store {
         }
         let known = match mode {
             MergeMode::Campaign => self.known_builds()?,
-            MergeMode::Task | MergeMode::Reuse => BTreeSet::from([crate::process::build()]),
+            MergeMode::Task | MergeMode::Reuse => BTreeSet::from([crate::system::process::build()]),
         };
         let foreign = foreign(&known, &readable);
         if let Some((shard, build)) = foreign.first().filter(|_| !mixed) {

@@ -4,8 +4,8 @@ use super::digest::{Sealed, whole};
 use super::statements::Statements;
 use super::{Checkpoint, Store, StoreError, claims, count, failures, integer, rules};
 use crate::case::PHYSICS_VERSION;
-use crate::process::{self, Identity, Life};
-use crate::replay::replay;
+use crate::model::replay::replay;
+use crate::system::process::{self, Identity, Life};
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params};
 

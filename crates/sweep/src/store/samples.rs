@@ -3,7 +3,7 @@
 use super::count;
 use super::digest::{Altered, Digest, number, whole};
 use super::statements::Statements;
-use crate::stresses;
+use crate::model::stresses;
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params, params_from_iter};
 use sd_core::Sample;

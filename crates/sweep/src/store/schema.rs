@@ -1,7 +1,7 @@
 //! The schema of a store: how its tables are made, and how they are recognized.
 
 use crate::axes::{AXES, Kind, Value as AxisValue};
-use crate::stresses::{STRESSES, parts};
+use crate::model::stresses::{STRESSES, parts};
 use rusqlite::types::Value;
 use rusqlite::{Connection, OptionalExtension};
 use sd_core::Params;

@@ -3,7 +3,7 @@
 use super::statements::Statements;
 use super::{Store, StoreError, count, integer};
 use crate::model::campaign::Campaign;
-use crate::process;
+use crate::system::process;
 use rusqlite::{Row, params};
 use serde::Serialize;
 use std::collections::HashMap;

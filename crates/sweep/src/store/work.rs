@@ -4,7 +4,7 @@ use super::points::{params, state};
 use super::statements::Statements;
 use super::{Store, StoreError, count};
 use crate::case::State;
-use crate::process;
+use crate::system::process;
 use rusqlite::{OptionalExtension, Row};
 use sd_core::Params;
 use serde::Serialize;

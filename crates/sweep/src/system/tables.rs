@@ -3,7 +3,7 @@
 //! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error, and a table read
 //! back is bit for bit the one that was solved.
 
-use crate::files::cache_folder;
+use crate::system::files::cache_folder;
 use sd_core::two_sphere::{NEAR_FIELD_VERSION, NearField};
 use sd_core::{Error, NearFields, Params, start};
 use std::io::Write;

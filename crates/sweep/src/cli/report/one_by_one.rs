@@ -3,8 +3,8 @@
 use super::save;
 use crate::api::Error;
 use crate::cli::Output;
-use crate::files::write_whole;
 use crate::report::{Excerpt, ReportError, TableFormat};
+use crate::system::files::write_whole;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 

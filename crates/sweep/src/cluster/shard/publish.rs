@@ -2,8 +2,8 @@
 
 use super::ShardError;
 use crate::disk::is_full;
-use crate::files::{folder_of, write_whole};
 use crate::store::{self, StoreError};
+use crate::system::files::{folder_of, write_whole};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 
 use crate::axes::AXES;
 use crate::data::{Cells, DataColumn};
-use crate::stresses::STRESSES;
+use crate::model::stresses::STRESSES;
 
 /// Name, unit and meaning of a column.
 type Meaning = (&'static str, &'static str, &'static str);

@@ -2,7 +2,6 @@
 
 use super::{MergeMode, Merged};
 use crate::case::{Case, State};
-use crate::process::now;
 use crate::protocol::Protocol;
 use crate::store::campaign::Points;
 use crate::store::digest::whole;
@@ -11,6 +10,7 @@ use crate::store::statements::Statements;
 use crate::store::{
     Checkpoint, claims, count, failures, frames, integer, points, registry, samples,
 };
+use crate::system::process::now;
 use rusqlite::types::Value;
 use rusqlite::{Connection, params};
 use sd_core::Sample;

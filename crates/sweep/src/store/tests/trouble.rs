@@ -1,7 +1,7 @@
 //! What happens to a store from outside: dead owners, locks, deletion, damage, other versions.
 
 use super::*;
-use crate::process;
+use crate::system::process;
 
 /// A store with one finished case, one under way with two checkpoints and one that failed.
 fn mixed(directory: &Path) -> Store {
