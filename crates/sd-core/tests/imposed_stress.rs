@@ -107,10 +107,10 @@ fn stress_is_viscosity_times_rate_under_every_law() {
         let counters = simulation.counters();
         assert_eq!(counters.unconverged_stages, 0, "{contact:?}");
         // Of every stage, not of those sampled alone: what misses of the balance counts as a residual.
-        assert!(
-            counters.worst_residual <= Quality::RESIDUAL_LIMIT,
-            "{contact:?}"
-        );
+        // Spheres that weld together come close to jamming, and their gaps hold to what counts as solved only.
+        let welds = contact.laws().tangential == TangentialLaw::StickRotate;
+        let limit = if welds { Quality::RESIDUAL_LIMIT } else { 1e-9 };
+        assert!(counters.worst_residual < limit, "{contact:?}");
         let spread = rates.iter().fold(0.0, |most: f64, rate| {
             most.max((rate / rates[0]).ln().abs())
         });
