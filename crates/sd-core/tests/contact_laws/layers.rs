@@ -279,7 +279,7 @@ fn rigid_layer_that_friction_holds_is_found_to_be_jammed() {
         let counters = simulation.counters();
         assert!(steps.is_some(), "{counters:?}");
         assert!(counters.jammed_stages > 0, "{counters:?}");
-        assert_eq!(counters.unconverged_stages, 0, "{counters:?}");
+        assert!(counters.minimum_gap > 0.95 * held.roughness, "{counters:?}");
     }
 }
 

@@ -5,7 +5,7 @@
 //! the solution contradicts (Alart & Curnier, Comput. Methods Appl. Mech. Eng. 92, 353 (1991);
 //! primal-dual active set: Hintermüller, Ito & Kunisch, SIAM J. Optim. 13, 865 (2002)). Started from
 //! the active set of the stage before it mostly takes two to eight systems. It converges locally
-//! and superlinearly, and can cycle far from a solution: then [`super::convex`] takes over.
+//! and superlinearly, and can cycle far from a solution: then [`super::proximal`] takes over.
 
 use super::ProblemSolver;
 use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, System};
@@ -27,6 +27,14 @@ pub(crate) struct FrictionActivation {
     /// Whether the set of contacts with active friction may change. Where the law does not jump at
     /// the critical load it never does: friction is active on all, and the bound says how much.
     pub(crate) updates: bool,
+}
+
+impl FrictionActivation {
+    /// Where bounds are given, no load decides.
+    pub(crate) const GIVEN: Self = Self {
+        critical_load: 0.0,
+        updates: false,
+    };
 }
 
 impl ProblemSolver {

@@ -58,7 +58,7 @@ impl Tangential {
         }
     }
 
-    /// Whether the bound follows the load. Otherwise it is given, as in the convex problems.
+    /// Whether the bound follows the load. Otherwise it is given, as where bounds are held.
     pub(crate) fn follows_load(&self) -> bool {
         self.coefficient > 0.0
     }
@@ -136,6 +136,17 @@ impl FrictionState {
         }
     }
 
+    /// The state of a row with that force, were it free of its bound.
+    pub(crate) fn of(force: f64, bound: f64) -> Self {
+        if bound == 0.0 {
+            Self::Inactive
+        } else if force.abs() < bound * (1.0 - 1e-12) {
+            Self::Stick
+        } else {
+            Self::slipping(force)
+        }
+    }
+
     /// Sign of the force of a slipping row; 0 in other states.
     pub(crate) fn sign(self) -> f64 {
         match self {
@@ -147,7 +158,7 @@ impl FrictionState {
 }
 
 /// The active set: what each candidate and each row does. The problem is linear once it is known.
-#[derive(Debug, Default, PartialEq)]
+#[derive(Debug, Default)]
 pub(crate) struct States {
     /// Whether each candidate is closed.
     pub(crate) closed: Vec<bool>,
@@ -156,21 +167,6 @@ pub(crate) struct States {
 }
 
 impl States {
-    /// Takes friction from contacts that are open, and from rows where it is not active.
-    pub(crate) fn release_open_contacts(&mut self, problem: &Problem) {
-        for (state, row) in self.friction.iter_mut().zip(&problem.tangential) {
-            if !self.closed[row.contact] || !row.active {
-                *state = FrictionState::Inactive;
-            }
-        }
-    }
-
-    /// Becomes equal to the other, without allocating once there is room.
-    pub(crate) fn copy_from(&mut self, other: &Self) {
-        self.closed.clone_from(&other.closed);
-        self.friction.clone_from(&other.friction);
-    }
-
     /// Room for that many candidates and twice as many rows.
     pub(crate) fn reserve(&mut self, candidates: usize) {
         self.closed.reserve(candidates);

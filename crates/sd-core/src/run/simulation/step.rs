@@ -1,7 +1,7 @@
 //! A step of a run: in one piece, or in halves where spheres would come too near on the way.
 
 use super::sampling::Taken;
-use super::{Sample, Scheme, SchemeMemory, Simulation};
+use super::{Counters, Sample, Scheme, SchemeMemory, Simulation};
 use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
@@ -11,38 +11,45 @@ use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
 
 /// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
 const MAX_HALVINGS: u32 = 6;
-/// The same where friction is inexact in one of its stages.
-const MAX_HALVINGS_FOR_FRICTION: u32 = 2;
+/// The same where friction is inexact in one of its stages, or no motion is admissible.
+const MAX_HALVINGS_IN_DOUBT: u32 = 2;
 /// A gap of rigid contacts counts as too low below this share of the roughness height.
 const HELD_SHARE: f64 = 0.95;
 /// Friction counts as inexact above this share of the largest force.
 pub(super) const INEXACT_FRICTION: f64 = 1e-3;
 
-/// Why an attempt at a step is given up.
-enum Refusal {
-    /// A gap is too low.
+/// What came of an attempt at a step.
+enum Attempt {
+    /// The state has moved.
+    Moved,
+    /// The state has moved, but in a stage friction is inexact, or no motion is admissible.
+    Doubtful,
+    /// A gap is too low; the state has not moved.
     LowGap,
-    /// Anything else.
+}
+
+/// What becomes of the layer in a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Advance {
+    /// It has moved.
+    Moved,
+    /// It stays where it was: there is no motion that the contacts admit.
+    Blocked,
+}
+
+/// Why an attempt at a step ends early: a gap that is too low is an outcome, all else an error.
+enum Stop {
+    LowGap,
     Failed(Error),
 }
 
-impl From<Error> for Refusal {
+impl From<Error> for Stop {
     fn from(error: Error) -> Self {
         match error {
             Error::Overlap { .. } => Self::LowGap,
             other => Self::Failed(other),
         }
     }
-}
-
-/// What came of an attempt at a step.
-enum Attempt {
-    /// The state has moved.
-    Moved,
-    /// The state has moved, but friction is inexact in a stage.
-    Inexact,
-    /// A gap is too low; the state has not moved.
-    LowGap,
 }
 
 /// A step of rigid contacts, or a part of one.
@@ -76,21 +83,21 @@ impl Simulation {
     ///
     /// Near jamming velocities can jump between two stages, so far that a gap of rigid contacts falls below h within a step or at its
     /// end, or that soft spheres overlap by too much to be spheres. Such a step is repeated as two of half the size, down to 2⁻⁶ of it.
-    /// So is a step of rigid contacts whose friction is inexact, down to a quarter; what is inexact then is accepted and counted.
+    /// So is a step of rigid contacts whose friction is inexact, or for which a stage has no admissible motion, down to a quarter; what is
+    /// left then is accepted and counted where the gaps hold. Where they do not, the layer stays where it is, and has jammed.
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
     pub fn step(&mut self) -> Result<Sample, Error> {
         let (time, dt) = (self.strain(), self.params.time_step);
         let mut taken = Taken::at(time);
-        let jammed = self.counters.jammed_stages;
         let mut stepper = std::mem::take(&mut self.stepper);
         let mut state = std::mem::take(&mut self.state);
         self.before.copy_from(&state);
         let result = match &mut stepper {
-            Stepper::RungeKutta(_) => {
-                self.attempt(&mut stepper, &mut state, [time, dt], &mut taken)
-            }
+            Stepper::RungeKutta(_) => self
+                .attempt(&mut stepper, &mut state, [time, dt], &mut taken)
+                .map(|()| Advance::Moved),
             Stepper::Midpoint(method) => {
                 let part = Part {
                     time,
@@ -106,22 +113,18 @@ impl Simulation {
         }
         self.stepper = stepper;
         self.state = state;
-        if matches!(result, Err(Error::Overlap { .. }))
-            && taken.sample.is_some()
-            && (self.counters.jammed_stages > jammed || self.is_held())
-        {
-            // There is no motion that the contacts admit: the layer stays where it is.
-            let sample = self.count_step(&taken);
-            self.counters.jammed_steps_running = self.jam_steps();
-            return Ok(sample);
-        }
         let failed = |source| Error::Step {
             step: self.steps,
             strain: time,
             source: Box::new(source),
         };
-        result.map_err(failed)?;
+        let advance = result.map_err(failed)?;
         let sample = self.count_step(&taken);
+        if advance == Advance::Blocked {
+            self.state.copy_from(&self.before);
+            self.counters.jammed_steps_running = self.jam_steps();
+            return Ok(sample);
+        }
         self.keep_mean_velocities(dt);
         self.steps += 1;
         let cell = self.cell_at(self.strain())?;
@@ -189,7 +192,7 @@ impl Simulation {
         stepper: &mut Stepper,
         state: &mut State,
         taken: &mut Taken,
-    ) -> Result<(), Error> {
+    ) -> Result<Advance, Error> {
         let (time, dt, drive) = (self.strain(), self.params.time_step, self.drive);
         let jammed = self.counters.jammed_stages;
         if let SchemeMemory::Laws(memory) = &self.memory {
@@ -208,9 +211,9 @@ impl Simulation {
                 let resistance = &self.stage.resistance;
                 resistance.check_overlaps(&end, &state.centres)
             });
-            if checked.is_ok() {
-                return Ok(());
-            }
+            let Err(error) = checked else {
+                return Ok(Advance::Moved);
+            };
             state.copy_from(&self.before);
             self.drive = drive;
             if let (Scheme::Laws { laws, .. }, SchemeMemory::Laws(memory)) =
@@ -219,61 +222,71 @@ impl Simulation {
                 **laws = drive.laws(&self.params);
                 memory.copy_from(&self.remembered);
             }
-            // Smaller steps do not help where no motion is admitted.
-            let admitted = self.counters.jammed_stages == jammed && !self.is_held();
-            let helps = matches!(checked, Err(Error::Overlap { .. })) && admitted;
-            if !helps || halvings == MAX_HALVINGS {
-                return checked;
+            let overlaps = matches!(error, Error::Overlap { .. });
+            // Smaller steps do not help where no motion is admissible.
+            let jams = self.counters.jammed_stages > jammed || self.is_held();
+            if overlaps && jams && taken.sample.is_some() {
+                return Ok(Advance::Blocked);
+            }
+            if !overlaps || jams || halvings == MAX_HALVINGS {
+                return Err(error);
             }
             halvings += 1;
         }
     }
 
-    /// Moves the state of a rigid layer over a part of the step; where a gap falls too low on the way or at the end, or friction is
-    /// inexact, in two halves. Where a gap is still too low in the smallest part, the layer moves with the velocities of its first
-    /// stage, whose contact problem holds the gaps at the end of just this motion.
+    /// Moves the state of a rigid layer over a part of the step; in two halves where a gap falls too low on the way or at the end, or
+    /// where the motion is doubtful.
+    ///
+    /// Where a gap is still too low in the smallest part, the layer moves with the velocities of its first stage, whose contact problem
+    /// holds the gaps at the end of just this motion. Where it has no such motion, the layer stays where it is.
     fn advance_rigid(
         &mut self,
         method: &mut Midpoint,
         state: &mut State,
         part: Part,
         taken: &mut Taken,
-    ) -> Result<(), Error> {
+    ) -> Result<Advance, Error> {
         let (before, counters) = (*taken, self.counters);
         let attempt = self.attempt_rigid(method, state, part, taken)?;
         let jammed = self.counters.jammed_stages > counters.jammed_stages;
-        // Smaller steps do not help where no motion is admitted.
-        let halves = !jammed
-            && match &attempt {
-                Attempt::Moved => return Ok(()),
-                Attempt::Inexact => part.halvings < MAX_HALVINGS_FOR_FRICTION,
-                Attempt::LowGap => part.halvings < MAX_HALVINGS,
-            };
-        if halves {
+        let halvings = match attempt {
+            Attempt::Moved => return Ok(Advance::Moved),
+            Attempt::LowGap if !jammed => MAX_HALVINGS,
+            Attempt::LowGap | Attempt::Doubtful => MAX_HALVINGS_IN_DOUBT,
+        };
+        if part.halvings < halvings {
             if !matches!(attempt, Attempt::LowGap) {
                 method.undo(state);
             }
             *taken = before;
             self.counters = counters;
             for half in part.halves() {
-                self.advance_rigid(method, state, half, taken)?;
+                if self.advance_rigid(method, state, half, taken)? == Advance::Blocked {
+                    return Ok(Advance::Blocked);
+                }
             }
-            return Ok(());
+            return Ok(Advance::Moved);
         }
         if !matches!(attempt, Attempt::LowGap) {
-            return Ok(());
+            return Ok(Advance::Moved);
         }
         *taken = before;
+        let mut held = HELD_SHARE * self.params.roughness;
         method.first_stage_alone(state, part.time, part.dt, |stage, centres, velocities| {
             let jammed = self.stage(stage, centres, velocities)?;
+            held = self.stage.closest().map_or(held, |pair| held.min(pair.gap));
             self.begin_sample(jammed, taken);
             self.take_sample(&stage, centres, taken);
             Ok::<_, Error>(self.bearing())
         })?;
-        // What compliance let through is found now, while the start of the step is known.
         let end = self.cell_at(part.time + part.dt)?;
-        let resistance = &self.stage.resistance;
-        resistance.check_overlaps(&end, &state.centres)
+        let closest = self.stage.resistance.closest_at(&end, &state.centres);
+        if is_low(held, closest.as_ref()) {
+            method.undo(state);
+            return Ok(Advance::Blocked);
+        }
+        Ok(Advance::Moved)
     }
 
     /// Moves the state of a rigid layer by one step of the midpoint rule.
@@ -284,7 +297,8 @@ impl Simulation {
         part: Part,
         taken: &mut Taken,
     ) -> Result<Attempt, Error> {
-        let inexact = self.counters.inexact_stages;
+        let doubtful = |counters: &Counters| counters.inexact_stages + counters.jammed_stages;
+        let before = doubtful(&self.counters);
         let mut held = HELD_SHARE * self.params.roughness;
         let moved = method.step(state, part.time, part.dt, |stage, centres, velocities| {
             let jammed = self.stage(stage, centres, velocities)?;
@@ -292,7 +306,9 @@ impl Simulation {
             if stage.number == 0 {
                 held = closest.map_or(held, |pair| held.min(pair.gap));
             }
-            not_below(held, closest)?;
+            if is_low(held, closest) {
+                return Err(Stop::LowGap);
+            }
             self.begin_sample(jammed, taken);
             let bearing = self.bearing();
             if bearing == Bearing::Free || stage.phase == Phase::Middle {
@@ -301,18 +317,18 @@ impl Simulation {
             Ok(bearing)
         });
         match moved {
-            Err(Refusal::Failed(error)) => return Err(error),
-            Err(Refusal::LowGap) => return Ok(Attempt::LowGap),
+            Err(Stop::Failed(error)) => return Err(error),
+            Err(Stop::LowGap) => return Ok(Attempt::LowGap),
             Ok(()) => {}
         }
         let end = self.cell_at(part.time + part.dt)?;
         let closest = self.stage.resistance.closest_at(&end, &state.centres);
-        if not_below(held, closest.as_ref()).is_err() {
+        if is_low(held, closest.as_ref()) {
             method.undo(state);
             return Ok(Attempt::LowGap);
         }
-        Ok(if self.counters.inexact_stages > inexact {
-            Attempt::Inexact
+        Ok(if doubtful(&self.counters) > before {
+            Attempt::Doubtful
         } else {
             Attempt::Moved
         })
@@ -339,10 +355,7 @@ impl Simulation {
     }
 }
 
-/// Refuses a gap that is too low.
-fn not_below(held: f64, closest: Option<&Neighbours>) -> Result<(), Error> {
-    match closest {
-        Some(pair) if pair.gap < held => Err(pair.overlap()),
-        _ => Ok(()),
-    }
+/// Whether a gap is too low.
+fn is_low(held: f64, closest: Option<&Neighbours>) -> bool {
+    closest.is_some_and(|pair| pair.gap < held)
 }
