@@ -17,7 +17,6 @@ mod sparse;
 pub(crate) use sparse::SparseResistance;
 
 use crate::error::Error;
-use crate::geometry::cell::LUBRICATION_RANGE;
 use crate::hydrodynamics::far_field::bulk::{DenseMobility, self_mobility};
 use crate::hydrodynamics::resistance::{BySizes, NearFields, NearTerms};
 use crate::hydrodynamics::two_sphere::{Coupling, MODES, Modes, PairTerm, TwistTable};
@@ -28,7 +27,9 @@ use crate::linalg::simd::vectorised;
 use crate::model::Hydrodynamics;
 use crate::space::Bulk;
 use crate::space::cell::Cell;
-use crate::space::neighbours::{NeighbourList, Neighbours};
+use crate::space::cell::LUBRICATION_RANGE;
+use crate::space::neighbours::NeighbourList;
+use crate::space::pair::Neighbours;
 use nalgebra::{SVector, Vector3};
 
 /// Five components of a strain or a stresslet, see [`crate::bulk`].

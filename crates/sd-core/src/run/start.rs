@@ -9,10 +9,11 @@ mod given;
 pub use given::fit;
 
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
-use crate::geometry::neighbours::NeighbourList;
 use crate::model::{Params, Refusal, StartLayer, Words as _};
+use crate::space::Layer;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
+use crate::space::neighbours::NeighbourList;
 use crate::stage::Method;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -108,7 +109,7 @@ pub fn check(params: &Params) -> Result<(), Error> {
     let area = n * PI * mean_square;
     let side = (area / params.area_fraction).sqrt();
     let Err(Error::CellTooSmall { side, needed, .. }) =
-        Cell::periodic(side, side, 0.0)?.check_range(&[largest])
+        Cell::<Layer>::equal_sides(side, 0.0)?.check_range(&[largest])
     else {
         return match &params.start {
             Some(given) => fit(given, params).map(|_| ()),
@@ -160,12 +161,7 @@ pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
     }
     let area: f64 = radii.iter().map(|a| PI * a * a).sum();
     let side = (area / params.area_fraction).sqrt();
-    Cell::Periodic {
-        length_x: side,
-        length_y: side,
-        offset: 0.0,
-    }
-    .check_range(&radii)?;
+    Cell::<Layer>::equal_sides(side, 0.0)?.check_range(&radii)?;
     Ok((radii, side))
 }
 
@@ -202,7 +198,7 @@ pub fn first_layer(params: &Params, seed: u64) -> Result<Start, Error> {
 /// [`Error::CellTooSmall`], or [`Error::CannotPack`] with the area fraction reached.
 pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
     let (radii, side) = radii_and_side(params)?;
-    let cell = Cell::periodic(side, side, 0.0)?;
+    let cell = Cell::equal_sides(side, 0.0)?;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut packing = Packing::new(cell, radii, params.roughness);
     let mut smallest = f64::NEG_INFINITY;

@@ -179,7 +179,7 @@ impl PairTerm {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::modes::Vec2;
+    use crate::space::modes::Vec2;
 
     /// A term with entries that have nothing in common.
     fn term() -> PairTerm {
