@@ -58,7 +58,7 @@
 //!                 one contact problem, its states, and its dense and sparse linear algebra; procedure: the paper's steps, apart
 //! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
 //! stress          viscosity, normal stress differences, particle pressure, each by its causes; energy balance
-//! run             start: the first layer; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
+//! run             start: the first layer or suspension; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
 //!                 bulk: one evaluation in three dimensions, without contacts;
 //!                 pair: two spheres alone; verify: known results, computed anew
 //! ```

@@ -8,7 +8,7 @@ mod verlet;
 
 use nalgebra::{Vector2, Vector3};
 use std::fmt::Debug;
-use std::ops::{Add, AddAssign, Div, Index, IndexMut, Mul, Sub};
+use std::ops::{Add, AddAssign, Div, Index, IndexMut, Mul, Sub, SubAssign};
 
 /// A layer or a suspension.
 pub trait Space: Copy + Debug + PartialEq + 'static {
@@ -24,6 +24,7 @@ pub trait Space: Copy + Debug + PartialEq + 'static {
         + Add<Output = Self::Vector>
         + AddAssign
         + Sub<Output = Self::Vector>
+        + SubAssign
         + Mul<f64, Output = Self::Vector>
         + Div<f64, Output = Self::Vector>
         + Index<usize, Output = f64>
@@ -31,8 +32,14 @@ pub trait Space: Copy + Debug + PartialEq + 'static {
     /// An image of the cell, by the number of cells along each axis.
     type Image: Copy + Debug + PartialEq + Default + Index<usize, Output = i32> + IndexMut<usize>;
 
+    /// Scalar product.
+    fn dot(a: &Self::Vector, b: &Self::Vector) -> f64;
+
     /// Square of a vector's length.
-    fn norm_squared(vector: &Self::Vector) -> f64;
+    #[inline(always)]
+    fn norm_squared(vector: &Self::Vector) -> f64 {
+        Self::dot(vector, vector)
+    }
 }
 
 /// Spheres whose centres lie in one plane of an unbounded fluid.
@@ -51,8 +58,8 @@ impl Space for Layer {
     type Image = [i32; 2];
 
     #[inline(always)]
-    fn norm_squared(vector: &Self::Vector) -> f64 {
-        vector.norm_squared()
+    fn dot(a: &Self::Vector, b: &Self::Vector) -> f64 {
+        a.dot(b)
     }
 }
 
@@ -64,7 +71,7 @@ impl Space for Bulk {
     type Image = [i32; 3];
 
     #[inline(always)]
-    fn norm_squared(vector: &Self::Vector) -> f64 {
-        vector.norm_squared()
+    fn dot(a: &Self::Vector, b: &Self::Vector) -> f64 {
+        a.dot(b)
     }
 }
