@@ -36,6 +36,8 @@ pub(super) struct Grid {
     kernel: Vec<f64>,
     /// `P + iQ`, then `u + iv`, three components a point; the first coordinate runs fastest.
     values: Vec<[Complex64; 3]>,
+    /// Where the lines begin that are transformed along an axis.
+    starts: Vec<usize>,
     /// Lines being transformed.
     lines: Vec<Complex64>,
     scratch: Vec<Complex64>,
@@ -65,6 +67,7 @@ impl Grid {
             windows: Vec::with_capacity(sizes.len()),
             kernel: vec![0.0; points],
             values: vec![[zero; 3]; points],
+            starts: Vec::new(),
             lines: vec![zero; 3 * LINES * longest],
             scratch: vec![zero; scratch],
             axes,
@@ -201,16 +204,15 @@ impl Grid {
                         vz * (vy * value[k] + sy * by[1][k]) + sz * vy * by[2][k]
                     });
                     let by_slope = by[0].map(|weight| weight * vy * vz);
-                    for c in 0..WIDTH {
-                        let mut column = along.first + c;
-                        if column >= counts[0] {
-                            column -= counts[0];
-                        }
-                        let (v, s) = (along.values[c], along.slopes[c]);
-                        let point = &mut self.values[row + column];
+                    let (wrapped, points) =
+                        self.values[row..row + counts[0]].split_at_mut(along.first);
+                    let points = points.iter_mut().chain(wrapped);
+                    for ((point, &v), &s) in points.zip(&along.values).zip(&along.slopes) {
                         for (k, point) in point.iter_mut().enumerate() {
-                            point.re += by_value[2 * k] * v + by_slope[2 * k] * s;
-                            point.im += by_value[2 * k + 1] * v + by_slope[2 * k + 1] * s;
+                            point.re =
+                                by_slope[2 * k].mul_add(s, by_value[2 * k].mul_add(v, point.re));
+                            point.im = by_slope[2 * k + 1]
+                                .mul_add(s, by_value[2 * k + 1].mul_add(v, point.im));
                         }
                     }
                 }
@@ -218,32 +220,47 @@ impl Grid {
         }
     }
 
-    /// Transforms all lines along an axis: forward (0) or back (1).
+    /// Transforms along an axis, forward (0) or back (1), the lines that hold kept waves of the axes before it: those after it hold points.
     fn transform_axis(&mut self, axis: usize, direction: usize) {
-        let counts = [0, 1, 2].map(|k| self.axes[k].points);
-        let length = counts[axis];
-        let stride: usize = counts[..axis].iter().product();
-        let plan = &self.axes[axis].plans[direction];
-        let lines = self.values.len() / length;
-        let start = |line: usize| line / stride * stride * length + line % stride;
-        for first in (0..lines).step_by(LINES) {
-            let count = LINES.min(lines - first);
-            let work = &mut self.lines[..3 * count * length];
-            for at in 0..length {
-                for line in 0..count {
-                    let point = &self.values[start(first + line) + at * stride];
-                    for (k, value) in point.iter().enumerate() {
-                        work[(3 * line + k) * length + at] = *value;
-                    }
+        let Self {
+            axes,
+            values,
+            starts,
+            lines,
+            scratch,
+            ..
+        } = self;
+        let strides = [1, axes[0].points, axes[0].points * axes[1].points];
+        let [inner, outer] = [[1, 2], [0, 2], [0, 1]][axis];
+        let places = |other: usize| {
+            let Axis {
+                points, highest, ..
+            } = axes[other];
+            let is_kept = move |&at: &usize| other > axis || at.min(points - at) <= highest;
+            (0..points).filter(is_kept)
+        };
+        starts.clear();
+        for second in places(outer) {
+            starts.extend(places(inner).map(|k| k * strides[inner] + second * strides[outer]));
+        }
+        let (length, stride) = (axes[axis].points, strides[axis]);
+        for starts in starts.chunks(LINES) {
+            let work = &mut lines[..3 * starts.len() * length];
+            for (line, &start) in work.chunks_exact_mut(3 * length).zip(starts) {
+                let (first, rest) = line.split_at_mut(length);
+                let (second, third) = rest.split_at_mut(length);
+                let points = values[start..].iter().step_by(stride);
+                for (((point, a), b), c) in points.zip(first).zip(second).zip(third) {
+                    [*a, *b, *c] = *point;
                 }
             }
-            plan.process_with_scratch(work, &mut self.scratch);
-            for at in 0..length {
-                for line in 0..count {
-                    let point = &mut self.values[start(first + line) + at * stride];
-                    for (k, value) in point.iter_mut().enumerate() {
-                        *value = work[(3 * line + k) * length + at];
-                    }
+            axes[axis].plans[direction].process_with_scratch(work, scratch);
+            for (line, &start) in work.chunks_exact(3 * length).zip(starts) {
+                let (first, rest) = line.split_at(length);
+                let (second, third) = rest.split_at(length);
+                let points = values[start..].iter_mut().step_by(stride);
+                for (((point, a), b), c) in points.zip(first).zip(second).zip(third) {
+                    *point = [*a, *b, *c];
                 }
             }
         }
@@ -286,17 +303,14 @@ impl Grid {
                     let row = (plane + (across.first + r) % counts[1]) * counts[0];
                     let (vy, sy) = (across.values[r], across.slopes[r]);
                     let (mut by_value, mut by_slope) = ([0.0_f64; 6], [0.0_f64; 6]);
-                    for c in 0..WIDTH {
-                        let mut column = along.first + c;
-                        if column >= counts[0] {
-                            column -= counts[0];
-                        }
-                        let (v, s) = (along.values[c], along.slopes[c]);
-                        for (k, point) in self.values[row + column].iter().enumerate() {
-                            by_value[2 * k] += point.re * v;
-                            by_value[2 * k + 1] += point.im * v;
-                            by_slope[2 * k] += point.re * s;
-                            by_slope[2 * k + 1] += point.im * s;
+                    let (wrapped, points) = self.values[row..row + counts[0]].split_at(along.first);
+                    let points = points.iter().chain(wrapped);
+                    for ((point, &v), &s) in points.zip(&along.values).zip(&along.slopes) {
+                        for (k, point) in point.iter().enumerate() {
+                            by_value[2 * k] = point.re.mul_add(v, by_value[2 * k]);
+                            by_value[2 * k + 1] = point.im.mul_add(v, by_value[2 * k + 1]);
+                            by_slope[2 * k] = point.re.mul_add(s, by_slope[2 * k]);
+                            by_slope[2 * k + 1] = point.im.mul_add(s, by_slope[2 * k + 1]);
                         }
                     }
                     for k in 0..6 {
