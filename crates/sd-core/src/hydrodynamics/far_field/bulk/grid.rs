@@ -204,15 +204,20 @@ impl Grid {
                         vz * (vy * value[k] + sy * by[1][k]) + sz * vy * by[2][k]
                     });
                     let by_slope = by[0].map(|weight| weight * vy * vz);
-                    let (wrapped, points) =
-                        self.values[row..row + counts[0]].split_at_mut(along.first);
-                    let points = points.iter_mut().chain(wrapped);
-                    for ((point, &v), &s) in points.zip(&along.values).zip(&along.slopes) {
-                        for (k, point) in point.iter_mut().enumerate() {
-                            point.re =
-                                by_slope[2 * k].mul_add(s, by_value[2 * k].mul_add(v, point.re));
-                            point.im = by_slope[2 * k + 1]
-                                .mul_add(s, by_value[2 * k + 1].mul_add(v, point.im));
+                    let row = &mut self.values[row..row + counts[0]];
+                    let (beyond, before) = row.split_at_mut(along.first);
+                    // Up to the edge of the grid, and beyond it from the other edge on.
+                    let edge = before.len().min(WIDTH);
+                    for (from, points) in [(0, before), (edge, beyond)] {
+                        let window = along.values[from..].iter().zip(&along.slopes[from..]);
+                        for (point, (&v, &s)) in points.iter_mut().zip(window) {
+                            for (k, point) in point.iter_mut().enumerate() {
+                                let (re, im) = (2 * k, 2 * k + 1);
+                                point.re =
+                                    by_slope[re].mul_add(s, by_value[re].mul_add(v, point.re));
+                                point.im =
+                                    by_slope[im].mul_add(s, by_value[im].mul_add(v, point.im));
+                            }
                         }
                     }
                 }
@@ -303,14 +308,19 @@ impl Grid {
                     let row = (plane + (across.first + r) % counts[1]) * counts[0];
                     let (vy, sy) = (across.values[r], across.slopes[r]);
                     let (mut by_value, mut by_slope) = ([0.0_f64; 6], [0.0_f64; 6]);
-                    let (wrapped, points) = self.values[row..row + counts[0]].split_at(along.first);
-                    let points = points.iter().chain(wrapped);
-                    for ((point, &v), &s) in points.zip(&along.values).zip(&along.slopes) {
-                        for (k, point) in point.iter().enumerate() {
-                            by_value[2 * k] = point.re.mul_add(v, by_value[2 * k]);
-                            by_value[2 * k + 1] = point.im.mul_add(v, by_value[2 * k + 1]);
-                            by_slope[2 * k] = point.re.mul_add(s, by_slope[2 * k]);
-                            by_slope[2 * k + 1] = point.im.mul_add(s, by_slope[2 * k + 1]);
+                    let row = &self.values[row..row + counts[0]];
+                    let (beyond, before) = row.split_at(along.first);
+                    let edge = before.len().min(WIDTH);
+                    for (from, points) in [(0, before), (edge, beyond)] {
+                        let window = along.values[from..].iter().zip(&along.slopes[from..]);
+                        for (point, (&v, &s)) in points.iter().zip(window) {
+                            for (k, point) in point.iter().enumerate() {
+                                let (re, im) = (2 * k, 2 * k + 1);
+                                by_value[re] = point.re.mul_add(v, by_value[re]);
+                                by_value[im] = point.im.mul_add(v, by_value[im]);
+                                by_slope[re] = point.re.mul_add(s, by_slope[re]);
+                                by_slope[im] = point.im.mul_add(s, by_slope[im]);
+                            }
                         }
                     }
                     for k in 0..6 {

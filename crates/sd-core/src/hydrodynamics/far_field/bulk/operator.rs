@@ -55,6 +55,34 @@ impl MobilityOperator {
     /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without bounds.
     pub(crate) fn new(cell: &Cell<Bulk>, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         check(radii, tolerance)?;
+        let mut best = (f64::INFINITY, 0.0);
+        if let Some(volume) = cell.content() {
+            let n = radii.len() as f64;
+            for step in 0..80 {
+                let alpha = volume.cbrt().recip() * 1.05_f64.powi(step);
+                let cut = Splitting::new(alpha, volume, radii, tolerance);
+                let pairs = 2.0 / 3.0 * PI * n * n * cut.distance.powi(3) / volume;
+                let points = 4.0 * volume * (cut.wave / PI).powi(3);
+                let cost = PAIR_COST * pairs + POINT_COST * points;
+                if cost < best.0 {
+                    best = (cost, alpha);
+                }
+            }
+        }
+        Self::with_splitting(cell, radii, tolerance, best.1)
+    }
+
+    /// As [`MobilityOperator::new`] with a given splitting parameter α, in 1/a.
+    ///
+    /// # Errors
+    /// As [`MobilityOperator::new`].
+    pub(super) fn with_splitting(
+        cell: &Cell<Bulk>,
+        radii: &[f64],
+        tolerance: f64,
+        alpha: f64,
+    ) -> Result<Self, Error> {
+        check(radii, tolerance)?;
         let Cell::Periodic { sides, .. } = *cell else {
             return Err(Error::OutOfRange {
                 field: "cell",
@@ -62,20 +90,7 @@ impl MobilityOperator {
                 allowed: "periodic",
             });
         };
-        let (n, volume) = (radii.len() as f64, sides.product());
-        let mut best = (f64::INFINITY, 0.0);
-        for step in 0..80 {
-            let alpha = volume.cbrt().recip() * 1.05_f64.powi(step);
-            let cut = Splitting::new(alpha, volume, radii, tolerance);
-            // Measured nanoseconds for each near pair and each grid point.
-            let pairs = 2.0 / 3.0 * PI * n * n * cut.distance.powi(3) / volume;
-            let points = 4.0 * volume * (cut.wave / PI).powi(3);
-            let cost = PAIR_COST * pairs + POINT_COST * points;
-            if cost < best.0 {
-                best = (cost, alpha);
-            }
-        }
-        let splitting = Splitting::new(best.1, volume, radii, tolerance);
+        let splitting = Splitting::new(alpha, sides.product(), radii, tolerance);
         let sizes: Vec<_> = radii.iter().map(|&a| FiniteSize::new(a)).collect();
         let image = couplings(&RadialChain::own_image(splitting.alpha));
         let own = sizes
@@ -101,6 +116,11 @@ impl MobilityOperator {
             pairs: Vec::new(),
             own,
         })
+    }
+
+    /// Whether near pairs reach less than half of every side, so that no sphere meets two images of another.
+    pub(super) fn reaches_one_image(&self) -> bool {
+        self.splitting.distance < 0.499 * self.sides.min()
     }
 
     /// Takes new positions.
@@ -131,7 +151,7 @@ impl MobilityOperator {
         };
         self.grid.update(offset, centres);
         self.pairs.clear();
-        if self.splitting.distance < 0.499 * self.sides.min() {
+        if self.reaches_one_image() {
             self.list
                 .find(cell, centres, &self.units, self.splitting.distance);
             for k in 0..self.list.pairs().len() {
