@@ -137,11 +137,12 @@ impl Grid {
         let mut kernel = std::mem::take(&mut self.kernel);
         kernel.fill(0.0);
         let volume = self.sides.product();
-        self.for_waves(|here, _, k, numbers| {
+        self.for_waves(|here, there, k, numbers| {
             let window: f64 = (0..3)
                 .map(|axis| self.axes[axis].correction[numbers[axis]])
                 .product();
-            kernel[here] = transform(k.norm_squared(), self.alpha) * window * window / volume;
+            let value = transform(k.norm_squared(), self.alpha) * window * window / volume;
+            [kernel[here], kernel[there]] = [value; 2];
         });
         self.kernel = kernel;
     }
@@ -273,13 +274,16 @@ impl Grid {
 
     /// Computes u and v of every wave vector from P and Q.
     fn multiply(&mut self) {
-        let zero = Complex64::new(0.0, 0.0);
-        let sources = std::mem::take(&mut self.values);
-        let mut results = vec![[zero; 3]; sources.len()];
+        let mut values = std::mem::take(&mut self.values);
+        for (value, &gamma) in values.iter_mut().zip(&self.kernel) {
+            if gamma == 0.0 {
+                *value = [Complex64::new(0.0, 0.0); 3];
+            }
+        }
         self.for_waves(|here, there, k, _| {
             let gamma = self.kernel[here];
             let square = k.norm_squared();
-            let fields = [0, 1, 2].map(|c| split(sources[here][c], sources[there][c]));
+            let fields = [0, 1, 2].map(|c| split(values[here][c], values[there][c]));
             let project = |v: [Complex64; 3]| {
                 let along = (v[0] * k.x + v[1] * k.y + v[2] * k.z) / square;
                 [0, 1, 2].map(|c| (v[c] - along * k[c]) * gamma)
@@ -287,10 +291,10 @@ impl Grid {
             let u = project(fields.map(|[p, q]| p - q * square));
             let v = project(fields.map(|[p, _]| -p * square));
             for c in 0..3 {
-                [results[here][c], results[there][c]] = pack([u[c], v[c]]);
+                [values[here][c], values[there][c]] = pack([u[c], v[c]]);
             }
         });
-        self.values = results;
+        self.values = values;
     }
 
     /// Adds the modes of each sphere read off u and v: the transpose of [`Grid::spread`].
