@@ -161,7 +161,7 @@ impl MobilityOperator {
             }
             return Ok(());
         }
-        // A sphere meets several images of another, and of itself; there are few spheres then.
+        // In small or thin cells a sphere meets several images of another, and of itself.
         let (sides, reach) = (self.sides, self.splitting.distance);
         for i in 0..centres.len() {
             for j in i..centres.len() {
