@@ -1,4 +1,5 @@
-//! Start layers: random, without contact, at any area fraction up to 0.84; start suspensions in [`suspension`].
+//! Start layers: random, without contact, at any area fraction up to 0.84; start suspensions in
+//! [`suspension`].
 
 mod given;
 mod packing;

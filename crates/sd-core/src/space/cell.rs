@@ -3,7 +3,8 @@
 use super::{Layer, Space};
 use crate::error::Error;
 
-/// Pairs with `s' = 2r/(a_i + a_j)` below this get a near-field term in a periodic cell and in clusters.
+/// Pairs with `s' = 2r/(a_i + a_j)` below this get a near-field term in a periodic cell and in
+/// clusters.
 pub const LUBRICATION_RANGE: f64 = 4.0;
 
 /// Names of the sides in errors.
@@ -14,7 +15,8 @@ const SIDES: [&str; 3] = ["cell[0]", "cell[1]", "cell[2]"];
 pub enum Cell<S: Space = Layer> {
     /// No images.
     Unbounded,
-    /// Lattice vectors along the axes; the second one is shifted along x: `(length_x, 0)` and `(offset, length_y)` in a layer.
+    /// Lattice vectors along the axes; the second one is shifted along x: `(length_x, 0)` and
+    /// `(offset, length_y)` in a layer.
     Periodic {
         /// Sides along flow, gradient and, in a suspension, vorticity, in a.
         sides: S::Vector,

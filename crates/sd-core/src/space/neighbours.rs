@@ -1,4 +1,5 @@
-//! All pairs within a range: found by a list of bins in O(N), and kept while the spheres have not moved far.
+//! All pairs within a range: found by a list of bins in O(N), and kept while the spheres have not
+//! moved far.
 
 use super::cell::Cell;
 use super::pair::Neighbours;
@@ -59,9 +60,11 @@ impl<S: Space> NeighbourList<S> {
         &self.pairs
     }
 
-    /// Finds all pairs with `2r/(a_i + a_j) < range`, and checks that none overlaps (soft ones: too deeply, or with one centre).
+    /// Finds all pairs with `2r/(a_i + a_j) < range`, and checks that none overlaps (soft ones: too
+    /// deeply, or with one centre).
     ///
-    /// In a periodic cell the range must not exceed [`crate::cell::LUBRICATION_RANGE`] and the cell must pass [`Cell::check_range`].
+    /// In a periodic cell the range must not exceed [`crate::cell::LUBRICATION_RANGE`] and the cell
+    /// must pass [`Cell::check_range`].
     ///
     /// # Errors
     /// [`Error::Overlap`] names the first pair whose surfaces touch.
@@ -78,7 +81,8 @@ impl<S: Space> NeighbourList<S> {
         self.pairs.iter().try_for_each(|pair| self.admit(pair))
     }
 
-    /// Checks that the pairs found last do not overlap at other positions either, to which the spheres moved by little.
+    /// Checks that the pairs found last do not overlap at other positions either, to which the
+    /// spheres moved by little.
     ///
     /// # Errors
     /// As [`NeighbourList::update`].
@@ -97,7 +101,8 @@ impl<S: Space> NeighbourList<S> {
         })
     }
 
-    /// The nearest of the pairs found last, at other positions, to which the spheres moved by little.
+    /// The nearest of the pairs found last, at other positions, to which the spheres moved by
+    /// little.
     pub(crate) fn closest_at(
         &self,
         cell: &Cell<S>,
@@ -119,7 +124,8 @@ impl<S: Space> NeighbourList<S> {
         }
     }
 
-    /// [`NeighbourList::find`] by way of pairs kept from an earlier search; `false` if the cell is too small for a skin, or unbounded.
+    /// [`NeighbourList::find`] by way of pairs kept from an earlier search; `false` if the cell is
+    /// too small for a skin, or unbounded.
     fn find_by_kept_pairs(
         &mut self,
         cell: &Cell<S>,
@@ -361,7 +367,8 @@ mod tests {
         drift::<Bulk>(13.0, 60);
     }
 
-    /// Points in and around a cell, found by bins and by trying all pairs. Points, not spheres: gaps may be negative.
+    /// Points in and around a cell, found by bins and by trying all pairs. Points, not spheres:
+    /// gaps may be negative.
     fn compare<S: Space>(sides: S::Vector, offset: f64, seed: u64) {
         let cell = Cell::<S>::periodic(sides, offset).unwrap();
         let mut random = ChaCha8Rng::seed_from_u64(seed);

@@ -21,16 +21,18 @@ use crate::space::Bulk;
 use crate::space::cell::Cell;
 use nalgebra::Vector3;
 
-/// s' below which the coupling of a pair is in the preconditioner's factor. With the layer's 2.2 the factor fills in: a Ball-Melrose
-/// instant of 1000 spheres at φ = 0.45 takes 0.09 s in place of 0.035 s.
+/// s' below which the coupling of a pair is in the preconditioner's factor. With the layer's 2.2
+/// the factor fills in: a Ball-Melrose instant of 1000 spheres at φ = 0.45 takes 0.09 s in place of
+/// 0.035 s.
 const FACTORED: f64 = 2.05;
-/// Largest residual force at which the solves with `R_P` stop, over the largest force met at these positions: what later solves, of ever
-/// smaller forces, leave out counts as little.
+/// Largest residual force at which the solves with `R_P` stop, over the largest force met at these
+/// positions: what later solves, of ever smaller forces, leave out counts as little.
 const LEFT: f64 = 1e-10;
 const MOST_SOLVER_ITERATIONS: u32 = 500;
 /// Relative residual of the far field, that of the layer.
 const RESIDUAL: f64 = 1e-6;
-/// Tolerance of M over that residual: it leaves 7e-7 of the viscosity of 1000 spheres at φ = 0.45, where 0.1 leaves 1.5e-6.
+/// Tolerance of M over that residual: it leaves 7e-7 of the viscosity of 1000 spheres at φ = 0.45,
+/// where 0.1 leaves 1.5e-6.
 const OPERATOR_TOLERANCE: f64 = 0.05;
 /// Iterations of the far field after which it counts as not converging.
 const MOST_ITERATIONS: u32 = 300;

@@ -1,9 +1,10 @@
 //! Spheres put into a cell at random, without contact.
 //!
-//! Random points are relaxed as soft spheres of diameter `a_i + a_j + h + margin` (energy ½ Σ overlap², FIRE: Bitzek et al.
-//! 2006) until no overlap is left. The margin is the largest of a few that fits, so that dilute systems do not start with
-//! crowds of pairs just at h. Dense ones that get stuck are shaken and relaxed again, ever more gently. Relaxations and the
-//! steps of each are counted, so that packing ends, with centres or with the fraction reached.
+//! Random points are relaxed as soft spheres of diameter `a_i + a_j + h + margin` (energy ½ Σ
+//! overlap², FIRE: Bitzek et al. 2006) until no overlap is left. The margin is the largest of a few
+//! that fits, so that dilute systems do not start with crowds of pairs just at h. Dense ones that
+//! get stuck are shaken and relaxed again, ever more gently. Relaxations and the steps of each are
+//! counted, so that packing ends, with centres or with the fraction reached.
 
 use crate::space::Space;
 use crate::space::cell::Cell;
@@ -29,7 +30,8 @@ pub(super) struct Density {
     pub(super) closest: f64,
     /// Shakes tried with each of [`SCATTERS`].
     pub(super) shakes: u32,
-    /// Net force on spheres over the forces of overlaps, both squared and summed, below which they count as jammed.
+    /// Net force on spheres over the forces of overlaps, both squared and summed, below which they
+    /// count as jammed.
     pub(super) balanced: f64,
 }
 
@@ -66,7 +68,8 @@ impl<S: Space> Packing<S> {
         }
     }
 
-    /// Places the spheres, which cover the given fraction of the cell, as the seed has it (`ChaCha8`).
+    /// Places the spheres, which cover the given fraction of the cell, as the seed has it
+    /// (`ChaCha8`).
     ///
     /// # Errors
     /// The fraction reached.
@@ -88,7 +91,8 @@ impl<S: Space> Packing<S> {
                     if gap >= self.gap {
                         break;
                     }
-                    // Shakes go from most of a radius, which melts the packing, down to a tenth of it, several times over.
+                    // Shakes go from most of a radius, which melts the packing, down to a tenth of
+                    // it, several times over.
                     let size = 0.8 * 0.125f64.powf(f64::from(shake % 10) / 9.0);
                     self.shake(size, &mut random);
                     gap = self.relax(density.balanced);
@@ -102,12 +106,13 @@ impl<S: Space> Packing<S> {
                 }
             }
         }
-        // Spheres with the gap that was reached, swollen until it is h, would have fitted at this fraction.
+        // Spheres with the gap that was reached, swollen until it is h, would have fitted at this
+        // fraction.
         Err(fraction * power((2.0 + smallest) / (2.0 + self.gap)))
     }
 
-    /// Numbers spheres of the same size row by row along the flow. Neighbours are then neighbours in memory too, and stay so for long,
-    /// since shear moves whole rows past each other.
+    /// Numbers spheres of the same size row by row along the flow. Neighbours are then neighbours
+    /// in memory too, and stay so for long, since shear moves whole rows past each other.
     pub(super) fn number_by_rows(&mut self) {
         let mut rest = self.centres.as_mut_slice();
         for alike in self.radii.chunk_by(|a, b| a == b) {
@@ -153,7 +158,8 @@ impl<S: Space> Packing<S> {
         let mut last_energy = f64::INFINITY;
         for step in 0..STEPS {
             let energy: f64 = self.forces.iter().map(S::norm_squared).sum();
-            // The spheres are jammed: no force decreases any more, or all are balanced, yet overlaps are left.
+            // The spheres are jammed: no force decreases any more, or all are balanced, yet
+            // overlaps are left.
             if step % 100 == 99 {
                 if energy > 0.8 * last_energy || energy < balanced * self.overlaps {
                     break;

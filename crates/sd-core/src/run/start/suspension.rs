@@ -1,4 +1,5 @@
-//! Start suspensions: random, without contact, up to a volume fraction of 0.60 for equal spheres and 0.62 for sizes 1 : 1.4.
+//! Start suspensions: random, without contact, up to a volume fraction of 0.60 for equal spheres
+//! and 0.62 for sizes 1 : 1.4.
 
 use super::packing::{Density, Packing};
 use super::radii;
@@ -99,7 +100,8 @@ impl Mixture {
     /// Makes the suspension, which depends on the mixture and the seed alone.
     ///
     /// # Errors
-    /// [`Error::Refused`] for a value out of range, [`Error::CellTooSmall`], or [`Error::CannotPack`] with the volume fraction reached.
+    /// [`Error::NoSpheres`], [`Error::OutOfRange`], [`Error::CellTooSmall`], or
+    /// [`Error::CannotPack`] with the volume fraction reached.
     pub fn suspension(&self, seed: u64) -> Result<Suspension, Error> {
         self.check()?;
         let radii = radii(self.spheres, self.size_ratio, self.number_of_large());

@@ -226,7 +226,8 @@ impl Grid {
         }
     }
 
-    /// Transforms along an axis, forward (0) or back (1), the lines that hold kept waves of the axes before it: those after it hold points.
+    /// Transforms along an axis, forward (0) or back (1), the lines that hold kept waves of the
+    /// axes before it: those after it hold points.
     fn transform_axis(&mut self, axis: usize, direction: usize) {
         let Self {
             axes,

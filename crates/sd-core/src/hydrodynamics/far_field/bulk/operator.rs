@@ -52,7 +52,8 @@ impl MobilityOperator {
     /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3.
     ///
     /// # Errors
-    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without bounds.
+    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without
+    /// bounds.
     pub(crate) fn new(cell: &Cell<Bulk>, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         check(radii, tolerance)?;
         let mut best = (f64::INFINITY, 0.0);
@@ -118,7 +119,8 @@ impl MobilityOperator {
         })
     }
 
-    /// Whether near pairs reach less than half of every side, so that no sphere meets two images of another.
+    /// Whether near pairs reach less than half of every side, so that no sphere meets two images of
+    /// another.
     pub(super) fn reaches_one_image(&self) -> bool {
         self.splitting.distance < 0.499 * self.sides.min()
     }

@@ -197,7 +197,8 @@ fn operator_is_the_dense_mobility() {
         .collect();
     let n = radii.len();
     let exact = filled(&cell, &centres, &radii, 0.5);
-    // The last splitting leaves near pairs that reach less than half a side, the others several images of each.
+    // The last splitting leaves near pairs that reach less than half a side, the others several
+    // images of each.
     for (tolerance, alpha) in [(1e-4, None), (1e-6, None), (1e-8, None), (1e-7, Some(0.9))] {
         let operator = match alpha {
             None => MobilityOperator::new(&cell, &radii, tolerance),
