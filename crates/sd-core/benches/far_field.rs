@@ -13,7 +13,7 @@ fn layer(columns: usize, rows: usize) -> (Cell, Vec<Vec2>) {
     let spacing = (2.0 * std::f64::consts::PI / (3.0_f64.sqrt() * 0.693)).sqrt();
     let height = spacing * 0.75_f64.sqrt();
     let (x, y) = (columns as f64 * spacing, rows as f64 * height);
-    let cell = Cell::periodic(x, y, 0.3 * x).expect("positive sides");
+    let cell = Cell::periodic(Vec2::new(x, y), 0.3 * x).expect("positive sides");
     let centres = (0..columns * rows)
         .map(|k| {
             let (row, column) = (k / columns, k % columns);

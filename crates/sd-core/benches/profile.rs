@@ -161,7 +161,7 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
         let mut apart = 0.0;
         let time = start + f64::from(step) * TIME_STEP;
         let done = integrator.step(&mut state, time, TIME_STEP, |stage, centres, velocities| {
-            layer.cell = Cell::periodic(snapshot.side, snapshot.side, stage.time * snapshot.side)?;
+            layer.cell = Cell::equal_sides(snapshot.side, stage.time * snapshot.side)?;
             layer.centres.copy_from_slice(centres);
             parts.time("assembly", || layer.assemble());
             parts.time("solution", || layer.solve(stage.span));

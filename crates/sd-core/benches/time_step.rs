@@ -144,8 +144,8 @@ fn short(seeds: u64) {
             let Some(mean) = run(&mut layer, method, &steps, STRAIN) else {
                 continue;
             };
-            let cell = Cell::periodic(layer.side, layer.side, layer.time * layer.side);
-            let cell = cell.expect("positive sides");
+            let cell = Cell::equal_sides(layer.side, layer.time * layer.side);
+            let cell: Cell = cell.expect("positive sides");
             let distances = layer.centres.iter().zip(centres);
             let distances: Vec<f64> = distances
                 .map(|(a, b)| cell.nearest(a - b).0.norm())

@@ -60,16 +60,18 @@ pub enum Error {
     },
     /// No layer of this area fraction could be made.
     #[error(
-        "no start layer of {spheres} spheres at area fraction {area_fraction} with gaps of at least {gap}: reached {reached:.4}; {advice}"
+        "no start of {spheres} spheres at {kind} fraction {fraction} with gaps of at least {gap}: reached {reached:.4}; {advice}"
     )]
     CannotPack {
         /// Number of spheres.
         spheres: usize,
-        /// Area fraction asked for.
-        area_fraction: f64,
+        /// Of what a fraction is asked for: "area" or "volume".
+        kind: &'static str,
+        /// Fraction asked for.
+        fraction: f64,
         /// Smallest gap asked for, in a.
         gap: f64,
-        /// Area fraction reached.
+        /// Fraction reached.
         reached: f64,
         /// What to change.
         advice: &'static str,

@@ -49,8 +49,8 @@
 //! model           what decides a run: every parameter and choice declared once, ranged, validated
 //! linalg          dense matrices, lu, cholesky (dense, recursive, tiled, skyline, sparse), conjugate_gradients, gmres, anderson:
 //!                 the only room that names the linear-algebra library
-//! geometry        the sheared cell, pairs and lists of them, the six planar modes of a sphere
-//! space           what differs between a layer and a suspension; cell and neighbours written once for both, which the layer does not use yet
+//! space           what differs between a layer and a suspension; the sheared cell, pairs and lists of them, written once for both; the six
+//!                 planar modes of a sphere in a layer
 //! hydrodynamics   two_sphere: near field of a pair; far_field: mobility of all spheres; resistance: their sum, held dense, within a
 //!                 skyline or pair by pair; iterative: the far field put on top of Ball-Melrose by iteration, for many spheres; bulk: the
 //!                 same in three dimensions, eleven modes a sphere
@@ -58,11 +58,11 @@
 //!                 one contact problem, its states, and its dense and sparse linear algebra; procedure: the paper's steps, apart
 //! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
 //! stress          viscosity, normal stress differences, particle pressure, each by its causes; energy balance
-//! run             start: the first layer; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
+//! run             start: the first layer or suspension; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
 //!                 bulk: one evaluation in three dimensions, without contacts;
 //!                 pair: two spheres alone; verify: known results, computed anew
 //! ```
-//! A right-hand side goes through them in this order: pairs in range (`geometry`), their near field and the far field of all
+//! A right-hand side goes through them in this order: pairs in range (`space`), their near field and the far field of all
 //! (`hydrodynamics`), contact forces and velocities (`contact`, `stage`), viscosity (`stress`), the next stage (`run::steppers`).
 //!
 //! The crate reads no file, prints nothing and starts no thread; a run is a function of [`Params`] and a seed alone.
@@ -95,20 +95,16 @@
 
 pub mod contact;
 mod error;
-mod geometry;
 mod hydrodynamics;
 pub mod law;
 pub mod linalg;
 pub mod model;
 mod run;
-pub mod space;
+mod space;
 mod stage;
 mod stress;
 
 pub use error::Error;
-pub use geometry::neighbours::NeighbourList;
-pub use geometry::pair::{Neighbours, PairKey};
-pub use geometry::{cell, modes};
 pub use hydrodynamics::far_field::{FarField, FarResistance};
 pub use hydrodynamics::iterative::IterativeFarField;
 pub use hydrodynamics::resistance::{NearFields, PairwiseResistance, Resistance};
@@ -121,6 +117,9 @@ pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::steppers::rosenbrock::{self, Rosenbrock};
 pub use run::steppers::{RungeKutta, Stage, State};
 pub use run::{bulk, instant, pair, simulation, start, verify};
+pub use space::neighbours::NeighbourList;
+pub use space::pair::{Neighbours, PairKey};
+pub use space::{Bulk, Layer, Space, cell, modes};
 pub use stage::{Contact as StageContact, Method, StageSolver, memory_bytes};
 pub use stress::{Stress, StressComponents, StressParts, StressWork};
 

@@ -12,12 +12,12 @@ use crate::contact::repulsion::Repelled;
 use crate::contact::solver::{ActivationUpdate, AppliedForces, StageInput};
 use crate::contact::{ContactMemory, ContactSolver, Quality, Status, Surface, most_contacts};
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::{Background, Vec2};
-use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::resistance::Resistance;
+use crate::space::cell::Cell;
+use crate::space::modes::{Background, Vec2};
+use crate::space::pair::Neighbours;
 use nalgebra::Vector3;
 
 /// What a far-field iteration asks of the contact problem, over its own relative residual: the differences of its steps, from which it

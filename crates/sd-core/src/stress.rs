@@ -16,7 +16,7 @@
 //! has no first moment, and its antisymmetric parts on the two spheres cancel, so that it acts on the stress through the motion alone.
 
 use crate::contact::{Contact, ContactState};
-use crate::geometry::modes::{Background, strain_tensor};
+use crate::space::modes::{Background, strain_tensor};
 use crate::stage::StageSolver;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};

@@ -8,7 +8,7 @@ mod data;
 use data::{data, difference, numbers, vectors};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sd_core::bulk::{Background, Configuration, SolvedConfiguration, TracelessTensor, solve};
-use sd_core::space::cell::Cell;
+use sd_core::cell::Cell;
 use sd_core::{Hydrodynamics, LeadingOrder, NearFields};
 use serde_json::Value;
 use std::f64::consts::PI;
@@ -16,7 +16,7 @@ use std::f64::consts::PI;
 /// Spheres of radius 1 in simple shear, without forces.
 fn sheared(
     centres: Vec<Vector3<f64>>,
-    cell: Cell<sd_core::space::Bulk>,
+    cell: Cell<sd_core::Bulk>,
     hydrodynamics: Hydrodynamics,
 ) -> Configuration {
     let n = centres.len();
@@ -120,7 +120,7 @@ fn instants_agree_with_an_independent_program() {
 }
 
 /// A cubic lattice in as many cells as the near field needs.
-fn lattice(name: &str, phi: f64) -> (Cell<sd_core::space::Bulk>, Vec<Vector3<f64>>) {
+fn lattice(name: &str, phi: f64) -> (Cell<sd_core::Bulk>, Vec<Vector3<f64>>) {
     let spheres = places(name).len() as f64;
     lattice_of_side(name, (4.0 / 3.0 * PI * spheres / phi).cbrt())
 }
@@ -134,7 +134,7 @@ fn places(name: &str) -> &'static [[f64; 3]] {
     }
 }
 
-fn lattice_of_side(name: &str, side: f64) -> (Cell<sd_core::space::Bulk>, Vec<Vector3<f64>>) {
+fn lattice_of_side(name: &str, side: f64) -> (Cell<sd_core::Bulk>, Vec<Vector3<f64>>) {
     let cells = (1..100)
         .find(|&cells| f64::from(cells) * side >= 8.0)
         .unwrap();

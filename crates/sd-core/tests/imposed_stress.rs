@@ -188,7 +188,7 @@ fn instant(params: &Params, snapshot: &Snapshot, sample: &Sample) -> f64 {
             .map(|x| Vec2::new(x[0], x[1]))
             .collect(),
         radii: snapshot.radii.clone(),
-        cell: Cell::periodic(snapshot.side, snapshot.side, sample.strain * snapshot.side).unwrap(),
+        cell: Cell::equal_sides(snapshot.side, sample.strain * snapshot.side).unwrap(),
         hydrodynamics: params.hydrodynamics,
         background: Background::SHEAR,
         forces: vec![Vec2::zeros(); params.spheres],

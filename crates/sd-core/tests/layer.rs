@@ -47,7 +47,7 @@ fn configuration(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Configura
             .map(|&[x, y]| Vec2::new(x, y))
             .collect(),
         radii: snapshot.radii.clone(),
-        cell: Cell::periodic(snapshot.side, snapshot.side, strain * snapshot.side).unwrap(),
+        cell: Cell::equal_sides(snapshot.side, strain * snapshot.side).unwrap(),
         hydrodynamics,
         background: Background::SHEAR,
         forces: vec![Vec2::zeros(); n],
@@ -72,7 +72,7 @@ fn energy_balances_to_1e_10_with_contacts_and_friction() {
         ] {
             let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
             let stress = instant.stress.unwrap();
-            let volume = 2.0 * configuration.cell.area().unwrap();
+            let volume = 2.0 * configuration.cell.content().unwrap();
             let left = stress.viscosity - 1.0;
             let right = stress.dissipation + instant.contact_power() / volume;
             assert!(
@@ -308,7 +308,7 @@ fn snapshot_of_other_parameters_is_refused() {
 
 /// Shears a layer without contacts for some steps of either sign; returns the state.
 fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> State {
-    let cell = |strain: f64| Cell::periodic(start.side, start.side, strain * start.side).unwrap();
+    let cell = |strain: f64| Cell::equal_sides(start.side, strain * start.side).unwrap();
     let resistance = Resistance::new(
         Hydrodynamics::BallMelrose,
         &cell(0.0),
@@ -421,8 +421,7 @@ fn viscosity_does_not_depend_on_the_order_of_spheres_the_lattice_or_the_origin()
         imaged.centres[7] += imaged.cell.image_vector([-2, 1]);
         let mut sheared = base.clone();
         let strain = snapshot.steps as f64 * 0.005 + 1.0;
-        sheared.cell =
-            Cell::periodic(snapshot.side, snapshot.side, strain * snapshot.side).unwrap();
+        sheared.cell = Cell::equal_sides(snapshot.side, strain * snapshot.side).unwrap();
         for (what, changed) in [
             ("order", &reversed),
             ("origin", &shifted),

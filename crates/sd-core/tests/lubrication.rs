@@ -37,8 +37,7 @@ fn layer_of(case: &Value) -> Configuration {
         centres,
         radii: vec![1.0; n],
         cell: Cell::periodic(
-            number(&case["cell"][0]),
-            number(&case["cell"][1]),
+            Vec2::new(number(&case["cell"][0]), number(&case["cell"][1])),
             number(&case["offset"]),
         )
         .unwrap(),
@@ -104,11 +103,9 @@ fn contact_forces_and_viscosity_are_those_of_a_published_code() {
             // The exact functions need gaps.
             centres: layer.centres.iter().map(|x| x * 1.001).collect(),
             cell: match layer.cell {
-                Cell::Periodic {
-                    length_x,
-                    length_y,
-                    offset,
-                } => Cell::periodic(1.001 * length_x, 1.001 * length_y, 1.001 * offset).unwrap(),
+                Cell::Periodic { sides, offset } => {
+                    Cell::periodic(1.001 * sides, 1.001 * offset).unwrap()
+                }
                 Cell::Unbounded => Cell::Unbounded,
             },
             ..layer
@@ -237,7 +234,7 @@ fn run(params: &Params, seed: u64, steps: u64) -> Simulation {
 /// The layer of a snapshot as a single instant.
 fn instant(params: &Params, snapshot: &Snapshot) -> (SolvedConfiguration, f64) {
     let strain = snapshot.steps as f64 * params.time_step;
-    let cell = Cell::periodic(snapshot.side, snapshot.side, strain * snapshot.side).unwrap();
+    let cell = Cell::equal_sides(snapshot.side, strain * snapshot.side).unwrap();
     let configuration = Configuration {
         centres: snapshot
             .centres

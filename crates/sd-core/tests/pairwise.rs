@@ -53,7 +53,7 @@ impl Layer {
         let offset = simulation.strain() * snapshot.side;
         let centres = snapshot.centres.iter().map(|&[x, y]| Vec2::new(x, y));
         Self {
-            cell: Cell::periodic(snapshot.side, snapshot.side, offset).unwrap(),
+            cell: Cell::equal_sides(snapshot.side, offset).unwrap(),
             centres: centres.collect(),
             snapshot,
         }

@@ -171,7 +171,7 @@ impl Record {
     /// Solves the instant, from the forces of the stage before or from the recorded solution.
     fn solve(&self, method: Method, from_solution: bool) -> Result<Solved, Error> {
         let strain = self.steps as f64 * self.params.time_step;
-        let cell = Cell::periodic(self.side, self.side, strain * self.side).unwrap();
+        let cell = Cell::equal_sides(self.side, strain * self.side).unwrap();
         let mut stage = self.stage(method, &cell);
         let centres: Vec<Vec2> = self.centres.iter().map(|x| Vec2::new(x[0], x[1])).collect();
         stage.assemble(&cell, &centres).unwrap();

@@ -93,7 +93,11 @@ fn layers_under_shear() {
         let configuration = |hydrodynamics| Configuration {
             centres: centres.clone(),
             radii: vec![1.0; n],
-            cell: Cell::periodic(cell[0], cell[1], layer["offset"].as_f64().unwrap()).unwrap(),
+            cell: Cell::periodic(
+                Vec2::new(cell[0], cell[1]),
+                layer["offset"].as_f64().unwrap(),
+            )
+            .unwrap(),
             hydrodynamics,
             background: Background::SHEAR,
             forces: vec![Vec2::zeros(); n],

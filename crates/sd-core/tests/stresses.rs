@@ -55,7 +55,7 @@ fn layer(tables: &NearFields) -> Configuration {
             .map(|x| Vec2::new(x[0], x[1]))
             .collect(),
         radii: snapshot.radii,
-        cell: Cell::periodic(snapshot.side, snapshot.side, 0.0).unwrap(),
+        cell: Cell::equal_sides(snapshot.side, 0.0).unwrap(),
         hydrodynamics: Hydrodynamics::BallMelrose,
         background: Background::SHEAR,
         forces: vec![Vec2::zeros(); params.spheres],
@@ -71,7 +71,7 @@ fn solved(configuration: &Configuration, tables: &NearFields) -> SolvedConfigura
 /// The volume that stresses are divided by.
 fn volume(configuration: &Configuration) -> f64 {
     let mean = configuration.radii.iter().sum::<f64>() / configuration.radii.len() as f64;
-    2.0 * mean * configuration.cell.area().unwrap()
+    2.0 * mean * configuration.cell.content().unwrap()
 }
 
 /// Stress `[xx, yy, zz, xy]` of forces on the second sphere of pairs, by `−r ⊗ F`, its symmetric part.
@@ -151,7 +151,7 @@ fn pair_on_the_compression_axis_has_the_stress_found_by_hand() {
     let configuration = Configuration {
         centres: vec![Vec2::zeros(), n * (2.0 + gap)],
         radii: vec![1.0; 2],
-        cell: Cell::periodic(40.0, 40.0, 0.0).unwrap(),
+        cell: Cell::equal_sides(40.0, 0.0).unwrap(),
         hydrodynamics: Hydrodynamics::BallMelrose,
         background: Background::SHEAR,
         forces: vec![Vec2::zeros(); 2],

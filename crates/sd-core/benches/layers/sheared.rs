@@ -99,7 +99,7 @@ impl Layer {
     /// The layer of a snapshot.
     pub(crate) fn new(snapshot: &Snapshot, params: &Params) -> Self {
         let offset = snapshot.steps as f64 * TIME_STEP * snapshot.side;
-        let cell = Cell::periodic(snapshot.side, snapshot.side, offset).expect("positive sides");
+        let cell = Cell::equal_sides(snapshot.side, offset).expect("positive sides");
         let centres = snapshot.centres.iter();
         let (radii, tables) = (&snapshot.radii, NearFields::default());
         let method = Method::of(params);

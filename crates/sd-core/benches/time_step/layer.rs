@@ -51,7 +51,7 @@ struct Stage {
 
 impl Layer {
     pub(crate) fn new(params: &Params, snapshot: &Snapshot) -> Self {
-        let cell = Cell::periodic(snapshot.side, snapshot.side, 0.0).expect("positive sides");
+        let cell = Cell::equal_sides(snapshot.side, 0.0).expect("positive sides");
         let resistance = Resistance::new(
             params.hydrodynamics,
             &cell,
@@ -88,7 +88,7 @@ impl Layer {
         centres: &[Vec2],
     ) -> Option<Stage> {
         let background = Background::SHEAR;
-        let cell = Cell::periodic(self.side, self.side, time * self.side).expect("positive sides");
+        let cell = Cell::equal_sides(self.side, time * self.side).expect("positive sides");
         self.solver.assemble(&cell, centres).ok()?;
         let contact = StageContact::Laws {
             laws: &self.laws,

@@ -5,9 +5,9 @@
 
 use super::laws::{Laws, Span};
 use super::pair::Contact;
-use crate::geometry::modes::Background;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::law::adhesion;
+use crate::space::modes::Background;
 
 /// Adhering pairs of a stage.
 #[derive(Debug, Default)]

@@ -12,10 +12,10 @@
 //! is pushed out at the rate β/s. In the middle of a step of rigid contacts g is the gap at its start, and s the whole step.
 
 use super::pair::Contact;
-use crate::geometry::modes::{Background, Vec2};
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::law::{FrictionOnset, Halt, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
+use crate::space::modes::{Background, Vec2};
 
 /// β: share of an overlap of rigid contacts taken back within one time span.
 pub const RESTITUTION: f64 = 0.2;

@@ -1,9 +1,9 @@
 //! Two surfaces that touch, or are about to.
 
 use super::row::Row;
-use crate::geometry::modes::{Background, Vec2};
-use crate::geometry::pair::Neighbours;
 use crate::law::rolling_friction;
+use crate::space::modes::{Background, Vec2};
+use crate::space::pair::Neighbours;
 use serde::{Deserialize, Serialize};
 
 /// What a contact does.

@@ -18,11 +18,11 @@ use super::solve::dense::DenseSystem;
 use super::solve::problem::{self, Forces, Problem, States, System};
 use super::{Quality, most_contacts};
 use crate::error::Error;
-use crate::geometry::modes::Background;
-use crate::geometry::pair::PairKey;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::law::tangential::roll_slip;
 use crate::model::Surface;
+use crate::space::modes::Background;
+use crate::space::pair::PairKey;
 
 /// Compliance where all pairs are halted at once: just enough for a factor of a hyperstatic network.
 const HALT_COMPLIANCE: f64 = 1e-13;

@@ -8,9 +8,9 @@
 
 use super::laws::Span;
 use super::pair::Contact;
-use crate::geometry::modes::Background;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::law::repulsion::ExponentialRepulsion;
+use crate::space::modes::Background;
 
 /// Exponents beyond which the force is left out: 1e-13 of F0.
 const FARTHEST: f64 = 30.0;

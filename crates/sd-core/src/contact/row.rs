@@ -1,7 +1,7 @@
 //! What reads a velocity of two surfaces off the motion of their spheres.
 
-use crate::geometry::modes::Vec2;
 use crate::hydrodynamics::resistance::Motion;
+use crate::space::modes::Vec2;
 
 /// Reads one velocity of a pair off the velocities of its two spheres; its transpose exerts a force on them.
 #[derive(Debug, Clone, Copy, PartialEq)]

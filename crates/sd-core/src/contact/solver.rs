@@ -16,8 +16,8 @@ use super::springs::Stretches;
 use super::warm_start::{SpringForces, WarmStart};
 use super::{Quality, Status, most_contacts};
 use crate::error::Error;
-use crate::geometry::modes::Background;
 use crate::hydrodynamics::resistance::Resistance;
+use crate::space::modes::Background;
 
 pub use super::solve::problem::AppliedForces;
 

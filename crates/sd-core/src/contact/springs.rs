@@ -3,8 +3,8 @@
 use super::laws::Phase;
 use super::pair::Contact;
 use super::warm_start::SpringForces;
-use crate::geometry::pair::PairKey;
 use crate::law::tangential::stick_slide::TangentialSpring;
+use crate::space::pair::PairKey;
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// γ of two-stage steps: how far contact forces look ahead, in steps.

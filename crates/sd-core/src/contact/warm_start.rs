@@ -1,7 +1,7 @@
 //! What is known from the stage before: where the next one starts, and which pairs may touch in it.
 
 use super::pair::Contact;
-use crate::geometry::pair::{Neighbours, PairKey};
+use crate::space::pair::{Neighbours, PairKey};
 use serde::{Deserialize, Serialize};
 
 /// Forces of the stage before.

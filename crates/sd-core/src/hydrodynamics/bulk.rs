@@ -17,10 +17,9 @@ mod sparse;
 pub(crate) use sparse::SparseResistance;
 
 use crate::error::Error;
-use crate::geometry::cell::LUBRICATION_RANGE;
 use crate::hydrodynamics::far_field::bulk::{DenseMobility, self_mobility};
 use crate::hydrodynamics::resistance::{BySizes, NearFields, NearTerms};
-use crate::hydrodynamics::two_sphere::{Coupling, MODES, Modes, PairTerm, TwistTable};
+use crate::hydrodynamics::two_sphere::{Coupling, MODES, Modes, Motion, PairTerm, TwistTable};
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::linalg::cholesky::trailing::trailing_inverse;
 use crate::linalg::dense::Matrix;
@@ -28,7 +27,9 @@ use crate::linalg::simd::vectorised;
 use crate::model::Hydrodynamics;
 use crate::space::Bulk;
 use crate::space::cell::Cell;
-use crate::space::neighbours::{NeighbourList, Neighbours};
+use crate::space::cell::LUBRICATION_RANGE;
+use crate::space::neighbours::NeighbourList;
+use crate::space::pair::Neighbours;
 use nalgebra::{SVector, Vector3};
 
 /// Five components of a strain or a stresslet, see [`crate::bulk`].
@@ -159,15 +160,29 @@ impl NearPart {
         );
     }
 
+    /// Adds to y the forces that spheres have from the velocities v of the others.
+    fn add_forces_from_others(&self, v: &[Motion], y: &mut [Motion]) {
+        vectorised(
+            #[inline(always)]
+            || {
+                for (pair, [_, coupling, _]) in self.pairs().iter().zip(&self.blocks) {
+                    let (n, i, j) = (&pair.normal, pair.i, pair.j);
+                    coupling.add_forces(n, &v[i], &mut y[j]);
+                    coupling.transposed().add_forces(n, &v[j], &mut y[i]);
+                }
+            },
+        );
+    }
+
     /// Adds what forces and torques have of velocities to the lower triangle of `R_FU`, `[6N × 6N]`.
     fn add_to_matrix(&self, matrix: &mut Matrix) {
         for (pair, [own_i, coupling, own_j]) in self.pairs().iter().zip(&self.blocks) {
             let [i, j] = [pair.i, pair.j];
             for ([p, q], block) in [([i, i], own_i), ([j, j], own_j), ([j, i], coupling)] {
-                let block = block.matrix(&pair.normal);
-                for (from, entries) in block.iter().take(6).enumerate() {
+                let block = block.force_matrix(&pair.normal);
+                for (from, entries) in block.iter().enumerate() {
                     let column = 6 * q + from;
-                    for (to, entry) in entries.iter().take(6).enumerate() {
+                    for (to, entry) in entries.iter().enumerate() {
                         let row = 6 * p + to;
                         if row >= column {
                             matrix[(row, column)] += entry;

@@ -21,9 +21,9 @@ pub(crate) mod unbounded;
 mod wave_space;
 
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
 use crate::linalg::cholesky::tiled::TiledMatrix;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
 use ewald::{Ewald, Target, cut_offs};
 use kernels::{FiniteSize, LANES};
 use real_space::RealSpace;
@@ -58,7 +58,7 @@ impl FarField {
     /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance.
     pub fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         let mut best = (f64::INFINITY, 0.0);
-        if let Some(area) = cell.area() {
+        if let Some(area) = cell.content() {
             check(radii, tolerance)?;
             // Measured nanoseconds per pair for each image and for each wave vector.
             for step in 0..60 {
@@ -92,10 +92,8 @@ impl FarField {
             .collect();
         let ewald = match *cell {
             Cell::Unbounded => None,
-            Cell::Periodic {
-                length_x, length_y, ..
-            } => {
-                let area = length_x * length_y;
+            Cell::Periodic { sides, .. } => {
+                let area = sides.product();
                 let cut_offs = cut_offs(alpha, area, radii, tolerance);
                 let equal = radii
                     .iter()
@@ -104,7 +102,7 @@ impl FarField {
                 let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
                 let mean = radii.iter().sum::<f64>() / radii.len() as f64;
                 Some(Ewald {
-                    sides: [length_x, length_y],
+                    sides: sides.into(),
                     alpha,
                     equal,
                     uniform: 0.5 / (mean * radii.len() as f64),
@@ -215,9 +213,7 @@ impl FarField {
 fn check_sides(cell: &Cell, planned: [f64; 2]) -> Result<(), Error> {
     let found = match *cell {
         Cell::Unbounded => [f64::INFINITY; 2],
-        Cell::Periodic {
-            length_x, length_y, ..
-        } => [length_x, length_y],
+        Cell::Periodic { sides, .. } => sides.into(),
     };
     for (k, field) in ["cell[0]", "cell[1]"].into_iter().enumerate() {
         if found[k].to_bits() != planned[k].to_bits() {

@@ -28,12 +28,12 @@ mod split;
 mod uniform;
 
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
 use crate::hydrodynamics::far_field::operator::FarOperator;
 use crate::hydrodynamics::far_field::unbounded::self_mobility;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
 use local::LocalResistance;
 use nalgebra::Vector3;
 use near_solver::NearSolver;

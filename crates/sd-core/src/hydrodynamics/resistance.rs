@@ -22,14 +22,15 @@ mod skyline;
 mod tables;
 
 use crate::error::Error;
-use crate::geometry::cell::{Cell, LUBRICATION_RANGE};
-use crate::geometry::modes::Vec2;
-use crate::geometry::neighbours::{MOST_NEIGHBOURS, NeighbourList};
-use crate::geometry::pair::{Neighbours, PairKey};
 use crate::hydrodynamics::far_field::FarField;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::model::Hydrodynamics;
+use crate::space::cell::{Cell, LUBRICATION_RANGE};
+use crate::space::modes::Vec2;
+use crate::space::neighbours::NeighbourList;
+use crate::space::pair::{Neighbours, PairKey};
+use crate::space::{Layer, Space as _};
 use dense::DenseResistance;
 use far_pairs::FarPairs;
 use nalgebra::Vector3;
@@ -171,7 +172,7 @@ impl Resistance {
             range,
             lubrication_gap: 0.0,
             neighbours: NeighbourList::new(radii.len()),
-            terms: Vec::with_capacity(MOST_NEIGHBOURS * radii.len() / 2),
+            terms: Vec::with_capacity(Layer::MOST_NEIGHBOURS * radii.len() / 2),
             far_pairs: None,
             form: form()?,
         })

@@ -5,11 +5,11 @@ use crate::contact::procedure::ContactList;
 use crate::contact::warm_start::SpringForces;
 use crate::contact::{Contact, ContactMemory};
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::{Background, Vec2, strain_tensor};
 use crate::hydrodynamics::resistance::NearFields;
 use crate::model::Surface;
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
+use crate::space::cell::Cell;
+use crate::space::modes::{Background, Vec2, strain_tensor};
 use crate::stage::{Contact as StageContact, ContactKind, Method, StageSolver};
 use crate::stress::{Stress, StressWork};
 use nalgebra::Vector3;
@@ -262,7 +262,7 @@ pub fn solve(
     move_under(&mut stage, background, &external, request)?;
     let mut work = StressWork::default();
     let contacts = stage.contacts.list.clone();
-    let stress = if let Some(area) = cell.area() {
+    let stress = if let Some(area) = cell.content() {
         Some(work.stress(&stage, background, area))
     } else {
         work.update(&stage, background);

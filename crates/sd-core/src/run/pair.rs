@@ -3,11 +3,11 @@
 use crate::contact::laws::{Laws, Span};
 use crate::contact::{ContactMemory, Surface};
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::model::Hydrodynamics;
 use crate::run::steppers::{RungeKutta, State};
+use crate::space::cell::Cell;
+use crate::space::modes::{Background, Vec2};
 use crate::stage::{Contact, StageSolver};
 use serde::Serialize;
 

@@ -17,14 +17,14 @@ use crate::contact::laws::Laws;
 use crate::contact::procedure::ContactList;
 use crate::contact::{ContactMemory, most_contacts};
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::{Background, Vec2};
-use crate::geometry::pair::PairKey;
 use crate::hydrodynamics::resistance::NearFields;
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Params};
 use crate::run::start;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Midpoint, State, Stepper};
+use crate::space::cell::Cell;
+use crate::space::modes::{Background, Vec2};
+use crate::space::pair::PairKey;
 use crate::stage::{Method, StageSolver};
 use crate::stress::StressWork;
 use drive::Drive;
@@ -122,7 +122,7 @@ impl Simulation {
     ) -> Result<Self, Error> {
         params.validate()?;
         snapshot.check(params)?;
-        let cell = Cell::periodic(snapshot.side, snapshot.side, 0.0)?;
+        let cell = Cell::equal_sides(snapshot.side, 0.0)?;
         let most = most_contacts(params.spheres);
         let method = Method::of(params);
         let mut stage = method.solver(
@@ -195,7 +195,7 @@ impl Simulation {
     /// The cell at a strain.
     fn cell_at(&self, strain: f64) -> Result<Cell, Error> {
         let travelled = self.params.direction * strain * self.side;
-        Cell::periodic(self.side, self.side, self.offset + travelled)
+        Cell::equal_sides(self.side, self.offset + travelled)
     }
 
     /// Offset of the upper image cell at a strain, wrapped.

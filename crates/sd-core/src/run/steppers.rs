@@ -5,7 +5,7 @@ pub mod rosenbrock;
 mod runge_kutta;
 mod state;
 
-use crate::geometry::modes::Vec2;
+use crate::space::modes::Vec2;
 pub(crate) use midpoint::Midpoint;
 use rosenbrock::Rosenbrock;
 pub use runge_kutta::RungeKutta;

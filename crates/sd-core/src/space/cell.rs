@@ -1,20 +1,24 @@
 //! The sheared periodic cell (Lees-Edwards) of any space, or unbounded fluid.
 
-use super::Space;
+use super::{Layer, Space};
 use crate::error::Error;
-use crate::geometry::cell::LUBRICATION_RANGE;
+
+/// Pairs with `s' = 2r/(a_i + a_j)` below this get a near-field term in a periodic cell and in
+/// clusters.
+pub const LUBRICATION_RANGE: f64 = 4.0;
 
 /// Names of the sides in errors.
 const SIDES: [&str; 3] = ["cell[0]", "cell[1]", "cell[2]"];
 
 /// Where the spheres are: a periodic cell, or unbounded fluid.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Cell<S: Space> {
+pub enum Cell<S: Space = Layer> {
     /// No images.
     Unbounded,
-    /// Lattice vectors along the axes, but for the second, which is shifted by the offset along x.
+    /// Lattice vectors along the axes; the second one is shifted along x: `(length_x, 0)` and
+    /// `(offset, length_y)` in a layer.
     Periodic {
-        /// Sides along flow, gradient and vorticity, in a.
+        /// Sides along flow, gradient and, in a suspension, vorticity, in a.
         sides: S::Vector,
         /// Shift of the images above in y, in `[-sides[0]/2, sides[0]/2)`, in a.
         offset: f64,
@@ -49,6 +53,18 @@ impl<S: Space> Cell<S> {
         })
     }
 
+    /// As [`Cell::periodic`], with sides that are all the same.
+    ///
+    /// # Errors
+    /// As [`Cell::periodic`].
+    pub fn equal_sides(side: f64, offset: f64) -> Result<Self, Error> {
+        let mut sides = S::Vector::default();
+        for k in 0..S::DIMENSIONS {
+            sides[k] = side;
+        }
+        Self::periodic(sides, offset)
+    }
+
     /// Product of the sides, in a² or a³; `None` if unbounded.
     pub fn content(&self) -> Option<f64> {
         match self {
@@ -58,7 +74,7 @@ impl<S: Space> Cell<S> {
     }
 
     /// Position of an image relative to the original.
-    pub fn image_vector(&self, image: [i32; 3]) -> S::Vector {
+    pub fn image_vector(&self, image: S::Image) -> S::Vector {
         let mut vector = S::Vector::default();
         if let Self::Periodic { sides, offset } = self {
             for k in 0..S::DIMENSIONS {
@@ -73,9 +89,8 @@ impl<S: Space> Cell<S> {
     ///
     /// Every vector shorter than half of every side is found this way.
     #[inline(always)]
-    pub fn nearest(&self, separation: S::Vector) -> (S::Vector, [i32; 3]) {
-        let mut image = [0; 3];
-        let mut vector = separation;
+    pub fn nearest(&self, separation: S::Vector) -> (S::Vector, S::Image) {
+        let (mut vector, mut image) = (separation, S::Image::default());
         if let Self::Periodic { sides, offset } = self {
             let mut shift = |vector: &mut S::Vector, k: usize| -> f64 {
                 // The reciprocals are the same for all pairs of a list: one division each.
@@ -136,20 +151,16 @@ impl<S: Space> Cell<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{self, modes::Vec2};
-    use crate::space::{Bulk, Layer};
-    use nalgebra::Vector3;
+    use crate::space::Bulk;
+    use nalgebra::{Vector2, Vector3};
 
     #[test]
-    fn cell_of_the_layer_has_the_same_bits() {
-        let ours = Cell::<Layer>::periodic(Vec2::new(10.0, 12.3), 17.7).unwrap();
-        let theirs = geometry::cell::Cell::periodic(10.0, 12.3, 17.7).unwrap();
-        for k in 0..200 {
-            let x = Vec2::new((1.7 * f64::from(k)).sin(), (0.9 * f64::from(k)).cos()) * 40.0;
-            let (near, image) = ours.nearest(x);
-            assert_eq!((near, [image[0], image[1]]), theirs.nearest(x));
-            assert_eq!(ours.wrap(x), theirs.wrap(x));
-        }
+    fn offset_is_wrapped() {
+        let cell = Cell::<Layer>::periodic(Vector2::new(10.0, 10.0), 16.0).unwrap();
+        let Cell::Periodic { offset, .. } = cell else {
+            unreachable!()
+        };
+        assert!((offset + 4.0).abs() < 1e-12);
     }
 
     #[test]

@@ -2,11 +2,11 @@
 
 use super::StageSolver;
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::pair::PairKey;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::model::{ContactScheme, Hydrodynamics, Params};
+use crate::space::cell::Cell;
+use crate::space::pair::PairKey;
 use std::f64::consts::PI;
 
 /// Spheres from which on Ball-Melrose costs less pair by pair; and the same where contacts are soft, whose problems have a solution that few
@@ -68,7 +68,7 @@ impl Method {
         radii: &[f64],
         contacts: ContactKind,
     ) -> Self {
-        cell.area().map_or(Self::Dense, |area| {
+        cell.content().map_or(Self::Dense, |area| {
             let discs: f64 = radii.iter().map(|a| PI * a * a).sum();
             Self::choose(hydrodynamics, radii.len(), discs / area, contacts)
         })

@@ -4,12 +4,12 @@ mod dense_contacts;
 
 use crate::contact::laws::{Laws, NormalForce, Span};
 use crate::contact::{Contact, ContactMemory, ContactState, Surface};
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::{Background, Vec2, strain_tensor};
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::iterative::{Convergence, IterativeFarField};
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
+use crate::space::cell::Cell;
+use crate::space::modes::{Background, Vec2, strain_tensor};
 use crate::stage::{Contact as StageContact, Method, StageSolver};
 use crate::stress::StressWork;
 use crate::{
@@ -44,7 +44,7 @@ fn sheared(params: &Params) -> (Cell, Vec<Vec2>, Vec<f64>) {
         simulation.step().unwrap();
     }
     let snapshot = simulation.snapshot();
-    let cell = Cell::periodic(snapshot.side, snapshot.side, 0.3 * snapshot.side).unwrap();
+    let cell = Cell::equal_sides(snapshot.side, 0.3 * snapshot.side).unwrap();
     let centres = snapshot.centres.iter().map(|x| Vec2::new(x[0], x[1]));
     (cell, centres.collect(), snapshot.radii)
 }
@@ -208,7 +208,7 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
         dense.assemble(&cell, &centres).unwrap();
         let quality = dense.solve(&shear, &external, contact).unwrap();
         assert!(quality.converged(), "{quality:?}");
-        let area = cell.area().unwrap();
+        let area = cell.content().unwrap();
         let list = &dense.contacts.list;
         let expected = StressWork::default().stress(&dense, &shear, area);
         let count = |state| {

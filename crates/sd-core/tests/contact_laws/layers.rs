@@ -183,7 +183,7 @@ fn energy_of_a_layer_balances_under_every_choice() {
                 .map(|&[x, y]| Vec2::new(x, y))
                 .collect(),
             radii: snapshot.radii.clone(),
-            cell: Cell::periodic(snapshot.side, snapshot.side, strain * snapshot.side).unwrap(),
+            cell: Cell::equal_sides(snapshot.side, strain * snapshot.side).unwrap(),
             hydrodynamics: Hydrodynamics::StokesianDynamics,
             background: Background::SHEAR,
             forces: vec![Vec2::zeros(); params.spheres],
@@ -193,7 +193,7 @@ fn energy_of_a_layer_balances_under_every_choice() {
         let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
         let stress = instant.stress.unwrap();
         let mean: f64 = snapshot.radii.iter().sum::<f64>() / params.spheres as f64;
-        let volume = 2.0 * mean * configuration.cell.area().unwrap();
+        let volume = 2.0 * mean * configuration.cell.content().unwrap();
         let (left, right) = (
             stress.viscosity - 1.0,
             stress.dissipation + instant.contact_power() / volume,
@@ -365,12 +365,9 @@ fn adhering_asperities_hold_through_the_steps_of_a_layer() {
     let (mut loaded, mut farthest, mut pulled) = (0, 0.0_f64, 0);
     for _ in 0..100 {
         let (_, frame) = simulation.step_with_frame().unwrap();
-        let cell = Cell::periodic(
-            simulation.side(),
-            simulation.side(),
-            simulation.offset_at(simulation.strain()),
-        )
-        .unwrap();
+        let cell: Cell =
+            Cell::equal_sides(simulation.side(), simulation.offset_at(simulation.strain()))
+                .unwrap();
         for c in &frame.contacts {
             let [a, b] = [c.i, c.j].map(|sphere| simulation.centres()[sphere]);
             let radii = simulation.radii();

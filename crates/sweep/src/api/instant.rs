@@ -177,7 +177,7 @@ pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), In
         }
     }
     let cell = match (input.cell, input.offset) {
-        (Some([x, y]), offset) => Cell::periodic(x, y, offset.unwrap_or(0.0))?,
+        (Some([x, y]), offset) => Cell::periodic(Vec2::new(x, y), offset.unwrap_or(0.0))?,
         (None, None) => Cell::Unbounded,
         (None, Some(_)) => return refuse("offset", "has no meaning without `cell`"),
     };

@@ -4,11 +4,11 @@ use super::kernels::{self, Blocks, FiniteSize, LANES, Lanes};
 use super::real_space::RealSpace;
 use super::unbounded::{self, RadialChain, self_mobility};
 use super::wave_space::{self, CHUNK, EVEN, ODD, WaveSpace, WaveSums};
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
 use crate::linalg::cholesky::tiled::{TILE, TiledMatrix};
 use crate::linalg::join::join;
 use crate::linalg::simd::vectorised;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
 use std::f64::consts::PI;
 use std::ops::Range;
 

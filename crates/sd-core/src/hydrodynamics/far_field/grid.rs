@@ -13,9 +13,9 @@ pub(super) mod axis;
 
 use super::kernels::FiniteSize;
 use super::wave_space::transforms;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
 use crate::linalg::simd::vectorised;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
 use axis::{Axis, WIDTH, Window, plan_axes};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
@@ -89,14 +89,10 @@ impl Grid {
 
     /// Takes the cell and the centres of the next applications.
     pub(super) fn update(&mut self, cell: &Cell, centres: &[Vec2]) {
-        let Cell::Periodic {
-            length_x,
-            length_y,
-            offset,
-        } = *cell
-        else {
+        let Cell::Periodic { sides, offset } = *cell else {
             return;
         };
+        let [length_x, length_y] = sides.into();
         if self.cell != [length_x, length_y, offset] {
             self.cell = [length_x, length_y, offset];
             self.fill_kernel();

@@ -11,7 +11,7 @@
 //! ```
 //! Lanes 4-7 and 12-15 are odd in the separation, all others even.
 
-use crate::geometry::modes::{ModeBlock, Vec2};
+use crate::space::modes::{ModeBlock, Vec2};
 
 pub(crate) const LANES: usize = 20;
 pub(crate) const RADIAL: usize = 12;
@@ -145,7 +145,7 @@ pub(crate) fn blocks(ij: &Lanes, ji: &Lanes) -> Blocks {
 }
 
 impl Blocks {
-    /// As one matrix in the order of [`crate::geometry::modes`].
+    /// As one matrix in the order of [`crate::space::modes`].
     pub(crate) fn to_modes(self) -> ModeBlock {
         ModeBlock::from_fn(|row, column| match (row / 3, column / 3) {
             (0, 0) => self.velocity_force[row][column],

@@ -11,11 +11,11 @@ use super::kernels::{self, FiniteSize};
 use super::real_space::RealSpace;
 use super::unbounded::{self, RadialChain, self_mobility};
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
-use crate::geometry::neighbours::NeighbourList;
 use crate::linalg::join::join;
 use crate::linalg::simd::vectorised;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
+use crate::space::neighbours::NeighbourList;
 use std::f64::consts::PI;
 
 /// A near pair: its spheres, and the 6 × 6 block of velocity modes of i from force modes of j, by columns; modes are
@@ -313,9 +313,7 @@ fn longest(sides: [f64; 2]) -> f64 {
 /// Sides of a periodic cell.
 fn periodic_sides(cell: &Cell) -> Result<[f64; 2], Error> {
     match *cell {
-        Cell::Periodic {
-            length_x, length_y, ..
-        } => Ok([length_x, length_y]),
+        Cell::Periodic { sides, .. } => Ok(sides.into()),
         Cell::Unbounded => Err(Error::OutOfRange {
             field: "cell",
             value: f64::INFINITY,

@@ -5,8 +5,8 @@
 
 use super::kernels::{self, LANES, Lanes, RADIAL};
 use super::unbounded::{self, RadialChain};
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
 use std::f64::consts::PI;
 
 /// Degree of the table's polynomials, even.
@@ -207,14 +207,10 @@ impl RealSpace {
 
     /// Takes the cell of this call and returns the self terms: all images of a sphere but itself.
     pub(crate) fn update(&mut self, cell: &Cell) -> [Lanes; 2] {
-        let Cell::Periodic {
-            length_x,
-            length_y,
-            offset,
-        } = *cell
-        else {
+        let Cell::Periodic { sides, offset } = *cell else {
             return [[0.0; LANES]; 2];
         };
+        let [length_x, length_y] = sides.into();
         self.cell = [length_x, length_y, offset];
         self.images.clear();
         let cut_off = self.cut_off_square.sqrt();

@@ -2,11 +2,11 @@
 
 use super::FarField;
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
 use crate::linalg::cholesky::tiled::{TILE, TiledCholesky};
 use crate::linalg::dense::{Matrix, dot};
 use crate::linalg::simd::vectorised;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
 
 /// The far-field resistance of one configuration: M⁻¹, without resistance to a uniform translation of a layer.
 ///

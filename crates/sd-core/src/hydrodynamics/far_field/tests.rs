@@ -19,7 +19,11 @@ pub(super) fn layer(
     // Spacing of the triangular lattice of radius 1: c = 2π/(√3 d²).
     let spacing = (2.0 * PI / (3.0_f64.sqrt() * area_fraction)).sqrt();
     let height = spacing * 0.75_f64.sqrt();
-    let cell = Cell::periodic(columns as f64 * spacing, rows as f64 * height, offset).unwrap();
+    let cell = Cell::periodic(
+        Vec2::new(columns as f64 * spacing, rows as f64 * height),
+        offset,
+    )
+    .unwrap();
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut centres = Vec::new();
     for row in 0..rows {
@@ -105,7 +109,7 @@ fn resistance_does_not_depend_on_the_splitting() {
 
 /// Three spheres of unequal radii in a skewed cell.
 fn three() -> (Cell, Vec<Vec2>, Vec<f64>) {
-    let cell = Cell::periodic(8.0, 7.0, 2.3).unwrap();
+    let cell = Cell::periodic(Vec2::new(8.0, 7.0), 2.3).unwrap();
     let centres = vec![
         Vec2::new(0.3, 0.1),
         Vec2::new(3.1, 1.0),
@@ -144,7 +148,7 @@ fn bits_of_the_mobility_do_not_depend_on_the_number_of_threads() {
     }
 }
 
-/// Entry of mode k (order of [`crate::geometry::modes`]) of sphere i in a grand vector of n spheres.
+/// Entry of mode k (order of [`crate::space::modes`]) of sphere i in a grand vector of n spheres.
 fn entry(n: usize, i: usize, k: usize) -> usize {
     if k < 3 {
         3 * n + 3 * i + k
@@ -205,7 +209,7 @@ fn force_free_sources_agree_with_a_plain_lattice_sum() {
                             radii[j],
                         );
                         let velocity =
-                            block * crate::geometry::modes::Modes::from_row_slice(&sources[j]);
+                            block * crate::space::modes::Modes::from_row_slice(&sources[j]);
                         for k in 0..6 {
                             partial[entry(n, i, k)] += velocity[k];
                         }
@@ -366,7 +370,7 @@ fn large_cells_tend_to_unbounded_fluid() {
         }
     }
     let errors = [40.0, 80.0].map(|side| {
-        let cell = Cell::periodic(side, side, 0.2 * side).unwrap();
+        let cell = Cell::equal_sides(side, 0.2 * side).unwrap();
         difference(
             &resistance(
                 FarField::new(&cell, &radii, 1e-12).unwrap(),
@@ -385,15 +389,11 @@ fn large_cells_tend_to_unbounded_fluid() {
 
 #[test]
 fn choice_of_images_is_immaterial() {
-    let (length_x, length_y) = (8.0, 7.0);
+    let sides = Vec2::new(8.0, 7.0);
     let (_, centres, radii) = three();
     for radii in [vec![1.0; 3], radii] {
         let at = |offset: f64, centres: &[Vec2]| {
-            let cell = Cell::Periodic {
-                length_x,
-                length_y,
-                offset,
-            };
+            let cell = Cell::Periodic { sides, offset };
             mobility(
                 &mut FarField::new(&cell, &radii, 1e-12).unwrap(),
                 &cell,

@@ -8,7 +8,7 @@
 //! and the same Q read strain and angular velocity off the gradient, `q = Q_bc ∂_c u_b`.
 
 use super::kernels::{self, FiniteSize, LANES, Lanes, RADIAL};
-use crate::geometry::modes::{ModeBlock, Modes, Vec2};
+use crate::space::modes::{ModeBlock, Modes, Vec2};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// `(1/r d/dr)ᵏ f` for k = 1..6 of a radial function f.
@@ -135,7 +135,7 @@ pub(crate) fn self_mobility(radius: f64) -> Modes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::modes::{rotation_to_frame, strain_modes};
+    use crate::space::modes::{rotation_to_frame, strain_modes};
     use nalgebra::{SMatrix, SVector, Vector3};
 
     /// Mobility of two spheres at the origin and at (r, 0).

@@ -10,10 +10,10 @@
 //! per pair, two products of a tall matrix and a narrow one.
 
 use super::kernels::{self, LANES, Lanes, RADIAL};
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
 use crate::linalg::dense::{Matrix, product};
 use crate::linalg::simd::vectorised;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// Pairs that are summed at once, unless one column of the matrix has more.
@@ -142,14 +142,10 @@ impl WaveSpace {
 
     /// Takes the cell and the centres of this call; returns the sum at separation 0.
     pub(crate) fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> [Lanes; 2] {
-        let Cell::Periodic {
-            length_x,
-            length_y,
-            offset,
-        } = *cell
-        else {
+        let Cell::Periodic { sides, offset } = *cell else {
             return [[0.0; LANES]; 2];
         };
+        let [length_x, length_y] = sides.into();
         let first = 2.0 * PI / length_x;
         let second = 2.0 * PI / length_y;
         #[expect(

@@ -2,14 +2,14 @@
 
 use super::pair_terms;
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
-use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::far_field::{FarField, FarResistance};
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::linalg::dense::Matrix;
 use crate::linalg::error::BadPivot;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
+use crate::space::pair::Neighbours;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 

@@ -9,8 +9,8 @@
 
 use super::tables::BySizes;
 use crate::error::Error;
-use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::two_sphere::{FarPair, PairTerm, check_size_ratio};
+use crate::space::pair::Neighbours;
 
 /// Pairs closer than this, in s', are near.
 const NEAR: f64 = 2.4;

@@ -1,8 +1,8 @@
 //! The near-field terms of all pairs in range, and what they add to matrices and vectors.
 
-use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::dense::Matrix;
+use crate::space::pair::Neighbours;
 use nalgebra::{SVector, Vector3};
 
 /// Adds the terms to the lower triangle of `R_FU`; `row` is the first row of a sphere there.

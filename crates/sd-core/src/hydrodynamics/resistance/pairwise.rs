@@ -2,10 +2,10 @@
 
 use super::isolated;
 use crate::error::Error;
-use crate::geometry::pair::{Neighbours, PairKey};
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::sparse::{Block, BlockCholesky, BlockPattern};
 use crate::linalg::simd::vectorised;
+use crate::space::pair::{Neighbours, PairKey};
 
 /// Which pairs the near part has, in s'. Others count by their diagonal blocks alone.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,12 +1,12 @@
 //! Ball-Melrose hydrodynamics with `R_FU` factored: spheres ordered along the gradient, where only near ones couple.
 
 use super::{isolated, pair_terms};
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
-use crate::geometry::pair::Neighbours;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::linalg::error::BadPivot;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
+use crate::space::pair::Neighbours;
 
 /// `R_FU` in the order of the spheres' heights, then its factor.
 pub(super) struct SkylineResistance {
@@ -111,7 +111,7 @@ impl Order {
         self.tail = 3 * centres.len();
         let half = match *cell {
             Cell::Unbounded => f64::INFINITY,
-            Cell::Periodic { length_y, .. } => 0.5 * length_y,
+            Cell::Periodic { sides, .. } => 0.5 * sides.y,
         };
         for pair in pairs {
             let (i, j) = (self.rows[pair.i], self.rows[pair.j]);

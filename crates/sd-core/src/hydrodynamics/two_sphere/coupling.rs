@@ -22,6 +22,8 @@ use nalgebra::Vector3;
 pub(crate) const MODES: usize = 11;
 /// `(U, Ω, e)` of a sphere, or the forces conjugate to them.
 pub(crate) type Modes = [f64; MODES];
+/// `(U, Ω)` of a sphere, or its force and torque.
+pub(crate) type Motion = [f64; 6];
 
 /// √(2/3), √(1/6), √(1/2).
 const ROOT_2_3: f64 = 0.816_496_580_927_726;
@@ -114,6 +116,21 @@ impl Coupling {
         }
     }
 
+    /// As [`Coupling::add`], of velocities and forces alone.
+    #[inline(always)]
+    pub(crate) fn add_forces(&self, n: &Vector3<f64>, v: &Motion, to: &mut Motion) {
+        let u = Vector3::new(v[0], v[1], v[2]);
+        let w = Vector3::new(v[3], v[4], v[5]);
+        let along = (self.force_velocity[0] - self.force_velocity[1]) * n.dot(&u);
+        let turning = (self.torque_rotation[0] - self.torque_rotation[1]) * n.dot(&w);
+        let force = u * self.force_velocity[1] + n.cross(&w) * self.force_rotation + n * along;
+        let torque = w * self.torque_rotation[1] + n.cross(&u) * self.torque_velocity + n * turning;
+        for k in 0..3 {
+            to[k] += force[k];
+            to[3 + k] += torque[k];
+        }
+    }
+
     /// The coupling the other way round, of a symmetric whole.
     #[inline(always)]
     pub(crate) fn transposed(&self) -> Self {
@@ -136,6 +153,16 @@ impl Coupling {
             let (mut from, mut to) = ([0.0; MODES], [0.0; MODES]);
             from[column] = 1.0;
             self.add(n, &from, &mut to);
+            to
+        })
+    }
+
+    /// Forces and torques from velocities alone, by columns.
+    pub(crate) fn force_matrix(&self, n: &Vector3<f64>) -> [Motion; 6] {
+        std::array::from_fn(|column| {
+            let (mut from, mut to) = ([0.0; 6], [0.0; 6]);
+            from[column] = 1.0;
+            self.add_forces(n, &from, &mut to);
             to
         })
     }
@@ -179,7 +206,7 @@ impl PairTerm {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::modes::Vec2;
+    use crate::space::modes::Vec2;
 
     /// A term with entries that have nothing in common.
     fn term() -> PairTerm {
@@ -202,6 +229,16 @@ mod tests {
                     assert!(error < 1e-14, "{p} {q} {row} {column}: {error:e}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn forces_from_velocities_are_those_of_all_modes() {
+        let n = Vector3::new(0.36, -0.48, 0.8);
+        let block = term().couplings([0.3, 0.5, -0.2])[1];
+        let (whole, forces) = (block.matrix(&n), block.force_matrix(&n));
+        for (row, column) in (0..6).flat_map(|r| (0..6).map(move |c| (r, c))) {
+            assert!((whole[column][row] - forces[column][row]).abs() < 1e-15);
         }
     }
 

@@ -11,8 +11,8 @@
 //! Each block is stored as its upper triangle, row by row, in this order.
 
 use super::Scalars;
-use crate::geometry::modes::Vec2;
 use crate::hydrodynamics::far_field::unbounded::{pair_mobility, self_mobility};
+use crate::space::modes::Vec2;
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::PI;
 

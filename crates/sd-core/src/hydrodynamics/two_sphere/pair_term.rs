@@ -1,7 +1,7 @@
 //! The resistance of one pair, applied to modes in the frame of the layer.
 
 use super::pair_frame::{self, ENTRIES, PairMatrix, axial, odd, transverse};
-use crate::geometry::modes::Vec2;
+use crate::space::modes::Vec2;
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// `(U_x, U_y, Ω)` of i, then of j, or the forces and torque conjugate to them.
@@ -245,7 +245,7 @@ impl PairTerm {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::modes::rotation_to_frame;
+    use crate::space::modes::rotation_to_frame;
 
     #[test]
     fn parts_are_those_of_the_rotated_matrix() {

@@ -1,7 +1,7 @@
 //! Reference values, symmetries, limits, positive definiteness, and the table against solutions.
 
 use super::*;
-use crate::geometry::modes::Vec2;
+use crate::space::modes::Vec2;
 use nalgebra::{SMatrix, SVector};
 use rand::{Rng, RngExt, SeedableRng};
 use serde_json::Value;
@@ -156,11 +156,8 @@ fn velocities_of_exact_pairs() {
         let [a, b] = [0, 1].map(|k| number(&case["radii"][k]));
         let r = two_sphere_resistance(a, b, number(&case["separation"])).unwrap();
         let e = &case["rate_of_strain"];
-        let e = crate::geometry::modes::strain_modes(
-            number(&e["xx"]),
-            number(&e["yy"]),
-            number(&e["xy"]),
-        );
+        let e =
+            crate::space::modes::strain_modes(number(&e["xx"]), number(&e["yy"]), number(&e["xy"]));
         let r_fu = SMatrix::<f64, 6, 6>::from_fn(|i, j| r[(velocity[i], velocity[j])]);
         let force = SVector::<f64, 6>::from_fn(|i, _| {
             let external = if i % 3 < 2 {

@@ -8,11 +8,11 @@ use super::{Scheme, SchemeMemory, Simulation};
 use crate::contact::laws::Laws;
 use crate::contact::{Quality, Status};
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
 use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
 use crate::run::balance::{Balance, Next};
 use crate::run::steppers::Stage;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
 use std::f64::consts::PI;
 
 /// Viscosity with which the search for the first load of a run begins.

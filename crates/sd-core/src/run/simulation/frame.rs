@@ -4,8 +4,8 @@ use super::{Sample, Scheme, Simulation};
 use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
-use crate::geometry::modes::{Vec2, strain_tensor};
 use crate::run::steppers::Stage;
+use crate::space::modes::{Vec2, strain_tensor};
 
 /// The layer at one instant of a run.
 #[derive(Debug, Clone, Default, PartialEq)]

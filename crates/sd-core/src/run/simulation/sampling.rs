@@ -7,8 +7,8 @@
 use super::step::INEXACT_FRICTION;
 use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
-use crate::geometry::modes::Vec2;
 use crate::run::steppers::Stage;
+use crate::space::modes::Vec2;
 use crate::stress::{ContactCounts, Stress};
 
 /// What is taken down while a step is under way.

@@ -6,9 +6,9 @@ use crate::contact::ContactMemory;
 use crate::contact::procedure::ContactList;
 use crate::contact::warm_start::SpringForces;
 use crate::error::Error;
-use crate::geometry::pair::PairKey;
 use crate::model::{ContactScheme, Params, StartLayer};
 use crate::run::start;
+use crate::space::pair::PairKey;
 use crate::stage::Method;
 use serde::{Deserialize, Serialize};
 

@@ -5,9 +5,9 @@ use super::{Scheme, SchemeMemory, Simulation};
 use crate::contact::Quality;
 use crate::contact::laws::Span;
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
 use crate::run::steppers::{Bearing, Stage};
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
 use crate::stage::Contact;
 
 impl Simulation {

@@ -5,9 +5,9 @@ use super::{Counters, Sample, Scheme, SchemeMemory, Simulation};
 use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
-use crate::geometry::modes::Vec2;
-use crate::geometry::pair::Neighbours;
 use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
+use crate::space::modes::Vec2;
+use crate::space::pair::Neighbours;
 
 /// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
 const MAX_HALVINGS: u32 = 6;

@@ -2,10 +2,10 @@
 
 use super::radii_and_side;
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
-use crate::geometry::neighbours::NeighbourList;
 use crate::model::{DEEPEST_OVERLAP, Params, Refusal, StartLayer};
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
+use crate::space::neighbours::NeighbourList;
 
 /// Share by which radii and cell of a layer that is given may differ from those of the parameters: files have single precision.
 const SAME: f64 = 1e-5;
@@ -71,7 +71,7 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
             format!("a square cell of side {side} for these spheres"),
         );
     }
-    let cell = Cell::periodic(side, side, given.offset)?;
+    let cell = Cell::equal_sides(side, given.offset)?;
     let centre = |&sphere: &usize| {
         let [x, y] = given.centres[sphere];
         cell.wrap(Vec2::new(x, y))

@@ -15,7 +15,7 @@
 use super::runge_kutta::RungeKutta;
 use super::state::{Bearing, Stage, State};
 use crate::contact::laws::Phase;
-use crate::geometry::modes::Vec2;
+use crate::space::modes::Vec2;
 
 /// Workspace of the integrator.
 #[derive(Debug, Default)]

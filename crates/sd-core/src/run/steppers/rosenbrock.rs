@@ -14,7 +14,7 @@
 use super::state::{Stage, State};
 use crate::contact::laws::Phase;
 use crate::contact::springs::GAMMA;
-use crate::geometry::modes::Vec2;
+use crate::space::modes::Vec2;
 
 /// Workspace of the integrator.
 #[derive(Debug, Default)]

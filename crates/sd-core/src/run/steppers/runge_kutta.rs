@@ -2,7 +2,7 @@
 
 use super::state::{Stage, State};
 use crate::contact::laws::Phase;
-use crate::geometry::modes::Vec2;
+use crate::space::modes::Vec2;
 
 /// Nodes of the stages, in steps.
 const NODES: [f64; 4] = [0.0, 0.5, 0.5, 1.0];

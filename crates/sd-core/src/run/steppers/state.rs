@@ -1,7 +1,7 @@
 //! What a method in time moves, and the evaluations that it asks for.
 
 use crate::contact::laws::Phase;
-use crate::geometry::modes::Vec2;
+use crate::space::modes::Vec2;
 
 /// Centres and orientations of the spheres.
 #[derive(Debug, Clone, Default, PartialEq)]

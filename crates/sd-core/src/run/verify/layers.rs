@@ -3,8 +3,6 @@
 use super::Check;
 use crate::contact::{Contact, Surface};
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::far_field::{FarField, FarResistance};
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::linalg::dense::Matrix;
@@ -13,6 +11,8 @@ use crate::run::instant::{Configuration, ContactRequest, solve};
 use crate::run::simulation::{Simulation, Snapshot};
 use crate::run::start;
 use crate::run::steppers::{RungeKutta, State};
+use crate::space::cell::Cell;
+use crate::space::modes::{Background, Vec2};
 use crate::stage::{Contact as StageContact, StageSolver};
 
 fn params(hydrodynamics: Hydrodynamics) -> Params {
@@ -57,7 +57,7 @@ pub(super) fn dilute_layer(all: &mut Vec<Check>) -> Result<(), Error> {
 /// Checks that R_far does not depend on how the lattice sum was split.
 pub(super) fn ewald(all: &mut Vec<Check>) -> Result<(), Error> {
     let start = start::layer(&params(Hydrodynamics::StokesianDynamics), 1)?;
-    let cell = Cell::periodic(start.side, start.side, 0.0)?;
+    let cell = Cell::equal_sides(start.side, 0.0)?;
     let with = |alpha: f64| -> Result<Vec<f64>, Error> {
         let far_field = FarField::with_splitting(&cell, &start.radii, 1e-13, alpha)?;
         let mut far = FarResistance::new(far_field);
@@ -141,7 +141,7 @@ fn energy(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Result<(f64, f64
             .map(|&[x, y]| Vec2::new(x, y))
             .collect(),
         radii: snapshot.radii.clone(),
-        cell: Cell::periodic(snapshot.side, snapshot.side, strain * snapshot.side)?,
+        cell: Cell::equal_sides(snapshot.side, strain * snapshot.side)?,
         hydrodynamics,
         background: Background::SHEAR,
         forces: vec![Vec2::zeros(); n],
@@ -205,7 +205,7 @@ fn shear(
     dt: f64,
     steps: u32,
 ) -> Result<(), Error> {
-    let cell = |strain: f64| Cell::periodic(start.side, start.side, strain * start.side);
+    let cell = |strain: f64| Cell::equal_sides(start.side, strain * start.side);
     let tables = NearFields::default();
     let resistance = Resistance::new(
         Hydrodynamics::BallMelrose,

@@ -2,13 +2,13 @@
 
 use super::Check;
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::{Background, Vec2};
 use crate::hydrodynamics::resistance::NearFields;
 use crate::hydrodynamics::two_sphere::scalars;
 use crate::model::Hydrodynamics;
 use crate::run::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use crate::run::pair::{Passed, Passing, pass};
+use crate::space::cell::Cell;
+use crate::space::modes::{Background, Vec2};
 use std::f64::consts::PI;
 
 pub(super) fn resistance_functions(all: &mut Vec<Check>) -> Result<(), Error> {

@@ -3,10 +3,10 @@
 use crate::contact::laws::{COMPLIANCE, RESTITUTION};
 use crate::contact::{Contact, Surface, tangent};
 use crate::error::Error;
-use crate::geometry::modes::Background;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
+use crate::space::modes::Background;
 use nalgebra::{DMatrix, DVector};
 
 /// What a contact does.

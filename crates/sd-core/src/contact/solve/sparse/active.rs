@@ -5,7 +5,7 @@
 
 use crate::contact::row::Row;
 use crate::contact::solve::problem::{FrictionState, Problem, States};
-use crate::geometry::modes::Vec2;
+use crate::space::modes::Vec2;
 
 /// A closed candidate, by its number and its line of centres, of which its row has nothing but the components: in few bytes, as each product
 /// reads all of them.

@@ -75,7 +75,7 @@ fn add_stiffness(
 mod tests {
     use super::*;
     use crate::contact::solve::problem::{Normal, Tangential};
-    use crate::geometry::modes::Vec2;
+    use crate::space::modes::Vec2;
 
     /// A ring of spheres, each in contact with the next, with friction at every second contact.
     fn ring(n: usize) -> (Problem, BlockPattern, SparseSystem) {

@@ -300,7 +300,7 @@ fn unbounded_less(alone: &Coupling, image: &Coupling) -> Coupling {
 }
 
 /// All images of a separation that are shorter than a distance.
-fn images(
+pub(super) fn images(
     separation: Vector3<f64>,
     sides: &Vector3<f64>,
     offset: f64,

@@ -36,6 +36,8 @@ pub(super) struct Grid {
     kernel: Vec<f64>,
     /// `P + iQ`, then `u + iv`, three components a point; the first coordinate runs fastest.
     values: Vec<[Complex64; 3]>,
+    /// Where the lines begin that are transformed along an axis.
+    starts: Vec<usize>,
     /// Lines being transformed.
     lines: Vec<Complex64>,
     scratch: Vec<Complex64>,
@@ -65,6 +67,7 @@ impl Grid {
             windows: Vec::with_capacity(sizes.len()),
             kernel: vec![0.0; points],
             values: vec![[zero; 3]; points],
+            starts: Vec::new(),
             lines: vec![zero; 3 * LINES * longest],
             scratch: vec![zero; scratch],
             axes,
@@ -134,11 +137,12 @@ impl Grid {
         let mut kernel = std::mem::take(&mut self.kernel);
         kernel.fill(0.0);
         let volume = self.sides.product();
-        self.for_waves(|here, _, k, numbers| {
+        self.for_waves(|here, there, k, numbers| {
             let window: f64 = (0..3)
                 .map(|axis| self.axes[axis].correction[numbers[axis]])
                 .product();
-            kernel[here] = transform(k.norm_squared(), self.alpha) * window * window / volume;
+            let value = transform(k.norm_squared(), self.alpha) * window * window / volume;
+            [kernel[here], kernel[there]] = [value; 2];
         });
         self.kernel = kernel;
     }
@@ -201,16 +205,20 @@ impl Grid {
                         vz * (vy * value[k] + sy * by[1][k]) + sz * vy * by[2][k]
                     });
                     let by_slope = by[0].map(|weight| weight * vy * vz);
-                    for c in 0..WIDTH {
-                        let mut column = along.first + c;
-                        if column >= counts[0] {
-                            column -= counts[0];
-                        }
-                        let (v, s) = (along.values[c], along.slopes[c]);
-                        let point = &mut self.values[row + column];
-                        for (k, point) in point.iter_mut().enumerate() {
-                            point.re += by_value[2 * k] * v + by_slope[2 * k] * s;
-                            point.im += by_value[2 * k + 1] * v + by_slope[2 * k + 1] * s;
+                    let row = &mut self.values[row..row + counts[0]];
+                    let (beyond, before) = row.split_at_mut(along.first);
+                    // Up to the edge of the grid, and beyond it from the other edge on.
+                    let edge = before.len().min(WIDTH);
+                    for (from, points) in [(0, before), (edge, beyond)] {
+                        let window = along.values[from..].iter().zip(&along.slopes[from..]);
+                        for (point, (&v, &s)) in points.iter_mut().zip(window) {
+                            for (k, point) in point.iter_mut().enumerate() {
+                                let (re, im) = (2 * k, 2 * k + 1);
+                                point.re =
+                                    by_slope[re].mul_add(s, by_value[re].mul_add(v, point.re));
+                                point.im =
+                                    by_slope[im].mul_add(s, by_value[im].mul_add(v, point.im));
+                            }
                         }
                     }
                 }
@@ -218,32 +226,48 @@ impl Grid {
         }
     }
 
-    /// Transforms all lines along an axis: forward (0) or back (1).
+    /// Transforms along an axis, forward (0) or back (1), the lines that hold kept waves of the
+    /// axes before it: those after it hold points.
     fn transform_axis(&mut self, axis: usize, direction: usize) {
-        let counts = [0, 1, 2].map(|k| self.axes[k].points);
-        let length = counts[axis];
-        let stride: usize = counts[..axis].iter().product();
-        let plan = &self.axes[axis].plans[direction];
-        let lines = self.values.len() / length;
-        let start = |line: usize| line / stride * stride * length + line % stride;
-        for first in (0..lines).step_by(LINES) {
-            let count = LINES.min(lines - first);
-            let work = &mut self.lines[..3 * count * length];
-            for at in 0..length {
-                for line in 0..count {
-                    let point = &self.values[start(first + line) + at * stride];
-                    for (k, value) in point.iter().enumerate() {
-                        work[(3 * line + k) * length + at] = *value;
-                    }
+        let Self {
+            axes,
+            values,
+            starts,
+            lines,
+            scratch,
+            ..
+        } = self;
+        let strides = [1, axes[0].points, axes[0].points * axes[1].points];
+        let [inner, outer] = [[1, 2], [0, 2], [0, 1]][axis];
+        let places = |other: usize| {
+            let Axis {
+                points, highest, ..
+            } = axes[other];
+            let is_kept = move |&at: &usize| other > axis || at.min(points - at) <= highest;
+            (0..points).filter(is_kept)
+        };
+        starts.clear();
+        for second in places(outer) {
+            starts.extend(places(inner).map(|k| k * strides[inner] + second * strides[outer]));
+        }
+        let (length, stride) = (axes[axis].points, strides[axis]);
+        for starts in starts.chunks(LINES) {
+            let work = &mut lines[..3 * starts.len() * length];
+            for (line, &start) in work.chunks_exact_mut(3 * length).zip(starts) {
+                let (first, rest) = line.split_at_mut(length);
+                let (second, third) = rest.split_at_mut(length);
+                let points = values[start..].iter().step_by(stride);
+                for (((point, a), b), c) in points.zip(first).zip(second).zip(third) {
+                    [*a, *b, *c] = *point;
                 }
             }
-            plan.process_with_scratch(work, &mut self.scratch);
-            for at in 0..length {
-                for line in 0..count {
-                    let point = &mut self.values[start(first + line) + at * stride];
-                    for (k, value) in point.iter_mut().enumerate() {
-                        *value = work[(3 * line + k) * length + at];
-                    }
+            axes[axis].plans[direction].process_with_scratch(work, scratch);
+            for (line, &start) in work.chunks_exact(3 * length).zip(starts) {
+                let (first, rest) = line.split_at(length);
+                let (second, third) = rest.split_at(length);
+                let points = values[start..].iter_mut().step_by(stride);
+                for (((point, a), b), c) in points.zip(first).zip(second).zip(third) {
+                    *point = [*a, *b, *c];
                 }
             }
         }
@@ -251,13 +275,16 @@ impl Grid {
 
     /// Computes u and v of every wave vector from P and Q.
     fn multiply(&mut self) {
-        let zero = Complex64::new(0.0, 0.0);
-        let sources = std::mem::take(&mut self.values);
-        let mut results = vec![[zero; 3]; sources.len()];
+        let mut values = std::mem::take(&mut self.values);
+        for (value, &gamma) in values.iter_mut().zip(&self.kernel) {
+            if gamma == 0.0 {
+                *value = [Complex64::new(0.0, 0.0); 3];
+            }
+        }
         self.for_waves(|here, there, k, _| {
             let gamma = self.kernel[here];
             let square = k.norm_squared();
-            let fields = [0, 1, 2].map(|c| split(sources[here][c], sources[there][c]));
+            let fields = [0, 1, 2].map(|c| split(values[here][c], values[there][c]));
             let project = |v: [Complex64; 3]| {
                 let along = (v[0] * k.x + v[1] * k.y + v[2] * k.z) / square;
                 [0, 1, 2].map(|c| (v[c] - along * k[c]) * gamma)
@@ -265,10 +292,10 @@ impl Grid {
             let u = project(fields.map(|[p, q]| p - q * square));
             let v = project(fields.map(|[p, _]| -p * square));
             for c in 0..3 {
-                [results[here][c], results[there][c]] = pack([u[c], v[c]]);
+                [values[here][c], values[there][c]] = pack([u[c], v[c]]);
             }
         });
-        self.values = results;
+        self.values = values;
     }
 
     /// Adds the modes of each sphere read off u and v: the transpose of [`Grid::spread`].
@@ -286,17 +313,19 @@ impl Grid {
                     let row = (plane + (across.first + r) % counts[1]) * counts[0];
                     let (vy, sy) = (across.values[r], across.slopes[r]);
                     let (mut by_value, mut by_slope) = ([0.0_f64; 6], [0.0_f64; 6]);
-                    for c in 0..WIDTH {
-                        let mut column = along.first + c;
-                        if column >= counts[0] {
-                            column -= counts[0];
-                        }
-                        let (v, s) = (along.values[c], along.slopes[c]);
-                        for (k, point) in self.values[row + column].iter().enumerate() {
-                            by_value[2 * k] += point.re * v;
-                            by_value[2 * k + 1] += point.im * v;
-                            by_slope[2 * k] += point.re * s;
-                            by_slope[2 * k + 1] += point.im * s;
+                    let row = &self.values[row..row + counts[0]];
+                    let (beyond, before) = row.split_at(along.first);
+                    let edge = before.len().min(WIDTH);
+                    for (from, points) in [(0, before), (edge, beyond)] {
+                        let window = along.values[from..].iter().zip(&along.slopes[from..]);
+                        for (point, (&v, &s)) in points.iter().zip(window) {
+                            for (k, point) in point.iter().enumerate() {
+                                let (re, im) = (2 * k, 2 * k + 1);
+                                by_value[re] = point.re.mul_add(v, by_value[re]);
+                                by_value[im] = point.im.mul_add(v, by_value[im]);
+                                by_slope[re] = point.re.mul_add(s, by_slope[re]);
+                                by_slope[im] = point.im.mul_add(s, by_slope[im]);
+                            }
                         }
                     }
                     for k in 0..6 {

@@ -111,7 +111,7 @@ pub(crate) fn self_mobility(radius: f64) -> Coupling {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::modes::Vec2;
+    use crate::space::modes::Vec2;
     use nalgebra::Vector3;
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! The short-ranged part is a sum over near pairs, their couplings kept; the long-ranged part goes through a grid.
 
-use super::dense::Splitting;
+use super::dense::{Splitting, images};
 use super::grid::Grid;
 use super::kernels::{couplings, finite_size, self_mobility};
 use crate::error::Error;
@@ -16,6 +16,10 @@ use crate::space::cell::Cell;
 use crate::space::neighbours::NeighbourList;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
+
+/// Measured nanoseconds that a near pair takes in an application, and a grid point.
+const PAIR_COST: f64 = 140.0;
+const POINT_COST: f64 = 120.0;
 
 /// The modes of sphere i from those of sphere j, n from j to i.
 struct NearPair {
@@ -48,36 +52,46 @@ impl MobilityOperator {
     /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3.
     ///
     /// # Errors
-    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without bounds or too narrow.
+    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without
+    /// bounds.
     pub(crate) fn new(cell: &Cell<Bulk>, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         check(radii, tolerance)?;
-        let narrow = |value| Error::OutOfRange {
-            field: "cell",
-            value,
-            allowed: "periodic, and wide enough for the near part of the mobility",
-        };
-        let Cell::Periodic { sides, .. } = *cell else {
-            return Err(narrow(f64::INFINITY));
-        };
-        let volume = sides.product();
-        let longest = 0.499 * sides.min();
-        let n = radii.len() as f64;
-        let mut best: Option<(f64, Splitting)> = None;
-        for step in 0..80 {
-            let alpha = 2.0 / longest * 1.05_f64.powi(step);
-            let splitting = Splitting::new(alpha, volume, radii, tolerance);
-            if splitting.distance > longest {
-                continue;
-            }
-            // Nanoseconds for each near pair and each grid point.
-            let pairs = 2.0 / 3.0 * PI * n * n * splitting.distance.powi(3) / volume;
-            let points = 4.0 * volume * (splitting.wave / PI).powi(3);
-            let cost = 100.0 * pairs + 150.0 * points;
-            if best.is_none_or(|(least, _)| cost < least) {
-                best = Some((cost, splitting));
+        let mut best = (f64::INFINITY, 0.0);
+        if let Some(volume) = cell.content() {
+            let n = radii.len() as f64;
+            for step in 0..80 {
+                let alpha = volume.cbrt().recip() * 1.05_f64.powi(step);
+                let cut = Splitting::new(alpha, volume, radii, tolerance);
+                let pairs = 2.0 / 3.0 * PI * n * n * cut.distance.powi(3) / volume;
+                let points = 4.0 * volume * (cut.wave / PI).powi(3);
+                let cost = PAIR_COST * pairs + POINT_COST * points;
+                if cost < best.0 {
+                    best = (cost, alpha);
+                }
             }
         }
-        let (_, splitting) = best.ok_or_else(|| narrow(sides.min()))?;
+        Self::with_splitting(cell, radii, tolerance, best.1)
+    }
+
+    /// As [`MobilityOperator::new`] with a given splitting parameter α, in 1/a.
+    ///
+    /// # Errors
+    /// As [`MobilityOperator::new`].
+    pub(super) fn with_splitting(
+        cell: &Cell<Bulk>,
+        radii: &[f64],
+        tolerance: f64,
+        alpha: f64,
+    ) -> Result<Self, Error> {
+        check(radii, tolerance)?;
+        let Cell::Periodic { sides, .. } = *cell else {
+            return Err(Error::OutOfRange {
+                field: "cell",
+                value: f64::INFINITY,
+                allowed: "periodic",
+            });
+        };
+        let splitting = Splitting::new(alpha, sides.product(), radii, tolerance);
         let sizes: Vec<_> = radii.iter().map(|&a| FiniteSize::new(a)).collect();
         let image = couplings(&RadialChain::own_image(splitting.alpha));
         let own = sizes
@@ -103,6 +117,12 @@ impl MobilityOperator {
             pairs: Vec::new(),
             own,
         })
+    }
+
+    /// Whether near pairs reach less than half of every side, so that no sphere meets two images of
+    /// another.
+    pub(super) fn reaches_one_image(&self) -> bool {
+        self.splitting.distance < 0.499 * self.sides.min()
     }
 
     /// Takes new positions.
@@ -132,27 +152,42 @@ impl MobilityOperator {
             }
         };
         self.grid.update(offset, centres);
-        self.list
-            .find(cell, centres, &self.units, self.splitting.distance);
-        let Self {
-            list,
-            pairs,
-            sizes,
-            splitting,
-            ..
-        } = self;
-        pairs.clear();
-        for pair in list.pairs() {
-            let (i, j) = (pair.i, pair.j);
-            let chain = RadialChain::screened(pair.distance * pair.distance, splitting.alpha);
-            pairs.push(NearPair {
-                i,
-                j,
-                n: -pair.normal,
-                coupling: finite_size(&couplings(&chain), &sizes[i], &sizes[j]),
-            });
+        self.pairs.clear();
+        if self.reaches_one_image() {
+            self.list
+                .find(cell, centres, &self.units, self.splitting.distance);
+            for k in 0..self.list.pairs().len() {
+                let pair = &self.list.pairs()[k];
+                let (i, j, x) = (pair.i, pair.j, pair.normal * -pair.distance);
+                self.add_pair(i, j, &x);
+            }
+            return Ok(());
+        }
+        // In small or thin cells a sphere meets several images of another, and of itself.
+        let (sides, reach) = (self.sides, self.splitting.distance);
+        for i in 0..centres.len() {
+            for j in i..centres.len() {
+                let separation = centres[i] - centres[j];
+                for x in images(separation, &sides, offset, reach) {
+                    // Of the images of a sphere itself, each pair of opposite ones once.
+                    if i != j || (x.z, x.y, x.x) > (0.0, 0.0, 0.0) {
+                        self.add_pair(i, j, &x);
+                    }
+                }
+            }
         }
         Ok(())
+    }
+
+    /// Adds the near part of spheres at the separation x from j to i.
+    fn add_pair(&mut self, i: usize, j: usize, x: &Vector3<f64>) {
+        let chain = RadialChain::screened(x.norm_squared(), self.splitting.alpha);
+        self.pairs.push(NearPair {
+            i,
+            j,
+            n: x.normalize(),
+            coupling: finite_size(&couplings(&chain), &self.sizes[i], &self.sizes[j]),
+        });
     }
 
     /// `y ← M x`, modes of each sphere.

@@ -197,8 +197,15 @@ fn operator_is_the_dense_mobility() {
         .collect();
     let n = radii.len();
     let exact = filled(&cell, &centres, &radii, 0.5);
-    for tolerance in [1e-4, 1e-6, 1e-8] {
-        let mut operator = MobilityOperator::new(&cell, &radii, tolerance).unwrap();
+    // The last splitting leaves near pairs that reach less than half a side, the others several
+    // images of each.
+    for (tolerance, alpha) in [(1e-4, None), (1e-6, None), (1e-8, None), (1e-7, Some(0.9))] {
+        let operator = match alpha {
+            None => MobilityOperator::new(&cell, &radii, tolerance),
+            Some(alpha) => MobilityOperator::with_splitting(&cell, &radii, tolerance, alpha),
+        };
+        let mut operator = operator.unwrap();
+        assert_eq!(operator.reaches_one_image(), alpha.is_some());
         operator.update(&cell, &centres).unwrap();
         let mut worst: f64 = 0.0;
         for (sphere, mode) in [

@@ -146,7 +146,7 @@ fn bad_input_is_refused() {
     assert!(FarOperator::with_splitting(&cell, &radii, 1e-8, 0.1).is_err());
     let mut operator = FarOperator::new(&cell, &radii, 1e-8).unwrap();
     assert!(operator.update(&cell, &centres[1..]).is_err());
-    let other = Cell::periodic(20.0, 20.0, 0.0).unwrap();
+    let other = Cell::equal_sides(20.0, 0.0).unwrap();
     assert!(operator.update(&other, &centres).is_err());
 }
 

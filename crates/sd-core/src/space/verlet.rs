@@ -4,38 +4,39 @@
 //! shear that the cell's offset tells:
 //!
 //! ```text
-//! w = x − x₀ − Δγ y₀ x̂,  Δγ = Δoffset/length_y:      d − d₀ = w_j − w_i + Δγ d₀_y x̂
+//! w = x − x₀ − Δγ y₀ x̂,  Δγ = Δoffset/sides[1]:      d − d₀ = w_j − w_i + Δγ d₀_y x̂
 //! good while   2 max |w| + |Δγ| (1 + s) r ≤ s r       for the shortest range r and the skin s r of any pair
 //! ```
 
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
-use crate::geometry::pair::Neighbours;
+use super::Space;
+use super::cell::Cell;
+use super::pair::Neighbours;
 
 /// Skin s, over the range.
 const SKIN: f64 = 0.1;
 
 /// Pairs within the longer range, and the positions at which they were found.
-#[derive(Debug, Default)]
-pub(super) struct VerletList {
+#[derive(Debug)]
+pub(super) struct VerletList<S: Space> {
     /// The pairs, ordered by (i, j).
     pairs: Vec<[usize; 2]>,
     /// Centres at the search; none if there was none.
-    centres: Vec<Vec2>,
+    centres: Vec<S::Vector>,
     radii: Vec<f64>,
     /// Range asked for at the search, without skin.
     range: f64,
-    cell: Option<Cell>,
+    cell: Option<Cell<S>>,
 }
 
-impl VerletList {
+impl<S: Space> VerletList<S> {
     /// Room for that many spheres and pairs.
     pub(super) fn new(spheres: usize, pairs: usize) -> Self {
         Self {
             pairs: Vec::with_capacity(pairs),
             centres: Vec::with_capacity(spheres),
             radii: Vec::with_capacity(spheres),
-            ..Self::default()
+            range: 0.0,
+            cell: None,
         }
     }
 
@@ -52,9 +53,9 @@ impl VerletList {
     /// Keeps the pairs that a search with the longer range has found.
     pub(super) fn keep(
         &mut self,
-        found: &[Neighbours],
-        cell: &Cell,
-        centres: &[Vec2],
+        found: &[Neighbours<S>],
+        cell: &Cell<S>,
+        centres: &[S::Vector],
         radii: &[f64],
         range: f64,
     ) {
@@ -70,32 +71,34 @@ impl VerletList {
 
     /// Whether no pair can have crossed the skin since the search.
     #[inline(always)]
-    pub(super) fn is_good(&self, cell: &Cell, centres: &[Vec2], radii: &[f64], range: f64) -> bool {
+    pub(super) fn is_good(
+        &self,
+        cell: &Cell<S>,
+        centres: &[S::Vector],
+        radii: &[f64],
+        range: f64,
+    ) -> bool {
         let (
             Some(Cell::Periodic {
-                length_x: old_x,
-                length_y: old_y,
+                sides: old_sides,
                 offset: old,
             }),
-            &Cell::Periodic {
-                length_x,
-                length_y,
-                offset,
-            },
+            &Cell::Periodic { sides, offset },
         ) = (self.cell, cell)
         else {
             return false;
         };
-        if [old_x, old_y, self.range] != [length_x, length_y, range] || self.radii != radii {
+        if old_sides != sides || self.range != range || self.radii != radii {
             return false;
         }
         // Offsets are known up to whole cells.
         let moved = offset - old;
-        let strain = (moved - (moved / length_x).round() * length_x) / length_y;
+        let strain = (moved - (moved / sides[0]).round() * sides[0]) / sides[1];
         let mut square: f64 = 0.0;
-        for (x, x0) in centres.iter().zip(&self.centres) {
-            let affine = Vec2::new(x0.x + strain * x0.y, x0.y);
-            square = square.max(cell.nearest(x - affine).0.norm_squared());
+        for (&x, &x0) in centres.iter().zip(&self.centres) {
+            let mut affine = x0;
+            affine[0] += strain * x0[1];
+            square = square.max(S::norm_squared(&cell.nearest(x - affine).0));
         }
         let shortest = range * radii.iter().copied().fold(f64::INFINITY, f64::min);
         2.0 * square.sqrt() + strain.abs() * (1.0 + SKIN) * shortest <= SKIN * shortest

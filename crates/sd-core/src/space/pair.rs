@@ -1,42 +1,42 @@
 //! Two spheres that are near each other.
 
+use super::cell::Cell;
+use super::{Layer, Space};
 use crate::error::Error;
-use crate::geometry::cell::Cell;
-use crate::geometry::modes::Vec2;
 
 /// The numbers of the two spheres of a pair, the lower one first: what a pair is looked up and stored by.
 pub type PairKey = (u32, u32);
 
 /// Two spheres within range of each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Neighbours {
+pub struct Neighbours<S: Space = Layer> {
     /// First sphere, `i < j`.
     pub i: usize,
     /// Second sphere.
     pub j: usize,
     /// The image of j that is meant.
-    pub image: [i32; 2],
+    pub image: S::Image,
     /// Distance of the centres r, in a.
     pub distance: f64,
     /// Unit vector n from i to that image of j.
-    pub normal: Vec2,
+    pub normal: S::Vector,
     /// Surface-to-surface gap g = r − a_i − a_j, in a.
     pub gap: f64,
 }
 
-impl Neighbours {
+impl<S: Space> Neighbours<S> {
     /// The spheres `[i, j]`, i < j, if `s' = 2r/(a_i + a_j)` is below `range`.
     #[inline(always)]
     pub(super) fn within(
         range: f64,
-        cell: &Cell,
-        centres: &[Vec2],
+        cell: &Cell<S>,
+        centres: &[S::Vector],
         radii: &[f64],
         [i, j]: [usize; 2],
     ) -> Option<Self> {
         let (r, image) = cell.nearest(centres[j] - centres[i]);
         let sum = radii[i] + radii[j];
-        let square = r.norm_squared();
+        let square = S::norm_squared(&r);
         let reach = 0.5 * range * sum;
         (square < reach * reach).then(|| {
             let distance = square.sqrt();
