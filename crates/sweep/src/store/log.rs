@@ -5,9 +5,10 @@
 //! every change renews a mark of it: the id and the number of the change. A log is the store's own if its marks have the id of
 //! the file and go on from the number that the file has. The marks are found as plain bytes: nothing of the log is parsed.
 
+use super::StoreError;
+use super::open::harden;
 use super::place::{address, with_suffix};
 use super::statements::Statements;
-use super::{StoreError, harden};
 use rusqlite::{Connection, OpenFlags};
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -80,12 +80,13 @@ pub(super) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Refuses what is no file: a folder, and what would let us wait for ever, as a pipe does.
+/// Refuses what is not there, and what is no file: a folder, and what would let us wait for ever, as a pipe does.
 pub(super) fn refuse_other_than_files(path: &Path) -> Result<(), StoreError> {
     let path = path.to_owned();
     match std::fs::metadata(&path) {
         Ok(there) if there.is_dir() => Err(StoreError::Folder { path }),
         Ok(there) if !there.is_file() => Err(StoreError::NotAFile { path }),
+        Err(_) if !path.exists() => Err(StoreError::Missing { path }),
         _ => Ok(()),
     }
 }

@@ -1,7 +1,6 @@
 //! Samples of runs.
 
-use super::count;
-use super::digest::{Altered, Digest, number, whole};
+use super::digest::{Altered, Digest, whole};
 use super::statements::Statements;
 use crate::model::stresses;
 use rusqlite::types::Value;
@@ -30,12 +29,12 @@ static INSERT: LazyLock<String> = LazyLock::new(|| {
     format!("INSERT INTO samples (case_id, {COLUMNS}, {names}) VALUES ({places})")
 });
 
-/// Writes the samples of a case in place of any it had. Gives their digest, which is kept with the case.
+/// Writes the samples of a case in place of any it had, and their digest with the case.
 pub(super) fn write(
     connection: &Connection,
     case: i64,
     samples: &[(u64, Sample)],
-) -> rusqlite::Result<Option<i64>> {
+) -> rusqlite::Result<()> {
     connection.run("DELETE FROM samples WHERE case_id = ?1", [case])?;
     let mut insert = connection.prepare_cached(&INSERT)?;
     let mut digest = Digest::default();
@@ -49,8 +48,7 @@ pub(super) fn write(
     connection.run(
         "UPDATE cases SET samples_digest = ?2 WHERE id = ?1",
         params![case, digest],
-    )?;
-    Ok(digest)
+    )
 }
 
 /// The samples of a case, with their steps. What is not a number comes back as NaN.
@@ -58,11 +56,8 @@ pub(super) fn write(
 /// # Errors
 /// Those of the query, and [`Altered`] if they are not what was written.
 pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u64, Sample)>> {
-    let written: Option<i64> = connection.one(
-        "SELECT samples_digest FROM cases WHERE id = ?1",
-        [case],
-        |row| row.get(0),
-    )?;
+    let written = "SELECT samples_digest FROM cases WHERE id = ?1";
+    let written: Option<i64> = connection.value(written, [case])?.flatten();
     let mut query = connection.prepare_cached(&SELECT)?;
     let columns = query.column_count();
     let (mut digest, mut samples) = (Digest::default(), Vec::new());
@@ -81,7 +76,7 @@ pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u6
 }
 
 /// The digests of the samples of all cases as they are now.
-pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, Option<i64>>> {
+pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, i64>> {
     let names = stresses::names(stresses::parts(), "");
     let mut query = connection.prepare(&format!(
         "SELECT {COLUMNS}, {names}, case_id FROM samples ORDER BY case_id, step"
@@ -92,16 +87,13 @@ pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, 
     let mut current: Option<(i64, Digest)> = None;
     while let Some(row) = rows.next()? {
         let id = row.get(case)?;
-        let digest = match current.take() {
-            Some((known, digest)) if known == id => digest,
-            other => {
-                digests.extend(other.map(|(id, digest)| (id, Some(digest.finish()))));
-                Digest::default()
-            }
-        };
+        if current.as_ref().is_some_and(|(known, _)| *known != id) {
+            digests.extend(current.take().map(|(id, digest)| (id, digest.finish())));
+        }
+        let (_, digest) = current.unwrap_or((id, Digest::default()));
         current = Some((id, digest.with_row(row, 0..case)?));
     }
-    digests.extend(current.map(|(id, digest)| (id, Some(digest.finish()))));
+    digests.extend(current.map(|(id, digest)| (id, digest.finish())));
     Ok(digests)
 }
 
@@ -132,39 +124,36 @@ fn shown(value: &Value) -> String {
 fn values(step: u64, s: &Sample) -> Vec<Value> {
     let mut values = vec![
         whole(step),
-        number(s.strain),
-        number(s.viscosity),
-        number(s.viscosity_stresslet),
-        number(s.normal_stress_difference),
-        number(s.dissipation),
-        whole(s.contacts.into()),
-        whole(s.activated.into()),
-        whole(s.rolling.into()),
-        whole(s.slipping.into()),
-        number(s.normal_velocity),
-        number(s.minimum_gap),
+        s.strain.into(),
+        s.viscosity.into(),
+        s.viscosity_stresslet.into(),
+        s.normal_stress_difference.into(),
+        s.dissipation.into(),
+        s.contacts.into(),
+        s.activated.into(),
+        s.rolling.into(),
+        s.slipping.into(),
+        s.normal_velocity.into(),
+        s.minimum_gap.into(),
         whole(s.counters.stages),
         whole(s.counters.unconverged_stages),
-        number(s.counters.worst_residual),
-        number(s.counters.worst_friction_error),
-        number(s.counters.minimum_gap),
+        s.counters.worst_residual.into(),
+        s.counters.worst_friction_error.into(),
+        s.counters.minimum_gap.into(),
         whole(s.counters.jam_events),
         whole(s.counters.jammed_steps),
         whole(s.counters.jammed_steps_running),
         whole(s.counters.jammed_stages),
         whole(s.counters.inexact_stages),
-        number(s.shear_rate),
+        s.shear_rate.into(),
     ];
-    values.extend(stresses::parts().map(|column| number(column.read(s))));
+    values.extend(stresses::parts().map(|column| Value::from(column.read(s))));
     values
 }
 
 /// A row of [`SELECT`].
 fn sample(row: &Row<'_>) -> rusqlite::Result<(u64, Sample)> {
-    let number = |column: usize| -> rusqlite::Result<f64> {
-        Ok(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN))
-    };
-    let whole = |column: usize| row.get(column).map(count);
+    let number = |column| row.get(column).map(|n: Option<f64>| n.unwrap_or(f64::NAN));
     let parts = COLUMN_COUNT..COLUMN_COUNT + stresses::parts().count();
     let parts = parts.map(number).collect::<Result<Vec<_>, _>>()?;
     let sample = Sample {
@@ -181,25 +170,25 @@ fn sample(row: &Row<'_>) -> rusqlite::Result<(u64, Sample)> {
         normal_velocity: number(10)?,
         minimum_gap: number(11)?,
         counters: Counters {
-            stages: whole(12)?,
-            unconverged_stages: whole(13)?,
+            stages: row.get(12)?,
+            unconverged_stages: row.get(13)?,
             worst_residual: number(14)?,
             worst_friction_error: number(15)?,
             minimum_gap: number(16)?,
-            jam_events: whole(17)?,
-            jammed_steps: whole(18)?,
-            jammed_steps_running: whole(19)?,
-            jammed_stages: whole(20)?,
-            inexact_stages: whole(21)?,
+            jam_events: row.get(17)?,
+            jammed_steps: row.get(18)?,
+            jammed_steps_running: row.get(19)?,
+            jammed_stages: row.get(20)?,
+            inexact_stages: row.get(21)?,
         },
         shear_rate: number(22)?,
     };
-    Ok((whole(0)?, sample))
+    Ok((row.get(0)?, sample))
 }
 
 /// Drops the samples of a case from a step on.
 pub(super) fn cut(connection: &Connection, case: i64, from: u64) -> rusqlite::Result<()> {
     let mut samples = of(connection, case)?;
     samples.retain(|(step, _)| *step < from);
-    write(connection, case, &samples).map(|_| ())
+    write(connection, case, &samples)
 }

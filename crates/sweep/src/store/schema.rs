@@ -83,7 +83,8 @@ pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
     }
     connection.execute_batch(
         "CREATE INDEX temp.cases_of_point ON cases (point);
-         CREATE INDEX temp.cases_of_rule ON cases (rule, position) WHERE rule IS NOT NULL",
+         CREATE INDEX temp.cases_of_rule ON cases (rule, position) WHERE rule IS NOT NULL;
+         CREATE INDEX temp.failures_of_case ON failures (case_id)",
     )
 }
 
@@ -102,7 +103,7 @@ pub(super) fn axis_cells(params: &Params) -> impl Iterator<Item = Value> {
         // Either the rate is imposed or the stress.
         _ if axis.is_of_shear() && !axis.means_something(params) => Value::Null,
         AxisValue::Word(word) => Value::Text(word.into()),
-        AxisValue::Count(count) => Value::Integer(super::integer(count)),
+        AxisValue::Count(count) => super::digest::whole(count),
         AxisValue::Number(number) => Value::Real(number),
     })
 }

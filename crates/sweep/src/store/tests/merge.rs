@@ -19,7 +19,7 @@ fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
         .execute("UPDATE processes SET host = ?1", [name])
         .unwrap();
     let own = format!("t.id = {}", store.me());
-    registry::SEALED.seal(&store.connection, &own).unwrap();
+    processes::SEALED.seal(&store.connection, &own, []).unwrap();
     (store, path)
 }
 
