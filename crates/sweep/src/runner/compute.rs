@@ -5,7 +5,7 @@ use crate::campaign::Steps;
 use crate::case::{Case, State};
 use crate::costs;
 use crate::model::replay::replay;
-use crate::store::{Checkpoint, Claim, Failure, Finished, StoreError, can_be_kept};
+use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
 use crate::system::clock::{Clock, Spent};
 use sd_core::simulation::{Flow, Frame};
 use sd_core::{Sample, Simulation, Snapshot};
@@ -170,11 +170,11 @@ impl Shared<'_> {
             Ok(Ok(End::Done)) => ("done", Ok(Some(self.finished(State::Done, run, spent)))),
             Ok(Ok(End::Jammed)) => ("jammed", Ok(Some(self.finished(State::Jammed, run, spent)))),
             Ok(Ok(End::Stopped)) => ("stopped", self.stopped(claim, &run, spent)),
-            Ok(Ok(End::Failed(cause))) => ("failed", self.fail(claim, run, &cause)),
+            Ok(Ok(End::Failed(cause))) => ("failed", self.fail(claim, &run, &cause)),
             Ok(Err(error)) => ("lost", Err(error)),
             Err(message) => (
                 "failed",
-                self.record_failure(claim, run, format!("panic: {message}"), None),
+                self.record_failure(claim, &run, format!("panic: {message}"), None),
             ),
         };
         self.progress.end_case(worker, result.is_ok());
@@ -406,7 +406,12 @@ impl Shared<'_> {
     }
 
     /// Records a failure of the solver or a limit.
-    fn fail(&self, claim: &Claim, run: Run, cause: &Cause) -> Result<Option<Finished>, StoreError> {
+    fn fail(
+        &self,
+        claim: &Claim,
+        run: &Run,
+        cause: &Cause,
+    ) -> Result<Option<Finished>, StoreError> {
         match cause {
             Cause::Physics(error) => {
                 // Step and strain are kept beside the message.
@@ -428,35 +433,37 @@ impl Shared<'_> {
     fn record_failure(
         &self,
         claim: &Claim,
-        run: Run,
+        run: &Run,
         message: String,
         error: Option<&sd_core::Error>,
     ) -> Result<Option<Finished>, StoreError> {
         self.progress.failed(&claim.case, &message);
         let (pair, gap) = error.map_or((None, None), culprit);
-        let failure = Failure {
+        let step = match error {
+            Some(sd_core::Error::Step { step, .. }) => *step,
+            _ => run.steps(),
+        };
+        let params = &claim.case.params;
+        let failure = Attempt {
             error: message,
-            step: match error {
-                Some(sd_core::Error::Step { step, .. }) => *step,
-                _ => run.steps(),
-            },
+            step,
+            strain: step as f64 * params.time_step,
             pair,
             gap,
-            snapshot: run
-                .last_state()
-                .map(|state| replay(&claim.case.params, &state)),
-            samples: run.record.samples,
+            snapshot: run.last_state().map(|state| replay(params, &state)),
+            ..Attempt::default()
         };
-        self.store().fail(claim, &failure).map(|()| None)
+        let samples = &run.record.samples;
+        self.store().fail(claim, failure, samples).map(|()| None)
     }
 }
 
 /// The pair and the gap an error names.
-fn culprit(error: &sd_core::Error) -> (Option<(usize, usize)>, Option<f64>) {
+fn culprit(error: &sd_core::Error) -> (Option<(u64, u64)>, Option<f64>) {
     match error {
         sd_core::Error::Step { source, .. } => culprit(source),
-        sd_core::Error::Overlap { i, j, gap, .. } => (Some((*i, *j)), Some(*gap)),
-        sd_core::Error::BadPair { i, j, .. } => (Some((*i, *j)), None),
+        sd_core::Error::Overlap { i, j, gap, .. } => (Some((*i as u64, *j as u64)), Some(*gap)),
+        sd_core::Error::BadPair { i, j, .. } => (Some((*i as u64, *j as u64)), None),
         _ => (None, None),
     }
 }

@@ -4,6 +4,7 @@ use super::digest::{self, Altered, Sealed};
 use super::inventory::Adoption;
 use super::log::{self, Mark};
 use super::open::harden;
+use super::place;
 use super::processes::{self, AtWork};
 use super::request::Request;
 use super::schema::{self, axis_cells, axis_columns};
@@ -41,9 +42,9 @@ impl Store {
         campaign: &Campaign,
         order: Order<'_>,
     ) -> Result<(Self, Adoption), StoreError> {
-        let is_new = std::fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() == 0)
-            || !path.exists();
-        if is_new && let Some(made) = Self::create(path, campaign, order)? {
+        if place::is_free(path)
+            && let Some(made) = Self::create(path, campaign, order)?
+        {
             return Ok(made);
         }
         let mut store = Self::open(path)?;

@@ -10,7 +10,7 @@ use super::{
 };
 use rusqlite::Connection;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Largest file whose structure is looked at before a run, in bytes: this takes less than half a second.
@@ -80,17 +80,23 @@ pub struct Checked {
     pub warning: Option<String>,
 }
 
-/// All that is damaged in a store whose pages can be read.
+/// A part of a store that is forgotten as a whole, by its number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Part {
+    /// A run.
+    Run(i64),
+    /// The grid, which is entered anew.
+    Grid,
+    Process(i64),
+    Point(i64),
+}
+
+/// All that is damaged in a store whose pages can be read, each part with the first that was found.
 #[derive(Default)]
 struct Damage {
-    /// Of runs, by their numbers: what it is, and whether the row of the case itself is damaged.
-    cases: BTreeMap<i64, (String, bool)>,
-    /// Of no run.
-    others: Vec<String>,
-    processes: Vec<i64>,
-    points: Vec<i64>,
-    /// Whether the grid has to be entered anew.
-    grid: bool,
+    parts: BTreeMap<Part, String>,
+    /// Runs whose rows among the cases are damaged themselves.
+    rows: BTreeSet<i64>,
 }
 
 impl Damage {
@@ -98,61 +104,59 @@ impl Damage {
         let mut damage = Self::default();
         for (table, words, query) in kinds() {
             for (row, _) in altered(connection, &query, [])? {
-                match table {
-                    "processes" => damage.processes.push(row),
-                    "points" => damage.points.push(row),
+                let part = match table {
+                    "processes" => Part::Process(row),
+                    "points" => Part::Point(row),
                     _ if OF_CASES.contains(&table) => {
                         let case = format!("SELECT case_id FROM {table} WHERE rowid = ?1");
-                        damage.case(
-                            connection.one(&case, [row], |row| row.get(0))?,
-                            words,
-                            false,
-                        );
+                        Part::Run(connection.one(&case, [row], |row| row.get(0))?)
                     }
-                    _ => damage.grid(words),
-                }
+                    _ => Part::Grid,
+                };
+                damage.add(part, words);
             }
         }
         damage.look_at_cases(connection)?;
         damage.look_at_samples(connection)?;
-        damage.look_at_processes(connection)?;
-        let fits = rules::check(connection);
-        if let Some(altered) = fits.as_ref().err().and_then(Altered::in_error) {
-            damage.grid(&altered.to_string());
-        } else {
-            fits?;
+        // Every result has a process that computed it.
+        let orphaned: Vec<i64> = connection.values(
+            "SELECT case_id FROM ends WHERE process NOT IN (SELECT id FROM processes)
+             UNION SELECT case_id FROM results WHERE process NOT IN (SELECT id FROM processes)",
+            [],
+        )?;
+        for case in orphaned {
+            damage.add(Part::Run(case), "the process that computed it is not there");
         }
+        damage.unless_altered(rules::check(connection))?;
         Ok(damage)
     }
 
-    fn case(&mut self, case: i64, what: &str, is_row: bool) {
-        let known = self
-            .cases
-            .entry(case)
-            .or_insert_with(|| (what.to_owned(), is_row));
-        known.1 |= is_row;
+    fn add(&mut self, part: Part, what: &str) {
+        self.parts.entry(part).or_insert_with(|| what.to_owned());
     }
 
-    fn grid(&mut self, what: &str) {
-        self.grid = true;
-        self.others.push(what.to_owned());
+    /// Takes an error about the grid or the campaign for damage of the grid.
+    fn unless_altered(&mut self, result: rusqlite::Result<()>) -> rusqlite::Result<()> {
+        match result {
+            Err(error) if Altered::in_error(&error).is_some() => {
+                self.add(Part::Grid, &Altered::words(&error));
+                Ok(())
+            }
+            other => other,
+        }
     }
 
     /// That every case has its point and its key, and the state that goes with its result and its failures.
     fn look_at_cases(&mut self, connection: &Connection) -> rusqlite::Result<()> {
-        let is_whole = points::look(connection, "c.id", "true", |row, known| {
+        let looked = points::look(connection, "c.id", "true", |row, known| {
             if let Err(error) = known {
-                self.case(row.get(12)?, &Altered::words(&error), true);
+                let case = row.get(12)?;
+                self.add(Part::Run(case), &Altered::words(&error));
+                self.rows.insert(case);
             }
             Ok(())
         });
-        match is_whole {
-            Ok(true) => {}
-            Ok(false) => self.grid("a case of the grid is missing"),
-            Err(error) if Altered::in_error(&error).is_some() => self.grid("the campaign"),
-            Err(error) => return Err(error),
-        }
-        Ok(())
+        self.unless_altered(looked)
     }
 
     /// That the samples of every case are what was written.
@@ -163,81 +167,65 @@ impl Damage {
             [],
             |row| row.try_into(),
         )?;
-        for (case, written) in written {
-            if digests.remove(&case) != Some(written) {
-                self.case(case, "the samples of a run", false);
-            }
-        }
-        for case in digests.into_keys() {
-            self.case(case, "the samples of a run", false);
-        }
-        Ok(())
-    }
-
-    /// That every result has a process that computed it.
-    fn look_at_processes(&mut self, connection: &Connection) -> rusqlite::Result<()> {
-        let cases: Vec<i64> = connection.values(
-            "SELECT case_id FROM ends WHERE process NOT IN (SELECT id FROM processes)
-             UNION SELECT case_id FROM results WHERE process NOT IN (SELECT id FROM processes)",
-            [],
-        )?;
-        for case in cases {
-            self.case(case, "the process that computed it is not there", false);
+        let missed = written
+            .into_iter()
+            .filter(|(case, written)| digests.remove(case) != Some(*written));
+        let cases: Vec<i64> = missed.map(|(case, _)| case).collect();
+        for case in cases.into_iter().chain(digests.into_keys()) {
+            self.add(Part::Run(case), "the samples of a run");
         }
         Ok(())
-    }
-
-    fn is_none(&self) -> bool {
-        self.cases.is_empty()
-            && self.others.is_empty()
-            && self.processes.is_empty()
-            && self.points.is_empty()
     }
 
     /// As it is told.
     fn findings(&self, connection: &Connection) -> Vec<Finding> {
-        let key = |case| {
+        let key = |case: &i64| {
             let key = connection.value("SELECT key FROM cases WHERE id = ?1", [case]);
             key.ok().flatten()
         };
-        let of_cases = self.cases.iter().map(|(case, (what, _))| Finding {
-            key: key(*case),
+        let parts = self.parts.iter();
+        let finding = |(part, what): (&Part, &String)| Finding {
+            key: if let Part::Run(case) = part {
+                key(case)
+            } else {
+                None
+            },
             what: what.clone(),
-        });
-        let processes = vec!["a process that computed"; self.processes.len()];
-        let points = vec!["the parameters of a point"; self.points.len()];
-        let others = self.others.iter().map(String::as_str);
-        let others = others.chain(processes).chain(points);
-        of_cases.chain(others.map(Finding::of_no_run)).collect()
+        };
+        parts.map(finding).collect()
     }
 
     /// Forgets what is damaged: runs are pending again, cases and points are entered anew with the campaign.
     fn forget(&self, connection: &Connection) -> rusqlite::Result<()> {
-        for (case, (_, is_row)) in &self.cases {
-            forget_case(connection, *case)?;
-            if *is_row {
-                connection.execute("DELETE FROM cases WHERE id = ?1", [case])?;
+        for part in self.parts.keys() {
+            match part {
+                Part::Run(case) => forget_case(connection, *case)?,
+                Part::Point(point) => {
+                    let cases = "SELECT id FROM cases WHERE point = ?1";
+                    let cases: Vec<i64> = connection.values(cases, [point])?;
+                    for case in cases {
+                        forget_case(connection, case)?;
+                    }
+                    connection.run("DELETE FROM cases WHERE point = ?1", [point])?;
+                    connection.run("DELETE FROM points WHERE id = ?1", [point])?;
+                }
+                Part::Process(process) => {
+                    connection.run(
+                        "UPDATE processes SET host = 'unknown', build = '', version = '' WHERE id = ?1",
+                        [process],
+                    )?;
+                    processes::SEALED.seal(connection, "t.id = ?1", [process])?;
+                }
+                Part::Grid => {}
             }
         }
-        for point in &self.points {
-            let cases = "SELECT id FROM cases WHERE point = ?1";
-            let cases: Vec<i64> = connection.values(cases, [point])?;
-            for case in cases {
-                forget_case(connection, case)?;
-            }
-            connection.execute("DELETE FROM cases WHERE point = ?1", [point])?;
-            connection.execute("DELETE FROM points WHERE id = ?1", [point])?;
+        for case in &self.rows {
+            connection.run("DELETE FROM cases WHERE id = ?1", [case])?;
         }
-        for process in &self.processes {
-            connection.execute(
-                "UPDATE processes SET host = 'unknown', build = '', version = '' WHERE id = ?1",
-                [process],
-            )?;
-            processes::SEALED.seal(connection, "t.id = ?1", [process])?;
-        }
-        if self.grid || !self.points.is_empty() || self.cases.values().any(|(_, is_row)| *is_row) {
+        let is_of_grid = |part: &Part| matches!(part, Part::Grid | Part::Point(_));
+        if !self.rows.is_empty() || self.parts.keys().any(is_of_grid) {
             // What the store was last run with is entered again.
-            connection.execute("UPDATE campaign SET request = '', digest = 0", [])?;
+            connection.run("UPDATE campaign SET request = '', digest = 0", [])?;
         }
         Ok(())
     }
@@ -316,7 +304,7 @@ impl Store {
             let transaction = self.connection.unchecked_transaction()?;
             Damage::of(&transaction)
         };
-        if self.read(damage())?.is_none() {
+        if self.read(damage())?.parts.is_empty() {
             return Ok(findings);
         }
         self.write(|connection| {

@@ -87,9 +87,10 @@ pub(super) struct Sealed {
 impl Sealed {
     /// Selects of rows `t`, and their cases `c` where there is a key, what the digest covers, the digest, and the number of the row.
     pub(super) fn select(&self) -> String {
-        let (key, cases) = match self.with_key {
-            true => (", c.key", " JOIN cases c ON c.id = t.case_id"),
-            false => ("", ""),
+        let (key, cases) = if self.with_key {
+            (", c.key", " JOIN cases c ON c.id = t.case_id")
+        } else {
+            ("", "")
         };
         let columns = self.columns.replace(", ", ", t.");
         let table = self.table;
@@ -110,9 +111,7 @@ impl Sealed {
         let query = format!("{} WHERE {condition}", self.select());
         let mut all = Vec::new();
         each(connection, &query, parameters, |row, is_whole, _| {
-            if !is_whole {
-                return Err(Altered::of(self.words));
-            }
+            Altered::unless(is_whole, self.words)?;
             all.push(read(row)?);
             Ok(())
         })?;
@@ -140,14 +139,13 @@ impl Sealed {
     ) -> rusqlite::Result<()> {
         let key = key.map(|key| Value::Text(key.to_owned()));
         let digest = Value::Integer(Digest::default().with(values).with(&key).finish());
-        let more_names: String = more.iter().map(|(name, _)| format!(", {name}")).collect();
+        let names = more.iter().map(|(name, _)| *name);
+        let names: Vec<&str> = [self.columns, "digest"].into_iter().chain(names).collect();
+        let (table, names) = (self.table, names.join(", "));
         let places = vec!["?"; values.len() + 1 + more.len()].join(", ");
-        let (table, columns) = (self.table, self.columns);
         let more = more.iter().map(|(_, value)| value);
         connection.run(
-            &format!(
-                "INSERT OR REPLACE INTO {table} ({columns}, digest{more_names}) VALUES ({places})"
-            ),
+            &format!("INSERT OR REPLACE INTO {table} ({names}) VALUES ({places})"),
             params_from_iter(values.iter().chain([&digest]).chain(more)),
         )
     }
@@ -216,9 +214,12 @@ pub(super) fn reseal(
 pub(super) struct Altered(String);
 
 impl Altered {
-    /// A row, in words, as an error of a query.
-    pub(super) fn of(row: &str) -> rusqlite::Error {
-        Self::error(format!("{row} is not what was written"))
+    /// The error about a row, in words, unless it is what was written.
+    pub(super) fn unless(is_whole: bool, row: &str) -> rusqlite::Result<()> {
+        if is_whole {
+            return Ok(());
+        }
+        Err(Self::error(format!("{row} is not what was written")))
     }
 
     /// As an error of a query.

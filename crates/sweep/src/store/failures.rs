@@ -55,12 +55,12 @@ pub struct FailureLine {
 }
 
 impl Attempt {
-    /// The last attempt at a case, by a process, that failed now.
-    pub(super) fn of(process: i64) -> Self {
+    /// The same as one by a process, which ended now.
+    pub(super) fn by(self, process: i64) -> Self {
         Self {
             process,
             failed_at: process::now(),
-            ..Self::default()
+            ..self
         }
     }
 }

@@ -8,9 +8,9 @@ use serde::Serialize;
 use std::path::Path;
 
 /// About what a run takes in the store without its samples, in bytes; measured.
-const CASE_BYTES: u32 = 1200;
+pub(crate) const CASE_BYTES: u32 = 1200;
 /// About what a sample takes, index included, in bytes; measured.
-const SAMPLE_BYTES: u32 = 145;
+pub(crate) const SAMPLE_BYTES: u32 = 145;
 
 /// What a campaign file finds in its store.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]

@@ -7,8 +7,9 @@
 
 use super::StoreError;
 use super::open::harden;
-use super::place::{address, with_suffix};
+use super::place::address;
 use super::statements::Statements;
+use crate::system::files::with_suffix;
 use rusqlite::{Connection, OpenFlags};
 use std::path::{Path, PathBuf};
 use std::time::Duration;

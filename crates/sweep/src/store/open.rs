@@ -140,8 +140,9 @@ impl Store {
         if mode.eq_ignore_ascii_case("wal") {
             return Ok(());
         }
-        Err(StoreError::NoLog {
+        Err(StoreError::Unwritable {
             path: self.path.clone(),
+            source: std::io::Error::other("this file system cannot keep a write-ahead log"),
         })
     }
 

@@ -107,31 +107,26 @@ fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
         *COVERED
     );
     let mut runs = Vec::new();
-    let is_whole = look(connection, &more, "c.position IS NOT NULL", |row, known| {
+    look(connection, &more, "c.position IS NOT NULL", |row, known| {
         let (key, point) = known?;
         if row.get(6)? {
             runs.push(point_run(row, key, point)?);
         }
         Ok(())
     })?;
-    if !is_whole {
-        return Err(Altered::error(
-            "the grid is not what was written: a case is missing",
-        ));
-    }
     // Put into order here: SQLite would copy all columns for that.
     runs.sort_unstable_by_key(|run: &PointRun| run.position);
     Ok(runs)
 }
 
 /// Calls `each` with the row of every case that meets a condition, and its key and its point, or why these are not what was
-/// written. Columns of `more` come from 12 on. Says whether all of the grid are there.
+/// written. Columns of `more` come from 12 on.
 pub(super) fn look(
     connection: &Connection,
     more: &str,
     condition: &str,
     mut each: impl FnMut(&Row<'_>, rusqlite::Result<(CaseKey, &KnownPoint)>) -> rusqlite::Result<()>,
-) -> rusqlite::Result<bool> {
+) -> rusqlite::Result<()> {
     let (protocol, grid): (String, String) = connection
         .one("SELECT protocol, grid FROM campaign", [], |row| {
             row.try_into()
@@ -172,7 +167,12 @@ pub(super) fn look(
     }
     positions.sort_unstable();
     let numbers = 0..positions.len() as u64;
-    Ok(positions.into_iter().eq(numbers) && request::grid(keys.into_iter()) == grid)
+    if positions.into_iter().eq(numbers) && request::grid(keys.into_iter()) == grid {
+        return Ok(());
+    }
+    Err(Altered::error(
+        "the grid is not what was written: a case is missing",
+    ))
 }
 
 /// The point of a case, as it is read.

@@ -153,9 +153,9 @@ fn quarantine(connection: &Connection, process: i64) -> rusqlite::Result<usize> 
             step: *step,
             strain: *step as f64 * params.time_step,
             snapshot: last.map(|last| replay(params, &last.snapshot)),
-            ..failures::Attempt::of(process)
+            ..failures::Attempt::default()
         };
-        settle::fail(connection, *id, failure)?;
+        settle::fail(connection, *id, failure.by(process))?;
     }
     Ok(condemned.len())
 }

@@ -149,15 +149,9 @@ fn values(
 /// Makes sure that the result of a case is what was written.
 pub(super) fn check(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     let query = format!("{} AND c.id = ?1", select());
-    digest::each(
-        connection,
-        &query,
-        [case],
-        |_, is_whole, _| match is_whole {
-            true => Ok(()),
-            false => Err(Altered::of(WORDS)),
-        },
-    )
+    digest::each(connection, &query, [case], |_, is_whole, _| {
+        Altered::unless(is_whole, WORDS)
+    })
 }
 
 /// Selects what the digests of all results that count cover, the digests, and the numbers of the rows.

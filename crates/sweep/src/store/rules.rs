@@ -38,6 +38,9 @@ pub(super) const SEALED: Sealed = Sealed {
     words: "the precision requested at a point",
 };
 
+/// What is altered where others count than those that the rules say, in words.
+const WHICH_COUNT: &str = "which seeds count";
+
 /// Enters the rules of a campaign in place of those that are there. Its cases are in the store, and all count: see [`apply_all`],
 /// which leaves out seeds that do not.
 pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> rusqlite::Result<()> {
@@ -178,23 +181,17 @@ pub(super) fn first_batch(
 
 /// Makes sure that at every point those seeds count that its rule says, and elsewhere all of the grid.
 pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
-    let altered = || Altered::of("which seeds count");
     for (point, rule) in rules(connection, "true", [])? {
         let seeds = seeds(connection, point, &rule)?;
         let wanted = decide(&rule, &seeds).wanted;
-        if seeds
-            .iter()
-            .enumerate()
-            .any(|(place, seed)| seed.counts != (place < wanted))
-        {
-            return Err(altered());
-        }
+        let fits = |(place, seed): (usize, &Seed)| seed.counts == (place < wanted);
+        Altered::unless(seeds.iter().enumerate().all(fits), WHICH_COUNT)?;
     }
-    let left_out: bool = connection.has(
+    let left_out = connection.has(
         "SELECT 1 FROM cases WHERE counts != (position IS NOT NULL) AND rule IS NULL",
         [],
     )?;
-    if left_out { Err(altered()) } else { Ok(()) }
+    Altered::unless(!left_out, WHICH_COUNT)
 }
 
 impl Store {

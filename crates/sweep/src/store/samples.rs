@@ -2,31 +2,24 @@
 
 use super::digest::{Altered, Digest, whole};
 use super::statements::Statements;
-use crate::model::stresses;
+use crate::axes;
+use crate::model::sampled;
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params, params_from_iter};
 use sd_core::Sample;
-use sd_core::simulation::Counters;
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
-/// Columns of a sample after its case, before those of the stresses, which are made from their declarations.
-const COLUMNS: &str = "step, strain, viscosity, viscosity_stresslet, normal_stress_difference, dissipation, contacts, activated, \
-     rolling, slipping, normal_velocity, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, \
-     minimum_gap_so_far, jam_events, jammed_steps, jammed_steps_running, jammed_stages, inexact_stages, shear_rate";
-/// How many these are.
-const COLUMN_COUNT: usize = 23;
-
-/// Reads the samples of a case up to a step.
+/// Reads the samples of a case.
 static SELECT: LazyLock<String> = LazyLock::new(|| {
-    let names = stresses::names(stresses::parts(), "");
-    format!("SELECT {COLUMNS}, {names} FROM samples WHERE case_id = ?1 ORDER BY step")
+    let names = sampled::names();
+    format!("SELECT step, {names} FROM samples WHERE case_id = ?1 ORDER BY step")
 });
 /// Writes one.
 static INSERT: LazyLock<String> = LazyLock::new(|| {
-    let names = stresses::names(stresses::parts(), "");
-    let places = vec!["?"; 1 + COLUMN_COUNT + stresses::parts().count()].join(", ");
-    format!("INSERT INTO samples (case_id, {COLUMNS}, {names}) VALUES ({places})")
+    let names = sampled::names();
+    let places = vec!["?"; 2 + names.split(", ").count()].join(", ");
+    format!("INSERT INTO samples (case_id, step, {names}) VALUES ({places})")
 });
 
 /// Writes the samples of a case in place of any it had, and their digest with the case.
@@ -77,9 +70,9 @@ pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u6
 
 /// The digests of the samples of all cases as they are now.
 pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, i64>> {
-    let names = stresses::names(stresses::parts(), "");
+    let names = sampled::names();
     let mut query = connection.prepare(&format!(
-        "SELECT {COLUMNS}, {names}, case_id FROM samples ORDER BY case_id, step"
+        "SELECT step, {names}, case_id FROM samples ORDER BY case_id, step"
     ))?;
     let case = query.column_count() - 1;
     let mut rows = query.query([])?;
@@ -99,8 +92,8 @@ pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, 
 
 /// Where two samples differ first, bit for bit, if they do.
 pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<String> {
-    let names = stresses::names(stresses::parts(), "");
-    let names = COLUMNS.split(", ").chain(names.split(", "));
+    let names = sampled::names();
+    let names = std::iter::once("step").chain(names.split(", "));
     let values = values(one.0, &one.1).into_iter().zip(values(two.0, &two.1));
     names.zip(values).find_map(|(name, (one, two))| {
         let same = match (&one, &two) {
@@ -121,69 +114,25 @@ fn shown(value: &Value) -> String {
 }
 
 /// The values of a sample, in the order of the columns.
-fn values(step: u64, s: &Sample) -> Vec<Value> {
-    let mut values = vec![
-        whole(step),
-        s.strain.into(),
-        s.viscosity.into(),
-        s.viscosity_stresslet.into(),
-        s.normal_stress_difference.into(),
-        s.dissipation.into(),
-        s.contacts.into(),
-        s.activated.into(),
-        s.rolling.into(),
-        s.slipping.into(),
-        s.normal_velocity.into(),
-        s.minimum_gap.into(),
-        whole(s.counters.stages),
-        whole(s.counters.unconverged_stages),
-        s.counters.worst_residual.into(),
-        s.counters.worst_friction_error.into(),
-        s.counters.minimum_gap.into(),
-        whole(s.counters.jam_events),
-        whole(s.counters.jammed_steps),
-        whole(s.counters.jammed_steps_running),
-        whole(s.counters.jammed_stages),
-        whole(s.counters.inexact_stages),
-        s.shear_rate.into(),
-    ];
-    values.extend(stresses::parts().map(|column| Value::from(column.read(s))));
-    values
+fn values(step: u64, sample: &Sample) -> Vec<Value> {
+    let value = |field: sampled::Field| match field.value {
+        axes::Value::Number(number) => number.into(),
+        axes::Value::Count(count) => whole(count),
+        axes::Value::Word(word) => word.to_owned().into(),
+    };
+    std::iter::once(whole(step))
+        .chain(sampled::fields(sample).into_iter().map(value))
+        .collect()
 }
 
 /// A row of [`SELECT`].
 fn sample(row: &Row<'_>) -> rusqlite::Result<(u64, Sample)> {
-    let number = |column| row.get(column).map(|n: Option<f64>| n.unwrap_or(f64::NAN));
-    let parts = COLUMN_COUNT..COLUMN_COUNT + stresses::parts().count();
-    let parts = parts.map(number).collect::<Result<Vec<_>, _>>()?;
-    let sample = Sample {
-        strain: number(1)?,
-        viscosity: number(2)?,
-        viscosity_stresslet: number(3)?,
-        normal_stress_difference: number(4)?,
-        stress: stresses::of_parts(parts),
-        dissipation: number(5)?,
-        contacts: row.get(6)?,
-        activated: row.get(7)?,
-        rolling: row.get(8)?,
-        slipping: row.get(9)?,
-        normal_velocity: number(10)?,
-        minimum_gap: number(11)?,
-        counters: Counters {
-            stages: row.get(12)?,
-            unconverged_stages: row.get(13)?,
-            worst_residual: number(14)?,
-            worst_friction_error: number(15)?,
-            minimum_gap: number(16)?,
-            jam_events: row.get(17)?,
-            jammed_steps: row.get(18)?,
-            jammed_steps_running: row.get(19)?,
-            jammed_stages: row.get(20)?,
-            inexact_stages: row.get(21)?,
-        },
-        shear_rate: number(22)?,
+    let number = |place| {
+        row.get(place + 1)
+            .map(|n: Option<f64>| n.unwrap_or(f64::NAN))
     };
-    Ok((row.get(0)?, sample))
+    let count = |place| row.get(place + 1);
+    Ok((row.get(0)?, sampled::read(number, count)?))
 }
 
 /// Drops the samples of a case from a step on.

@@ -4,9 +4,10 @@
 
 use super::claims::Claim;
 use super::ends::{self, RunEnd, SEALED};
+use super::failures::{self, Attempt};
 use super::results::{self, Covered};
 use super::statements::Statements;
-use super::{Store, StoreError, checkpoints, failures, rules, samples, states};
+use super::{Store, StoreError, checkpoints, rules, samples, states};
 use crate::case::State;
 use crate::protocol::{Discard, Protocol};
 use crate::statistics::mser_5;
@@ -248,23 +249,6 @@ pub struct Finished {
     pub last_state: Vec<u8>,
 }
 
-/// A run that failed.
-#[derive(Debug)]
-pub struct Failure {
-    /// Its error.
-    pub error: String,
-    /// The step that failed.
-    pub step: u64,
-    /// Pair it failed at, if it is known.
-    pub pair: Option<(usize, usize)>,
-    /// Gap of that pair.
-    pub gap: Option<f64>,
-    /// JSON of the state before the step that failed.
-    pub snapshot: Option<String>,
-    /// Samples up to then.
-    pub samples: Vec<(u64, Sample)>,
-}
-
 impl Store {
     /// Keeps the results of cases, and their last states, in one transaction. Says for each whether this process still owned it: of
     /// others nothing is kept.
@@ -283,8 +267,13 @@ impl Store {
         })
     }
 
-    /// Keeps the failure of a case.
-    pub(crate) fn fail(&mut self, claim: &Claim, failure: &Failure) -> Result<(), StoreError> {
+    /// Keeps the failure of a case, with its samples up to then.
+    pub(crate) fn fail(
+        &mut self,
+        claim: &Claim,
+        failure: Attempt,
+        samples: &[(u64, Sample)],
+    ) -> Result<(), StoreError> {
         let me = self.me();
         let owned = self.write(|connection| {
             if !owns(connection, claim, me)? {
@@ -293,18 +282,9 @@ impl Store {
             // Samples of a run that was computed farther before are those of its result.
             let computed = ends::steps_of(connection, claim.id)?;
             if computed.is_none_or(|steps| steps <= failure.step) {
-                samples::write(connection, claim.id, &failure.samples)?;
+                samples::write(connection, claim.id, samples)?;
             }
-            let failed = failures::Attempt {
-                error: failure.error.clone(),
-                step: failure.step,
-                strain: failure.step as f64 * claim.case.params.time_step,
-                pair: failure.pair.map(|(i, j)| (i as u64, j as u64)),
-                gap: failure.gap,
-                snapshot: failure.snapshot.clone(),
-                ..failures::Attempt::of(me)
-            };
-            fail(connection, claim.id, failed)?;
+            fail(connection, claim.id, failure.by(me))?;
             Ok(true)
         })?;
         owned.then_some(()).ok_or_else(|| claim.lost())
@@ -331,11 +311,7 @@ impl Store {
 }
 
 /// Ends a case as failed.
-pub(super) fn fail(
-    connection: &Connection,
-    case: i64,
-    failed: failures::Attempt,
-) -> rusqlite::Result<()> {
+pub(super) fn fail(connection: &Connection, case: i64, failed: Attempt) -> rusqlite::Result<()> {
     states::end(connection, case, State::Failed, failed.step)?;
     failures::insert(connection, case, failed)?;
     checkpoints::drop_all(connection, case)?;

@@ -336,13 +336,10 @@ impl Merging<'_> {
         }
         let described = processes::described(self.other, there);
         let known = "SELECT id FROM processes WHERE digest = ?1";
-        let here = match self.connection.value(known, [digest::of(&described)])? {
-            Some(here) => here,
-            None => {
-                let left = [("heartbeat", whole(0)), ("ended_at", now().into())];
-                processes::put(self.connection, &described, &left)?
-            }
-        };
+        let known = self.connection.value(known, [digest::of(&described)])?;
+        let left = [("heartbeat", whole(0)), ("ended_at", now().into())];
+        let enter = || processes::put(self.connection, &described, &left);
+        let here = known.map_or_else(enter, Ok)?;
         self.processes.insert(there, here);
         Ok(here)
     }

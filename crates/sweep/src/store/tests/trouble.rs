@@ -11,7 +11,7 @@ fn mixed(directory: &Path) -> Store {
     let whole = finished_as(&claim, State::Done);
     store.end(&claim, &whole).unwrap();
     let claim = store.next().unwrap();
-    store.fail(&claim, &failure(37, 0)).unwrap();
+    store.fail(&claim, failure(37), &first_samples(0)).unwrap();
     let claim = store.next().unwrap();
     for steps in [20, 40] {
         store.keep(&claim, steps, &checkpoint(steps)).unwrap();
