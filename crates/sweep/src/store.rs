@@ -13,6 +13,7 @@ mod ends;
 mod error;
 mod failures;
 mod frames;
+mod harden;
 mod inventory;
 mod lock;
 mod log;

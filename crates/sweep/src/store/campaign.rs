@@ -1,9 +1,9 @@
 //! Taking a campaign file into its store.
 
 use super::digest::{self, Altered, Sealed};
+use super::harden::harden;
 use super::inventory::Adoption;
 use super::log::{self, Mark};
-use super::open::harden;
 use super::place;
 use super::processes::{self, AtWork};
 use super::request::Request;
@@ -61,7 +61,7 @@ impl Store {
         if log::is_there(path) {
             return Err(StoreError::ForeignLog {
                 path: path.to_owned(),
-                log: log::log_of(path),
+                log: place::log_of(path),
             });
         }
         let unwritable = |source| StoreError::Unwritable {

@@ -59,7 +59,7 @@ impl Store {
                     Some((known, params)) if known == of_point => params,
                     _ => {
                         let query = "SELECT params FROM points WHERE id = ?1";
-                        connection.one(query, [of_point], |row| super::points::params(row, 0))?
+                        connection.one(query, [of_point], |row| super::schema::params(row, 0))?
                     }
                 };
                 point = Some((of_point, params.clone()));

@@ -154,7 +154,7 @@ impl Store {
             Ok(FailureLine {
                 key: row.get(0)?,
                 seed: row.get(1)?,
-                params: super::points::params(row, 2)?,
+                params: super::schema::params(row, 2)?,
                 failed: attempt(row, 3)?,
             })
         })

@@ -6,12 +6,11 @@
 //! the file and go on from the number that the file has. The marks are found as plain bytes: nothing of the log is parsed.
 
 use super::StoreError;
-use super::open::harden;
-use super::place::address;
+use super::harden::harden;
+use super::place::{address, log_of};
 use super::statements::Statements;
-use crate::system::files::with_suffix;
 use rusqlite::{Connection, OpenFlags};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 /// First bytes of every mark.
@@ -80,11 +79,6 @@ impl Mark {
             [Self { id, number: 0 }.bytes()],
         )
     }
-}
-
-/// The write-ahead log beside a store.
-pub(super) fn log_of(path: &Path) -> PathBuf {
-    with_suffix(path, "-wal")
 }
 
 /// Whether there is a log beside a store with anything in it.

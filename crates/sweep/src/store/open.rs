@@ -1,6 +1,7 @@
 //! An open store: its connection, its files, its transactions.
 
 use super::StoreError;
+use super::harden::harden;
 use super::lock::{WAITS, WAITS_UNTOLD, is_stopping, wait_for_lock};
 use super::log::{self, Mark};
 use super::place::{self, FileIdentity, Files};
@@ -8,13 +9,10 @@ use super::processes::{self, Registered, TaskName};
 use super::request::Request;
 use super::schema;
 use super::statements::Statements;
-use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Largest text or blob that is read, in bytes.
-const LENGTH_LIMIT: i32 = 256 << 20;
 /// Pages of a store that are kept in memory, in KiB: enough to go through the results of 100 000 runs several times.
 const CACHE: i32 = 64 << 10;
 
@@ -107,7 +105,7 @@ impl Store {
         let Some((pid, host)) = self.read(processes::abandoned(&self.connection))? else {
             return Ok(None);
         };
-        let log = log::log_of(&self.path);
+        let log = place::log_of(&self.path);
         Ok(if log::is_cut(&self.connection, last) {
             Some(format!(
                 "the end of the log {} cannot be read: what process {pid} on {host} wrote last is lost, and is computed again",
@@ -266,19 +264,4 @@ impl Store {
     pub(super) fn json<T>(&self, result: Result<T, serde_json::Error>) -> Result<T, StoreError> {
         result.map_err(|error| StoreError::unreadable(&self.path, &error))
     }
-}
-
-/// Lets nothing that is written in a store be carried out: no views, no triggers, no functions but those without effect.
-pub(super) fn harden(connection: &Connection) -> rusqlite::Result<()> {
-    for (option, value) in [
-        (DbConfig::SQLITE_DBCONFIG_TRUSTED_SCHEMA, false),
-        (DbConfig::SQLITE_DBCONFIG_ENABLE_TRIGGER, false),
-        (DbConfig::SQLITE_DBCONFIG_ENABLE_VIEW, false),
-        (DbConfig::SQLITE_DBCONFIG_DEFENSIVE, true),
-    ] {
-        connection.set_db_config(option, value)?;
-    }
-    connection.set_prepared_statement_cache_capacity(64);
-    connection.set_limit(rusqlite::limits::Limit::SQLITE_LIMIT_LENGTH, LENGTH_LIMIT)?;
-    Ok(())
 }

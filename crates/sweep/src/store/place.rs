@@ -1,7 +1,6 @@
 //! Where a store lies: whether its file is still the one that was opened.
 
 use super::StoreError;
-use super::log::log_of;
 use crate::system::files::with_suffix;
 use std::cell::Cell;
 use std::os::unix::fs::MetadataExt as _;
@@ -72,6 +71,11 @@ impl Files {
             let _ = std::fs::remove_file(with_suffix(&self.path, "-shm"));
         }
     }
+}
+
+/// The write-ahead log beside a store.
+pub(super) fn log_of(path: &Path) -> PathBuf {
+    with_suffix(path, "-wal")
 }
 
 /// Whether there is no store yet: no file, or one without anything in it, whose place a store takes.

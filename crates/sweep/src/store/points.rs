@@ -2,7 +2,7 @@
 
 use super::digest::{Altered, Digest};
 use super::results::COVERED;
-use super::schema::axis_cells;
+use super::schema::{axis_cells, params, state};
 use super::statements::Statements;
 use super::{Store, StoreError, campaign, request, rules};
 use crate::case::{CaseKey, State};
@@ -10,7 +10,7 @@ use crate::doubt::Doubt;
 use crate::model::stresses::{self, COUNT, STRESSES};
 use crate::protocol::Protocol;
 use crate::statistics::Steadiness;
-use rusqlite::types::{Type, Value, ValueRef};
+use rusqlite::types::{Value, ValueRef};
 use rusqlite::{Connection, Row};
 use sd_core::Params;
 use std::collections::HashMap;
@@ -239,12 +239,6 @@ impl KnownPoint {
     }
 }
 
-/// The state of this name.
-pub(super) fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
-    let name = name.as_str()?;
-    State::of(name).ok_or_else(|| Altered::error(format!("there is no state {name:?} of a case")))
-}
-
 /// First column of the stresses in a row of [`point_runs`].
 const OF_STRESSES: usize = 37;
 
@@ -316,12 +310,4 @@ fn steadiness(row: &Row<'_>) -> rusqlite::Result<Option<Steadiness>> {
         correlation,
         variance,
     }))
-}
-
-/// The parameters in a column of JSON.
-pub(super) fn params(row: &Row<'_>, column: usize) -> rusqlite::Result<Params> {
-    let text: String = row.get(column)?;
-    serde_json::from_str(&text).map_err(|error| {
-        rusqlite::Error::FromSqlConversionFailure(column, Type::Text, Box::new(error))
-    })
 }

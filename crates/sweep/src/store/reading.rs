@@ -1,9 +1,9 @@
 //! Opening a store to read it: while others write, without write access, on a full disk.
 
+use super::harden::harden;
 use super::lock::wait_for_lock;
 use super::log;
-use super::open::harden;
-use super::place::{address, refuse_other_than_files};
+use super::place::{self, address, refuse_other_than_files};
 use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::disk::is_full;
@@ -36,7 +36,7 @@ impl Store {
                 if had_log {
                     store.warning = Some(format!(
                         "the log {} cannot be read here: what was written last is not shown",
-                        log::log_of(path).display()
+                        place::log_of(path).display()
                     ));
                 }
                 return Ok(store);

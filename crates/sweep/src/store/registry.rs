@@ -140,7 +140,7 @@ fn quarantine(connection: &Connection, process: i64) -> rusqlite::Result<usize> 
         "SELECT c.id, p.params, c.steps_done FROM cases c JOIN points p ON p.id = c.point
          WHERE c.owner = ?1 AND c.state = 'running' AND c.deaths >= ?2",
         params![process, DEATH_LIMIT],
-        |row| Ok((row.get(0)?, super::points::params(row, 1)?, row.get(2)?)),
+        |row| Ok((row.get(0)?, super::schema::params(row, 1)?, row.get(2)?)),
     )?;
     for (id, params, step) in &condemned {
         let checkpoints = checkpoints::of(connection, *id)?;

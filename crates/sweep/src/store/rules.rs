@@ -201,7 +201,7 @@ impl Store {
             let params = self.connection.one(
                 "SELECT p.params FROM cases c JOIN points p ON p.id = c.point WHERE c.rule = ?1 LIMIT 1",
                 [point],
-                |row| super::points::params(row, 0),
+                |row| super::schema::params(row, 0),
             )?;
             let decision = decide(&rule, &seeds(&self.connection, point, &rule)?);
             Ok(PointState {

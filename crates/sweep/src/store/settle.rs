@@ -52,7 +52,7 @@ impl Computed {
                     id: row.get(0)?,
                     key: row.get(1)?,
                     point: row.get(3)?,
-                    params: super::points::params(row, 4)?,
+                    params: super::schema::params(row, 4)?,
                     samples: row.get(5)?,
                 };
                 Ok(Self {
@@ -217,7 +217,7 @@ impl Store {
             [],
             |row| {
                 Ok(LastState {
-                    params: super::points::params(row, 0)?,
+                    params: super::schema::params(row, 0)?,
                     seed: row.get(1)?,
                     state: row.get(2)?,
                 })

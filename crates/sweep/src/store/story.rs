@@ -1,8 +1,8 @@
 //! All that the store knows of one case.
 
 use super::failures::{self, Attempt};
-use super::points::params;
 use super::provenance::program;
+use super::schema::params;
 use super::statements::Statements;
 use super::{Store, StoreError, checkpoints, ends, results, samples};
 use crate::doubt::Doubt;

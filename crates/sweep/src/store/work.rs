@@ -1,6 +1,6 @@
 //! How far a campaign is, and how long the rest of it takes.
 
-use super::points::{params, state};
+use super::schema::{params, state};
 use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::case::State;

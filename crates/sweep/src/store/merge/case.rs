@@ -8,7 +8,7 @@ use crate::store::digest::{self, whole};
 use crate::store::ends::RunEnd;
 use crate::store::statements::Statements;
 use crate::store::{
-    Checkpoint, checkpoints, failures, frames, points, processes, samples, settle, states,
+    Checkpoint, checkpoints, failures, frames, processes, samples, schema, settle, states,
 };
 use crate::system::process::now;
 use rusqlite::{Connection, params};
@@ -103,7 +103,7 @@ impl Merging<'_> {
                         (row.get(4)?, row.get(5)?, row.get(6)?);
                     Ok(Ours {
                         id: row.get(0)?,
-                        state: points::state(row.get_ref(1)?)?,
+                        state: schema::state(row.get_ref(1)?)?,
                         steps_done: row.get(2)?,
                         requested: row.get(3)?,
                         end: end.0.zip(end.1).zip(end.2),
@@ -357,12 +357,12 @@ impl Theirs {
                     id,
                     key: row.get(0)?,
                     case: Case {
-                        params: points::params(row, 1)?,
+                        params: schema::params(row, 1)?,
                         seed: row.get(2)?,
                         steps: row.get(3)?,
                         sample_stride: row.get::<_, u64>(4)?.max(1),
                     },
-                    state: points::state(row.get_ref(5)?)?,
+                    state: schema::state(row.get_ref(5)?)?,
                     steps_done: row.get(6)?,
                 })
             },
