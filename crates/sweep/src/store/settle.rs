@@ -102,7 +102,10 @@ impl Computed {
         let result = (state, steps, discard);
         if let Some((end, samples)) = run {
             results::put(connection, &self.case, result, end, samples)?;
-        } else if let Some(end) = RunEnd::of(connection, id)? {
+        } else {
+            let Some(end) = RunEnd::of(connection, id)? else {
+                return Ok(());
+            };
             let samples = samples::of(connection, id)?;
             results::put(connection, &self.case, result, &end, &samples)?;
         }
