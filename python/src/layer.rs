@@ -455,9 +455,9 @@ fn read_only(array: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
 fn dict_of<'py>(py: Python<'py>, sample: &Sample) -> PyResult<Bound<'py, PyDict>> {
     /// The keys, made once: they are the same for every sample.
     static KEYS: PyOnceLock<Vec<Py<PyString>>> = PyOnceLock::new();
-    let fields = sample_fields(sample).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let fields = sample_fields(sample);
     let keys = KEYS.get_or_init(py, || {
-        let names = fields.iter().map(|field| field.name.as_ref());
+        let names = fields.iter().map(|field| field.name);
         names.map(|name| PyString::new(py, name).unbind()).collect()
     });
     let dict = PyDict::new(py);

@@ -18,7 +18,7 @@ pub use plan::{Plan, plan};
 use crate::campaign::{Campaign, Order, Priority};
 use crate::costs::Costs;
 use crate::runner::{Options, compute_campaign};
-use crate::store::{Adoption, Counts, Finding, Merged, Store, StoreError};
+use crate::store::{self, Adoption, Counts, Finding, Merged, Store, StoreError};
 use std::path::{Path, PathBuf};
 
 /// What a run begins with.
@@ -63,10 +63,10 @@ pub fn begin(
         priority: beginning.priority,
         cost: &costs.of_cases(),
     };
-    let damaged = if path.exists() && !is_empty(path) {
-        Store::open(path)?.forget_damaged()?
-    } else {
+    let damaged = if store::is_free(path) {
         Vec::new()
+    } else {
+        Store::open(path)?.forget_damaged()?
     };
     let (mut store, adoption) = Store::enter(path, campaign, order)?;
     let taken = if beginning.reuse.is_empty() {
@@ -101,9 +101,4 @@ pub fn complete(
     store.check_campaign()?;
     store.make_sure_of_the_file()?;
     Ok(store.counts()?)
-}
-
-/// Whether there is nothing in a file: a store takes its place.
-fn is_empty(path: &Path) -> bool {
-    std::fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() == 0)
 }

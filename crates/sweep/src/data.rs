@@ -1,13 +1,13 @@
-//! Tables as whole columns, for programs that take them so, and the numbers of a record as a row of one.
+//! Tables as whole columns, for programs that take them so.
 
 pub(crate) mod csv_rows;
-mod fields;
 mod parquet;
 
-pub use fields::{Field, Unfit, fields};
+pub use crate::model::sampled::{Field, fields};
 pub use parquet::ParquetFile;
 
 use crate::axes::{Kind, Value};
+use sd_core::Sample;
 use std::borrow::Cow;
 use std::io::{self, Write};
 
@@ -155,34 +155,30 @@ fn rows(table: &[DataColumn]) -> impl Iterator<Item = impl Iterator<Item = Strin
     (0..number).map(move |row| table.iter().map(move |column| column.cells.text(row)))
 }
 
-/// A table of records that all have the same fields, each with a number of its own in the first column. `like` stands for what the
-/// records are where there are none.
-pub(crate) fn numbered<R>(
-    number: &'static str,
-    records: &[(u64, R)],
-    like: &R,
-    fields: impl Fn(&R) -> Result<Vec<Field>, Unfit>,
-) -> Result<Vec<DataColumn>, Unfit> {
-    let rows = records.len();
-    let mut numbers = DataColumn::named(number, Kind::Count, rows);
-    let mut columns: Vec<DataColumn> = fields(like)?
+/// A table of samples, each with its step in the first column, whose other columns are these fields.
+pub(crate) fn numbered(
+    samples: &[(u64, Sample)],
+    fields: impl Fn(&Sample) -> Vec<Field>,
+) -> Vec<DataColumn> {
+    let rows = samples.len();
+    let mut steps = DataColumn::named("step", Kind::Count, rows);
+    let mut columns: Vec<DataColumn> = fields(&Sample::default())
         .into_iter()
         .map(|field| DataColumn::named(field.name, field.value.kind(), rows))
         .collect();
-    for (place, record) in records {
-        numbers.cells.push(Some(Value::Count(*place)));
-        for (column, field) in columns.iter_mut().zip(fields(record)?) {
+    for (step, sample) in samples {
+        steps.cells.push(Some(Value::Count(*step)));
+        for (column, field) in columns.iter_mut().zip(fields(sample)) {
             column.cells.push(Some(field.value));
         }
     }
-    columns.insert(0, numbers);
-    Ok(columns)
+    columns.insert(0, steps);
+    columns
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sd_core::Sample;
 
     #[test]
     fn samples_are_a_table_with_the_columns_of_the_store() {
@@ -192,7 +188,7 @@ mod tests {
             contacts: 7,
             ..Sample::default()
         };
-        let table = numbered("step", &[(40, sample)], &sample, fields).unwrap();
+        let table = numbered(&[(40, sample)], fields);
         let cells = |name: &str| &table.iter().find(|c| c.name == name).unwrap().cells;
         assert_eq!(*cells("step"), Cells::Count(vec![Some(40)]));
         assert_eq!(*cells("contacts"), Cells::Count(vec![Some(7)]));
@@ -200,7 +196,7 @@ mod tests {
         let infinite = Cells::Number(vec![Some(f64::INFINITY)]);
         assert_eq!(*cells("minimum_gap"), infinite);
         assert_eq!(*cells("minimum_gap_so_far"), infinite);
-        let none = numbered("step", &[], &sample, fields).unwrap();
+        let none = numbered(&[], fields);
         assert_eq!(none.len(), table.len());
         assert!(none.iter().all(|column| column.cells.is_empty()));
     }

@@ -7,4 +7,5 @@ pub(crate) mod checkpoint;
 pub(crate) mod order;
 pub mod protocol;
 pub(crate) mod replay;
+pub(crate) mod sampled;
 pub(crate) mod stresses;

@@ -9,7 +9,8 @@ use crate::axes::{AXES, Axis, Value, identity};
 use crate::campaign::Campaign;
 use crate::case::Case;
 use crate::costs::{COMPARABLE, Costs, Trial, trials};
-use crate::store::Store;
+use crate::format::count;
+use crate::store::{CASE_BYTES, SAMPLE_BYTES, Store};
 use scatter::Sum;
 use sd_core::Params;
 use sd_core::model::Words as _;
@@ -20,11 +21,6 @@ use work::Work;
 
 /// Seconds of processor of a run of the program besides its cases: its start, the store, the report; measured.
 const PROGRAM_S: f64 = 0.15;
-/// Bytes of a stored sample, index included; measured.
-const SAMPLE_BYTES: f64 = 145.0;
-/// Bytes of a case without its samples; measured.
-const CASE_BYTES: f64 = 1200.0;
-
 /// What a campaign would do.
 #[derive(Debug, Serialize)]
 pub struct Plan {
@@ -177,15 +173,9 @@ pub(crate) fn make(
         .map(|point| point.all * frames * frame_bytes(point))
         .sum();
     let all = work.points.iter().map(|point| point.all).sum::<f64>();
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a count"
-    )]
-    let cases = all.round() as usize;
     Ok(Plan {
         campaign: campaign.name.clone(),
-        cases,
+        cases: count(all),
         ended: work.ended,
         points: work.points.len(),
         precision: work.expected,
@@ -193,7 +183,8 @@ pub(crate) fn make(
         workers,
         computing_time_s,
         elapsed_s: (computing_time_s / workers as f64).max(longest.min(computing_time_s)),
-        disk_bytes: all * (CASE_BYTES + samples * SAMPLE_BYTES) + frames_bytes,
+        disk_bytes: all * (f64::from(CASE_BYTES) + samples * f64::from(SAMPLE_BYTES))
+            + frames_bytes,
         memory_bytes: resident + workers as f64 * largest,
         kinds,
     })
@@ -256,13 +247,7 @@ fn kinds(
                 kinds.len() - 1
             });
         let (kind, cost) = (&mut kinds[place], costs.step(p));
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a count"
-        )]
-        let runs = point.open.round() as usize;
-        kind.cases += runs;
+        kind.cases += count(point.open);
         kind.computing_time_s += cost.seconds * steps as f64 * point.runs();
         sums[place].add(cost, steps as f64, point.runs());
         kind.memory_bytes = kind.memory_bytes.max(memory::run_bytes(p));

@@ -246,11 +246,6 @@ fn usual_tasks(options: &Options<'_>, open: &[OpenCase], limit: usize) -> usize 
     let time = options.time_s.unwrap_or(USUAL_TIME_S);
     let cost: f64 = open.iter().map(|case| case.cost).sum();
     let workers = options.workers;
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a count, held within limits below"
-    )]
-    let tasks = (cost / (workers as f64 * time / 2.0)).ceil() as usize;
+    let tasks = crate::format::count((cost / (workers as f64 * time / 2.0)).ceil());
     tasks.clamp(1, limit.min(open.len().div_ceil(workers)).max(1))
 }

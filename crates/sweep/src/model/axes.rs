@@ -63,7 +63,9 @@ impl Axis {
     pub fn value(&self, params: &Params) -> Value {
         match &self.form {
             Form::Choice(choice) => Value::Word((choice.get)(params)),
-            Form::Number(number) if number.whole => Value::Count(whole((number.get)(params))),
+            Form::Number(number) if number.whole => {
+                Value::Count(crate::format::count((number.get)(params)) as u64)
+            }
             Form::Number(number) => Value::Number((number.get)(params)),
         }
     }
@@ -192,16 +194,6 @@ impl Serialize for Value {
             value => s.collect_str(value),
         }
     }
-}
-
-/// The whole number that a float holds.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a whole number that is not negative; saturates"
-)]
-fn whole(value: f64) -> u64 {
-    value as u64
 }
 
 /// Why values make no parameters.

@@ -119,14 +119,9 @@ impl Steps {
     }
 }
 
-/// The whole number nearest to a value that is checked to be small and not negative.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "saturates, and the reader bounds all strains"
-)]
-fn count(value: f64) -> u64 {
-    value.round() as u64
+/// The whole number nearest to a number of steps, which the reader bounds.
+fn count(steps: f64) -> u64 {
+    crate::format::count(steps) as u64
 }
 
 #[cfg(test)]

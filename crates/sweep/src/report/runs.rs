@@ -8,7 +8,7 @@ use super::selection::Excerpt;
 use super::units::{At, Units};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::data::csv_rows;
-use crate::data::{Cells, DataColumn, Field, ParquetFile, Unfit, fields, numbered, write_csv_rows};
+use crate::data::{Cells, DataColumn, Field, ParquetFile, fields, numbered, write_csv_rows};
 use crate::model::stresses::STRESSES;
 use crate::store::PointRun;
 use meanings::{OF_RUNS, OF_SAMPLES, explain};
@@ -253,14 +253,11 @@ impl Batch {
 }
 
 /// What a sample holds, and the components of the stress whose parts it holds, under the names of the columns of samples.
-///
-/// # Errors
-/// None is known: the fields of a sample are numbers.
-pub fn sample_fields(sample: &Sample) -> Result<Vec<Field>, Unfit> {
-    let mut all = fields(sample)?;
+pub fn sample_fields(sample: &Sample) -> Vec<Field> {
+    let mut all = fields(sample);
     let totals = STRESSES.iter().filter(|column| !column.is_part());
     let totals = totals.map(|column| Field {
-        name: column.name.into(),
+        name: column.name,
         value: Value::Number(column.read(sample)),
     });
     let before = all
@@ -268,7 +265,7 @@ pub fn sample_fields(sample: &Sample) -> Result<Vec<Field>, Unfit> {
         .position(|field| field.name == "normal_stress_difference");
     let place = before.map_or(all.len(), |place| place + 1);
     all.splice(place..place, totals);
-    Ok(all)
+    all
 }
 
 /// Samples as columns, of the fields of [`sample_fields`].
@@ -276,8 +273,7 @@ pub fn sample_fields(sample: &Sample) -> Result<Vec<Field>, Unfit> {
 /// # Errors
 /// None is known: the fields of a sample are numbers.
 pub fn sample_table(sampled: &[(u64, Sample)]) -> Result<Vec<DataColumn>, ReportError> {
-    let mut table = numbered("step", sampled, &Sample::default(), sample_fields)
-        .map_err(|error| ReportError::Output(std::io::Error::other(error)))?;
+    let mut table = numbered(sampled, sample_fields);
     for column in &mut table {
         explain(column, OF_SAMPLES);
     }

@@ -1,11 +1,10 @@
 //! One case from its claim to its end.
 
 use super::{Shared, panics};
-use crate::campaign::Steps;
 use crate::case::{Case, State};
 use crate::costs;
 use crate::model::replay::replay;
-use crate::store::{Checkpoint, Claim, Failure, Finished, StoreError, can_be_kept};
+use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
 use crate::system::clock::{Clock, Spent};
 use sd_core::simulation::{Flow, Frame};
 use sd_core::{Sample, Simulation, Snapshot};
@@ -48,8 +47,8 @@ enum End {
     Jammed,
     /// Asked to stop.
     Stopped,
-    /// Failed: an error of the solver, or a limit.
-    Failed(Cause),
+    /// Failed, with a message: an error of the solver, or a limit.
+    Failed(String, Option<sd_core::Error>),
 }
 
 /// Computing time after which a case ends as failed.
@@ -92,13 +91,16 @@ impl WallLimit {
     }
 }
 
-enum Cause {
-    /// The solver said so.
-    Physics(sd_core::Error),
-    /// It took longer than allowed.
-    WallTime(WallLimit),
-    /// What was measured is no number.
-    NoNumber,
+impl End {
+    /// The solver failed.
+    fn of(error: sd_core::Error) -> Self {
+        // Step and strain are kept beside the message.
+        let message = match &error {
+            sd_core::Error::Step { source, .. } => source.to_string(),
+            other => other.to_string(),
+        };
+        Self::Failed(message, Some(error))
+    }
 }
 
 impl Run {
@@ -117,24 +119,9 @@ impl Run {
 impl Record {
     /// Bytes of the checkpoint of a run.
     fn checkpoint(&self, simulation: &Simulation, spent: Spent) -> Vec<u8> {
-        self.state_with(self.samples.clone(), simulation, spent)
-    }
-
-    /// The same without samples, which the store keeps one by one once the run is finished.
-    fn last_state(&self, simulation: &Simulation, spent: Spent) -> Vec<u8> {
-        self.state_with(Vec::new(), simulation, spent)
-    }
-
-    /// Bytes of the state of a run, with these samples.
-    fn state_with(
-        &self,
-        samples: Vec<(u64, Sample)>,
-        simulation: &Simulation,
-        spent: Spent,
-    ) -> Vec<u8> {
         let checkpoint = Checkpoint {
             snapshot: simulation.snapshot(),
-            samples,
+            samples: self.samples.clone(),
             wall_time_s: spent.wall_s,
             cpu_time_s: spent.cpu_s,
             resumed: self.resumed,
@@ -146,11 +133,6 @@ impl Record {
 }
 
 impl Shared<'_> {
-    /// The protocol in steps of a case.
-    fn protocol_of(&self, case: &Case) -> Steps {
-        self.protocol.with_time_step(case.params.time_step)
-    }
-
     /// Computes a case and keeps what comes of it. A result is given back, to be kept with others.
     pub(super) fn compute(
         &self,
@@ -164,17 +146,19 @@ impl Shared<'_> {
         let outcome = panics::catch(|| self.simulate(worker, claim, &mut run, &clock));
         let spent = run.record.before + clock.spent();
         let frames = std::mem::take(&mut run.record.frames);
-        self.keep_frames(claim, &frames)?;
+        self.store().keep_frames(claim, &frames)?;
         let steps = run.steps();
         let (state, result) = match outcome {
             Ok(Ok(End::Done)) => ("done", Ok(Some(self.finished(State::Done, run, spent)))),
             Ok(Ok(End::Jammed)) => ("jammed", Ok(Some(self.finished(State::Jammed, run, spent)))),
             Ok(Ok(End::Stopped)) => ("stopped", self.stopped(claim, &run, spent)),
-            Ok(Ok(End::Failed(cause))) => ("failed", self.fail(claim, run, &cause)),
+            Ok(Ok(End::Failed(message, error))) => {
+                ("failed", self.fail(claim, &run, message, error.as_ref()))
+            }
             Ok(Err(error)) => ("lost", Err(error)),
             Err(message) => (
                 "failed",
-                self.record_failure(claim, run, format!("panic: {message}"), None),
+                self.fail(claim, &run, format!("panic: {message}"), None),
             ),
         };
         self.progress.end_case(worker, result.is_ok());
@@ -190,35 +174,22 @@ impl Shared<'_> {
         self.progress.ended(claim, state, steps, cpu_s);
     }
 
-    /// Keeps frames, if there are any.
-    fn keep_frames(
-        &self,
-        claim: &Claim,
-        frames: &[(u64, sd_core::simulation::Frame)],
-    ) -> Result<(), StoreError> {
-        if frames.is_empty() {
-            return Ok(());
-        }
-        self.store().keep_frames(claim, frames)
-    }
-
     /// What is kept of a run that came to its end.
-    fn finished(&self, state: State, run: Run, spent: Spent) -> Finished {
-        let simulation = run.simulation.as_ref();
+    fn finished(&self, state: State, mut run: Run, spent: Spent) -> Finished {
+        // The store keeps samples one by one.
+        let samples = std::mem::take(&mut run.record.samples);
+        let layer = run.simulation.as_ref();
+        let last_state = layer.map(|layer| run.record.checkpoint(layer, spent));
         Finished {
             state,
-            last_state: simulation
-                .map(|layer| run.record.last_state(layer, spent))
-                .unwrap_or_default(),
+            last_state: last_state.unwrap_or_default(),
             steps: run.steps(),
-            counters: simulation
-                .map(|layer| *layer.counters())
-                .unwrap_or_default(),
+            counters: layer.map(|layer| *layer.counters()).unwrap_or_default(),
             protocol: *self.protocol,
             wall_time_s: spent.wall_s,
             cpu_time_s: spent.cpu_s,
             resumed: run.record.resumed,
-            samples: run.record.samples,
+            samples,
         }
     }
 
@@ -347,11 +318,12 @@ impl Shared<'_> {
             Some(simulation) => simulation,
             none => match Simulation::new(&case.params, case.seed, self.tables) {
                 Ok(simulation) => none.insert(simulation),
-                Err(error) => return Ok(End::Failed(Cause::Physics(error))),
+                Err(error) => return Ok(End::of(error)),
             },
         };
         let limit = WallLimit::of(self.options.wall_limit, case);
-        let checkpoint_stride = self.protocol_of(case).checkpoint_stride();
+        let steps = self.protocol.with_time_step(case.params.time_step);
+        let checkpoint_stride = steps.checkpoint_stride();
         let mut kept = Instant::now();
         let mut cost = Duration::ZERO;
         loop {
@@ -377,10 +349,11 @@ impl Shared<'_> {
             };
             let sample = match outcome {
                 Ok(sample) => sample,
-                Err(error) => return Ok(End::Failed(Cause::Physics(error))),
+                Err(error) => return Ok(End::of(error)),
             };
             if !can_be_kept(&sample) {
-                return Ok(End::Failed(Cause::NoNumber));
+                let message = "what was measured is not a number".to_owned();
+                return Ok(End::Failed(message, None));
             }
             if sampled {
                 record.samples.push((step, sample));
@@ -388,7 +361,7 @@ impl Shared<'_> {
             self.progress
                 .step(worker, simulation.steps(), sample.viscosity);
             if record.before.wall_s + clock.wall_s() > limit.seconds {
-                return Ok(End::Failed(Cause::WallTime(limit)));
+                return Ok(End::Failed(limit.message(), None));
             }
             if simulation.steps().is_multiple_of(checkpoint_stride)
                 && simulation.steps() < case.steps
@@ -396,7 +369,8 @@ impl Shared<'_> {
             {
                 let writing = Instant::now();
                 let bytes = record.checkpoint(simulation, record.before + clock.spent());
-                self.keep_frames(claim, &std::mem::take(&mut record.frames))?;
+                let frames = std::mem::take(&mut record.frames);
+                self.store().keep_frames(claim, &frames)?;
                 self.store().keep(claim, simulation.steps(), &bytes)?;
                 tracing::info!(case = claim.key, steps = simulation.steps(), "checkpointed");
                 cost = writing.elapsed();
@@ -405,58 +379,41 @@ impl Shared<'_> {
         }
     }
 
-    /// Records a failure of the solver or a limit.
-    fn fail(&self, claim: &Claim, run: Run, cause: &Cause) -> Result<Option<Finished>, StoreError> {
-        match cause {
-            Cause::Physics(error) => {
-                // Step and strain are kept beside the message.
-                let message = match error {
-                    sd_core::Error::Step { source, .. } => source.to_string(),
-                    other => other.to_string(),
-                };
-                self.record_failure(claim, run, message, Some(error))
-            }
-            Cause::WallTime(limit) => self.record_failure(claim, run, limit.message(), None),
-            Cause::NoNumber => {
-                let message = "what was measured is not a number".to_owned();
-                self.record_failure(claim, run, message, None)
-            }
-        }
-    }
-
     /// Keeps a failure; the campaign goes on.
-    fn record_failure(
+    fn fail(
         &self,
         claim: &Claim,
-        run: Run,
+        run: &Run,
         message: String,
         error: Option<&sd_core::Error>,
     ) -> Result<Option<Finished>, StoreError> {
         self.progress.failed(&claim.case, &message);
         let (pair, gap) = error.map_or((None, None), culprit);
-        let failure = Failure {
+        let step = match error {
+            Some(sd_core::Error::Step { step, .. }) => *step,
+            _ => run.steps(),
+        };
+        let params = &claim.case.params;
+        let failure = Attempt {
             error: message,
-            step: match error {
-                Some(sd_core::Error::Step { step, .. }) => *step,
-                _ => run.steps(),
-            },
+            step,
+            strain: step as f64 * params.time_step,
             pair,
             gap,
-            snapshot: run
-                .last_state()
-                .map(|state| replay(&claim.case.params, &state)),
-            samples: run.record.samples,
+            snapshot: run.last_state().map(|state| replay(params, &state)),
+            ..Attempt::default()
         };
-        self.store().fail(claim, &failure).map(|()| None)
+        let samples = &run.record.samples;
+        self.store().fail(claim, failure, samples).map(|()| None)
     }
 }
 
 /// The pair and the gap an error names.
-fn culprit(error: &sd_core::Error) -> (Option<(usize, usize)>, Option<f64>) {
+fn culprit(error: &sd_core::Error) -> (Option<(u64, u64)>, Option<f64>) {
     match error {
         sd_core::Error::Step { source, .. } => culprit(source),
-        sd_core::Error::Overlap { i, j, gap, .. } => (Some((*i, *j)), Some(*gap)),
-        sd_core::Error::BadPair { i, j, .. } => (Some((*i, *j)), None),
+        sd_core::Error::Overlap { i, j, gap, .. } => (Some((*i as u64, *j as u64)), Some(*gap)),
+        sd_core::Error::BadPair { i, j, .. } => (Some((*i as u64, *j as u64)), None),
         _ => (None, None),
     }
 }

@@ -248,13 +248,8 @@ impl Progress {
         }
         let message = {
             let campaign = self.advanced();
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a fraction of the bar"
-            )]
-            let part = (campaign.fraction() * PARTS as f64) as u64;
-            self.overall.set_position(part);
+            let part = crate::format::count((campaign.fraction() * PARTS as f64).floor());
+            self.overall.set_position(part as u64);
             campaign.message()
         };
         self.overall.set_message(message.clone());

@@ -1,12 +1,15 @@
 //! Taking a campaign file into its store.
 
 use super::digest::{self, Altered, Sealed};
+use super::harden::harden;
+use super::inventory::Adoption;
 use super::log::{self, Mark};
-use super::registry::AtWork;
-use super::request::{Adoption, Request};
+use super::place;
+use super::processes::{self, AtWork};
+use super::request::Request;
 use super::schema::{self, axis_cells, axis_columns};
 use super::statements::Statements;
-use super::{Store, StoreError, claims, ends, failures, harden, integer, rules};
+use super::{Store, StoreError, rules, settle, states};
 use crate::axes::AXES;
 use crate::model::campaign::Campaign;
 use crate::model::order::{self, Order};
@@ -14,7 +17,7 @@ use crate::protocol::Protocol;
 use crate::system::files::folder_of;
 use crate::system::process;
 use rusqlite::types::Value;
-use rusqlite::{Connection, OptionalExtension, params, params_from_iter};
+use rusqlite::{Connection, Row, params, params_from_iter};
 use sd_core::Params;
 use std::collections::HashMap;
 use std::io::ErrorKind;
@@ -39,9 +42,9 @@ impl Store {
         campaign: &Campaign,
         order: Order<'_>,
     ) -> Result<(Self, Adoption), StoreError> {
-        let is_new = std::fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() == 0)
-            || !path.exists();
-        if is_new && let Some(made) = Self::create(path, campaign, order)? {
+        if place::is_free(path)
+            && let Some(made) = Self::create(path, campaign, order)?
+        {
             return Ok(made);
         }
         let mut store = Self::open(path)?;
@@ -58,7 +61,7 @@ impl Store {
         if log::is_there(path) {
             return Err(StoreError::ForeignLog {
                 path: path.to_owned(),
-                log: log::log_of(path),
+                log: place::log_of(path),
             });
         }
         let unwritable = |source| StoreError::Unwritable {
@@ -141,7 +144,7 @@ impl Store {
             }
             match me {
                 Some(me) => Ok(Ok(me)),
-                None => Self::enter_process(connection, &entry.request).map(Ok),
+                None => processes::enter(connection, &entry.request).map(Ok),
             }
         })?;
         match entered {
@@ -167,7 +170,7 @@ impl Store {
     /// Lets a store that is only read be seen as this version of its campaign requests it.
     pub(super) fn show_as_requested(&mut self, campaign: &Campaign) -> Result<(), StoreError> {
         let Some(last) = self.read(LastRun::of(&self.connection))? else {
-            return self.read(Err(Altered::error("it holds no campaign")));
+            return self.read(Err(no_campaign()));
         };
         if last.name != campaign.name {
             return Err(self.other_campaign(Some(last), campaign));
@@ -193,38 +196,30 @@ impl Store {
     /// # Errors
     /// Trouble with the file, or an entry that cannot be read.
     pub fn protocol(&self) -> Result<Protocol, StoreError> {
-        let text = self.of_campaign("protocol")?;
+        let text = self.of_campaign(2)?;
         self.json(serde_json::from_str(&text))
     }
 
     /// The name of the campaign.
     pub(crate) fn campaign_name(&self) -> Result<String, StoreError> {
-        self.of_campaign("name")
+        self.of_campaign(0)
     }
 
     /// The campaign file last run, to the letter.
     pub(crate) fn campaign_text(&self) -> Result<String, StoreError> {
-        self.of_campaign("text")
+        self.of_campaign(1)
     }
 
     /// One text of the campaign.
-    fn of_campaign(&self, column: &str) -> Result<String, StoreError> {
-        let text = || {
-            check(&self.connection)?;
-            let query = format!("SELECT {column} FROM campaign");
-            let text: Option<String> = self
-                .connection
-                .query_row(&query, [], |row| row.get(0))
-                .optional()?;
-            text.ok_or_else(|| Altered::error("it holds no campaign"))
-        };
-        self.read(text())
+    fn of_campaign(&self, column: usize) -> Result<String, StoreError> {
+        let texts = SEALED.all(&self.connection, "true", [], |row| row.get(column));
+        let text = self.read(texts)?.pop();
+        text.map_or_else(|| self.read(Err(no_campaign())), Ok)
     }
 }
 
-/// Makes sure that the campaign is what was written.
-pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
-    SEALED.check(connection, "true", [])
+fn no_campaign() -> rusqlite::Error {
+    Altered::error("it holds no campaign")
 }
 
 /// The campaign as a store was last run with it.
@@ -232,33 +227,30 @@ struct LastRun {
     name: String,
     text: String,
     protocol: String,
-    request: String,
     file: String,
+    request: String,
     priority: String,
 }
 
 impl LastRun {
+    /// `None` in a new store; a damaged one is written anew.
     fn of(connection: &Connection) -> rusqlite::Result<Option<Self>> {
-        // A damaged one is written anew.
-        if check(connection).is_err_and(|error| Altered::in_error(&error).is_some()) {
-            return Ok(None);
+        let read = |row: &Row<'_>| {
+            Ok(Self {
+                name: row.get(0)?,
+                text: row.get(1)?,
+                protocol: row.get(2)?,
+                file: row.get(3)?,
+                request: row.get(4)?,
+                priority: connection
+                    .value("SELECT priority FROM campaign", [])?
+                    .unwrap_or_default(),
+            })
+        };
+        match SEALED.all(connection, "true", [], read) {
+            Err(error) if Altered::in_error(&error).is_some() => Ok(None),
+            last => Ok(last?.pop()),
         }
-        connection
-            .query_row(
-                "SELECT name, text, protocol, request, file, priority FROM campaign",
-                [],
-                |row| {
-                    Ok(Self {
-                        name: row.get(0)?,
-                        text: row.get(1)?,
-                        protocol: row.get(2)?,
-                        request: row.get(3)?,
-                        file: row.get(4)?,
-                        priority: row.get(5)?,
-                    })
-                },
-            )
-            .optional()
     }
 }
 
@@ -312,11 +304,12 @@ impl<'c> Entry<'c> {
         }
         rules::enter(connection, self.campaign)?;
         // What failed beyond the strain that is requested now may well get as far as that.
-        failures::reopen(
+        states::reopen(
             connection,
-            "counts AND steps <= (SELECT step FROM failures f WHERE f.case_id = cases.id ORDER BY f.id DESC LIMIT 1)",
+            "state = 'failed' AND counts AND steps <= (SELECT step FROM failures f WHERE f.case_id = cases.id ORDER BY f.id DESC LIMIT 1)",
+            &[],
         )?;
-        ends::settle_all(connection, &self.campaign.protocol)?;
+        settle::settle_all(connection, &self.campaign.protocol)?;
         rules::apply_all(connection)
     }
 
@@ -337,7 +330,7 @@ impl<'c> Entry<'c> {
             .map(|(_, case)| known.place(connection, &case.params))
             .collect::<Result<Vec<i64>, _>>()?;
         let now = process::now();
-        let turn = claims::turn("steps_done").replace("turn", "excluded.turn");
+        let turn = states::turn("steps_done").replace("turn", "excluded.turn");
         let mut insert = connection.prepare(&format!(
             "INSERT INTO cases (key, point, seed, steps, sample_stride, position, counts, turn,
                  cost, changed_at)
@@ -354,11 +347,11 @@ impl<'c> Entry<'c> {
             insert.execute(params![
                 key.to_string(),
                 points[position],
-                integer(case.seed),
-                integer(case.steps),
-                integer(case.sample_stride),
-                integer(position as u64),
-                claims::plain_turn(ranks[position]),
+                case.seed,
+                case.steps,
+                case.sample_stride,
+                position,
+                states::plain_turn(ranks[position]),
                 costs[position],
                 now,
             ])?;
@@ -387,22 +380,9 @@ impl Points {
         }
         let row = point_row(params)?;
         let digest = digest::of(&row);
-        if let Some(place) = self.known.get(&digest) {
-            self.last = Some((params.clone(), *place));
-            return Ok(*place);
-        }
-        let place = if let Some(place) = number_of(connection, digest)? {
-            place
-        } else {
-            let places = vec!["?"; 2 + AXES.len()].join(", ");
-            connection.run(
-                &format!(
-                    "INSERT INTO points (params, {}, digest) VALUES ({places})",
-                    axis_columns("")
-                ),
-                params_from_iter(row.iter().chain([&Value::Integer(digest)])),
-            )?;
-            connection.last_insert_rowid()
+        let place = match self.known.get(&digest) {
+            Some(place) => *place,
+            None => number_of(connection, &row, digest)?,
         };
         self.known.insert(digest, place);
         self.last = Some((params.clone(), place));
@@ -410,15 +390,23 @@ impl Points {
     }
 }
 
-/// The number of the point with a digest.
-fn number_of(connection: &Connection, digest: i64) -> rusqlite::Result<Option<i64>> {
-    connection.find("SELECT id FROM points WHERE digest = ?1", [digest], |row| {
-        row.get(0)
-    })
+/// The number of a point, which is entered if it is not there.
+fn number_of(connection: &Connection, row: &[Value], digest: i64) -> rusqlite::Result<i64> {
+    let known = "SELECT id FROM points WHERE digest = ?1";
+    if let Some(place) = connection.value(known, [digest])? {
+        return Ok(place);
+    }
+    let places = vec!["?"; 2 + AXES.len()].join(", ");
+    let axes = axis_columns("");
+    connection.run(
+        &format!("INSERT INTO points (params, {axes}, digest) VALUES ({places})"),
+        params_from_iter(row.iter().chain([&digest.into()])),
+    )?;
+    Ok(connection.last_insert_rowid())
 }
 
 /// The row of a point, without its number and its digest.
-pub(super) fn point_row(params: &Params) -> rusqlite::Result<Vec<Value>> {
+fn point_row(params: &Params) -> rusqlite::Result<Vec<Value>> {
     let text = serde_json::to_string(params)
         .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
     Ok(std::iter::once(Value::Text(text))

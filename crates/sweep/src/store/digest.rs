@@ -78,41 +78,58 @@ pub(super) struct Sealed {
     pub(super) table: &'static str,
     /// The columns that the digest covers, in their order.
     pub(super) columns: &'static str,
-    /// Whether it covers the key of the case of a row before these.
+    /// Whether it covers the key of the case of a row after these.
     pub(super) with_key: bool,
     /// A row, in words.
     pub(super) words: &'static str,
 }
 
 impl Sealed {
-    /// Selects of rows `t`, and their cases `c` where there is a key, `first`, what the digest covers, and the digest.
-    pub(super) fn select(&self, first: &str) -> String {
+    /// Selects of rows `t`, and their cases `c` where there is a key, what the digest covers, the digest, and the number of the row.
+    pub(super) fn select(&self) -> String {
         let (key, cases) = if self.with_key {
-            ("c.key, ", " JOIN cases c ON c.id = t.case_id")
+            (", c.key", " JOIN cases c ON c.id = t.case_id")
         } else {
             ("", "")
         };
         let columns = self.columns.replace(", ", ", t.");
         let table = self.table;
-        format!("SELECT {first}{key}t.{columns}, t.digest FROM {table} t{cases}")
+        format!("SELECT t.{columns}{key}, t.digest, t.rowid FROM {table} t{cases}")
+    }
+
+    /// The rows that meet a condition, read from the columns that the digest covers.
+    ///
+    /// # Errors
+    /// [`Altered`] if one is not what was written, and those of the query.
+    pub(super) fn all<T>(
+        &self,
+        connection: &Connection,
+        condition: &str,
+        parameters: impl Params,
+        mut read: impl FnMut(&Row<'_>) -> rusqlite::Result<T>,
+    ) -> rusqlite::Result<Vec<T>> {
+        let query = format!("{} WHERE {condition}", self.select());
+        let mut all = Vec::new();
+        each(connection, &query, parameters, |row, is_whole, _| {
+            Altered::unless(is_whole, self.words)?;
+            all.push(read(row)?);
+            Ok(())
+        })?;
+        Ok(all)
     }
 
     /// Makes sure that the rows that meet a condition are what was written.
-    ///
-    /// # Errors
-    /// [`Altered`], and those of the query.
     pub(super) fn check(
         &self,
         connection: &Connection,
         condition: &str,
         parameters: impl Params,
     ) -> rusqlite::Result<()> {
-        let query = format!("{} WHERE {condition}", self.select(""));
-        check(connection, &query, parameters, self.words)
+        self.all(connection, condition, parameters, |_| Ok(()))?;
+        Ok(())
     }
 
-    /// Writes a row in place of any other with its number, the key of its case in front, and `more` that the digest does not
-    /// cover.
+    /// Writes a row in place of any other with its number, the key of its case, and `more` that the digest does not cover.
     pub(super) fn put(
         &self,
         connection: &Connection,
@@ -121,82 +138,75 @@ impl Sealed {
         more: &[(&str, Value)],
     ) -> rusqlite::Result<()> {
         let key = key.map(|key| Value::Text(key.to_owned()));
-        let digest = Value::Integer(Digest::default().with(&key).with(values).finish());
-        let names: Vec<&str> = more.iter().map(|(name, _)| *name).collect();
-        let names = names.join(", ");
-        let comma = if more.is_empty() { "" } else { ", " };
+        let digest = Value::Integer(Digest::default().with(values).with(&key).finish());
+        let names = more.iter().map(|(name, _)| *name);
+        let names: Vec<&str> = [self.columns, "digest"].into_iter().chain(names).collect();
+        let (table, names) = (self.table, names.join(", "));
         let places = vec!["?"; values.len() + 1 + more.len()].join(", ");
-        let (table, columns) = (self.table, self.columns);
+        let more = more.iter().map(|(_, value)| value);
         connection.run(
-            &format!(
-                "INSERT OR REPLACE INTO {table} ({columns}, digest{comma}{names}) VALUES ({places})"
-            ),
-            params_from_iter(
-                values
-                    .iter()
-                    .chain([&digest])
-                    .chain(more.iter().map(|(_, value)| value)),
-            ),
+            &format!("INSERT OR REPLACE INTO {table} ({names}) VALUES ({places})"),
+            params_from_iter(values.iter().chain([&digest]).chain(more)),
         )
     }
 
     /// Writes the digests of the rows that meet a condition anew.
-    pub(super) fn seal(&self, connection: &Connection, condition: &str) -> rusqlite::Result<()> {
-        let query = format!("{} WHERE {condition}", self.select("t.rowid, "));
-        for (row, digest) in altered(connection, &query)? {
-            rewrite(connection, self.table, row, digest)?;
-        }
-        Ok(())
+    pub(super) fn seal(
+        &self,
+        connection: &Connection,
+        condition: &str,
+        parameters: impl Params,
+    ) -> rusqlite::Result<()> {
+        let query = format!("{} WHERE {condition}", self.select());
+        reseal(connection, self.table, &query, parameters)
     }
 }
 
-/// Rows whose digest is not the one of their contents, and what it is: the first column of each is its number, the last the
-/// digest of those between.
-pub(super) fn altered(connection: &Connection, query: &str) -> rusqlite::Result<Vec<(i64, i64)>> {
-    let mut query = connection.prepare(query)?;
-    let last = query.column_count() - 1;
-    let (mut rows, mut all) = (query.query([])?, Vec::new());
-    while let Some(row) = rows.next()? {
-        let digest = Digest::default().with_row(row, 1..last)?.finish();
-        if row.get::<_, i64>(last).ok() != Some(digest) {
-            all.push((row.get(0)?, digest));
-        }
-    }
-    Ok(all)
-}
-
-/// Gives a row another digest.
-pub(super) fn rewrite(
-    connection: &Connection,
-    table: &str,
-    row: i64,
-    digest: i64,
-) -> rusqlite::Result<()> {
-    connection.run(
-        &format!("UPDATE {table} SET digest = ?2 WHERE rowid = ?1"),
-        [row, digest],
-    )
-}
-
-/// Makes sure that rows are what was written: the last column of each is the digest of those before it.
-///
-/// # Errors
-/// [`Altered`] with these words, in an error of the query, and those of the query.
-pub(super) fn check(
+/// Calls `each` with rows, whether what stands before the column `digest` is what was written, and the digest of it as it is now.
+pub(super) fn each(
     connection: &Connection,
     query: &str,
     parameters: impl Params,
-    what: &str,
+    mut each: impl FnMut(&Row<'_>, bool, i64) -> rusqlite::Result<()>,
 ) -> rusqlite::Result<()> {
     let mut query = connection.prepare_cached(query)?;
-    let last = query.column_count() - 1;
+    let place = query.column_index("digest")?;
     let mut rows = query.query(parameters)?;
     while let Some(row) = rows.next()? {
-        if Digest::default().with_row(row, 0..last)?.finish() != row.get::<_, i64>(last)? {
-            return Err(Altered::error(format!("{what} is not what was written")));
-        }
+        let digest = Digest::default().with_row(row, 0..place)?.finish();
+        each(row, row.get(place) == Ok(digest), digest)?;
     }
     Ok(())
+}
+
+/// Rows whose digest is not the one of their contents, by their numbers in the last column, and what it is.
+pub(super) fn altered(
+    connection: &Connection,
+    query: &str,
+    parameters: impl Params,
+) -> rusqlite::Result<Vec<(i64, i64)>> {
+    let mut altered = Vec::new();
+    each(connection, query, parameters, |row, is_whole, digest| {
+        if !is_whole {
+            altered.push((row.get(row.as_ref().column_count() - 1)?, digest));
+        }
+        Ok(())
+    })?;
+    Ok(altered)
+}
+
+/// Writes the digests of rows of a table anew.
+pub(super) fn reseal(
+    connection: &Connection,
+    table: &str,
+    query: &str,
+    parameters: impl Params,
+) -> rusqlite::Result<()> {
+    let rewrite = format!("UPDATE {table} SET digest = ?2 WHERE rowid = ?1");
+    let altered = altered(connection, query, parameters)?;
+    altered
+        .into_iter()
+        .try_for_each(|row| connection.run(&rewrite, row))
 }
 
 /// Something that is not what it was when it was written.
@@ -204,6 +214,14 @@ pub(super) fn check(
 pub(super) struct Altered(String);
 
 impl Altered {
+    /// The error about a row, in words, unless it is what was written.
+    pub(super) fn unless(is_whole: bool, row: &str) -> rusqlite::Result<()> {
+        if is_whole {
+            return Ok(());
+        }
+        Err(Self::error(format!("{row} is not what was written")))
+    }
+
     /// As an error of a query.
     pub(super) fn error(what: impl Into<String>) -> rusqlite::Error {
         rusqlite::Error::FromSqlConversionFailure(0, Type::Null, Box::new(Self(what.into())))
@@ -231,17 +249,9 @@ impl fmt::Display for Altered {
 
 impl std::error::Error for Altered {}
 
-/// A number as the store keeps it.
-pub(super) fn number(number: impl Into<Option<f64>>) -> Value {
-    number
-        .into()
-        .filter(|number| !number.is_nan())
-        .map_or(Value::Null, Value::Real)
-}
-
 /// A count as the store keeps it.
 pub(super) fn whole(count: u64) -> Value {
-    Value::Integer(super::integer(count))
+    Value::Integer(i64::try_from(count).unwrap_or(i64::MAX))
 }
 
 #[cfg(test)]
@@ -265,7 +275,7 @@ mod tests {
         ] {
             assert_ne!(good, of(other), "{other:?}");
         }
-        assert_eq!(of(&[number(f64::NAN)]), of(&[Value::Null]));
+        assert_eq!(of(&[Value::Real(f64::NAN)]), of(&[Value::Null]));
         let words = |a: &str, b: &str| of(&[Value::Text(a.into()), Value::Text(b.into())]);
         assert_ne!(words("ab", "c"), words("a", "bc"));
     }

@@ -9,42 +9,25 @@ use std::path::{Path, PathBuf};
 /// Why the store could not be opened or used.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the message of each says what its fields are")]
 pub enum StoreError {
     /// No such file.
     #[error("there is no store at {}", path.display())]
     #[diagnostic(help("`sweep run CAMPAIGN.toml` makes one, by default results/NAME.sqlite"))]
-    Missing {
-        /// The file.
-        path: PathBuf,
-    },
-    /// A folder where a store is meant.
-    #[error("{} is a folder, and not a store", path.display())]
+    Missing { path: PathBuf },
+    /// A folder, a pipe, a device or a socket where a store is meant.
+    #[error("{} is {what}", path.display())]
     #[diagnostic(help(
         "name a store, such as results/quickstart.sqlite, or a campaign file, such as sweeps/quickstart.toml"
     ))]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// A pipe, a device or a socket where a store is meant.
-    #[error("{} is not a file, and so no store", path.display())]
-    #[diagnostic(help("name a store, such as results/quickstart.sqlite"))]
-    NotAFile {
-        /// What is there.
-        path: PathBuf,
-    },
+    NotAFile { path: PathBuf, what: &'static str },
     /// A store with the log of another one beside it, or of another day of its own.
     #[error("the log {} does not belong to {}: it was written for another store, or before this file was put there", log.display(), path.display())]
     #[diagnostic(help(
         "nothing was changed; `sweep merge NEW.sqlite {}` takes what the store holds without this log into a new one",
         path.display()
     ))]
-    ForeignLog {
-        /// The store.
-        path: PathBuf,
-        /// The log.
-        log: PathBuf,
-    },
+    ForeignLog { path: PathBuf, log: PathBuf },
     /// A store in which something is not what was written.
     #[error("{} is damaged: {what}", path.display())]
     #[diagnostic(help(
@@ -53,7 +36,6 @@ pub enum StoreError {
         path.display()
     ))]
     Damaged {
-        /// The file.
         path: PathBuf,
         /// What was found.
         what: String,
@@ -61,19 +43,11 @@ pub enum StoreError {
     /// The file or its directory cannot be written.
     #[error("cannot write a store at {}: {source}", path.display())]
     #[diagnostic(help("choose another place with --store FILE"))]
-    Unwritable {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
+    Unwritable { path: PathBuf, source: io::Error },
     /// A file that is something else.
     #[error("{} is not a store of sweep", path.display())]
     #[diagnostic(help("nothing was changed in it; choose another place with --store FILE"))]
-    NotAStore {
-        /// The file.
-        path: PathBuf,
-    },
+    NotAStore { path: PathBuf },
     /// A store of another schema.
     #[error(
         "{} has schema {found}, and this program knows schema {known}: it was made by another version of sweep", path.display()
@@ -82,22 +56,16 @@ pub enum StoreError {
         "nothing was changed in it; use the version that made it, or choose another place with --store FILE"
     ))]
     Schema {
-        /// The file.
         path: PathBuf,
-        /// Its schema.
         found: i32,
-        /// Ours.
         known: i32,
     },
     /// A store of another campaign.
     #[error("{} is the store of campaign {found:?}, not of {wanted:?}", path.display())]
     #[diagnostic(help("nothing was changed in it; choose another place with --store FILE"))]
     OtherCampaign {
-        /// The file.
         path: PathBuf,
-        /// Its campaign.
         found: String,
-        /// The one asked for.
         wanted: String,
     },
     /// A store on which another process computes what another version of the campaign asks for.
@@ -109,15 +77,10 @@ pub enum StoreError {
         "nothing was changed; wait until that process has ended, or give this campaign another `name` or another --store FILE"
     ))]
     AtWork {
-        /// The store.
         path: PathBuf,
-        /// The campaign file refused.
         ours: PathBuf,
-        /// The campaign file being computed.
         theirs: PathBuf,
-        /// The process that computes it.
         pid: u32,
-        /// Its host.
         host: String,
     },
     /// A store into which another version of the campaign was taken meanwhile.
@@ -130,11 +93,8 @@ pub enum StoreError {
          `name` or another --store FILE"
     ))]
     Displaced {
-        /// The store.
         path: PathBuf,
-        /// The campaign file this process computes.
         ours: PathBuf,
-        /// The campaign file taken into the store since.
         theirs: PathBuf,
     },
     /// A shard computed by another build of the program.
@@ -148,19 +108,9 @@ pub enum StoreError {
          a record of that in the store"
     ))]
     OtherBuild {
-        /// The shard.
         path: PathBuf,
-        /// Its build.
         build: String,
-        /// Those of the store.
         known: String,
-    },
-    /// A file system without what several processes need to share a file.
-    #[error("{}: this file system cannot keep a write-ahead log", path.display())]
-    #[diagnostic(help("put the store on a local disk with --store FILE"))]
-    NoLog {
-        /// The file.
-        path: PathBuf,
     },
     /// The file was taken away while it was in use.
     #[error("the store {} was {what} while it was in use", path.display())]
@@ -169,28 +119,21 @@ pub enum StoreError {
          same command again to begin anew"
     ))]
     Gone {
-        /// The file.
         path: PathBuf,
         /// What was done to it.
         what: &'static str,
     },
     /// Another process took the case over; what this one computed of it does not count.
     #[error("case {key} was taken over by another process")]
-    ClaimLost {
-        /// Its key.
-        key: String,
-    },
+    ClaimLost { key: String },
     /// A case that is not in the store, or is named by too little.
     #[error("{given:?} is {what} of {}", path.display())]
     #[diagnostic(help(
         "a case is named by the beginning of its key, or by its number in the campaign file, from 1"
     ))]
     Case {
-        /// The store.
         path: PathBuf,
-        /// What was given.
         given: String,
-        /// What it is.
         what: &'static str,
     },
     /// A run without frames.
@@ -198,25 +141,17 @@ pub enum StoreError {
     #[diagnostic(help(
         "`sweep run CAMPAIGN.toml --trajectory` keeps frames of the runs it computes"
     ))]
-    NoFrames {
-        /// Its key.
-        key: String,
-    },
+    NoFrames { key: String },
     /// I/O failed, or `SQLite`.
     #[error("{}: {what}", path.display())]
     #[diagnostic(help("{advice}"))]
     Sqlite {
-        /// The file.
         path: PathBuf,
-        /// What happened.
         what: String,
-        /// What can be done.
         advice: &'static str,
-        /// Whether computing had begun.
         under_way: bool,
         /// Whether it may pass without a change to the command: a full disk, a lock.
         passing: bool,
-        /// What `SQLite` said.
         #[source]
         source: Box<rusqlite::Error>,
     },

@@ -1,11 +1,10 @@
 //! Failures: as they are kept, and as they are listed.
 
-use super::digest::{Sealed, number, whole};
+use super::digest::{Sealed, whole};
 use super::statements::Statements;
-use super::{Store, StoreError, count};
+use super::{Store, StoreError};
 use crate::system::process;
-use rusqlite::types::Value;
-use rusqlite::{Connection, Row, params};
+use rusqlite::{Connection, Row, params, params_from_iter};
 use sd_core::Params;
 use serde::Serialize;
 
@@ -55,56 +54,59 @@ pub struct FailureLine {
     pub failed: Attempt,
 }
 
+impl Attempt {
+    /// The same as one by a process, which ended now.
+    pub(super) fn by(self, process: i64) -> Self {
+        Self {
+            process,
+            failed_at: process::now(),
+            ..self
+        }
+    }
+}
+
 /// Keeps a failure of a case; that of its last attempt has the number 0.
 pub(super) fn insert(connection: &Connection, case: i64, failed: Attempt) -> rusqlite::Result<()> {
-    let (key, attempts): (String, i64) = connection.one(
+    let (key, attempts): (String, u64) = connection.one(
         "SELECT key, attempts FROM cases WHERE id = ?1",
         [case],
-        |row| Ok((row.get(0)?, row.get(1)?)),
+        |row| row.try_into(),
     )?;
-    let optional = |value: Option<u64>| value.map_or(Value::Null, whole);
     let values = [
-        match failed.attempt {
-            0 => Value::Integer(attempts),
-            attempt => whole(attempt),
-        },
-        Value::Text(failed.error),
+        whole(if failed.attempt == 0 {
+            attempts
+        } else {
+            failed.attempt
+        }),
+        failed.error.into(),
         whole(failed.step),
-        number(failed.strain),
-        optional(failed.pair.map(|pair| pair.0)),
-        optional(failed.pair.map(|pair| pair.1)),
-        number(failed.gap),
-        failed.snapshot.map_or(Value::Null, Value::Text),
-        Value::Integer(failed.process),
-        Value::Integer(failed.failed_at),
-        Value::Integer(0),
+        failed.strain.into(),
+        failed.pair.map(|pair| whole(pair.0)).into(),
+        failed.pair.map(|pair| whole(pair.1)).into(),
+        failed.gap.into(),
+        failed.snapshot.into(),
+        failed.process.into(),
+        failed.failed_at.into(),
+        false.into(),
     ];
-    let case = [("case_id", Value::Integer(case))];
-    SEALED.put(connection, Some(&key), &values, &case)
+    SEALED.put(connection, Some(&key), &values, &[("case_id", case.into())])
 }
 
 /// The failures of a case.
 pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<Attempt>> {
-    SEALED.check(connection, "t.case_id = ?1", [case])?;
-    let columns = SEALED.columns;
-    connection.all(
-        &format!("SELECT {columns} FROM failures NOT INDEXED WHERE case_id = ?1 ORDER BY id"),
-        [case],
-        |row| attempt(row, 0),
-    )
+    let of_case = "t.case_id = ?1 ORDER BY t.id";
+    SEALED.all(connection, of_case, [case], |row| attempt(row, 0))
 }
 
 /// A failure in a row, from a column on.
 fn attempt(row: &Row<'_>, from: usize) -> rusqlite::Result<Attempt> {
-    let whole = |column| -> rusqlite::Result<Option<u64>> {
-        Ok(row.get::<_, Option<i64>>(from + column)?.map(count))
-    };
+    let (i, j): (Option<u64>, Option<u64>) = (row.get(from + 4)?, row.get(from + 5)?);
     Ok(Attempt {
-        attempt: whole(0)?.unwrap_or(0),
+        attempt: row.get(from)?,
         error: row.get(from + 1)?,
-        step: whole(2)?.unwrap_or(0),
+        step: row.get(from + 2)?,
         strain: row.get(from + 3)?,
-        pair: whole(4)?.zip(whole(5)?),
+        pair: i.zip(j),
         gap: row.get(from + 6)?,
         snapshot: row.get(from + 7)?,
         process: row.get(from + 8)?,
@@ -151,43 +153,26 @@ impl Store {
         self.rows(&query, parameters, |row| {
             Ok(FailureLine {
                 key: row.get(0)?,
-                seed: count(row.get(1)?),
-                params: super::points::params(row, 2)?,
+                seed: row.get(1)?,
+                params: super::schema::params(row, 2)?,
                 failed: attempt(row, 3)?,
             })
         })
     }
 }
 
-/// Records that cases that meet a condition are pending again after their failures.
-pub(super) fn mark_retried(connection: &Connection, condition: &str) -> rusqlite::Result<()> {
-    let cases = format!("(SELECT id FROM cases WHERE {condition})");
-    let changed = connection.execute(
-        &format!("UPDATE failures SET retried = 1 WHERE retried = 0 AND case_id IN {cases}"),
-        [],
-    )?;
-    if changed > 0 {
-        SEALED.seal(connection, &format!("t.retried AND t.case_id IN {cases}"))?;
+/// Records that cases that meet a condition, with parameters from ?2 on, are pending again after their failures.
+pub(super) fn mark_retried(
+    connection: &Connection,
+    condition: &str,
+    parameters: &[i64],
+) -> rusqlite::Result<()> {
+    let parameters = [&[1], parameters].concat();
+    let cases = format!("case_id IN (SELECT id FROM cases WHERE {condition})");
+    let retried = format!("UPDATE failures SET retried = ?1 WHERE NOT retried AND {cases}");
+    if connection.change(&retried, params_from_iter(&parameters))? > 0 {
+        let which = format!("t.retried = ?1 AND t.{cases}");
+        SEALED.seal(connection, &which, params_from_iter(&parameters))?;
     }
     Ok(())
-}
-
-/// Makes failed cases that meet a condition pending again: they begin anew, or where they were computed to an end before, go on
-/// from there. Returns how many.
-pub(super) fn reopen(connection: &Connection, condition: &str) -> rusqlite::Result<usize> {
-    let failed = format!("state = 'failed' AND {condition}");
-    mark_retried(connection, &failed)?;
-    connection.execute(
-        &format!(
-            "UPDATE cases SET state = 'pending', deaths = 0, changed_at = ?1, turn = {turn},
-                 steps_done = coalesce(
-                 (SELECT e.steps FROM ends e WHERE e.case_id = cases.id AND e.state IS NOT NULL), 0)
-             WHERE {failed}",
-            turn = super::claims::turn(
-                "(SELECT count(*) FROM ends e WHERE e.case_id = cases.id AND e.state IS NOT NULL)"
-            )
-            .replace("deaths", "0")
-        ),
-        [process::now()],
-    )
 }

@@ -1,12 +1,10 @@
 //! Frames of runs.
 
 use super::claims::Claim;
-use super::digest::{Sealed, number, whole};
-use super::statements::Statements;
-use super::{Store, StoreError, count, integer};
+use super::digest::{Sealed, whole};
+use super::{Store, StoreError};
 use crate::trajectory;
-use rusqlite::types::Value;
-use rusqlite::{Connection, params};
+use rusqlite::{Connection, Row};
 use sd_core::simulation::Frame;
 
 /// A kept frame.
@@ -37,19 +35,14 @@ pub(super) fn put(
     SEALED.put(
         connection,
         None,
-        &[whole(step), number(strain), Value::Blob(data)],
-        &[("case_id", Value::Integer(case))],
+        &[whole(step), strain.into(), data.into()],
+        &[("case_id", case.into())],
     )
 }
 
 /// The frames of a case: step, strain and data.
 pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u64, f64, Vec<u8>)>> {
-    SEALED.check(connection, "t.case_id = ?1", [case])?;
-    connection.all(
-        "SELECT step, strain, data FROM frames WHERE case_id = ?1",
-        [case],
-        |row| Ok((count(row.get(0)?), row.get(1)?, row.get(2)?)),
-    )
+    SEALED.all(connection, "t.case_id = ?1", [case], |row| row.try_into())
 }
 
 impl Store {
@@ -77,32 +70,21 @@ impl Store {
     /// # Errors
     /// [`StoreError::NoFrames`] if none are kept, trouble with the file, or an entry that cannot be read.
     pub fn frames(&self, key: &str, stride: usize) -> Result<Vec<StoredFrame>, StoreError> {
-        let rows = || -> rusqlite::Result<Vec<(i64, Vec<u8>)>> {
-            let of_case = "t.case_id = (SELECT id FROM cases WHERE key = ?1)";
-            SEALED.check(&self.connection, of_case, [key])?;
-            self.connection.all(
-                "SELECT step, data FROM
-                         (SELECT f.step, f.data, row_number() OVER (ORDER BY f.step) - 1 AS number
-                          FROM cases c JOIN frames f ON f.case_id = c.id
-                          AND f.step < c.steps WHERE c.key = ?1)
-                     WHERE number % ?2 = 0 ORDER BY step",
-                params![key, integer(stride.max(1) as u64)],
-                |row| Ok((row.get(0)?, row.get(1)?)),
-            )
-        };
-        let rows = self.read(rows())?;
+        let of_case = "t.case_id = (SELECT id FROM cases WHERE key = ?1)
+             AND t.step < (SELECT steps FROM cases WHERE key = ?1) ORDER BY t.step";
+        let row = |row: &Row<'_>| Ok((row.get(0)?, row.get(2)?));
+        let rows = SEALED.all(&self.connection, of_case, [key], row);
+        let rows: Vec<(u64, Vec<u8>)> = self.read(rows)?;
         if rows.is_empty() {
             return Err(StoreError::NoFrames { key: key.into() });
         }
         rows.into_iter()
+            .step_by(stride.max(1))
             .map(|(step, data)| {
                 let why = format!("the frame of step {step} of case {key}");
                 let frame = trajectory::decode(&data)
                     .ok_or_else(|| StoreError::unreadable(&self.path, &why))?;
-                Ok(StoredFrame {
-                    step: count(step),
-                    frame,
-                })
+                Ok(StoredFrame { step, frame })
             })
             .collect()
     }

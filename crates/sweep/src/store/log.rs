@@ -5,11 +5,12 @@
 //! every change renews a mark of it: the id and the number of the change. A log is the store's own if its marks have the id of
 //! the file and go on from the number that the file has. The marks are found as plain bytes: nothing of the log is parsed.
 
-use super::place::{address, with_suffix};
+use super::StoreError;
+use super::harden::harden;
+use super::place::{address, log_of};
 use super::statements::Statements;
-use super::{StoreError, harden};
 use rusqlite::{Connection, OpenFlags};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 /// First bytes of every mark.
@@ -78,11 +79,6 @@ impl Mark {
             [Self { id, number: 0 }.bytes()],
         )
     }
-}
-
-/// The write-ahead log beside a store.
-pub(super) fn log_of(path: &Path) -> PathBuf {
-    with_suffix(path, "-wal")
 }
 
 /// Whether there is a log beside a store with anything in it.

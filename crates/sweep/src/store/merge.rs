@@ -7,7 +7,7 @@ mod case;
 mod shards;
 
 use super::statements::Statements;
-use super::{Store, StoreError, ends, rules};
+use super::{Store, StoreError, rules, settle};
 use crate::protocol::Protocol;
 use crate::system::process::now;
 use case::Merging;
@@ -173,13 +173,9 @@ impl Store {
 
     /// Builds of the program that computed what is stored.
     fn builds(&self) -> Result<BTreeSet<String>, StoreError> {
-        self.rows(
-            "SELECT DISTINCT build FROM processes WHERE id IN
-                     (SELECT process FROM results UNION SELECT process FROM checkpoints
-                     UNION SELECT process FROM failures)",
-            [],
-            |row| row.get(0),
-        )
+        let builds = "SELECT DISTINCT build FROM processes WHERE id IN
+             (SELECT process FROM results UNION SELECT process FROM checkpoints UNION SELECT process FROM failures)";
+        self.read(self.connection.values(builds, []))
     }
 
     /// Merges one shard in one transaction.
@@ -221,7 +217,7 @@ impl Store {
                 merging.case(id)?;
             }
             if is_last {
-                ends::settle_all(connection, protocol)?;
+                settle::settle_all(connection, protocol)?;
                 rules::apply_all(connection)?;
             }
             if mode == MergeMode::Campaign && damage.is_none() {

@@ -1,7 +1,7 @@
 //! Where a store lies: whether its file is still the one that was opened.
 
 use super::StoreError;
-use super::log::log_of;
+use crate::system::files::with_suffix;
 use std::cell::Cell;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
@@ -73,21 +73,26 @@ impl Files {
     }
 }
 
-/// A path with something after it.
-pub(super) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(suffix);
-    PathBuf::from(name)
+/// The write-ahead log beside a store.
+pub(super) fn log_of(path: &Path) -> PathBuf {
+    with_suffix(path, "-wal")
 }
 
-/// Refuses what is no file: a folder, and what would let us wait for ever, as a pipe does.
+/// Whether there is no store yet: no file, or one without anything in it, whose place a store takes.
+pub(crate) fn is_free(path: &Path) -> bool {
+    std::fs::metadata(path).map_or(!path.exists(), |file| file.is_file() && file.len() == 0)
+}
+
+/// Refuses what is not there, and what is no file: a folder, and what would let us wait for ever, as a pipe does.
 pub(super) fn refuse_other_than_files(path: &Path) -> Result<(), StoreError> {
     let path = path.to_owned();
-    match std::fs::metadata(&path) {
-        Ok(there) if there.is_dir() => Err(StoreError::Folder { path }),
-        Ok(there) if !there.is_file() => Err(StoreError::NotAFile { path }),
-        _ => Ok(()),
-    }
+    let what = match std::fs::metadata(&path) {
+        Ok(there) if there.is_dir() => "a folder, and not a store",
+        Ok(there) if !there.is_file() => "not a file, and so no store",
+        Err(_) if !path.exists() => return Err(StoreError::Missing { path }),
+        _ => return Ok(()),
+    };
+    Err(StoreError::NotAFile { path, what })
 }
 
 /// The address of a file with options, as `SQLite` reads it.

@@ -2,15 +2,15 @@
 
 use super::digest::{Altered, Digest};
 use super::results::COVERED;
-use super::schema::axis_cells;
+use super::schema::{axis_cells, params, state};
 use super::statements::Statements;
-use super::{Store, StoreError, campaign, count, request, rules};
+use super::{Store, StoreError, campaign, request, rules};
 use crate::case::{CaseKey, State};
 use crate::doubt::Doubt;
 use crate::model::stresses::{self, COUNT, STRESSES};
 use crate::protocol::Protocol;
 use crate::statistics::Steadiness;
-use rusqlite::types::{Type, Value, ValueRef};
+use rusqlite::types::{Value, ValueRef};
 use rusqlite::{Connection, Row};
 use sd_core::Params;
 use std::collections::HashMap;
@@ -96,9 +96,8 @@ impl Store {
 
 /// See [`Store::point_runs`].
 fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
-    campaign::check(connection)?;
+    campaign::SEALED.check(connection, "true", [])?;
     rules::check(connection)?;
-    failures_fit_states(connection)?;
     let more = format!(
         "r.viscosity, r.viscosity_median, r.viscosity_stresslet, r.samples, r.contacts, r.activated, r.rolling, r.approach,
          r.minimum_gap, r.stages, r.unconverged_stages, r.worst_residual, r.wall_time_s, r.normal_stress_difference,
@@ -108,34 +107,30 @@ fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
         *COVERED
     );
     let mut runs = Vec::new();
-    let is_whole = look(connection, &more, "c.position IS NOT NULL", |row, known| {
+    look(connection, &more, "c.position IS NOT NULL", |row, known| {
         let (key, point) = known?;
         if row.get(6)? {
             runs.push(point_run(row, key, point)?);
         }
         Ok(())
     })?;
-    if !is_whole {
-        return Err(Altered::error(
-            "the grid is not what was written: a case is missing",
-        ));
-    }
     // Put into order here: SQLite would copy all columns for that.
     runs.sort_unstable_by_key(|run: &PointRun| run.position);
     Ok(runs)
 }
 
 /// Calls `each` with the row of every case that meets a condition, and its key and its point, or why these are not what was
-/// written. Columns of `more` come from 11 on. Says whether all of the grid are there.
+/// written. Columns of `more` come from 12 on.
 pub(super) fn look(
     connection: &Connection,
     more: &str,
     condition: &str,
     mut each: impl FnMut(&Row<'_>, rusqlite::Result<(CaseKey, &KnownPoint)>) -> rusqlite::Result<()>,
-) -> rusqlite::Result<bool> {
-    let text = |row: &Row<'_>| Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?));
-    let (protocol, grid) = connection
-        .one("SELECT protocol, grid FROM campaign", [], text)
+) -> rusqlite::Result<()> {
+    let (protocol, grid): (String, String) = connection
+        .one("SELECT protocol, grid FROM campaign", [], |row| {
+            row.try_into()
+        })
         .map_err(|_| Altered::error("the campaign"))?;
     let protocol: Protocol =
         serde_json::from_str(&protocol).map_err(|_| Altered::error("the campaign"))?;
@@ -146,6 +141,7 @@ pub(super) fn look(
     let mut query = connection.prepare(&format!(
         "SELECT c.key, c.seed, c.steps, c.sample_stride, c.state, c.position, c.counts, c.point,
              r.case_id, e.steps, e.jammed,
+             EXISTS (SELECT 1 FROM failures WHERE case_id = c.id AND NOT retried),
              {more}
          FROM cases c LEFT JOIN points p ON p.id = c.point
          LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
@@ -155,7 +151,7 @@ pub(super) fn look(
     let (mut positions, mut keys) = (Vec::new(), Vec::new());
     let mut rows = query.query([])?;
     while let Some(row) = rows.next()? {
-        let position: Option<i64> = row.get(5)?;
+        let position: Option<u64> = row.get(5)?;
         let known = match points.get(&row.get(7)?) {
             Some(Ok(point)) => point
                 .checked_key(row, position.is_some())
@@ -170,25 +166,13 @@ pub(super) fn look(
         each(row, known)?;
     }
     positions.sort_unstable();
-    let numbers = 0..super::integer(positions.len() as u64);
-    Ok(positions.into_iter().eq(numbers) && request::grid(keys.into_iter()) == grid)
-}
-
-/// That each failed case says why, and no pending one has failed.
-fn failures_fit_states(connection: &Connection) -> rusqlite::Result<()> {
-    let unfit: bool = connection.has(
-        "SELECT 1 FROM cases c WHERE c.state = 'failed'
-                 AND NOT EXISTS (SELECT 1 FROM failures WHERE case_id = c.id AND NOT retried)
-             UNION ALL SELECT 1 FROM failures f JOIN cases c ON c.id = f.case_id
-                 WHERE NOT f.retried AND c.state IN ('pending', 'running')",
-        [],
-    )?;
-    if unfit {
-        return Err(Altered::error(
-            "the state of a case is not that of its failures",
-        ));
+    let numbers = 0..positions.len() as u64;
+    if positions.into_iter().eq(numbers) && request::grid(keys.into_iter()) == grid {
+        return Ok(());
     }
-    Ok(())
+    Err(Altered::error(
+        "the grid is not what was written: a case is missing",
+    ))
 }
 
 /// The point of a case, as it is read.
@@ -224,12 +208,12 @@ impl KnownPoint {
     }
 
     /// The key of a row whose first columns are key, seed, steps, sample stride, state; then from 8 on whether there is a result,
-    /// and the end that there is of an open case.
+    /// the end that there is of an open case, and whether there is a failure that was not retried.
     ///
     /// # Errors
     /// [`Altered`] if these do not go together.
     fn checked_key(&self, row: &Row<'_>, is_in_grid: bool) -> rusqlite::Result<CaseKey> {
-        let (seed, steps, stride) = (count(row.get(1)?), count(row.get(2)?), count(row.get(3)?));
+        let (seed, steps, stride): (u64, u64, u64) = (row.get(1)?, row.get(2)?, row.get(3)?);
         let key = CaseKey::of_text(&self.text, seed, stride);
         let written = row.get_ref(0)?.as_str()?;
         if key.to_string() != written {
@@ -237,12 +221,16 @@ impl KnownPoint {
                 "the parameters of case {written} are not those it was named for"
             )));
         }
-        let is_finished = matches!(state(row.get_ref(4)?)?, State::Done | State::Jammed);
         let has_result = row.get_ref(8)? != ValueRef::Null;
-        let end: Option<i64> = row.get(9)?;
-        let is_covered = end.is_some_and(|end| count(end) >= steps)
-            || row.get::<_, Option<bool>>(10)? == Some(true);
-        if (is_in_grid && steps != self.steps) || is_finished != has_result || is_covered {
+        let (end, jammed): (Option<u64>, Option<bool>) = (row.get(9)?, row.get(10)?);
+        let is_covered = end.is_some_and(|end| end >= steps) || jammed == Some(true);
+        let has_failed: bool = row.get(11)?;
+        let fits = match state(row.get_ref(4)?)? {
+            State::Done | State::Jammed => has_result,
+            State::Failed => has_failed && !has_result && !is_covered,
+            State::Pending | State::Running => !has_failed && !has_result && !is_covered,
+        };
+        if !fits || (is_in_grid && steps != self.steps) {
             return Err(Altered::error(format!(
                 "the state of case {written} is not what was written"
             )));
@@ -251,14 +239,8 @@ impl KnownPoint {
     }
 }
 
-/// The state of this name.
-pub(super) fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
-    let name = name.as_str()?;
-    State::of(name).ok_or_else(|| Altered::error(format!("there is no state {name:?} of a case")))
-}
-
 /// First column of the stresses in a row of [`point_runs`].
-const OF_STRESSES: usize = 36;
+const OF_STRESSES: usize = 37;
 
 /// One row of [`point_runs`].
 fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> rusqlite::Result<PointRun> {
@@ -272,47 +254,44 @@ fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> rusqlite::Resul
             "the result of run {key} is not what was written"
         )));
     }
-    let whole = |column: usize| {
-        row.get::<_, Option<i64>>(column)
-            .map(|n| count(n.unwrap_or(0)))
-    };
+    let whole = |column| row.get(column).map(|n: Option<u64>| n.unwrap_or(0));
     let mut stresses = [None; COUNT];
     for (stress, column) in stresses.iter_mut().zip(OF_STRESSES..) {
         *stress = row.get(column)?;
     }
     let params = point.params.clone();
-    let discarded: Option<i64> = row.get(28)?;
+    let discarded: Option<u64> = row.get(29)?;
     Ok(PointRun {
         position: whole(5)?,
         stresses,
         key: key.to_string(),
         sample_every: whole(3)? as f64 * params.time_step,
-        discard: discarded.map(|steps| count(steps) as f64 * params.time_step),
+        discard: discarded.map(|steps| steps as f64 * params.time_step),
         params,
         seed: whole(1)?,
         state: state(row.get_ref(4)?)?,
-        viscosity: row.get(11)?,
-        viscosity_median: row.get(12)?,
-        viscosity_stresslet: row.get(13)?,
-        samples: whole(14)?,
-        contacts: whole(15)?,
-        activated: whole(16)?,
-        rolling: whole(17)?,
-        approach: row.get::<_, Option<f64>>(18)?.unwrap_or(0.0),
-        minimum_gap: row.get(19)?,
-        stages: whole(20)?,
-        unconverged_stages: whole(21)?,
-        inexact_stages: whole(35)?,
-        worst_residual: row.get(22)?,
-        wall_time_s: row.get(23)?,
-        normal_stress_difference: row.get(24)?,
-        jammed_stages: whole(25)?,
+        viscosity: row.get(12)?,
+        viscosity_median: row.get(13)?,
+        viscosity_stresslet: row.get(14)?,
+        samples: whole(15)?,
+        contacts: whole(16)?,
+        activated: whole(17)?,
+        rolling: whole(18)?,
+        approach: row.get(19).map(|n: Option<f64>| n.unwrap_or(0.0))?,
+        minimum_gap: row.get(20)?,
+        stages: whole(21)?,
+        unconverged_stages: whole(22)?,
+        inexact_stages: whole(36)?,
+        worst_residual: row.get(23)?,
+        wall_time_s: row.get(24)?,
+        normal_stress_difference: row.get(25)?,
+        jammed_stages: whole(26)?,
         doubts: row
-            .get_ref(26)?
+            .get_ref(27)?
             .as_str_or_null()?
             .map(Doubt::read)
             .unwrap_or_default(),
-        cpu_time_s: row.get(27)?,
+        cpu_time_s: row.get(28)?,
         steadiness: steadiness(row)?,
     })
 }
@@ -320,9 +299,9 @@ fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> rusqlite::Resul
 /// What a run tells about steadiness, where it does.
 fn steadiness(row: &Row<'_>) -> rusqlite::Result<Option<Steadiness>> {
     let number = |column: usize| row.get::<_, Option<f64>>(column);
-    let parts = [number(29)?, number(30)?, number(31)?, number(32)?];
+    let parts = [number(30)?, number(31)?, number(32)?, number(33)?];
     let ([Some(a), Some(b), Some(c), Some(d)], Some(variance), Some(correlation)) =
-        (parts, number(33)?, number(34)?)
+        (parts, number(34)?, number(35)?)
     else {
         return Ok(None);
     };
@@ -331,12 +310,4 @@ fn steadiness(row: &Row<'_>) -> rusqlite::Result<Option<Steadiness>> {
         correlation,
         variance,
     }))
-}
-
-/// The parameters in a column of JSON.
-pub(super) fn params(row: &Row<'_>, column: usize) -> rusqlite::Result<Params> {
-    let text: String = row.get(column)?;
-    serde_json::from_str(&text).map_err(|error| {
-        rusqlite::Error::FromSqlConversionFailure(column, Type::Text, Box::new(error))
-    })
 }

@@ -1,7 +1,7 @@
 //! Who computed what is stored, and how long the rest will take.
 
 use super::digest::Altered;
-use super::{Store, StoreError, count, registry};
+use super::{Store, StoreError, processes};
 use serde::Serialize;
 
 /// A process that worked on the store.
@@ -39,7 +39,7 @@ pub(super) fn program(version: &str, physics_version: u64, build: &str) -> Strin
 impl Store {
     /// Processes that finished results, the latest first.
     pub(crate) fn provenance(&self) -> Result<Vec<Provenance>, StoreError> {
-        self.read(registry::SEALED.check(&self.connection, "true", []))?;
+        self.read(processes::SEALED.check(&self.connection, "true", []))?;
         self.rows(
             "SELECT p.host, p.version, p.physics_version, p.build, p.threads, p.started_at,
                  r.results
@@ -52,11 +52,11 @@ impl Store {
                 Ok(Provenance {
                     host: row.get::<_, Option<String>>(0)?.ok_or_else(nobody)?,
                     version: row.get(1)?,
-                    physics_version: count(row.get(2)?),
+                    physics_version: row.get(2)?,
                     build: row.get(3)?,
-                    threads: count(row.get(4)?),
+                    threads: row.get(4)?,
                     started_at: row.get(5)?,
-                    results: count(row.get(6)?),
+                    results: row.get(6)?,
                 })
             },
         )

@@ -1,19 +1,17 @@
 //! Taking runs out of a store that its campaign does not ask for.
 
 use super::check::OF_CASES;
-use super::request::ORPHANED;
-use super::{Store, StoreError, count};
+use super::inventory::ORPHANED;
+use super::statements::Statements;
+use super::{Store, StoreError};
 
 impl Store {
     /// Removes all runs that are not in the grid, with all they have, and gives the disk back what they took. Says how many of
     /// them something had been computed of.
     pub(crate) fn prune(&mut self) -> Result<u64, StoreError> {
         let removed = self.write(|connection| {
-            let removed = connection.query_row(
-                &format!("SELECT count(*) FROM cases c WHERE {ORPHANED}"),
-                [],
-                |row| row.get(0).map(count),
-            )?;
+            let removed = format!("SELECT count(*) FROM cases c WHERE {ORPHANED}");
+            let removed = connection.one(&removed, [], |row| row.get(0))?;
             let orphans = "SELECT id FROM cases WHERE NOT counts AND state != 'running'";
             for table in OF_CASES.iter().chain(&["slices", "disagreements"]) {
                 connection.execute(

@@ -1,14 +1,15 @@
 //! Opening a store to read it: while others write, without write access, on a full disk.
 
+use super::harden::harden;
+use super::lock::wait_for_lock;
 use super::log;
-use super::place::{address, refuse_other_than_files};
+use super::place::{self, address, refuse_other_than_files};
 use super::statements::Statements;
-use super::{Store, StoreError, harden, wait_for_lock};
+use super::{Store, StoreError};
 use crate::disk::is_full;
-use crate::model::campaign::Campaign;
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Operations of `SQLite` from one look at the clock to the next.
@@ -18,43 +19,6 @@ const PATIENCE: Duration = Duration::from_mins(2);
 /// How much longer for every so many bytes: a tenth of what a slow network file system gives.
 const BYTES_PER_SECOND: u64 = 1 << 20;
 
-/// A store, and the campaign file it is looked at with, if there is one.
-#[derive(Debug, Clone)]
-pub struct StoreSource {
-    path: PathBuf,
-    campaign: Option<Campaign>,
-}
-
-impl StoreSource {
-    /// The store at this place, by its whole path; with a campaign file, as that is now, what it requests. Without one the store is
-    /// shown as it was last run.
-    pub fn new(path: PathBuf, campaign: Option<Campaign>) -> Self {
-        Self { path, campaign }
-    }
-
-    /// The store.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// The campaign file.
-    pub fn campaign(&self) -> Option<&Campaign> {
-        self.campaign.as_ref()
-    }
-
-    /// Opens it for reading, and shows of it what the campaign file requests, done or not, whatever it was last run with.
-    ///
-    /// # Errors
-    /// As [`Store::open_read_only`], and [`StoreError::OtherCampaign`].
-    pub fn open(&self) -> Result<Store, StoreError> {
-        let mut store = Store::open_read_only(&self.path)?;
-        if let Some(campaign) = &self.campaign {
-            store.show_as_requested(campaign)?;
-        }
-        Ok(store)
-    }
-}
-
 impl Store {
     /// Opens a store for reading only, while others may write to it. What is read is the state of one moment. Where the log cannot
     /// be read, as on a read-only or a full disk, the store is shown without it, with a warning.
@@ -62,7 +26,7 @@ impl Store {
     /// # Errors
     /// A file that is missing, no store, or of another schema.
     pub fn open_read_only(path: &Path) -> Result<Self, StoreError> {
-        refuse_missing(path)?;
+        refuse_other_than_files(path)?;
         let had_log = log::is_there(path);
         let last = log::check(path)?;
         let mut store = match Self::read_only(path, None) {
@@ -72,7 +36,7 @@ impl Store {
                 if had_log {
                     store.warning = Some(format!(
                         "the log {} cannot be read here: what was written last is not shown",
-                        log::log_of(path).display()
+                        place::log_of(path).display()
                     ));
                 }
                 return Ok(store);
@@ -85,13 +49,13 @@ impl Store {
 
     /// Opens a store as it lies in its file, without locks, which not every file system has, and without its log.
     pub(super) fn open_without_log(path: &Path) -> Result<Self, StoreError> {
-        refuse_missing(path)?;
+        refuse_other_than_files(path)?;
         Self::read_only(path, Some("immutable=1"))
     }
 
     /// The same of a damaged one, as a file that is shorter than it says.
     pub(super) fn open_damaged(path: &Path) -> Result<Self, StoreError> {
-        refuse_missing(path)?;
+        refuse_other_than_files(path)?;
         let connection = Self::connect(path, Some("immutable=1"))?;
         connection
             .set_db_config(DbConfig::SQLITE_DBCONFIG_DEFENSIVE, false)
@@ -136,17 +100,6 @@ impl Store {
         harden(&connection).map_err(failed)?;
         Ok(connection)
     }
-}
-
-/// Refuses what is no file, or not there.
-fn refuse_missing(path: &Path) -> Result<(), StoreError> {
-    refuse_other_than_files(path)?;
-    if path.exists() {
-        return Ok(());
-    }
-    Err(StoreError::Missing {
-        path: path.to_owned(),
-    })
 }
 
 /// Ends queries that take longer than any that reads a store of this size.

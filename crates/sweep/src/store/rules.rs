@@ -3,12 +3,11 @@
 //! All seeds that a point may get are in the store from the beginning. The rule marks those that count, whenever a case of the
 //! point ends, in the same transaction: what counts is a function of the results alone.
 
-use super::digest::{Altered, Sealed, number, whole};
+use super::digest::{Altered, Sealed, whole};
 use super::statements::Statements;
-use super::{Store, StoreError, count, integer};
+use super::{Store, StoreError};
 use crate::model::campaign::Campaign;
 use crate::statistics::{Decision, Measure, Outcome, Precision};
-use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params};
 use sd_core::Params;
 
@@ -39,6 +38,9 @@ pub(super) const SEALED: Sealed = Sealed {
     words: "the precision requested at a point",
 };
 
+/// What is altered where others count than those that the rules say, in words.
+const WHICH_COUNT: &str = "which seeds count";
+
 /// Enters the rules of a campaign in place of those that are there. Its cases are in the store, and all count: see [`apply_all`],
 /// which leaves out seeds that do not.
 pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> rusqlite::Result<()> {
@@ -48,18 +50,18 @@ pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> rusqlite::R
         [],
     )?;
     let mut give = connection.prepare("UPDATE cases SET rule = ?2 WHERE key = ?1")?;
-    for (number_of_it, rule) in (0..).zip(&campaign.rules) {
+    for (number, rule) in (0_i64..).zip(&campaign.rules) {
         let precision = rule.precision;
         let row = [
-            whole(number_of_it),
-            number(precision.precision),
-            Value::Text(precision.quantity.name().into()),
+            number.into(),
+            precision.precision.into(),
+            precision.quantity.name().to_owned().into(),
             whole(precision.at_least as u64),
             whole(precision.at_most as u64),
         ];
         SEALED.put(connection, None, &row, &[])?;
         for (key, _) in &campaign.cases[rule.cases.clone()] {
-            give.execute(params![key.to_string(), integer(number_of_it)])?;
+            give.execute(params![key.to_string(), number])?;
         }
     }
     Ok(())
@@ -113,16 +115,13 @@ fn decide(rule: &Precision, seeds: &[Seed]) -> Decision {
 /// A row of the rules.
 fn rule(row: &Row<'_>) -> rusqlite::Result<(i64, Precision)> {
     let quantity: String = row.get(2)?;
-    let seeds = |column: usize| -> rusqlite::Result<usize> {
-        Ok(usize::try_from(count(row.get(column)?)).unwrap_or(usize::MAX))
-    };
     Ok((
         row.get(0)?,
         Precision {
             precision: row.get(1)?,
             quantity: Measure::of_name(&quantity).ok_or(rusqlite::Error::InvalidQuery)?,
-            at_least: seeds(3)?,
-            at_most: seeds(4)?,
+            at_least: row.get(3)?,
+            at_most: row.get(4)?,
         },
     ))
 }
@@ -131,15 +130,10 @@ fn rule(row: &Row<'_>) -> rusqlite::Result<(i64, Precision)> {
 fn rules(
     connection: &Connection,
     condition: &str,
-    parameters: impl rusqlite::Params + Copy,
+    parameters: impl rusqlite::Params,
 ) -> rusqlite::Result<Vec<(i64, Precision)>> {
-    SEALED.check(connection, condition, parameters)?;
-    let select = SEALED.select("");
-    connection.all(
-        &format!("{select} WHERE {condition} ORDER BY t.number"),
-        parameters,
-        rule,
-    )
+    let ordered = format!("{condition} ORDER BY t.number");
+    SEALED.all(connection, &ordered, parameters, rule)
 }
 
 /// The seeds of a point in their order.
@@ -176,65 +170,47 @@ pub(super) fn first_batch(
     connection: &Connection,
     case: i64,
 ) -> rusqlite::Result<Option<Vec<i64>>> {
-    let found: Option<(i64, i64)> = connection.find(
-        "SELECT number, at_least FROM rules WHERE number = (SELECT rule FROM cases WHERE id = ?1)",
-        [case],
-        |row| Ok((row.get(0)?, row.get(1)?)),
-    )?;
-    found
-        .map(|(point, at_least)| {
-            connection.all(
-                "SELECT id FROM cases WHERE rule = ?1 ORDER BY position LIMIT ?2",
-                [point, at_least],
-                |row| row.get(0),
-            )
-        })
-        .transpose()
+    let of_case = "t.number = (SELECT rule FROM cases WHERE id = ?1)";
+    let rule = rules(connection, of_case, [case])?.pop();
+    rule.map(|(point, rule)| {
+        let batch = "SELECT id FROM cases WHERE rule = ?1 ORDER BY position LIMIT ?2";
+        connection.values(batch, params![point, rule.at_least])
+    })
+    .transpose()
 }
 
 /// Makes sure that at every point those seeds count that its rule says, and elsewhere all of the grid.
 pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
-    let altered = || Altered::error("which seeds count is not what was written");
     for (point, rule) in rules(connection, "true", [])? {
         let seeds = seeds(connection, point, &rule)?;
         let wanted = decide(&rule, &seeds).wanted;
-        if seeds
-            .iter()
-            .enumerate()
-            .any(|(place, seed)| seed.counts != (place < wanted))
-        {
-            return Err(altered());
-        }
+        let fits = |(place, seed): (usize, &Seed)| seed.counts == (place < wanted);
+        Altered::unless(seeds.iter().enumerate().all(fits), WHICH_COUNT)?;
     }
-    let left_out: bool = connection.has(
+    let left_out = connection.has(
         "SELECT 1 FROM cases WHERE counts != (position IS NOT NULL) AND rule IS NULL",
         [],
     )?;
-    if left_out { Err(altered()) } else { Ok(()) }
+    Altered::unless(!left_out, WHICH_COUNT)
 }
 
 impl Store {
     /// How the points stand at which a precision is asked for, in the order of the file.
     pub(crate) fn point_states(&self) -> Result<Vec<PointState>, StoreError> {
-        let read = || {
-            rules(&self.connection, "true", [])?
-                .into_iter()
-                .map(|(point, rule)| {
-                    let seeds = seeds(&self.connection, point, &rule)?;
-                    let params = self.connection.one(
-                        "SELECT p.params FROM cases c JOIN points p ON p.id = c.point
-                         WHERE c.rule = ?1 LIMIT 1",
-                        [point],
-                        |row| super::points::params(row, 0),
-                    )?;
-                    Ok(PointState {
-                        params,
-                        rule,
-                        decision: decide(&rule, &seeds),
-                    })
-                })
-                .collect()
+        let state = |(point, rule): (i64, Precision)| {
+            let params = self.connection.one(
+                "SELECT p.params FROM cases c JOIN points p ON p.id = c.point WHERE c.rule = ?1 LIMIT 1",
+                [point],
+                |row| super::schema::params(row, 0),
+            )?;
+            let decision = decide(&rule, &seeds(&self.connection, point, &rule)?);
+            Ok(PointState {
+                params,
+                rule,
+                decision,
+            })
         };
-        self.read(read())
+        let rules = self.read(rules(&self.connection, "true", []))?;
+        self.read(rules.into_iter().map(state).collect())
     }
 }

@@ -1,13 +1,11 @@
 //! The runs of a campaign as a table, with all that the store knows of their results.
 
 use super::schema::axis_columns;
-use super::statements::Statements;
 use super::{Store, StoreError, results};
 use crate::axes::Kind;
 use crate::data::{Cells, DataColumn, Word};
 use rusqlite::Connection;
 use rusqlite::types::{FromSqlError, Type, ValueRef};
-use std::collections::HashMap;
 
 impl Store {
     /// All runs of the campaign in its order, a row each: the columns of the view `runs`, by their names. Nothing came out yet of one
@@ -31,13 +29,16 @@ impl Store {
 
 /// What a statement finds, column by column.
 fn columns_of(connection: &Connection, query: &str) -> rusqlite::Result<Vec<DataColumn>> {
-    let kinds = declared_kinds(connection)?;
     let mut statement = connection.prepare(query)?;
     let mut columns: Vec<DataColumn> = statement
-        .column_names()
-        .map(|name| {
-            let kind = kinds.get(name).copied().unwrap_or(Kind::Number);
-            DataColumn::named(name.to_owned(), kind, 0)
+        .columns()
+        .map(|column| {
+            let kind = match column.decl_type() {
+                Some("TEXT") => Kind::Word,
+                Some("INTEGER") => Kind::Count,
+                _ => Kind::Number,
+            };
+            DataColumn::named(column.name().to_owned(), kind, 0)
         })
         .collect();
     let mut rows = statement.query([])?;
@@ -69,23 +70,4 @@ fn push(cells: &mut Cells, value: ValueRef<'_>) -> Result<(), FromSqlError> {
         }),
     }
     Ok(())
-}
-
-/// What the columns of cases and results are declared to hold.
-fn declared_kinds(connection: &Connection) -> rusqlite::Result<HashMap<String, Kind>> {
-    connection.all(
-        "SELECT name, type FROM pragma_table_info('results')
-         UNION SELECT name, type FROM pragma_table_info('cases')
-             UNION SELECT name, type FROM pragma_table_info('points')",
-        [],
-        |row| {
-            let declared: String = row.get(1)?;
-            let kind = match declared.as_str() {
-                "TEXT" => Kind::Word,
-                "INTEGER" => Kind::Count,
-                _ => Kind::Number,
-            };
-            Ok((row.get(0)?, kind))
-        },
-    )
 }

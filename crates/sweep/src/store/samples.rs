@@ -1,41 +1,33 @@
 //! Samples of runs.
 
-use super::count;
-use super::digest::{Altered, Digest, number, whole};
+use super::digest::{Altered, Digest, whole};
 use super::statements::Statements;
-use crate::model::stresses;
+use crate::axes;
+use crate::model::sampled;
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params, params_from_iter};
 use sd_core::Sample;
-use sd_core::simulation::Counters;
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
-/// Columns of a sample after its case, before those of the stresses, which are made from their declarations.
-const COLUMNS: &str = "step, strain, viscosity, viscosity_stresslet, normal_stress_difference, dissipation, contacts, activated, \
-     rolling, slipping, normal_velocity, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, \
-     minimum_gap_so_far, jam_events, jammed_steps, jammed_steps_running, jammed_stages, inexact_stages, shear_rate";
-/// How many these are.
-const COLUMN_COUNT: usize = 23;
-
-/// Reads the samples of a case up to a step.
+/// Reads the samples of a case.
 static SELECT: LazyLock<String> = LazyLock::new(|| {
-    let names = stresses::names(stresses::parts(), "");
-    format!("SELECT {COLUMNS}, {names} FROM samples WHERE case_id = ?1 ORDER BY step")
+    let names = sampled::names();
+    format!("SELECT step, {names} FROM samples WHERE case_id = ?1 ORDER BY step")
 });
 /// Writes one.
 static INSERT: LazyLock<String> = LazyLock::new(|| {
-    let names = stresses::names(stresses::parts(), "");
-    let places = vec!["?"; 1 + COLUMN_COUNT + stresses::parts().count()].join(", ");
-    format!("INSERT INTO samples (case_id, {COLUMNS}, {names}) VALUES ({places})")
+    let names = sampled::names();
+    let places = vec!["?"; 2 + names.split(", ").count()].join(", ");
+    format!("INSERT INTO samples (case_id, step, {names}) VALUES ({places})")
 });
 
-/// Writes the samples of a case in place of any it had. Gives their digest, which is kept with the case.
+/// Writes the samples of a case in place of any it had, and their digest with the case.
 pub(super) fn write(
     connection: &Connection,
     case: i64,
     samples: &[(u64, Sample)],
-) -> rusqlite::Result<Option<i64>> {
+) -> rusqlite::Result<()> {
     connection.run("DELETE FROM samples WHERE case_id = ?1", [case])?;
     let mut insert = connection.prepare_cached(&INSERT)?;
     let mut digest = Digest::default();
@@ -49,8 +41,7 @@ pub(super) fn write(
     connection.run(
         "UPDATE cases SET samples_digest = ?2 WHERE id = ?1",
         params![case, digest],
-    )?;
-    Ok(digest)
+    )
 }
 
 /// The samples of a case, with their steps. What is not a number comes back as NaN.
@@ -58,11 +49,8 @@ pub(super) fn write(
 /// # Errors
 /// Those of the query, and [`Altered`] if they are not what was written.
 pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u64, Sample)>> {
-    let written: Option<i64> = connection.one(
-        "SELECT samples_digest FROM cases WHERE id = ?1",
-        [case],
-        |row| row.get(0),
-    )?;
+    let written = "SELECT samples_digest FROM cases WHERE id = ?1";
+    let written: Option<i64> = connection.value(written, [case])?.flatten();
     let mut query = connection.prepare_cached(&SELECT)?;
     let columns = query.column_count();
     let (mut digest, mut samples) = (Digest::default(), Vec::new());
@@ -81,10 +69,10 @@ pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u6
 }
 
 /// The digests of the samples of all cases as they are now.
-pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, Option<i64>>> {
-    let names = stresses::names(stresses::parts(), "");
+pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, i64>> {
+    let names = sampled::names();
     let mut query = connection.prepare(&format!(
-        "SELECT {COLUMNS}, {names}, case_id FROM samples ORDER BY case_id, step"
+        "SELECT step, {names}, case_id FROM samples ORDER BY case_id, step"
     ))?;
     let case = query.column_count() - 1;
     let mut rows = query.query([])?;
@@ -92,23 +80,20 @@ pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, 
     let mut current: Option<(i64, Digest)> = None;
     while let Some(row) = rows.next()? {
         let id = row.get(case)?;
-        let digest = match current.take() {
-            Some((known, digest)) if known == id => digest,
-            other => {
-                digests.extend(other.map(|(id, digest)| (id, Some(digest.finish()))));
-                Digest::default()
-            }
-        };
+        if current.as_ref().is_some_and(|(known, _)| *known != id) {
+            digests.extend(current.take().map(|(id, digest)| (id, digest.finish())));
+        }
+        let (_, digest) = current.unwrap_or((id, Digest::default()));
         current = Some((id, digest.with_row(row, 0..case)?));
     }
-    digests.extend(current.map(|(id, digest)| (id, Some(digest.finish()))));
+    digests.extend(current.map(|(id, digest)| (id, digest.finish())));
     Ok(digests)
 }
 
 /// Where two samples differ first, bit for bit, if they do.
 pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<String> {
-    let names = stresses::names(stresses::parts(), "");
-    let names = COLUMNS.split(", ").chain(names.split(", "));
+    let names = sampled::names();
+    let names = std::iter::once("step").chain(names.split(", "));
     let values = values(one.0, &one.1).into_iter().zip(values(two.0, &two.1));
     names.zip(values).find_map(|(name, (one, two))| {
         let same = match (&one, &two) {
@@ -129,77 +114,30 @@ fn shown(value: &Value) -> String {
 }
 
 /// The values of a sample, in the order of the columns.
-fn values(step: u64, s: &Sample) -> Vec<Value> {
-    let mut values = vec![
-        whole(step),
-        number(s.strain),
-        number(s.viscosity),
-        number(s.viscosity_stresslet),
-        number(s.normal_stress_difference),
-        number(s.dissipation),
-        whole(s.contacts.into()),
-        whole(s.activated.into()),
-        whole(s.rolling.into()),
-        whole(s.slipping.into()),
-        number(s.normal_velocity),
-        number(s.minimum_gap),
-        whole(s.counters.stages),
-        whole(s.counters.unconverged_stages),
-        number(s.counters.worst_residual),
-        number(s.counters.worst_friction_error),
-        number(s.counters.minimum_gap),
-        whole(s.counters.jam_events),
-        whole(s.counters.jammed_steps),
-        whole(s.counters.jammed_steps_running),
-        whole(s.counters.jammed_stages),
-        whole(s.counters.inexact_stages),
-        number(s.shear_rate),
-    ];
-    values.extend(stresses::parts().map(|column| number(column.read(s))));
-    values
+fn values(step: u64, sample: &Sample) -> Vec<Value> {
+    let value = |field: sampled::Field| match field.value {
+        axes::Value::Number(number) => number.into(),
+        axes::Value::Count(count) => whole(count),
+        axes::Value::Word(word) => word.to_owned().into(),
+    };
+    std::iter::once(whole(step))
+        .chain(sampled::fields(sample).into_iter().map(value))
+        .collect()
 }
 
 /// A row of [`SELECT`].
 fn sample(row: &Row<'_>) -> rusqlite::Result<(u64, Sample)> {
-    let number = |column: usize| -> rusqlite::Result<f64> {
-        Ok(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN))
+    let number = |place| {
+        row.get(place + 1)
+            .map(|n: Option<f64>| n.unwrap_or(f64::NAN))
     };
-    let whole = |column: usize| row.get(column).map(count);
-    let parts = COLUMN_COUNT..COLUMN_COUNT + stresses::parts().count();
-    let parts = parts.map(number).collect::<Result<Vec<_>, _>>()?;
-    let sample = Sample {
-        strain: number(1)?,
-        viscosity: number(2)?,
-        viscosity_stresslet: number(3)?,
-        normal_stress_difference: number(4)?,
-        stress: stresses::of_parts(parts),
-        dissipation: number(5)?,
-        contacts: row.get(6)?,
-        activated: row.get(7)?,
-        rolling: row.get(8)?,
-        slipping: row.get(9)?,
-        normal_velocity: number(10)?,
-        minimum_gap: number(11)?,
-        counters: Counters {
-            stages: whole(12)?,
-            unconverged_stages: whole(13)?,
-            worst_residual: number(14)?,
-            worst_friction_error: number(15)?,
-            minimum_gap: number(16)?,
-            jam_events: whole(17)?,
-            jammed_steps: whole(18)?,
-            jammed_steps_running: whole(19)?,
-            jammed_stages: whole(20)?,
-            inexact_stages: whole(21)?,
-        },
-        shear_rate: number(22)?,
-    };
-    Ok((whole(0)?, sample))
+    let count = |place| row.get(place + 1);
+    Ok((row.get(0)?, sampled::read(number, count)?))
 }
 
 /// Drops the samples of a case from a step on.
 pub(super) fn cut(connection: &Connection, case: i64, from: u64) -> rusqlite::Result<()> {
     let mut samples = of(connection, case)?;
     samples.retain(|(step, _)| *step < from);
-    write(connection, case, &samples).map(|_| ())
+    write(connection, case, &samples)
 }

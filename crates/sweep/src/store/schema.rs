@@ -1,9 +1,11 @@
-//! The schema of a store: how its tables are made, and how they are recognized.
+//! The schema of a store: how its tables are made and recognized, and what columns hold that several of them have.
 
+use super::digest::Altered;
 use crate::axes::{AXES, Kind, Value as AxisValue};
+use crate::case::State;
 use crate::model::stresses::{STRESSES, parts};
-use rusqlite::types::Value;
-use rusqlite::{Connection, OptionalExtension};
+use rusqlite::types::{Type, Value, ValueRef};
+use rusqlite::{Connection, OptionalExtension, Row};
 use sd_core::Params;
 
 /// Marks the file as ours: `SWEP`.
@@ -83,7 +85,8 @@ pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
     }
     connection.execute_batch(
         "CREATE INDEX temp.cases_of_point ON cases (point);
-         CREATE INDEX temp.cases_of_rule ON cases (rule, position) WHERE rule IS NOT NULL",
+         CREATE INDEX temp.cases_of_rule ON cases (rule, position) WHERE rule IS NOT NULL;
+         CREATE INDEX temp.failures_of_case ON failures (case_id)",
     )
 }
 
@@ -102,9 +105,23 @@ pub(super) fn axis_cells(params: &Params) -> impl Iterator<Item = Value> {
         // Either the rate is imposed or the stress.
         _ if axis.is_of_shear() && !axis.means_something(params) => Value::Null,
         AxisValue::Word(word) => Value::Text(word.into()),
-        AxisValue::Count(count) => Value::Integer(super::integer(count)),
+        AxisValue::Count(count) => super::digest::whole(count),
         AxisValue::Number(number) => Value::Real(number),
     })
+}
+
+/// The parameters in a column of JSON.
+pub(super) fn params(row: &Row<'_>, column: usize) -> rusqlite::Result<Params> {
+    let text: String = row.get(column)?;
+    serde_json::from_str(&text).map_err(|error| {
+        rusqlite::Error::FromSqlConversionFailure(column, Type::Text, Box::new(error))
+    })
+}
+
+/// The state of this name.
+pub(super) fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
+    let name = name.as_str()?;
+    State::of(name).ok_or_else(|| Altered::error(format!("there is no state {name:?} of a case")))
 }
 
 /// Makes sure that what has the name of a table of ours is a table with values in it: no view, no virtual table, no columns

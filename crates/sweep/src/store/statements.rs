@@ -1,5 +1,6 @@
 //! Shorthand for statements, which are kept prepared.
 
+use rusqlite::types::FromSql;
 use rusqlite::{CachedStatement, Connection, OptionalExtension as _, Params, Result, Row};
 
 /// Statements of a connection, or of the transaction it is in.
@@ -50,6 +51,20 @@ pub(super) trait Statements {
         read: impl FnMut(&Row<'_>) -> Result<T>,
     ) -> Result<C> {
         self.prepared(sql)?.query_map(parameters, read)?.collect()
+    }
+
+    /// The first column of the first row, if there is one.
+    fn value<T: FromSql>(&self, sql: &str, parameters: impl Params) -> Result<Option<T>> {
+        self.find(sql, parameters, |row| row.get(0))
+    }
+
+    /// The first column of all rows.
+    fn values<T: FromSql, C: FromIterator<T>>(
+        &self,
+        sql: &str,
+        parameters: impl Params,
+    ) -> Result<C> {
+        self.all(sql, parameters, |row| row.get(0))
     }
 }
 

@@ -1,11 +1,12 @@
 //! All that the store knows of one case.
 
 use super::failures::{self, Attempt};
-use super::points::params;
 use super::provenance::program;
-use super::{Store, StoreError, claims, count, ends, results, samples};
+use super::schema::params;
+use super::statements::Statements;
+use super::{Store, StoreError, checkpoints, ends, results, samples};
 use crate::doubt::Doubt;
-use rusqlite::{OptionalExtension, Row};
+use rusqlite::Row;
 use sd_core::{Params, Sample};
 use serde::Serialize;
 
@@ -61,9 +62,6 @@ pub struct Origin {
     pub at: i64,
 }
 
-/// A case and its row.
-type Found = (i64, Story);
-
 impl Store {
     /// The key of the one case meant by the beginning of a key, or by a number of the campaign file; an exact number wins.
     ///
@@ -91,42 +89,26 @@ impl Store {
     fn find_cases(&self, given: &str) -> Result<Vec<String>, StoreError> {
         let number = given.parse::<i64>().ok().filter(|_| given.len() < 8);
         let by_number = "SELECT key FROM cases WHERE position = ?1 - 1";
-        let by_number: Vec<String> = self.rows(by_number, [number], |row| row.get(0))?;
+        let by_number: Vec<String> = self.read(self.connection.values(by_number, [number]))?;
         if !by_number.is_empty() {
             return Ok(by_number);
         }
-        self.rows(
-            "SELECT key FROM cases WHERE substr(key, 1, length(?1)) = lower(?1) ORDER BY key LIMIT 2",
-            [given],
-            |row| row.get(0),
-        )
+        let by_key = "SELECT key FROM cases WHERE substr(key, 1, length(?1)) = lower(?1) ORDER BY key LIMIT 2";
+        self.read(self.connection.values(by_key, [given]))
     }
 
     /// The story of the case a user names, as [`Store::key_of`] reads the name.
     pub(crate) fn story(&self, given: &str) -> Result<Story, StoreError> {
         let key = self.key_of(given)?;
-        let found: Option<Found> = self.read(
-            self.connection
-                .query_row(
-                    "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps,
-                         c.steps_done, c.attempts,
-                         r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
-                         coalesce(r.finished_at, p.heartbeat), coalesce(r.doubts, ''),
-                         r.cpu_time_s
-                     FROM cases c JOIN points q ON q.id = c.point
-                     LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
-                     LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
-                         (SELECT process FROM failures f WHERE f.case_id = c.id
-                         ORDER BY f.id DESC LIMIT 1))
-                     WHERE c.key = ?1",
-                    [&key],
-                    case,
-                )
-                .optional(),
-        )?;
-        let Some((id, mut story)) = found else {
-            return Err(self.no_case(given, "no case"));
-        };
+        let query = "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
+                 r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
+                 coalesce(r.finished_at, p.heartbeat), coalesce(r.doubts, ''), r.cpu_time_s
+             FROM cases c JOIN points q ON q.id = c.point
+             LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
+             LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
+                 (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
+             WHERE c.key = ?1";
+        let (id, mut story) = self.read(self.connection.one(query, [&key], case))?;
         self.read(results::check(&self.connection, id))?;
         story.failures = self.read(failures::of(&self.connection, id))?;
         story.samples = self.samples_so_far(id, story.steps)?;
@@ -142,7 +124,7 @@ impl Store {
         if computed.is_some_and(|steps| steps >= requested) {
             return Ok(samples);
         }
-        let checkpoints = self.read(claims::checkpoints(&self.connection, id))?;
+        let checkpoints = self.read(checkpoints::of(&self.connection, id))?;
         let newest = checkpoints.into_iter().find_map(Result::ok);
         Ok(newest.map_or(samples, |checkpoint| checkpoint.samples))
     }
@@ -152,15 +134,10 @@ impl Store {
     /// # Errors
     /// Trouble with the file.
     pub fn samples(&self, key: &str) -> Result<Vec<(u64, Sample)>, StoreError> {
-        let found: Option<(i64, i64)> = self.read(
-            self.connection
-                .query_row("SELECT id, steps FROM cases WHERE key = ?1", [key], |row| {
-                    Ok((row.get(0)?, row.get(1)?))
-                })
-                .optional(),
-        )?;
-        match found {
-            Some((id, steps)) => self.samples_so_far(id, count(steps)),
+        let case = "SELECT id, steps FROM cases WHERE key = ?1";
+        let found = self.connection.find(case, [key], |row| row.try_into());
+        match self.read(found)? {
+            Some((id, steps)) => self.samples_so_far(id, steps),
             None => Ok(Vec::new()),
         }
     }
@@ -186,37 +163,35 @@ impl Origin {
     }
 }
 
-/// One row of [`Store::story`].
-fn case(row: &Row<'_>) -> rusqlite::Result<Found> {
+/// One row of [`Store::story`], and the number of its case.
+fn case(row: &Row<'_>) -> rusqlite::Result<(i64, Story)> {
     let host: Option<String> = row.get(11)?;
     let origin = match host {
         None => None,
         Some(host) => Some(Origin {
             host,
             version: row.get(12)?,
-            physics_version: count(row.get(13)?),
+            physics_version: row.get(13)?,
             build: row.get(14)?,
             at: row.get(15)?,
         }),
     };
     let story = Story {
         key: row.get(1)?,
-        number: row
-            .get::<_, Option<i64>>(2)?
-            .map(|position| count(position) + 1),
+        number: row.get::<_, Option<u64>>(2)?.map(|position| position + 1),
         params: params(row, 3)?,
-        seed: count(row.get(4)?),
+        seed: row.get(4)?,
         state: row.get(5)?,
-        steps: count(row.get(6)?),
-        steps_done: count(row.get(7)?),
-        attempts: count(row.get(8)?),
+        steps: row.get(6)?,
+        steps_done: row.get(7)?,
+        attempts: row.get(8)?,
         doubts: Doubt::read(&row.get::<_, String>(16)?)
             .into_iter()
             .map(Doubt::meaning)
             .collect(),
         wall_time_s: row.get(9)?,
         cpu_time_s: row.get(17)?,
-        resumed: row.get::<_, Option<i64>>(10)?.map(count),
+        resumed: row.get(10)?,
         origin,
         failures: Vec::new(),
         frames: 0,

@@ -1,26 +1,13 @@
 //! Jobs handed to a scheduler: which there are, which cases their tasks were given.
 
 use super::statements::Statements;
-use super::{Store, StoreError, count, integer};
+use super::{Store, StoreError};
 use crate::model::campaign::Campaign;
 use crate::system::process;
 use rusqlite::{Row, params};
 use serde::Serialize;
 use std::collections::HashMap;
 use std::path::PathBuf;
-
-/// The task of a scheduler a process works for.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TaskName {
-    /// The job, as the scheduler names it.
-    pub job: String,
-    /// Number of the task, from 0.
-    pub task: usize,
-    /// Times the task was started before.
-    pub restart: u32,
-    /// The node it runs on.
-    pub node: String,
-}
 
 /// A job that was handed to a scheduler.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -70,11 +57,6 @@ pub struct SliceState {
 }
 
 impl Store {
-    /// Says which task this process works for, before it is entered with [`Store::register`].
-    pub(crate) fn work_for(&mut self, task: TaskName) {
-        self.task = Some(task);
-    }
-
     /// Open cases of the grid in the order of work.
     pub(crate) fn open_cases(&self) -> Result<Vec<OpenCase>, StoreError> {
         self.rows(
@@ -104,8 +86,8 @@ impl Store {
                     submission.engine,
                     submission.plan,
                     submission.folder.to_string_lossy(),
-                    integer(submission.tasks as u64),
-                    integer(submission.workers as u64),
+                    submission.tasks,
+                    submission.workers,
                     submission.build,
                     process::now(),
                 ],
@@ -117,7 +99,7 @@ impl Store {
             )?;
             for (task, keys) in slices.iter().enumerate() {
                 for key in keys {
-                    insert.execute(params![id, key, integer(task as u64)])?;
+                    insert.execute(params![id, key, task])?;
                 }
             }
             Ok(id)
@@ -161,7 +143,7 @@ impl Store {
             "SELECT c.key, s.task FROM slices s JOIN cases c ON c.id = s.case_id
                  WHERE s.submission = ?1 AND c.state IN ('pending', 'running')",
             [id],
-            |row| Ok((row.get(0)?, number(row.get(1)?))),
+            |row| row.try_into(),
         )
     }
 
@@ -172,18 +154,18 @@ impl Store {
         tasks: usize,
     ) -> Result<Vec<SliceState>, StoreError> {
         let rows: Vec<(usize, SliceState)> = self.rows(
-            "SELECT s.task, count(*), total(c.state IN ('done', 'jammed', 'failed')),
+            "SELECT s.task, count(*), count(*) FILTER (WHERE c.state IN ('done', 'jammed', 'failed')),
                  total(CASE WHEN c.state IN ('done', 'jammed', 'failed') THEN c.cost
                             ELSE c.cost * c.steps_done / c.steps END) / max(total(c.cost), 1e-300)
              FROM slices s JOIN cases c ON c.id = s.case_id WHERE s.submission = ?1 GROUP BY s.task",
             [id],
             |row| {
                 let slice = SliceState {
-                    cases: count(row.get(1)?),
-                    ended: super::request::number(row.get(2)?),
+                    cases: row.get(1)?,
+                    ended: row.get(2)?,
                     work_done: row.get(3)?,
                 };
-                Ok((number(row.get(0)?), slice))
+                Ok((row.get(0)?, slice))
             },
         )?;
         let mut states = vec![SliceState::default(); tasks];
@@ -240,15 +222,10 @@ fn submission(row: &Row<'_>) -> rusqlite::Result<Submission> {
         job: row.get(2)?,
         plan: row.get(3)?,
         folder: PathBuf::from(row.get::<_, String>(4)?),
-        tasks: number(row.get(5)?),
-        workers: number(row.get(6)?),
+        tasks: row.get(5)?,
+        workers: row.get(6)?,
         build: row.get(7)?,
         submitted_at: row.get(8)?,
         cancelled_at: row.get(9)?,
     })
-}
-
-/// A number of things in memory.
-fn number(integer: i64) -> usize {
-    usize::try_from(integer).unwrap_or(0)
 }

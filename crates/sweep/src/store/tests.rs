@@ -2,8 +2,10 @@ use super::*;
 use crate::campaign::{Campaign, Order};
 use crate::case::State;
 use crate::test_support::{counters, sample, snapshot};
-use rusqlite::params;
+use rusqlite::config::DbConfig;
+use rusqlite::{TransactionBehavior, params};
 use std::path::Path;
+use std::time::Duration;
 
 mod damage;
 mod doubts;
@@ -102,15 +104,16 @@ fn first_samples(number: u64) -> Vec<(u64, sd_core::Sample)> {
         .collect()
 }
 
-/// A failed attempt that ended at a step, with so many samples.
-fn failure(step: u64, samples: u64) -> Failure {
-    Failure {
+/// A failed attempt that ended at a step.
+fn failure(step: u64) -> Attempt {
+    Attempt {
         error: "spheres 1 and 2 overlap".into(),
         step,
+        strain: step as f64 * 0.005,
         pair: Some((1, 2)),
         gap: Some(-1e-3),
         snapshot: Some("{}".into()),
-        samples: first_samples(samples),
+        ..Attempt::default()
     }
 }
 
@@ -272,7 +275,7 @@ fn failure_is_kept_and_retried() {
     let mut store = open(directory.path());
     store.register(1).unwrap();
     let claim = store.next().unwrap();
-    store.fail(&claim, &failure(37, 1)).unwrap();
+    store.fail(&claim, failure(37), &first_samples(1)).unwrap();
     let line = store.failures(10).unwrap().remove(0);
     assert_eq!((line.failed.step, line.key), (37, claim.key));
     assert!((line.failed.strain - 0.185).abs() < 1e-12);

@@ -1,11 +1,11 @@
 //! How far a campaign is, and how long the rest of it takes.
 
-use super::points::{params, state};
+use super::schema::{params, state};
 use super::statements::Statements;
-use super::{Store, StoreError, count};
+use super::{Store, StoreError};
 use crate::case::State;
 use crate::system::process;
-use rusqlite::{OptionalExtension, Row};
+use rusqlite::Row;
 use sd_core::Params;
 use serde::Serialize;
 use std::collections::HashSet;
@@ -95,11 +95,8 @@ impl Store {
         let heard_since = process::now()
             - i64::try_from(process::HEARTBEAT_LIMIT.as_millis()).unwrap_or(i64::MAX);
         let read = || {
-            let alive: HashSet<i64> = self.connection.all(
-                "SELECT id FROM processes WHERE ended_at IS NULL AND heartbeat >= ?1",
-                [heard_since],
-                |row| row.get(0),
-            )?;
+            let alive = "SELECT id FROM processes WHERE ended_at IS NULL AND heartbeat >= ?1";
+            let alive: HashSet<i64> = self.connection.values(alive, [heard_since])?;
             // Summed up here: SQLite would sort all cases by their states first.
             let mut query = self.connection.prepare_cached(
                 "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner
@@ -160,18 +157,13 @@ impl Store {
         mut each: impl FnMut(&Row<'_>) -> rusqlite::Result<()>,
     ) -> Result<(), StoreError> {
         let mut read = || {
-            let last: Option<i64> =
-                self.connection
-                    .query_row("SELECT max(case_id) FROM results", [], |row| row.get(0))?;
-            let stride = (last.unwrap_or(0) / SAMPLED).max(1);
-            let mut query = self.connection.prepare_cached(&format!(
-                "{query} WHERE r.case_id >= ?1 ORDER BY r.case_id LIMIT 1"
-            ))?;
+            let last = "SELECT coalesce(max(case_id), 0) FROM results";
+            let last: i64 = self.connection.one(last, [], |row| row.get(0))?;
+            let stride = (last / SAMPLED).max(1);
+            let query = format!("{query} WHERE r.case_id >= ?1 ORDER BY r.case_id LIMIT 1");
             let mut from = 0;
-            while let Some(found) = query
-                .query_row([from], |row| each(row).and_then(|()| row.get::<_, i64>(0)))
-                .optional()?
-            {
+            let mut next = |row: &Row<'_>| each(row).and_then(|()| row.get::<_, i64>(0));
+            while let Some(found) = self.connection.find(&query, [from], &mut next)? {
                 from = found + stride;
             }
             Ok(())
@@ -205,8 +197,8 @@ impl Store {
             [],
             |row| {
                 Ok(PointWork {
-                    position: usize::try_from(count(row.get(0)?)).unwrap_or(usize::MAX),
-                    runs: count(row.get(1)?) as f64,
+                    position: row.get(0)?,
+                    runs: row.get::<_, u64>(1)? as f64,
                     open: row.get(2)?,
                     done: row.get(3)?,
                 })
@@ -229,7 +221,7 @@ impl Store {
                     && row.get::<_, String>(4)? == here.0
                     && row.get::<_, String>(5)? == here.1
                 {
-                    runs.push((params(row, 1)?, count(row.get(2)?), cpu_s));
+                    runs.push((params(row, 1)?, row.get(2)?, cpu_s));
                 }
                 Ok(())
             },
@@ -250,8 +242,8 @@ impl Store {
                 Ok(ProcessLine {
                     host: row.get(0)?,
                     pid: row.get(1)?,
-                    silent_s: count(now - heartbeat) as f64 / 1000.0,
-                    running: count(row.get(3)?),
+                    silent_s: (now - heartbeat).max(0) as f64 / 1000.0,
+                    running: row.get(3)?,
                 })
             },
         )

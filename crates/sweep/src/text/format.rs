@@ -278,6 +278,16 @@ pub fn bytes(number: f64) -> String {
     format!("{} TB", significant(number, 3))
 }
 
+/// The whole number nearest to a float that is not negative.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "saturates"
+)]
+pub(crate) fn count(value: f64) -> usize {
+    value.round() as usize
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

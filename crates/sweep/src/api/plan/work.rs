@@ -147,12 +147,7 @@ impl<'c> Work<'c> {
         }
         Ok(Self {
             points,
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a count"
-            )]
-            ended: ended as usize,
+            ended: crate::format::count(ended),
             expected,
         })
     }

@@ -3,7 +3,7 @@
 use super::ShardError;
 use crate::disk::is_full;
 use crate::store::{self, StoreError};
-use crate::system::files::{folder_of, write_whole};
+use crate::system::files::{folder_of, with_suffix, write_whole};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -75,12 +75,8 @@ impl Publisher {
 
     /// Takes the store of the task away, which is published whole.
     pub fn clean_up(&self) {
-        for file in [
-            self.work.clone(),
-            with_suffix(&self.work, "-wal"),
-            with_suffix(&self.work, "-shm"),
-        ] {
-            let _ = remove(&file);
+        for suffix in ["", "-wal", "-shm"] {
+            let _ = std::fs::remove_file(with_suffix(&self.work, suffix));
         }
     }
 
@@ -124,21 +120,6 @@ fn of_the_store(error: StoreError) -> io::Error {
         io::ErrorKind::Other
     };
     io::Error::new(kind, error)
-}
-
-/// Removes a file that may not be there.
-fn remove(path: &Path) -> io::Result<()> {
-    match std::fs::remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-        _ => Ok(()),
-    }
-}
-
-/// A path with something after it.
-fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(suffix);
-    PathBuf::from(name)
 }
 
 #[cfg(test)]

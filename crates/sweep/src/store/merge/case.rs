@@ -4,14 +4,13 @@ use super::{MergeMode, Merged};
 use crate::case::{Case, State};
 use crate::protocol::Protocol;
 use crate::store::campaign::Points;
-use crate::store::digest::whole;
-use crate::store::ends::{self, RunEnd};
+use crate::store::digest::{self, whole};
+use crate::store::ends::RunEnd;
 use crate::store::statements::Statements;
 use crate::store::{
-    Checkpoint, claims, count, failures, frames, integer, points, registry, samples,
+    Checkpoint, checkpoints, failures, frames, processes, samples, schema, settle, states,
 };
 use crate::system::process::now;
-use rusqlite::types::Value;
 use rusqlite::{Connection, params};
 use sd_core::Sample;
 use std::collections::HashMap;
@@ -45,7 +44,7 @@ struct Ours {
     steps_done: u64,
     requested: u64,
     /// How far it was computed, if it was computed to an end: steps, whether it jammed there, and by which process.
-    end: Option<(u64, bool, i64)>,
+    end: Option<((u64, bool), i64)>,
 }
 
 /// A checkpoint: generation, steps, process, data.
@@ -100,16 +99,14 @@ impl Merging<'_> {
                      LEFT JOIN ends e ON e.case_id = c.id WHERE c.key = ?1",
                 [&theirs.key],
                 |row| {
-                    let end: Option<i64> = row.get(4)?;
+                    let end: (Option<u64>, Option<bool>, Option<i64>) =
+                        (row.get(4)?, row.get(5)?, row.get(6)?);
                     Ok(Ours {
                         id: row.get(0)?,
-                        state: points::state(row.get_ref(1)?)?,
-                        steps_done: count(row.get(2)?),
-                        requested: count(row.get(3)?),
-                        end: match end {
-                            Some(steps) => Some((count(steps), row.get(5)?, row.get(6)?)),
-                            None => None,
-                        },
+                        state: schema::state(row.get_ref(1)?)?,
+                        steps_done: row.get(2)?,
+                        requested: row.get(3)?,
+                        end: end.0.zip(end.1).zip(end.2),
                     })
                 },
             )
@@ -126,9 +123,9 @@ impl Merging<'_> {
             params![
                 theirs.key,
                 Points::default().place(self.connection, &case.params)?,
-                integer(case.seed),
-                integer(case.steps),
-                integer(case.sample_stride),
+                case.seed,
+                case.steps,
+                case.sample_stride,
                 case.cost(),
                 now(),
             ],
@@ -138,7 +135,7 @@ impl Merging<'_> {
 
     /// Takes a run over if there is none yet. Of two that agree the longer is kept, of two that do not the later attempt.
     fn run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> rusqlite::Result<()> {
-        let Some((steps, jammed, process)) = ours.end else {
+        let Some((end, process)) = ours.end else {
             // A case this store's own processes take farther is left to them.
             if ours.state != State::Running || run.end.jammed || run.end.steps >= ours.requested {
                 self.take_run(ours, theirs, run)?;
@@ -146,8 +143,8 @@ impl Merging<'_> {
             }
             return Ok(());
         };
-        let Some(what) = self.difference(ours.id, (steps, jammed), run)? else {
-            if run.end.steps > steps {
+        let Some(what) = self.difference(ours.id, end, run)? else {
+            if run.end.steps > end.0 {
                 self.take_run(ours, theirs, run)?;
                 self.merged.results += 1;
             } else {
@@ -225,23 +222,12 @@ impl Merging<'_> {
             process: self.take_process(run.end.process)?,
             ..run.end.clone()
         };
-        end.write(self.connection, ours.id, &theirs.key)?;
-        samples::write(self.connection, ours.id, &run.samples)?;
-        self.take_frames(ours, theirs)?;
-        if ours.steps_done <= end.steps {
-            claims::drop_checkpoints(self.connection, ours.id)?;
-        }
-        failures::mark_retried(self.connection, &format!("id = {}", ours.id))?;
-        let goes_on_from = if end.state.is_some() { end.steps } else { 0 };
-        self.connection.execute(
-            "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?2,
-                 steps_done = max(steps_done, ?3) WHERE id = ?1",
-            params![ours.id, now(), integer(goes_on_from)],
-        )?;
-        claims::free_where(self.connection, "id = ?2", &[&ours.id])?;
-        self.connection
-            .execute("DELETE FROM results WHERE case_id = ?1", [ours.id])?;
-        ends::settle_one(self.connection, ours.id, self.protocol)
+        let case = (ours.id, theirs.key.as_str());
+        settle::keep(self.connection, case, &end, &run.samples, self.protocol)?;
+        // It may be shorter than what is requested.
+        let goes_on = "id = ?2 AND state IN ('pending', 'failed')";
+        states::reopen(self.connection, goes_on, &[ours.id])?;
+        self.take_frames(ours, theirs)
     }
 
     /// Puts processes in the order of their attempts: those of the store itself come last, and so win.
@@ -285,7 +271,7 @@ impl Merging<'_> {
             // Whoever it was: the process may be lost in the shard.
             let is_there = self.connection.has(
                 "SELECT 1 FROM failures WHERE case_id = ?1 AND failed_at = ?2 AND step = ?3 AND error = ?4",
-                params![ours.id, failure.failed_at, integer(failure.step), failure.error],
+                params![ours.id, failure.failed_at, failure.step, failure.error],
             )?;
             if !is_there {
                 let process = self.take_process(failure.process)?;
@@ -303,8 +289,8 @@ impl Merging<'_> {
         }
         self.take_frames(ours, theirs)?;
         if ours.state == State::Pending {
-            claims::drop_checkpoints(self.connection, ours.id)?;
-            claims::end(self.connection, ours.id, State::Failed, theirs.steps_done)?;
+            checkpoints::drop_all(self.connection, ours.id)?;
+            states::end(self.connection, ours.id, State::Failed, theirs.steps_done)?;
         }
         Ok(())
     }
@@ -319,19 +305,14 @@ impl Merging<'_> {
         if steps <= ours.steps_done {
             return Ok(());
         }
-        claims::drop_checkpoints(self.connection, ours.id)?;
+        checkpoints::drop_all(self.connection, ours.id)?;
         for (generation, steps, process, data) in whole {
-            let process = self.take_process(process)?;
-            claims::put_checkpoint(self.connection, ours.id, generation, steps, process, &data)?;
+            let kept = (generation, steps, self.take_process(process)?, &data[..]);
+            checkpoints::put(self.connection, ours.id, kept)?;
         }
-        self.take_frames(ours, theirs)?;
-        self.connection.execute(
-            "UPDATE cases SET steps_done = ?2, deaths = 0 WHERE id = ?1",
-            params![ours.id, integer(steps)],
-        )?;
-        claims::free_where(self.connection, "id = ?2", &[&ours.id])?;
+        states::reopen(self.connection, "id = ?2", &[ours.id])?;
         self.merged.checkpoints += 1;
-        Ok(())
+        self.take_frames(ours, theirs)
     }
 
     /// Takes over frames. Those of one step are the same, whoever computed them.
@@ -353,18 +334,12 @@ impl Merging<'_> {
         if let Some(here) = self.processes.get(&there) {
             return Ok(*here);
         }
-        let described = registry::described(self.other, there).unwrap_or_else(registry::unknown);
-        let known: Option<i64> = self.connection.find(
-            "SELECT id FROM processes WHERE digest = ?1",
-            [crate::store::digest::of(&described)],
-            |row| row.get(0),
-        )?;
-        let here = if let Some(here) = known {
-            here
-        } else {
-            let left = [("heartbeat", whole(0)), ("ended_at", Value::Integer(now()))];
-            registry::put(self.connection, &described, &left)?
-        };
+        let described = processes::described(self.other, there);
+        let known = "SELECT id FROM processes WHERE digest = ?1";
+        let known = self.connection.value(known, [digest::of(&described)])?;
+        let left = [("heartbeat", whole(0)), ("ended_at", now().into())];
+        let enter = || processes::put(self.connection, &described, &left);
+        let here = known.map_or_else(enter, Ok)?;
         self.processes.insert(there, here);
         Ok(here)
     }
@@ -382,13 +357,13 @@ impl Theirs {
                     id,
                     key: row.get(0)?,
                     case: Case {
-                        params: points::params(row, 1)?,
-                        seed: count(row.get(2)?),
-                        steps: count(row.get(3)?),
-                        sample_stride: count(row.get(4)?).max(1),
+                        params: schema::params(row, 1)?,
+                        seed: row.get(2)?,
+                        steps: row.get(3)?,
+                        sample_stride: row.get::<_, u64>(4)?.max(1),
                     },
-                    state: points::state(row.get_ref(5)?)?,
-                    steps_done: count(row.get(6)?),
+                    state: schema::state(row.get_ref(5)?)?,
+                    steps_done: row.get(6)?,
                 })
             },
         )?;
@@ -431,18 +406,15 @@ impl Theirs {
 
     /// Whole checkpoints of it.
     fn checkpoints(&self, other: &Connection) -> rusqlite::Result<Vec<Kept>> {
-        let mut found: Vec<Kept> = other
-            .prepare_cached("SELECT generation, process, data FROM checkpoints WHERE case_id = ?1")?
-            .query_map([self.id], |row| {
-                Ok((row.get(0)?, 0, row.get(1)?, row.get(2)?))
-            })?
-            .filter_map(Result::ok)
-            .collect();
-        found.retain_mut(|(generation, steps, _, data)| {
-            let decoded = Checkpoint::decode(data).map(|checkpoint| checkpoint.snapshot.steps);
-            *steps = *decoded.as_ref().unwrap_or(&0);
-            decoded.is_ok() && matches!(generation, 0 | 1)
-        });
-        Ok(found)
+        let found: Vec<rusqlite::Result<Kept>> = other.all(
+            "SELECT generation, steps, process, data FROM checkpoints WHERE case_id = ?1",
+            [self.id],
+            |row| Ok(row.try_into()),
+        )?;
+        let whole = |mut kept: Kept| {
+            kept.1 = Checkpoint::decode(&kept.3).ok()?.snapshot.steps;
+            matches!(kept.0, 0 | 1).then_some(kept)
+        };
+        Ok(found.into_iter().flatten().filter_map(whole).collect())
     }
 }

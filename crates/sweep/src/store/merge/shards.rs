@@ -1,6 +1,8 @@
 //! Shards as a merge meets them: whole ones, of known builds, changed since the last time.
 
-use crate::store::{Store, StoreError, integer, log};
+use crate::store::check::SIZE;
+use crate::store::statements::Statements;
+use crate::store::{Store, StoreError, log};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
@@ -8,7 +10,7 @@ use std::time::UNIX_EPOCH;
 /// What a shard is known by in the record of those merged.
 pub(super) struct Stamp {
     pub(super) name: String,
-    pub(super) size: i64,
+    pub(super) size: u64,
     /// When it was last changed, in nanoseconds since 1970.
     pub(super) modified: i64,
     /// Whether it has a log, and so may change without being written to.
@@ -26,7 +28,7 @@ impl Stamp {
         let name = path.file_name().unwrap_or(path.as_os_str());
         Ok(Self {
             name: name.to_string_lossy().into_owned(),
-            size: integer(file.len()),
+            size: file.len(),
             changing: log::is_there(path),
             modified: since.map_or(0, |since| {
                 i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
@@ -88,23 +90,15 @@ impl Shard {
         // Before it is opened: if it is replaced meanwhile, the next merge reads the new one.
         let stamp = Stamp::of(path)?;
         let (store, mut damage) = open(path)?;
-        let text = |query: &str| {
-            store
-                .connection
-                .query_row(query, [], |row| row.get::<_, String>(0))
-        };
-        match text("PRAGMA quick_check(1)") {
+        let found = store.connection.value("PRAGMA quick_check(1)", []);
+        let found = found.map(|found: Option<String>| found.unwrap_or_default());
+        match found {
             Ok(found) if found == "ok" => {}
             Ok(found) => damage = Some(format!("half-written or damaged: {}", found.trim())),
             Err(error) => damage = Some(format!("half-written or damaged: {error}")),
         }
         // SQLite takes what is missing at the end of the last page for zeros.
-        let whole: Result<i64, _> = store.connection.query_row(
-            "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size",
-            [],
-            |row| row.get(0),
-        );
-        let whole = whole.unwrap_or(stamp.size);
+        let whole = store.number(SIZE, []).unwrap_or(stamp.size);
         if !stamp.changing && whole != stamp.size {
             damage = Some(format!("half-written: {} bytes of {whole}", stamp.size));
         }

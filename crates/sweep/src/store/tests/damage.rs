@@ -11,7 +11,7 @@ fn ended(directory: &Path) -> Store {
         store.end(&claim, &finished_as(&claim, state)).unwrap();
     }
     let claim = store.next().unwrap();
-    store.fail(&claim, &failure(37, 1)).unwrap();
+    store.fail(&claim, failure(37), &first_samples(1)).unwrap();
     store.leave().unwrap();
     store
 }

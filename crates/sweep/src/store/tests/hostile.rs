@@ -184,7 +184,7 @@ fn failed_runs_bring_their_samples_and_frames() {
     shard
         .keep_frames(&claim, &[(20, crate::test_support::frame())])
         .unwrap();
-    shard.fail(&claim, &failure(37, 2)).unwrap();
+    shard.fail(&claim, failure(37), &first_samples(2)).unwrap();
     let path = shard.path().to_owned();
     drop(shard);
     let mut store = open(directory.path());

@@ -91,7 +91,7 @@ fn what_failed_beyond_the_strain_asked_for_is_tried_again() {
     let mut store = open(directory.path());
     store.register(1).unwrap();
     let claim = store.next().unwrap();
-    store.fail(&claim, &failure(170, 0)).unwrap();
+    store.fail(&claim, failure(170), &first_samples(0)).unwrap();
     store.take_in(&of_strain("0.9")).unwrap();
     assert_eq!(store.counts().unwrap().failed, 1);
     store.take_in(&of_strain("0.8")).unwrap();
@@ -144,7 +144,9 @@ fn a_run_that_fails_on_its_way_on_keeps_its_beginning() {
     for (step, samples) in [(240, 60), (8, 2)] {
         let claim = store.next().unwrap();
         assert_eq!(claim.key, key);
-        store.fail(&claim, &failure(step, samples)).unwrap();
+        store
+            .fail(&claim, failure(step), &first_samples(samples))
+            .unwrap();
         assert_eq!(store.counts().unwrap().failed, 1);
         assert_eq!(store.retry_failed().unwrap(), 1);
     }

@@ -1,7 +1,7 @@
 //! Logs that are a stranger's, or are taken away from under a live process.
 
 use super::*;
-use crate::store::log::log_of;
+use crate::store::place::log_of;
 
 /// A store with one result in the file itself and more in its log, as a killed process leaves it; the log alone holds what
 /// came after the copy that is given back.

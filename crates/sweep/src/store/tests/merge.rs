@@ -19,7 +19,7 @@ fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
         .execute("UPDATE processes SET host = ?1", [name])
         .unwrap();
     let own = format!("t.id = {}", store.me());
-    registry::SEALED.seal(&store.connection, &own).unwrap();
+    processes::SEALED.seal(&store.connection, &own, []).unwrap();
     (store, path)
 }
 
@@ -63,10 +63,10 @@ fn content(store: &Store) -> Vec<Vec<Value>> {
     .collect()
 }
 
-fn failure_of(error: &str) -> Failure {
-    Failure {
+fn failure_of(error: &str) -> Attempt {
+    Attempt {
         error: error.into(),
-        ..failure(9, 0)
+        ..failure(9)
     }
 }
 
@@ -79,7 +79,7 @@ fn shards_merge_in_any_order_and_as_often_as_one_likes() {
     let (mut a, path_a) = shard(at, "a", 0);
     begin(&mut a, 40);
     let claim = a.next().unwrap();
-    a.fail(&claim, &failure_of("no")).unwrap();
+    a.fail(&claim, failure_of("no"), &[]).unwrap();
     begin(&mut a, 100);
     let (mut b, path_b) = shard(at, "b", 1);
     begin(&mut b, 80);
@@ -285,7 +285,7 @@ fn complete_run_outranks_a_failure_and_retried_failures_stay_retried() {
     let at = directory.path();
     let (mut a, failed) = shard(at, "a", 0);
     let claim = a.next().unwrap();
-    a.fail(&claim, &failure_of("took too long")).unwrap();
+    a.fail(&claim, failure_of("took too long"), &[]).unwrap();
     let (mut b, done) = shard(at, "b", 1);
     let claim = b.next().unwrap();
     b.end(&claim, &finished(State::Done)).unwrap();

@@ -184,7 +184,7 @@ fn failed_runs_use_up_their_seed_until_they_are_computed_again() {
     let mut store = precise(directory.path());
     while let Some(claim) = store.next() {
         if claim.case.seed == 2 {
-            store.fail(&claim, &failure(3, 0)).unwrap();
+            store.fail(&claim, failure(3), &first_samples(0)).unwrap();
         } else {
             store.end(&claim, &run_of(10.0)).unwrap();
         }

@@ -11,7 +11,7 @@ fn mixed(directory: &Path) -> Store {
     let whole = finished_as(&claim, State::Done);
     store.end(&claim, &whole).unwrap();
     let claim = store.next().unwrap();
-    store.fail(&claim, &failure(37, 0)).unwrap();
+    store.fail(&claim, failure(37), &first_samples(0)).unwrap();
     let claim = store.next().unwrap();
     for steps in [20, 40] {
         store.keep(&claim, steps, &checkpoint(steps)).unwrap();
@@ -157,17 +157,17 @@ fn owner_on_another_host_is_taken_over_after_the_limit_and_not_before() {
     far.register(1).unwrap();
     heir.register(1).unwrap();
     far.next().unwrap();
-    let silence = |seconds: u64| {
+    let silence = |seconds: i64| {
         far.connection
             .execute(
                 "UPDATE processes SET host = 'elsewhere', heartbeat = ?2 WHERE id = ?1",
-                params![far.me(), process::now() - integer(seconds * 1000)],
+                params![far.me(), process::now() - seconds * 1000],
             )
             .unwrap();
     };
-    silence(process::HEARTBEAT_LIMIT.as_secs() - 10);
+    silence(process::HEARTBEAT_LIMIT.as_secs().cast_signed() - 10);
     assert_eq!(heir.release_dead().unwrap(), 0);
-    silence(process::HEARTBEAT_LIMIT.as_secs() + 10);
+    silence(process::HEARTBEAT_LIMIT.as_secs().cast_signed() + 10);
     assert_eq!(heir.release_dead().unwrap(), 1);
 }
 

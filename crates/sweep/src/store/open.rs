@@ -1,0 +1,267 @@
+//! An open store: its connection, its files, its transactions.
+
+use super::StoreError;
+use super::harden::harden;
+use super::lock::{WAITS, WAITS_UNTOLD, is_stopping, wait_for_lock};
+use super::log::{self, Mark};
+use super::place::{self, FileIdentity, Files};
+use super::processes::{self, Registered, TaskName};
+use super::request::Request;
+use super::schema;
+use super::statements::Statements;
+use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Pages of a store that are kept in memory, in KiB: enough to go through the results of 100 000 runs several times.
+const CACHE: i32 = 64 << 10;
+
+/// An open store.
+#[derive(Debug)]
+pub struct Store {
+    pub(super) connection: Connection,
+    pub(super) path: PathBuf,
+    /// Its files, as they were when it was opened for writing.
+    pub(super) files: Option<Files>,
+    /// What whoever opened it must know: changes that are lost with a log.
+    pub(super) warning: Option<String>,
+    /// This process, once it works on the store.
+    pub(super) process: Option<Registered>,
+    /// The task of a scheduler this process works for.
+    pub(super) task: Option<TaskName>,
+    /// What this process requests, once it has taken a campaign into the store.
+    pub(super) request: Option<Request>,
+    /// The file last run, if another version of it is shown.
+    pub(super) last_run_with: Option<PathBuf>,
+    /// What is waited for while cases are computed, until somebody has said so.
+    waiting: Arc<Mutex<Option<String>>>,
+}
+
+impl Store {
+    /// Opens a store for writing.
+    ///
+    /// # Errors
+    /// A path that cannot be written, a file that is no store, or one of another schema. Such files are not touched.
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        place::refuse_other_than_files(path)?;
+        let file = FileIdentity::of(path);
+        let had_log = log::is_there(path);
+        let last = log::check(path)?;
+        let failed = |error| StoreError::sqlite(path, error, false);
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let mut connection = Connection::open_with_flags(path, flags).map_err(failed)?;
+        connection
+            .busy_handler(Some(wait_for_lock))
+            .map_err(failed)?;
+        harden(&connection).map_err(failed)?;
+        let mut store = Self::on(connection, path)?;
+        store.use_write_ahead_log()?;
+        store.read(store.connection.pragma_update(None, "synchronous", "FULL"))?;
+        // What lies at the path must be what was opened.
+        store.files = Some(Files::of(path, file));
+        store.warning = store.look_for_losses(had_log, last)?;
+        Ok(store)
+    }
+
+    /// A store on a connection, which must hold one.
+    pub(super) fn on(connection: Connection, path: &Path) -> Result<Self, StoreError> {
+        let failed = |error| StoreError::sqlite(path, error, false);
+        let file = path.to_owned();
+        match schema::identify(&connection).map_err(failed)? {
+            Some(schema::VERSION) => {}
+            None => return Err(StoreError::NotAStore { path: file }),
+            Some(found) => {
+                return Err(StoreError::Schema {
+                    path: file,
+                    found,
+                    known: schema::VERSION,
+                });
+            }
+        }
+        connection
+            .execute_batch(&format!(
+                "PRAGMA foreign_keys = OFF; PRAGMA temp_store = MEMORY; PRAGMA cache_size = -{CACHE}"
+            ))
+            .map_err(failed)?;
+        Ok(Self {
+            connection,
+            path: path.to_owned(),
+            files: None,
+            warning: None,
+            process: None,
+            task: None,
+            request: None,
+            last_run_with: None,
+            waiting: Arc::default(),
+        })
+    }
+
+    /// Says what is lost with the log of a store that was opened: its end, or all of it.
+    pub(super) fn look_for_losses(
+        &self,
+        had_log: bool,
+        last: Option<u64>,
+    ) -> Result<Option<String>, StoreError> {
+        let Some((pid, host)) = self.read(processes::abandoned(&self.connection))? else {
+            return Ok(None);
+        };
+        let log = place::log_of(&self.path);
+        Ok(if log::is_cut(&self.connection, last) {
+            Some(format!(
+                "the end of the log {} cannot be read: what process {pid} on {host} wrote last is lost, and is computed again",
+                log.display()
+            ))
+        } else if !had_log {
+            Some(format!(
+                "process {pid} on {host} did not end in order, and there is no log {}: what it wrote last may be lost, and is \
+                 computed again",
+                log.display()
+            ))
+        } else {
+            None
+        })
+    }
+
+    /// What whoever opened it must know: changes that are lost with a log.
+    pub fn warning(&self) -> Option<&str> {
+        self.warning.as_deref()
+    }
+
+    /// Turns the write-ahead log on, if it is not on.
+    pub(super) fn use_write_ahead_log(&self) -> Result<(), StoreError> {
+        let mode: String = self.read(self.connection.pragma_update_and_check(
+            None,
+            "journal_mode",
+            "WAL",
+            |row| row.get(0),
+        ))?;
+        if mode.eq_ignore_ascii_case("wal") {
+            return Ok(());
+        }
+        Err(StoreError::Unwritable {
+            path: self.path.clone(),
+            source: std::io::Error::other("this file system cannot keep a write-ahead log"),
+        })
+    }
+
+    /// Its file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What is waited for, to be told once.
+    pub(crate) fn waiting(&self) -> Arc<Mutex<Option<String>>> {
+        self.waiting.clone()
+    }
+
+    /// Does something in one transaction that holds the write lock from its start.
+    pub(super) fn write<T>(
+        &mut self,
+        work: impl FnOnce(&Connection) -> rusqlite::Result<T>,
+    ) -> Result<T, StoreError> {
+        let under_way = self.process.is_some();
+        self.make_sure_of_the_file()?;
+        let result = self.begin().and_then(|transaction| {
+            let value = work(&transaction)?;
+            Mark::renew(&transaction)?;
+            transaction.commit()?;
+            Ok(value)
+        });
+        result.map_err(|error| StoreError::sqlite(&self.path, error, under_way))
+    }
+
+    /// Begins a transaction. A lock is waited for as long as another process that works on the store lives; one that has another
+    /// owner for a minute.
+    fn begin(&self) -> rusqlite::Result<Transaction<'_>> {
+        let mut waits = 0;
+        loop {
+            let begun =
+                Transaction::new_unchecked(&self.connection, TransactionBehavior::Immediate);
+            let Err(error) = begun else {
+                return begun;
+            };
+            let is_busy = error.sqlite_error_code() == Some(ErrorCode::DatabaseBusy);
+            waits += 1;
+            if !is_busy || is_stopping() {
+                return Err(error);
+            }
+            match processes::other_worker(&self.connection, self.me())? {
+                Some((pid, host)) if waits % WAITS_UNTOLD == 1 => {
+                    let text = format!(
+                        "waiting for the lock of {}, which process {pid} on {host} works on",
+                        self.path.display()
+                    );
+                    if self.process.is_some() {
+                        let mut waiting =
+                            self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+                        *waiting = Some(text);
+                    } else {
+                        tracing::warn!("{text}");
+                    }
+                }
+                Some(_) => {}
+                None if waits < WAITS => {}
+                None => return Err(error),
+            }
+        }
+    }
+
+    /// A transaction that need not be on the disk when it returns.
+    pub(super) fn write_relaxed<T>(
+        &mut self,
+        work: impl FnOnce(&Connection) -> rusqlite::Result<T>,
+    ) -> Result<T, StoreError> {
+        self.read(self.connection.pragma_update(None, "synchronous", "NORMAL"))?;
+        let result = self.write(work);
+        self.read(self.connection.pragma_update(None, "synchronous", "FULL"))?;
+        result
+    }
+
+    /// Makes sure that the file at the path of the store is the one that was opened: what is written to another would be lost.
+    ///
+    /// # Errors
+    /// [`StoreError::Gone`].
+    pub fn make_sure_of_the_file(&self) -> Result<(), StoreError> {
+        match self.files.as_ref().and_then(Files::loss) {
+            None => Ok(()),
+            Some(what) => Err(StoreError::Gone {
+                path: self.path.clone(),
+                what,
+            }),
+        }
+    }
+
+    /// Row of this process; no row has the number 0.
+    pub(super) fn me(&self) -> i64 {
+        self.process.as_ref().map_or(0, |process| process.id)
+    }
+
+    /// Turns an error of a query into one of the store.
+    pub(super) fn read<T>(&self, result: rusqlite::Result<T>) -> Result<T, StoreError> {
+        result.map_err(|error| StoreError::sqlite(&self.path, error, self.process.is_some()))
+    }
+
+    /// What a query finds, row by row.
+    pub(super) fn rows<T, C: FromIterator<T>>(
+        &self,
+        query: &str,
+        parameters: impl rusqlite::Params,
+        read: impl FnMut(&rusqlite::Row<'_>) -> rusqlite::Result<T>,
+    ) -> Result<C, StoreError> {
+        self.read(self.connection.all(query, parameters, read))
+    }
+
+    /// The number that a query finds.
+    pub(super) fn number(
+        &self,
+        query: &str,
+        parameters: impl rusqlite::Params,
+    ) -> Result<u64, StoreError> {
+        self.read(self.connection.one(query, parameters, |row| row.get(0)))
+    }
+
+    /// Turns an error of JSON into one of the store.
+    pub(super) fn json<T>(&self, result: Result<T, serde_json::Error>) -> Result<T, StoreError> {
+        result.map_err(|error| StoreError::unreadable(&self.path, &error))
+    }
+}

@@ -1,0 +1,159 @@
+//! The processes that work on a store, as it knows them.
+
+use super::digest::{Sealed, whole};
+use super::request::Request;
+use super::statements::Statements;
+use crate::case::PHYSICS_VERSION;
+use crate::system::process::{self, Identity, Life};
+use rusqlite::types::Value;
+use rusqlite::{Connection, Row};
+
+/// The processes; the columns are what describes one.
+pub(super) const SEALED: Sealed = Sealed {
+    table: "processes",
+    columns: "host, boot, namespace, pid, start, started_at, version, physics_version, build, threads, job, task, restart, node",
+    with_key: false,
+    words: "a process that computed",
+};
+/// This process as the store knows it.
+#[derive(Debug, Clone)]
+pub(super) struct Registered {
+    pub(super) id: i64,
+    pub(super) identity: Identity,
+}
+
+/// The task of a scheduler a process works for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TaskName {
+    /// The job, as the scheduler names it.
+    pub job: String,
+    /// Number of the task, from 0.
+    pub task: usize,
+    /// Times the task was started before.
+    pub restart: u32,
+    /// The node it runs on.
+    pub node: String,
+}
+
+/// A process that has not left, as far as the store knows.
+pub(super) struct AtWork {
+    pub(super) id: i64,
+    pub(super) identity: Identity,
+    pub(super) file: Option<String>,
+    request: Option<String>,
+    pub(super) is_alive: bool,
+}
+
+impl AtWork {
+    /// All of them but the process `me`.
+    pub(super) fn others(connection: &Connection, me: i64) -> rusqlite::Result<Vec<Self>> {
+        let here = Identity::of_this_process();
+        let read = |row: &Row<'_>| -> rusqlite::Result<Self> {
+            let identity = Identity {
+                host: row.get(1)?,
+                boot: row.get(2)?,
+                namespace: row.get(3)?,
+                pid: row.get(4)?,
+                start: row.get(5)?,
+            };
+            let life = here.judge(&identity, process::silence(row.get(6)?));
+            Ok(Self {
+                id: row.get(0)?,
+                identity,
+                file: row.get(7)?,
+                request: row.get(8)?,
+                is_alive: life == Life::Alive,
+            })
+        };
+        let others = "SELECT id, host, boot, namespace, pid, start, heartbeat, file, request
+             FROM processes
+             WHERE ended_at IS NULL AND id != ?1";
+        connection.all(others, [me], read)
+    }
+
+    /// One that lives and computes what another version of the campaign requests.
+    pub(super) fn conflicting(
+        connection: &Connection,
+        me: i64,
+        request: &str,
+    ) -> rusqlite::Result<Option<Self>> {
+        let differs = |other: &Self| other.request.as_ref().is_some_and(|other| other != request);
+        Ok(Self::others(connection, me)?
+            .into_iter()
+            .find(|other| other.is_alive && differs(other)))
+    }
+
+    fn name(self) -> (u32, String) {
+        (self.identity.pid, self.identity.host)
+    }
+}
+
+/// A process that did not leave in order, if nobody else works on the store.
+pub(super) fn abandoned(connection: &Connection) -> rusqlite::Result<Option<(u32, String)>> {
+    let others = AtWork::others(connection, 0)?;
+    if others.iter().any(|other| other.is_alive) {
+        return Ok(None);
+    }
+    Ok(others.into_iter().next_back().map(AtWork::name))
+}
+
+/// Another process that works on the store.
+pub(super) fn other_worker(
+    connection: &Connection,
+    me: i64,
+) -> rusqlite::Result<Option<(u32, String)>> {
+    let mut others = AtWork::others(connection, me)?.into_iter();
+    Ok(others.find(|other| other.is_alive).map(AtWork::name))
+}
+
+/// Writes the row of a process that is described so. Gives its number.
+pub(super) fn put(
+    connection: &Connection,
+    described: &[Value],
+    more: &[(&str, Value)],
+) -> rusqlite::Result<i64> {
+    SEALED.put(connection, None, described, more)?;
+    Ok(connection.last_insert_rowid())
+}
+
+/// What describes the process of a number; where that is not what was written, what describes one that is not known.
+pub(super) fn described(connection: &Connection, id: i64) -> Vec<Value> {
+    let number = SEALED.columns.split(", ").count();
+    let found = SEALED.all(connection, "t.id = ?1", [id], |row| {
+        (0..number).map(|column| row.get(column)).collect()
+    });
+    let unknown = SEALED.columns.split(", ").map(|column| match column {
+        "pid" | "started_at" | "physics_version" | "threads" => whole(0),
+        "job" | "task" | "restart" | "node" => Value::Null,
+        "host" => Value::Text("unknown".into()),
+        _ => Value::Text(String::new()),
+    });
+    let found: Option<Vec<Value>> = found.ok().and_then(|mut found| found.pop());
+    found.unwrap_or_else(|| unknown.collect())
+}
+
+/// Enters this process, which computes what a version of the campaign requests.
+pub(super) fn enter(connection: &Connection, request: &Request) -> rusqlite::Result<Registered> {
+    let identity = Identity::of_this_process();
+    let now = process::now();
+    let mut described = vec![
+        identity.host.clone().into(),
+        identity.boot.clone().into(),
+        identity.namespace.clone().into(),
+        identity.pid.into(),
+        identity.start.clone().into(),
+        now.into(),
+        env!("CARGO_PKG_VERSION").to_owned().into(),
+        PHYSICS_VERSION.into(),
+        process::build().into(),
+        whole(0),
+    ];
+    described.resize(14, Value::Null);
+    let more = [
+        ("heartbeat", now.into()),
+        ("file", request.file.to_string_lossy().into_owned().into()),
+        ("request", request.hash.clone().into()),
+    ];
+    let id = put(connection, &described, &more)?;
+    Ok(Registered { id, identity })
+}

@@ -1,0 +1,362 @@
+//! What of a run is the result that the campaign requests.
+//!
+//! A run is computed once: its beginning is the run of less strain, and from its last state it goes on to more.
+
+use super::claims::Claim;
+use super::ends::{self, RunEnd, SEALED};
+use super::failures::{self, Attempt};
+use super::results::{self, Covered};
+use super::statements::Statements;
+use super::{Store, StoreError, checkpoints, rules, samples, states};
+use crate::case::State;
+use crate::protocol::{Discard, Protocol};
+use crate::statistics::mser_5;
+use crate::system::process;
+use rusqlite::Connection;
+use sd_core::simulation::Counters;
+use sd_core::{Params, Sample};
+use std::collections::HashMap;
+
+/// A case that was computed to an end, and what is requested of it.
+struct Computed {
+    case: Covered,
+    /// Number of its point.
+    point: i64,
+    requested: u64,
+    state: String,
+    /// Steps of its result now.
+    steps_done: u64,
+    /// Discarded steps of its result now.
+    discarded: Option<u64>,
+    steps: u64,
+    jammed: bool,
+}
+
+impl Computed {
+    /// Those of a condition on `c`.
+    fn of(
+        connection: &Connection,
+        condition: &str,
+        parameters: impl rusqlite::Params,
+    ) -> rusqlite::Result<Vec<Self>> {
+        connection.all(
+            &format!(
+                "SELECT c.id, c.key, c.point, p.digest, p.params, c.samples_digest, c.steps, c.state, c.steps_done,
+                     r.discard_step, e.steps, e.jammed
+                 FROM ends e JOIN cases c ON c.id = e.case_id JOIN points p ON p.id = c.point
+                 LEFT JOIN results r ON r.case_id = c.id WHERE {condition}"
+            ),
+            parameters,
+            |row| {
+                let case = Covered {
+                    id: row.get(0)?,
+                    key: row.get(1)?,
+                    point: row.get(3)?,
+                    params: super::schema::params(row, 4)?,
+                    samples: row.get(5)?,
+                };
+                Ok(Self {
+                    case,
+                    point: row.get(2)?,
+                    requested: row.get(6)?,
+                    state: row.get(7)?,
+                    steps_done: row.get(8)?,
+                    discarded: row.get(9)?,
+                    steps: row.get(10)?,
+                    jammed: row.get(11)?,
+                })
+            },
+        )
+    }
+
+    /// State and steps of the result that is requested; `None` if more is requested than was computed.
+    fn outcome(&self) -> Option<(State, u64)> {
+        if self.jammed && self.requested >= self.steps {
+            Some((State::Jammed, self.steps))
+        } else if self.steps >= self.requested {
+            Some((State::Done, self.requested))
+        } else {
+            None
+        }
+    }
+
+    /// Gives it the state and the result that is requested; `run` is its end and its samples, where they are at hand.
+    fn settle(
+        &self,
+        connection: &Connection,
+        discard: u64,
+        run: Option<(&RunEnd, &[(u64, Sample)])>,
+    ) -> rusqlite::Result<()> {
+        let id = self.case.id;
+        let Some((state, steps)) = self.outcome() else {
+            // Others are pending already, or failed on their way on.
+            if matches!(self.state.as_str(), "done" | "jammed") {
+                states::reopen(connection, "id = ?2", &[id])?;
+            }
+            return Ok(());
+        };
+        let known = (self.state.as_str(), self.steps_done, self.discarded);
+        if run.is_none() && known == (state.name(), steps, Some(discard)) {
+            return Ok(());
+        }
+        let result = (state, steps, discard);
+        if let Some((end, samples)) = run {
+            results::put(connection, &self.case, result, end, samples)?;
+        } else {
+            let Some(end) = RunEnd::of(connection, id)? else {
+                return Ok(());
+            };
+            let samples = samples::of(connection, id)?;
+            results::put(connection, &self.case, result, &end, &samples)?;
+        }
+        states::end(connection, id, state, steps)
+    }
+
+    /// The same where every run discards the same strain; where that is not so, nothing is left out yet.
+    fn settle_alone(
+        &self,
+        connection: &Connection,
+        protocol: &Protocol,
+        run: Option<(&RunEnd, &[(u64, Sample)])>,
+    ) -> rusqlite::Result<()> {
+        let steps = protocol.with_time_step(self.case.params.time_step);
+        self.settle(connection, steps.discard_steps().unwrap_or(0), run)
+    }
+}
+
+/// Keeps a run that was computed to an end in place of any other of its case, and gives the case the state and the result that the
+/// protocol requests. Where the strain discarded is that of its point, see [`settle_point_of`].
+pub(super) fn keep(
+    connection: &Connection,
+    (case, key): (i64, &str),
+    end: &RunEnd,
+    samples: &[(u64, Sample)],
+    protocol: &Protocol,
+) -> rusqlite::Result<()> {
+    end.write(connection, case, key)?;
+    samples::write(connection, case, samples)?;
+    checkpoints::drop_until(connection, case, end.steps)?;
+    Computed::of(connection, "c.id = ?1", [case])?
+        .iter()
+        .try_for_each(|case| case.settle_alone(connection, protocol, Some((end, samples))))
+}
+
+/// Gives every case of the grid that was computed to an end the state and the result the protocol requests. Cases under way
+/// are left alone.
+pub(super) fn settle_all(connection: &Connection, protocol: &Protocol) -> rusqlite::Result<()> {
+    let of_grid = "c.position IS NOT NULL AND c.state != 'running'";
+    let computed = Computed::of(connection, of_grid, [])?;
+    if protocol.discard != Discard::Auto {
+        return computed
+            .iter()
+            .try_for_each(|case| case.settle_alone(connection, protocol, None));
+    }
+    let mut points: HashMap<i64, Vec<Computed>> = HashMap::new();
+    for case in computed {
+        points.entry(case.point).or_default().push(case);
+    }
+    let mut points = points.values();
+    points.try_for_each(|point| settle_point(connection, point))
+}
+
+/// Settles the runs of the point of a case, where these decide on the strain discarded.
+pub(super) fn settle_point_of(connection: &Connection, case: i64) -> rusqlite::Result<()> {
+    let of_point = "c.point = (SELECT point FROM cases WHERE id = ?1)
+         AND (c.id = ?1 OR c.position IS NOT NULL AND c.state != 'running')";
+    settle_point(connection, &Computed::of(connection, of_point, [case])?)
+}
+
+/// Settles the runs of a point, leaving out as much as MSER-5 picks from the mean over those that are done. Where a precision
+/// decides on the seeds, these are those of the first batch: so what is left out does not change while seeds are still added.
+fn settle_point(connection: &Connection, point: &[Computed]) -> rusqlite::Result<()> {
+    let Some(first) = point.first() else {
+        return Ok(());
+    };
+    let batch = rules::first_batch(connection, first.case.id)?;
+    let mut total: Vec<f64> = Vec::new();
+    let mut steps: Vec<u64> = Vec::new();
+    for case in point {
+        let Some((State::Done, end)) = case.outcome() else {
+            continue;
+        };
+        if batch
+            .as_ref()
+            .is_some_and(|batch| !batch.contains(&case.case.id))
+        {
+            continue;
+        }
+        let mut samples = samples::of(connection, case.case.id)?;
+        samples.retain(|(step, _)| *step < end);
+        if steps.is_empty() {
+            steps = samples.iter().map(|(step, _)| *step).collect();
+            total = vec![0.0; steps.len()];
+        }
+        for (total, (_, sample)) in total.iter_mut().zip(&samples) {
+            *total += sample.viscosity;
+        }
+    }
+    let left_out = mser_5(&total).map_or(0, |(samples, _)| samples);
+    let discard = steps.get(left_out).copied().unwrap_or(0);
+    point
+        .iter()
+        .try_for_each(|case| case.settle(connection, discard, None))
+}
+
+/// The last state of a finished run.
+pub(crate) struct LastState {
+    pub(crate) params: Params,
+    pub(crate) seed: u64,
+    /// A checkpoint without samples.
+    pub(crate) state: Vec<u8>,
+}
+
+impl Store {
+    /// The last states of all done runs of the grid that have one, in the order of the campaign.
+    pub(crate) fn last_states(&self) -> Result<Vec<LastState>, StoreError> {
+        self.read(SEALED.check(&self.connection, "c.counts AND c.state = 'done'", []))?;
+        self.rows(
+            "SELECT p.params, c.seed, e.state FROM cases c JOIN points p ON p.id = c.point JOIN ends e ON e.case_id = c.id
+             WHERE c.counts AND c.state = 'done' AND e.state IS NOT NULL ORDER BY c.position",
+            [],
+            |row| {
+                Ok(LastState {
+                    params: super::schema::params(row, 0)?,
+                    seed: row.get(1)?,
+                    state: row.get(2)?,
+                })
+            },
+        )
+    }
+}
+
+/// A run that came to its end.
+#[derive(Debug)]
+pub struct Finished {
+    /// [`State::Done`] or [`State::Jammed`].
+    pub state: State,
+    /// Its samples, with their steps.
+    pub samples: Vec<(u64, Sample)>,
+    /// What it met.
+    pub counters: Counters,
+    /// Steps done.
+    pub steps: u64,
+    /// What is averaged.
+    pub protocol: Protocol,
+    /// Seconds of computing.
+    pub wall_time_s: f64,
+    /// Seconds of CPU.
+    pub cpu_time_s: f64,
+    /// Times it went on from a checkpoint.
+    pub resumed: u32,
+    /// A checkpoint of its last state, without samples: what a longer run goes on from.
+    pub last_state: Vec<u8>,
+}
+
+impl Store {
+    /// Keeps the results of cases, and their last states, in one transaction. Says for each whether this process still owned it: of
+    /// others nothing is kept.
+    pub(crate) fn finish(&mut self, runs: &[(&Claim, &Finished)]) -> Result<Vec<bool>, StoreError> {
+        let me = self.me();
+        self.write(|connection| {
+            runs.iter()
+                .map(|(claim, finished)| {
+                    let is_owned = owns(connection, claim, me)?;
+                    if is_owned {
+                        finish(connection, claim, finished, me)?;
+                    }
+                    Ok(is_owned)
+                })
+                .collect()
+        })
+    }
+
+    /// Keeps the failure of a case, with its samples up to then.
+    pub(crate) fn fail(
+        &mut self,
+        claim: &Claim,
+        failure: Attempt,
+        samples: &[(u64, Sample)],
+    ) -> Result<(), StoreError> {
+        let me = self.me();
+        let owned = self.write(|connection| {
+            if !owns(connection, claim, me)? {
+                return Ok(false);
+            }
+            // Samples of a run that was computed farther before are those of its result.
+            let computed = ends::steps_of(connection, claim.id)?;
+            if computed.is_none_or(|steps| steps <= failure.step) {
+                samples::write(connection, claim.id, samples)?;
+            }
+            fail(connection, claim.id, failure.by(me))?;
+            Ok(true)
+        })?;
+        owned.then_some(()).ok_or_else(|| claim.lost())
+    }
+
+    /// Makes all failed cases of the grid pending again. Returns how many.
+    pub(crate) fn retry_failed(&mut self) -> Result<usize, StoreError> {
+        self.write(|connection| {
+            let failed: Vec<(i64, String, u64)> = connection.all(
+                "SELECT c.id, c.key, coalesce(e.steps, 0) FROM cases c LEFT JOIN ends e ON e.case_id = c.id
+                 WHERE c.state = 'failed' AND c.counts",
+                [],
+                |row| row.try_into(),
+            )?;
+            for (case, key, steps) in failed {
+                samples::cut(connection, case, steps)?;
+                tracing::info!(case = key, "retried");
+            }
+            let reopened = states::reopen(connection, "state = 'failed' AND counts", &[])?;
+            rules::apply_all(connection)?;
+            Ok(reopened)
+        })
+    }
+}
+
+/// Ends a case as failed.
+pub(super) fn fail(connection: &Connection, case: i64, failed: Attempt) -> rusqlite::Result<()> {
+    states::end(connection, case, State::Failed, failed.step)?;
+    failures::insert(connection, case, failed)?;
+    checkpoints::drop_all(connection, case)?;
+    rules::apply_to_case(connection, case)
+}
+
+/// Whether this process still owns a case that it computes.
+fn owns(connection: &Connection, claim: &Claim, me: i64) -> rusqlite::Result<bool> {
+    connection.has(
+        "SELECT 1 FROM cases WHERE id = ?1 AND owner = ?2 AND state = 'running'",
+        [claim.id, me],
+    )
+}
+
+/// Keeps a run that came to its end. More may be computed than is requested: its last checkpoint lay beyond that.
+fn finish(
+    connection: &Connection,
+    claim: &Claim,
+    finished: &Finished,
+    me: i64,
+) -> rusqlite::Result<()> {
+    let end = RunEnd {
+        steps: finished.steps,
+        jammed: finished.state == State::Jammed,
+        counters: finished.counters,
+        wall_time_s: finished.wall_time_s,
+        cpu_time_s: finished.cpu_time_s,
+        resumed: finished.resumed,
+        process: me,
+        finished_at: process::now(),
+        state: Some(finished.last_state.clone()),
+    };
+    let case = (claim.id, claim.key.as_str());
+    keep(
+        connection,
+        case,
+        &end,
+        &finished.samples,
+        &finished.protocol,
+    )?;
+    if finished.protocol.discard == Discard::Auto {
+        settle_point_of(connection, claim.id)?;
+    }
+    rules::apply_to_case(connection, claim.id)
+}
