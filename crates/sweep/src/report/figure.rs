@@ -21,7 +21,7 @@ mod outline;
 mod palette;
 mod pdf;
 mod png;
-mod scale;
+pub(super) mod scale;
 mod scene;
 mod sketch;
 mod svg;
@@ -203,7 +203,7 @@ pub fn outline(
 
 /// Where what is made of a report comes from, a line each: its campaign, what computed it, the keys of its runs.
 pub(super) fn origin_of(report: &Report) -> String {
-    Origin::of(std::slice::from_ref(report)).to_string()
+    Origin::of(std::slice::from_ref(report)).text
 }
 
 /// Writes a figure as a file.

@@ -1,6 +1,6 @@
 //! The report for machines: one JSON object, its names and meanings a promise.
 
-use super::columns::{Column, columns};
+use super::columns::{COLUMNS, Column};
 use super::error::ReportError;
 use super::points::{Point, Report};
 use serde::{Serialize, Serializer};
@@ -55,7 +55,11 @@ impl Serialize for Row<'_> {
             Some(report) => column.shown(report, self.0),
             None => column.cell(self.0),
         };
-        s.collect_map(columns().map(|column| (column.name, cell(&column))))
+        s.collect_map(
+            COLUMNS
+                .iter()
+                .map(|column| (column.name.as_ref(), cell(column))),
+        )
     }
 }
 
@@ -82,8 +86,9 @@ pub fn write(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
         },
         points: rows(None),
         physical: report.units.are_asked_for().then(|| Physical {
-            units: columns()
-                .map(|column| (column.name, column.unit_in(report)))
+            units: COLUMNS
+                .iter()
+                .map(|column| (column.name.as_ref(), column.unit_in(report)))
                 .filter(|(_, unit)| !unit.is_empty())
                 .collect(),
             points: rows(Some(report)),

@@ -1,7 +1,7 @@
 //! A page as PDF, with the letters it uses of its font.
 
 use super::font;
-use super::origin::Origin;
+use super::origin::{Origin, PROGRAM};
 use super::palette::Colour;
 use super::scene::{Page, Place, Segment, Shape, Stroke, Text, single};
 use pdf_writer::types::{CidFontType, FontFlags, LineJoinStyle, SystemInfo, UnicodeCmap};
@@ -57,9 +57,9 @@ pub(super) fn write(page: &Page, origin: &Origin) -> Result<Vec<u8>, String> {
     pdf.stream(content, &writer.content.finish());
     write_font(&mut pdf, font, &writer.letters, &writer.characters)?;
     pdf.document_info(info)
-        .title(TextStr(&origin.title()))
-        .subject(TextStr(&origin.to_string()))
-        .creator(TextStr(&Origin::program()));
+        .title(TextStr(&origin.title))
+        .subject(TextStr(&origin.text))
+        .creator(TextStr(PROGRAM));
     Ok(pdf.finish())
 }
 

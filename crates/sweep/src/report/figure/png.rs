@@ -2,7 +2,7 @@
 
 use super::font;
 use super::look::POINTS_PER_INCH;
-use super::origin::Origin;
+use super::origin::{Origin, PROGRAM};
 use super::palette::Colour;
 use super::scale::count;
 use super::scene::{Page, Place, Segment, Shape, Stroke, Text, single};
@@ -170,9 +170,9 @@ fn encode(picture: &Pixmap, dpi: u32, origin: &Origin) -> Result<Vec<u8>, png::E
         yppu: per_metre,
         unit: Unit::Meter,
     }));
-    encoder.add_itxt_chunk("Title".into(), origin.title())?;
-    encoder.add_itxt_chunk("Source".into(), origin.to_string())?;
-    encoder.add_text_chunk("Software".into(), Origin::program())?;
+    encoder.add_itxt_chunk("Title".into(), origin.title.clone())?;
+    encoder.add_itxt_chunk("Source".into(), origin.text.clone())?;
+    encoder.add_text_chunk("Software".into(), PROGRAM.into())?;
     // Nothing shows through: the page is white below.
     let colours: Vec<u8> = picture
         .pixels()
@@ -195,7 +195,7 @@ mod tests {
             height: 20.0,
             shapes,
         };
-        let file = write(&page, 72, &Origin::default()).unwrap();
+        let file = write(&page, 72, &Origin::of(&[])).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(file))
             .read_info()
             .unwrap();
@@ -246,7 +246,7 @@ mod tests {
             height: 1700.0,
             shapes: Vec::new(),
         };
-        let error = write(&page, 2400, &Origin::default()).unwrap_err();
+        let error = write(&page, 2400, &Origin::of(&[])).unwrap_err();
         assert!(error.contains("lower dpi"), "{error}");
     }
 }

@@ -5,6 +5,7 @@ mod draft;
 use super::log_axis::LogAxis;
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::{Drawing, Kind, Quantity, Trace, refused, refused_as};
+use crate::report::columns::Column;
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
 use crate::report::points::{Point, Report};
@@ -92,8 +93,16 @@ pub(super) struct Sketch {
     pub(super) log: Option<LogAxis>,
 }
 
-/// A quantity of a point: what its axis is called, its unit, and its value.
-type Measured = (&'static str, &'static str, fn(&Point) -> Option<Height>);
+/// A quantity of every point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Measured {
+    /// What its axis is called.
+    label: &'static str,
+    /// Its column.
+    name: &'static str,
+    /// Its unit.
+    unit: &'static str,
+}
 
 impl From<Estimate> for Height {
     fn from(estimate: Estimate) -> Self {
@@ -124,7 +133,7 @@ pub(super) fn sketch(
     drawing: &Drawing,
 ) -> Result<Sketch, ReportError> {
     let draft = Draft::of(reports, drawing)?;
-    let measured = measured(drawing);
+    let measured = Measured::of(drawing);
     draft.check_units(measured)?;
     let mut sketch = match drawing.kind {
         Kind::Contacts => draft.contacts(),
@@ -204,39 +213,41 @@ fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
     Ok(())
 }
 
-/// What a figure shows of every point.
-fn measured(drawing: &Drawing) -> Measured {
-    let viscosity = |p: &Point| p.viscosity.map(Height::from);
-    match (drawing.kind, drawing.quantity) {
-        (Kind::NormalStress, _) => ("normal stress difference N₁", "mu rate", |p| {
-            p.normal_stress_difference.map(Height::from)
-        }),
-        (Kind::SecondNormalStress, _) => ("normal stress difference N₂", "mu rate", |p| {
-            p.stress("n2").map(Height::from)
-        }),
-        (Kind::ParticlePressure, _) => ("particle pressure Π", "mu rate", |p| {
-            p.stress("particle_pressure").map(Height::from)
-        }),
-        (Kind::FlowCurve, _) => ("shear stress σ*", "F_crit/a²", |p| {
-            p.shear_stress().map(Height::from)
-        }),
-        (Kind::ApproachVelocity, _) => ("mean approach velocity", "a rate", |p| {
-            p.mean_approach_velocity.map(Height::bare)
-        }),
-        (Kind::Contacts, _) => ("pairs per sphere", "1", |_| None),
-        (_, Quantity::ViscosityStresslet) => ("stresslet viscosity", "mu", |p| {
-            p.viscosity_stresslet.map(Height::from)
-        }),
-        (_, Quantity::ViscosityMedian) => ("median viscosity", "mu", |p| {
-            let value = p.viscosity_median?;
-            let reach = |[low, high]: [f64; 2]| [value - low, high - value];
-            Some(Height {
-                value,
-                interval: p.viscosity_quartiles.map(reach),
-            })
-        }),
-        (Kind::Viscosity | Kind::Trace, Quantity::Viscosity) => {
-            ("relative viscosity η", "mu", viscosity)
+impl Measured {
+    /// What a figure shows.
+    fn of(drawing: &Drawing) -> Self {
+        let (label, name) = match (drawing.kind, drawing.quantity) {
+            (Kind::NormalStress, _) => ("normal stress difference N₁", "normal_stress_difference"),
+            (Kind::SecondNormalStress, _) => ("normal stress difference N₂", "n2"),
+            (Kind::ParticlePressure, _) => ("particle pressure Π", "particle_pressure"),
+            (Kind::FlowCurve, _) => ("shear stress σ*", "shear_stress"),
+            (Kind::ApproachVelocity, _) => ("mean approach velocity", "mean_approach_velocity"),
+            (Kind::Contacts, _) => ("pairs per sphere", "contacts_per_sphere"),
+            (_, Quantity::ViscosityStresslet) => ("stresslet viscosity", "viscosity_stresslet"),
+            (_, Quantity::ViscosityMedian) => ("median viscosity", "viscosity_median"),
+            (_, Quantity::Viscosity) => ("relative viscosity η", "viscosity"),
+        };
+        Self {
+            label,
+            name,
+            unit: Column::named(name).map_or("", |column| column.unit),
+        }
+    }
+
+    /// It of a point.
+    fn read(self, point: &Point) -> Option<Height> {
+        match self.name {
+            "shear_stress" => point.shear_stress().map(Height::from),
+            "viscosity_median" => {
+                let value = point.number(self.name)?;
+                let quartile = |n: u8| point.number(&format!("{}_quartile_{n}", self.name));
+                let quartiles = quartile(1).zip(quartile(3));
+                Some(Height {
+                    value,
+                    interval: quartiles.map(|(low, high)| [value - low, high - value]),
+                })
+            }
+            name => point.estimate(name).map(Height::from),
         }
     }
 }

@@ -24,8 +24,8 @@ pub(super) fn write(page: &Page, origin: &Origin) -> Vec<u8> {
         name = font::EMBEDDED_NAME,
         ink = Colour::INK,
         white = Colour::WHITE,
-        title = escaped(&origin.title()),
-        origin = escaped(&origin.to_string()),
+        title = escaped(&origin.title),
+        origin = escaped(&origin.text),
     );
     for (number, shape) in page.shapes.iter().enumerate() {
         svg.push_str(&element(number, shape));

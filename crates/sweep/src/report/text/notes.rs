@@ -95,7 +95,7 @@ fn overlaps(
 ) -> Result<(), ReportError> {
     let soft = report.points.iter().filter(|p| p.overlaps_too_much());
     let soft = soft.filter_map(|point| {
-        let heights = point.overlap()? / point.params.roughness;
+        let heights = point.number("overlap")? / point.params.roughness;
         let what = format!(
             "overlaps of up to {} times the roughness height: the spheres themselves overlapped, and a larger stiffness would hold \
              them apart",

@@ -111,8 +111,9 @@ impl<'r> Draft<'r> {
     }
 
     /// Makes sure that the units asked for can be had, and that something changes by them.
-    pub(super) fn check_units(&self, (name, unit, _): Measured) -> Result<(), ReportError> {
-        self.units.reach(name, unit)?;
+    pub(super) fn check_units(&self, measured: Measured) -> Result<(), ReportError> {
+        let Measured { label, unit, .. } = measured;
+        self.units.reach(label, unit)?;
         let params = || self.points().map(|point| &point.params);
         let is_converted = |axis: &&Axis| self.units.of_axis(axis).is_some();
         let mut varying = AXES.iter().filter(|axis| axis.varies(params()));
@@ -123,7 +124,7 @@ impl<'r> Draft<'r> {
             return Err(refused_as(
                 "--units",
                 format!(
-                    "nothing in this figure has a physical unit: it shows {name} against {}",
+                    "nothing in this figure has a physical unit: it shows {label} against {}",
                     self.along.key
                 ),
             ));
@@ -132,10 +133,10 @@ impl<'r> Draft<'r> {
     }
 
     /// Whether there is nothing to draw because what there is has no physical scale.
-    pub(super) fn check_scale(&self, (_, unit, read): Measured) -> Result<(), ReportError> {
+    pub(super) fn check_scale(&self, measured: Measured) -> Result<(), ReportError> {
         if self
             .points()
-            .any(|point| read(point).is_some() && !self.has_scale(unit, point))
+            .any(|point| measured.read(point).is_some() && !self.has_scale(measured.unit, point))
         {
             return Err(Units::without_scale());
         }
@@ -223,9 +224,10 @@ impl<'r> Draft<'r> {
     }
 
     /// One line per curve of one quantity.
-    pub(super) fn of_points(&self, (name, unit, read): Measured) -> Sketch {
+    pub(super) fn of_points(&self, measured: Measured) -> Sketch {
+        let Measured { label, unit, .. } = measured;
         let height = |point: &Point| {
-            let height = read(point)?;
+            let height = measured.read(point)?;
             let factor = self.units.factor(unit, point.at())?;
             Some(Height {
                 value: factor * height.value,
@@ -234,19 +236,18 @@ impl<'r> Draft<'r> {
         };
         let lines = self.curves().into_iter().filter_map(|mut curve| {
             // What has a result but no value here is left out, and not marked as missing: a stress at an infinite rate.
-            let is_shown = |point: &Point| match read(point) {
+            let is_shown = |point: &Point| match measured.read(point) {
                 Some(height) => height.value.is_finite() && self.has_scale(unit, point),
                 None => true,
             };
             curve.points.retain(|point| is_shown(point));
-            let label = curve.label.clone();
-            (!curve.points.is_empty()).then(|| self.line(&curve, label, &height))
+            (!curve.points.is_empty()).then(|| self.line(&curve, curve.label.clone(), &height))
         });
         let lines: Vec<Line> = lines.collect();
         let log = self.log.map(|log| self.without_empty_plateaus(log, &lines));
         Sketch {
             log,
-            ..self.sketch(lines, self.units.label(name, unit))
+            ..self.sketch(lines, self.units.label(label, unit))
         }
     }
 
@@ -264,9 +265,9 @@ impl<'r> Draft<'r> {
     /// Four lines per curve.
     pub(super) fn contacts(&self) -> Sketch {
         let counts = |point: &Point| {
-            let contacts = point.contacts_per_sphere?;
-            let activated = contacts * point.activated_fraction.unwrap_or(0.0);
-            let rolling = point.rolling_fraction.unwrap_or(0.0);
+            let contacts = point.number("contacts_per_sphere")?;
+            let activated = contacts * point.number("activated_fraction").unwrap_or(0.0);
+            let rolling = point.number("rolling_fraction").unwrap_or(0.0);
             Some([
                 contacts,
                 activated,
