@@ -155,13 +155,11 @@ impl Columns {
                 None => {
                     let measured = COLUMNS.iter().filter(|column| !column.is_axis());
                     let known: Vec<&str> = measured.map(|column| column.name.as_ref()).collect();
-                    return Err(ReportError::Argument {
-                        argument: "--columns",
-                        message: format!(
-                            "no column is called {name:?}; besides the axes there are {}",
-                            known.join(", ")
-                        ),
-                    });
+                    let known = known.join(", ");
+                    return Err(ReportError::argument(
+                        "--columns",
+                        format!("no column is called {name:?}; besides the axes there are {known}"),
+                    ));
                 }
             }
         }

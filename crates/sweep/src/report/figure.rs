@@ -37,7 +37,7 @@ use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::axes::{Axis, identity};
 use crate::store::{PointRun, Store};
-use palette::{Colour, Marker, ORDERED_CURVES};
+use palette::{Colour, ORDERED_CURVES};
 use sd_core::Params;
 
 /// What a figure shows.
@@ -221,23 +221,14 @@ fn file(
     }
 }
 
-/// What the page draws curves with, besides its colours.
-#[derive(Debug, serde::Serialize)]
-pub(super) struct PageLook {
-    /// Markers, the first for the first curve.
-    markers: Vec<Marker>,
-    /// Colours of rising lightness.
-    heat: Vec<Colour>,
-}
-
-/// The markers of curves and the map of colours that have an order.
-pub(super) fn page_look() -> PageLook {
+/// What the page draws curves with, besides its colours: markers, the first for the first curve, and colours of rising lightness.
+pub(super) fn page_look() -> serde_json::Value {
     // The page's map goes on to the yellow that is lost on paper: its cells have a ground of their own.
-    let heat = palette::MAP.into_iter().chain([palette::LIGHTEST]);
-    PageLook {
-        markers: palette::MARKERS.to_vec(),
-        heat: heat.collect(),
-    }
+    let heat: Vec<Colour> = palette::MAP
+        .into_iter()
+        .chain([palette::LIGHTEST])
+        .collect();
+    serde_json::json!({"markers": palette::MARKERS, "heat": heat})
 }
 
 /// The colours of curves, on light and on dark ground.
@@ -246,11 +237,6 @@ pub(super) fn curve_colours() -> [&'static [Colour]; 2] {
 }
 
 /// The error about the figure.
-fn refused(message: String) -> ReportError {
-    refused_as("--figure", message)
-}
-
-/// The error about an argument.
-fn refused_as(argument: &'static str, message: String) -> ReportError {
-    ReportError::Argument { argument, message }
+fn refused(message: impl Into<String>) -> ReportError {
+    ReportError::argument("--figure", message)
 }

@@ -107,7 +107,7 @@ impl Selection {
                     }
                 }
                 if there.is_empty() {
-                    return Err(refused("the campaign has no points".into()));
+                    return Err(refused("the campaign has no points"));
                 }
                 there.sort_by(Value::order);
                 let there: Vec<String> = there.iter().map(Value::to_string).collect();
@@ -177,11 +177,8 @@ impl fmt::Display for Wanted {
 }
 
 /// The error about the argument.
-fn refused(message: String) -> ReportError {
-    ReportError::Argument {
-        argument: "--where",
-        message,
-    }
+fn refused(message: impl Into<String>) -> ReportError {
+    ReportError::argument("--where", message)
 }
 
 #[cfg(test)]

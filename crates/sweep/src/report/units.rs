@@ -113,8 +113,7 @@ impl Units {
         }
         let [Some(radius), Some(viscosity), critical_load] = values else {
             return Err(refused(
-                "the radius a and the viscosity mu of the fluid are needed, as in a=1um,mu=1mPas"
-                    .into(),
+                "the radius a and the viscosity mu of the fluid are needed, as in a=1um,mu=1mPas",
             ));
         };
         Ok(Self(Some(Physical {
@@ -238,8 +237,7 @@ impl Units {
     pub(super) fn without_scale() -> ReportError {
         refused(
             "at the plateaus, Γ = 0 and Γ = ∞, stresses and velocities are known as multiples of the shear rate only, and have no physical \
-             value; leave --units out, or choose other points"
-                .into(),
+             value; leave --units out, or choose other points",
         )
     }
 }
@@ -271,11 +269,8 @@ fn quantity(text: &str, unit: &str) -> Option<f64> {
 }
 
 /// The error about the argument.
-fn refused(message: String) -> ReportError {
-    ReportError::Argument {
-        argument: "--units",
-        message,
-    }
+fn refused(message: impl Into<String>) -> ReportError {
+    ReportError::argument("--units", message)
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! How a figure is to look: lengths, colours and markers, which a group keeps in a file of its own, and what one figure asks for.
 
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
-use super::refused_as;
 use crate::axes::Axis;
 use crate::report::error::ReportError;
 use serde::Deserialize;
@@ -141,7 +140,7 @@ impl Style {
     /// [`ReportError::Argument`] on a key that is none, or a value that cannot be meant.
     pub fn read(text: &str) -> Result<Self, ReportError> {
         let style: Self = toml::from_str(text)
-            .map_err(|error| refused_as("--style", error.to_string().trim_end().to_owned()))?;
+            .map_err(|error| ReportError::argument("--style", error.to_string().trim_end()))?;
         style.check("--style")?;
         Ok(style)
     }
@@ -165,12 +164,12 @@ impl Style {
                 let message = format!(
                     "a {name} of {value}{unit} is out of range: {low}{unit} to {high}{unit}"
                 );
-                return Err(refused_as(argument, message));
+                return Err(ReportError::argument(argument, message));
             }
         }
         if self.colours.is_empty() || self.markers.is_empty() {
-            let message = "colours and markers need at least one each".into();
-            return Err(refused_as(argument, message));
+            let message = "colours and markers need at least one each";
+            return Err(ReportError::argument(argument, message));
         }
         Ok(())
     }

@@ -5,7 +5,6 @@
 use super::legend::Legend;
 use super::look::{Intervals, LegendPlace, Look, Range};
 use super::palette::{Colour, Marker};
-use super::refused_as;
 use super::scale::{Scale, extent};
 use super::sketch::{Field, Form, Height, Line, Sketch, Spot};
 use crate::report::error::ReportError;
@@ -206,7 +205,7 @@ fn vertical(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     let limits = || sketch.panels.iter().flat_map(|p| p.dilute.iter().copied());
     let [low, high] = extent(heights().map(|height| height.value));
     if look.log_y && low <= 0.0 {
-        return Err(refused_as(
+        return Err(ReportError::argument(
             "--log-y",
             format!("there is a value of {low:.4}: numbers of 0 or below have no logarithm"),
         ));
@@ -215,7 +214,7 @@ fn vertical(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     let logarithmic = look.log_y || (low > 0.0 && high > 10.0 * low);
     if let Some(Range { low, high }) = look.y_range {
         if logarithmic && low <= 0.0 {
-            return Err(refused_as(
+            return Err(ReportError::argument(
                 "--y-range",
                 format!("the axis is logarithmic and cannot begin at {low}"),
             ));
@@ -244,10 +243,9 @@ fn horizontal(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     let label = look.x_label.clone().unwrap_or_else(|| sketch.x.clone());
     if let Some(log) = sketch.log {
         if look.x_range.is_some_and(|range| range.low < 0.0) {
-            return Err(refused_as(
+            return Err(ReportError::argument(
                 "--x-range",
-                "the axis is logarithmic: it can begin at 0, with the plateau beside it, or above"
-                    .into(),
+                "the axis is logarithmic: it can begin at 0, with the plateau beside it, or above",
             ));
         }
         return Ok(Scale::of_decades(label, log, look.x_range));

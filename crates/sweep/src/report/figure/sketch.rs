@@ -4,7 +4,7 @@ mod draft;
 
 use super::log_axis::LogAxis;
 use super::palette::{CURVES, ORDERED_CURVES};
-use super::{Drawing, Kind, Quantity, Trace, refused, refused_as};
+use super::{Drawing, Kind, Quantity, Trace, refused};
 use crate::report::columns::Column;
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
@@ -149,7 +149,7 @@ pub(super) fn sketch(
     if !sketch.lines.iter().any(has_result) {
         draft.check_scale(measured)?;
         return Err(refused(
-            "there are no results to draw yet; `sweep status` says how far the campaign is".into(),
+            "there are no results to draw yet; `sweep status` says how far the campaign is",
         ));
     }
     sketch.lines.retain(|line| !line.points.is_empty());
@@ -197,7 +197,7 @@ fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
             known.len(),
             there.collect::<Vec<_>>().join(", ")
         );
-        return Err(refused_as("--label", message));
+        return Err(ReportError::argument("--label", message));
     }
     for line in &mut sketch.lines {
         let place = known

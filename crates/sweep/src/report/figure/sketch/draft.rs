@@ -7,7 +7,7 @@ use crate::report::curves::{Curve, Label, Shared, curves, labels};
 use crate::report::error::ReportError;
 use crate::report::figure::log_axis::LogAxis;
 use crate::report::figure::scale::extent;
-use crate::report::figure::{Drawing, Kind, Trace, refused_as};
+use crate::report::figure::{Drawing, Kind, Trace};
 use crate::report::points::{Point, Report};
 use crate::report::units::At;
 use crate::report::units::Units;
@@ -33,9 +33,9 @@ impl<'r> Draft<'r> {
             .along
             .unwrap_or_else(|| default_axis(reports, drawing.kind));
         if drawing.kind == Kind::FlowCurve && !along.is_shear_rate() {
-            return Err(refused_as(
+            return Err(ReportError::argument(
                 "--along",
-                "a flow curve is stress against rate: it runs along shear_rate".into(),
+                "a flow curve is stress against rate: it runs along shear_rate",
             ));
         }
         let varies = |axis: &Axis| axis.varies(params());
@@ -56,7 +56,7 @@ impl<'r> Draft<'r> {
             && points().next().is_some()
             && !has_places(axis)
         {
-            return Err(refused_as(
+            return Err(ReportError::argument(
                 "--along",
                 format!(
                     "all points have the same {}, so no curve runs along it; {}",
@@ -68,7 +68,7 @@ impl<'r> Draft<'r> {
         let mut fields: Vec<Option<&Params>> = vec![None];
         if let Some(axis) = drawing.look.panels {
             if axis.key == along.key && drawing.kind != Kind::Trace {
-                return Err(refused_as(
+                return Err(ReportError::argument(
                     "--panels",
                     format!("the curves run along {}: name another axis", axis.key),
                 ));
@@ -82,7 +82,7 @@ impl<'r> Draft<'r> {
             fields.dedup_by(|a, b| value(*a) == value(*b));
             if fields.len() < 2 {
                 let names = names(&mut AXES.iter());
-                return Err(refused_as(
+                return Err(ReportError::argument(
                     "--panels",
                     format!("all points have the same {}; {names}", axis.key),
                 ));
@@ -121,7 +121,7 @@ impl<'r> Draft<'r> {
             || is_converted(&self.along)
             || varying.any(|axis| is_converted(&axis));
         if self.units.are_asked_for() && !changes {
-            return Err(refused_as(
+            return Err(ReportError::argument(
                 "--units",
                 format!(
                     "nothing in this figure has a physical unit: it shows {label} against {}",
