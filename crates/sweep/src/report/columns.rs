@@ -149,8 +149,13 @@ impl Columns {
         let mut chosen: Vec<&Column> = Vec::new();
         for name in names {
             let name = name.trim().replace('-', "_");
-            match Column::named(&name) {
-                Some(column) if column.is_axis() || chosen.iter().any(|c| c.name == name) => {}
+            let axis = Axis::named(&name).map(|axis| axis.key);
+            let meant = match name.as_str() {
+                "η" | "eta" => "viscosity",
+                name => axis.unwrap_or(name),
+            };
+            match Column::named(meant) {
+                Some(column) if column.is_axis() || chosen.iter().any(|c| c.name == meant) => {}
                 Some(column) => chosen.push(column),
                 None => {
                     let measured = COLUMNS.iter().filter(|column| !column.is_axis());

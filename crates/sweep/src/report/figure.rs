@@ -36,7 +36,7 @@ use super::error::ReportError;
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::axes::{Axis, identity};
-use crate::store::{PointRun, Store};
+use crate::store::Store;
 use palette::{Colour, ORDERED_CURVES};
 use sd_core::Params;
 
@@ -128,21 +128,24 @@ pub struct Trace {
     points: Vec<(f64, f64)>,
 }
 
-/// Traces of runs of the points selected: those whose keys begin with one of `keys`, or else the first with samples of
-/// each point. One more than a figure holds at most.
+/// Traces of runs of the points selected: those of the `cases`, each named by its number in the campaign file or by the beginning
+/// of its key, or else the first with samples of each point. One more than a figure holds at most.
 ///
 /// # Errors
-/// Trouble with the store; [`crate::store::StoreError::Case`] on a key no selected run has.
+/// Trouble with the store; [`crate::store::StoreError::Case`] on a name that is not that of one selected run.
 pub fn traces(
     store: &Store,
     selection: &Selection,
-    keys: &[String],
+    cases: &[String],
 ) -> Result<Vec<Trace>, ReportError> {
     let runs = selected_runs(store, selection)?;
-    let begins = |run: &PointRun, key: &String| run.key.starts_with(key.as_str());
-    let is_unknown = |key: &&String| !runs.iter().any(|run| begins(run, key));
-    if let Some(key) = keys.iter().find(is_unknown) {
-        return Err(store.no_case(key, "no case").into());
+    let mut keys = Vec::with_capacity(cases.len());
+    for case in cases {
+        let key = store.key_of(case)?;
+        if !runs.iter().any(|run| run.key == key) {
+            return Err(store.no_case(case, "no case of these points").into());
+        }
+        keys.push(key);
     }
     let (campaign, protocol) = (store.campaign_name()?, store.protocol()?);
     let usual = match protocol.discard {
@@ -155,7 +158,7 @@ pub fn traces(
             let point = identity(&run.params);
             !all.iter().any(|known| identity(&known.params) == point)
         } else {
-            keys.iter().any(|key| begins(&run, key))
+            keys.contains(&run.key)
         };
         if !wanted || all.len() > ORDERED_CURVES {
             continue;
@@ -184,11 +187,12 @@ pub fn draw(
     drawing: &Drawing,
     format: Format,
 ) -> Result<Vec<u8>, ReportError> {
-    let outline = outline(reports, traces, drawing)?;
+    let sketch = sketch::sketch(reports, traces, drawing, true)?;
+    let outline = Outline::of(&sketch, &drawing.look)?;
     file(&outline, &drawing.look.style, format, &Origin::of(reports))
 }
 
-/// The same figure, to be drawn by another program.
+/// The same figure, to be drawn by another program: in one panel unless several are asked for.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
@@ -197,7 +201,7 @@ pub fn outline(
     traces: &[Trace],
     drawing: &Drawing,
 ) -> Result<Outline, ReportError> {
-    let sketch = sketch::sketch(reports, traces, drawing)?;
+    let sketch = sketch::sketch(reports, traces, drawing, false)?;
     Outline::of(&sketch, &drawing.look)
 }
 

@@ -32,7 +32,7 @@ pub(crate) struct FigureArguments {
     /// A panel for every value of this axis
     #[arg(long, value_name = "AXIS", value_parser = axis_among(|_| true), requires = "figure")]
     panels: Option<&'static Axis>,
-    /// Runs of a trace, by the beginning of their key [default: the first run of each point]
+    /// Runs of a trace, each by its number in the campaign file or the beginning of its key [default: the first run of each point]
     #[arg(long, value_name = "KEY", requires = "figure")]
     case: Vec<String>,
     /// Width of the figure, such as 85mm, 180mm or 3.35in [default: 85mm, and 180mm with panels]
@@ -75,14 +75,14 @@ pub(crate) struct FigureArguments {
     style: Option<PathBuf>,
 }
 
-/// Reads the name of one of some axes, as the campaign file has it.
+/// Reads the name of one of some axes, as the campaign file has it, or its symbol.
 fn axis_among(is_meant: fn(&Axis) -> bool) -> impl TypedValueParser<Value = &'static Axis> {
     let names = AXES
         .iter()
         .filter(|axis| is_meant(axis))
-        .map(|axis| PossibleValue::new(axis.key));
+        .map(|axis| PossibleValue::new(axis.key).aliases(axis.other_names()));
     PossibleValuesParser::new(names)
-        .try_map(|name| Axis::of_key(&name).ok_or("no axis of a campaign"))
+        .try_map(|name| Axis::named(&name).ok_or("no axis of a campaign"))
 }
 
 /// A figure that is to be drawn into a file.

@@ -89,7 +89,7 @@ impl<'o> Legend<'o> {
 }
 
 /// How many places a box hides.
-pub(super) fn hidden([from, to]: [Place; 2], obstacles: &[Place]) -> usize {
+fn hidden([from, to]: [Place; 2], obstacles: &[Place]) -> usize {
     let is_hidden =
         |[x, y]: &&Place| (from[0]..=to[0]).contains(x) && (from[1]..=to[1]).contains(y);
     obstacles.iter().filter(is_hidden).count()

@@ -14,6 +14,8 @@ use serde::Serialize;
 const SLENDERNESS: f64 = 0.74;
 /// Dashes of lines without markers, which tell them apart in grey print.
 const DASHES: [Option<[f64; 2]>; 4] = [None, Some([4.0, 1.2]), Some([1.4, 1.0]), Some([8.0, 1.6])];
+/// What dashed lines are called.
+const DILUTE: &str = "dilute 1 + 5c/3";
 /// Room above and below the numbers of a logarithmic axis, over its length.
 const MARGIN: f64 = 0.05;
 /// Distance of bars of several curves at the same place, over the width of the axis.
@@ -122,7 +124,7 @@ impl Outline {
                 title: field.title.clone(),
                 curves: curves.collect(),
                 dashed: field.dilute.clone(),
-                dashed_label: (labelled == Some(place)).then_some("dilute 1 + 5c/3"),
+                dashed_label: (labelled == Some(place)).then_some(DILUTE),
                 shaded,
                 x: x.clone(),
                 y: y.clone(),
@@ -134,25 +136,21 @@ impl Outline {
             curves.any(is_there)
         };
         let tick_size = 0.9 * style.font_size;
+        let missing = has(|curve| !curve.missing.is_empty());
+        let discards = has(|curve| curve.discard.is_some());
         let notes = [
-            (
-                has(|curve| !curve.missing.is_empty()),
-                "no result",
-                Marker::Cross,
-            ),
-            (
-                has(|curve| curve.discard.is_some()),
-                "end of the strain discarded",
-                Marker::Bar,
-            ),
+            (labelled.is_some(), DILUTE, None),
+            (missing, "no result", Some(Marker::Cross)),
+            (discards, "end of the strain discarded", Some(Marker::Bar)),
         ];
         let notes = notes.into_iter().filter(|note| note.0);
         let notes = notes.map(|(_, label, marker)| Curve {
             label: label.into(),
             colour: Colour::GREY,
-            marker: Some(marker),
+            marker,
             marker_size: 0.25 * tick_size,
-            width: 0.8,
+            width: if marker.is_some() { 0.8 } else { 0.4 },
+            dashes: marker.is_none().then_some([4.5, 3.0]),
             ..Curve::default()
         });
         let mut outline = Self {

@@ -5,12 +5,16 @@ mod draft;
 use super::log_axis::LogAxis;
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::{Drawing, Kind, Quantity, Trace, refused};
+use crate::axes::AXES;
 use crate::report::columns::Column;
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
 use crate::report::points::{Point, Report};
 use crate::statistics::Estimate;
 use draft::Draft;
+
+/// Panels that a figure is split into by itself, at most.
+const PANELS: usize = 12;
 
 /// A point of a line.
 #[derive(Debug, Clone, Copy)]
@@ -123,7 +127,8 @@ impl Height {
     }
 }
 
-/// Makes the sketch of reports, or of traces.
+/// Makes the sketch of reports, or of traces. Where there are more curves than can be told apart and it may be split, each value of
+/// one axis has a panel of its own: of the axes that help, the one with the fewest values.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
@@ -131,7 +136,41 @@ pub(super) fn sketch(
     reports: &[Report],
     traces: &[Trace],
     drawing: &Drawing,
+    may_split: bool,
 ) -> Result<Sketch, ReportError> {
+    let whole = drafted(reports, traces, drawing)?;
+    let Some((number, most)) = excess(&whole) else {
+        return arranged(whole, reports, drawing);
+    };
+    let in_panels = |axis| {
+        let mut drawing = drawing.clone();
+        drawing.look.panels = Some(axis);
+        let sketch = drafted(reports, traces, &drawing).ok()?;
+        excess(&sketch).is_none().then_some((sketch, drawing))
+    };
+    let by_itself = AXES
+        .iter()
+        .filter(|_| may_split && drawing.look.panels.is_none());
+    let split = by_itself.filter_map(in_panels);
+    let fewest = split.min_by_key(|(sketch, _)| sketch.panels.len());
+    if let Some((sketch, drawing)) = fewest.filter(|(sketch, _)| sketch.panels.len() <= PANELS) {
+        return arranged(sketch, reports, &drawing);
+    }
+    let (more, how) = if drawing.kind == Kind::Trace {
+        (" or more", "runs with --where KEY=VALUE or --case CASE")
+    } else {
+        (
+            "",
+            "points with --where KEY=VALUE, the axis they run along with --along, or another axis of --panels",
+        )
+    };
+    Err(refused(format!(
+        "{number}{more} curves, and at most {most} can be told apart: choose {how}"
+    )))
+}
+
+/// The sketch before its curves have their places.
+fn drafted(reports: &[Report], traces: &[Trace], drawing: &Drawing) -> Result<Sketch, ReportError> {
     let draft = Draft::of(reports, drawing)?;
     let measured = Measured::of(drawing);
     draft.check_units(measured)?;
@@ -153,15 +192,25 @@ pub(super) fn sketch(
         ));
     }
     sketch.lines.retain(|line| !line.points.is_empty());
+    Ok(sketch)
+}
+
+/// The sketch with its curves in their order, and what is drawn besides.
+fn arranged(
+    mut sketch: Sketch,
+    reports: &[Report],
+    drawing: &Drawing,
+) -> Result<Sketch, ReportError> {
     arrange(&mut sketch, drawing)?;
+    let draft = Draft::of(reports, drawing)?;
     draft.note_doubtful(&mut sketch, drawing.kind);
     let crosses = draft.jammed(drawing.kind, &sketch);
     sketch.lines.extend(crosses);
     Ok(sketch)
 }
 
-/// Gives every curve its place by its label, the same in all panels, and the labels that were asked for.
-fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
+/// The labels of the curves, each once, and whether colours go by their order.
+fn labels(sketch: &Sketch) -> (Vec<Label>, bool) {
     let mut known: Vec<Label> = Vec::new();
     for line in &sketch.lines {
         if !known.iter().any(|label| label.words == line.label.words) {
@@ -169,20 +218,19 @@ fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
         }
     }
     let is_ordered = known.len() > CURVES && known.iter().all(|label| label.number.is_some());
+    (known, is_ordered)
+}
+
+/// How many curves there are, and how many can be told apart, where these are fewer.
+fn excess(sketch: &Sketch) -> Option<(usize, usize)> {
+    let (known, is_ordered) = labels(sketch);
     let most = if is_ordered { ORDERED_CURVES } else { CURVES };
-    if known.len() > most {
-        let (more, how) = if drawing.kind == Kind::Trace {
-            (" or more", "runs with --where KEY=VALUE or --case KEY")
-        } else {
-            let how =
-                "points with --where KEY=VALUE, the axis they run along with --along, or --panels";
-            ("", how)
-        };
-        return Err(refused(format!(
-            "{}{more} curves, and at most {most} can be told apart: choose {how}",
-            known.len()
-        )));
-    }
+    (known.len() > most).then_some((known.len(), most))
+}
+
+/// Gives every curve its place by its label, the same in all panels, and the labels that were asked for.
+fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
+    let (mut known, is_ordered) = labels(sketch);
     if is_ordered {
         let number = |label: &Label| label.number.unwrap_or(f64::NAN);
         known.sort_by(|a, b| number(a).total_cmp(&number(b)));
