@@ -64,11 +64,13 @@ struct Data<'r> {
     others: Value,
 }
 
-/// An axis: `unit` where its values have been converted to one, and of them `digits` significant digits at most.
+/// An axis: `unit` where its values have been converted to one, and of them `digits` significant digits at most;
+/// `names` of values that have one.
 fn axis_data(report: &Report, axis: &'static Axis) -> Value {
     json!({
         "key": axis.key, "symbol": axis.symbol, "label": report.units.label_of(axis), "numeric": axis.is_numeric(),
         "logarithmic": axis.is_logarithmic(), "unit": report.units.of_axis(axis), "digits": report.words_of(axis).digits.most,
+        "names": report.starts.of_axis(axis),
     })
 }
 

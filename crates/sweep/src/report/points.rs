@@ -4,6 +4,7 @@ use super::columns::{Column, Columns, measure};
 use super::error::ReportError;
 use super::failures::FailureGroup;
 use super::selection::Selection;
+use super::starts::Starts;
 use super::steady;
 use super::units::{At, Units};
 use crate::axes::{Axis, Value, identity};
@@ -52,6 +53,8 @@ pub struct Report {
     pub keys: Vec<String>,
     /// The units of its numbers.
     pub units: Units,
+    /// What its start layers are called.
+    pub(crate) starts: Starts,
 }
 
 /// All runs that differ only in their seed.
@@ -94,7 +97,12 @@ impl Report {
     /// # Errors
     /// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets.
     pub fn of(store: &Store, selection: &Selection) -> Result<Self, ReportError> {
-        let runs = selected_runs(store, selection)?;
+        let runs = store.point_runs()?;
+        let starts = Starts::of(
+            &store.campaign_text()?,
+            runs.iter().map(|run| run.params.as_ref()),
+        );
+        let runs = selected(runs, selection)?;
         let mut failures = store.failures(u32::MAX)?;
         failures.retain(|failure| selection.has(&failure.params));
         let mut failures = FailureGroup::of(failures);
@@ -169,6 +177,7 @@ impl Report {
             provenance: store.provenance()?,
             keys,
             units: Units::default(),
+            starts,
         })
     }
 
@@ -190,7 +199,11 @@ pub(super) fn selected_runs(
     store: &Store,
     selection: &Selection,
 ) -> Result<Vec<PointRun>, ReportError> {
-    let mut runs = store.point_runs()?;
+    selected(store.point_runs()?, selection)
+}
+
+/// The runs of the points selected.
+fn selected(mut runs: Vec<PointRun>, selection: &Selection) -> Result<Vec<PointRun>, ReportError> {
     let params: Vec<&Params> = runs.iter().map(|run| run.params.as_ref()).collect();
     selection.check(&params)?;
     runs.retain(|run| selection.has(&run.params));

@@ -44,9 +44,9 @@ impl Report {
     }
 
     /// How the values on one of them are written.
-    pub(in crate::report) fn words_of(&self, axis: &'static Axis) -> AxisWords<'static> {
+    pub(in crate::report) fn words_of(&self, axis: &'static Axis) -> AxisWords<'_> {
         let params = self.points.iter().map(|point| &point.params);
-        AxisWords::of(axis, self.units, params)
+        AxisWords::of(axis, self.units, &self.starts, params)
     }
 }
 

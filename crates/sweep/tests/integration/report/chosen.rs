@@ -1,6 +1,6 @@
 //! Some of the points, kinds of figures, and stores that have little to show.
 
-use super::{PAPER, SMALL, figure, named_anew, words};
+use super::{CAMPAIGN, PAPER, SMALL, figure, named_anew, words};
 use crate::harness::{json, refused, run, spoil, sweep};
 
 #[test]
@@ -221,4 +221,30 @@ fn symbols_of_tables_name_axes_and_columns() {
     );
     let drawn = |along| figure(at, &["--along", along, "--where", "Γ=∞"]);
     assert_eq!(drawn("nu"), drawn("friction"));
+}
+
+#[test]
+fn start_layers_are_named_by_where_they_come_from() {
+    let folder = SMALL.folder();
+    let at = folder.path();
+    let grid = CAMPAIGN.split_once("[[grid]]").unwrap().1;
+    let grid = grid
+        .replace("friction = [0.0, 0.3]", "friction = 0.3")
+        .replace("[0, 1.0, inf]", "[1.0, inf]");
+    let protocol = "name = \"on\"\n[protocol]\ntime_step = 0.005\nstrain = 0.1\ndiscard = 0.05\n";
+    let start = "start = { store = \"s.sqlite\", point = { friction = 0.3, shear_rate = 1.0 } }";
+    let campaign = format!("{protocol}[[grid]]\n{start}{grid}\n[[grid]]{grid}");
+    std::fs::write(at.join("on.toml"), campaign).unwrap();
+    sweep(at, &["run", "on.toml", "--store", "on.sqlite", "-q"]);
+    let text = sweep(at, &["report", "on.sqlite"]);
+    for name in [" end of s ", " new layer "] {
+        assert!(text.contains(name), "{text}");
+    }
+    sweep(at, &["report", "on.sqlite", "--figure", "f.svg"]);
+    let svg = std::fs::read_to_string(at.join("f.svg")).unwrap();
+    for name in ["end of s", "new layer"] {
+        assert!(words(&svg).contains(&name), "{:?}", words(&svg));
+    }
+    let page = sweep(at, &["report", "on.sqlite", "--page", "-"]);
+    assert!(page.contains("\":\"end of s\""));
 }

@@ -9,6 +9,7 @@ use crate::report::figure::log_axis::LogAxis;
 use crate::report::figure::scale::extent;
 use crate::report::figure::{Drawing, Kind, Trace};
 use crate::report::points::{Point, Report};
+use crate::report::starts::Starts;
 use crate::report::units::At;
 use crate::report::units::Units;
 use sd_core::Params;
@@ -23,6 +24,7 @@ pub(super) struct Draft<'r> {
     fields: Vec<Option<&'r Params>>,
     log: Option<LogAxis>,
     units: Units,
+    starts: Starts,
 }
 
 impl<'r> Draft<'r> {
@@ -96,6 +98,7 @@ impl<'r> Draft<'r> {
             reports,
             along,
             units,
+            starts: Starts::together(reports.iter().map(|report| &report.starts)),
             panels: drawing.look.panels,
             fields,
             log: along.is_logarithmic().then(|| {
@@ -158,6 +161,7 @@ impl<'r> Draft<'r> {
             along: Some(self.along),
             panels: self.panels,
             units: self.units,
+            starts: &self.starts,
         };
         curves(self.reports, shared)
     }
@@ -176,8 +180,8 @@ impl<'r> Draft<'r> {
         let values = || self.fields.iter().flatten().copied();
         let words = self
             .panels
-            .map(|axis| AxisWords::of(axis, self.units, values()));
-        let title = |field: Option<&Params>| match (words, field) {
+            .map(|axis| AxisWords::of(axis, self.units, &self.starts, values()));
+        let title = |field: Option<&Params>| match (&words, field) {
             (Some(words), Some(params)) => words.named(params),
             _ => String::new(),
         };
@@ -301,6 +305,7 @@ impl<'r> Draft<'r> {
             along: None,
             panels: self.panels,
             units: self.units,
+            starts: &self.starts,
         };
         let labels = labels(&labelled, shared);
         let lines = traces.iter().zip(labels).map(|(trace, mut label)| {
