@@ -139,22 +139,22 @@ pub(super) fn sketch(
     may_split: bool,
 ) -> Result<Sketch, ReportError> {
     let whole = drafted(reports, traces, drawing)?;
-    let Some((number, most)) = excess(&whole) else {
-        return arranged(whole, reports, drawing);
+    let Some((number, most)) = excess(&whole.1) else {
+        return arranged(whole, drawing);
     };
     let in_panels = |axis| {
         let mut drawing = drawing.clone();
         drawing.look.panels = Some(axis);
-        let sketch = drafted(reports, traces, &drawing).ok()?;
-        excess(&sketch).is_none().then_some((sketch, drawing))
+        let split = drafted(reports, traces, &drawing).ok()?;
+        excess(&split.1).is_none().then_some((split, drawing))
     };
     let by_itself = AXES
         .iter()
         .filter(|_| may_split && drawing.look.panels.is_none());
     let split = by_itself.filter_map(in_panels);
-    let fewest = split.min_by_key(|(sketch, _)| sketch.panels.len());
-    if let Some((sketch, drawing)) = fewest.filter(|(sketch, _)| sketch.panels.len() <= PANELS) {
-        return arranged(sketch, reports, &drawing);
+    let split = split.filter(|((_, sketch), _)| sketch.panels.len() <= PANELS);
+    if let Some((split, drawing)) = split.min_by_key(|((_, sketch), _)| sketch.panels.len()) {
+        return arranged(split, &drawing);
     }
     let (more, how) = if drawing.kind == Kind::Trace {
         (" or more", "runs with --where KEY=VALUE or --case CASE")
@@ -170,7 +170,11 @@ pub(super) fn sketch(
 }
 
 /// The sketch before its curves have their places.
-fn drafted(reports: &[Report], traces: &[Trace], drawing: &Drawing) -> Result<Sketch, ReportError> {
+fn drafted<'r>(
+    reports: &'r [Report],
+    traces: &[Trace],
+    drawing: &Drawing,
+) -> Result<(Draft<'r>, Sketch), ReportError> {
     let draft = Draft::of(reports, drawing)?;
     let measured = Measured::of(drawing);
     draft.check_units(measured)?;
@@ -192,17 +196,15 @@ fn drafted(reports: &[Report], traces: &[Trace], drawing: &Drawing) -> Result<Sk
         ));
     }
     sketch.lines.retain(|line| !line.points.is_empty());
-    Ok(sketch)
+    Ok((draft, sketch))
 }
 
 /// The sketch with its curves in their order, and what is drawn besides.
 fn arranged(
-    mut sketch: Sketch,
-    reports: &[Report],
+    (draft, mut sketch): (Draft<'_>, Sketch),
     drawing: &Drawing,
 ) -> Result<Sketch, ReportError> {
     arrange(&mut sketch, drawing)?;
-    let draft = Draft::of(reports, drawing)?;
     draft.note_doubtful(&mut sketch, drawing.kind);
     let crosses = draft.jammed(drawing.kind, &sketch);
     sketch.lines.extend(crosses);

@@ -13,7 +13,6 @@ use crate::report::starts::Starts;
 use crate::report::units::At;
 use crate::report::units::Units;
 use sd_core::Params;
-use std::cmp::Ordering;
 
 /// What reports are drawn as.
 pub(super) struct Draft<'r> {
@@ -40,55 +39,44 @@ impl<'r> Draft<'r> {
                 "a flow curve is stress against rate: it runs along shear_rate",
             ));
         }
-        let varies = |axis: &Axis| axis.varies(params());
-        let names = |axes: &mut dyn Iterator<Item = &Axis>| {
-            let names: Vec<&str> = axes.filter(|axis| varies(axis)).map(|a| a.key).collect();
+        let names = |is_meant: fn(&Axis) -> bool| {
+            let varying = AXES
+                .iter()
+                .filter(|axis| is_meant(axis) && axis.varies(params()));
+            let names: Vec<&str> = varying.map(|axis| axis.key).collect();
             match names.as_slice() {
                 [] => "no axis has several values here".to_owned(),
                 names => format!("axes with several values are {}", names.join(", ")),
             }
         };
         // A rate that is measured varies without being an axis of the campaign.
-        let has_places = |axis: &Axis| {
-            let [low, high] = extent(points().map(|point| point.place(axis)));
-            low < high
-        };
-        if let Some(axis) = drawing.along
-            && drawing.kind != Kind::Trace
-            && points().next().is_some()
-            && !has_places(axis)
-        {
+        let [low, high] = extent(points().map(|point| point.place(along)));
+        let is_in_time = drawing.kind == Kind::Trace;
+        if drawing.along.is_some() && !is_in_time && points().next().is_some() && low >= high {
             return Err(ReportError::argument(
                 "--along",
                 format!(
                     "all points have the same {}, so no curve runs along it; {}",
-                    axis.key,
-                    names(&mut AXES.iter().filter(|axis| axis.is_numeric()))
+                    along.key,
+                    names(Axis::is_numeric)
                 ),
             ));
         }
         let mut fields: Vec<Option<&Params>> = vec![None];
         if let Some(axis) = drawing.look.panels {
-            if axis.key == along.key && drawing.kind != Kind::Trace {
-                return Err(ReportError::argument(
-                    "--panels",
-                    format!("the curves run along {}: name another axis", axis.key),
-                ));
+            let refused = |message| Err(ReportError::argument("--panels", message));
+            if axis.key == along.key && !is_in_time {
+                let key = axis.key;
+                return refused(format!("the curves run along {key}: name another axis"));
             }
-            fields = params().map(Some).collect();
-            let value = |field: Option<&Params>| field.map(|params| axis.value(params));
-            fields.sort_by(|a, b| {
-                let values = value(*a).zip(value(*b));
-                values.map_or(Ordering::Equal, |(a, b)| a.order(&b))
-            });
-            fields.dedup_by(|a, b| value(*a) == value(*b));
-            if fields.len() < 2 {
-                let names = names(&mut AXES.iter());
-                return Err(ReportError::argument(
-                    "--panels",
-                    format!("all points have the same {}; {names}", axis.key),
-                ));
+            let mut values: Vec<&Params> = params().collect();
+            values.sort_by(|a, b| axis.value(a).order(&axis.value(b)));
+            values.dedup_by(|a, b| axis.value(a) == axis.value(b));
+            if values.len() < 2 {
+                let (key, names) = (axis.key, names(|_| true));
+                return refused(format!("all points have the same {key}; {names}"));
             }
+            fields = values.into_iter().map(Some).collect();
         }
         let units = reports
             .first()
