@@ -22,7 +22,6 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::{Mutex, Semaphore};
 use tokio::time::{Instant, sleep, timeout};
-use tower_http::timeout::TimeoutLayer;
 
 /// How long an answer about the store is reused.
 const FRESH: Duration = Duration::from_secs(1);
@@ -152,10 +151,6 @@ fn routes(source: StoreSource) -> Router {
         .route("/", get(send_page))
         .route("/data.json", get(send_data))
         .route("/movie/{key}", get(send_movie))
-        .layer(TimeoutLayer::with_status_code(
-            StatusCode::SERVICE_UNAVAILABLE,
-            ANSWERING,
-        ))
         .layer(middleware::from_fn(guard))
         .with_state(shared)
 }
@@ -195,7 +190,12 @@ fn check_host(request: &Request) -> Result<(), (StatusCode, &'static str)> {
 /// Refuses other hosts and adds the headers that keep the page to itself.
 async fn guard(request: Request, next: Next) -> Response {
     let mut response = match check_host(&request) {
-        Ok(()) => next.run(request).await,
+        Ok(()) => timeout(ANSWERING, next.run(request))
+            .await
+            .unwrap_or_else(|_| {
+                let text = "the store is being read for too long: try again later\n";
+                (StatusCode::SERVICE_UNAVAILABLE, text).into_response()
+            }),
         Err(refusal) => refusal.into_response(),
     };
     let headers = [

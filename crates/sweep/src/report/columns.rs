@@ -49,7 +49,7 @@ enum Content {
 const MEASURED: [(&str, &str, &str, &str, Content); 29] = {
     use Content::{Count, Mean, Number};
     [
-        ("seeds", "1", "runs averaged", "", Count(|r| r.averaged())),
+        ("seeds", "1", "runs averaged", "", Count(|r| r.averaged.len() as u64)),
         ("jammed", "1", "runs that ended jammed: not averaged", "", Count(|r| r.number_of(|run| run.state == State::Jammed))),
         ("failed", "1", "runs that failed: not averaged", "", Count(|r| r.number_of(|run| run.state == State::Failed))),
         ("doubtful", "1", "finished runs with doubtful numbers: averaged only if asked for", "", Count(|r| r.number_of(PointRun::is_doubtful))),
@@ -59,11 +59,11 @@ const MEASURED: [(&str, &str, &str, &str, Content); 29] = {
         ("viscosity_median_quartile_3", "mu", "third quartile over runs of their medians in time", "", Number(|r| Some(r.quartiles()?.quartile_3))),
         ("viscosity_stresslet", "mu", "viscosity without contact stress", "stresslet viscosity", Mean(|run, _| run.viscosity_stresslet, 0)),
         ("normal_stress_difference", "mu rate", "first normal stress difference, contacts included", "normal stress difference N₁", Mean(|run, _| run.normal_stress_difference, 0)),
-        ("contacts_per_sphere", "1", "pairs with a contact force over spheres", "contacts per sphere", Number(|r| ratio(r.sum(|run| run.contacts), r.spheres()))),
+        ("contacts_per_sphere", "1", "pairs with a contact force over spheres", "contacts per sphere", Number(|r| ratio(r.sum(|run| run.contacts), r.sum(|run| run.samples * run.params.spheres as u64)))),
         ("activated_fraction", "1", "contacts above the critical load over contacts", "activated fraction", Number(|r| ratio(r.sum(|run| run.activated), r.sum(|run| run.contacts)))),
         ("rolling_fraction", "1", "rolling contacts over activated ones", "rolling fraction", Number(|r| ratio(r.sum(|run| run.rolling), r.sum(|run| run.activated)))),
         ("minimum_gap", "a", "smallest gap of any run", "smallest gap", Number(|r| r.gap())),
-        ("overlap", "a", "largest overlap of rough surfaces in any run: roughness height less smallest gap", "largest overlap", Number(|r| r.overlap())),
+        ("overlap", "a", "largest overlap of rough surfaces in any run: roughness height less smallest gap", "largest overlap", Number(|r| Some((r.all[0].params.roughness - r.gap()?).max(0.0)))),
         ("mean_approach_velocity", "a rate", "over all contacts, positive for approach", "mean approach velocity", Number(|r| ratio(r.values(|run| Some(run.approach)).iter().sum(), r.sum(|run| run.contacts)))),
         ("worst_residual", "a rate", "of the contact problem, over all runs", "", Number(|r| r.values(|run| run.worst_residual).into_iter().reduce(f64::max))),
         ("unconverged_fraction", "1", "contact problems that did not converge over all", "", Number(|r| ratio(r.sum(|run| run.unconverged_stages), r.sum(|run| run.stages)))),
@@ -77,7 +77,7 @@ const MEASURED: [(&str, &str, &str, &str, Content); 29] = {
         ("drift", "1", "viscosity over the second half of the strain kept less that over the first, over the mean", "", Number(|r| Some(r.drift()?.halves.mean))),
         ("drift_ci95", "1", "half width of its 95 % interval over runs", "", Number(|r| r.drift()?.halves.ci95)),
         ("correlation_strain", "1", "strain after which the viscosity of a run counts as independent", "", Number(|r| mean(&r.values(|run| Some(run.steadiness?.correlation * run.sample_every))))),
-        ("effective_samples", "1", "independent samples all runs together are worth", "", Number(|r| r.effective_samples())),
+        ("effective_samples", "1", "independent samples all runs together are worth", "", Number(|r| r.values(|run| Some(run.samples as f64 / run.steadiness?.correlation)).into_iter().reduce(|a, b| a + b))),
     ]
 };
 

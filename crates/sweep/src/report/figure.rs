@@ -90,8 +90,8 @@ pub struct Drawing {
     pub look: Look,
 }
 
-/// How a figure is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How a figure is written, by the ending of its file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
     /// Vector, for the web and for drawing programs.
     Svg,
@@ -99,18 +99,6 @@ pub enum Format {
     Pdf,
     /// Raster.
     Png,
-}
-
-impl Format {
-    /// The format of files with this ending.
-    pub fn of_ending(ending: &str) -> Option<Self> {
-        match ending.to_ascii_lowercase().as_str() {
-            "svg" => Some(Self::Svg),
-            "pdf" => Some(Self::Pdf),
-            "png" => Some(Self::Png),
-            _ => None,
-        }
-    }
 }
 
 /// One run in time.

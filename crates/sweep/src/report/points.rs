@@ -86,8 +86,8 @@ pub struct Point {
 
 /// The runs of a point as they are averaged.
 pub(super) struct Runs<'r> {
-    all: Vec<&'r PointRun>,
-    averaged: Vec<&'r PointRun>,
+    pub(super) all: Vec<&'r PointRun>,
+    pub(super) averaged: Vec<&'r PointRun>,
     rule: Option<(Precision, Decision)>,
 }
 
@@ -296,11 +296,6 @@ impl Runs<'_> {
         self.all.iter().filter(|run| is_so(run)).count() as u64
     }
 
-    /// How many are averaged.
-    pub(super) fn averaged(&self) -> u64 {
-        self.averaged.len() as u64
-    }
-
     /// Numbers of the runs averaged, of those that have one.
     pub(super) fn values(&self, number: impl Fn(&PointRun) -> Option<f64>) -> Vec<f64> {
         self.averaged.iter().filter_map(|run| number(run)).collect()
@@ -316,22 +311,11 @@ impl Runs<'_> {
         self.total(count) as f64
     }
 
-    /// Spheres times samples.
-    pub(super) fn spheres(&self) -> f64 {
-        self.sum(|run| run.samples) * self.all[0].params.spheres as f64
-    }
-
     /// Smallest gap of any run, in a.
     pub(super) fn gap(&self) -> Option<f64> {
         self.values(|run| run.minimum_gap)
             .into_iter()
             .reduce(f64::min)
-    }
-
-    /// How far rough surfaces ever overlapped, in a; 0 if they never did.
-    pub(super) fn overlap(&self) -> Option<f64> {
-        self.gap()
-            .map(|gap| (self.all[0].params.roughness - gap).max(0.0))
     }
 
     /// Median and quartiles over runs of their medians.
@@ -368,11 +352,5 @@ impl Runs<'_> {
     pub(super) fn drift(&self) -> Option<Drift> {
         let steady = self.averaged.iter().filter_map(|run| run.steadiness);
         Drift::of(&steady.map(|steady| steady.parts).collect::<Vec<_>>())
-    }
-
-    /// Independent samples that they are worth together.
-    pub(super) fn effective_samples(&self) -> Option<f64> {
-        let samples = self.values(|run| Some(run.samples as f64 / run.steadiness?.correlation));
-        (!samples.is_empty()).then(|| samples.iter().sum())
     }
 }

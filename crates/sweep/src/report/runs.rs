@@ -20,24 +20,13 @@ use std::io::Write;
 /// Rows of samples that are held at a time, so that the largest campaign fits into little memory.
 const ROWS: usize = 50_000;
 
-/// How a table is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How a table is written, by the ending of its file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum TableFormat {
     /// Comma-separated values.
     Csv,
     /// Parquet.
     Parquet,
-}
-
-impl TableFormat {
-    /// The format of files with this ending.
-    pub fn of_ending(ending: &str) -> Option<Self> {
-        match ending.to_ascii_lowercase().as_str() {
-            "csv" => Some(Self::Csv),
-            "parquet" => Some(Self::Parquet),
-            _ => None,
-        }
-    }
 }
 
 impl Excerpt<'_> {

@@ -10,6 +10,7 @@ use crate::report::{
     Selection, Style, Units, draw, traces,
 };
 use crate::store::Store;
+use clap::ValueEnum as _;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use std::path::{Path, PathBuf};
 
@@ -201,7 +202,7 @@ pub(super) fn write(
 pub(crate) fn format_of(path: &Path) -> Result<Format, Error> {
     let ending = path.extension().and_then(|ending| ending.to_str());
     ending
-        .and_then(Format::of_ending)
+        .and_then(|ending| Format::from_str(ending, true).ok())
         .ok_or_else(|| Error::Argument {
             argument: "--figure",
             message: format!(
