@@ -32,10 +32,8 @@ pub struct Excerpt<'s> {
 enum Wanted {
     /// A word.
     Word(String),
-    /// A number.
-    Number(f64),
-    /// All numbers from one to another.
-    Range(f64, f64),
+    /// All numbers from one to another, which may be the same.
+    Numbers(f64, f64),
 }
 
 impl Selection {
@@ -151,17 +149,7 @@ impl Wanted {
         if !axis.is_numeric() {
             return Ok(Self::Word(text.to_lowercase()));
         }
-        let number = |text: &str| {
-            let number = text.trim().replace('∞', "inf").parse::<f64>();
-            number.ok().filter(|number| !number.is_nan())
-        };
-        let read = match text.split_once("..") {
-            None => number(text).map(Self::Number),
-            Some((low, high)) => number(low)
-                .zip(number(high))
-                .filter(|(low, high)| low <= high)
-                .map(|(low, high)| Self::Range(low, high)),
-        };
+        let read = range(text).map(|[low, high]| Self::Numbers(low, high));
         read.ok_or_else(|| {
             refused(format!(
                 "{} = {text:?} is not a number, nor a range such as 0.6..0.7",
@@ -183,8 +171,7 @@ impl Wanted {
         };
         match self {
             Self::Word(_) => false,
-            Self::Number(wanted) => is(*wanted),
-            Self::Range(low, high) => is(*low) || is(*high) || (*low..=*high).contains(&number),
+            Self::Numbers(low, high) => is(*low) || is(*high) || (*low..=*high).contains(&number),
         }
     }
 }
@@ -193,10 +180,18 @@ impl fmt::Display for Wanted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Word(word) => f.write_str(word),
-            Self::Number(number) => write!(f, "{number}"),
-            Self::Range(low, high) => write!(f, "{low}..{high}"),
+            Self::Numbers(low, high) if low == high => write!(f, "{low}"),
+            Self::Numbers(low, high) => write!(f, "{low}..{high}"),
         }
     }
+}
+
+/// Reads a range such as `0.01..100`; a number alone is both its ends.
+pub(super) fn range(text: &str) -> Option<[f64; 2]> {
+    let (low, high) = text.split_once("..").unwrap_or((text, text));
+    let end = |text: &str| text.trim().replace('∞', "inf").parse::<f64>().ok();
+    let (low, high) = end(low).zip(end(high))?;
+    (low <= high).then_some([low, high])
 }
 
 /// The error about the argument.

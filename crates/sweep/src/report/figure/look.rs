@@ -3,6 +3,7 @@
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
 use crate::axes::Axis;
 use crate::report::error::ReportError;
+use crate::report::selection::range;
 use serde::Deserialize;
 use std::str::FromStr;
 
@@ -186,9 +187,8 @@ impl FromStr for Range {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let ends = text.split_once("..");
-        match ends.map(|(low, high)| [low, high].map(|end| end.trim().parse::<f64>())) {
-            Some([Ok(low), Ok(high)]) if low.is_finite() && high.is_finite() && low < high => {
+        match range(text) {
+            Some([low, high]) if low.is_finite() && high.is_finite() && low < high => {
                 Ok(Self { low, high })
             }
             _ => Err(format!(
