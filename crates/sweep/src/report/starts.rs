@@ -135,10 +135,7 @@ mod tests {
         let file = names("\"layers/sheared.xyz\"");
         assert_eq!(file, some(["new layer", "end of fwd", "sheared.xyz"]));
         let other = names("{ store = \"fwd.sqlite\", point = { shear_rate = 2.0 } }");
-        let ends = [
-            "end of fwd, shear_rate = 1.0",
-            "end of fwd, shear_rate = 2.0",
-        ];
+        let ends = ["end of fwd, shear_rate = 1", "end of fwd, shear_rate = 2"];
         assert_eq!(other, some(["new layer", ends[0], ends[1]]));
         // What cannot be told has no name.
         let same = names("{ store = \"old/fwd.sqlite\", point = { shear_rate = 1.0 } }");
