@@ -6,10 +6,10 @@
 use super::columns::{COLUMNS, Column};
 use super::error::ReportError;
 use super::figure::{curve_colours, page_look};
-use super::points::{Point, Report, selected_runs};
+use super::points::{Point, Report};
 use super::selection::Excerpt;
 use super::units::Units;
-use crate::axes::{self, AXES, Axis, identity};
+use crate::axes::{self, AXES, Axis};
 use crate::campaign::Discard;
 use crate::statistics::ratio;
 use crate::store::{PointRun, Store, StoredFrame};
@@ -157,10 +157,8 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         selection,
         units,
     } = excerpt;
-    let report = Report {
-        units,
-        ..Report::of(store, selection)?
-    };
+    let (report, all, points) = Report::with_runs(store, selection)?;
+    let report = Report { units, ..report };
     let work_done = if selection.is_everything() {
         let work = store.work()?;
         ratio(work.done, work.total).unwrap_or(1.0)
@@ -174,17 +172,10 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
     } else {
         None
     };
-    let all = selected_runs(store, selection)?;
-    let mut place_of = HashMap::new();
-    for run in &all {
-        let next = place_of.len();
-        place_of.entry(identity(&run.params)).or_insert(next);
-    }
     let factor = units.viscosity_factor();
     let points_each = (TRACE_POINTS / all.len().max(1)).clamp(12, 240);
     let mut runs = Vec::with_capacity(all.len());
-    for run in &all {
-        let point = place_of[&identity(&run.params)];
+    for (run, point) in all.iter().zip(&points) {
         let mut trace = store.trace(&run.key)?;
         for (_, viscosity) in &mut trace {
             *viscosity *= factor;
@@ -200,7 +191,7 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
             "discard": discard, "histogram": histogram(&trace, discard.unwrap_or(0.0)), "trace": thinned(&trace, points_each),
         }));
     }
-    let filmed = filmed(store, &all, host)?;
+    let filmed = filmed(store, all.iter().zip(points), host)?;
     let frames_each = (MOVIE_FRAMES / filmed.len().max(1)).clamp(20, 120);
     let mut movies = Map::new();
     for key in filmed {
@@ -242,12 +233,16 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
 
 /// The runs whose layers are shown: all that keep frames where a server has them; in a file the first of every point before the second
 /// of any, so many that the file still opens.
-fn filmed(store: &Store, all: &[PointRun], host: PageHost) -> Result<Vec<String>, ReportError> {
+fn filmed<'r>(
+    store: &Store,
+    all: impl Iterator<Item = (&'r PointRun, usize)>,
+    host: PageHost,
+) -> Result<Vec<String>, ReportError> {
     let mut filmed: Vec<(usize, &PointRun)> = Vec::new();
-    let mut number_of: HashMap<_, usize> = HashMap::new();
-    for run in all {
+    let mut number_of: HashMap<usize, usize> = HashMap::new();
+    for (run, point) in all {
         if store.frame_count(&run.key)? > 1 {
-            let number = number_of.entry(identity(&run.params)).or_insert(0);
+            let number = number_of.entry(point).or_insert(0);
             filmed.push((*number, run));
             *number += 1;
         }

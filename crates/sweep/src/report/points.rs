@@ -97,6 +97,14 @@ impl Report {
     /// # Errors
     /// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets.
     pub fn of(store: &Store, selection: &Selection) -> Result<Self, ReportError> {
+        Ok(Self::with_runs(store, selection)?.0)
+    }
+
+    /// The same with the runs of its points, and the place of the point of each.
+    pub(super) fn with_runs(
+        store: &Store,
+        selection: &Selection,
+    ) -> Result<(Self, Vec<PointRun>, Vec<usize>), ReportError> {
         let runs = store.point_runs()?;
         let starts = Starts::of(
             &store.campaign_text()?,
@@ -121,7 +129,7 @@ impl Report {
             .collect();
         let mut groups: Vec<Vec<&PointRun>> = Vec::new();
         let mut place_of = HashMap::new();
-        let mut last: Option<usize> = None;
+        let mut places: Vec<usize> = Vec::with_capacity(runs.len());
         let mut counts = Counts::default();
         let doubtful = runs.iter().filter(|run| run.is_doubtful()).count() as u64;
         for run in &runs {
@@ -133,14 +141,14 @@ impl Report {
                 State::Failed => &mut counts.failed,
             } += 1;
             // Runs of a point come one after the other.
-            let place = match last {
-                Some(last) if groups[last][0].params == run.params => last,
+            let place = match places.last() {
+                Some(&last) if groups[last][0].params == run.params => last,
                 _ => *place_of.entry(identity(&run.params)).or_insert_with(|| {
                     groups.push(Vec::new());
                     groups.len() - 1
                 }),
             };
-            last = Some(place);
+            places.push(place);
             groups[place].push(run);
         }
         let protocol = store.protocol()?;
@@ -162,7 +170,7 @@ impl Report {
                 ..Point::of(&runs)
             });
         }
-        Ok(Self {
+        let report = Self {
             campaign: store.campaign_name()?,
             selection: selection.clone(),
             columns: Columns::default(),
@@ -178,7 +186,8 @@ impl Report {
             keys,
             units: Units::default(),
             starts,
-        })
+        };
+        Ok((report, runs, places))
     }
 
     /// The programs that computed its results, each once.
