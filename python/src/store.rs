@@ -215,7 +215,7 @@ impl Store {
     ) -> PyResult<Bound<'py, PyAny>> {
         let drawing = Drawing {
             kind: word("kind", kind)?,
-            quantity: word("quantity", quantity)?,
+            quantity: Some(word("quantity", quantity)?),
             along: along.map(axis).transpose()?,
             look: Look::default(),
         };

@@ -28,6 +28,7 @@ mod svg;
 
 pub(crate) use chart::chart;
 pub use graph::{Graph, draw_graphs};
+use look::axis_among;
 pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
 use origin::Origin;
 pub use outline::Outline;
@@ -78,15 +79,19 @@ pub enum Quantity {
 }
 
 /// What is to be drawn.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, clap::Args)]
 pub struct Drawing {
-    /// What the figure shows.
+    /// What the figure shows
+    #[arg(long, value_enum, default_value_t, requires = "figure")]
     pub kind: Kind,
-    /// Which viscosity.
-    pub quantity: Quantity,
-    /// Its horizontal axis; `None` for Γ where it varies, for contacts ν where that does.
+    /// Which viscosity the figure shows [default: viscosity]
+    #[arg(long, value_enum, requires = "figure")]
+    pub quantity: Option<Quantity>,
+    /// The figure's horizontal axis [default: the shear rate where it varies; for contacts the friction]
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure")]
     pub along: Option<&'static Axis>,
     /// How it is to look.
+    #[command(flatten)]
     pub look: Look,
 }
 

@@ -1,9 +1,10 @@
 //! How a figure is to look: lengths, colours and markers, which a group keeps in a file of its own, and what one figure asks for.
 
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
-use crate::axes::Axis;
+use crate::axes::{AXES, Axis};
 use crate::report::error::ReportError;
 use crate::report::selection::range;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::Deserialize;
 use std::str::FromStr;
 
@@ -199,24 +200,47 @@ impl FromStr for Range {
 }
 
 /// What one figure asks for besides its style.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, clap::Args)]
 pub struct Look {
     /// Its style.
+    #[arg(skip)]
     pub style: Style,
-    /// A logarithmic vertical axis; by default where the numbers span more than a decade.
-    pub log_y: bool,
-    /// The ends of the horizontal axis.
-    pub x_range: Option<Range>,
-    /// The ends of the vertical axis.
-    pub y_range: Option<Range>,
-    /// What the horizontal axis is called.
-    pub x_label: Option<String>,
-    /// What the vertical axis is called.
-    pub y_label: Option<String>,
-    /// Entries of the legend, in the order of the curves; their own if there are none.
-    pub labels: Vec<String>,
-    /// The axis of which every value has a panel of its own.
+    /// A panel for every value of this axis
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(|_| true), requires = "figure")]
     pub panels: Option<&'static Axis>,
+    /// A logarithmic vertical axis [default: where the numbers are positive and span more than a decade]
+    #[arg(long, requires = "figure")]
+    pub log_y: bool,
+    /// Ends of the horizontal axis, such as 0.01..100; plateaus stay beside them
+    #[arg(long, value_name = "LOW..HIGH", requires = "figure")]
+    pub x_range: Option<Range>,
+    /// Ends of the vertical axis
+    #[arg(
+        long,
+        value_name = "LOW..HIGH",
+        allow_hyphen_values = true,
+        requires = "figure"
+    )]
+    pub y_range: Option<Range>,
+    /// What the horizontal axis is called
+    #[arg(long, value_name = "TEXT", requires = "figure")]
+    pub x_label: Option<String>,
+    /// What the vertical axis is called
+    #[arg(long, value_name = "TEXT", requires = "figure")]
+    pub y_label: Option<String>,
+    /// An entry of the legend; given once for every curve, in their order
+    #[arg(long = "label", value_name = "TEXT", requires = "figure")]
+    pub labels: Vec<String>,
+}
+
+/// Reads the name of one of some axes, as the campaign file has it, or its symbol.
+pub(super) fn axis_among(
+    is_meant: fn(&Axis) -> bool,
+) -> impl TypedValueParser<Value = &'static Axis> {
+    let names = AXES.iter().filter(|axis| is_meant(axis));
+    let names = names.map(|axis| PossibleValue::new(axis.key).aliases(axis.other_names()));
+    PossibleValuesParser::new(names)
+        .try_map(|name| Axis::named(&name).ok_or("no axis of a campaign"))
 }
 
 impl Look {

@@ -266,7 +266,7 @@ fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
 impl Measured {
     /// What a figure shows.
     fn of(drawing: &Drawing) -> Self {
-        let (label, name) = match (drawing.kind, drawing.quantity) {
+        let (label, name) = match (drawing.kind, drawing.quantity.unwrap_or_default()) {
             (Kind::NormalStress, _) => ("normal stress difference N₁", "normal_stress_difference"),
             (Kind::SecondNormalStress, _) => ("normal stress difference N₂", "n2"),
             (Kind::ParticlePressure, _) => ("particle pressure Π", "particle_pressure"),
