@@ -20,8 +20,10 @@ def draw(outline, ax=None):
     if ax is None:
         from matplotlib import pyplot
 
-        entries = sum(bool(curve["label"]) for curve in panel["curves"])
-        height = outline["panel_height"] + 1.35 * small * entries
+        entries = sum(bool(curve["label"]) for curve in panel["curves"]) + bool(panel["dashed"])
+        # A gap above the legend, and its rows.
+        legend = 0.6 * large + 1.35 * small * entries if entries else 0
+        height = outline["panel_height"] + legend
         size = (outline["width"] / _INCH, height / _INCH)
         _, ax = pyplot.subplots(figsize=size, layout="constrained")
     for curve in panel["curves"]:
@@ -32,18 +34,14 @@ def draw(outline, ax=None):
     for place in x["breaks"]:
         ax.axvline(place, color="#bbbbbb", linewidth=0.6, linestyle=(0, (1, 3)), zorder=0)
     for number, height in enumerate(panel["dashed"]):
-        label = panel["dashed_label"] if number == 0 else None
-        ax.axhline(height, color="#555555", linewidth=0.7, linestyle=(0, (6, 4)), zorder=0)
-        if label:
-            ends = {"xy": (1, height), "xycoords": ("axes fraction", "data")}
-            offset = {"xytext": (-3, 2), "textcoords": "offset points", "ha": "right"}
-            ax.annotate(label, **ends, **offset, fontsize=0.9 * small)
+        style = {"color": "#555555", "linewidth": 0.7, "linestyle": (0, (6, 4)), "zorder": 0}
+        ax.axhline(height, label=panel["dashed_label"] if number == 0 else None, **style)
     _draw_axis(ax.xaxis, ax.set_xlim, ax.set_xscale, x)
     _draw_axis(ax.yaxis, ax.set_ylim, ax.set_yscale, y)
     ax.set_xlabel(x["label"], fontsize=large)
     ax.set_ylabel(y["label"], fontsize=large)
     ax.tick_params(labelsize=small, direction="in", which="both")
-    if any(curve["label"] for curve in panel["curves"]):
+    if panel["dashed"] or any(curve["label"] for curve in panel["curves"]):
         ax.legend(
             loc="upper left",
             bbox_to_anchor=(0, -0.2),

@@ -215,7 +215,7 @@ impl Store {
     ) -> PyResult<Bound<'py, PyAny>> {
         let drawing = Drawing {
             kind: word("kind", kind)?,
-            quantity: word("quantity", quantity)?,
+            quantity: Some(word("quantity", quantity)?),
             along: along.map(axis).transpose()?,
             look: Look::default(),
         };
@@ -323,7 +323,7 @@ fn word<T: clap::ValueEnum + Default>(name: &str, given: Option<&Bound<'_, PyAny
 /// An axis that a figure can run along.
 fn axis(given: &Bound<'_, PyAny>) -> PyResult<&'static Axis> {
     let given = values::text("along", given)?;
-    let found = Axis::of_key(&given).filter(|axis| axis.is_numeric());
+    let found = Axis::named(&given).filter(|axis| axis.is_numeric());
     found.ok_or_else(|| {
         let known = AXES.iter().filter(|axis| axis.is_numeric());
         let known: Vec<&str> = known.map(|axis| axis.key).collect();

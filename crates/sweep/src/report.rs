@@ -13,6 +13,7 @@ mod points;
 mod runs;
 mod selection;
 mod sheet;
+mod starts;
 mod steady;
 mod text;
 mod tidy;

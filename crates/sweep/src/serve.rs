@@ -7,31 +7,27 @@
 use crate::report::{Excerpt, PageHost, ReportError, Selection, Units, data, movie, page};
 use crate::store::{Store, StoreError, StoreSource};
 use axum::Router;
-use axum::extract::connect_info::Connected;
-use axum::extract::{ConnectInfo, Path as Segment, Request, State};
+use axum::extract::{Path as Segment, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use axum::serve::{IncomingStream, Listener};
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
-use std::pin::Pin;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::task::{Context, Poll};
 use std::time::Duration;
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{Mutex, OwnedSemaphorePermit, Semaphore};
-use tokio::time::{Instant, Sleep, sleep};
-use tower_http::timeout::TimeoutLayer;
+use tokio::net::TcpListener;
+use tokio::sync::{Mutex, Semaphore};
+use tokio::time::{Instant, sleep, timeout};
 
 /// How long an answer about the store is reused.
 const FRESH: Duration = Duration::from_secs(1);
 /// Frames of a movie at most.
 const FRAMES: usize = 120;
-/// Connections at a time; the system queues the others.
+/// Connections at a time.
 const CONNECTIONS: usize = 24;
 /// Readers of the store at a time; each has a few files open.
 const READERS: usize = 4;
@@ -107,108 +103,42 @@ pub fn serve(
                 _ = terminate.recv() => {}
             }
         };
-        let listener = Limited {
-            listener,
-            places: Arc::new(Semaphore::new(CONNECTIONS)),
-        };
-        let routes = routes(source).into_make_service_with_connect_info::<Asked>();
         // Open connections are closed at once: the server only reads.
         tokio::select! {
-            served = axum::serve(listener, routes) => Ok(served?),
-            () = stopped => Ok(()),
+            () = accept(listener, routes(source)) => {}
+            () = stopped => {}
         }
+        Ok(())
     });
     // A reader may be waiting for the store: nobody waits for it.
     runtime.shutdown_background();
     result
 }
 
-/// A listener that accepts a connection only where there is a place for it.
-struct Limited {
-    listener: TcpListener,
-    places: Arc<Semaphore>,
-}
-
-impl Listener for Limited {
-    type Io = Connection;
-    type Addr = SocketAddr;
-
-    async fn accept(&mut self) -> (Connection, SocketAddr) {
-        let place = Arc::clone(&self.places).acquire_owned().await.ok();
-        let (stream, address) = Listener::accept(&mut self.listener).await;
-        let connection = Connection {
-            stream,
-            asked: Asked::default(),
-            accepted: Instant::now(),
-            timer: Box::pin(sleep(ASKING)),
-            _place: place,
+/// Answers one request of each connection, as many at a time as there are places; the system queues the others.
+async fn accept(listener: TcpListener, routes: Router) {
+    let places = Arc::new(Semaphore::new(CONNECTIONS));
+    while let Ok(place) = Arc::clone(&places).acquire_owned().await {
+        let Ok((stream, _)) = listener.accept().await else {
+            // The process has no file descriptors left until a visitor gives one back.
+            sleep(FRESH).await;
+            continue;
         };
-        (connection, address)
-    }
-
-    fn local_addr(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
-    }
-}
-
-/// A connection, which fails once its time is over.
-struct Connection {
-    stream: TcpStream,
-    asked: Asked,
-    accepted: Instant,
-    timer: Pin<Box<Sleep>>,
-    _place: Option<OwnedSemaphorePermit>,
-}
-
-/// Whether a connection has sent its request.
-#[derive(Debug, Clone, Default)]
-struct Asked(Arc<AtomicBool>);
-
-impl Connected<IncomingStream<'_, Limited>> for Asked {
-    fn connect_info(stream: IncomingStream<'_, Limited>) -> Self {
-        stream.io().asked.clone()
-    }
-}
-
-impl Connection {
-    /// The stream, as long as there is time.
-    fn in_time(&mut self, context: &mut Context<'_>) -> io::Result<Pin<&mut TcpStream>> {
-        let end = self.accepted + VISIT;
-        if self.asked.0.load(Ordering::Relaxed) && self.timer.deadline() != end {
-            self.timer.as_mut().reset(end);
-        }
-        match self.timer.as_mut().poll(context) {
-            Poll::Ready(()) => Err(io::ErrorKind::TimedOut.into()),
-            Poll::Pending => Ok(Pin::new(&mut self.stream)),
-        }
-    }
-}
-
-impl AsyncRead for Connection {
-    fn poll_read(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        buffer: &mut ReadBuf<'_>,
-    ) -> Poll<io::Result<()>> {
-        self.in_time(context)?.poll_read(context, buffer)
-    }
-}
-
-impl AsyncWrite for Connection {
-    fn poll_write(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        bytes: &[u8],
-    ) -> Poll<io::Result<usize>> {
-        self.in_time(context)?.poll_write(context, bytes)
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        self.in_time(context)?.poll_flush(context)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        self.in_time(context)?.poll_shutdown(context)
+        // An idle connection would take the place of one that sends a request.
+        let visit = http1::Builder::new()
+            .keep_alive(false)
+            .timer(TokioTimer::new())
+            .header_read_timeout(ASKING)
+            .serve_connection(
+                TokioIo::new(stream),
+                TowerToHyperService::new(routes.clone()),
+            );
+        tokio::spawn(async move {
+            if let Err(error) = timeout(VISIT, visit).await {
+                tracing::debug!(%error, "a visit took too long");
+            }
+            drop(place);
+        });
     }
 }
 
@@ -221,10 +151,6 @@ fn routes(source: StoreSource) -> Router {
         .route("/", get(send_page))
         .route("/data.json", get(send_data))
         .route("/movie/{key}", get(send_movie))
-        .layer(TimeoutLayer::with_status_code(
-            StatusCode::SERVICE_UNAVAILABLE,
-            ANSWERING,
-        ))
         .layer(middleware::from_fn(guard))
         .with_state(shared)
 }
@@ -262,15 +188,17 @@ fn check_host(request: &Request) -> Result<(), (StatusCode, &'static str)> {
 }
 
 /// Refuses other hosts and adds the headers that keep the page to itself.
-async fn guard(ConnectInfo(asked): ConnectInfo<Asked>, request: Request, next: Next) -> Response {
-    asked.0.store(true, Ordering::Relaxed);
+async fn guard(request: Request, next: Next) -> Response {
     let mut response = match check_host(&request) {
-        Ok(()) => next.run(request).await,
+        Ok(()) => timeout(ANSWERING, next.run(request))
+            .await
+            .unwrap_or_else(|_| {
+                let text = "the store is being read for too long: try again later\n";
+                (StatusCode::SERVICE_UNAVAILABLE, text).into_response()
+            }),
         Err(refusal) => refusal.into_response(),
     };
     let headers = [
-        // An idle connection would take the place of one that sends a request.
-        (header::CONNECTION, "close"),
         (header::CACHE_CONTROL, "no-store"),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (header::X_FRAME_OPTIONS, "DENY"),

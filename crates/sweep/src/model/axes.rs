@@ -22,6 +22,19 @@ pub static AXES: LazyLock<Vec<Axis>> = LazyLock::new(|| {
     declared.map(Axis).collect()
 });
 
+/// Names that axes have elsewhere, besides their symbols.
+const OTHER_NAMES: [(&str, &str); 9] = [
+    ("phi", "area_fraction"),
+    ("φ", "area_fraction"),
+    ("nu", "friction"),
+    ("mu", "friction"),
+    ("Gamma", "shear_rate"),
+    ("gamma", "shear_rate"),
+    ("sigma", "shear_stress"),
+    ("dt", "time_step"),
+    ("n", "spheres"),
+];
+
 /// A value on an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
@@ -57,6 +70,18 @@ impl Axis {
     pub fn of_key(key: &str) -> Option<&'static Self> {
         let key = key.replace('-', "_");
         AXES.iter().find(|axis| axis.key == key)
+    }
+
+    /// Its symbol, as tables are headed, and the other names that it has elsewhere.
+    pub fn other_names(&self) -> impl Iterator<Item = &'static str> {
+        let others = OTHER_NAMES.iter().filter(|(_, key)| *key == self.key);
+        std::iter::once(self.symbol).chain(others.map(|(name, _)| *name))
+    }
+
+    /// The axis of this name: its key, or one of the other names.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        let has_name = |axis: &&Self| axis.other_names().any(|other| other == name);
+        Self::of_key(name).or_else(|| AXES.iter().find(has_name))
     }
 
     /// Its value.

@@ -9,8 +9,6 @@ use sd_core::{Sample, StressComponents};
 pub(crate) struct StressColumn {
     /// Its name in the store, in tables and in JSON.
     pub(crate) name: &'static str,
-    /// The name of the column with the half width of its interval.
-    pub(crate) interval: &'static str,
     /// What it is; also its label on the page.
     pub(crate) meaning: &'static str,
     /// Where it comes from.
@@ -44,13 +42,12 @@ impl StressColumn {
 
 /// A component as the sum of its parts.
 const fn total(
-    [name, interval]: [&'static str; 2],
+    name: &'static str,
     meaning: &'static str,
     total: fn(&StressComponents) -> f64,
 ) -> StressColumn {
     StressColumn {
         name,
-        interval,
         meaning,
         source: Source::Total(total),
     }
@@ -58,13 +55,12 @@ const fn total(
 
 /// A part of a component.
 const fn part(
-    [name, interval]: [&'static str; 2],
+    name: &'static str,
     meaning: &'static str,
     part: fn(&mut StressComponents) -> &mut f64,
 ) -> StressColumn {
     StressColumn {
         name,
-        interval,
         meaning,
         source: Source::Part(part),
     }
@@ -76,23 +72,23 @@ pub(crate) const COUNT: usize = 17;
 /// All of them, in the order of the columns.
 #[rustfmt::skip]
 pub(crate) static STRESSES: [StressColumn; COUNT] = [
-    total(["n1", "n1_ci95"], "first normal stress difference N₁, contacts included", |s| s.n1.total()),
-    total(["n2", "n2_ci95"], "second normal stress difference N₂, contacts included", |s| s.n2.total()),
-    total(["particle_pressure", "particle_pressure_ci95"], "particle pressure Π of contacts and repulsion, without its hydrodynamic part", |s| s.particle_pressure.total()),
-    part(["shear_hydrodynamic", "shear_hydrodynamic_ci95"], "shear stress of the stresslets", |s| &mut s.shear.hydrodynamic),
-    part(["shear_normal_contact", "shear_normal_contact_ci95"], "shear stress of the normal contact forces", |s| &mut s.shear.normal_contact),
-    part(["shear_tangential_contact", "shear_tangential_contact_ci95"], "shear stress of the tangential contact forces", |s| &mut s.shear.tangential_contact),
-    part(["shear_repulsion", "shear_repulsion_ci95"], "shear stress of the repulsion", |s| &mut s.shear.repulsion),
-    part(["n1_hydrodynamic", "n1_hydrodynamic_ci95"], "N₁ of the stresslets", |s| &mut s.n1.hydrodynamic),
-    part(["n1_normal_contact", "n1_normal_contact_ci95"], "N₁ of the normal contact forces", |s| &mut s.n1.normal_contact),
-    part(["n1_tangential_contact", "n1_tangential_contact_ci95"], "N₁ of the tangential contact forces", |s| &mut s.n1.tangential_contact),
-    part(["n1_repulsion", "n1_repulsion_ci95"], "N₁ of the repulsion", |s| &mut s.n1.repulsion),
-    part(["n2_hydrodynamic", "n2_hydrodynamic_ci95"], "N₂ of the stresslets", |s| &mut s.n2.hydrodynamic),
-    part(["n2_normal_contact", "n2_normal_contact_ci95"], "N₂ of the normal contact forces", |s| &mut s.n2.normal_contact),
-    part(["n2_tangential_contact", "n2_tangential_contact_ci95"], "N₂ of the tangential contact forces", |s| &mut s.n2.tangential_contact),
-    part(["n2_repulsion", "n2_repulsion_ci95"], "N₂ of the repulsion", |s| &mut s.n2.repulsion),
-    part(["particle_pressure_normal_contact", "particle_pressure_normal_contact_ci95"], "particle pressure of the normal contact forces", |s| &mut s.particle_pressure.normal_contact),
-    part(["particle_pressure_repulsion", "particle_pressure_repulsion_ci95"], "particle pressure of the repulsion", |s| &mut s.particle_pressure.repulsion),
+    total("n1", "first normal stress difference N₁, contacts included", |s| s.n1.total()),
+    total("n2", "second normal stress difference N₂, contacts included", |s| s.n2.total()),
+    total("particle_pressure", "particle pressure Π of contacts and repulsion, without its hydrodynamic part", |s| s.particle_pressure.total()),
+    part("shear_hydrodynamic", "shear stress of the stresslets", |s| &mut s.shear.hydrodynamic),
+    part("shear_normal_contact", "shear stress of the normal contact forces", |s| &mut s.shear.normal_contact),
+    part("shear_tangential_contact", "shear stress of the tangential contact forces", |s| &mut s.shear.tangential_contact),
+    part("shear_repulsion", "shear stress of the repulsion", |s| &mut s.shear.repulsion),
+    part("n1_hydrodynamic", "N₁ of the stresslets", |s| &mut s.n1.hydrodynamic),
+    part("n1_normal_contact", "N₁ of the normal contact forces", |s| &mut s.n1.normal_contact),
+    part("n1_tangential_contact", "N₁ of the tangential contact forces", |s| &mut s.n1.tangential_contact),
+    part("n1_repulsion", "N₁ of the repulsion", |s| &mut s.n1.repulsion),
+    part("n2_hydrodynamic", "N₂ of the stresslets", |s| &mut s.n2.hydrodynamic),
+    part("n2_normal_contact", "N₂ of the normal contact forces", |s| &mut s.n2.normal_contact),
+    part("n2_tangential_contact", "N₂ of the tangential contact forces", |s| &mut s.n2.tangential_contact),
+    part("n2_repulsion", "N₂ of the repulsion", |s| &mut s.n2.repulsion),
+    part("particle_pressure_normal_contact", "particle pressure of the normal contact forces", |s| &mut s.particle_pressure.normal_contact),
+    part("particle_pressure_repulsion", "particle pressure of the repulsion", |s| &mut s.particle_pressure.repulsion),
 ];
 
 /// Those that every sample keeps, in the order of their columns.
@@ -144,10 +140,5 @@ mod tests {
         names.sort_unstable();
         names.dedup();
         assert_eq!(names.len(), COUNT);
-        assert!(
-            STRESSES
-                .iter()
-                .all(|c| c.interval == format!("{}_ci95", c.name))
-        );
     }
 }

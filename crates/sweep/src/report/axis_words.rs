@@ -1,6 +1,7 @@
 //! Values on an axis as people read them: in the units of a report, to as few digits as keep different values apart.
 
 use super::figure::log_axis::power_of_ten;
+use super::starts::Starts;
 use super::units::{At, Units};
 use crate::axes::{Axis, Kind, Value};
 use crate::format::{Digits, Uncertain};
@@ -11,6 +12,7 @@ use sd_core::Params;
 pub(super) struct AxisWords<'a> {
     axis: &'a Axis,
     units: Units,
+    starts: &'a Starts,
     pub(super) digits: Digits,
 }
 
@@ -19,6 +21,7 @@ impl<'a> AxisWords<'a> {
     pub(super) fn of<'p>(
         axis: &'a Axis,
         units: Units,
+        starts: &'a Starts,
         params: impl Iterator<Item = &'p Params>,
     ) -> Self {
         let is_of_numbers = axis.kind() == Kind::Number;
@@ -26,12 +29,24 @@ impl<'a> AxisWords<'a> {
         Self {
             axis,
             units,
+            starts,
             digits: Digits::of(params.map(|p| on_axis(axis, units, p))),
+        }
+    }
+
+    /// The name of a start layer, on their axis.
+    fn start(&self, params: &Params) -> Option<&str> {
+        match self.axis.value(params) {
+            Value::Count(number) if self.axis.key == "start" => self.starts.name(number),
+            _ => None,
         }
     }
 
     /// The value of some parameters as a cell of a table.
     pub(super) fn cell(&self, params: &Params) -> Uncertain {
+        if let Some(start) = self.start(params) {
+            return Uncertain::Word(start.to_owned().into());
+        }
         match self.axis.value(params) {
             Value::Word(word) => Uncertain::word(word),
             Value::Count(count) => Uncertain::Count(count),
@@ -43,6 +58,9 @@ impl<'a> AxisWords<'a> {
 
     /// The value in words, with its unit if it has been converted to one.
     pub(super) fn value(&self, params: &Params) -> String {
+        if let Some(start) = self.start(params) {
+            return start.to_owned();
+        }
         let value = match self.axis.value(params) {
             Value::Number(_) => {
                 let number = on_axis(self.axis, self.units, params);
@@ -56,9 +74,9 @@ impl<'a> AxisWords<'a> {
         }
     }
 
-    /// The value with its symbol, as curves and panels are called: `Γ = ∞`, `h = 10⁻⁸ m`; a word by itself.
+    /// The value with its symbol, as curves and panels are called: `Γ = ∞`, `h = 10⁻⁸ m`; a word by itself, and so is a start layer that has a name.
     pub(super) fn named(&self, params: &Params) -> String {
-        if self.axis.is_numeric() {
+        if self.axis.is_numeric() && self.start(params).is_none() {
             let value = self.value(params).replace("inf", "∞");
             format!("{} = {}", self.axis.symbol, with_power(&value))
         } else {

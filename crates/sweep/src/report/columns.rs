@@ -1,25 +1,30 @@
-//! The columns of all tables: the axes of the campaign, then what was measured.
+//! The columns of all tables: the axes of the campaign, then what was measured. Tables, JSON, figures and the page go by this list.
 
 use super::error::ReportError;
-use super::points::{Point, Report};
+use super::figure::scale::count;
+use super::points::{Point, Report, Runs};
 use crate::axes::{AXES, Axis, Kind, Value};
-use crate::data::{Cells, DataColumn};
+use crate::case::State;
+use crate::data::{Cells, DataColumn, Word};
 use crate::model::stresses::STRESSES;
-use crate::statistics::Estimate;
+use crate::statistics::{Estimate, mean, ratio};
+use crate::store::PointRun;
+use std::sync::LazyLock;
 
 /// A column: a name for machines, a unit, a meaning, and a cell for every point.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug)]
 pub(super) struct Column {
     /// Name, the same in CSV, Parquet and JSON.
-    pub(super) name: &'static str,
+    pub(super) name: Word,
     /// Unit; `1` where there is none, nothing for words.
     pub(super) unit: &'static str,
     /// Meaning.
     pub(super) meaning: &'static str,
     /// Label on the page; empty for columns that no curve shows.
     pub(super) label: &'static str,
-    /// What is in it.
     content: Content,
+    /// Its place among all columns.
+    place: usize,
 }
 
 /// What is in a column.
@@ -28,18 +33,109 @@ enum Content {
     /// Values on an axis.
     Axis(&'static Axis),
     /// Counts.
-    Count(fn(&Point) -> u64),
+    Count(fn(&Runs<'_>) -> u64),
     /// Numbers; `None` where there is none.
-    Number(fn(&Point) -> Option<f64>),
-    /// A component or part of the stress, by its place in [`STRESSES`].
-    Stress(usize),
-    /// Half the width of its interval.
-    StressInterval(usize),
+    Number(fn(&Runs<'_>) -> Option<f64>),
+    /// The mean over runs of a number that they have, or of the stress of this place in [`STRESSES`]. The half width of its 95 %
+    /// interval is in the next column, `NAME_ci95`.
+    Mean(fn(&PointRun, usize) -> Option<f64>, usize),
+    /// That half width.
+    Interval,
+}
+
+/// What was measured, without the stresses.
+#[rustfmt::skip]
+#[expect(clippy::redundant_closure_for_method_calls, reason = "a method is one of runs of one lifetime")]
+const MEASURED: [(&str, &str, &str, &str, Content); 29] = {
+    use Content::{Count, Mean, Number};
+    [
+        ("seeds", "1", "runs averaged", "", Count(|r| r.averaged.len() as u64)),
+        ("jammed", "1", "runs that ended jammed: not averaged", "", Count(|r| r.number_of(|run| run.state == State::Jammed))),
+        ("failed", "1", "runs that failed: not averaged", "", Count(|r| r.number_of(|run| run.state == State::Failed))),
+        ("doubtful", "1", "finished runs with doubtful numbers: averaged only if asked for", "", Count(|r| r.number_of(PointRun::is_doubtful))),
+        ("viscosity", "mu", "viscosity in full, mean over runs of their means in time", "viscosity", Mean(|run, _| run.viscosity, 0)),
+        ("viscosity_median", "mu", "median over runs of their medians in time", "median viscosity", Number(|r| Some(r.medians()?.median))),
+        ("viscosity_median_quartile_1", "mu", "first quartile over runs of their medians in time", "", Number(|r| Some(r.quartiles()?.quartile_1))),
+        ("viscosity_median_quartile_3", "mu", "third quartile over runs of their medians in time", "", Number(|r| Some(r.quartiles()?.quartile_3))),
+        ("viscosity_stresslet", "mu", "viscosity without contact stress", "stresslet viscosity", Mean(|run, _| run.viscosity_stresslet, 0)),
+        ("normal_stress_difference", "mu rate", "first normal stress difference, contacts included", "normal stress difference N₁", Mean(|run, _| run.normal_stress_difference, 0)),
+        ("contacts_per_sphere", "1", "pairs with a contact force over spheres", "contacts per sphere", Number(|r| ratio(r.sum(|run| run.contacts), r.sum(|run| run.samples * run.params.spheres as u64)))),
+        ("activated_fraction", "1", "contacts above the critical load over contacts", "activated fraction", Number(|r| ratio(r.sum(|run| run.activated), r.sum(|run| run.contacts)))),
+        ("rolling_fraction", "1", "rolling contacts over activated ones", "rolling fraction", Number(|r| ratio(r.sum(|run| run.rolling), r.sum(|run| run.activated)))),
+        ("minimum_gap", "a", "smallest gap of any run", "smallest gap", Number(|r| r.gap())),
+        ("overlap", "a", "largest overlap of rough surfaces in any run: roughness height less smallest gap", "largest overlap", Number(|r| Some((r.all[0].params.roughness - r.gap()?).max(0.0)))),
+        ("mean_approach_velocity", "a rate", "over all contacts, positive for approach", "mean approach velocity", Number(|r| ratio(r.values(|run| Some(run.approach)).iter().sum(), r.sum(|run| run.contacts)))),
+        ("worst_residual", "a rate", "of the contact problem, over all runs", "", Number(|r| r.values(|run| run.worst_residual).into_iter().reduce(f64::max))),
+        ("unconverged_fraction", "1", "contact problems that did not converge over all", "", Number(|r| ratio(r.sum(|run| run.unconverged_stages), r.sum(|run| run.stages)))),
+        ("inexact_fraction", "1", "contact problems with friction off by more than 1e-3 of the largest force over all", "", Number(|r| ratio(r.sum(|run| run.inexact_stages), r.sum(|run| run.stages)))),
+        ("jammed_stages", "1", "contact problems without an admissible motion, over all runs averaged", "", Count(|r| r.total(|run| run.jammed_stages))),
+        ("wall_time_s", "s", "mean wall time of a run", "", Number(|r| mean(&r.values(|run| run.wall_time_s)))),
+        ("cpu_time_s", "s", "mean CPU time of a run", "", Number(|r| mean(&r.values(|run| run.cpu_time_s)))),
+        ("seeds_wanted", "1", "seeds that count: of a precision those of its batches so far", "", Count(|r| r.wanted())),
+        ("precision", "1", "half width of the 95 % interval over the mean, of the quantity asked for or the viscosity", "", Number(|r| r.precision())),
+        ("discard", "1", "strain discarded at the start of every run", "", Number(|r| r.values(|run| run.discard).into_iter().reduce(f64::max))),
+        ("drift", "1", "viscosity over the second half of the strain kept less that over the first, over the mean", "", Number(|r| Some(r.drift()?.halves.mean))),
+        ("drift_ci95", "1", "half width of its 95 % interval over runs", "", Number(|r| r.drift()?.halves.ci95)),
+        ("correlation_strain", "1", "strain after which the viscosity of a run counts as independent", "", Number(|r| mean(&r.values(|run| Some(run.steadiness?.correlation * run.sample_every))))),
+        ("effective_samples", "1", "independent samples all runs together are worth", "", Number(|r| r.values(|run| Some(run.samples as f64 / run.steadiness?.correlation)).into_iter().reduce(|a, b| a + b))),
+    ]
+};
+
+/// All columns.
+pub(super) static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
+    let axis = |axis: &'static Axis| (axis.key, axis.unit, axis.meaning, "", Content::Axis(axis));
+    let stresses = STRESSES.iter().enumerate().map(|(place, stress)| {
+        let mean = Content::Mean(|run, place| run.stresses[place], place);
+        (stress.name, "mu rate", stress.meaning, stress.meaning, mean)
+    });
+    let mut all: Vec<Column> = Vec::new();
+    let mut add = |name: Word, unit, meaning, label, content| {
+        let place = all.len();
+        all.push(Column {
+            name,
+            unit,
+            meaning,
+            label,
+            content,
+            place,
+        });
+    };
+    for (name, unit, meaning, label, content) in
+        AXES.iter().map(axis).chain(MEASURED).chain(stresses)
+    {
+        add(name.into(), unit, meaning, label, content);
+        if matches!(content, Content::Mean(..)) {
+            let name = format!("{name}_ci95");
+            let meaning = "half width of its 95 % Student interval";
+            add(name.into(), unit, meaning, "", Content::Interval);
+        }
+    }
+    all
+});
+
+/// What was measured at a point, by column: not a number where nothing was, as on the axes.
+pub(super) fn measure(runs: &Runs<'_>) -> Box<[f64]> {
+    let mut numbers = Vec::with_capacity(COLUMNS.len());
+    for column in COLUMNS.iter() {
+        match column.content {
+            Content::Axis(_) => numbers.push(f64::NAN),
+            Content::Count(read) => numbers.push(read(runs) as f64),
+            Content::Number(read) => numbers.push(read(runs).unwrap_or(f64::NAN)),
+            Content::Mean(read, place) => {
+                let estimate = Estimate::of(&runs.values(|run| read(run, place)));
+                numbers.push(estimate.map_or(f64::NAN, |e| e.mean));
+                numbers.push(estimate.and_then(|e| e.ci95).unwrap_or(f64::NAN));
+            }
+            // Pushed with its mean.
+            Content::Interval => {}
+        }
+    }
+    numbers.into()
 }
 
 /// Which columns tables have besides the axes. The default is all of them, or in tables for people the usual ones.
 #[derive(Debug, Clone, Default)]
-pub struct Columns(Option<Vec<Column>>);
+pub struct Columns(Option<Vec<&'static Column>>);
 
 impl Columns {
     /// The columns with these names, in this order; none is the default.
@@ -50,67 +146,77 @@ impl Columns {
         if names.is_empty() {
             return Ok(Self::default());
         }
-        let mut chosen: Vec<Column> = Vec::new();
+        let mut chosen: Vec<&Column> = Vec::new();
         for name in names {
             let name = name.trim().replace('-', "_");
-            let Some(column) = measured().find(|column| column.name == name) else {
-                if AXES.iter().any(|axis| axis.key == name) {
-                    continue;
-                }
-                let known: Vec<&str> = measured().map(|column| column.name).collect();
-                return Err(ReportError::Argument {
-                    argument: "--columns",
-                    message: format!(
-                        "no column is called {name:?}; besides the axes there are {}",
-                        known.join(", ")
-                    ),
-                });
+            let axis = Axis::named(&name).map(|axis| axis.key);
+            let meant = match name.as_str() {
+                "η" | "eta" => "viscosity",
+                name => axis.unwrap_or(name),
             };
-            if !chosen.iter().any(|known| known.name == column.name) {
-                chosen.push(column);
+            match Column::named(meant) {
+                Some(column) if column.is_axis() || chosen.iter().any(|c| c.name == meant) => {}
+                Some(column) => chosen.push(column),
+                None => {
+                    let measured = COLUMNS.iter().filter(|column| !column.is_axis());
+                    let known: Vec<&str> = measured.map(|column| column.name.as_ref()).collect();
+                    let known = known.join(", ");
+                    return Err(ReportError::argument(
+                        "--columns",
+                        format!("no column is called {name:?}; besides the axes there are {known}"),
+                    ));
+                }
             }
         }
         Ok(Self(Some(chosen)))
     }
 
     /// The columns that were chosen; `None` by default.
-    pub(super) fn chosen(&self) -> Option<&[Column]> {
+    pub(super) fn chosen(&self) -> Option<&[&'static Column]> {
         self.0.as_deref()
+    }
+
+    /// The axes, then the columns that were chosen or all.
+    pub(super) fn all(&self) -> Vec<&'static Column> {
+        let axes = COLUMNS.iter().filter(|column| column.is_axis());
+        match &self.0 {
+            Some(chosen) => axes.chain(chosen.iter().copied()).collect(),
+            None => COLUMNS.iter().collect(),
+        }
     }
 }
 
 impl Column {
-    /// The column of an axis.
-    pub(super) fn of_axis(axis: &'static Axis) -> Self {
-        column(axis.key, axis.unit, axis.meaning, Content::Axis(axis))
+    /// The column of this name.
+    pub(super) fn named(name: &str) -> Option<&'static Self> {
+        COLUMNS.iter().find(|column| column.name == name)
     }
 
-    /// The same with a label, so that curves of the page can show it.
-    const fn labelled(self, label: &'static str) -> Self {
-        Self { label, ..self }
+    fn is_axis(&self) -> bool {
+        matches!(self.content, Content::Axis(_))
     }
 
     /// What all its cells are.
-    pub(super) fn content(&self) -> Kind {
+    fn kind(&self) -> Kind {
         match self.content {
             Content::Axis(axis) => axis.kind(),
             Content::Count(_) => Kind::Count,
-            Content::Number(_) | Content::Stress(_) | Content::StressInterval(_) => Kind::Number,
+            _ => Kind::Number,
         }
     }
 
     /// Its cell of a point; `None` if nothing was measured.
     pub(super) fn cell(&self, point: &Point) -> Option<Value> {
-        match self.content {
+        let measured = point.measured[self.place];
+        let number = match self.content {
             // What is not imposed follows from the other.
-            Content::Axis(axis) if axis.is_shear_rate() => number(point.shear_rate()),
-            Content::Axis(axis) if axis.is_shear_stress() => number(point.params.shear_stress),
-            Content::Axis(axis) => Some(axis.value(&point.params)),
-            Content::Count(read) => Some(Value::Count(read(point))),
-            Content::Number(read) => number(read(point)),
-            Content::Stress(place) => number(mean(point.stresses[place])),
-            Content::StressInterval(place) => number(ci95(point.stresses[place])),
-        }
+            Content::Axis(axis) if axis.is_shear_rate() => point.shear_rate()?,
+            Content::Axis(axis) if axis.is_shear_stress() => point.params.shear_stress?,
+            Content::Axis(axis) => return Some(axis.value(&point.params)),
+            Content::Count(_) => return Some(Value::Count(count(measured) as u64)),
+            _ => measured,
+        };
+        (!number.is_nan()).then_some(Value::Number(number))
     }
 
     /// The same in the units of a report.
@@ -138,165 +244,47 @@ impl Column {
 
     /// What it is called in print.
     pub(super) fn title(&self) -> String {
-        let before = |words: &str| words.split(',').next().unwrap_or(words).to_owned();
-        match (self.label, self.name.strip_suffix("_ci95")) {
-            ("", Some(of)) => match measured_named(of) {
-                Some(column) => format!("95 % interval of {}", column.title()),
-                None => self.name.replace('_', " "),
-            },
-            ("", None) => self.name.replace('_', " "),
-            (label, _) => before(label),
+        match (self.label.split_once(','), self.content) {
+            (Some((label, _)), _) => label.into(),
+            (None, Content::Interval) => {
+                format!("95 % interval of {}", COLUMNS[self.place - 1].title())
+            }
+            (None, _) if self.label.is_empty() => self.name.replace('_', " "),
+            (None, _) => self.label.into(),
         }
     }
 
     /// Whether tables for people leave it out unless it is asked for.
     pub(super) fn is_detail(&self) -> bool {
+        let of_stress = |name| STRESSES.iter().find(|stress| stress.name == name);
         match self.content {
-            Content::Stress(place) => STRESSES[place].is_part() || STRESSES[place].name == "n1",
-            Content::StressInterval(_) => true,
+            Content::Mean(..) => {
+                of_stress(&self.name).is_some_and(|stress| stress.is_part() || stress.name == "n1")
+            }
+            Content::Interval => of_stress(&COLUMNS[self.place - 1].name).is_some(),
             _ => false,
         }
     }
 
     /// The column with the half width of its interval, if there is one.
-    pub(super) fn interval(&self) -> Option<Self> {
-        let name = format!("{}_ci95", self.name);
-        measured_named(&name)
+    pub(super) fn interval(&self) -> Option<&'static Self> {
+        Self::named(&format!("{}_ci95", self.name))
     }
 }
-
-/// A number that is one.
-fn number(value: Option<f64>) -> Option<Value> {
-    value.filter(|n| !n.is_nan()).map(Value::Number)
-}
-
-/// All columns.
-pub(super) fn columns() -> impl Iterator<Item = Column> {
-    AXES.iter().map(Column::of_axis).chain(measured())
-}
-
-/// The columns that tables of a report have.
-pub(super) fn columns_of(report: &Report) -> Vec<Column> {
-    match report.columns.chosen() {
-        Some(chosen) => {
-            let axes = AXES.iter().map(Column::of_axis);
-            axes.chain(chosen.iter().copied()).collect()
-        }
-        None => columns().collect(),
-    }
-}
-
-/// All columns but those of the axes.
-fn measured() -> impl Iterator<Item = Column> {
-    let stresses = STRESSES.iter().enumerate().flat_map(|(place, stress)| {
-        let mean = column(
-            stress.name,
-            "mu rate",
-            stress.meaning,
-            Content::Stress(place),
-        );
-        let width = Content::StressInterval(place);
-        [
-            mean.labelled(stress.meaning),
-            column(
-                stress.interval,
-                "mu rate",
-                "half width of its 95 % interval",
-                width,
-            ),
-        ]
-    });
-    MEASURED.into_iter().chain(stresses)
-}
-
-/// The measured column of this name.
-pub(super) fn measured_named(name: &str) -> Option<Column> {
-    measured().find(|column| column.name == name)
-}
-
-/// Measured quantities that curves can show.
-pub(super) fn quantities() -> impl Iterator<Item = Column> {
-    measured().filter(|column| !column.label.is_empty())
-}
-
-/// Shorthand for [`MEASURED`].
-const fn column(
-    name: &'static str,
-    unit: &'static str,
-    meaning: &'static str,
-    content: Content,
-) -> Column {
-    Column {
-        name,
-        unit,
-        meaning,
-        label: "",
-        content,
-    }
-}
-
-/// Mean of an estimate.
-fn mean(estimate: Option<Estimate>) -> Option<f64> {
-    estimate.map(|e| e.mean)
-}
-
-/// Half the 95 % interval of an estimate.
-fn ci95(estimate: Option<Estimate>) -> Option<f64> {
-    estimate.and_then(|e| e.ci95)
-}
-
-/// What was measured.
-#[rustfmt::skip]
-const MEASURED: [Column; 32] = [
-    column("seeds", "1", "runs averaged", Content::Count(|p| p.seeds)),
-    column("jammed", "1", "runs that ended jammed: not averaged", Content::Count(|p| p.jammed)),
-    column("failed", "1", "runs that failed: not averaged", Content::Count(|p| p.failed)),
-    column("doubtful", "1", "finished runs with doubtful numbers: averaged only if asked for", Content::Count(|p| p.doubtful)),
-    column("viscosity", "mu", "viscosity in full, mean over runs of their means in time", Content::Number(|p| mean(p.viscosity))).labelled("viscosity"),
-    column("viscosity_ci95", "mu", "half width of its 95 % Student interval", Content::Number(|p| ci95(p.viscosity))),
-    column("viscosity_median", "mu", "median over runs of their medians in time", Content::Number(|p| p.viscosity_median)).labelled("median viscosity"),
-    column("viscosity_median_quartile_1", "mu", "first quartile over runs of their medians in time", Content::Number(|p| p.viscosity_quartiles.map(|q| q[0]))),
-    column("viscosity_median_quartile_3", "mu", "third quartile over runs of their medians in time", Content::Number(|p| p.viscosity_quartiles.map(|q| q[1]))),
-    column("viscosity_stresslet", "mu", "viscosity without contact stress", Content::Number(|p| mean(p.viscosity_stresslet))).labelled("stresslet viscosity"),
-    column("viscosity_stresslet_ci95", "mu", "half width of its 95 % interval", Content::Number(|p| ci95(p.viscosity_stresslet))),
-    column("normal_stress_difference", "mu rate", "first normal stress difference, contacts included", Content::Number(|p| mean(p.normal_stress_difference))).labelled("normal stress difference N₁"),
-    column("normal_stress_difference_ci95", "mu rate", "half width of its 95 % interval", Content::Number(|p| ci95(p.normal_stress_difference))),
-    column("contacts_per_sphere", "1", "pairs with a contact force over spheres", Content::Number(|p| p.contacts_per_sphere)).labelled("contacts per sphere"),
-    column("activated_fraction", "1", "contacts above the critical load over contacts", Content::Number(|p| p.activated_fraction)).labelled("activated fraction"),
-    column("rolling_fraction", "1", "rolling contacts over activated ones", Content::Number(|p| p.rolling_fraction)).labelled("rolling fraction"),
-    column("minimum_gap", "a", "smallest gap of any run", Content::Number(|p| p.minimum_gap)).labelled("smallest gap"),
-    column("overlap", "a", "largest overlap of rough surfaces in any run: roughness height less smallest gap", Content::Number(Point::overlap)).labelled("largest overlap"),
-    column("mean_approach_velocity", "a rate", "over all contacts, positive for approach", Content::Number(|p| p.mean_approach_velocity)).labelled("mean approach velocity"),
-    column("worst_residual", "a rate", "of the contact problem, over all runs", Content::Number(|p| p.worst_residual)),
-    column("unconverged_fraction", "1", "contact problems that did not converge over all", Content::Number(|p| p.unconverged_fraction)),
-    column("inexact_fraction", "1", "contact problems with friction off by more than 1e-3 of the largest force over all", Content::Number(|p| p.inexact_fraction)),
-    column("jammed_stages", "1", "contact problems without an admissible motion, over all runs averaged", Content::Count(|p| p.jammed_stages)),
-    column("wall_time_s", "s", "mean computing time of a run", Content::Number(|p| p.wall_time_s)),
-    column("cpu_time_s", "s", "mean time of the processor of a run", Content::Number(|p| p.cpu_time_s)),
-    column("seeds_wanted", "1", "seeds that count: of a precision those of its batches so far", Content::Count(|p| p.seeds_wanted)),
-    column("precision", "1", "half width of the 95 % interval over the mean, of the quantity asked for or the viscosity", Content::Number(|p| p.precision)),
-    column("discard", "1", "strain discarded at the start of every run", Content::Number(|p| p.discard)),
-    column("drift", "1", "viscosity over the second half of the strain kept less that over the first, over the mean", Content::Number(|p| p.drift.map(|d| d.halves.mean))),
-    column("drift_ci95", "1", "half width of its 95 % interval over runs", Content::Number(|p| p.drift.and_then(|d| d.halves.ci95))),
-    column("correlation_strain", "1", "strain after which the viscosity of a run counts as independent", Content::Number(|p| p.correlation_strain)),
-    column("effective_samples", "1", "independent samples all runs together are worth", Content::Number(|p| p.effective_samples)),
-];
 
 /// The points as a table, with the columns that were chosen or all, in the units of the report.
 pub fn point_table(report: &Report) -> Vec<DataColumn> {
-    columns_of(report)
-        .into_iter()
-        .map(|column| {
-            let mut cells = Cells::with_capacity(column.content(), report.points.len());
-            for point in &report.points {
-                cells.push(column.shown(report, point));
-            }
-            DataColumn {
-                name: column.name.into(),
-                unit: column.unit_in(report),
-                meaning: column.meaning,
-                cells,
-            }
-        })
-        .collect()
+    let table = |column: &'static Column| {
+        let mut cells = Cells::with_capacity(column.kind(), report.points.len());
+        for point in &report.points {
+            cells.push(column.shown(report, point));
+        }
+        DataColumn {
+            name: column.name.clone(),
+            unit: column.unit_in(report),
+            meaning: column.meaning,
+            cells,
+        }
+    };
+    report.columns.all().into_iter().map(table).collect()
 }

@@ -2,6 +2,7 @@
 
 use super::axis_words::AxisWords;
 use super::points::{Point, Report};
+use super::starts::Starts;
 use super::units::Units;
 use crate::axes::{AXES, Axis, Tag, identity};
 use sd_core::Params;
@@ -35,12 +36,14 @@ impl Label {
     }
 }
 
-/// What the curves of a figure share: the axis they run along, the one that has a panel for each of its values, and the units.
-#[derive(Debug, Clone, Copy, Default)]
+/// What the curves of a figure share: the axis they run along, the one that has a panel for each of its values, the units, and
+/// the names of start layers.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Shared<'a> {
     pub(super) along: Option<&'a Axis>,
     pub(super) panels: Option<&'a Axis>,
     pub(super) units: Units,
+    pub(super) starts: &'a Starts,
 }
 
 impl Shared<'_> {
@@ -115,7 +118,7 @@ pub(super) fn labels(all: &[(&str, &Params)], shared: Shared<'_>) -> Vec<Label> 
         .collect();
     let words: Vec<AxisWords<'_>> = differing
         .iter()
-        .map(|axis| AxisWords::of(axis, shared.units, params()))
+        .map(|axis| AxisWords::of(axis, shared.units, shared.starts, params()))
         .collect();
     let is_imposed = |params: &Params| params.shear_stress.is_some();
     let both = params().any(is_imposed) && !params().all(is_imposed);

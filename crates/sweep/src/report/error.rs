@@ -23,3 +23,13 @@ pub enum ReportError {
     #[error("cannot write the output: {0}")]
     Output(#[from] io::Error),
 }
+
+impl ReportError {
+    /// The error about an argument.
+    pub(super) fn argument(argument: &'static str, message: impl Into<String>) -> Self {
+        Self::Argument {
+            argument,
+            message: message.into(),
+        }
+    }
+}

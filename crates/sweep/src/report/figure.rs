@@ -21,13 +21,14 @@ mod outline;
 mod palette;
 mod pdf;
 mod png;
-mod scale;
+pub(super) mod scale;
 mod scene;
 mod sketch;
 mod svg;
 
 pub(crate) use chart::chart;
 pub use graph::{Graph, draw_graphs};
+use look::axis_among;
 pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
 use origin::Origin;
 pub use outline::Outline;
@@ -36,8 +37,8 @@ use super::error::ReportError;
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::axes::{Axis, identity};
-use crate::store::{PointRun, Store};
-use palette::{Colour, Marker, ORDERED_CURVES};
+use crate::store::Store;
+use palette::{Colour, ORDERED_CURVES};
 use sd_core::Params;
 
 /// What a figure shows.
@@ -78,20 +79,24 @@ pub enum Quantity {
 }
 
 /// What is to be drawn.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, clap::Args)]
 pub struct Drawing {
-    /// What the figure shows.
+    /// What the figure shows
+    #[arg(long, value_enum, default_value_t, requires = "figure")]
     pub kind: Kind,
-    /// Which viscosity.
-    pub quantity: Quantity,
-    /// Its horizontal axis; `None` for Γ where it varies, for contacts ν where that does.
+    /// Which viscosity the figure shows [default: viscosity]
+    #[arg(long, value_enum, requires = "figure")]
+    pub quantity: Option<Quantity>,
+    /// The figure's horizontal axis [default: the shear rate where it varies; for contacts the friction]
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure")]
     pub along: Option<&'static Axis>,
     /// How it is to look.
+    #[command(flatten)]
     pub look: Look,
 }
 
-/// How a figure is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How a figure is written, by the ending of its file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
     /// Vector, for the web and for drawing programs.
     Svg,
@@ -99,18 +104,6 @@ pub enum Format {
     Pdf,
     /// Raster.
     Png,
-}
-
-impl Format {
-    /// The format of files with this ending.
-    pub fn of_ending(ending: &str) -> Option<Self> {
-        match ending.to_ascii_lowercase().as_str() {
-            "svg" => Some(Self::Svg),
-            "pdf" => Some(Self::Pdf),
-            "png" => Some(Self::Png),
-            _ => None,
-        }
-    }
 }
 
 /// One run in time.
@@ -128,21 +121,24 @@ pub struct Trace {
     points: Vec<(f64, f64)>,
 }
 
-/// Traces of runs of the points selected: those whose keys begin with one of `keys`, or else the first with samples of
-/// each point. One more than a figure holds at most.
+/// Traces of runs of the points selected: those of the `cases`, each named by its number in the campaign file or by the beginning
+/// of its key, or else the first with samples of each point. One more than a figure holds at most.
 ///
 /// # Errors
-/// Trouble with the store; [`crate::store::StoreError::Case`] on a key no selected run has.
+/// Trouble with the store; [`crate::store::StoreError::Case`] on a name that is not that of one selected run.
 pub fn traces(
     store: &Store,
     selection: &Selection,
-    keys: &[String],
+    cases: &[String],
 ) -> Result<Vec<Trace>, ReportError> {
     let runs = selected_runs(store, selection)?;
-    let begins = |run: &PointRun, key: &String| run.key.starts_with(key.as_str());
-    let is_unknown = |key: &&String| !runs.iter().any(|run| begins(run, key));
-    if let Some(key) = keys.iter().find(is_unknown) {
-        return Err(store.no_case(key, "no case").into());
+    let mut keys = Vec::with_capacity(cases.len());
+    for case in cases {
+        let key = store.key_of(case)?;
+        if !runs.iter().any(|run| run.key == key) {
+            return Err(store.no_case(case, "no case of these points").into());
+        }
+        keys.push(key);
     }
     let (campaign, protocol) = (store.campaign_name()?, store.protocol()?);
     let usual = match protocol.discard {
@@ -155,7 +151,7 @@ pub fn traces(
             let point = identity(&run.params);
             !all.iter().any(|known| identity(&known.params) == point)
         } else {
-            keys.iter().any(|key| begins(&run, key))
+            keys.contains(&run.key)
         };
         if !wanted || all.len() > ORDERED_CURVES {
             continue;
@@ -184,11 +180,12 @@ pub fn draw(
     drawing: &Drawing,
     format: Format,
 ) -> Result<Vec<u8>, ReportError> {
-    let outline = outline(reports, traces, drawing)?;
+    let sketch = sketch::sketch(reports, traces, drawing, true)?;
+    let outline = Outline::of(&sketch, &drawing.look)?;
     file(&outline, &drawing.look.style, format, &Origin::of(reports))
 }
 
-/// The same figure, to be drawn by another program.
+/// The same figure, to be drawn by another program: in one panel unless several are asked for.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
@@ -197,13 +194,13 @@ pub fn outline(
     traces: &[Trace],
     drawing: &Drawing,
 ) -> Result<Outline, ReportError> {
-    let sketch = sketch::sketch(reports, traces, drawing)?;
+    let sketch = sketch::sketch(reports, traces, drawing, false)?;
     Outline::of(&sketch, &drawing.look)
 }
 
 /// Where what is made of a report comes from, a line each: its campaign, what computed it, the keys of its runs.
 pub(super) fn origin_of(report: &Report) -> String {
-    Origin::of(std::slice::from_ref(report)).to_string()
+    Origin::of(std::slice::from_ref(report)).text
 }
 
 /// Writes a figure as a file.
@@ -221,23 +218,14 @@ fn file(
     }
 }
 
-/// What the page draws curves with, besides its colours.
-#[derive(Debug, serde::Serialize)]
-pub(super) struct PageLook {
-    /// Markers, the first for the first curve.
-    markers: Vec<Marker>,
-    /// Colours of rising lightness.
-    heat: Vec<Colour>,
-}
-
-/// The markers of curves and the map of colours that have an order.
-pub(super) fn page_look() -> PageLook {
+/// What the page draws curves with, besides its colours: markers, the first for the first curve, and colours of rising lightness.
+pub(super) fn page_look() -> serde_json::Value {
     // The page's map goes on to the yellow that is lost on paper: its cells have a ground of their own.
-    let heat = palette::MAP.into_iter().chain([palette::LIGHTEST]);
-    PageLook {
-        markers: palette::MARKERS.to_vec(),
-        heat: heat.collect(),
-    }
+    let heat: Vec<Colour> = palette::MAP
+        .into_iter()
+        .chain([palette::LIGHTEST])
+        .collect();
+    serde_json::json!({"markers": palette::MARKERS, "heat": heat})
 }
 
 /// The colours of curves, on light and on dark ground.
@@ -246,11 +234,6 @@ pub(super) fn curve_colours() -> [&'static [Colour]; 2] {
 }
 
 /// The error about the figure.
-fn refused(message: String) -> ReportError {
-    refused_as("--figure", message)
-}
-
-/// The error about an argument.
-fn refused_as(argument: &'static str, message: String) -> ReportError {
-    ReportError::Argument { argument, message }
+fn refused(message: impl Into<String>) -> ReportError {
+    ReportError::argument("--figure", message)
 }

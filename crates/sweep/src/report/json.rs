@@ -1,9 +1,10 @@
 //! The report for machines: one JSON object, its names and meanings a promise.
 
-use super::columns::{Column, columns};
+use super::columns::{COLUMNS, Column};
 use super::error::ReportError;
 use super::points::{Point, Report};
 use serde::{Serialize, Serializer};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::io::Write;
 
@@ -13,27 +14,12 @@ struct Document<'r> {
     /// Name of the campaign.
     campaign: &'r str,
     /// Cases by state.
-    cases: Cases,
+    cases: Value,
     /// Points, in the units of the program.
     points: Vec<Row<'r>>,
     /// Points in the units that were asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     physical: Option<Physical<'r>>,
-}
-
-/// Cases by state; those under way count as pending.
-#[derive(Serialize)]
-struct Cases {
-    /// Finished.
-    done: u64,
-    /// Jammed.
-    jammed: u64,
-    /// Failed.
-    failed: u64,
-    /// To do, or under way.
-    pending: u64,
-    /// Of those done, runs with doubtful numbers.
-    doubtful: u64,
 }
 
 /// The numbers in physical units, where they are asked for.
@@ -55,7 +41,11 @@ impl Serialize for Row<'_> {
             Some(report) => column.shown(report, self.0),
             None => column.cell(self.0),
         };
-        s.collect_map(columns().map(|column| (column.name, cell(&column))))
+        s.collect_map(
+            COLUMNS
+                .iter()
+                .map(|column| (column.name.as_ref(), cell(column))),
+        )
     }
 }
 
@@ -71,21 +61,20 @@ pub fn write(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
             .map(|point| Row(point, units))
             .collect()
     };
+    let units = COLUMNS
+        .iter()
+        .map(|column| (column.name.as_ref(), column.unit_in(report)));
+    let counts = &report.counts;
     let document = Document {
         campaign: &report.campaign,
-        cases: Cases {
-            done: report.counts.done,
-            jammed: report.counts.jammed,
-            failed: report.counts.failed,
-            pending: report.counts.pending + report.counts.running,
-            doubtful: report.doubtful,
-        },
+        // Those under way count as pending; those done include doubtful ones.
+        cases: json!({
+            "done": counts.done, "jammed": counts.jammed, "failed": counts.failed, "pending": counts.pending + counts.running,
+            "doubtful": report.doubtful,
+        }),
         points: rows(None),
         physical: report.units.are_asked_for().then(|| Physical {
-            units: columns()
-                .map(|column| (column.name, column.unit_in(report)))
-                .filter(|(_, unit)| !unit.is_empty())
-                .collect(),
+            units: units.filter(|(_, unit)| !unit.is_empty()).collect(),
             points: rows(Some(report)),
         }),
     };

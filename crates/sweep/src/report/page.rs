@@ -3,16 +3,16 @@
 //! The page asks nothing of any network. All text of users goes through JSON in a script element, with every `<`, `>` and
 //! `&` escaped, and reaches the page as text only.
 
-use super::columns::{Column, columns, quantities};
+use super::columns::{COLUMNS, Column};
 use super::error::ReportError;
-use super::figure::{PageLook, curve_colours, page_look};
-use super::points::{Point, Report, selected_runs};
+use super::figure::{curve_colours, page_look};
+use super::points::{Point, Report};
 use super::selection::Excerpt;
 use super::units::Units;
-use crate::axes::{self, AXES, Axis, identity};
+use crate::axes::{self, AXES, Axis};
 use crate::campaign::Discard;
 use crate::statistics::ratio;
-use crate::store::{FailureLine, PointRun, Provenance, Store, StoredFrame};
+use crate::store::{PointRun, Store, StoredFrame};
 use crate::trajectory::state_number;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
@@ -58,101 +58,31 @@ pub enum PageHost {
 /// What the script is given.
 #[derive(Serialize)]
 struct Data<'r> {
-    /// Whether a server can be asked for news.
-    live: bool,
-    /// Name of the campaign.
-    campaign: &'r str,
-    /// Which of its points the page is about; nothing for all.
-    selection: String,
-    /// Its file.
-    text: String,
-    /// Strain discarded, or the word for one that each point has for itself.
-    discard: Discard,
-    /// Cases by state.
-    cases: crate::store::Counts,
-    /// Share of the work done.
-    work_done: f64,
-    /// Seconds left, while processes work on it.
-    eta_s: Option<f64>,
-    /// Axes that tell points apart, in the order of the columns.
-    axes: Vec<AxisData>,
-    /// Quantities that curves can show.
-    quantities: Vec<QuantityData>,
-    /// Finished runs with doubtful numbers.
-    doubtful: u64,
-    /// Whether these are averaged with the others.
-    with_doubtful: bool,
-    /// Points, with the names of `sweep report --json`.
+    /// Points with the names of `sweep report --json`, in the order of the columns.
     points: Vec<Row<'r>>,
-    /// What viscosities are called.
-    viscosity_label: String,
-    /// What a relative viscosity has been multiplied by.
-    viscosity_factor: f64,
-    /// What shear stresses are called.
-    stress_label: String,
-    /// Runs.
-    runs: Vec<Value>,
-    /// Movies by key; `true` for one that the server has.
-    movies: Map<String, Value>,
-    /// Failures.
-    failures: Vec<FailureLine>,
-    /// Programs that computed.
-    provenance: &'r [Provenance],
-    /// Width of a bin of the histograms of runs, in decades.
-    histogram_bin: f64,
-    /// Markers of curves, and colours that have an order.
-    look: PageLook,
+    #[serde(flatten)]
+    others: Value,
 }
 
-/// An axis, as the script is told of it.
-#[derive(Serialize)]
-struct AxisData {
-    key: &'static str,
-    symbol: &'static str,
-    /// Label of a figure's axis.
-    label: String,
-    /// Whether its values lie on a line.
-    numeric: bool,
-    logarithmic: bool,
-    /// The unit of its values, where they have been converted to one.
-    unit: Option<&'static str>,
-    /// Significant digits of its values at most.
-    digits: i32,
+/// An axis: `unit` where its values have been converted to one, and of them `digits` significant digits at most;
+/// `names` of values that have one.
+fn axis_data(report: &Report, axis: &'static Axis) -> Value {
+    json!({
+        "key": axis.key, "symbol": axis.symbol, "label": report.units.label_of(axis), "numeric": axis.is_numeric(),
+        "logarithmic": axis.is_logarithmic(), "unit": report.units.of_axis(axis), "digits": report.words_of(axis).digits.most,
+        "names": report.starts.of_axis(axis),
+    })
 }
 
-/// A quantity, as the script is told of it.
-#[derive(Serialize)]
-struct QuantityData {
-    key: &'static str,
-    label: String,
-}
-
-impl AxisData {
-    fn of(report: &Report, axis: &'static Axis) -> Self {
-        Self {
-            key: axis.key,
-            symbol: axis.symbol,
-            label: report.units.label_of(axis),
-            numeric: axis.is_numeric(),
-            logarithmic: axis.is_logarithmic(),
-            unit: report.units.of_axis(axis),
-            digits: report.words_of(axis).digits.most,
-        }
-    }
-}
-
-impl QuantityData {
-    fn of(units: Units, column: &Column) -> Self {
-        let (label, word) = (column.label, units.word(column.unit));
-        Self {
-            key: column.name,
-            label: if word == column.unit {
-                label.to_owned()
-            } else {
-                format!("{label} ({word})")
-            },
-        }
-    }
+/// A quantity that curves can show.
+fn quantity_data(units: Units, column: &Column) -> Value {
+    let (label, word) = (column.label, units.word(column.unit));
+    let label = if word == column.unit {
+        label.to_owned()
+    } else {
+        format!("{label} ({word})")
+    };
+    json!({"key": column.name, "label": label})
 }
 
 /// A point as an object: the columns of the tables by name, and the shear stress that its flow curve shows.
@@ -166,7 +96,9 @@ impl Serialize for Row<'_> {
             .filter(|stress| stress.mean.is_finite());
         let factor = report.units.factor("F_crit/a²", point.at());
         let shown = |number: Option<f64>| Some(axes::Value::Number(factor? * number?));
-        let columns = columns().map(|column| (column.name, column.shown(report, point)));
+        let columns = COLUMNS
+            .iter()
+            .map(|column| (column.name.as_ref(), column.shown(report, point)));
         s.collect_map(columns.chain([
             ("stress", shown(stress.map(|stress| stress.mean))),
             ("stress_ci95", shown(stress.and_then(|stress| stress.ci95))),
@@ -225,10 +157,8 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         selection,
         units,
     } = excerpt;
-    let report = Report {
-        units,
-        ..Report::of(store, selection)?
-    };
+    let (report, all, points) = Report::with_runs(store, selection)?;
+    let report = Report { units, ..report };
     let work_done = if selection.is_everything() {
         let work = store.work()?;
         ratio(work.done, work.total).unwrap_or(1.0)
@@ -242,17 +172,10 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
     } else {
         None
     };
-    let all = selected_runs(store, selection)?;
-    let mut place_of = HashMap::new();
-    for run in &all {
-        let next = place_of.len();
-        place_of.entry(identity(&run.params)).or_insert(next);
-    }
     let factor = units.viscosity_factor();
     let points_each = (TRACE_POINTS / all.len().max(1)).clamp(12, 240);
     let mut runs = Vec::with_capacity(all.len());
-    for run in &all {
-        let point = place_of[&identity(&run.params)];
+    for (run, point) in all.iter().zip(&points) {
         let mut trace = store.trace(&run.key)?;
         for (_, viscosity) in &mut trace {
             *viscosity *= factor;
@@ -268,7 +191,7 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
             "discard": discard, "histogram": histogram(&trace, discard.unwrap_or(0.0)), "trace": thinned(&trace, points_each),
         }));
     }
-    let filmed = filmed(store, &all, host)?;
+    let filmed = filmed(store, all.iter().zip(points), host)?;
     let frames_each = (MOVIE_FRAMES / filmed.len().max(1)).clamp(20, 120);
     let mut movies = Map::new();
     for key in filmed {
@@ -280,53 +203,46 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
     }
     let mut failures = store.failures(FAILURES)?;
     failures.retain(|failure| selection.has(&failure.params));
+    let others = json!({
+        // Whether a server can be asked for news.
+        "live": host == PageHost::Server,
+        "campaign": report.campaign, "selection": selection.to_string(), "text": store.campaign_text()?,
+        "discard": report.discard, "cases": report.counts, "work_done": work_done, "eta_s": eta_s,
+        "axes": AXES.iter().map(|axis| axis_data(&report, axis)).collect::<Vec<_>>(),
+        "quantities": COLUMNS.iter().filter(|column| !column.label.is_empty()).map(|column| quantity_data(units, column)).collect::<Vec<_>>(),
+        "doubtful": report.doubtful, "with_doubtful": report.with_doubtful,
+        "viscosity_label": units.label("viscosity", "mu"), "viscosity_factor": factor,
+        "stress_label": match units.word("F_crit/a²") {
+            "F_crit/a²" => "shear stress σ*".into(),
+            _ => units.label("shear stress σ*", "F_crit/a²"),
+        },
+        // Movies by key; `true` for one that the server has.
+        "runs": runs, "movies": movies, "failures": failures, "provenance": report.provenance,
+        "histogram_bin": BIN, "look": page_look(),
+    });
     let document = Data {
-        live: host == PageHost::Server,
-        campaign: &report.campaign,
-        selection: selection.to_string(),
-        text: store.campaign_text()?,
-        discard: report.discard,
-        cases: report.counts,
-        work_done,
-        eta_s,
-        axes: AXES
-            .iter()
-            .map(|axis| AxisData::of(&report, axis))
-            .collect(),
-        quantities: quantities()
-            .map(|column| QuantityData::of(units, &column))
-            .collect(),
-        doubtful: report.doubtful,
-        with_doubtful: report.with_doubtful,
         points: report
             .points
             .iter()
             .map(|point| Row(&report, point))
             .collect(),
-        viscosity_label: units.label("viscosity", "mu"),
-        viscosity_factor: factor,
-        stress_label: match units.word("F_crit/a²") {
-            "F_crit/a²" => "shear stress σ*".into(),
-            _ => units.label("shear stress σ*", "F_crit/a²"),
-        },
-        runs,
-        movies,
-        failures,
-        provenance: &report.provenance,
-        histogram_bin: BIN,
-        look: page_look(),
+        others,
     };
     serde_json::to_string(&document).map_err(|error| ReportError::Output(error.into()))
 }
 
 /// The runs whose layers are shown: all that keep frames where a server has them; in a file the first of every point before the second
 /// of any, so many that the file still opens.
-fn filmed(store: &Store, all: &[PointRun], host: PageHost) -> Result<Vec<String>, ReportError> {
+fn filmed<'r>(
+    store: &Store,
+    all: impl Iterator<Item = (&'r PointRun, usize)>,
+    host: PageHost,
+) -> Result<Vec<String>, ReportError> {
     let mut filmed: Vec<(usize, &PointRun)> = Vec::new();
-    let mut number_of: HashMap<_, usize> = HashMap::new();
-    for run in all {
+    let mut number_of: HashMap<usize, usize> = HashMap::new();
+    for (run, point) in all {
         if store.frame_count(&run.key)? > 1 {
-            let number = number_of.entry(identity(&run.params)).or_insert(0);
+            let number = number_of.entry(point).or_insert(0);
             filmed.push((*number, run));
             *number += 1;
         }

@@ -1,18 +1,18 @@
 //! The points of a campaign: what its store holds, averaged over the runs that differ only in their seed.
 
-use super::columns::Columns;
+use super::columns::{Column, Columns, measure};
 use super::error::ReportError;
 use super::failures::FailureGroup;
 use super::selection::Selection;
+use super::starts::Starts;
 use super::steady;
 use super::units::{At, Units};
-use crate::axes::{Axis, identity};
+use crate::axes::{Axis, Value, identity};
 use crate::campaign::Discard;
 use crate::case::State;
 use crate::doubt::is_rigid;
-use crate::model::stresses::{COUNT, STRESSES};
 use crate::statistics::{
-    Decision, Distribution, Drift, Estimate, Measure, Precision, mean, ratio, relative_half_width,
+    Decision, Distribution, Drift, Estimate, Measure, Precision, relative_half_width,
 };
 use crate::store::{Counts, PointRun, Provenance, Store};
 use sd_core::Params;
@@ -53,6 +53,8 @@ pub struct Report {
     pub keys: Vec<String>,
     /// The units of its numbers.
     pub units: Units,
+    /// What its start layers are called.
+    pub(crate) starts: Starts,
 }
 
 /// All runs that differ only in their seed.
@@ -64,60 +66,29 @@ pub struct Point {
     pub seeds: u64,
     /// Runs that ended jammed: counted, not averaged.
     pub jammed: u64,
-    /// Runs that failed.
-    pub failed: u64,
     /// Finished runs whose numbers are doubtful: counted, and averaged only if that was asked for.
     pub doubtful: u64,
     /// Viscosity in full: mean over the runs of their means.
     pub viscosity: Option<Estimate>,
-    /// Median over the runs of their medians.
-    pub viscosity_median: Option<f64>,
-    /// First and third quartile over the runs of their medians; `None` of a single run.
-    pub viscosity_quartiles: Option<[f64; 2]>,
-    /// Viscosity from the stresslets alone.
-    pub viscosity_stresslet: Option<Estimate>,
-    /// First normal stress difference.
-    pub normal_stress_difference: Option<Estimate>,
-    /// Components and parts of the stress, in the order of [`STRESSES`].
-    pub(crate) stresses: [Option<Estimate>; COUNT],
-    /// Contacts per sphere over all samples of all runs, as are the fractions.
-    pub contacts_per_sphere: Option<f64>,
-    /// Activated contacts over contacts.
-    pub activated_fraction: Option<f64>,
-    /// Rolling contacts over activated ones.
-    pub rolling_fraction: Option<f64>,
-    /// Smallest gap of any run at any stage, the discarded strain included.
-    pub minimum_gap: Option<f64>,
-    /// Mean approach velocity of the contacts.
-    pub mean_approach_velocity: Option<f64>,
-    /// Worst residual of any run.
-    pub worst_residual: Option<f64>,
-    /// Unconverged right-hand sides over all with contacts.
-    pub unconverged_fraction: Option<f64>,
-    /// Right-hand sides whose friction is off by more than 1e-3 of the largest force, over all.
-    pub inexact_fraction: Option<f64>,
-    /// Contact problems without an admissible motion.
-    pub jammed_stages: u64,
-    /// Mean seconds of computing of a run.
-    pub wall_time_s: Option<f64>,
-    /// Mean seconds of processor of a run.
-    pub cpu_time_s: Option<f64>,
     /// Seeds that count: of a precision those of its batches so far, else all of the file.
     pub seeds_wanted: u64,
     /// Half width of the 95 % interval over the mean: of the quantity whose precision is asked for, else of the viscosity.
     pub precision: Option<f64>,
     /// What is asked for, and what its rule says; `None` where the file says how many seeds.
     pub rule: Option<(Precision, Decision)>,
-    /// Largest strain discarded from a run.
-    pub discard: Option<f64>,
     /// Whether the runs drift.
     pub drift: Option<Drift>,
-    /// Strain after which the viscosity counts as independent, mean over runs.
-    pub correlation_strain: Option<f64>,
-    /// Independent samples that all runs together are worth.
-    pub effective_samples: Option<f64>,
     /// What to do about runs that are not steady.
     pub advice: Option<String>,
+    /// What was measured, by column; not a number where nothing was.
+    pub(super) measured: Box<[f64]>,
+}
+
+/// The runs of a point as they are averaged.
+pub(super) struct Runs<'r> {
+    pub(super) all: Vec<&'r PointRun>,
+    pub(super) averaged: Vec<&'r PointRun>,
+    rule: Option<(Precision, Decision)>,
 }
 
 impl Report {
@@ -126,22 +97,31 @@ impl Report {
     /// # Errors
     /// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets.
     pub fn of(store: &Store, selection: &Selection) -> Result<Self, ReportError> {
-        let runs = selected_runs(store, selection)?;
+        Ok(Self::with_runs(store, selection)?.0)
+    }
+
+    /// The same with the runs of its points, and the place of the point of each.
+    pub(super) fn with_runs(
+        store: &Store,
+        selection: &Selection,
+    ) -> Result<(Self, Vec<PointRun>, Vec<usize>), ReportError> {
+        let runs = store.point_runs()?;
+        let starts = Starts::of(
+            &store.campaign_text()?,
+            runs.iter().map(|run| run.params.as_ref()),
+        );
+        let runs = selected(runs, selection)?;
         let mut failures = store.failures(u32::MAX)?;
         failures.retain(|failure| selection.has(&failure.params));
         let mut failures = FailureGroup::of(failures);
         failures.truncate(FAILURES_SHOWN);
-        let computing = runs
-            .iter()
-            .filter_map(|run| run.wall_time_s)
-            .fold(0.0, |sum, time| sum + time);
+        // A sum of nothing would be -0.
+        let total = |time: fn(&PointRun) -> Option<f64>| {
+            runs.iter().filter_map(time).fold(0.0, |a, b| a + b)
+        };
+        let (computing, processor) = (total(|run| run.wall_time_s), total(|run| run.cpu_time_s));
         let keys = runs.iter().filter(|run| run.viscosity.is_some());
         let keys = keys.map(|run| run.key.clone()).collect();
-        // A sum of nothing would be -0.
-        let processor = runs
-            .iter()
-            .filter_map(|run| run.cpu_time_s)
-            .fold(0.0, |sum, time| sum + time);
         let rules: HashMap<_, _> = store
             .point_states()?
             .into_iter()
@@ -149,7 +129,7 @@ impl Report {
             .collect();
         let mut groups: Vec<Vec<&PointRun>> = Vec::new();
         let mut place_of = HashMap::new();
-        let mut last: Option<usize> = None;
+        let mut places: Vec<usize> = Vec::with_capacity(runs.len());
         let mut counts = Counts::default();
         let doubtful = runs.iter().filter(|run| run.is_doubtful()).count() as u64;
         for run in &runs {
@@ -161,34 +141,36 @@ impl Report {
                 State::Failed => &mut counts.failed,
             } += 1;
             // Runs of a point come one after the other.
-            let place = match last {
-                Some(last) if groups[last][0].params == run.params => last,
+            let place = match places.last() {
+                Some(&last) if groups[last][0].params == run.params => last,
                 _ => *place_of.entry(identity(&run.params)).or_insert_with(|| {
                     groups.push(Vec::new());
                     groups.len() - 1
                 }),
             };
-            last = Some(place);
+            places.push(place);
             groups[place].push(run);
         }
         let protocol = store.protocol()?;
         let mut points = Vec::with_capacity(groups.len());
-        for runs in &groups {
-            let averaged: Vec<&PointRun> = runs
-                .iter()
-                .copied()
-                .filter(|run| run.is_sound() || (selection.with_doubtful && run.is_doubtful()))
-                .collect();
-            let Some(mut point) = Point::of(runs, &averaged) else {
-                continue;
+        for all in groups {
+            let is_averaged =
+                |run: &PointRun| run.is_sound() || (selection.with_doubtful && run.is_doubtful());
+            let averaged = all.iter().copied().filter(|run| is_averaged(run)).collect();
+            let rule = rules.get(&identity(&all[0].params)).copied();
+            let runs = Runs {
+                all,
+                averaged,
+                rule,
             };
-            if let Some((rule, decision)) = rules.get(&identity(&point.params)) {
-                point.follow(&averaged, *rule, *decision);
-            }
-            point.advice = steady::advice(store, &point, &averaged, &protocol)?;
-            points.push(point);
+            let drift = runs.drift();
+            points.push(Point {
+                advice: steady::advice(store, drift, &runs.averaged, &protocol)?,
+                drift,
+                ..Point::of(&runs)
+            });
         }
-        Ok(Self {
+        let report = Self {
             campaign: store.campaign_name()?,
             selection: selection.clone(),
             columns: Columns::default(),
@@ -203,7 +185,9 @@ impl Report {
             provenance: store.provenance()?,
             keys,
             units: Units::default(),
-        })
+            starts,
+        };
+        Ok((report, runs, places))
     }
 
     /// The programs that computed its results, each once.
@@ -224,7 +208,11 @@ pub(super) fn selected_runs(
     store: &Store,
     selection: &Selection,
 ) -> Result<Vec<PointRun>, ReportError> {
-    let mut runs = store.point_runs()?;
+    selected(store.point_runs()?, selection)
+}
+
+/// The runs of the points selected.
+fn selected(mut runs: Vec<PointRun>, selection: &Selection) -> Result<Vec<PointRun>, ReportError> {
     let params: Vec<&Params> = runs.iter().map(|run| run.params.as_ref()).collect();
     selection.check(&params)?;
     runs.retain(|run| selection.has(&run.params));
@@ -252,9 +240,8 @@ impl Point {
         }
         let factor = self.params.shear_rate / (6.0 * PI);
         self.viscosity.map(|eta| Estimate {
-            mean: factor * eta.mean,
-            standard_error: eta.standard_error.map(|error| factor * error),
             ci95: eta.ci95.map(|width| factor * width),
+            ..Estimate::bare(factor * eta.mean)
         })
     }
 
@@ -269,99 +256,110 @@ impl Point {
         }
     }
 
-    /// How far rough surfaces ever overlapped, in a; 0 if they never did.
-    pub(super) fn overlap(&self) -> Option<f64> {
-        self.minimum_gap
-            .map(|gap| (self.params.roughness - gap).max(0.0))
-    }
-
     /// Whether soft contacts gave way by more than the roughness height, so that the spheres themselves overlapped.
     pub(super) fn overlaps_too_much(&self) -> bool {
         let height = self.params.roughness;
         height > 0.0
             && !is_rigid(&self.params)
-            && self.overlap().is_some_and(|overlap| overlap > height)
+            && self
+                .number("overlap")
+                .is_some_and(|overlap| overlap > height)
     }
 
-    /// A component or part of the stress by its name.
-    pub(super) fn stress(&self, name: &str) -> Option<Estimate> {
-        let place = STRESSES.iter().position(|column| column.name == name)?;
-        self.stresses[place]
+    /// What a column of numbers says of it; `None` where nothing was measured.
+    pub(super) fn number(&self, name: &str) -> Option<f64> {
+        match Column::named(name)?.cell(self)? {
+            Value::Number(number) => Some(number),
+            _ => None,
+        }
     }
 
-    /// Of the runs of one point and those of them that are averaged; `None` of none.
-    fn of(runs: &[&PointRun], averaged: &[&PointRun]) -> Option<Self> {
-        let params = Params::clone(&runs.first()?.params);
-        let values = |quantity: fn(&PointRun) -> Option<f64>| -> Vec<f64> {
-            averaged.iter().filter_map(|run| quantity(run)).collect()
-        };
-        let sum = |quantity: fn(&PointRun) -> u64| -> f64 {
-            averaged.iter().map(|run| quantity(run)).sum::<u64>() as f64
-        };
-        let (contacts, activated) = (sum(|r| r.contacts), sum(|r| r.activated));
-        let parts: Vec<_> = averaged
-            .iter()
-            .filter_map(|run| Some(run.steadiness?.parts))
-            .collect();
-        let correlation = values(|r| Some(r.steadiness?.correlation * r.sample_every));
-        let medians = Distribution::of(values(|r| r.viscosity_median));
-        let effective = values(|r| Some(r.samples as f64 / r.steadiness?.correlation));
-        Some(Self {
-            seeds: averaged.len() as u64,
-            jammed: runs.iter().filter(|r| r.state == State::Jammed).count() as u64,
-            failed: runs.iter().filter(|r| r.state == State::Failed).count() as u64,
-            doubtful: runs.iter().filter(|r| r.is_doubtful()).count() as u64,
-            viscosity: Estimate::of(&values(|r| r.viscosity)),
-            viscosity_median: medians.map(|medians| medians.median),
-            viscosity_quartiles: medians
-                .filter(|_| averaged.len() > 1)
-                .map(|medians| [medians.quartile_1, medians.quartile_3]),
-            viscosity_stresslet: Estimate::of(&values(|r| r.viscosity_stresslet)),
-            normal_stress_difference: Estimate::of(&values(|r| r.normal_stress_difference)),
-            stresses: std::array::from_fn(|place| {
-                let means: Vec<f64> = averaged
-                    .iter()
-                    .filter_map(|run| run.stresses[place])
-                    .collect();
-                Estimate::of(&means)
-            }),
-            contacts_per_sphere: ratio(contacts, sum(|r| r.samples) * params.spheres as f64),
-            activated_fraction: ratio(activated, contacts),
-            rolling_fraction: ratio(sum(|r| r.rolling), activated),
-            minimum_gap: values(|r| r.minimum_gap).into_iter().reduce(f64::min),
-            mean_approach_velocity: ratio(
-                averaged.iter().map(|run| run.approach).sum::<f64>(),
-                contacts,
-            ),
-            worst_residual: values(|r| r.worst_residual).into_iter().reduce(f64::max),
-            unconverged_fraction: ratio(sum(|r| r.unconverged_stages), sum(|r| r.stages)),
-            inexact_fraction: ratio(sum(|r| r.inexact_stages), sum(|r| r.stages)),
-            jammed_stages: averaged.iter().map(|run| run.jammed_stages).sum(),
-            wall_time_s: mean(&values(|r| r.wall_time_s)),
-            cpu_time_s: mean(&values(|r| r.cpu_time_s)),
-            seeds_wanted: runs.len() as u64,
-            precision: relative_half_width(&values(|r| r.viscosity)).filter(|w| w.is_finite()),
-            rule: None,
-            discard: values(|r| r.discard).into_iter().reduce(f64::max),
-            drift: Drift::of(&parts),
-            correlation_strain: mean(&correlation),
-            effective_samples: (!effective.is_empty()).then(|| effective.iter().sum()),
-            advice: None,
-            params,
+    /// The mean over runs in a column, and the half width of its interval in the one that belongs to it.
+    pub(super) fn estimate(&self, name: &str) -> Option<Estimate> {
+        Some(Estimate {
+            ci95: self.number(&format!("{name}_ci95")),
+            ..Estimate::bare(self.number(name)?)
         })
     }
 
-    /// Takes note of the precision that is asked for at this point, of these averaged runs.
-    fn follow(&mut self, averaged: &[&PointRun], rule: Precision, decision: Decision) {
-        let quantity: fn(&PointRun) -> Option<f64> = match rule.quantity {
-            Measure::Viscosity => |run| run.viscosity,
-            Measure::ViscosityMedian => |run| run.viscosity_median,
-            Measure::ViscosityStresslet => |run| run.viscosity_stresslet,
-            Measure::NormalStressDifference => |run| run.normal_stress_difference,
-        };
-        let values: Vec<f64> = averaged.iter().copied().filter_map(quantity).collect();
-        self.seeds_wanted = decision.wanted as u64;
-        self.precision = relative_half_width(&values).filter(|width| width.is_finite());
-        self.rule = Some((rule, decision));
+    fn of(runs: &Runs<'_>) -> Self {
+        Self {
+            params: Params::clone(&runs.all[0].params),
+            seeds: runs.averaged.len() as u64,
+            jammed: runs.number_of(|run| run.state == State::Jammed),
+            doubtful: runs.number_of(PointRun::is_doubtful),
+            viscosity: Estimate::of(&runs.values(|run| run.viscosity)),
+            seeds_wanted: runs.wanted(),
+            precision: runs.precision(),
+            rule: runs.rule,
+            drift: None,
+            advice: None,
+            measured: measure(runs),
+        }
+    }
+}
+
+impl Runs<'_> {
+    /// How many of all runs are so.
+    pub(super) fn number_of(&self, is_so: fn(&PointRun) -> bool) -> u64 {
+        self.all.iter().filter(|run| is_so(run)).count() as u64
+    }
+
+    /// Numbers of the runs averaged, of those that have one.
+    pub(super) fn values(&self, number: impl Fn(&PointRun) -> Option<f64>) -> Vec<f64> {
+        self.averaged.iter().filter_map(|run| number(run)).collect()
+    }
+
+    /// A sum over the runs averaged.
+    pub(super) fn total(&self, count: fn(&PointRun) -> u64) -> u64 {
+        self.averaged.iter().map(|run| count(run)).sum()
+    }
+
+    /// The same as a number.
+    pub(super) fn sum(&self, count: fn(&PointRun) -> u64) -> f64 {
+        self.total(count) as f64
+    }
+
+    /// Smallest gap of any run, in a.
+    pub(super) fn gap(&self) -> Option<f64> {
+        self.values(|run| run.minimum_gap)
+            .into_iter()
+            .reduce(f64::min)
+    }
+
+    /// Median and quartiles over runs of their medians.
+    pub(super) fn medians(&self) -> Option<Distribution> {
+        Distribution::of(self.values(|run| run.viscosity_median))
+    }
+
+    /// The same of several runs.
+    pub(super) fn quartiles(&self) -> Option<Distribution> {
+        self.medians().filter(|_| self.averaged.len() > 1)
+    }
+
+    /// Seeds that count.
+    pub(super) fn wanted(&self) -> u64 {
+        let wanted = self.rule.map(|(_, decision)| decision.wanted);
+        wanted.unwrap_or(self.all.len()) as u64
+    }
+
+    /// Half width of an interval over the mean: of the quantity whose precision is asked for, else of the viscosity.
+    pub(super) fn precision(&self) -> Option<f64> {
+        let measure = self
+            .rule
+            .map_or(Measure::Viscosity, |(rule, _)| rule.quantity);
+        let values = self.values(|run| match measure {
+            Measure::Viscosity => run.viscosity,
+            Measure::ViscosityMedian => run.viscosity_median,
+            Measure::ViscosityStresslet => run.viscosity_stresslet,
+            Measure::NormalStressDifference => run.normal_stress_difference,
+        });
+        relative_half_width(&values).filter(|width| width.is_finite())
+    }
+
+    /// Whether they drift.
+    pub(super) fn drift(&self) -> Option<Drift> {
+        let steady = self.averaged.iter().filter_map(|run| run.steadiness);
+        Drift::of(&steady.map(|steady| steady.parts).collect::<Vec<_>>())
     }
 }

@@ -20,24 +20,13 @@ use std::io::Write;
 /// Rows of samples that are held at a time, so that the largest campaign fits into little memory.
 const ROWS: usize = 50_000;
 
-/// How a table is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How a table is written, by the ending of its file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum TableFormat {
     /// Comma-separated values.
     Csv,
     /// Parquet.
     Parquet,
-}
-
-impl TableFormat {
-    /// The format of files with this ending.
-    pub fn of_ending(ending: &str) -> Option<Self> {
-        match ending.to_ascii_lowercase().as_str() {
-            "csv" => Some(Self::Csv),
-            "parquet" => Some(Self::Parquet),
-            _ => None,
-        }
-    }
 }
 
 impl Excerpt<'_> {
@@ -91,16 +80,20 @@ impl Excerpt<'_> {
     ) -> Result<(), ReportError> {
         let runs = selected_runs(self.store, self.selection)?;
         let axes = axes_of_samples(&runs);
-        let mut batch = Batch::of(&axes, self.units)?;
-        let mut file = TableFile::begin(format, out, "samples", &batch.table, self)?;
+        let mut table = table_of(None, &axes, self.units)?;
+        let mut file = TableFile::begin(format, out, "samples", &table, self)?;
         for run in &runs {
-            batch.add(run, &axes, &self.store.samples(&run.key)?)?;
-            if batch.rows() >= ROWS {
-                file.append(&batch.table)?;
-                batch = Batch::of(&axes, self.units)?;
+            let samples = self.store.samples(&run.key)?;
+            let more = table_of(Some((run, &samples)), &axes, self.units)?;
+            for (column, more) in table.iter_mut().zip(more) {
+                column.cells.append(more.cells);
+            }
+            if table[0].cells.len() >= ROWS {
+                file.append(&table)?;
+                table = table_of(None, &axes, self.units)?;
             }
         }
-        file.append(&batch.table)?;
+        file.append(&table)?;
         file.finish()
     }
 
@@ -112,7 +105,7 @@ impl Excerpt<'_> {
     /// Writes name, unit and meaning of each column of the samples.
     pub(crate) fn write_sample_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
         let runs = selected_runs(self.store, self.selection)?;
-        about(&Batch::of(&axes_of_samples(&runs), self.units)?.table, out)
+        about(&table_of(None, &axes_of_samples(&runs), self.units)?, out)
     }
 }
 
@@ -190,66 +183,40 @@ impl<'w> TableFile<'w> {
     }
 }
 
-/// Rows of samples.
-struct Batch {
-    table: Vec<DataColumn>,
+/// The samples of a run as a table: in every row its key, its seed and its values on these axes. The columns alone without a run.
+fn table_of(
+    run: Option<(&PointRun, &[(u64, Sample)])>,
+    axes: &[&Axis],
     units: Units,
-}
-
-impl Batch {
-    /// None yet, with the columns of all.
-    fn of(axes: &[&Axis], units: Units) -> Result<Self, ReportError> {
-        let mut table = vec![
-            DataColumn::named("key", Kind::Word, 0),
-            DataColumn::named("seed", Kind::Count, 0),
-        ];
-        let of_axis = |axis: &&Axis| DataColumn::named(axis.key, axis.kind(), 0);
-        table.extend(axes.iter().map(of_axis));
-        table.extend(sample_table(&[])?);
-        for column in &mut table {
-            explain(column, OF_SAMPLES);
-            convert(column, units, |_| At::rate(None));
+) -> Result<Vec<DataColumn>, ReportError> {
+    let sampled = run.map_or(&[][..], |(_, sampled)| sampled);
+    let mut keys = DataColumn::named("key", Kind::Word, sampled.len());
+    let mut seeds = DataColumn::named("seed", Kind::Count, sampled.len());
+    let mut values: Vec<DataColumn> = axes
+        .iter()
+        .map(|axis| DataColumn::named(axis.key, axis.kind(), sampled.len()))
+        .collect();
+    if let (Some((run, _)), Cells::Word(keys)) = (run, &mut keys.cells) {
+        for _ in sampled {
+            keys.push(Some(run.key.clone().into()));
+            seeds.cells.push(Some(Value::Count(run.seed)));
+            for (column, axis) in values.iter_mut().zip(axes) {
+                column.cells.push(Some(axis.value(&run.params)));
+            }
         }
-        Ok(Self { table, units })
     }
-
-    fn rows(&self) -> usize {
-        self.table[0].cells.len()
+    let mut table = vec![keys, seeds];
+    table.append(&mut values);
+    table.append(&mut sample_table(sampled)?);
+    for column in &mut table {
+        explain(column, OF_SAMPLES);
+        convert(column, units, |row| match run {
+            // The rate of every sample is its own.
+            Some((run, _)) => At::new(&run.params, Some(sampled[row].1.shear_rate)),
+            None => At::rate(None),
+        });
     }
-
-    /// Adds the samples of a run.
-    fn add(
-        &mut self,
-        run: &PointRun,
-        axes: &[&Axis],
-        sampled: &[(u64, Sample)],
-    ) -> Result<(), ReportError> {
-        let number = sampled.len();
-        let (head, body) = self.table.split_at_mut(2 + axes.len());
-        if let Cells::Word(keys) = &mut head[0].cells {
-            keys.extend(std::iter::repeat_n(Some(run.key.clone().into()), number));
-        }
-        let seed = Value::Count(run.seed);
-        let values = axes.iter().map(|axis| axis.value(&run.params));
-        // The rate of every sample is its own.
-        let at = |row: usize| At::new(&run.params, Some(sampled[row].1.shear_rate));
-        for (column, value) in head[1..]
-            .iter_mut()
-            .zip(std::iter::once(seed).chain(values))
-        {
-            let mut new = DataColumn::named(column.name.clone(), value.kind(), number);
-            (0..number).for_each(|_| new.cells.push(Some(value)));
-            explain(&mut new, OF_SAMPLES);
-            convert(&mut new, self.units, at);
-            column.cells.append(new.cells);
-        }
-        for (column, mut new) in body.iter_mut().zip(sample_table(sampled)?) {
-            explain(&mut new, OF_SAMPLES);
-            convert(&mut new, self.units, at);
-            column.cells.append(new.cells);
-        }
-        Ok(())
-    }
+    Ok(table)
 }
 
 /// What a sample holds, and the components of the stress whose parts it holds, under the names of the columns of samples.
@@ -304,7 +271,7 @@ mod tests {
     #[test]
     fn every_column_of_samples_has_a_unit_and_a_meaning() {
         let axes: Vec<&Axis> = AXES.iter().collect();
-        for column in Batch::of(&axes, Units::default()).unwrap().table {
+        for column in table_of(None, &axes, Units::default()).unwrap() {
             assert!(!column.meaning.is_empty(), "{}", column.name);
             let is_word = matches!(column.cells, Cells::Word(_));
             assert_eq!(column.unit.is_empty(), is_word, "{}", column.name);

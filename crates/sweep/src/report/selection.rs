@@ -1,4 +1,4 @@
-//! Some of a campaign's points: `--where KEY=VALUE[,VALUE..]`.
+//! Some of a campaign's points: `--where KEY=VALUE[,VALUE..]`, where a value may be a range.
 
 use super::error::ReportError;
 use super::units::Units;
@@ -32,8 +32,8 @@ pub struct Excerpt<'s> {
 enum Wanted {
     /// A word.
     Word(String),
-    /// A number.
-    Number(f64),
+    /// All numbers from one to another, which may be the same.
+    Numbers(f64, f64),
 }
 
 impl Selection {
@@ -49,10 +49,10 @@ impl Selection {
                     "{text:?} is not KEY=VALUE, as in friction=0.3 or shear_rate=0.1,inf"
                 ))
             })?;
-            let axis = Axis::of_key(key.trim()).ok_or_else(|| {
+            let axis = Axis::named(key.trim()).ok_or_else(|| {
                 let known = AXES.iter().map(|axis| axis.key).collect::<Vec<_>>();
                 refused(format!(
-                    "{key:?} is no axis of a campaign; they are {}",
+                    "{key:?} is no axis of a campaign; they are {}, and may be named by their symbols too",
                     known.join(", ")
                 ))
             })?;
@@ -107,7 +107,7 @@ impl Selection {
                     }
                 }
                 if there.is_empty() {
-                    return Err(refused("the campaign has no points".into()));
+                    return Err(refused("the campaign has no points"));
                 }
                 there.sort_by(Value::order);
                 let there: Vec<String> = there.iter().map(Value::to_string).collect();
@@ -149,20 +149,29 @@ impl Wanted {
         if !axis.is_numeric() {
             return Ok(Self::Word(text.to_lowercase()));
         }
-        match text.replace('∞', "inf").parse::<f64>() {
-            Ok(number) if !number.is_nan() => Ok(Self::Number(number)),
-            _ => Err(refused(format!("{} = {text:?} is not a number", axis.key))),
-        }
+        let read = range(text).map(|[low, high]| Self::Numbers(low, high));
+        read.ok_or_else(|| {
+            refused(format!(
+                "{} = {text:?} is not a number, nor a range such as 0.6..0.7",
+                axis.key
+            ))
+        })
     }
 
     /// Whether this is the value meant; numbers up to the last digits of a decimal fraction.
     fn is(&self, value: Value) -> bool {
-        let same = |a: f64, b: f64| a == b || (b.is_finite() && (a - b).abs() <= 1e-12 * b.abs());
-        match (self, value) {
-            (Self::Word(wanted), Value::Word(word)) => wanted == word,
-            (Self::Number(wanted), Value::Count(count)) => same(*wanted, count as f64),
-            (Self::Number(wanted), Value::Number(number)) => same(*wanted, number),
-            _ => false,
+        let number = match value {
+            Value::Word(word) => return matches!(self, Self::Word(wanted) if wanted == word),
+            Value::Count(count) => count as f64,
+            Value::Number(number) => number,
+        };
+        let is = |wanted: f64| {
+            wanted == number
+                || (number.is_finite() && (wanted - number).abs() <= 1e-12 * number.abs())
+        };
+        match self {
+            Self::Word(_) => false,
+            Self::Numbers(low, high) => is(*low) || is(*high) || (*low..=*high).contains(&number),
         }
     }
 }
@@ -171,17 +180,23 @@ impl fmt::Display for Wanted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Word(word) => f.write_str(word),
-            Self::Number(number) => write!(f, "{number}"),
+            Self::Numbers(low, high) if low == high => write!(f, "{low}"),
+            Self::Numbers(low, high) => write!(f, "{low}..{high}"),
         }
     }
 }
 
+/// Reads a range such as `0.01..100`; a number alone is both its ends.
+pub(super) fn range(text: &str) -> Option<[f64; 2]> {
+    let (low, high) = text.split_once("..").unwrap_or((text, text));
+    let end = |text: &str| text.trim().replace('∞', "inf").parse::<f64>().ok();
+    let (low, high) = end(low).zip(end(high))?;
+    (low <= high).then_some([low, high])
+}
+
 /// The error about the argument.
-fn refused(message: String) -> ReportError {
-    ReportError::Argument {
-        argument: "--where",
-        message,
-    }
+fn refused(message: impl Into<String>) -> ReportError {
+    ReportError::argument("--where", message)
 }
 
 #[cfg(test)]
@@ -214,6 +229,40 @@ mod tests {
         );
         assert!(!selection(&["shear_rate=1"]).unwrap().has(&params()));
         assert!(Selection::default().has(&params()));
+    }
+
+    #[test]
+    fn symbols_and_ranges_mean_what_keys_and_values_do() {
+        let at = |area_fraction, shear_rate| Params {
+            area_fraction,
+            shear_rate,
+            ..params()
+        };
+        for key in ["area_fraction", "c", "phi", "φ"] {
+            let some = selection(&[&format!("{key}=0.6..0.7")]).unwrap();
+            assert_eq!(some.to_string(), "area_fraction = 0.6..0.7");
+            let has = [0.59, 0.6, 0.65, 0.7, 0.71].map(|c| some.has(&at(c, 1.0)));
+            assert_eq!(has, [false, true, true, true, false], "{key}");
+        }
+        let some = selection(&["Γ=0,1..∞"]).unwrap();
+        let has = [0.0, 0.5, 1.0, f64::INFINITY].map(|rate| some.has(&at(0.6, rate)));
+        assert_eq!(has, [true, false, true, true]);
+        for (symbol, key) in [
+            ("ν", "friction"),
+            ("nu", "friction"),
+            ("h", "roughness"),
+            ("N", "spheres"),
+            ("Gamma", "shear_rate"),
+            ("σ*", "shear_stress"),
+            ("Δt", "time_step"),
+        ] {
+            let some = selection(&[&format!("{symbol}=1")]).unwrap();
+            assert_eq!(some.to_string(), format!("{key} = 1"));
+        }
+        for wrong in ["c=0.7..0.6", "c=0.6..", "c=a..b"] {
+            let error = selection(&[wrong]).unwrap_err().to_string();
+            assert!(error.contains("0.6..0.7"), "{error}");
+        }
     }
 
     #[test]

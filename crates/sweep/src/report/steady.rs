@@ -1,7 +1,6 @@
 //! What to do about a point whose runs are not steady: what `discard` or `strain` would change.
 
 use super::error::ReportError;
-use super::points::Point;
 use crate::campaign::{Discard, Protocol};
 use crate::format::significant;
 use crate::statistics::{Drift, Steadiness, mser_5};
@@ -10,14 +9,11 @@ use crate::store::{PointRun, Store};
 /// Advice about a point, if its averaged runs drift or remember their start. Their samples are read only then.
 pub(super) fn advice(
     store: &Store,
-    point: &Point,
+    drift: Option<Drift>,
     averaged: &[&PointRun],
     protocol: &Protocol,
 ) -> Result<Option<String>, ReportError> {
-    let Some(drift) = point
-        .drift
-        .filter(|drift| drift.drifts() || drift.remembers_start())
-    else {
+    let Some(drift) = drift.filter(|drift| drift.drifts() || drift.remembers_start()) else {
         return Ok(None);
     };
     let traces = averaged

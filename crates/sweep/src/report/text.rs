@@ -3,11 +3,13 @@
 mod notes;
 
 use super::error::ReportError;
+use super::failures::FailureGroup;
 use super::points::Report;
 use super::sheet::{NumberFormat, Shape, Sheet};
 use crate::campaign::Discard;
 use crate::format::duration;
 use comfy_table::{ColumnConstraint, ContentArrangement, LineStyle, Table, Width, presets};
+use notes::notes;
 use std::io::Write;
 
 /// A table in the style of the program; `width` is that of the terminal.
@@ -59,60 +61,52 @@ pub(super) fn doubtful(report: &Report) -> String {
     )
 }
 
-/// What is said of an imposed stress and of columns that were asked for.
-fn explain(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+/// What the columns of a table are, a line each.
+fn legend(report: &Report, sheet: &Sheet, shape: Shape) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
     if report
         .points
         .iter()
         .any(|p| p.params.shear_stress.is_some())
     {
-        writeln!(
-            out,
-            "σ*: imposed shear stress in F_crit/a²; Γ is then 6π σ*/viscosity. Runs that jam bear that stress at rest."
-        )?;
+        lines.push("σ*: imposed shear stress in F_crit/a²; Γ is then 6π σ*/viscosity. Runs that jam bear that stress at rest.".into());
     }
-    if let Some(chosen) = report.columns.chosen() {
-        for column in chosen {
-            writeln!(out, "{}: {}", column.name, column.meaning)?;
-        }
-    }
-    Ok(())
-}
-
-/// Says what the columns of a table are.
-fn legend(
-    sheet: &Sheet,
-    shape: Shape,
-    after: &str,
-    out: &mut dyn Write,
-) -> Result<(), ReportError> {
-    if sheet.has("viscosity") {
-        let interval = match shape.format {
-            NumberFormat::Plain => "± half the 95 % Student interval",
-            NumberFormat::Si => "and in brackets half the 95 % Student interval",
-        };
-        writeln!(out, "viscosity: mean over runs {interval}, {after}")?;
-    }
-    for (name, words) in [
+    let chosen = report.columns.chosen().unwrap_or_default();
+    lines.extend(
+        chosen
+            .iter()
+            .map(|column| format!("{}: {}", column.name, column.meaning)),
+    );
+    let interval = match shape.format {
+        NumberFormat::Plain => "± half the 95 % Student interval",
+        NumberFormat::Si => "and in brackets half the 95 % Student interval",
+    };
+    let after = match report.discard {
+        Discard::Strain(strain) => format!("after a strain of {strain}"),
+        Discard::Auto => "after the strain MSER-5 picks at each point".into(),
+    };
+    let known = [
+        (
+            "viscosity",
+            format!("viscosity: mean over runs {interval}, {after}"),
+        ),
         (
             "viscosity_stresslet",
-            "stresslet viscosity: without contact stress",
+            "stresslet viscosity: without contact stress".into(),
         ),
         (
             "viscosity_median",
-            "median: over runs, of their medians in time",
+            "median: over runs, of their medians in time".into(),
         ),
-        ("jammed", "Jammed runs are counted, not averaged"),
+        ("jammed", "Jammed runs are counted, not averaged".into()),
         (
             "activated_fraction",
-            "activated: of contacts; rolling: of activated ones",
+            "activated: of contacts; rolling: of activated ones".into(),
         ),
-    ] {
-        if sheet.has(name) {
-            writeln!(out, "{words}")?;
-        }
-    }
-    Ok(())
+    ];
+    let known = known.into_iter().filter(|(name, _)| sheet.has(name));
+    lines.extend(known.map(|(_, words)| words));
+    lines
 }
 
 /// Writes the report as a table.
@@ -126,8 +120,7 @@ pub fn write(
     out: &mut dyn Write,
 ) -> Result<(), ReportError> {
     let c = &report.counts;
-    writeln!(
-        out,
+    let mut lines = vec![format!(
         "{}: {} of {} cases done, {} jammed, {} failed, {} to do",
         report.campaign,
         c.done,
@@ -135,58 +128,41 @@ pub fn write(
         c.jammed,
         c.failed,
         c.pending + c.running
-    )?;
-    let (columns, fixed) = report.axes();
+    )];
     if !report.selection.is_everything() {
-        writeln!(out, "only where {}", report.selection)?;
+        lines.push(format!("only where {}", report.selection));
     }
     if let Some(point) = report.points.first() {
-        let words: Vec<String> = fixed
+        let (columns, fixed) = report.axes();
+        let params = || report.points.iter().map(|point| &point.params);
+        let words = fixed
             .iter()
-            .filter(|axis| axis.matters(report.points.iter().map(|p| &p.params)))
+            .filter(|axis| axis.matters(params()))
             .map(|axis| {
-                let mut points = report.points.iter();
-                let shown = points
-                    .find(|p| axis.means_something(&p.params))
-                    .unwrap_or(point);
-                format!(
-                    "{} {}",
-                    axis.symbol,
-                    report.words_of(axis).value(&shown.params)
-                )
-            })
-            .collect();
-        writeln!(out, "{}", words.join(", "))?;
+                let shown = params().find(|params| axis.means_something(params));
+                let value = report.words_of(axis).value(shown.unwrap_or(&point.params));
+                format!("{} {value}", axis.symbol)
+            });
+        lines.push(words.collect::<Vec<_>>().join(", "));
         let sheet = Sheet::of(report, shape, width);
-        writeln!(out, "{}", sheet.text(width))?;
-        let after = match report.discard {
-            Discard::Strain(strain) => format!("after a strain of {strain}"),
-            Discard::Auto => "after the strain MSER-5 picks at each point".into(),
-        };
+        lines.push(sheet.text(width));
         if sheet.is_cut {
-            writeln!(
-                out,
-                "more columns: --wide, or those of --columns NAME[,NAME..]"
-            )?;
+            lines.push("more columns: --wide, or those of --columns NAME[,NAME..]".into());
         }
-        explain(report, out)?;
-        legend(&sheet, shape, &after, out)?;
-        notes::write(report, &columns, out)?;
+        lines.extend(legend(report, &sheet, shape));
+        lines.extend(notes(report, &columns));
     }
     if report.doubtful > 0 {
-        writeln!(out, "{}", doubtful(report))?;
+        lines.push(doubtful(report));
     }
     if report.computing > 0.0 {
-        writeln!(
-            out,
-            "computed in {} of processor time ({} by the wall), summed over runs, by {}",
+        lines.push(format!(
+            "computed in {} of CPU time (wall time {}), summed over runs, by {}",
             duration(report.processor),
             duration(report.computing),
             report.programs().join("; ")
-        )?;
+        ));
     }
-    for failure in &report.failures {
-        writeln!(out, "{}", failure.text())?;
-    }
-    Ok(())
+    lines.extend(report.failures.iter().map(FailureGroup::text));
+    Ok(writeln!(out, "{}", lines.join("\n"))?)
 }

@@ -2,7 +2,7 @@
 //!
 //! Units and meanings are in a sidecar, so that the table itself has one header row of plain names.
 
-use super::columns::{Column, columns_of, point_table};
+use super::columns::{Column, point_table};
 use super::error::ReportError;
 use super::points::Report;
 use super::runs::about;
@@ -13,7 +13,7 @@ use std::io::Write;
 
 /// Writes the points as comma-separated values: a header row of names, numbers in full, nothing where there is none.
 pub(crate) fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
-    let columns = columns_of(report);
+    let columns = report.columns.all();
     let rows = report.points.iter().map(|point| {
         columns
             .iter()
@@ -23,7 +23,7 @@ pub(crate) fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), Repo
                 None => String::new(),
             })
     });
-    let names = columns.iter().map(|column| column.name);
+    let names = columns.iter().map(|column| column.name.as_ref());
     Ok(csv_rows::write(names, rows, out)?)
 }
 
@@ -41,11 +41,13 @@ pub(crate) fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(),
         })
     };
     let is_chosen = report.columns.chosen().is_some();
-    let columns: Vec<Column> = columns_of(report)
+    let columns: Vec<&Column> = report
+        .columns
+        .all()
         .into_iter()
         .filter(|column| is_chosen || !column.is_detail())
-        .filter(|column| match column.name {
-            _ if is_chosen && Axis::of_key(column.name).is_none() => true,
+        .filter(|column| match column.name.as_ref() {
+            _ if is_chosen && Axis::of_key(&column.name).is_none() => true,
             "jammed" => report.counts.jammed > 0,
             "failed" => report.counts.failed > 0,
             "doubtful" => report.doubtful > 0,
@@ -53,7 +55,7 @@ pub(crate) fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(),
         })
         .collect();
     let heads = columns.iter().map(|column| match column.unit_in(report) {
-        "" | "1" => column.name.to_owned(),
+        "" | "1" => column.name.to_string(),
         unit => format!("{} ({unit})", column.name),
     });
     writeln!(out, "| {} |", heads.collect::<Vec<_>>().join(" | "))?;

@@ -113,8 +113,7 @@ impl Units {
         }
         let [Some(radius), Some(viscosity), critical_load] = values else {
             return Err(refused(
-                "the radius a and the viscosity mu of the fluid are needed, as in a=1um,mu=1mPas"
-                    .into(),
+                "the radius a and the viscosity mu of the fluid are needed, as in a=1um,mu=1mPas",
             ));
         };
         Ok(Self(Some(Physical {
@@ -129,23 +128,47 @@ impl Units {
         self.0.is_some()
     }
 
+    /// What numbers of a unit become at a point: their unit, and what they are multiplied by, which is `None` where there is no finite
+    /// scale. `None` where they stay as they are.
+    fn converted(&self, unit: &str, at: At) -> Option<(&'static str, Option<f64>)> {
+        let Physical {
+            radius,
+            viscosity,
+            critical_load,
+        } = self.0?;
+        match unit {
+            "a" => return Some(("m", Some(radius))),
+            "mu" => return Some(("Pa s", Some(viscosity))),
+            "mu²" => return Some(("Pa² s²", Some(viscosity * viscosity))),
+            "mu a" => return Some(("N s/m", Some(viscosity * radius))),
+            _ => {}
+        }
+        let load = critical_load?;
+        let unit_of_rate = load / (6.0 * PI * viscosity * radius * radius);
+        let rate = at.shear_rate.map(|rate| rate * unit_of_rate);
+        let rate = rate.filter(|rate| rate.is_finite() && *rate > 0.0);
+        Some(match unit {
+            "F_crit" => ("N", Some(load)),
+            "F_crit/a²" => ("Pa", Some(load / (radius * radius))),
+            "F/a" if at.by_flow => ("N/m", rate.map(|rate| 6.0 * PI * viscosity * radius * rate)),
+            "F/a" => ("N/m", Some(load / radius)),
+            "mu rate" => ("Pa", rate.map(|rate| viscosity * rate)),
+            "a rate" => ("m/s", rate.map(|rate| radius * rate)),
+            RATE => ("1/s", Some(unit_of_rate)),
+            _ => return None,
+        })
+    }
+
     /// The word of a unit after conversion.
     pub(super) fn word<'u>(&self, unit: &'u str) -> &'u str {
-        let Some(physical) = self.0 else {
-            return unit;
-        };
-        match (unit, physical.critical_load) {
-            ("a", _) => "m",
-            ("mu", _) => "Pa s",
-            ("mu²", _) => "Pa² s²",
-            ("mu a", _) => "N s/m",
-            ("mu rate" | "F_crit/a²", Some(_)) => "Pa",
-            ("a rate", Some(_)) => "m/s",
-            ("F_crit", Some(_)) => "N",
-            ("F/a", Some(_)) => "N/m",
-            (RATE, Some(_)) => "1/s",
-            _ => unit,
-        }
+        self.converted(unit, At::rate(None))
+            .map_or(unit, |(word, _)| word)
+    }
+
+    /// What a number of this unit is multiplied by at a point; `None` where it has no finite scale.
+    pub(super) fn factor(&self, unit: &str, at: At) -> Option<f64> {
+        self.converted(unit, at)
+            .map_or(Some(1.0), |(_, factor)| factor)
     }
 
     /// The unit that the values on an axis have been converted to; `None` where they are as they were.
@@ -172,37 +195,6 @@ impl Units {
         }
         let factor = self.factor(dimension_of(axis), at);
         factor.map_or(f64::NAN, |factor| factor * place)
-    }
-
-    /// What a number of this unit is multiplied by at a point; `None` where it has no finite scale.
-    pub(super) fn factor(&self, unit: &str, at: At) -> Option<f64> {
-        let Some(physical) = self.0 else {
-            return Some(1.0);
-        };
-        let Physical {
-            radius,
-            viscosity,
-            critical_load,
-        } = physical;
-        let second = critical_load.map(|load| load / (6.0 * PI * viscosity * radius * radius));
-        let rate = || {
-            let rate = at.shear_rate? * second?;
-            (rate.is_finite() && rate > 0.0).then_some(rate)
-        };
-        match (unit, critical_load) {
-            ("a", _) => Some(radius),
-            ("mu", _) => Some(viscosity),
-            ("mu²", _) => Some(viscosity * viscosity),
-            ("mu a", _) => Some(viscosity * radius),
-            ("F_crit/a²", Some(load)) => Some(load / (radius * radius)),
-            ("F_crit", Some(load)) => Some(load),
-            ("F/a", Some(_)) if at.by_flow => Some(6.0 * PI * viscosity * radius * rate()?),
-            ("F/a", Some(load)) => Some(load / radius),
-            (RATE, Some(_)) => second,
-            ("mu rate", Some(_)) => Some(viscosity * rate()?),
-            ("a rate", Some(_)) => Some(radius * rate()?),
-            _ => Some(1.0),
-        }
     }
 
     /// What a relative viscosity is multiplied by.
@@ -245,8 +237,7 @@ impl Units {
     pub(super) fn without_scale() -> ReportError {
         refused(
             "at the plateaus, Γ = 0 and Γ = ∞, stresses and velocities are known as multiples of the shear rate only, and have no physical \
-             value; leave --units out, or choose other points"
-                .into(),
+             value; leave --units out, or choose other points",
         )
     }
 }
@@ -278,11 +269,8 @@ fn quantity(text: &str, unit: &str) -> Option<f64> {
 }
 
 /// The error about the argument.
-fn refused(message: String) -> ReportError {
-    ReportError::Argument {
-        argument: "--units",
-        message,
-    }
+fn refused(message: impl Into<String>) -> ReportError {
+    ReportError::argument("--units", message)
 }
 
 #[cfg(test)]

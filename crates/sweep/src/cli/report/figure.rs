@@ -2,15 +2,14 @@
 
 use super::save;
 use crate::api::Error;
-use crate::axes::{AXES, Axis};
 use crate::cli::Output;
 use crate::cli::place::StoreArguments;
 use crate::report::{
-    Columns, Drawing, Format, Intervals, Kind, LegendPlace, Length, Look, Quantity, Range, Report,
-    Selection, Style, Units, draw, traces,
+    Columns, Drawing, Format, Intervals, Kind, LegendPlace, Length, Look, Report, Selection, Style,
+    Units, draw, traces,
 };
 use crate::store::Store;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::ValueEnum as _;
 use std::path::{Path, PathBuf};
 
 /// What figure is drawn, and how.
@@ -20,19 +19,9 @@ pub(crate) struct FigureArguments {
     /// Draw a figure: FILE.svg, FILE.pdf or FILE.png
     #[arg(long, value_name = "FILE")]
     pub(super) figure: Option<PathBuf>,
-    /// What the figure shows
-    #[arg(long, value_enum, default_value_t, requires = "figure")]
-    kind: Kind,
-    /// Which viscosity the figure shows [default: viscosity]
-    #[arg(long, value_enum, requires = "figure")]
-    quantity: Option<Quantity>,
-    /// The figure's horizontal axis [default: the shear rate where it varies; for contacts the friction]
-    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure")]
-    along: Option<&'static Axis>,
-    /// A panel for every value of this axis
-    #[arg(long, value_name = "AXIS", value_parser = axis_among(|_| true), requires = "figure")]
-    panels: Option<&'static Axis>,
-    /// Runs of a trace, by the beginning of their key [default: the first run of each point]
+    #[command(flatten)]
+    drawing: Drawing,
+    /// Runs of a trace, each by its number in the campaign file or the beginning of its key [default: the first run of each point]
     #[arg(long, value_name = "KEY", requires = "figure")]
     case: Vec<String>,
     /// Width of the figure, such as 85mm, 180mm or 3.35in [default: 85mm, and 180mm with panels]
@@ -41,29 +30,6 @@ pub(crate) struct FigureArguments {
     /// Size of the labels in points; numbers and legend are a tenth smaller [default: 8]
     #[arg(long, value_name = "POINTS", requires = "figure")]
     font_size: Option<f64>,
-    /// A logarithmic vertical axis [default: where the numbers are positive and span more than a decade]
-    #[arg(long, requires = "figure")]
-    log_y: bool,
-    /// Ends of the horizontal axis, such as 0.01..100; plateaus stay beside them
-    #[arg(long, value_name = "LOW..HIGH", requires = "figure")]
-    x_range: Option<Range>,
-    /// Ends of the vertical axis
-    #[arg(
-        long,
-        value_name = "LOW..HIGH",
-        allow_hyphen_values = true,
-        requires = "figure"
-    )]
-    y_range: Option<Range>,
-    /// What the horizontal axis is called
-    #[arg(long, value_name = "TEXT", requires = "figure")]
-    x_label: Option<String>,
-    /// What the vertical axis is called
-    #[arg(long, value_name = "TEXT", requires = "figure")]
-    y_label: Option<String>,
-    /// An entry of the legend; given once for every curve, in their order
-    #[arg(long, value_name = "TEXT", requires = "figure")]
-    label: Vec<String>,
     /// Where the legend stands [default: below]
     #[arg(long, value_enum, value_name = "PLACE", requires = "figure")]
     legend: Option<LegendPlace>,
@@ -73,16 +39,6 @@ pub(crate) struct FigureArguments {
     /// A TOML file with width, height, font_size, line_width, marker_size, colours, markers, legend, intervals, dpi
     #[arg(long, value_name = "FILE", requires = "figure")]
     style: Option<PathBuf>,
-}
-
-/// Reads the name of one of some axes, as the campaign file has it.
-fn axis_among(is_meant: fn(&Axis) -> bool) -> impl TypedValueParser<Value = &'static Axis> {
-    let names = AXES
-        .iter()
-        .filter(|axis| is_meant(axis))
-        .map(|axis| PossibleValue::new(axis.key));
-    PossibleValuesParser::new(names)
-        .try_map(|name| Axis::of_key(&name).ok_or("no axis of a campaign"))
 }
 
 /// A figure that is to be drawn into a file.
@@ -105,13 +61,13 @@ impl FigureArguments {
                 message: message.into(),
             })
         };
-        if self.quantity.is_some() && self.kind != Kind::Viscosity {
+        if self.drawing.quantity.is_some() && self.drawing.kind != Kind::Viscosity {
             return refuse(
                 "--quantity",
                 "it chooses a viscosity, so only --kind viscosity has it",
             );
         }
-        if !self.case.is_empty() && self.kind != Kind::Trace {
+        if !self.case.is_empty() && self.drawing.kind != Kind::Trace {
             return refuse(
                 "--case",
                 "it names runs in time, so only --kind trace has it",
@@ -122,10 +78,8 @@ impl FigureArguments {
             format: format_of(path)?,
             cases: &self.case,
             drawing: Drawing {
-                kind: self.kind,
-                quantity: self.quantity.unwrap_or_default(),
-                along: self.along,
                 look: self.look()?,
+                ..self.drawing.clone()
             },
         }))
     }
@@ -146,13 +100,7 @@ impl FigureArguments {
         style.intervals = self.intervals.unwrap_or(style.intervals);
         let look = Look {
             style,
-            log_y: self.log_y,
-            x_range: self.x_range,
-            y_range: self.y_range,
-            x_label: self.x_label.clone(),
-            y_label: self.y_label.clone(),
-            labels: self.label.clone(),
-            panels: self.panels,
+            ..self.drawing.look.clone()
         };
         Ok(look.with_sizes(self.width, self.font_size)?)
     }
@@ -201,7 +149,7 @@ pub(super) fn write(
 pub(crate) fn format_of(path: &Path) -> Result<Format, Error> {
     let ending = path.extension().and_then(|ending| ending.to_str());
     ending
-        .and_then(Format::of_ending)
+        .and_then(|ending| Format::from_str(ending, true).ok())
         .ok_or_else(|| Error::Argument {
             argument: "--figure",
             message: format!(

@@ -5,6 +5,7 @@ use crate::api::Error;
 use crate::cli::Output;
 use crate::report::{Excerpt, ReportError, TableFormat};
 use crate::system::files::write_whole;
+use clap::ValueEnum as _;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -36,7 +37,7 @@ pub(super) fn asked<'a>(
                 return Ok((rows, path, TableFormat::Csv));
             }
             let ending = path.extension().and_then(|ending| ending.to_str());
-            let format = ending.and_then(TableFormat::of_ending);
+            let format = ending.and_then(|ending| TableFormat::from_str(ending, true).ok());
             let format = format.ok_or_else(|| Error::Argument {
                 argument,
                 message: format!(

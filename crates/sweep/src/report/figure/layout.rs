@@ -20,7 +20,7 @@ const MERGING: f64 = 4.0;
 /// Dashed lines within this are one.
 const ALIKE: f64 = 1.0;
 /// How much a band hides.
-const BAND: f64 = 0.22;
+const BAND: f32 = 0.22;
 
 /// The page of a figure.
 pub(super) fn page(outline: &Outline) -> Page {
@@ -54,7 +54,7 @@ pub(super) fn page(outline: &Outline) -> Page {
         if number == 0 && place == LegendPlace::Inside {
             let [from, to] = legend.corner(frame.corners, &frame.obstacles());
             page.shapes
-                .push(Shape::filled(corners([from, to]), Colour::WHITE, 0.8));
+                .extend(Shape::filled(corners([from, to]), Colour::WHITE, 0.8));
             page.shapes.extend(legend.draw(from, legend.width()));
         }
     }
@@ -156,23 +156,23 @@ impl Frame<'_> {
     /// What is drawn within the axes, and the axes.
     fn draw(&self) -> Vec<Shape> {
         let [[left, top], [right, bottom]] = self.corners;
-        let mut shapes = vec![Shape::Clip(polygon(corners(self.corners)))];
+        let mut inside = Vec::new();
         if let Some(strain) = self.panel.shaded {
             let end = self.x(strain).clamp(left, right);
             let shade = corners([[left, top], [end, bottom]]);
-            shapes.push(Shape::filled(shade, Colour::SHADE, 1.0));
+            inside.extend(Shape::filled(shade, Colour::SHADE, 1.0));
         }
-        shapes.extend(self.dashed());
+        inside.extend(self.dashed());
         for place in &self.panel.x.breaks {
             let x = self.x(*place);
             let stroke = Stroke::solid(Colour::PALE, 0.6).dashed(1.0, 2.0);
-            shapes.push(Shape::line([[x, top], [x, bottom]], stroke));
+            inside.extend(Shape::line([[x, top], [x, bottom]], stroke));
         }
         let curves = || self.panel.curves.iter();
-        shapes.extend(curves().flat_map(|curve| self.bands(curve)));
-        shapes.extend(curves().flat_map(|curve| self.lines(curve)));
-        shapes.extend(curves().flat_map(|curve| self.bars(curve)));
-        shapes.push(Shape::EndClip);
+        inside.extend(curves().flat_map(|curve| self.bands(curve)));
+        inside.extend(curves().flat_map(|curve| self.lines(curve)));
+        inside.extend(curves().flat_map(|curve| self.bars(curve)));
+        let mut shapes = vec![Shape::Within(self.corners, inside)];
         shapes.extend(self.axes());
         shapes.extend(curves().flat_map(|curve| self.markers(curve)));
         shapes.extend(self.marks());
@@ -194,12 +194,12 @@ impl Frame<'_> {
                 Shape::line([[left, y], [right, y]], stroke)
             };
             if to - from < ALIKE {
-                shapes.push(line(0.5 * (from + to), 0.7));
+                shapes.extend(line(0.5 * (from + to), 0.7));
                 continue;
             }
             let band = corners([[left, *from], [right, *to]]);
-            shapes.push(Shape::filled(band, Colour::GREY, BAND));
-            shapes.extend([*from, *to].map(|y| line(y, 0.4)));
+            shapes.extend(Shape::filled(band, Colour::GREY, BAND));
+            shapes.extend([*from, *to].into_iter().filter_map(|y| line(y, 0.4)));
         }
         shapes
     }
@@ -213,7 +213,7 @@ impl Frame<'_> {
             let points = curve.points[first..=last].iter();
             Shape::line(points.map(|p| [self.x(p.0), self.y(p.1)]), stroke)
         };
-        curve.pieces.iter().map(piece).collect()
+        curve.pieces.iter().filter_map(piece).collect()
     }
 
     fn bands(&self, curve: &Curve) -> Vec<Shape> {
@@ -244,7 +244,7 @@ impl Frame<'_> {
                 let ends = [[x - half, up], [x + half, down]];
                 Shape::filled(corners(ends), curve.colour, BAND)
             });
-        pieces.chain(single).collect()
+        pieces.chain(single).flatten().collect()
     }
 
     fn bars(&self, curve: &Curve) -> Vec<Shape> {
@@ -263,7 +263,7 @@ impl Frame<'_> {
                     [[x - CAP, down], [x + CAP, down]],
                 ]
             })
-            .map(|ends| Shape::line(ends, stroke))
+            .filter_map(|ends| Shape::line(ends, stroke))
             .collect()
     }
 
@@ -281,7 +281,7 @@ impl Frame<'_> {
             .filter(|[x, y]| {
                 (left - 0.1..=right + 0.1).contains(x) && (top - 0.1..=bottom + 0.1).contains(y)
             })
-            .flat_map(|place| {
+            .filter_map(|place| {
                 let width = 0.8 * curve.width;
                 marker(kind, place, curve.marker_size, curve.colour, width)
             })
@@ -290,9 +290,14 @@ impl Frame<'_> {
 
     /// The box of the axes with its ticks and breaks.
     fn axes(&self) -> Vec<Shape> {
-        let [[left, top], [_, bottom]] = self.corners;
         let ink = Stroke::solid(Colour::INK, AXIS);
-        let mut shapes = vec![Shape::area(corners(self.corners), None, Some(ink))];
+        let [[left, top], [_, bottom]] = self.corners;
+        let mut shapes = Vec::new();
+        shapes.extend(polygon(corners(self.corners)).map(|path| Shape::Path {
+            path,
+            fill: None,
+            stroke: Some(ink),
+        }));
         let (x, y) = (&self.panel.x, &self.panel.y);
         let all = |ticks: &[(f64, String)], minor: &[f64]| -> Vec<(f64, f64)> {
             let long = ticks.iter().map(|tick| (tick.0, TICK));
@@ -301,11 +306,11 @@ impl Frame<'_> {
         };
         for (place, length) in all(&x.ticks, &x.minor) {
             let at = self.x(place);
-            shapes.push(Shape::line([[at, bottom], [at, bottom - length]], ink));
+            shapes.extend(Shape::line([[at, bottom], [at, bottom - length]], ink));
         }
         for (place, length) in all(&y.ticks, &y.minor) {
             let at = self.y(place);
-            shapes.push(Shape::line([[left, at], [left + length, at]], ink));
+            shapes.extend(Shape::line([[left, at], [left + length, at]], ink));
         }
         for place in &x.breaks {
             let at = self.x(*place);
@@ -313,11 +318,12 @@ impl Frame<'_> {
                 let [low, high] = [edge + 2.2, edge - 2.2];
                 let slash = |at: f64| [[at - 0.9, low], [at + 0.9, high]];
                 let [[a, b], [c, d]] = [at - 1.0, at + 1.0].map(slash);
-                shapes.extend([
-                    Shape::filled([a, b, d, c], Colour::WHITE, 1.0),
-                    Shape::line([a, b], ink),
-                    Shape::line([c, d], ink),
-                ]);
+                shapes.extend(Shape::filled([a, b, d, c], Colour::WHITE, 1.0));
+                shapes.extend(
+                    [[a, b], [c, d]]
+                        .into_iter()
+                        .filter_map(|ends| Shape::line(ends, ink)),
+                );
             }
         }
         shapes

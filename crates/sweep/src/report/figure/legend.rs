@@ -89,7 +89,7 @@ impl<'o> Legend<'o> {
 }
 
 /// How many places a box hides.
-pub(super) fn hidden([from, to]: [Place; 2], obstacles: &[Place]) -> usize {
+fn hidden([from, to]: [Place; 2], obstacles: &[Place]) -> usize {
     let is_hidden =
         |[x, y]: &&Place| (from[0]..=to[0]).contains(x) && (from[1]..=to[1]).contains(y);
     obstacles.iter().filter(is_hidden).count()
@@ -100,17 +100,21 @@ fn sample(curve: &Curve, from: f64, to: f64, y: f64) -> Vec<Shape> {
     let mut shapes = Vec::new();
     if !curve.pieces.is_empty() || curve.marker.is_none() {
         let part = if curve.marker.is_none() { 1.8 } else { 1.0 };
-        let width = part * curve.width;
         let stroke = Stroke {
             dashes: curve.dashes,
-            ..Stroke::solid(curve.colour, width)
+            ..Stroke::solid(curve.colour, part * curve.width)
         };
-        shapes.push(Shape::line([[from, y], [to, y]], stroke));
+        shapes.extend(Shape::line([[from, y], [to, y]], stroke));
     }
     if let Some(kind) = curve.marker {
         let middle = [0.5 * (from + to), y];
-        let drawn = marker(kind, middle, curve.marker_size, curve.colour, curve.width);
-        shapes.extend(drawn);
+        shapes.extend(marker(
+            kind,
+            middle,
+            curve.marker_size,
+            curve.colour,
+            curve.width,
+        ));
     }
     shapes
 }

@@ -1,9 +1,10 @@
 //! How a figure is to look: lengths, colours and markers, which a group keeps in a file of its own, and what one figure asks for.
 
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
-use super::refused_as;
-use crate::axes::Axis;
+use crate::axes::{AXES, Axis};
 use crate::report::error::ReportError;
+use crate::report::selection::range;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::Deserialize;
 use std::str::FromStr;
 
@@ -141,7 +142,7 @@ impl Style {
     /// [`ReportError::Argument`] on a key that is none, or a value that cannot be meant.
     pub fn read(text: &str) -> Result<Self, ReportError> {
         let style: Self = toml::from_str(text)
-            .map_err(|error| refused_as("--style", error.to_string().trim_end().to_owned()))?;
+            .map_err(|error| ReportError::argument("--style", error.to_string().trim_end()))?;
         style.check("--style")?;
         Ok(style)
     }
@@ -165,12 +166,12 @@ impl Style {
                 let message = format!(
                     "a {name} of {value}{unit} is out of range: {low}{unit} to {high}{unit}"
                 );
-                return Err(refused_as(argument, message));
+                return Err(ReportError::argument(argument, message));
             }
         }
         if self.colours.is_empty() || self.markers.is_empty() {
-            let message = "colours and markers need at least one each".into();
-            return Err(refused_as(argument, message));
+            let message = "colours and markers need at least one each";
+            return Err(ReportError::argument(argument, message));
         }
         Ok(())
     }
@@ -187,9 +188,8 @@ impl FromStr for Range {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let ends = text.split_once("..");
-        match ends.map(|(low, high)| [low, high].map(|end| end.trim().parse::<f64>())) {
-            Some([Ok(low), Ok(high)]) if low.is_finite() && high.is_finite() && low < high => {
+        match range(text) {
+            Some([low, high]) if low.is_finite() && high.is_finite() && low < high => {
                 Ok(Self { low, high })
             }
             _ => Err(format!(
@@ -200,24 +200,47 @@ impl FromStr for Range {
 }
 
 /// What one figure asks for besides its style.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, clap::Args)]
 pub struct Look {
     /// Its style.
+    #[arg(skip)]
     pub style: Style,
-    /// A logarithmic vertical axis; by default where the numbers span more than a decade.
-    pub log_y: bool,
-    /// The ends of the horizontal axis.
-    pub x_range: Option<Range>,
-    /// The ends of the vertical axis.
-    pub y_range: Option<Range>,
-    /// What the horizontal axis is called.
-    pub x_label: Option<String>,
-    /// What the vertical axis is called.
-    pub y_label: Option<String>,
-    /// Entries of the legend, in the order of the curves; their own if there are none.
-    pub labels: Vec<String>,
-    /// The axis of which every value has a panel of its own.
+    /// A panel for every value of this axis
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(|_| true), requires = "figure")]
     pub panels: Option<&'static Axis>,
+    /// A logarithmic vertical axis [default: where the numbers are positive and span more than a decade]
+    #[arg(long, requires = "figure")]
+    pub log_y: bool,
+    /// Ends of the horizontal axis, such as 0.01..100; plateaus stay beside them
+    #[arg(long, value_name = "LOW..HIGH", requires = "figure")]
+    pub x_range: Option<Range>,
+    /// Ends of the vertical axis
+    #[arg(
+        long,
+        value_name = "LOW..HIGH",
+        allow_hyphen_values = true,
+        requires = "figure"
+    )]
+    pub y_range: Option<Range>,
+    /// What the horizontal axis is called
+    #[arg(long, value_name = "TEXT", requires = "figure")]
+    pub x_label: Option<String>,
+    /// What the vertical axis is called
+    #[arg(long, value_name = "TEXT", requires = "figure")]
+    pub y_label: Option<String>,
+    /// An entry of the legend; given once for every curve, in their order
+    #[arg(long = "label", value_name = "TEXT", requires = "figure")]
+    pub labels: Vec<String>,
+}
+
+/// Reads the name of one of some axes, as the campaign file has it, or its symbol.
+pub(super) fn axis_among(
+    is_meant: fn(&Axis) -> bool,
+) -> impl TypedValueParser<Value = &'static Axis> {
+    let names = AXES.iter().filter(|axis| is_meant(axis));
+    let names = names.map(|axis| PossibleValue::new(axis.key).aliases(axis.other_names()));
+    PossibleValuesParser::new(names)
+        .try_map(|name| Axis::named(&name).ok_or("no axis of a campaign"))
 }
 
 impl Look {

@@ -1,73 +1,43 @@
 //! What a figure says of where it comes from.
 
 use crate::report::points::Report;
-use std::fmt;
 
 /// Characters of a key that tell a run from all others.
 const KEY: usize = 16;
 
-/// Where a figure comes from: campaigns, runs by their keys, programs that computed them.
-#[derive(Debug, Default)]
+/// Where a figure comes from.
+#[derive(Debug)]
 pub(super) struct Origin {
-    campaigns: Vec<Part>,
+    /// One line.
+    pub(super) title: String,
+    /// All of it, a line each: campaigns, programs that computed them, runs by their keys.
+    pub(super) text: String,
 }
 
-/// What comes from one store.
-#[derive(Debug)]
-struct Part {
-    campaign: String,
-    selection: String,
-    programs: Vec<String>,
-    keys: Vec<String>,
-}
+/// The program that draws.
+pub(super) const PROGRAM: &str = concat!("sweep ", env!("CARGO_PKG_VERSION"));
 
 impl Origin {
     /// The origin of what is made of reports.
     pub(super) fn of(reports: &[Report]) -> Self {
-        let part = |report: &Report| Part {
-            campaign: report.campaign.clone(),
-            selection: report.selection.to_string(),
-            programs: report.programs(),
-            keys: report
-                .keys
-                .iter()
-                .map(|key| key.get(..KEY).unwrap_or(key).to_owned())
-                .collect(),
-        };
+        let names: Vec<&str> = reports.iter().map(|r| r.campaign.as_str()).collect();
+        let mut lines = vec![format!("drawn by {PROGRAM}")];
+        for report in reports {
+            lines.push(format!("campaign {}", report.campaign));
+            if !report.selection.is_everything() {
+                lines.push(format!("only where {}", report.selection));
+            }
+            let programs = report.programs().into_iter();
+            lines.extend(programs.map(|program| format!("computed by {program}")));
+            let keys = report.keys.iter().map(|key| key.get(..KEY).unwrap_or(key));
+            lines.push(format!("keys {}", keys.collect::<Vec<_>>().join(" ")));
+        }
         Self {
-            campaigns: reports.iter().map(part).collect(),
+            title: match names.as_slice() {
+                [] => "two spheres that pass".into(),
+                names => names.join(", "),
+            },
+            text: lines.join("\n") + "\n",
         }
-    }
-
-    /// The program that draws.
-    pub(super) fn program() -> String {
-        concat!("sweep ", env!("CARGO_PKG_VERSION")).into()
-    }
-
-    /// One line.
-    pub(super) fn title(&self) -> String {
-        let names: Vec<&str> = self.campaigns.iter().map(|p| p.campaign.as_str()).collect();
-        match names.as_slice() {
-            [] => "two spheres that pass".into(),
-            names => names.join(", "),
-        }
-    }
-}
-
-/// All of it: a line each.
-impl fmt::Display for Origin {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "drawn by {}", Self::program())?;
-        for part in &self.campaigns {
-            writeln!(f, "campaign {}", part.campaign)?;
-            if !part.selection.is_empty() {
-                writeln!(f, "only where {}", part.selection)?;
-            }
-            for program in &part.programs {
-                writeln!(f, "computed by {program}")?;
-            }
-            writeln!(f, "keys {}", part.keys.join(" "))?;
-        }
-        Ok(())
     }
 }

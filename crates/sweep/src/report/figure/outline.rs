@@ -5,7 +5,6 @@
 use super::legend::Legend;
 use super::look::{Intervals, LegendPlace, Look, Range};
 use super::palette::{Colour, Marker};
-use super::refused_as;
 use super::scale::{Scale, extent};
 use super::sketch::{Field, Form, Height, Line, Sketch, Spot};
 use crate::report::error::ReportError;
@@ -15,6 +14,8 @@ use serde::Serialize;
 const SLENDERNESS: f64 = 0.74;
 /// Dashes of lines without markers, which tell them apart in grey print.
 const DASHES: [Option<[f64; 2]>; 4] = [None, Some([4.0, 1.2]), Some([1.4, 1.0]), Some([8.0, 1.6])];
+/// What dashed lines are called.
+const DILUTE: &str = "dilute 1 + 5c/3";
 /// Room above and below the numbers of a logarithmic axis, over its length.
 const MARGIN: f64 = 0.05;
 /// Distance of bars of several curves at the same place, over the width of the axis.
@@ -123,7 +124,7 @@ impl Outline {
                 title: field.title.clone(),
                 curves: curves.collect(),
                 dashed: field.dilute.clone(),
-                dashed_label: (labelled == Some(place)).then_some("dilute 1 + 5c/3"),
+                dashed_label: (labelled == Some(place)).then_some(DILUTE),
                 shaded,
                 x: x.clone(),
                 y: y.clone(),
@@ -135,25 +136,21 @@ impl Outline {
             curves.any(is_there)
         };
         let tick_size = 0.9 * style.font_size;
+        let missing = has(|curve| !curve.missing.is_empty());
+        let discards = has(|curve| curve.discard.is_some());
         let notes = [
-            (
-                has(|curve| !curve.missing.is_empty()),
-                "no result",
-                Marker::Cross,
-            ),
-            (
-                has(|curve| curve.discard.is_some()),
-                "end of the strain discarded",
-                Marker::Bar,
-            ),
+            (labelled.is_some(), DILUTE, None),
+            (missing, "no result", Some(Marker::Cross)),
+            (discards, "end of the strain discarded", Some(Marker::Bar)),
         ];
         let notes = notes.into_iter().filter(|note| note.0);
         let notes = notes.map(|(_, label, marker)| Curve {
             label: label.into(),
             colour: Colour::GREY,
-            marker: Some(marker),
+            marker,
             marker_size: 0.25 * tick_size,
-            width: 0.8,
+            width: if marker.is_some() { 0.8 } else { 0.4 },
+            dashes: marker.is_none().then_some([4.5, 3.0]),
             ..Curve::default()
         });
         let mut outline = Self {
@@ -206,7 +203,7 @@ fn vertical(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     let limits = || sketch.panels.iter().flat_map(|p| p.dilute.iter().copied());
     let [low, high] = extent(heights().map(|height| height.value));
     if look.log_y && low <= 0.0 {
-        return Err(refused_as(
+        return Err(ReportError::argument(
             "--log-y",
             format!("there is a value of {low:.4}: numbers of 0 or below have no logarithm"),
         ));
@@ -215,7 +212,7 @@ fn vertical(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     let logarithmic = look.log_y || (low > 0.0 && high > 10.0 * low);
     if let Some(Range { low, high }) = look.y_range {
         if logarithmic && low <= 0.0 {
-            return Err(refused_as(
+            return Err(ReportError::argument(
                 "--y-range",
                 format!("the axis is logarithmic and cannot begin at {low}"),
             ));
@@ -244,10 +241,9 @@ fn horizontal(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     let label = look.x_label.clone().unwrap_or_else(|| sketch.x.clone());
     if let Some(log) = sketch.log {
         if look.x_range.is_some_and(|range| range.low < 0.0) {
-            return Err(refused_as(
+            return Err(ReportError::argument(
                 "--x-range",
-                "the axis is logarithmic: it can begin at 0, with the plateau beside it, or above"
-                    .into(),
+                "the axis is logarithmic: it can begin at 0, with the plateau beside it, or above",
             ));
         }
         return Ok(Scale::of_decades(label, log, look.x_range));

@@ -1,13 +1,14 @@
 //! A page as PDF, with the letters it uses of its font.
 
 use super::font;
-use super::origin::Origin;
+use super::origin::{Origin, PROGRAM};
 use super::palette::Colour;
-use super::scene::{Page, Place, Segment, Shape, Stroke, Text, single};
+use super::scene::{Page, Place, Shape, Stroke, Text, single};
 use pdf_writer::types::{CidFontType, FontFlags, LineJoinStyle, SystemInfo, UnicodeCmap};
 use pdf_writer::{Content, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
 use std::collections::BTreeMap;
 use subsetter::GlyphRemapper;
+use tiny_skia::{Path, PathSegment, Transform};
 
 const FONT: Name<'static> = Name(b"F1");
 /// A prefix of six letters says that the font is a part of itself.
@@ -49,7 +50,7 @@ pub(super) fn write(page: &Page, origin: &Origin) -> Result<Vec<u8>, String> {
         let mut state = states
             .insert(Name(name.as_bytes()))
             .start::<pdf_writer::writers::ExtGraphicsState<'_>>();
-        state.non_stroking_alpha(single(*opacity));
+        state.non_stroking_alpha(*opacity);
     }
     states.finish();
     resources.finish();
@@ -57,9 +58,9 @@ pub(super) fn write(page: &Page, origin: &Origin) -> Result<Vec<u8>, String> {
     pdf.stream(content, &writer.content.finish());
     write_font(&mut pdf, font, &writer.letters, &writer.characters)?;
     pdf.document_info(info)
-        .title(TextStr(&origin.title()))
-        .subject(TextStr(&origin.to_string()))
-        .creator(TextStr(&Origin::program()));
+        .title(TextStr(&origin.title))
+        .subject(TextStr(&origin.text))
+        .creator(TextStr(PROGRAM));
     Ok(pdf.finish())
 }
 
@@ -80,26 +81,22 @@ struct Writer {
     letters: GlyphRemapper,
     /// Characters by the new numbers of their letters.
     characters: BTreeMap<u16, char>,
-    opacities: Vec<f64>,
+    opacities: Vec<f32>,
 }
 
 impl Writer {
     fn draw(&mut self, shape: &Shape) -> Result<(), String> {
         match shape {
-            Shape::Path {
-                segments,
-                fill,
-                stroke,
-            } => {
+            Shape::Path { path, fill, stroke } => {
                 self.content.save_state();
-                if let Some(fill) = fill {
-                    self.fill(fill.colour);
-                    self.opacity(fill.opacity);
+                if let Some((colour, opacity)) = fill {
+                    self.fill(*colour);
+                    self.opacity(*opacity);
                 }
                 if let Some(stroke) = stroke {
                     self.stroke(stroke);
                 }
-                self.path(segments);
+                self.path(path);
                 match (fill, stroke) {
                     (Some(_), Some(_)) => self.content.fill_nonzero_and_stroke(),
                     (Some(_), None) => self.content.fill_nonzero(),
@@ -109,13 +106,16 @@ impl Writer {
                 self.content.restore_state();
             }
             Shape::Text(text) => self.text(text)?,
-            Shape::Clip(segments) => {
-                self.content.save_state();
-                self.path(segments);
-                self.content.clip_nonzero();
-                self.content.end_path();
-            }
-            Shape::EndClip => {
+            Shape::Within([from, to], shapes) => {
+                let ([left, top], [right, bottom]) = (self.place(*from), self.place(*to));
+                self.content
+                    .save_state()
+                    .rect(left, bottom, right - left, top - bottom)
+                    .clip_nonzero()
+                    .end_path();
+                for shape in shapes {
+                    self.draw(shape)?;
+                }
                 self.content.restore_state();
             }
         }
@@ -127,7 +127,7 @@ impl Writer {
         self.content.set_fill_rgb(red, green, blue);
     }
 
-    fn opacity(&mut self, opacity: f64) {
+    fn opacity(&mut self, opacity: f32) {
         if opacity < 1.0 {
             let known = self.opacities.iter().position(|known| *known == opacity);
             let number = known.unwrap_or(self.opacities.len());
@@ -154,25 +154,19 @@ impl Writer {
         [single(x), single(self.height - y)]
     }
 
-    fn path(&mut self, segments: &[Segment]) {
-        for segment in segments {
+    fn path(&mut self, path: &Path) {
+        let y_up = Transform::from_row(1.0, 0.0, 0.0, -1.0, 0.0, single(self.height));
+        let content = &mut self.content;
+        for segment in path.clone().transform(y_up).iter().flat_map(Path::segments) {
             match segment {
-                Segment::Move(place) => {
-                    let [x, y] = self.place(*place);
-                    self.content.move_to(x, y);
+                PathSegment::MoveTo(to) => content.move_to(to.x, to.y),
+                PathSegment::LineTo(to) => content.line_to(to.x, to.y),
+                PathSegment::CubicTo(a, b, to) => content.cubic_to(a.x, a.y, b.x, b.y, to.x, to.y),
+                PathSegment::QuadTo(control, to) => {
+                    content.cubic_to_final(control.x, control.y, to.x, to.y)
                 }
-                Segment::Line(place) => {
-                    let [x, y] = self.place(*place);
-                    self.content.line_to(x, y);
-                }
-                Segment::Curve(places) => {
-                    let [[x1, y1], [x2, y2], [x, y]] = places.map(|place| self.place(place));
-                    self.content.cubic_to(x1, y1, x2, y2, x, y);
-                }
-                Segment::Close => {
-                    self.content.close_path();
-                }
-            }
+                PathSegment::Close => content.close_path(),
+            };
         }
     }
 

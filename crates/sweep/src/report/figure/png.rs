@@ -2,10 +2,10 @@
 
 use super::font;
 use super::look::POINTS_PER_INCH;
-use super::origin::Origin;
+use super::origin::{Origin, PROGRAM};
 use super::palette::Colour;
 use super::scale::count;
-use super::scene::{Page, Place, Segment, Shape, Stroke, Text, single};
+use super::scene::{Page, Shape, Stroke, Text, corners, polygon, single};
 use png::{BitDepth, ColorType, Encoder, PixelDimensions, Unit};
 use tiny_skia::{
     Color, FillRule, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, StrokeDash, Transform,
@@ -32,42 +32,39 @@ pub(super) fn write(page: &Page, dpi: u32, origin: &Origin) -> Result<Vec<u8>, S
     })?;
     picture.fill(Color::WHITE);
     let scaled = Transform::from_scale(single(scale), single(scale));
-    let mut clip: Option<Mask> = None;
-    for shape in &page.shapes {
+    draw(&mut picture, &page.shapes, scaled, None);
+    encode(&picture, dpi, origin).map_err(|error| error.to_string())
+}
+
+/// Draws shapes within a clip.
+fn draw(picture: &mut Pixmap, shapes: &[Shape], scaled: Transform, clip: Option<&Mask>) {
+    for shape in shapes {
         match shape {
-            Shape::Path {
-                segments,
-                fill,
-                stroke,
-            } => {
-                let Some(path) = path(segments) else {
-                    continue;
-                };
-                if let Some(fill) = fill {
-                    let paint = paint(fill.colour, fill.opacity);
-                    picture.fill_path(&path, &paint, FillRule::Winding, scaled, clip.as_ref());
+            Shape::Path { path, fill, stroke } => {
+                if let Some((colour, opacity)) = fill {
+                    let paint = paint(*colour, *opacity);
+                    picture.fill_path(path, &paint, FillRule::Winding, scaled, clip);
                 }
                 if let Some(stroke) = stroke {
                     let paint = paint(stroke.colour, 1.0);
-                    picture.stroke_path(&path, &paint, &line(stroke), scaled, clip.as_ref());
+                    picture.stroke_path(path, &paint, &line(stroke), scaled, clip);
                 }
             }
             Shape::Text(text) => {
                 if let Some(path) = letters(text) {
                     let paint = paint(Colour::INK, 1.0);
-                    picture.fill_path(&path, &paint, FillRule::Winding, scaled, clip.as_ref());
+                    picture.fill_path(&path, &paint, FillRule::Winding, scaled, clip);
                 }
             }
-            Shape::Clip(segments) => {
-                clip = Mask::new(picture.width(), picture.height());
-                if let (Some(mask), Some(path)) = (&mut clip, path(segments)) {
+            Shape::Within(ends, shapes) => {
+                let mut mask = Mask::new(picture.width(), picture.height());
+                if let (Some(mask), Some(path)) = (&mut mask, polygon(corners(*ends))) {
                     mask.fill_path(&path, FillRule::Winding, true, scaled);
                 }
+                draw(picture, shapes, scaled, mask.as_ref());
             }
-            Shape::EndClip => clip = None,
         }
     }
-    encode(&picture, dpi, origin).map_err(|error| error.to_string())
 }
 
 /// A number of dots.
@@ -75,10 +72,10 @@ fn dots(number: f64) -> u32 {
     u32::try_from(count(number)).unwrap_or(u32::MAX)
 }
 
-fn paint(colour: Colour, opacity: f64) -> Paint<'static> {
+fn paint(colour: Colour, opacity: f32) -> Paint<'static> {
     let [red, green, blue] = colour.channels();
     let mut color = Color::from_rgba8(red, green, blue, 255);
-    color.apply_opacity(single(opacity));
+    color.apply_opacity(opacity);
     let mut paint = Paint::default();
     paint.set_color(color);
     paint
@@ -92,23 +89,6 @@ fn line(stroke: &Stroke) -> tiny_skia::Stroke {
         dash: dashes.and_then(|lengths| StrokeDash::new(lengths, 0.0)),
         ..tiny_skia::Stroke::default()
     }
-}
-
-/// A path; `None` where nothing would be seen.
-fn path(segments: &[Segment]) -> Option<Path> {
-    let mut builder = PathBuilder::new();
-    for segment in segments {
-        match segment {
-            Segment::Move([x, y]) => builder.move_to(single(*x), single(*y)),
-            Segment::Line([x, y]) => builder.line_to(single(*x), single(*y)),
-            Segment::Curve(places) => {
-                let [[x1, y1], [x2, y2], [x, y]] = places.map(|place: Place| place.map(single));
-                builder.cubic_to(x1, y1, x2, y2, x, y);
-            }
-            Segment::Close => builder.close(),
-        }
-    }
-    builder.finish()
 }
 
 /// The outlines of the letters of a text.
@@ -170,9 +150,9 @@ fn encode(picture: &Pixmap, dpi: u32, origin: &Origin) -> Result<Vec<u8>, png::E
         yppu: per_metre,
         unit: Unit::Meter,
     }));
-    encoder.add_itxt_chunk("Title".into(), origin.title())?;
-    encoder.add_itxt_chunk("Source".into(), origin.to_string())?;
-    encoder.add_text_chunk("Software".into(), Origin::program())?;
+    encoder.add_itxt_chunk("Title".into(), origin.title.clone())?;
+    encoder.add_itxt_chunk("Source".into(), origin.text.clone())?;
+    encoder.add_text_chunk("Software".into(), PROGRAM.into())?;
     // Nothing shows through: the page is white below.
     let colours: Vec<u8> = picture
         .pixels()
@@ -186,7 +166,7 @@ fn encode(picture: &Pixmap, dpi: u32, origin: &Origin) -> Result<Vec<u8>, png::E
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::figure::scene::{Anchor, corners, polygon};
+    use crate::report::figure::scene::Anchor;
 
     /// A page of 20 × 20 points at one dot per point: the colour of each dot.
     fn drawn(shapes: Vec<Shape>) -> impl Fn(usize, usize) -> [u8; 3] {
@@ -195,7 +175,7 @@ mod tests {
             height: 20.0,
             shapes,
         };
-        let file = write(&page, 72, &Origin::default()).unwrap();
+        let file = write(&page, 72, &Origin::of(&[])).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(file))
             .read_info()
             .unwrap();
@@ -210,15 +190,15 @@ mod tests {
     #[test]
     fn areas_and_dashed_lines_are_drawn_within_their_clip() {
         let black = Colour::default();
+        let filled = |ends, opacity| Shape::filled(corners(ends), black, opacity).unwrap();
+        let dashed = Stroke::solid(black, 1.0).dashed(4.0, 2.0);
         let dot = drawn(vec![
-            Shape::Clip(polygon(corners([[0.0, 0.0], [10.0, 20.0]]))),
-            Shape::filled(corners([[2.0, 2.0], [18.0, 8.0]]), black, 1.0),
-            Shape::EndClip,
-            Shape::filled(corners([[2.0, 10.0], [8.0, 12.0]]), black, 0.5),
-            Shape::line(
-                [[0.0, 15.5], [20.0, 15.5]],
-                Stroke::solid(black, 1.0).dashed(4.0, 2.0),
+            Shape::Within(
+                [[0.0, 0.0], [10.0, 20.0]],
+                vec![filled([[2.0, 2.0], [18.0, 8.0]], 1.0)],
             ),
+            filled([[2.0, 10.0], [8.0, 12.0]], 0.5),
+            Shape::line([[0.0, 15.5], [20.0, 15.5]], dashed).unwrap(),
         ]);
         assert_eq!([dot(4, 4), dot(12, 4), dot(4, 9)], [BLACK, WHITE, WHITE]);
         assert!(dot(4, 10)[0].abs_diff(128) < 2);
@@ -246,7 +226,7 @@ mod tests {
             height: 1700.0,
             shapes: Vec::new(),
         };
-        let error = write(&page, 2400, &Origin::default()).unwrap_err();
+        let error = write(&page, 2400, &Origin::of(&[])).unwrap_err();
         assert!(error.contains("lower dpi"), "{error}");
     }
 }

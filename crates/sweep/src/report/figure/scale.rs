@@ -197,7 +197,7 @@ pub(super) fn extent(numbers: impl IntoIterator<Item = f64>) -> [f64; 2] {
     clippy::cast_sign_loss,
     reason = "0 for what is negative"
 )]
-pub(super) fn count(number: f64) -> usize {
+pub(in crate::report) fn count(number: f64) -> usize {
     number as usize
 }
 

@@ -1,8 +1,9 @@
-//! What is drawn on a page: paths, lines of text, and clips, from which every kind of file is made.
+//! What is drawn on a page: paths and lines of text, from which every kind of file is made.
 
 use super::font;
 use super::palette::{Colour, Marker};
 use super::scale::count;
+use tiny_skia::{Path, PathBuilder, PathSegment, Transform};
 
 /// A place on a page, in points from its upper left corner, x to the right and y down.
 pub(super) type Place = [f64; 2];
@@ -24,34 +25,15 @@ pub(super) struct Page {
 /// One shape.
 #[derive(Debug)]
 pub(super) enum Shape {
-    /// A path that is filled, then stroked.
+    /// A path that is filled with a colour of some opacity, then stroked.
     Path {
-        segments: Vec<Segment>,
-        fill: Option<Fill>,
+        path: Path,
+        fill: Option<(Colour, f32)>,
         stroke: Option<Stroke>,
     },
     Text(Text),
-    /// A closed path outside of which nothing is drawn until [`Shape::EndClip`].
-    Clip(Vec<Segment>),
-    EndClip,
-}
-
-/// A part of a path.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Segment {
-    Move(Place),
-    Line(Place),
-    /// A cubic Bézier curve: two control points and the end.
-    Curve([Place; 3]),
-    Close,
-}
-
-/// How an area is filled.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Fill {
-    pub(super) colour: Colour,
-    /// From 0 to 1.
-    pub(super) opacity: f64,
+    /// What of some shapes lies in a box between these corners.
+    Within([Place; 2], Vec<Shape>),
 }
 
 /// How a line is drawn.
@@ -101,49 +83,44 @@ impl Stroke {
 }
 
 impl Shape {
-    /// A line through places.
-    pub(super) fn line(places: impl IntoIterator<Item = Place>, stroke: Stroke) -> Self {
-        Self::Path {
-            segments: through(places),
+    /// A line through places; `None` through fewer than two.
+    pub(super) fn line(places: impl IntoIterator<Item = Place>, stroke: Stroke) -> Option<Self> {
+        Some(Self::Path {
+            path: through(places).finish()?,
             fill: None,
             stroke: Some(stroke),
-        }
+        })
     }
 
-    /// A polygon.
-    pub(super) fn area(
-        corners: impl IntoIterator<Item = Place>,
-        fill: Option<Fill>,
-        stroke: Option<Stroke>,
-    ) -> Self {
-        Self::Path {
-            segments: polygon(corners),
-            fill,
-            stroke,
-        }
-    }
-
-    /// A filled polygon without an outline.
+    /// A filled polygon.
     pub(super) fn filled(
         corners: impl IntoIterator<Item = Place>,
         colour: Colour,
-        opacity: f64,
-    ) -> Self {
-        Self::area(corners, Some(Fill { colour, opacity }), None)
+        opacity: f32,
+    ) -> Option<Self> {
+        Some(Self::Path {
+            path: polygon(corners)?,
+            fill: Some((colour, opacity)),
+            stroke: None,
+        })
     }
 
     /// Places that it passes, along straight lines at most `step` apart.
     pub(super) fn places(&self, step: f64) -> Vec<Place> {
-        let Self::Path { segments, .. } = self else {
+        let Self::Path { path, .. } = self else {
             return Vec::new();
         };
         let mut places: Vec<Place> = Vec::new();
-        for segment in segments {
-            let (Segment::Move(to) | Segment::Line(to) | Segment::Curve([_, _, to])) = *segment
+        for segment in path.segments() {
+            let (PathSegment::MoveTo(to)
+            | PathSegment::LineTo(to)
+            | PathSegment::QuadTo(_, to)
+            | PathSegment::CubicTo(_, _, to)) = segment
             else {
                 continue;
             };
-            if let (Segment::Line(_), Some(&from)) = (segment, places.last()) {
+            let to = [to.x, to.y].map(f64::from);
+            if let (PathSegment::LineTo(_), Some(&from)) = (segment, places.last()) {
                 let length = (to[0] - from[0]).hypot(to[1] - from[1]);
                 let number = count((length / step).ceil().min(1e4));
                 let place = |n: usize| {
@@ -157,20 +134,24 @@ impl Shape {
     }
 }
 
-/// The segments of a line through places.
-fn through(places: impl IntoIterator<Item = Place>) -> Vec<Segment> {
-    let mut segments: Vec<Segment> = places.into_iter().map(Segment::Line).collect();
-    if let Some(Segment::Line(first)) = segments.first().copied() {
-        segments[0] = Segment::Move(first);
+/// A line through places.
+fn through(places: impl IntoIterator<Item = Place>) -> PathBuilder {
+    let mut path = PathBuilder::new();
+    for [x, y] in places.into_iter().map(|place| place.map(single)) {
+        if path.is_empty() {
+            path.move_to(x, y);
+        } else {
+            path.line_to(x, y);
+        }
     }
-    segments
+    path
 }
 
-/// The segments of a polygon.
-pub(super) fn polygon(corners: impl IntoIterator<Item = Place>) -> Vec<Segment> {
-    let mut segments = through(corners);
-    segments.push(Segment::Close);
-    segments
+/// A polygon; `None` of fewer than two corners.
+pub(super) fn polygon(corners: impl IntoIterator<Item = Place>) -> Option<Path> {
+    let mut path = through(corners);
+    path.close();
+    path.finish()
 }
 
 /// All corners of a box, of which two opposite ones are given.
@@ -246,65 +227,59 @@ impl Text {
 /// A marker of a radius at a place.
 pub(super) fn marker(
     kind: Marker,
-    place: Place,
+    [x, y]: Place,
     radius: f64,
     colour: Colour,
     width: f64,
-) -> Vec<Shape> {
-    let stroke = Stroke::solid(colour, width);
-    let at = |[x, y]: Place| [place[0] + radius * x, place[1] + radius * y];
-    let fill = |colour| {
-        Some(Fill {
-            colour,
-            opacity: 1.0,
-        })
-    };
-    let area = |corners: &[Place], colour| {
-        let corners = corners.iter().copied().map(at);
-        vec![Shape::area(corners, fill(colour), Some(stroke))]
-    };
-    let disc = |colour| {
-        vec![Shape::Path {
-            segments: circle(place, radius),
-            fill: fill(colour),
-            stroke: Some(stroke),
-        }]
-    };
-    let lines = |lines: &[[Place; 2]]| {
-        let line = |ends: &[Place; 2]| Shape::line(ends.map(at), stroke);
-        lines.iter().map(line).collect()
-    };
-    let square = corners([[-0.9, -0.9], [0.9, 0.9]]);
+) -> Option<Shape> {
     let triangle = [[0.0, -1.2], [1.1, 0.8], [-1.1, 0.8]];
-    let diamond = [[0.0, -1.3], [1.3, 0.0], [0.0, 1.3], [-1.3, 0.0]];
-    match kind {
-        Marker::Circle => disc(colour),
-        Marker::HollowCircle => disc(Colour::WHITE),
-        Marker::Square => area(&square, colour),
-        Marker::HollowSquare => area(&square, Colour::WHITE),
-        Marker::Triangle => area(&triangle, colour),
-        Marker::HollowTriangle => area(&triangle, Colour::WHITE),
-        Marker::Diamond => area(&diamond, colour),
-        Marker::HollowDiamond => area(&diamond, Colour::WHITE),
-        Marker::TriangleDown => area(&triangle.map(|[x, y]| [x, -y]), colour),
-        Marker::Cross => lines(&[[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]]),
-        Marker::Plus => lines(&[[[-1.2, 0.0], [1.2, 0.0]], [[0.0, -1.2], [0.0, 1.2]]]),
-        Marker::Bar => lines(&[[[0.0, -2.0], [0.0, 2.0]]]),
-    }
+    let lines = |[a, b]: [Place; 2], [c, d]: [Place; 2]| {
+        let mut path = through([a, b]);
+        path.push_path(&through([c, d]).finish()?);
+        path.finish()
+    };
+    let (path, fill) = match kind {
+        Marker::Circle => (circle(), Some(colour)),
+        Marker::HollowCircle => (circle(), Some(Colour::WHITE)),
+        Marker::Square => (polygon(SQUARE), Some(colour)),
+        Marker::HollowSquare => (polygon(SQUARE), Some(Colour::WHITE)),
+        Marker::Triangle => (polygon(triangle), Some(colour)),
+        Marker::HollowTriangle => (polygon(triangle), Some(Colour::WHITE)),
+        Marker::TriangleDown => (polygon(triangle.map(|[x, y]| [x, -y])), Some(colour)),
+        Marker::Diamond => (polygon(DIAMOND), Some(colour)),
+        Marker::HollowDiamond => (polygon(DIAMOND), Some(Colour::WHITE)),
+        Marker::Cross => (
+            lines([[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]),
+            None,
+        ),
+        Marker::Plus => (
+            lines([[-1.2, 0.0], [1.2, 0.0]], [[0.0, -1.2], [0.0, 1.2]]),
+            None,
+        ),
+        Marker::Bar => (through([[0.0, -2.0], [0.0, 2.0]]).finish(), None),
+    };
+    let [x, y, radius] = [x, y, radius].map(single);
+    let placed = Transform::from_translate(x, y).pre_scale(radius, radius);
+    Some(Shape::Path {
+        path: path?.transform(placed)?,
+        fill: fill.map(|colour| (colour, 1.0)),
+        stroke: Some(Stroke::solid(colour, width)),
+    })
 }
 
-/// A circle of four Bézier curves.
-fn circle(centre: Place, radius: f64) -> Vec<Segment> {
+const SQUARE: [Place; 4] = [[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]];
+const DIAMOND: [Place; 4] = [[0.0, -1.3], [1.3, 0.0], [0.0, 1.3], [-1.3, 0.0]];
+
+/// A circle of radius 1 of four Bézier curves.
+fn circle() -> Option<Path> {
     /// Distance of the ends of a quarter circle from its control points, over its radius.
-    const ARC: f64 = 0.552_284_75;
-    let at = |[x, y]: Place| [centre[0] + radius * x, centre[1] + radius * y];
-    let mut segments = vec![Segment::Move(at([1.0, 0.0]))];
-    let ends = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]];
-    segments.extend(ends.windows(2).map(|pair| {
-        let [a, b] = [pair[0], pair[1]];
-        let control = |from: Place, to: Place| at([0, 1].map(|k| from[k] + ARC * to[k]));
-        Segment::Curve([control(a, b), control(b, a), at(b)])
-    }));
-    segments.push(Segment::Close);
-    segments
+    const ARC: f32 = 0.552_284_8;
+    let mut path = PathBuilder::new();
+    path.move_to(1.0, 0.0);
+    for [x, y] in [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]] {
+        // From (x, y) to (-y, x).
+        path.cubic_to(x - ARC * y, y + ARC * x, ARC * x - y, ARC * y + x, -y, x);
+    }
+    path.close();
+    path.finish()
 }

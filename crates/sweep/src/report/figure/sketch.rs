@@ -4,12 +4,17 @@ mod draft;
 
 use super::log_axis::LogAxis;
 use super::palette::{CURVES, ORDERED_CURVES};
-use super::{Drawing, Kind, Quantity, Trace, refused, refused_as};
+use super::{Drawing, Kind, Quantity, Trace, refused};
+use crate::axes::AXES;
+use crate::report::columns::Column;
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
 use crate::report::points::{Point, Report};
 use crate::statistics::Estimate;
 use draft::Draft;
+
+/// Panels that a figure is split into by itself, at most.
+const PANELS: usize = 12;
 
 /// A point of a line.
 #[derive(Debug, Clone, Copy)]
@@ -92,8 +97,16 @@ pub(super) struct Sketch {
     pub(super) log: Option<LogAxis>,
 }
 
-/// A quantity of a point: what its axis is called, its unit, and its value.
-type Measured = (&'static str, &'static str, fn(&Point) -> Option<Height>);
+/// A quantity of every point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Measured {
+    /// What its axis is called.
+    label: &'static str,
+    /// Its column.
+    name: &'static str,
+    /// Its unit.
+    unit: &'static str,
+}
 
 impl From<Estimate> for Height {
     fn from(estimate: Estimate) -> Self {
@@ -114,7 +127,8 @@ impl Height {
     }
 }
 
-/// Makes the sketch of reports, or of traces.
+/// Makes the sketch of reports, or of traces. Where there are more curves than can be told apart and it may be split, each value of
+/// one axis has a panel of its own: of the axes that help, the one with the fewest values.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
@@ -122,9 +136,47 @@ pub(super) fn sketch(
     reports: &[Report],
     traces: &[Trace],
     drawing: &Drawing,
+    may_split: bool,
 ) -> Result<Sketch, ReportError> {
+    let whole = drafted(reports, traces, drawing)?;
+    let Some((number, most)) = excess(&whole.1) else {
+        return arranged(whole, drawing);
+    };
+    let in_panels = |axis| {
+        let mut drawing = drawing.clone();
+        drawing.look.panels = Some(axis);
+        let split = drafted(reports, traces, &drawing).ok()?;
+        excess(&split.1).is_none().then_some((split, drawing))
+    };
+    let by_itself = AXES
+        .iter()
+        .filter(|_| may_split && drawing.look.panels.is_none());
+    let split = by_itself.filter_map(in_panels);
+    let split = split.filter(|((_, sketch), _)| sketch.panels.len() <= PANELS);
+    if let Some((split, drawing)) = split.min_by_key(|((_, sketch), _)| sketch.panels.len()) {
+        return arranged(split, &drawing);
+    }
+    let (more, how) = if drawing.kind == Kind::Trace {
+        (" or more", "runs with --where KEY=VALUE or --case CASE")
+    } else {
+        (
+            "",
+            "points with --where KEY=VALUE, the axis they run along with --along, or another axis of --panels",
+        )
+    };
+    Err(refused(format!(
+        "{number}{more} curves, and at most {most} can be told apart: choose {how}"
+    )))
+}
+
+/// The sketch before its curves have their places.
+fn drafted<'r>(
+    reports: &'r [Report],
+    traces: &[Trace],
+    drawing: &Drawing,
+) -> Result<(Draft<'r>, Sketch), ReportError> {
     let draft = Draft::of(reports, drawing)?;
-    let measured = measured(drawing);
+    let measured = Measured::of(drawing);
     draft.check_units(measured)?;
     let mut sketch = match drawing.kind {
         Kind::Contacts => draft.contacts(),
@@ -140,10 +192,18 @@ pub(super) fn sketch(
     if !sketch.lines.iter().any(has_result) {
         draft.check_scale(measured)?;
         return Err(refused(
-            "there are no results to draw yet; `sweep status` says how far the campaign is".into(),
+            "there are no results to draw yet; `sweep status` says how far the campaign is",
         ));
     }
     sketch.lines.retain(|line| !line.points.is_empty());
+    Ok((draft, sketch))
+}
+
+/// The sketch with its curves in their order, and what is drawn besides.
+fn arranged(
+    (draft, mut sketch): (Draft<'_>, Sketch),
+    drawing: &Drawing,
+) -> Result<Sketch, ReportError> {
     arrange(&mut sketch, drawing)?;
     draft.note_doubtful(&mut sketch, drawing.kind);
     let crosses = draft.jammed(drawing.kind, &sketch);
@@ -151,8 +211,8 @@ pub(super) fn sketch(
     Ok(sketch)
 }
 
-/// Gives every curve its place by its label, the same in all panels, and the labels that were asked for.
-fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
+/// The labels of the curves, each once, and whether colours go by their order.
+fn labels(sketch: &Sketch) -> (Vec<Label>, bool) {
     let mut known: Vec<Label> = Vec::new();
     for line in &sketch.lines {
         if !known.iter().any(|label| label.words == line.label.words) {
@@ -160,20 +220,19 @@ fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
         }
     }
     let is_ordered = known.len() > CURVES && known.iter().all(|label| label.number.is_some());
+    (known, is_ordered)
+}
+
+/// How many curves there are, and how many can be told apart, where these are fewer.
+fn excess(sketch: &Sketch) -> Option<(usize, usize)> {
+    let (known, is_ordered) = labels(sketch);
     let most = if is_ordered { ORDERED_CURVES } else { CURVES };
-    if known.len() > most {
-        let (more, how) = if drawing.kind == Kind::Trace {
-            (" or more", "runs with --where KEY=VALUE or --case KEY")
-        } else {
-            let how =
-                "points with --where KEY=VALUE, the axis they run along with --along, or --panels";
-            ("", how)
-        };
-        return Err(refused(format!(
-            "{}{more} curves, and at most {most} can be told apart: choose {how}",
-            known.len()
-        )));
-    }
+    (known.len() > most).then_some((known.len(), most))
+}
+
+/// Gives every curve its place by its label, the same in all panels, and the labels that were asked for.
+fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
+    let (mut known, is_ordered) = labels(sketch);
     if is_ordered {
         let number = |label: &Label| label.number.unwrap_or(f64::NAN);
         known.sort_by(|a, b| number(a).total_cmp(&number(b)));
@@ -188,7 +247,7 @@ fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
             known.len(),
             there.collect::<Vec<_>>().join(", ")
         );
-        return Err(refused_as("--label", message));
+        return Err(ReportError::argument("--label", message));
     }
     for line in &mut sketch.lines {
         let place = known
@@ -204,39 +263,41 @@ fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
     Ok(())
 }
 
-/// What a figure shows of every point.
-fn measured(drawing: &Drawing) -> Measured {
-    let viscosity = |p: &Point| p.viscosity.map(Height::from);
-    match (drawing.kind, drawing.quantity) {
-        (Kind::NormalStress, _) => ("normal stress difference N₁", "mu rate", |p| {
-            p.normal_stress_difference.map(Height::from)
-        }),
-        (Kind::SecondNormalStress, _) => ("normal stress difference N₂", "mu rate", |p| {
-            p.stress("n2").map(Height::from)
-        }),
-        (Kind::ParticlePressure, _) => ("particle pressure Π", "mu rate", |p| {
-            p.stress("particle_pressure").map(Height::from)
-        }),
-        (Kind::FlowCurve, _) => ("shear stress σ*", "F_crit/a²", |p| {
-            p.shear_stress().map(Height::from)
-        }),
-        (Kind::ApproachVelocity, _) => ("mean approach velocity", "a rate", |p| {
-            p.mean_approach_velocity.map(Height::bare)
-        }),
-        (Kind::Contacts, _) => ("pairs per sphere", "1", |_| None),
-        (_, Quantity::ViscosityStresslet) => ("stresslet viscosity", "mu", |p| {
-            p.viscosity_stresslet.map(Height::from)
-        }),
-        (_, Quantity::ViscosityMedian) => ("median viscosity", "mu", |p| {
-            let value = p.viscosity_median?;
-            let reach = |[low, high]: [f64; 2]| [value - low, high - value];
-            Some(Height {
-                value,
-                interval: p.viscosity_quartiles.map(reach),
-            })
-        }),
-        (Kind::Viscosity | Kind::Trace, Quantity::Viscosity) => {
-            ("relative viscosity η", "mu", viscosity)
+impl Measured {
+    /// What a figure shows.
+    fn of(drawing: &Drawing) -> Self {
+        let (label, name) = match (drawing.kind, drawing.quantity.unwrap_or_default()) {
+            (Kind::NormalStress, _) => ("normal stress difference N₁", "normal_stress_difference"),
+            (Kind::SecondNormalStress, _) => ("normal stress difference N₂", "n2"),
+            (Kind::ParticlePressure, _) => ("particle pressure Π", "particle_pressure"),
+            (Kind::FlowCurve, _) => ("shear stress σ*", "shear_stress"),
+            (Kind::ApproachVelocity, _) => ("mean approach velocity", "mean_approach_velocity"),
+            (Kind::Contacts, _) => ("pairs per sphere", "contacts_per_sphere"),
+            (_, Quantity::ViscosityStresslet) => ("stresslet viscosity", "viscosity_stresslet"),
+            (_, Quantity::ViscosityMedian) => ("median viscosity", "viscosity_median"),
+            (_, Quantity::Viscosity) => ("relative viscosity η", "viscosity"),
+        };
+        Self {
+            label,
+            name,
+            unit: Column::named(name).map_or("", |column| column.unit),
+        }
+    }
+
+    /// It of a point.
+    fn read(self, point: &Point) -> Option<Height> {
+        match self.name {
+            "shear_stress" => point.shear_stress().map(Height::from),
+            "viscosity_median" => {
+                let value = point.number(self.name)?;
+                let quartile = |n: u8| point.number(&format!("{}_quartile_{n}", self.name));
+                let quartiles = quartile(1).zip(quartile(3));
+                Some(Height {
+                    value,
+                    interval: quartiles.map(|(low, high)| [value - low, high - value]),
+                })
+            }
+            name => point.estimate(name).map(Height::from),
         }
     }
 }

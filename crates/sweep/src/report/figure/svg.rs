@@ -4,9 +4,10 @@ use super::font;
 use super::look::Length;
 use super::origin::Origin;
 use super::palette::Colour;
-use super::scene::{Anchor, Page, Place, Segment, Shape, Stroke};
+use super::scene::{Anchor, Page, Shape};
 use base64::Engine as _;
 use std::fmt::Write as _;
+use tiny_skia::{Path, PathSegment};
 
 /// The file: with a size in millimetres, a view box in points, its font and its origin.
 pub(super) fn write(page: &Page, origin: &Origin) -> Vec<u8> {
@@ -24,8 +25,8 @@ pub(super) fn write(page: &Page, origin: &Origin) -> Vec<u8> {
         name = font::EMBEDDED_NAME,
         ink = Colour::INK,
         white = Colour::WHITE,
-        title = escaped(&origin.title()),
-        origin = escaped(&origin.to_string()),
+        title = escaped(&origin.title),
+        origin = escaped(&origin.text),
     );
     for (number, shape) in page.shapes.iter().enumerate() {
         svg.push_str(&element(number, shape));
@@ -51,17 +52,26 @@ fn escaped(text: &str) -> String {
 fn element(number: usize, shape: &Shape) -> String {
     match shape {
         Shape::Path {
-            segments,
+            path: shown,
             fill,
             stroke,
         } => {
-            let path = path(segments);
-            let fill = fill.map_or("none".to_owned(), |fill| match fill.opacity {
-                1.0 => fill.colour.to_string(),
-                opacity => format!("{}\" fill-opacity=\"{opacity}", fill.colour),
-            });
-            let stroke = stroke.as_ref().map_or(String::new(), stroke_attributes);
-            format!("<path d=\"{path}\" fill=\"{fill}\"{stroke}/>")
+            let mut text = format!("<path d=\"{}\" fill=\"", path(shown));
+            let _ = match fill {
+                None => write!(text, "none\""),
+                Some((colour, 1.0)) => write!(text, "{colour}\""),
+                Some((colour, opacity)) => {
+                    write!(text, "{colour}\" fill-opacity=\"{opacity}\"")
+                }
+            };
+            if let Some(stroke) = stroke {
+                let (colour, width) = (stroke.colour, rounded(stroke.width));
+                let _ = write!(text, " stroke=\"{colour}\" stroke-width=\"{width}\"");
+                if let Some([dash, gap]) = stroke.dashes {
+                    let _ = write!(text, " stroke-dasharray=\"{dash} {gap}\"");
+                }
+            }
+            text + "/>"
         }
         Shape::Text(text) => {
             let [x, y] = text.place.map(rounded);
@@ -80,43 +90,35 @@ fn element(number: usize, shape: &Shape) -> String {
                 "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{turn}>{words}</text>"
             )
         }
-        Shape::Clip(segments) => {
-            let path = path(segments);
+        Shape::Within([from, to], shapes) => {
+            let [left, top, right, bottom] = [from[0], from[1], to[0], to[1]].map(rounded);
+            let inside = shapes.iter().map(|shape| element(number, shape));
             format!(
-                "<clipPath id=\"clip{number}\"><path d=\"{path}\"/></clipPath>\
-                 <g clip-path=\"url(#clip{number})\">"
+                "<clipPath id=\"clip{number}\"><path d=\"M{left} {top}H{right}V{bottom}H{left}Z\"/></clipPath>\
+                 <g clip-path=\"url(#clip{number})\">\n{}\n</g>",
+                inside.collect::<Vec<_>>().join("\n")
             )
         }
-        Shape::EndClip => "</g>".to_owned(),
     }
-}
-
-fn stroke_attributes(stroke: &Stroke) -> String {
-    let (colour, width) = (stroke.colour, rounded(stroke.width));
-    let mut text = format!(" stroke=\"{colour}\" stroke-width=\"{width}\"");
-    if let Some([dash, gap]) = stroke.dashes {
-        let _ = write!(text, " stroke-dasharray=\"{dash} {gap}\"");
-    }
-    text
 }
 
 /// The data of a path.
-fn path(segments: &[Segment]) -> String {
-    let mut path = String::new();
-    let mut add = |letter: char, places: &[Place]| {
-        path.push(letter);
-        for (number, length) in places.as_flattened().iter().enumerate() {
-            let space = if number > 0 { " " } else { "" };
-            let _ = write!(path, "{space}{}", rounded(*length));
-        }
-    };
-    for segment in segments {
-        match segment {
-            Segment::Move(place) => add('M', &[*place]),
-            Segment::Line(place) => add('L', &[*place]),
-            Segment::Curve(places) => add('C', places),
-            Segment::Close => add('Z', &[]),
-        }
+fn path(path: &Path) -> String {
+    let mut text = String::new();
+    for segment in path.segments() {
+        let (letter, places) = match segment {
+            PathSegment::MoveTo(to) => ('M', vec![to]),
+            PathSegment::LineTo(to) => ('L', vec![to]),
+            PathSegment::QuadTo(control, to) => ('Q', vec![control, to]),
+            PathSegment::CubicTo(a, b, to) => ('C', vec![a, b, to]),
+            PathSegment::Close => ('Z', Vec::new()),
+        };
+        let places = places.into_iter().map(|place| {
+            let [x, y] = [place.x, place.y].map(|length| rounded(length.into()));
+            format!("{x} {y}")
+        });
+        text.push(letter);
+        text.push_str(&places.collect::<Vec<_>>().join(" "));
     }
-    path
+    text
 }

@@ -137,7 +137,7 @@ function walkable(svg, group, text, at, width, choose_it) {
 /* The runs of a point in a few words. */
 const of_runs = p => `${p.seeds} runs${p.jammed ? `, ${p.jammed} jammed` : ''}${p.failed ? `, ${p.failed} failed` : ''}${p.doubtful ? `, ${p.doubtful} doubtful` : ''}`;
 /* A value on an axis: to as few digits as tell it from the others, with its unit if it has been given one. */
-const value_of = (axis, v) => typeof v === 'number' ? String(+v.toPrecision(AXIS[axis].digits)) : show(v);
+const value_of = (axis, v) => AXIS[axis].names[v] ?? (typeof v === 'number' ? String(+v.toPrecision(AXIS[axis].digits)) : show(v));
 const value_in = (axis, v) => value_of(axis, v) + (AXIS[axis].unit && typeof v === 'number' && v !== 0 ? ' ' + AXIS[axis].unit : '');
 const heading_of = axis => AXIS[axis].symbol + (AXIS[axis].unit ? ` (${AXIS[axis].unit})` : '');
-const name_of = (p, axes) => axes.map(a => `${AXIS[a].symbol} = ${value_in(a, on(p, a))}`).join(', ');
+const name_of = (p, axes) => axes.map(a => AXIS[a].names[on(p, a)] ?? `${AXIS[a].symbol} = ${value_in(a, on(p, a))}`).join(', ');

@@ -17,6 +17,8 @@ function choose(index, quietly) {
     cursor_place.line.style.display = 'none';
     svg.append(cursor_place.line);
   } else nothing(svg, 'no samples yet');
+  svg.setAttribute('aria-label', `viscosity against strain of ${traced.length} ${traced.length === 1 ? 'run' : 'runs'} at ${$('point').textContent}`);
+  numbers('trace-numbers', traced_table);
   const table = make('table');
   const head = make('tr');
   for (const name of ['', 'seed', data.viscosity_label, 'state', 'movie', 'time / s', 'key']) head.append(make('th', { scope: 'col' }, name));
@@ -133,6 +135,8 @@ function picture() {
   }
   $('scrub').value = at;
   $('scrub').setAttribute('aria-valuetext', `strain ${f.strain.toFixed(2)}`);
+  const of_state = number => f.contacts.filter(contact => contact[2] === number).length;
+  canvas.setAttribute('aria-label', `the layer at a strain of ${f.strain.toFixed(2)}: ${n} spheres and ${f.contacts.length} contacts, of which ${of_state(0)} frictionless, ${of_state(1)} rolling, ${of_state(2)} slipping`);
   $('strain').textContent = `${f.strain.toFixed(2)}, ${f.contacts.length} contacts`;
   cursor();
 }

@@ -12,6 +12,7 @@ function plot() {
   $('note').textContent = '';
   shown_table = { head: [], rows: [] };
   VIEWS[view](view);
+  numbers('plot-numbers', shown_table);
   if (focused !== undefined) $('plot').querySelector(`[data-index="${CSS.escape(focused)}"]`)?.focus();
 }
 function controls() {

@@ -37,6 +37,18 @@ function table() {
   }));
   cue();
 }
+/* The numbers of a drawing as a table, for those who do not see it; made once it is opened. */
+function numbers(id, { head, rows }) {
+  const box = $(id), row = (cells, tag) => { const line = make('tr'); line.append(...cells.map(v => make(tag, tag === 'th' ? { scope: 'col' } : {}, show(v)))); return line; };
+  const fill = () => {
+    const table = make('table');
+    if (box.open) table.append(row(head, 'th'), ...rows.map(cells => row(cells, 'td')));
+    box.lastElementChild.replaceChildren(table);
+  };
+  box.hidden = !rows.length;
+  box.ontoggle = fill;
+  fill();
+}
 /* Says that there is more to the right, as long as there is. */
 function cue() {
   const box = $('points-box'), more = box.scrollWidth - box.clientWidth - box.scrollLeft > 2;

@@ -45,43 +45,52 @@ function plot_histogram() {
   $('note').textContent = 'How often a viscosity occurs in time, over all runs of a point, after the strain discarded; bins are even in its logarithm.';
 }
 
-/* Two axes of the grid as a map. */
+/* Two axes of the grid as a map: one for each of the values that the filters leave on the other axes. */
+const MAPS = 12;
 function plot_map() {
   const svg = $('plot'), ax = $('map-x').value, ay = $('map-y').value, quantity = $('quantity').value;
   legend([], plot);
   const order = axis => values(axis).filter(v => v !== null).sort((a, b) => typeof a === 'string' && a !== 'inf' && b !== 'inf' ? a.localeCompare(b) : num(a) - num(b));
   const xs = ax ? order(ax) : [], ys = ay ? order(ay) : [];
   if (!ax || !ay || ax === ay || !xs.length || !ys.length) { nothing(svg, 'a map needs two axes with several values each'); return; }
-  const cells = new Map();
+  const others = varying().filter(a => a !== ax && a !== ay), maps = new Map();
   for (const { point, index } of left_over()) {
-    const key = `${xs.indexOf(on(point, ax))} ${ys.indexOf(on(point, ay))}`;
-    if (!key.includes('-')) (cells.get(key) ?? cells.set(key, []).get(key)).push({ point, index });
+    const name = name_of(point, others), place = [xs.indexOf(on(point, ax)), ys.indexOf(on(point, ay))], value = num(point[quantity]);
+    if (place.includes(-1)) continue;
+    (maps.get(name) ?? maps.set(name, []).get(name)).push({ point, index, place, value: typeof value === 'number' && isFinite(value) ? value : null });
   }
-  const mean = list => { const all = list.map(c => num(c.point[quantity])).filter(v => typeof v === 'number' && isFinite(v)); return all.length ? all.reduce((a, b) => a + b) / all.length : null; };
-  const all = [...cells.values()].map(mean).filter(v => v !== null);
+  const shown = [...maps].slice(0, MAPS), all = shown.flatMap(([, cells]) => cells).map(cell => cell.value).filter(v => v !== null);
+  if (shown.length < maps.size) $('remark').textContent = `${shown.length} of ${maps.size} maps are shown: choose values above for the others.`;
   const low = Math.min(...all), high = Math.max(...all), log = low > 0 && high > 10 * low;
   const part = v => high > low ? (log ? Math.log(v / low) / Math.log(high / low) : (v - low) / (high - low)) : .5;
-  const width = narrow() ? 400 : 820, height = narrow() ? 380 : 480;
+  const columns = narrow() || shown.length < 2 ? 1 : shown.length < 5 ? 2 : 3, head = shown.length > 1 ? 20 : 0;
+  const width = narrow() ? 400 : 820, each = width / columns, tall = (narrow() ? 330 : columns > 1 ? .8 * each : 430) + head;
+  const height = tall * Math.ceil(shown.length / columns) + 50;
   const along = (axis, list) => ({ low: -.5, high: list.length - .5, ticks: list.map((v, at) => ({ at, name: value_of(axis, v) })) });
-  const { X, Y, right, top } = frame(svg, width, height - 50, along(ax, xs), along(ay, ys), [AXIS[ax].label, AXIS[ay].label]);
+  svg.replaceChildren();
   svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
-  shown_table = { head: [ax, ay, QUANTITIES[quantity], 'runs', 'jammed', 'failed'], rows: [] };
-  const wide = X(1) - X(0), tall = Y(0) - Y(1), size = Math.min(wide, tall, 60) / 4;
-  for (const [key, list] of [...cells].sort()) {
-    const [i, j] = key.split(' ').map(Number), value = mean(list), sum = name => list.reduce((s, c) => s + (c.point[name] ?? 0), 0);
-    const [cx, cy] = [X(i), Y(j)], paint = value === null ? 'var(--paper)' : heat(part(value));
-    const group = draw('g', { class: list.some(c => c.index === chosen) ? 'point cell chosen' : 'point cell', 'data-index': list[0].index });
-    group.append(draw('rect', { x: cx - wide / 2 + 1, y: cy - tall / 2 + 1, width: wide - 2, height: tall - 2, style: `fill:${paint}`, class: value === null ? 'empty' : 'full' }));
-    const over = value !== null && part(value) > .55 ? '#111' : value === null ? 'var(--ink)' : '#fff';
-    if (sum('jammed')) group.append(draw('path', { class: 'jammed', d: 'M-1-1L1 1M-1 1L1-1', transform: `translate(${cx - (sum('failed') ? size : 0)} ${cy}) scale(${size * .6})`, style: `stroke:${over};stroke-width:${3 / size}` }));
-    if (sum('failed')) group.append(draw('text', { class: 'failed', x: cx + (sum('jammed') ? size : 0), y: cy + size * .7, 'text-anchor': 'middle', style: `fill:${over};font-size:${2 * size}px;font-weight:bold` }, '!'));
-    group.append(draw('rect', { class: 'halo', x: cx - wide / 2 + 2, y: cy - tall / 2 + 2, width: wide - 4, height: tall - 4 }));
-    const text = `${AXIS[ax].symbol} = ${value_in(ax, xs[i])}, ${AXIS[ay].symbol} = ${value_in(ay, ys[j])}\n${QUANTITIES[quantity]} ${show(value)}${list.length > 1 ? `, mean of ${list.length} points` : ''}\n${of_runs({ seeds: sum('seeds'), jammed: sum('jammed'), failed: sum('failed'), doubtful: sum('doubtful') })}`;
-    shown_table.rows.push([xs[i], ys[j], value, sum('seeds'), sum('jammed'), sum('failed')]);
-    walkable(svg, group, text, [cx, cy], width, () => choose(list[0].index));
-  }
+  shown_table = { head: [ax, ay, ...others, QUANTITIES[quantity], 'runs', 'jammed', 'failed'], rows: [] };
+  shown.forEach(([name, cells], n) => {
+    const [left, top] = [n % columns * each, Math.floor(n / columns) * tall + head], ground = draw('g', { class: 'map', transform: `translate(${left} ${top})` });
+    const { X, Y } = frame(ground, each, tall - head, along(ax, xs), along(ay, ys), [AXIS[ax].label, AXIS[ay].label]);
+    if (head) ground.append(draw('text', { x: each / 2, y: 4, 'text-anchor': 'middle' }, name));
+    svg.append(ground);
+    const wide = X(1) - X(0), deep = Y(0) - Y(1), size = Math.min(wide, deep, 60) / 4;
+    for (const { point, index, place, value } of cells.sort((a, b) => a.place[0] - b.place[0] || a.place[1] - b.place[1])) {
+      const [cx, cy] = [left + X(place[0]), top + Y(place[1])], paint = value === null ? 'var(--paper)' : heat(part(value));
+      const group = draw('g', { class: index === chosen ? 'point cell chosen' : 'point cell', 'data-index': index });
+      group.append(draw('rect', { x: cx - wide / 2 + 1, y: cy - deep / 2 + 1, width: wide - 2, height: deep - 2, style: `fill:${paint}`, class: value === null ? 'empty' : 'full' }));
+      const over = value !== null && part(value) > .55 ? '#111' : value === null ? 'var(--ink)' : '#fff';
+      if (point.jammed) group.append(draw('path', { class: 'jammed', d: 'M-1-1L1 1M-1 1L1-1', transform: `translate(${cx - (point.failed ? size : 0)} ${cy}) scale(${size * .6})`, style: `stroke:${over};stroke-width:${3 / size}` }));
+      if (point.failed) group.append(draw('text', { class: 'failed', x: cx + (point.jammed ? size : 0), y: cy + size * .7, 'text-anchor': 'middle', style: `fill:${over};font-size:${2 * size}px;font-weight:bold` }, '!'));
+      group.append(draw('rect', { class: 'halo', x: cx - wide / 2 + 2, y: cy - deep / 2 + 2, width: wide - 4, height: deep - 4 }));
+      const text = `${name_of(point, [ax, ay, ...others])}\n${QUANTITIES[quantity]} ${show(value)}\n${of_runs(point)}`;
+      shown_table.rows.push([xs[place[0]], ys[place[1]], ...others.map(a => on(point, a)), value, point.seeds, point.jammed, point.failed]);
+      walkable(svg, group, text, [cx, cy], width, () => choose(index));
+    }
+  });
   /* What the colours mean. */
-  const bar = 200, from = right - bar, at = height - 30;
+  const bar = 200, right = width - 14, from = right - bar, at = height - 30;
   if (all.length) {
     for (let k = 0; k < 40; k++) svg.append(draw('rect', { x: from + k * bar / 40, y: at, width: bar / 40 + .5, height: 12, style: `fill:${heat((k + .5) / 40)}` }));
     for (const [place, v, anchor] of [[from, low, 'start'], [right, high, 'end']]) svg.append(draw('text', { x: place, y: at + 25, 'text-anchor': anchor }, show(v)));

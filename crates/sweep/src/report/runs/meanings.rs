@@ -8,40 +8,17 @@ use crate::model::stresses::STRESSES;
 type Meaning = (&'static str, &'static str, &'static str);
 
 /// Columns of runs and of samples alike.
+#[rustfmt::skip]
 const OF_BOTH: &[Meaning] = &[
     ("key", "", "the run: a hash of all that decides its result"),
     ("seed", "1", "seed of its random numbers"),
     ("stages", "1", "contact problems solved"),
-    (
-        "unconverged_stages",
-        "1",
-        "contact problems that did not converge",
-    ),
-    (
-        "inexact_stages",
-        "1",
-        "contact problems with friction off by more than 1e-3 of the largest force",
-    ),
-    (
-        "jammed_stages",
-        "1",
-        "contact problems without an admissible motion",
-    ),
-    (
-        "worst_residual",
-        "a rate",
-        "largest residual of the contact problem",
-    ),
-    (
-        "worst_friction_error",
-        "1",
-        "largest inconsistency of a friction force with its law, over the largest force",
-    ),
-    (
-        "jam_events",
-        "1",
-        "times the viscosity rose above the threshold of jamming",
-    ),
+    ("unconverged_stages", "1", "contact problems that did not converge"),
+    ("inexact_stages", "1", "contact problems with friction off by more than 1e-3 of the largest force"),
+    ("jammed_stages", "1", "contact problems without an admissible motion"),
+    ("worst_residual", "a rate", "largest residual of the contact problem"),
+    ("worst_friction_error", "1", "largest inconsistency of a friction force with its law, over the largest force"),
+    ("jam_events", "1", "times the viscosity rose above the threshold of jamming"),
     ("jammed_steps", "1", "steps begun above that threshold"),
     ("jammed_steps_running", "1", "steps since it was last below"),
     ("dissipation", "mu rate", "dissipation over area and rate"),

@@ -5,7 +5,7 @@ use crate::axes::{AXES, Axis, Value};
 use crate::campaign::Discard;
 use crate::format::{Uncertain, significant};
 use crate::report::axis_words::AxisWords;
-use crate::report::columns::{Column, measured_named};
+use crate::report::columns::Column;
 use crate::report::points::{Point, Report};
 
 /// Columns of a table that is as wide as it needs to be: name, heading, significant digits, and how soon it is left out where there is
@@ -44,9 +44,9 @@ impl Report {
     }
 
     /// How the values on one of them are written.
-    pub(in crate::report) fn words_of(&self, axis: &'static Axis) -> AxisWords<'static> {
+    pub(in crate::report) fn words_of(&self, axis: &'static Axis) -> AxisWords<'_> {
         let params = self.points.iter().map(|point| &point.params);
-        AxisWords::of(axis, self.units, params)
+        AxisWords::of(axis, self.units, &self.starts, params)
     }
 }
 
@@ -54,15 +54,15 @@ impl Sheet {
     /// The table of a report, for a terminal of this width.
     pub(in crate::report) fn of(report: &Report, shape: Shape, width: Option<u16>) -> Self {
         let (axes, _) = report.axes();
-        let columns = axes.iter().map(|axis| of_axis(report, axis, shape));
+        let columns = axes.iter().filter_map(|axis| of_axis(report, axis, shape));
         let mut columns: Vec<SheetColumn> = columns.collect();
         let axes = columns.len();
         let Some(chosen) = report.columns.chosen() else {
             let usual = USUAL.iter().filter(|usual| is_there(report, usual.0));
             columns.extend(usual.filter_map(|(name, heading, digits, rank)| {
-                let column = measured_named(name)?;
-                let head = Head::new(column.name, *heading, "", *rank);
-                Some(of_column(report, &column, head, *digits, shape.format))
+                let column = Column::named(name)?;
+                let head = Head::new(&column.name, *heading, "", *rank);
+                Some(of_column(report, column, head, *digits, shape.format))
             }));
             let sheet = Self::new(axes, columns, shape.format);
             return if shape.wide {
@@ -75,7 +75,7 @@ impl Sheet {
             // On the screen by the name it was asked for, which is explained below.
             let head = Head {
                 title: title(column),
-                ..Head::new(column.name, column.name, "", 0)
+                ..Head::new(&column.name, column.name.as_ref(), "", 0)
             };
             of_column(report, column, head, 4, shape.format)
         }));
@@ -120,8 +120,8 @@ fn with_unit(head: Head, own: &'static str, shown: &'static str) -> Head {
 }
 
 /// The column of an axis.
-fn of_axis(report: &Report, axis: &'static Axis, shape: Shape) -> SheetColumn {
-    let column = Column::of_axis(axis);
+fn of_axis(report: &Report, axis: &'static Axis, shape: Shape) -> Option<SheetColumn> {
+    let column = Column::named(axis.key)?;
     let words = report.words_of(axis);
     let cell = |point: &Point| match column.shown(report, point)? {
         // A rate that is measured has no more digits than the viscosity it is from.
@@ -133,7 +133,7 @@ fn of_axis(report: &Report, axis: &'static Axis, shape: Shape) -> SheetColumn {
     let cells: Vec<Option<Uncertain>> = report.points.iter().map(cell).collect();
     let head = Head::new(axis.key, axis.symbol, "", 0);
     let head = with_unit(head, column.unit, column.unit_in(report));
-    SheetColumn::new(head, cells, shape.format)
+    Some(SheetColumn::new(head, cells, shape.format))
 }
 
 /// A measured column, with its interval if it has one.

@@ -399,6 +399,80 @@ fn many_curves_repeat_no_colour() {
     }
 }
 
+/// A user who reads maps of a campaign with three axes, and the numbers of each plot in place of its picture.
+const MULTIPLE: &str = r"
+const numbers = id => { $(id).open = true; $(id).dispatchEvent(new Event('toggle')); return [...document.querySelectorAll(`#${id} tr`)].map(row => row.textContent); };
+pick('view', 'map'); pick('map-x', 'shear_rate'); pick('map-y', 'friction');
+seen.maps = [...document.querySelectorAll('#plot .map')].map(map => map.lastElementChild.textContent);
+seen.cells = all('.cell');
+seen.texts = [...document.querySelectorAll('#plot .cell')].map(cell => cell.getAttribute('aria-label'));
+seen.inside = [...document.querySelectorAll('#plot .map, #plot .cell')].every(part => { const own = part.getBoundingClientRect(), box = $('plot').getBoundingClientRect(); return own.left >= box.left - 1 && own.right <= box.right + 1 && own.bottom <= box.bottom + 1; });
+seen.map_numbers = numbers('plot-numbers');
+const filter = document.querySelector('#filters [data-axis=area_fraction]');
+filter.value = '0.65'; filter.dispatchEvent(new Event('change'));
+seen.one = [all('.map'), all('.cell')];
+seen.rows = {};
+for (const view of ['curve', 'flow', 'contacts', 'histogram', 'versus']) {
+  pick('view', view);
+  const csv = saved(); $('save-csv').click();
+  seen.rows[view] = [numbers('plot-numbers').length, text_of((await csv).address).trimEnd().split('\n').length];
+}
+pick('view', 'curve');
+document.querySelector('#plot .point').dispatchEvent(new MouseEvent('click', { bubbles: true }));
+seen.trace = [numbers('trace-numbers').length, $('trace').getAttribute('aria-label'), $('trace').getAttribute('aria-details')];
+seen.described = [...document.querySelectorAll('svg[id], canvas')].every(plot => plot.getAttribute('aria-label') && (plot.id === 'layer' || $(plot.getAttribute('aria-details'))));
+";
+
+#[test]
+fn maps_of_three_axes_are_small_multiples_and_plots_have_their_numbers() {
+    let test = "maps_of_three_axes_are_small_multiples_and_plots_have_their_numbers";
+    let Some(mut browser) = Browser::start(test) else {
+        return;
+    };
+    let campaign = CAMPAIGN
+        .replace("area_fraction = 0.65", "area_fraction = [0.5, 0.65]")
+        .replace("seeds = 2", "seeds = 1");
+    let folder = folder("t.toml", &campaign);
+    let at = folder.path();
+    sweep(at, &["run", "t.toml", "--store", "s.sqlite", "-q"]);
+    let address = page_of(at, &[]);
+    for window in WINDOWS {
+        let mut page = browser.open(&address, window);
+        let seen = seen_by(&mut page, MULTIPLE);
+        assert_eq!(seen["maps"], serde_json::json!(["c = 0.5", "c = 0.65"]));
+        assert_eq!(
+            (&seen["cells"], &seen["inside"]),
+            (&12.into(), &true.into())
+        );
+        let texts = seen["texts"].as_array().unwrap();
+        for (n, text) in texts.iter().map(|text| text.as_str().unwrap()).enumerate() {
+            assert!(!text.contains("mean of"), "{text}");
+            assert!(
+                text.contains(if n < 6 { "c = 0.5" } else { "c = 0.65" }),
+                "{text}"
+            );
+        }
+        assert_eq!(seen["map_numbers"].as_array().unwrap().len(), 13);
+        assert_eq!(seen["one"], serde_json::json!([1, 6]));
+        for (view, rows) in seen["rows"].as_object().unwrap() {
+            assert!(
+                rows[0] == rows[1] && rows[0].as_u64().unwrap() > 2,
+                "{view}: {rows}"
+            );
+        }
+        assert!(seen["trace"][0].as_u64().unwrap() > 2, "{}", seen["trace"]);
+        assert!(
+            seen["trace"][1]
+                .as_str()
+                .unwrap()
+                .contains("1 run at c = 0.5")
+        );
+        assert_eq!(seen["described"], true);
+        assert_eq!(page.trouble(), [""; 0]);
+        page.close();
+    }
+}
+
 #[test]
 fn hostile_text_is_shown_and_not_obeyed() {
     let Some(mut browser) = Browser::start("hostile_text_is_shown_and_not_obeyed") else {

@@ -1,6 +1,6 @@
 //! Some of the points, kinds of figures, and stores that have little to show.
 
-use super::{SMALL, named_anew};
+use super::{CAMPAIGN, PAPER, SMALL, figure, named_anew, words};
 use crate::harness::{json, refused, run, spoil, sweep};
 
 #[test]
@@ -162,18 +162,89 @@ fn time_steps_and_sizes_set_curves_apart() {
 }
 
 #[test]
-fn too_many_curves_are_an_error_that_knows_a_way_out() {
+fn figures_of_too_many_curves_are_split_into_panels() {
     let folder = SMALL.folder();
     let at = folder.path();
-    let error = refused(
-        at,
-        &[
-            "report", "s.sqlite", "--figure", "f.svg", "--kind", "contacts", "--along", "friction",
-        ],
-    );
-    assert!(
-        error.contains("12 curves") && error.contains("--where"),
-        "{error}"
-    );
+    let along = ["--kind", "contacts", "--along", "ν"];
+    let svg = figure(at, &along);
+    // Twelve curves, of which four are in each panel.
+    for (word, number) in [("Γ = 0", 1), ("Γ = 1", 1), ("Γ = ∞", 1), ("slipping", 1)] {
+        let found = words(&svg).iter().filter(|w| **w == word).count();
+        assert_eq!(found, number, "{word}");
+    }
+}
+
+#[test]
+fn too_many_curves_are_an_error_that_knows_a_way_out() {
+    let folder = PAPER.folder();
+    let at = folder.path();
+    let report = ["report", "s.sqlite", "--figure", "f.svg"];
+    let asked = ["--kind", "contacts", "--along", "friction", "--panels", "c"];
+    let error = refused(at, &[&report[..], &asked].concat());
+    for part in ["20 curves", "--where", "--panels"] {
+        assert!(error.contains(part), "{error}");
+    }
     assert!(!at.join("f.svg").exists());
+}
+
+#[test]
+fn runs_of_a_trace_are_named_by_number_or_key() {
+    let folder = SMALL.folder();
+    let at = folder.path();
+    let key = json(at, &["show", "s.sqlite", "3"])["key"].clone();
+    let by_number = figure(at, &["--kind", "trace", "--case", "3"]);
+    let by_key = figure(
+        at,
+        &["--kind", "trace", "--case", &key.as_str().unwrap()[..12]],
+    );
+    assert_eq!(by_number, by_key);
+    let report = ["report", "s.sqlite", "--figure", "f.svg", "--kind", "trace"];
+    for wrong in [&["--case", "13"][..], &["--case", "3", "--where", "ν=0.3"]] {
+        let error = refused(at, &[&report[..], wrong].concat());
+        assert!(error.contains("no case"), "{error}");
+    }
+}
+
+#[test]
+fn symbols_of_tables_name_axes_and_columns() {
+    let folder = SMALL.folder();
+    let at = folder.path();
+    let tables = |more: &[&str]| sweep(at, &[&["report", "s.sqlite", "--csv", "-"], more].concat());
+    assert_eq!(
+        tables(&["--where", "nu=0.2..0.4", "--columns", "η,c"]),
+        tables(&[
+            "--where",
+            "friction=0.3",
+            "--columns",
+            "viscosity,area_fraction"
+        ])
+    );
+    let drawn = |along| figure(at, &["--along", along, "--where", "Γ=∞"]);
+    assert_eq!(drawn("nu"), drawn("friction"));
+}
+
+#[test]
+fn start_layers_are_named_by_where_they_come_from() {
+    let folder = SMALL.folder();
+    let at = folder.path();
+    let grid = CAMPAIGN.split_once("[[grid]]").unwrap().1;
+    let grid = grid
+        .replace("friction = [0.0, 0.3]", "friction = 0.3")
+        .replace("[0, 1.0, inf]", "[1.0, inf]");
+    let protocol = "name = \"on\"\n[protocol]\ntime_step = 0.005\nstrain = 0.1\ndiscard = 0.05\n";
+    let start = "start = { store = \"s.sqlite\", point = { friction = 0.3, shear_rate = 1.0 } }";
+    let campaign = format!("{protocol}[[grid]]\n{start}{grid}\n[[grid]]{grid}");
+    std::fs::write(at.join("on.toml"), campaign).unwrap();
+    sweep(at, &["run", "on.toml", "--store", "on.sqlite", "-q"]);
+    let text = sweep(at, &["report", "on.sqlite"]);
+    for name in [" end of s ", " new layer "] {
+        assert!(text.contains(name), "{text}");
+    }
+    sweep(at, &["report", "on.sqlite", "--figure", "f.svg"]);
+    let svg = std::fs::read_to_string(at.join("f.svg")).unwrap();
+    for name in ["end of s", "new layer"] {
+        assert!(words(&svg).contains(&name), "{:?}", words(&svg));
+    }
+    let page = sweep(at, &["report", "on.sqlite", "--page", "-"]);
+    assert!(page.contains("\":\"end of s\""));
 }

@@ -136,6 +136,33 @@ fn panels_share_a_legend_and_name_their_value() {
 }
 
 #[test]
+fn the_dilute_limit_is_named_in_the_legend_and_not_over_data() {
+    let folder = PAPER.folder();
+    let at = folder.path();
+    for more in [
+        &[][..],
+        &["--panels", "c"],
+        &["--kind", "trace", "--where", "ν=0.3"],
+    ] {
+        let svg = figure(at, more);
+        let height = |word: &str| {
+            let (before, _) = svg.rsplit_once(&format!(">{word}</text>")).unwrap();
+            let (_, attributes) = before.rsplit_once("<text ").unwrap();
+            let (_, rest) = attributes.split_once("y=\"").unwrap();
+            rest.split_once('"').unwrap().0.parse::<f64>().unwrap()
+        };
+        let axis = if more.contains(&"trace") {
+            "strain"
+        } else {
+            "shear rate Γ"
+        };
+        assert!(height("dilute 1 + 5c/3") > height(axis), "{more:?}");
+    }
+    let svg = figure(at, &["--legend", "none"]);
+    assert!(!svg.contains("dilute"));
+}
+
+#[test]
 fn several_stores_share_a_figure() {
     let folder = PAPER.folder();
     let at = folder.path();

@@ -1,8 +1,7 @@
-//! What is written on a panel: numbers, labels, and words within the axes where they hide least.
+//! What is written on a panel: numbers, labels.
 
-use super::{Frame, TICK};
+use super::Frame;
 use crate::report::figure::font;
-use crate::report::figure::legend::hidden;
 use crate::report::figure::scene::{Anchor, Place, Shape, Text};
 
 /// From one place that a curve passes to the next, where it is looked for what hides it.
@@ -52,7 +51,6 @@ impl Frame<'_> {
                 upright(end + 1.2 * size)
             });
         }
-        texts.extend(self.dashed_words());
         texts.into_iter().flat_map(Text::shapes).collect()
     }
 
@@ -85,35 +83,7 @@ impl Frame<'_> {
         found.unwrap_or_else(|| kept(places.len().max(1)))
     }
 
-    /// What dashed lines are called, where it hides least.
-    fn dashed_words(&self) -> Option<Text> {
-        let words = self.panel.dashed_label?;
-        let [[left, top], [right, bottom]] = self.corners;
-        let size = 0.9 * self.outline.tick_size;
-        let width = font::width(words, size);
-        let obstacles = self.obstacles();
-        let middle = 0.5 * (left + right - width);
-        let starts = [right - width - 4.0, left + 5.0, middle];
-        let lines = self.panel.dashed.iter().map(|height| self.y(*height));
-        // Above a line, clear of the ticks of the axis below, or under it.
-        let lowest = bottom - 1.3 * TICK;
-        let places = lines.flat_map(|y| {
-            let above = (y - 0.35 * size).min(lowest);
-            [above, y + 1.05 * size].map(|y| (y, starts))
-        });
-        let places = places.flat_map(|(y, starts)| starts.map(|x| [x, y]));
-        places
-            .filter(|[_, y]| *y - size > top && *y <= lowest)
-            .min_by_key(|[x, y]| {
-                hidden(
-                    [[*x, y - 0.9 * size], [x + width, y + 0.3 * size]],
-                    &obstacles,
-                )
-            })
-            .map(|place| Text::new(place, words, size, Anchor::Start))
-    }
-
-    /// Places that words should leave free.
+    /// Places that a legend should leave free.
     pub(super) fn obstacles(&self) -> Vec<Place> {
         let parts = [Self::bands, Self::lines, Self::bars, Self::markers];
         let curves = self.panel.curves.iter();

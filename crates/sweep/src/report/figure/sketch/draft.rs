@@ -7,12 +7,12 @@ use crate::report::curves::{Curve, Label, Shared, curves, labels};
 use crate::report::error::ReportError;
 use crate::report::figure::log_axis::LogAxis;
 use crate::report::figure::scale::extent;
-use crate::report::figure::{Drawing, Kind, Trace, refused_as};
+use crate::report::figure::{Drawing, Kind, Trace};
 use crate::report::points::{Point, Report};
+use crate::report::starts::Starts;
 use crate::report::units::At;
 use crate::report::units::Units;
 use sd_core::Params;
-use std::cmp::Ordering;
 
 /// What reports are drawn as.
 pub(super) struct Draft<'r> {
@@ -23,6 +23,7 @@ pub(super) struct Draft<'r> {
     fields: Vec<Option<&'r Params>>,
     log: Option<LogAxis>,
     units: Units,
+    starts: Starts,
 }
 
 impl<'r> Draft<'r> {
@@ -33,60 +34,49 @@ impl<'r> Draft<'r> {
             .along
             .unwrap_or_else(|| default_axis(reports, drawing.kind));
         if drawing.kind == Kind::FlowCurve && !along.is_shear_rate() {
-            return Err(refused_as(
+            return Err(ReportError::argument(
                 "--along",
-                "a flow curve is stress against rate: it runs along shear_rate".into(),
+                "a flow curve is stress against rate: it runs along shear_rate",
             ));
         }
-        let varies = |axis: &Axis| axis.varies(params());
-        let names = |axes: &mut dyn Iterator<Item = &Axis>| {
-            let names: Vec<&str> = axes.filter(|axis| varies(axis)).map(|a| a.key).collect();
+        let names = |is_meant: fn(&Axis) -> bool| {
+            let varying = AXES
+                .iter()
+                .filter(|axis| is_meant(axis) && axis.varies(params()));
+            let names: Vec<&str> = varying.map(|axis| axis.key).collect();
             match names.as_slice() {
                 [] => "no axis has several values here".to_owned(),
                 names => format!("axes with several values are {}", names.join(", ")),
             }
         };
         // A rate that is measured varies without being an axis of the campaign.
-        let has_places = |axis: &Axis| {
-            let [low, high] = extent(points().map(|point| point.place(axis)));
-            low < high
-        };
-        if let Some(axis) = drawing.along
-            && drawing.kind != Kind::Trace
-            && points().next().is_some()
-            && !has_places(axis)
-        {
-            return Err(refused_as(
+        let [low, high] = extent(points().map(|point| point.place(along)));
+        let is_in_time = drawing.kind == Kind::Trace;
+        if drawing.along.is_some() && !is_in_time && points().next().is_some() && low >= high {
+            return Err(ReportError::argument(
                 "--along",
                 format!(
                     "all points have the same {}, so no curve runs along it; {}",
-                    axis.key,
-                    names(&mut AXES.iter().filter(|axis| axis.is_numeric()))
+                    along.key,
+                    names(Axis::is_numeric)
                 ),
             ));
         }
         let mut fields: Vec<Option<&Params>> = vec![None];
         if let Some(axis) = drawing.look.panels {
-            if axis.key == along.key && drawing.kind != Kind::Trace {
-                return Err(refused_as(
-                    "--panels",
-                    format!("the curves run along {}: name another axis", axis.key),
-                ));
+            let refused = |message| Err(ReportError::argument("--panels", message));
+            if axis.key == along.key && !is_in_time {
+                let key = axis.key;
+                return refused(format!("the curves run along {key}: name another axis"));
             }
-            fields = params().map(Some).collect();
-            let value = |field: Option<&Params>| field.map(|params| axis.value(params));
-            fields.sort_by(|a, b| {
-                let values = value(*a).zip(value(*b));
-                values.map_or(Ordering::Equal, |(a, b)| a.order(&b))
-            });
-            fields.dedup_by(|a, b| value(*a) == value(*b));
-            if fields.len() < 2 {
-                let names = names(&mut AXES.iter());
-                return Err(refused_as(
-                    "--panels",
-                    format!("all points have the same {}; {names}", axis.key),
-                ));
+            let mut values: Vec<&Params> = params().collect();
+            values.sort_by(|a, b| axis.value(a).order(&axis.value(b)));
+            values.dedup_by(|a, b| axis.value(a) == axis.value(b));
+            if values.len() < 2 {
+                let (key, names) = (axis.key, names(|_| true));
+                return refused(format!("all points have the same {key}; {names}"));
             }
+            fields = values.into_iter().map(Some).collect();
         }
         let units = reports
             .first()
@@ -96,6 +86,7 @@ impl<'r> Draft<'r> {
             reports,
             along,
             units,
+            starts: Starts::together(reports.iter().map(|report| &report.starts)),
             panels: drawing.look.panels,
             fields,
             log: along.is_logarithmic().then(|| {
@@ -111,8 +102,9 @@ impl<'r> Draft<'r> {
     }
 
     /// Makes sure that the units asked for can be had, and that something changes by them.
-    pub(super) fn check_units(&self, (name, unit, _): Measured) -> Result<(), ReportError> {
-        self.units.reach(name, unit)?;
+    pub(super) fn check_units(&self, measured: Measured) -> Result<(), ReportError> {
+        let Measured { label, unit, .. } = measured;
+        self.units.reach(label, unit)?;
         let params = || self.points().map(|point| &point.params);
         let is_converted = |axis: &&Axis| self.units.of_axis(axis).is_some();
         let mut varying = AXES.iter().filter(|axis| axis.varies(params()));
@@ -120,10 +112,10 @@ impl<'r> Draft<'r> {
             || is_converted(&self.along)
             || varying.any(|axis| is_converted(&axis));
         if self.units.are_asked_for() && !changes {
-            return Err(refused_as(
+            return Err(ReportError::argument(
                 "--units",
                 format!(
-                    "nothing in this figure has a physical unit: it shows {name} against {}",
+                    "nothing in this figure has a physical unit: it shows {label} against {}",
                     self.along.key
                 ),
             ));
@@ -132,10 +124,10 @@ impl<'r> Draft<'r> {
     }
 
     /// Whether there is nothing to draw because what there is has no physical scale.
-    pub(super) fn check_scale(&self, (_, unit, read): Measured) -> Result<(), ReportError> {
+    pub(super) fn check_scale(&self, measured: Measured) -> Result<(), ReportError> {
         if self
             .points()
-            .any(|point| read(point).is_some() && !self.has_scale(unit, point))
+            .any(|point| measured.read(point).is_some() && !self.has_scale(measured.unit, point))
         {
             return Err(Units::without_scale());
         }
@@ -157,6 +149,7 @@ impl<'r> Draft<'r> {
             along: Some(self.along),
             panels: self.panels,
             units: self.units,
+            starts: &self.starts,
         };
         curves(self.reports, shared)
     }
@@ -175,8 +168,8 @@ impl<'r> Draft<'r> {
         let values = || self.fields.iter().flatten().copied();
         let words = self
             .panels
-            .map(|axis| AxisWords::of(axis, self.units, values()));
-        let title = |field: Option<&Params>| match (words, field) {
+            .map(|axis| AxisWords::of(axis, self.units, &self.starts, values()));
+        let title = |field: Option<&Params>| match (&words, field) {
             (Some(words), Some(params)) => words.named(params),
             _ => String::new(),
         };
@@ -223,9 +216,10 @@ impl<'r> Draft<'r> {
     }
 
     /// One line per curve of one quantity.
-    pub(super) fn of_points(&self, (name, unit, read): Measured) -> Sketch {
+    pub(super) fn of_points(&self, measured: Measured) -> Sketch {
+        let Measured { label, unit, .. } = measured;
         let height = |point: &Point| {
-            let height = read(point)?;
+            let height = measured.read(point)?;
             let factor = self.units.factor(unit, point.at())?;
             Some(Height {
                 value: factor * height.value,
@@ -234,19 +228,18 @@ impl<'r> Draft<'r> {
         };
         let lines = self.curves().into_iter().filter_map(|mut curve| {
             // What has a result but no value here is left out, and not marked as missing: a stress at an infinite rate.
-            let is_shown = |point: &Point| match read(point) {
+            let is_shown = |point: &Point| match measured.read(point) {
                 Some(height) => height.value.is_finite() && self.has_scale(unit, point),
                 None => true,
             };
             curve.points.retain(|point| is_shown(point));
-            let label = curve.label.clone();
-            (!curve.points.is_empty()).then(|| self.line(&curve, label, &height))
+            (!curve.points.is_empty()).then(|| self.line(&curve, curve.label.clone(), &height))
         });
         let lines: Vec<Line> = lines.collect();
         let log = self.log.map(|log| self.without_empty_plateaus(log, &lines));
         Sketch {
             log,
-            ..self.sketch(lines, self.units.label(name, unit))
+            ..self.sketch(lines, self.units.label(label, unit))
         }
     }
 
@@ -264,9 +257,9 @@ impl<'r> Draft<'r> {
     /// Four lines per curve.
     pub(super) fn contacts(&self) -> Sketch {
         let counts = |point: &Point| {
-            let contacts = point.contacts_per_sphere?;
-            let activated = contacts * point.activated_fraction.unwrap_or(0.0);
-            let rolling = point.rolling_fraction.unwrap_or(0.0);
+            let contacts = point.number("contacts_per_sphere")?;
+            let activated = contacts * point.number("activated_fraction").unwrap_or(0.0);
+            let rolling = point.number("rolling_fraction").unwrap_or(0.0);
             Some([
                 contacts,
                 activated,
@@ -300,6 +293,7 @@ impl<'r> Draft<'r> {
             along: None,
             panels: self.panels,
             units: self.units,
+            starts: &self.starts,
         };
         let labels = labels(&labelled, shared);
         let lines = traces.iter().zip(labels).map(|(trace, mut label)| {
