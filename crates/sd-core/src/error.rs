@@ -58,9 +58,9 @@ pub enum Error {
         /// Smallest side allowed, in a.
         needed: f64,
     },
-    /// No layer of this area fraction could be made.
+    /// No layer or suspension of this fraction could be made.
     #[error(
-        "no start of {spheres} spheres at {kind} fraction {fraction} with gaps of at least {gap}: reached {reached:.4}; {advice}"
+        "no start could be made of {spheres} spheres at {kind} fraction {fraction} with gaps of at least {gap}: reached {reached:.4}; {advice}"
     )]
     CannotPack {
         /// Number of spheres.

@@ -160,7 +160,7 @@ fn failures_that_are_the_same_for_every_shear_rate_are_told_once() {
         let text = String::from_utf8_lossy(bytes).into_owned();
         let told: Vec<String> = text
             .lines()
-            .filter(|line| line.contains("no start layer"))
+            .filter(|line| line.contains("no start could be made"))
             .map(String::from)
             .collect();
         (told, text)

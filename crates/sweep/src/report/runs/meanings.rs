@@ -77,8 +77,6 @@ pub(super) const OF_SAMPLES: &[Meaning] = &[
     ("rolling", "1", "activated contacts that roll"),
     ("slipping", "1", "activated contacts that slip"),
     ("normal_velocity", "a rate", "mean normal velocity of the contacts, negative for approach"),
-    ("particle_pressure_hydrodynamic", "mu rate", "particle pressure of the stresslets: left out, and 0"),
-    ("particle_pressure_tangential_contact", "mu rate", "particle pressure of the tangential contact forces, which is 0"),
     ("minimum_gap", "a", "smallest gap in the layer"),
     ("minimum_gap_so_far", "a", "smallest gap of the run so far"),
 ];
