@@ -107,7 +107,7 @@ mod stress;
 pub use error::Error;
 pub use hydrodynamics::far_field::{FarField, FarResistance};
 pub use hydrodynamics::iterative::IterativeFarField;
-pub use hydrodynamics::resistance::{NearFields, PairwiseResistance, Resistance};
+pub use hydrodynamics::resistance::{Fluid, NearFields, PairwiseResistance, Resistance};
 pub use hydrodynamics::two_sphere;
 pub use model::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, LeadingOrder, NormalLaw, Params,
@@ -119,7 +119,8 @@ pub use run::steppers::{RungeKutta, Stage, State};
 pub use run::{bulk, instant, pair, simulation, start, verify};
 pub use space::neighbours::NeighbourList;
 pub use space::pair::{Neighbours, PairKey};
-pub use space::{Bulk, Layer, Space, cell, modes};
+pub use space::bulk::Quaternion;
+pub use space::{Bulk, ImposedFlow, Layer, Space, cell, modes};
 pub use stage::{Contact as StageContact, Method, StageSolver, memory_bytes};
 pub use stress::{Stress, StressComponents, StressParts, StressWork};
 

@@ -195,7 +195,7 @@ fn instant(params: &Params, snapshot: &Snapshot, sample: &Sample) -> f64 {
         torques: vec![0.0; params.spheres],
     };
     let mut span = 0.0;
-    let mut state = State {
+    let mut state: State = State {
         centres: vec![Vec2::zeros()],
         orientations: vec![0.0],
     };

@@ -1,6 +1,7 @@
 //! What reads a velocity of two surfaces off the motion of their spheres.
 
 use crate::hydrodynamics::resistance::Motion;
+use crate::space::Layer;
 use crate::space::modes::Vec2;
 
 /// Reads one velocity of a pair off the velocities of its two spheres; its transpose exerts a force on them.
@@ -69,7 +70,7 @@ impl Row {
     pub(crate) fn add_to_first<const M: usize, const L: usize>(
         &self,
         f: f64,
-        forces: &mut [Motion<L>],
+        forces: &mut [Motion<Layer, L>],
     ) {
         let weights = self.weights.as_chunks::<3>().0;
         for (sphere, weights) in self.spheres.into_iter().zip(weights) {

@@ -1,11 +1,6 @@
 //! One instant of one suspension or cluster in three dimensions: velocities, stresslets, viscosity.
 //!
-//! A tensor is held as its components in the orthonormal basis
-//!
-//! ```text
-//! e1 = (E_xx − E_yy)/√2   e2 = √2 E_xy   e3 = √(3/2)(E_xx + E_yy)   e4 = √2 E_xz   e5 = √2 E_yz
-//! ```
-//! whose first three are those of the layer. Equations: see `hydrodynamics::bulk`; stress:
+//! Equations: see `hydrodynamics::resistance`; stress:
 //!
 //! ```text
 //! η = 1 + Σ S_xy/V → 1 + 5φ/2 for a dilute suspension,   V (η − 1) = v'Rv in shear without forces
@@ -13,86 +8,14 @@
 
 use super::instant::{check_lists, check_numbers};
 use crate::error::Error;
-use crate::hydrodynamics::bulk::{NearPart, Resistance, SparseResistance, Strain};
-use crate::hydrodynamics::resistance::NearFields;
+use crate::hydrodynamics::iterative::{IterativeFarField, NearSolver};
+use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::model::Hydrodynamics;
 use crate::space::Bulk;
 use crate::space::cell::Cell;
 use nalgebra::Vector3;
-use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-/// A symmetric traceless tensor: `E_zz = −E_xx − E_yy`.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct TracelessTensor {
-    /// xx.
-    pub xx: f64,
-    /// yy.
-    pub yy: f64,
-    /// xy.
-    pub xy: f64,
-    /// xz.
-    pub xz: f64,
-    /// yz.
-    pub yz: f64,
-}
-
-impl TracelessTensor {
-    /// Its components `(e1, …, e5)`.
-    fn components(&self) -> Strain {
-        Strain::from([
-            FRAC_1_SQRT_2 * (self.xx - self.yy),
-            SQRT_2 * self.xy,
-            1.5_f64.sqrt() * (self.xx + self.yy),
-            SQRT_2 * self.xz,
-            SQRT_2 * self.yz,
-        ])
-    }
-
-    /// The tensor of components.
-    fn of_components(e: &Strain) -> Self {
-        let (difference, sum) = (SQRT_2 * e[0], e[2] / 1.5_f64.sqrt());
-        Self {
-            xx: 0.5 * (sum + difference),
-            yy: 0.5 * (sum - difference),
-            xy: FRAC_1_SQRT_2 * e[1],
-            xz: FRAC_1_SQRT_2 * e[3],
-            yz: FRAC_1_SQRT_2 * e[4],
-        }
-    }
-}
-
-/// The imposed linear flow `u∞(x) = E∞·x + Ω∞ × x`, in shear rates.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Background {
-    /// Rate of strain.
-    pub rate_of_strain: TracelessTensor,
-    /// Angular velocity.
-    pub angular_velocity: Vector3<f64>,
-}
-
-impl Background {
-    /// Simple shear at unit rate: `u∞ = y x̂`.
-    pub const SHEAR: Self = Self {
-        rate_of_strain: TracelessTensor {
-            xx: 0.0,
-            yy: 0.0,
-            xy: 0.5,
-            xz: 0.0,
-            yz: 0.0,
-        },
-        angular_velocity: Vector3::new(0.0, 0.0, -0.5),
-    };
-
-    /// Velocity at a point.
-    pub fn velocity(&self, x: &Vector3<f64>) -> Vector3<f64> {
-        let TracelessTensor { xx, yy, xy, xz, yz } = self.rate_of_strain;
-        Vector3::new(
-            xx * x.x + xy * x.y + xz * x.z,
-            xy * x.x + yy * x.y + yz * x.z,
-            xz * x.x + yz * x.y - (xx + yy) * x.z,
-        ) + self.angular_velocity.cross(x)
-    }
-}
+pub use crate::space::bulk::{Background, TracelessTensor};
 
 /// Spheres, where they are and what drives them.
 #[derive(Debug, Clone)]
@@ -148,6 +71,15 @@ pub fn solve(
     tables: &NearFields,
 ) -> Result<SolvedConfiguration, Error> {
     check(configuration)?;
+    solve_with(configuration, tables, is_sparse(configuration))
+}
+
+/// Solves one instant, with the resistance held pair by pair or full.
+fn solve_with(
+    configuration: &Configuration,
+    tables: &NearFields,
+    is_sparse: bool,
+) -> Result<SolvedConfiguration, Error> {
     let Configuration {
         centres,
         radii,
@@ -158,30 +90,42 @@ pub fn solve(
         torques,
     } = configuration;
     let strain = background.rate_of_strain.components();
-    let external: Vec<f64> = forces
-        .iter()
-        .zip(torques)
-        .flat_map(|(f, t)| [f.x, f.y, f.z, t.x, t.y, t.z])
-        .collect();
     let is_full = *hydrodynamics == Hydrodynamics::StokesianDynamics;
-    let near = NearPart::new(*hydrodynamics, cell, radii, tables)?;
-    let (velocities, counterforces, stresslets) = if is_sparse(configuration) {
-        let mut resistance = SparseResistance::new(near, cell, is_full)?;
-        let motion = resistance.solve(cell, centres, &external, &strain)?;
-        (motion.velocities, motion.forces, motion.stresslets)
+    let mut resistance = if is_sparse {
+        Resistance::new_pairwise(*hydrodynamics, cell, radii, tables, &[])?
     } else {
-        let mut resistance = Resistance::new(near, cell, is_full)?;
-        resistance.update(cell, centres)?;
-        let (driving, _) = resistance.apply(&vec![0.0; external.len()], &strain);
-        let mut velocities: Vec<f64> = external
-            .iter()
-            .zip(driving)
-            .map(|(external, driving)| external - driving)
-            .collect();
-        resistance.solve(&mut velocities);
-        let (counterforces, stresslets) = resistance.apply(&velocities, &strain);
-        (velocities, counterforces, stresslets)
+        Resistance::new(*hydrodynamics, cell, radii, tables)?
     };
+    if hydrodynamics.admits_overlap() {
+        resistance.regularise(0.0, f64::INFINITY);
+    }
+    resistance.update(cell, centres)?;
+    let mut driving = vec![0.0; 6 * centres.len()];
+    resistance.background_forces(&strain, &mut driving);
+    let external = forces.iter().zip(torques);
+    for (driving, (f, t)) in driving.chunks_exact_mut(6).zip(external) {
+        for k in 0..3 {
+            driving[k] += f[k];
+            driving[3 + k] += t[k];
+        }
+    }
+    let mut velocities = driving.clone();
+    let (mut work, mut counterforces, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
+    let mut take = |velocities: &[f64]| {
+        resistance.apply(velocities, &strain, &mut work, &mut counterforces, &mut stresslets);
+    };
+    if is_sparse && is_full {
+        let mut far = IterativeFarField::new(cell, radii, IterativeFarField::DEFAULT_RESIDUAL)?;
+        far.update(cell, centres)?;
+        far.solve(&resistance, &strain, &driving, &mut velocities)?;
+        take(&velocities);
+        far.correct(&mut counterforces, &mut stresslets);
+    } else {
+        let mut solver = NearSolver::default();
+        solver.start(&resistance)?;
+        solver.solve(&resistance, &mut velocities)?;
+        take(&velocities);
+    }
     let power = crate::linalg::dense::dot(&velocities, &counterforces)
         + stresslets.iter().map(|s| s.dot(&strain)).sum::<f64>();
     let stresslets: Vec<_> = stresslets
@@ -271,34 +215,19 @@ mod tests {
             (Hydrodynamics::StokesianDynamics, 1e-5),
             (Hydrodynamics::BallMelrose, 1e-8),
         ] {
-            let full = hydrodynamics == Hydrodynamics::StokesianDynamics;
             let c = suspension(hydrodynamics);
-            let dense = solve(&c, &NearFields::default()).unwrap();
-            let near = || NearPart::new(hydrodynamics, &c.cell, &c.radii, &NearFields::default());
-            let mut sparse = SparseResistance::new(near().unwrap(), &c.cell, full).unwrap();
-            let external: Vec<f64> = c
-                .forces
-                .iter()
-                .zip(&c.torques)
-                .flat_map(|(f, t)| [f.x, f.y, f.z, t.x, t.y, t.z])
-                .collect();
-            let strain = c.background.rate_of_strain.components();
-            let motion = sparse
-                .solve(&c.cell, &c.centres, &external, &strain)
-                .unwrap();
-            for (i, v) in motion.velocities.chunks_exact(6).enumerate() {
-                let error = (Vector3::new(v[0], v[1], v[2]) - dense.velocities[i])
+            let dense = solve_with(&c, &NearFields::default(), false).unwrap();
+            let sparse = solve_with(&c, &NearFields::default(), true).unwrap();
+            for i in 0..c.centres.len() {
+                let error = (sparse.velocities[i] - dense.velocities[i])
                     .amax()
-                    .max((Vector3::new(v[3], v[4], v[5]) - dense.angular_velocities[i]).amax());
+                    .max((sparse.angular_velocities[i] - dense.angular_velocities[i]).amax());
                 assert!(error < tolerance, "{hydrodynamics:?} {i}: {error:e}");
-                let stress = motion.stresslets[i] - dense.stresslets[i].components();
-                let error = stress.amax() / 20.0;
+                let [found, expected] =
+                    [&sparse, &dense].map(|solved| solved.stresslets[i].components());
+                let error = (found - expected).amax() / 20.0;
                 assert!(error < tolerance, "{hydrodynamics:?} stress {i}: {error:e}");
             }
-            // The forces that resist the motion are those that drive it.
-            let left = motion.forces.iter().zip(&external);
-            let left = left.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            assert!(left < 1e-7, "{hydrodynamics:?}: {left:e}");
         }
     }
 }

@@ -22,6 +22,7 @@ use crate::model::{ContactScheme, DEEPEST_OVERLAP, Params};
 use crate::run::start;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Midpoint, State, Stepper};
+use crate::space::Layer;
 use crate::space::cell::Cell;
 use crate::space::modes::{Background, Vec2};
 use crate::space::pair::PairKey;
@@ -74,7 +75,7 @@ pub struct Simulation {
     memory: SchemeMemory,
     counters: Counters,
     stage: StageSolver,
-    stepper: Stepper,
+    stepper: Stepper<Layer>,
     stress: StressWork,
     /// Pairs that the procedure listed before the stage under way was solved.
     listed_before: ContactList,

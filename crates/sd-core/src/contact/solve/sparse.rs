@@ -24,9 +24,9 @@ use super::problem::{
 };
 use crate::contact::laws::COMPLIANCE;
 use crate::error::Error;
-use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
+use crate::hydrodynamics::resistance::{NearMatrix, NearPattern, PairwiseResistance, Resistance};
+use crate::space::Layer;
 use crate::linalg::Until;
-use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
 use crate::linalg::dense::{add_scaled, dot};
 use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
@@ -86,7 +86,7 @@ pub(crate) struct SparseSystem {
     /// Number of each candidate's pair in the pattern.
     numbers: Vec<Option<usize>>,
     /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
-    held: BlockCholesky,
+    held: NearMatrix<Layer>,
     /// Stiffnesses of the candidates and rows in it, and whether it was made in this stage.
     factored: Vec<f64>,
     is_factored: bool,
@@ -100,7 +100,7 @@ pub(crate) struct SparseSystem {
     /// Iterations of the last call with this factor.
     iterations: usize,
     /// The near part of R, and what of it is that of the stage.
-    near: BlockCholesky,
+    near: NearMatrix<Layer>,
     has_near: HasNear,
     /// Solver of the system.
     gmres: Gmres,
@@ -214,7 +214,7 @@ impl SparseSystem {
     fn prepare(
         &mut self,
         linear: &Linear<'_>,
-        pattern: &BlockPattern,
+        pattern: &NearPattern<Layer>,
         patient: usize,
     ) -> Result<(), BadPivot> {
         linear.stiffnesses(&mut self.stiffness);
@@ -251,7 +251,7 @@ pub(crate) struct OnNetwork<'a> {
     /// R pair by pair.
     pub(crate) network: &'a PairwiseResistance,
     /// Its pattern.
-    pub(crate) pattern: &'a BlockPattern,
+    pub(crate) pattern: &'a NearPattern<Layer>,
     /// Velocities, factors and workspace.
     pub(crate) system: &'a mut SparseSystem,
     /// The residual that is enough, over the forces that drive the spheres; 0: as exact as can be.

@@ -6,10 +6,9 @@
 //! ```
 //! One evaluation solves one contact problem, whose forces and states are those of the evaluation before but for little.
 
-use super::{Convergence, IterativeFarField, check_length};
+use super::{Convergence, IterativeFarField};
 use crate::error::Error;
-use crate::hydrodynamics::resistance::Resistance;
-use nalgebra::Vector3;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
 
 /// How far the iteration has come when the map is evaluated once more.
 #[derive(Debug, Clone, Copy)]
@@ -51,7 +50,7 @@ const WORST: f64 = 0.1;
 /// Rise of the residual over its least at which the acceleration starts anew.
 const WORSE: f64 = 10.0;
 
-impl IterativeFarField {
+impl<S: Fluid> IterativeFarField<S> {
     /// Disturbance velocities `[3N]` with contacts; their forces stay with `map`.
     ///
     /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone. The velocities are v = v_N + v_T of the last
@@ -64,20 +63,19 @@ impl IterativeFarField {
     /// [`Error::Length`]; [`Error::NotConverged`]; those of the contact problem.
     pub fn solve_fixed_point(
         &mut self,
-        near: &Resistance,
+        near: &Resistance<S>,
         map: &mut impl FixedPointMap,
-        strain: &Vector3<f64>,
+        strain: &S::Strain,
         forces: &[f64],
         velocities: &mut [f64],
     ) -> Result<Convergence, Error> {
-        let half = self.drag.len() / 2;
-        check_length("forces", forces.len(), half)?;
-        check_length("velocities", velocities.len(), half)?;
-        check_length("near field", 3 * near.radii().len(), half)?;
+        let half = self.check_lengths(near, forces, velocities)?;
         self.local.update(&self.drag, near);
-        self.work
-            .uniform
-            .update(near, &self.local, &self.drag[half..]);
+        if S::DRIFTS > 0 {
+            self.work
+                .uniform
+                .update(near, &self.local, &self.drag[half..]);
+        }
         self.split.anderson.restart();
         let mut found = Convergence {
             residual: f64::INFINITY,

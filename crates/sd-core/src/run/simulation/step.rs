@@ -6,6 +6,7 @@ use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
 use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
+use crate::space::Layer;
 use crate::space::modes::Vec2;
 use crate::space::pair::Neighbours;
 
@@ -170,7 +171,7 @@ impl Simulation {
     /// Moves the state by one step of `stepper`, sampled at its first stage.
     fn attempt(
         &mut self,
-        stepper: &mut Stepper,
+        stepper: &mut Stepper<Layer>,
         state: &mut State,
         [time, dt]: [f64; 2],
         taken: &mut Taken,
@@ -189,7 +190,7 @@ impl Simulation {
     /// end, which only the next step would find, in two, four and so on.
     fn advance_soft(
         &mut self,
-        stepper: &mut Stepper,
+        stepper: &mut Stepper<Layer>,
         state: &mut State,
         taken: &mut Taken,
     ) -> Result<Advance, Error> {
@@ -242,7 +243,7 @@ impl Simulation {
     /// holds the gaps at the end of just this motion. Where it has no such motion, the layer stays where it is.
     fn advance_rigid(
         &mut self,
-        method: &mut Midpoint,
+        method: &mut Midpoint<Layer>,
         state: &mut State,
         part: Part,
         taken: &mut Taken,
@@ -292,7 +293,7 @@ impl Simulation {
     /// Moves the state of a rigid layer by one step of the midpoint rule.
     fn attempt_rigid(
         &mut self,
-        method: &mut Midpoint,
+        method: &mut Midpoint<Layer>,
         state: &mut State,
         part: Part,
         taken: &mut Taken,

@@ -4,13 +4,14 @@ use super::SparseSystem;
 use super::linear::row_of;
 use crate::contact::row::Row;
 use crate::contact::solve::problem::Problem;
-use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
+use crate::hydrodynamics::resistance::{NearMatrix, NearPattern};
+use crate::space::Layer;
 
 impl SparseSystem {
     /// The matrix of the preconditioner: the near part of R, and the stiffnesses of so many candidates and rows.
     ///
     /// Where the one before was of the same candidates, only blocks of spheres are made anew that have another stiffness now.
-    pub(super) fn assemble(&mut self, problem: &Problem, pattern: &BlockPattern, rows: usize) {
+    pub(super) fn assemble(&mut self, problem: &Problem, pattern: &NearPattern<Layer>, rows: usize) {
         let again = self.is_factored && self.is_same;
         self.is_same = true;
         self.changed.clear();
@@ -50,8 +51,8 @@ impl SparseSystem {
 
 /// Adds `s rowᵀ row` to the diagonal blocks of those of its two spheres that are meant, and to the block between them where both are.
 fn add_stiffness(
-    matrix: &mut BlockCholesky,
-    pattern: &BlockPattern,
+    matrix: &mut NearMatrix<Layer>,
+    pattern: &NearPattern<Layer>,
     row: &Row,
     number: Option<usize>,
     s: f64,
@@ -78,11 +79,11 @@ mod tests {
     use crate::space::modes::Vec2;
 
     /// A ring of spheres, each in contact with the next, with friction at every second contact.
-    fn ring(n: usize) -> (Problem, BlockPattern, SparseSystem) {
+    fn ring(n: usize) -> (Problem, NearPattern<Layer>, SparseSystem) {
         let next = |i: usize| (i + 1) % n;
-        let mut pairs: Vec<_> = (0..n).map(|i| (i.min(next(i)), i.max(next(i)))).collect();
+        let mut pairs: Vec<_> = (0..n).map(|i| (i.min(next(i)) as u32, i.max(next(i)) as u32)).collect();
         pairs.sort_unstable();
-        let pattern = BlockPattern::new(n, &pairs).unwrap();
+        let pattern = NearPattern::new(n, &pairs).unwrap();
         let mut system = SparseSystem::default();
         system.near.reset(&pattern);
         for i in 0..n {
@@ -95,14 +96,14 @@ mod tests {
             system.near.add_coupling(&pattern, k, &block);
             let (y, x) = (k as f64).sin_cos();
             problem.normal.push(Normal {
-                row: Row::normal([i, j], Vec2::new(x, y)),
+                row: Row::normal([i, j].map(|i| i as usize), Vec2::new(x, y)),
                 bias: 0.0,
                 compliance: 0.0,
             });
             if k % 2 == 0 {
                 problem.tangential.push(Tangential {
                     contact: k,
-                    row: Row::slip([i, j], Vec2::new(-y, x), [1.0, 1.0]),
+                    row: Row::slip([i, j].map(|i| i as usize), Vec2::new(-y, x), [1.0, 1.0]),
                     shift: 0.0,
                     compliance: 0.0,
                     coefficient: 0.3,
@@ -118,7 +119,7 @@ mod tests {
     }
 
     /// The matrix of these stiffnesses, factored, read by a solve.
-    fn read(system: &mut SparseSystem, problem: &Problem, pattern: &BlockPattern) -> Vec<f64> {
+    fn read(system: &mut SparseSystem, problem: &Problem, pattern: &NearPattern<Layer>) -> Vec<f64> {
         let rows = system.stiffness.len();
         system.assemble(problem, pattern, rows);
         system.held.factor(pattern).unwrap();

@@ -4,8 +4,10 @@ use super::active::Active;
 use super::{LEAST_COMPLIANCE, WEIGHT};
 use crate::contact::row::Row;
 use crate::contact::solve::problem::{Problem, States};
-use crate::hydrodynamics::resistance::{Motion, PairwiseResistance, side_by_side_mut};
-use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
+use crate::hydrodynamics::resistance::{
+    Motion, NearMatrix, NearPattern, PairwiseResistance, side_by_side_mut,
+};
+use crate::space::Layer;
 
 /// The spheres, contacts and what they do: all that the linear system is made of.
 pub(super) struct Linear<'a> {
@@ -25,11 +27,11 @@ pub(super) fn row_of(problem: &Problem, at: usize) -> (usize, &Row) {
 
 /// What the preconditioner is made of.
 pub(super) struct Preconditioner<'a> {
-    pub(super) pattern: &'a BlockPattern,
+    pub(super) pattern: &'a NearPattern<Layer>,
     /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
-    pub(super) held: &'a mut BlockCholesky,
+    pub(super) held: &'a mut NearMatrix<Layer>,
     /// The near part of R, factored.
-    pub(super) near: &'a mut BlockCholesky,
+    pub(super) near: &'a mut NearMatrix<Layer>,
     /// Stiffness of each candidate, then of each row.
     pub(super) stiffness: &'a [f64],
     /// Forces on the spheres, `[3N]`.
@@ -39,8 +41,8 @@ pub(super) struct Preconditioner<'a> {
 /// Workspace for v and v_N side by side, and for the forces of both.
 #[derive(Default)]
 pub(super) struct BothMotions {
-    velocities: Vec<Motion<2>>,
-    forces: Vec<Motion<2>>,
+    velocities: Vec<Motion<Layer, 2>>,
+    forces: Vec<Motion<Layer, 2>>,
 }
 
 impl BothMotions {
@@ -106,7 +108,7 @@ impl Linear<'_> {
             both.read(y_v, y_n);
         } else {
             self.network.apply(v, y_v);
-            self.add_contacts(x, side_by_side_mut(y_v), y_f, y_t);
+            self.add_contacts(x, side_by_side_mut::<Layer>(y_v), y_f, y_t);
         }
     }
 
@@ -114,7 +116,7 @@ impl Linear<'_> {
     fn add_contacts<const L: usize>(
         &self,
         x: &[f64],
-        y: &mut [Motion<L>],
+        y: &mut [Motion<Layer, L>],
         y_f: &mut [f64],
         y_t: &mut [f64],
     ) {

@@ -1,0 +1,183 @@
+//! Spheres whose centres lie in one plane.
+
+use super::modes::{Background, strain_tensor};
+use super::{ImposedFlow, Space};
+use nalgebra::{Vector2, Vector3};
+
+/// Spheres whose centres lie in one plane of an unbounded fluid.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Layer;
+
+impl Space for Layer {
+    const DIMENSIONS: usize = 2;
+    const MODES: usize = 3;
+    const STRAINS: usize = 3;
+    const TANGENTS: usize = 1;
+    /// Equal spheres have 18 at most.
+    const MOST_NEIGHBOURS: usize = 20;
+    /// Equal spheres have six at most. Unequal ones hardly have more.
+    const MOST_CONTACTS: usize = 6;
+    const UPRIGHT: f64 = 0.0;
+    type Vector = Vector2<f64>;
+    type Point = [f64; 2];
+    type Image = [i32; 2];
+    type Spin = f64;
+    /// Along t = (−n_y, n_x), which turns with the pair.
+    type Tangent = f64;
+    /// In radians.
+    type Orientation = f64;
+    /// `(e1, e2, e3)`, see [`crate::modes`].
+    type Strain = Vector3<f64>;
+    type Background = Background;
+    type PerMode<T: Copy> = [T; 3];
+    type PerTangent<T: Copy> = [T; 1];
+    type Weights = [f64; 6];
+    type Block = [f64; 9];
+
+    #[inline(always)]
+    fn dot(a: &Self::Vector, b: &Self::Vector) -> f64 {
+        a.dot(b)
+    }
+
+    fn point(vector: &Self::Vector) -> Self::Point {
+        [vector.x, vector.y]
+    }
+
+    fn vector(&[x, y]: &Self::Point) -> Self::Vector {
+        Vector2::new(x, y)
+    }
+
+    #[inline(always)]
+    fn each<T: Copy>(value: T) -> [T; 3] {
+        [value; 3]
+    }
+
+    #[inline(always)]
+    fn by_sphere<T: Copy>(list: &[T]) -> &[[T; 3]] {
+        list.as_chunks().0
+    }
+
+    #[inline(always)]
+    fn by_sphere_mut<T: Copy>(list: &mut [T]) -> &mut [[T; 3]] {
+        list.as_chunks_mut().0
+    }
+
+    #[inline(always)]
+    fn no_block() -> [f64; 9] {
+        [0.0; 9]
+    }
+
+    #[inline(always)]
+    fn weights(i: &[f64; 3], j: &[f64; 3]) -> [f64; 6] {
+        [i[0], i[1], i[2], j[0], j[1], j[2]]
+    }
+
+    #[inline(always)]
+    fn join(vector: &Self::Vector, spin: &f64) -> [f64; 3] {
+        [vector.x, vector.y, *spin]
+    }
+
+    #[inline(always)]
+    fn translation(modes: &[f64; 3]) -> Self::Vector {
+        Vector2::new(modes[0], modes[1])
+    }
+
+    #[inline(always)]
+    fn rotation(modes: &[f64; 3]) -> f64 {
+        modes[2]
+    }
+
+    #[inline(always)]
+    fn tangents(n: &Self::Vector) -> [Self::Vector; 1] {
+        [Vector2::new(-n.y, n.x)]
+    }
+
+    #[inline(always)]
+    fn axis(_: &Self::Vector, _: &Self::Vector) -> f64 {
+        1.0
+    }
+
+    #[inline(always)]
+    fn tangent(_: &[Self::Vector; 1], &[component]: &[f64; 1]) -> f64 {
+        component
+    }
+
+    #[inline(always)]
+    fn along(_: &[Self::Vector; 1], tangent: &f64) -> [f64; 1] {
+        [*tangent]
+    }
+
+    #[inline(always)]
+    fn tangent_dot(a: &f64, b: &f64) -> f64 {
+        a * b
+    }
+
+    fn is_finite(tangent: &f64) -> bool {
+        tangent.is_finite()
+    }
+
+    #[inline(always)]
+    fn carried(tangent: &f64, _: &Self::Vector, _: &Self::Vector) -> f64 {
+        *tangent
+    }
+
+    #[inline(always)]
+    fn projected(tangent: &f64, _: &Self::Vector) -> f64 {
+        *tangent
+    }
+
+    #[inline(always)]
+    fn turned(orientation: &f64, rotation: &f64) -> f64 {
+        orientation + rotation
+    }
+
+    fn is_orientation(orientation: &f64) -> bool {
+        orientation.is_finite()
+    }
+
+    #[inline(always)]
+    fn commutator(_: &f64, _: &f64) -> f64 {
+        0.0
+    }
+
+    #[inline(always)]
+    fn strain_dot(a: &Self::Strain, b: &Self::Strain) -> f64 {
+        a.dot(b)
+    }
+
+    #[inline(always)]
+    fn shear_part(strain: &Self::Strain) -> [f64; 3] {
+        let (xx, yy, xy) = strain_tensor(strain);
+        [xx, yy, xy]
+    }
+
+    #[inline(always)]
+    fn symmetric(a: &Self::Vector, b: &Self::Vector) -> [f64; 4] {
+        let xy = 0.5 * (a.x * b.y + a.y * b.x);
+        [a.x * b.x, a.y * b.y, 0.0, xy]
+    }
+}
+
+impl ImposedFlow<Layer> for Background {
+    fn simple_shear(direction: f64) -> Self {
+        Self::shear(direction)
+    }
+
+    #[inline(always)]
+    fn velocity_at(&self, x: &Vector2<f64>) -> Vector2<f64> {
+        self.velocity(*x)
+    }
+
+    #[inline(always)]
+    fn spin(&self) -> f64 {
+        self.angular_velocity
+    }
+
+    fn strain_components(&self) -> Vector3<f64> {
+        self.strain()
+    }
+
+    fn carried_back(&self, x: &Vector2<f64>, time: f64) -> Vector2<f64> {
+        Self::carried_back(self, *x, time)
+    }
+}
