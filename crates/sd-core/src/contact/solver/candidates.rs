@@ -1,8 +1,8 @@
 //! Which pairs take part in a contact problem.
 
 use super::super::laws::Overlap;
+use super::super::memory::WarmStart;
 use super::super::pair::Contact;
-use super::super::warm_start::WarmStart;
 use super::{ContactSolver, StageInput};
 
 /// Approach velocity, in a·rate, that the first choice of candidates allows for.

@@ -1,8 +1,39 @@
-//! What is known from the stage before: where the next one starts, and which pairs may touch in it.
+//! What contacts remember: the forces from which the next stage starts, which pairs may touch in it, and springs.
 
 use super::pair::Contact;
+use super::springs::Springs;
 use crate::space::pair::{Neighbours, PairKey};
 use serde::{Deserialize, Serialize};
+
+/// What contacts remember from stage to stage and from step to step.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContactMemory {
+    /// Forces of the stage before: where the next begins.
+    pub warm_start: WarmStart,
+    /// Springs of friction; none under laws without.
+    pub springs: Springs,
+    /// Springs of rolling friction.
+    #[serde(default)]
+    pub rolling_springs: Springs,
+}
+
+impl ContactMemory {
+    /// Becomes equal to the other, without allocating once there is room.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.warm_start.copy_from(&other.warm_start);
+        self.springs.copy_from(&other.springs);
+        self.rolling_springs.copy_from(&other.rolling_springs);
+    }
+
+    /// Room for that many contacts.
+    pub(crate) fn reserve(&mut self, contacts: usize) {
+        self.warm_start.forces.reserve(contacts);
+        self.warm_start.rolling.0.reserve(contacts);
+        self.springs.reserve(contacts);
+        self.rolling_springs.reserve(contacts);
+    }
+}
 
 /// Forces of the stage before.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -12,7 +43,7 @@ pub struct WarmStart {
     pub forces: Vec<(u32, u32, f64, f64)>,
     /// Quasi-forces of rolling friction, of pairs that have one.
     #[serde(default)]
-    pub rolling: SpringForces,
+    pub rolling: PairForces,
 }
 
 /// The key of an entry.
@@ -63,12 +94,12 @@ impl WarmStart {
     }
 }
 
-/// Forces of springs, by pair.
+/// One force of each pair that has one, ordered by (i, j).
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct SpringForces(pub Vec<(u32, u32, f64)>);
+pub struct PairForces(pub Vec<(u32, u32, f64)>);
 
-impl SpringForces {
-    /// The force of a pair's spring, zero if it has none.
+impl PairForces {
+    /// The force of a pair, zero if it has none.
     pub(crate) fn of(&self, contact: &Contact) -> f64 {
         let found = self
             .0
@@ -76,14 +107,7 @@ impl SpringForces {
         found.map_or(0.0, |at| self.0[at].2)
     }
 
-    /// Brings all forces into another unit.
-    pub(crate) fn rescale(&mut self, factor: f64) {
-        for entry in &mut self.0 {
-            entry.2 *= factor;
-        }
-    }
-
-    /// Remembers a spring; pairs come in order.
+    /// Remembers a force; pairs come in order.
     pub(crate) fn keep(&mut self, contact: &Contact, force: f64) {
         let (i, j) = contact.pair.key();
         self.0.push((i, j, force));
