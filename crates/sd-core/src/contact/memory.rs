@@ -1,4 +1,4 @@
-//! What contacts remember: the forces from which the next stage starts, which pairs may touch in it, and springs.
+//! What contacts remember: the forces from which the next stage starts, and springs.
 
 use super::pair::Contact;
 use super::springs::Springs;
@@ -39,7 +39,7 @@ impl ContactMemory {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WarmStart {
-    /// `(i, j, f, t)` of pairs with a force, and of others about to touch, without; ordered by (i, j).
+    /// `(i, j, f, t)` of pairs with a force, ordered by (i, j).
     pub forces: Vec<(u32, u32, f64, f64)>,
     /// Quasi-forces of rolling friction, of pairs that have one.
     #[serde(default)]
@@ -52,7 +52,7 @@ fn key(entry: &(u32, u32, f64, f64)) -> PairKey {
 }
 
 impl WarmStart {
-    /// The pairs among `pairs`, ordered by (i, j), that touched in the stage before or were about to.
+    /// The pairs among `pairs`, ordered by (i, j), that bore forces in the stage before.
     pub(crate) fn known<'p>(
         &self,
         pairs: &'p [Neighbours],
@@ -65,14 +65,13 @@ impl WarmStart {
         })
     }
 
-    /// Remembers a pair; pairs come in order.
-    ///
-    /// `forces`: f, t and the quasi-force of rolling friction.
-    pub(crate) fn keep(&mut self, pair: &Neighbours, [f, t, rolling]: [f64; 3]) {
-        let (i, j) = pair.key();
-        self.forces.push((i, j, f, t));
-        if rolling != 0.0 {
-            self.rolling.0.push((i, j, rolling));
+    /// Remembers the forces of a contact; contacts come in order.
+    pub(crate) fn keep(&mut self, contact: &Contact) {
+        let (i, j) = contact.pair.key();
+        self.forces
+            .push((i, j, contact.normal_force, contact.tangential_force));
+        if contact.rolling_force != 0.0 {
+            self.rolling.keep(contact, contact.rolling_force);
         }
     }
 
@@ -86,11 +85,6 @@ impl WarmStart {
     pub(crate) fn clear(&mut self) {
         self.forces.clear();
         self.rolling.0.clear();
-    }
-
-    /// Whether nothing is known.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.forces.is_empty()
     }
 }
 

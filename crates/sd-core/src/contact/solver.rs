@@ -3,7 +3,6 @@
 mod candidates;
 mod entries;
 
-use self::candidates::parting_velocity;
 use self::entries::refine;
 use super::laws::{Laws, Overlap, Span};
 use super::memory::ContactMemory;
@@ -13,15 +12,12 @@ use super::solve::newton::FrictionActivation;
 use super::solve::problem::{Forces, Problem};
 use super::solve::sparse::{OnNetwork, SparseSystem};
 use super::solve::{Outcome, ProblemSolver};
-use super::{Quality, Status, most_contacts};
+use super::{Quality, most_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::space::modes::Background;
 
 pub use super::solve::problem::AppliedForces;
-
-/// Rounds of adding pairs that turned out to close after all.
-const MOST_ROUNDS: u32 = 20;
 
 /// What a contact problem is input in.
 #[derive(Clone, Copy)]
@@ -129,7 +125,7 @@ impl ContactSolver {
             self.choose(input, &memory.warm_start);
         }
         let (mut systems, mut changed) = (0, false);
-        for round in 1.. {
+        loop {
             self.pose(input, memory, pass);
             let outcome = self.solve_posed(input, applied, activation, velocities)?;
             systems += outcome.systems;
@@ -138,7 +134,7 @@ impl ContactSolver {
                 contact.take_velocities(velocities);
             }
             changed |= self.keep_activation() && !laws.is_smooth();
-            let mut quality = Quality {
+            let quality = Quality {
                 status: outcome.status,
                 residual: outcome.violation.residual,
                 friction_error: outcome.violation.friction_error,
@@ -146,21 +142,12 @@ impl ContactSolver {
             };
             let closes = self.add_closing(input, velocities, &mut memory.warm_start);
             // With more contacts a jammed layer has no motion either.
-            let ends = !closes || quality.jammed();
-            if !ends && round == MOST_ROUNDS {
-                // By how much pairs still close counts as a violation.
-                let closing = self.list.iter().filter(|c| c.normal_force == 0.0);
-                let closing = closing.map(|c| parting_velocity(input, c) - c.normal_velocity);
-                quality.residual = closing.fold(quality.residual, f64::max);
-                quality.status = Status::Failed;
-            }
-            changed |= !ends;
-            if ends || round == MOST_ROUNDS {
+            if !closes || quality.jammed() {
                 self.keep_springs(input, memory);
                 return Ok((quality, changed));
             }
+            changed = true;
         }
-        unreachable!("the last round returns")
     }
 
     /// The motion `[3N]` that normal forces alone leave, where the law reads it.
