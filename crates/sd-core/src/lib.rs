@@ -71,7 +71,7 @@
 //! # Example
 //! `cargo run --release -p sd-core --example layer` shears a layer, `--example pair` drives two spheres past each other.
 //! ```
-//! use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
+//! use sd_core::{ContactScheme, Hydrodynamics, Layer, NearFields, Params, Simulation};
 //!
 //! let params = Params {
 //!     spheres: 20,
@@ -86,7 +86,7 @@
 //!     time_step: 0.005,
 //!     ..Params::UNWRITTEN
 //! };
-//! let mut layer = Simulation::new(&params, 1, &NearFields::default())?;
+//! let mut layer = Simulation::<Layer>::new(&params, 1, &NearFields::default())?;
 //! for _ in 0..20 {
 //!     let sample = layer.step()?;
 //!     assert!(sample.viscosity > 1.0 + 5.0 / 3.0 * params.area_fraction);

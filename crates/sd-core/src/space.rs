@@ -110,6 +110,8 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     type Orientation: Copy + Debug + PartialEq + Serialize + DeserializeOwned;
     /// Strains and stresslets.
     type Strain: Linear + Index<usize, Output = f64> + IndexMut<usize>;
+    /// A traceless tensor, see [`Space::tensor`].
+    type Tensor: Few<f64> + Debug + PartialEq + Default;
     /// The imposed flow.
     type Background: ImposedFlow<Self>;
     /// Something of each velocity of a sphere.
@@ -178,6 +180,24 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         tangent: &Self::Tangent,
     ) -> Self::PerTangent<f64>;
 
+    /// Scalar product of an axis and an angular velocity.
+    fn spin_dot(axis: &Self::Spin, spin: &Self::Spin) -> f64;
+
+    /// Length of a vector by its components along directions.
+    fn length(components: &Self::PerTangent<f64>) -> f64;
+
+    /// The nearest vector whose length is within a bound, 0 or more, by components along directions.
+    fn within(components: &Self::PerTangent<f64>, bound: f64) -> Self::PerTangent<f64>;
+
+    /// The same for each component of a slip.
+    fn each_tangent<T: Copy>(value: T) -> Self::PerTangent<T>;
+
+    /// Takes a list of all slips apart.
+    fn by_slip<T: Copy>(list: &[T]) -> &[Self::PerTangent<T>];
+
+    /// The same, to write.
+    fn by_slip_mut<T: Copy>(list: &mut [T]) -> &mut [Self::PerTangent<T>];
+
     /// Scalar product of vectors across the line of centres.
     fn tangent_dot(a: &Self::Tangent, b: &Self::Tangent) -> f64;
 
@@ -206,9 +226,15 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Scalar product of strains and stresslets.
     fn strain_dot(a: &Self::Strain, b: &Self::Strain) -> f64;
 
-    /// A tensor's `[xx, yy, xy]` of its components; zz is what makes the trace zero.
-    fn shear_part(strain: &Self::Strain) -> [f64; 3];
+    /// The tensor of components: xx, yy, xy and in a suspension xz, yz; zz makes the trace zero.
+    fn tensor(strain: &Self::Strain) -> Self::Tensor;
 
-    /// xx, yy, zz and xy of `(a b + b a)/2`.
-    fn symmetric(a: &Self::Vector, b: &Self::Vector) -> [f64; 4];
+    /// xx, yy, zz and xy of `m n n`.
+    fn moment_along(normal: &Self::Vector, m: f64) -> [f64; 4];
+
+    /// The same of `m (t n + n t)/2`.
+    fn moment_across(normal: &Self::Vector, tangent: &Self::Tangent, m: f64) -> [f64; 4];
+
+    /// The volume that stresses are means over, of a cell whose sides have that product.
+    fn volume(content: f64, radii: &[f64]) -> f64;
 }

@@ -47,7 +47,7 @@ pub(crate) fn layer(spheres: usize, area_fraction: f64) -> Snapshot {
         Hydrodynamics::BallMelrose,
     );
     let mut simulation =
-        Simulation::new(&params, 1, &NearFields::default()).expect("valid parameters");
+        Simulation::<sd_core::Layer>::new(&params, 1, &NearFields::default()).expect("valid parameters");
     while simulation.strain() < STRAIN {
         simulation.step().expect("a step that succeeds");
     }

@@ -144,6 +144,7 @@ impl Space for Bulk {
     type Tangent = Vector3<f64>;
     type Orientation = Quaternion;
     type Strain = Strain;
+    type Tensor = [f64; 5];
     type Background = Background;
     type PerMode<T: Copy> = [T; 6];
     type PerTangent<T: Copy> = [T; 2];
@@ -236,6 +237,41 @@ impl Space for Bulk {
     }
 
     #[inline(always)]
+    fn spin_dot(axis: &Self::Spin, spin: &Self::Spin) -> f64 {
+        axis.dot(spin)
+    }
+
+    #[inline(always)]
+    fn length(&[d, e]: &[f64; 2]) -> f64 {
+        d.hypot(e)
+    }
+
+    #[inline(always)]
+    fn within(&[d, e]: &[f64; 2], bound: f64) -> [f64; 2] {
+        let length = d.hypot(e);
+        if length <= bound {
+            [d, e]
+        } else {
+            [d * (bound / length), e * (bound / length)]
+        }
+    }
+
+    #[inline(always)]
+    fn each_tangent<T: Copy>(value: T) -> [T; 2] {
+        [value; 2]
+    }
+
+    #[inline(always)]
+    fn by_slip<T: Copy>(list: &[T]) -> &[[T; 2]] {
+        list.as_chunks().0
+    }
+
+    #[inline(always)]
+    fn by_slip_mut<T: Copy>(list: &mut [T]) -> &mut [[T; 2]] {
+        list.as_chunks_mut().0
+    }
+
+    #[inline(always)]
     fn tangent_dot(a: &Self::Tangent, b: &Self::Tangent) -> f64 {
         a.dot(b)
     }
@@ -290,15 +326,22 @@ impl Space for Bulk {
     }
 
     #[inline(always)]
-    fn shear_part(strain: &Strain) -> [f64; 3] {
-        let TracelessTensor { xx, yy, xy, .. } = TracelessTensor::of_components(strain);
-        [xx, yy, xy]
+    fn tensor(strain: &Strain) -> [f64; 5] {
+        let TracelessTensor { xx, yy, xy, xz, yz } = TracelessTensor::of_components(strain);
+        [xx, yy, xy, xz, yz]
     }
 
-    #[inline(always)]
-    fn symmetric(a: &Self::Vector, b: &Self::Vector) -> [f64; 4] {
-        let xy = 0.5 * (a.x * b.y + a.y * b.x);
-        [a.x * b.x, a.y * b.y, a.z * b.z, xy]
+    fn moment_along(n: &Self::Vector, m: f64) -> [f64; 4] {
+        [m * n.x * n.x, m * n.y * n.y, m * n.z * n.z, m * n.x * n.y]
+    }
+
+    fn moment_across(n: &Self::Vector, t: &Self::Tangent, m: f64) -> [f64; 4] {
+        let xy = 0.5 * m * (t.x * n.y + t.y * n.x);
+        [m * t.x * n.x, m * t.y * n.y, m * t.z * n.z, xy]
+    }
+
+    fn volume(content: f64, _: &[f64]) -> f64 {
+        content
     }
 }
 

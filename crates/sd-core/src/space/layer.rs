@@ -28,6 +28,7 @@ impl Space for Layer {
     type Orientation = f64;
     /// `(e1, e2, e3)`, see [`crate::modes`].
     type Strain = Vector3<f64>;
+    type Tensor = [f64; 3];
     type Background = Background;
     type PerMode<T: Copy> = [T; 3];
     type PerTangent<T: Copy> = [T; 1];
@@ -108,6 +109,36 @@ impl Space for Layer {
     }
 
     #[inline(always)]
+    fn spin_dot(axis: &f64, spin: &f64) -> f64 {
+        axis * spin
+    }
+
+    #[inline(always)]
+    fn length(&[component]: &[f64; 1]) -> f64 {
+        component.abs()
+    }
+
+    #[inline(always)]
+    fn within(&[component]: &[f64; 1], bound: f64) -> [f64; 1] {
+        [component.clamp(-bound, bound)]
+    }
+
+    #[inline(always)]
+    fn each_tangent<T: Copy>(value: T) -> [T; 1] {
+        [value]
+    }
+
+    #[inline(always)]
+    fn by_slip<T: Copy>(list: &[T]) -> &[[T; 1]] {
+        list.as_chunks().0
+    }
+
+    #[inline(always)]
+    fn by_slip_mut<T: Copy>(list: &mut [T]) -> &mut [[T; 1]] {
+        list.as_chunks_mut().0
+    }
+
+    #[inline(always)]
     fn tangent_dot(a: &f64, b: &f64) -> f64 {
         a * b
     }
@@ -146,15 +177,25 @@ impl Space for Layer {
     }
 
     #[inline(always)]
-    fn shear_part(strain: &Self::Strain) -> [f64; 3] {
+    fn tensor(strain: &Self::Strain) -> [f64; 3] {
         let (xx, yy, xy) = strain_tensor(strain);
         [xx, yy, xy]
     }
 
-    #[inline(always)]
-    fn symmetric(a: &Self::Vector, b: &Self::Vector) -> [f64; 4] {
-        let xy = 0.5 * (a.x * b.y + a.y * b.x);
-        [a.x * b.x, a.y * b.y, 0.0, xy]
+    fn moment_along(n: &Self::Vector, m: f64) -> [f64; 4] {
+        [m * n.x * n.x, m * n.y * n.y, 0.0, m * n.x * n.y]
+    }
+
+    fn moment_across(n: &Self::Vector, tangent: &f64, m: f64) -> [f64; 4] {
+        let moment = m * tangent;
+        let product = moment * n.x * n.y;
+        let xy = 0.5 * moment * (n.x * n.x - n.y * n.y);
+        [-product, product, 0.0, xy]
+    }
+
+    /// The layer is two mean radii thick.
+    fn volume(content: f64, radii: &[f64]) -> f64 {
+        2.0 * content * radii.iter().sum::<f64>() / radii.len() as f64
     }
 }
 

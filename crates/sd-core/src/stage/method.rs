@@ -3,7 +3,7 @@
 use super::StageSolver;
 use crate::error::Error;
 use crate::hydrodynamics::iterative::IterativeFarField;
-use crate::hydrodynamics::resistance::{NearFields, Resistance};
+use crate::hydrodynamics::resistance::{Fluid, NearFields, Resistance};
 use crate::model::{ContactScheme, Hydrodynamics, Params};
 use crate::space::cell::Cell;
 use crate::space::pair::PairKey;
@@ -45,9 +45,20 @@ impl Method {
             // It halts all pairs at once, which is dense at any number of spheres.
             return Self::Dense;
         }
+        if params.volume_fraction.is_some() {
+            return Self::of_suspension(params.hydrodynamics);
+        }
         let is_soft = params.contact.laws().is_soft();
         let area_fraction = params.area_fraction;
         Self::choose(params.hydrodynamics, params.spheres, area_fraction, is_soft)
+    }
+
+    /// What costs least for suspensions, whose periodic cells hold many spheres.
+    fn of_suspension(hydrodynamics: Hydrodynamics) -> Self {
+        match hydrodynamics {
+            Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => Self::Pairwise,
+            Hydrodynamics::StokesianDynamics => Self::Iterated,
+        }
     }
 
     /// What costs least for a single instant.
@@ -97,14 +108,14 @@ impl Method {
     ///
     /// # Errors
     /// Those of [`Resistance::new`], [`Resistance::new_pairwise`] and [`IterativeFarField::new`].
-    pub fn solver(
+    pub fn solver<S: Fluid>(
         self,
         hydrodynamics: Hydrodynamics,
-        cell: &Cell,
+        cell: &Cell<S>,
         radii: &[f64],
         tables: &NearFields,
         pattern_pairs: &[PairKey],
-    ) -> Result<StageSolver, Error> {
+    ) -> Result<StageSolver<S>, Error> {
         let pairwise =
             || Resistance::new_pairwise(hydrodynamics, cell, radii, tables, pattern_pairs);
         Ok(match self {

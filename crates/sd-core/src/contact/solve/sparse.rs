@@ -24,9 +24,9 @@ use super::problem::{
 };
 use crate::contact::laws::COMPLIANCE;
 use crate::error::Error;
-use crate::hydrodynamics::resistance::{NearMatrix, NearPattern, PairwiseResistance, Resistance};
-use crate::space::Layer;
+use crate::hydrodynamics::resistance::{Fluid, NearMatrix, NearPattern, PairwiseResistance, Resistance};
 use crate::linalg::Until;
+use crate::space::Layer;
 use crate::linalg::dense::{add_scaled, dot};
 use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
@@ -75,8 +75,7 @@ enum HasNear {
 }
 
 /// Velocities, factors and workspace.
-#[derive(Default)]
-pub(crate) struct SparseSystem {
+pub(crate) struct SparseSystem<S: Fluid = Layer> {
     /// v, `[3N]`.
     velocities: Vec<f64>,
     /// v_N, `[3N]`, where tangential rows read it.
@@ -86,7 +85,7 @@ pub(crate) struct SparseSystem {
     /// Number of each candidate's pair in the pattern.
     numbers: Vec<Option<usize>>,
     /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
-    held: NearMatrix<Layer>,
+    held: NearMatrix<S>,
     /// Stiffnesses of the candidates and rows in it, and whether it was made in this stage.
     factored: Vec<f64>,
     is_factored: bool,
@@ -96,11 +95,11 @@ pub(crate) struct SparseSystem {
     /// Stiffnesses that the states ask for.
     stiffness: Vec<f64>,
     /// What the states put into the system.
-    active: Active,
+    active: Active<S>,
     /// Iterations of the last call with this factor.
     iterations: usize,
     /// The near part of R, and what of it is that of the stage.
-    near: NearMatrix<Layer>,
+    near: NearMatrix<S>,
     has_near: HasNear,
     /// Solver of the system.
     gmres: Gmres,
@@ -109,14 +108,43 @@ pub(crate) struct SparseSystem {
     correction: Vec<f64>,
     /// Forces on the spheres, `[3N]`.
     work: Vec<f64>,
-    both: BothMotions,
+    both: BothMotions<S>,
     /// What belongs to the motion under given forces: applied forces with those of contacts, contacts that are open, no forces.
     given: [Vec<f64>; 2],
     open: States,
     none: Forces,
 }
 
-impl SparseSystem {
+impl<S: Fluid> Default for SparseSystem<S> {
+    fn default() -> Self {
+        Self {
+            velocities: Default::default(),
+            frictionless: Default::default(),
+            applied: Default::default(),
+            numbers: Default::default(),
+            held: Default::default(),
+            factored: Default::default(),
+            is_factored: Default::default(),
+            is_same: Default::default(),
+            changed: Default::default(),
+            stiffness: Default::default(),
+            active: Default::default(),
+            iterations: Default::default(),
+            near: Default::default(),
+            has_near: Default::default(),
+            gmres: Default::default(),
+            residual: Default::default(),
+            correction: Default::default(),
+            work: Default::default(),
+            both: Default::default(),
+            given: Default::default(),
+            open: Default::default(),
+            none: Default::default(),
+        }
+    }
+}
+
+impl<S: Fluid> SparseSystem<S> {
     /// Begins a stage at new positions.
     pub(crate) fn start(&mut self) {
         self.has_near = HasNear::Nothing;
@@ -135,9 +163,9 @@ impl SparseSystem {
     }
 }
 
-impl SparseSystem {
+impl<S: Fluid> SparseSystem<S> {
     /// The residual of the linear system at the velocities and forces at hand.
-    fn find_residual(&mut self, linear: &Linear<'_>, forces: &Forces) {
+    fn find_residual(&mut self, linear: &Linear<'_, S>, forces: &Forces) {
         let problem = linear.problem;
         let n = self.velocities.len();
         let flow = if problem.uses_frictionless_slip {
@@ -183,13 +211,13 @@ impl SparseSystem {
         };
         for entry in &linear.active.sticking {
             let m = entry.at;
-            let moved = entry.row.read(flow) - entry.compliance * forces.tangential[m];
-            r_t[m] = -WEIGHT * (moved + problem.tangential[m].shift);
+            let moved = entry.row.read(flow) - entry.compliance * entry.force(&forces.tangential);
+            r_t[m] = -WEIGHT * (moved + entry.shift);
         }
     }
 
     /// Forces of states that carry none or that follow the load.
-    fn follow(linear: &Linear<'_>, forces: &mut Forces) {
+    fn follow(linear: &Linear<'_, S>, forces: &mut Forces) {
         let problem = linear.problem;
         forces.normal.resize(problem.normal.len(), 0.0);
         forces.tangential.resize(problem.tangential.len(), 0.0);
@@ -198,12 +226,21 @@ impl SparseSystem {
                 *f = 0.0;
             }
         }
-        for (m, t) in forces.tangential.iter_mut().enumerate() {
+        let slips = S::by_slip_mut(&mut forces.tangential).iter_mut();
+        for (k, t) in slips.enumerate() {
+            let m = S::TANGENTS * k;
             let state = linear.states.friction[m];
-            if state != FrictionState::Stick {
-                let row = &problem.tangential[m];
-                let load = forces.normal[row.contact];
-                *t = row.slipping_force(state, load);
+            if state == FrictionState::Stick {
+                continue;
+            }
+            let row = &problem.tangential[m];
+            let force = row.slipping_force(state, forces.normal[row.contact]);
+            match (linear.states.slide(m), t.as_mut()) {
+                (Some(slide), [x, y]) => {
+                    let [_, across] = slide.turned([*x, *y]);
+                    [*x, *y] = slide.turned_back([force, across]);
+                }
+                (_, t) => t.fill(force),
             }
         }
     }
@@ -213,8 +250,8 @@ impl SparseSystem {
     /// `patient`: see [`PATIENT`].
     fn prepare(
         &mut self,
-        linear: &Linear<'_>,
-        pattern: &NearPattern<Layer>,
+        linear: &Linear<'_, S>,
+        pattern: &NearPattern<S>,
         patient: usize,
     ) -> Result<(), BadPivot> {
         linear.stiffnesses(&mut self.stiffness);
@@ -231,7 +268,7 @@ impl SparseSystem {
             usize::MAX
         };
         if changes > MOST_CHANGES || changes > 0 && self.iterations > patient {
-            self.assemble(problem, pattern, rows);
+            self.assemble((problem, linear.states), pattern, rows);
             // Where it fails there is none.
             if std::mem::take(&mut self.is_factored) {
                 self.held.factor_again(pattern)?;
@@ -247,21 +284,21 @@ impl SparseSystem {
 }
 
 /// A [`SparseSystem`] with the network it belongs to.
-pub(crate) struct OnNetwork<'a> {
+pub(crate) struct OnNetwork<'a, S: Fluid> {
     /// R pair by pair.
-    pub(crate) network: &'a PairwiseResistance,
+    pub(crate) network: &'a PairwiseResistance<S>,
     /// Its pattern.
-    pub(crate) pattern: &'a NearPattern<Layer>,
+    pub(crate) pattern: &'a NearPattern<S>,
     /// Velocities, factors and workspace.
-    pub(crate) system: &'a mut SparseSystem,
+    pub(crate) system: &'a mut SparseSystem<S>,
     /// The residual that is enough, over the forces that drive the spheres; 0: as exact as can be.
     pub(crate) enough: f64,
 }
 
-impl System for OnNetwork<'_> {
+impl<S: Fluid> System<S> for OnNetwork<'_, S> {
     fn solve(
         &mut self,
-        problem: &Problem,
+        problem: &Problem<S>,
         states: &States,
         last: bool,
         forces: &mut Forces,
@@ -279,7 +316,7 @@ impl System for OnNetwork<'_> {
         roundoff
     }
 
-    fn measure(&mut self, problem: &Problem, forces: &mut Forces) {
+    fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces) {
         // The motion under these forces: no contact is closed, all forces are given.
         let mut open = std::mem::take(&mut self.system.open);
         open.closed.clear();
@@ -298,7 +335,7 @@ impl System for OnNetwork<'_> {
         for (entry, &t) in problem.tangential.iter().zip(&forces.tangential) {
             entry.row.add(-t, &mut self.system.given[0]);
         }
-        let exchange = |system: &mut SparseSystem| {
+        let exchange = |system: &mut SparseSystem<S>| {
             std::mem::swap(&mut system.applied, &mut system.given);
         };
         exchange(self.system);
@@ -319,15 +356,15 @@ impl System for OnNetwork<'_> {
     }
 }
 
-impl<'a> OnNetwork<'a> {
+impl<'a, S: Fluid> OnNetwork<'a, S> {
     /// Takes the candidates of a stage and what drives the spheres.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`], if the resistance cannot be factored.
     pub(crate) fn begin(
-        resistance: &'a Resistance,
-        system: &'a mut SparseSystem,
-        problem: &Problem,
+        resistance: &'a Resistance<S>,
+        system: &'a mut SparseSystem<S>,
+        problem: &Problem<S>,
         applied: AppliedForces<'_>,
     ) -> Result<Self, Error> {
         let Some(network) = resistance.pairwise() else {
@@ -364,7 +401,7 @@ impl<'a> OnNetwork<'a> {
             factored.map_err(|bad| Error::NotPositiveDefinite {
                 matrix: "near part of the resistance",
                 pivot: bad.pivot,
-                sphere: bad.pivot / 3,
+                sphere: bad.pivot / S::MODES,
             })?;
             system.has_near = HasNear::Factor;
         }
@@ -379,7 +416,7 @@ impl<'a> OnNetwork<'a> {
     /// See [`System::solve`].
     fn solve_linear(
         &mut self,
-        linear: &Linear<'_>,
+        linear: &Linear<'_, S>,
         last: bool,
         forces: &mut Forces,
     ) -> Option<RoundoffThresholds> {
@@ -436,7 +473,9 @@ impl<'a> OnNetwork<'a> {
             add(&mut system.velocities, v);
             add(&mut system.frictionless, v_n);
             add(&mut forces.normal, f);
-            add(&mut forces.tangential, t);
+            for entry in &linear.active.sticking {
+                entry.add(t[entry.at], &mut forces.tangential);
+            }
             SparseSystem::follow(linear, forces);
         }
         if !left.is_finite() {
@@ -467,7 +506,7 @@ impl<'a> OnNetwork<'a> {
     }
 
     /// Slack and slip of the velocities at hand.
-    fn read(&self, problem: &Problem, forces: &mut Forces) {
+    fn read(&self, problem: &Problem<S>, forces: &mut Forces) {
         let Forces {
             normal,
             tangential,
@@ -490,7 +529,7 @@ impl<'a> OnNetwork<'a> {
 }
 
 /// Whether contacts yield under their forces.
-fn is_soft(problem: &Problem) -> bool {
+fn is_soft<S: Fluid>(problem: &Problem<S>) -> bool {
     problem
         .normal
         .iter()

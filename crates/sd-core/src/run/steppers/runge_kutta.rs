@@ -77,23 +77,18 @@ impl<S: Space> RungeKutta<S> {
                 *mean += WEIGHTS[number] * u;
             }
         }
-        state.advance(&self.mean, dt);
-        if S::DIMENSIONS == 3 {
-            self.correct_orientations(state, dt);
+        let spheres = state.centres.iter_mut().zip(&mut state.orientations);
+        let last = S::by_sphere(&self.velocities);
+        let stages = S::by_sphere(&self.first).iter().zip(last);
+        let means = S::by_sphere(&self.mean).iter().zip(stages);
+        for ((x, orientation), (mean, (first, last))) in spheres.zip(means) {
+            *x += S::translation(mean) * dt;
+            // Rotations do not commute: with τ²/12 ω₄ × ω₁ orientations are of order four too (Magnus 1954).
+            let commutator = S::commutator(&S::rotation(last), &S::rotation(first));
+            let rotation = S::rotation(mean) * dt + commutator * (dt * dt / 12.0);
+            *orientation = S::turned(orientation, &rotation);
         }
         Ok(())
-    }
-
-    /// Rotations do not commute: beyond that of the mean there is one by `τ²/12 ω₄ × ω₁` (Magnus
-    /// 1954), with which orientations are of order four too.
-    fn correct_orientations(&self, state: &mut State<S>, dt: f64) {
-        let both = S::by_sphere(&self.velocities)
-            .iter()
-            .zip(S::by_sphere(&self.first));
-        for (orientation, (last, first)) in state.orientations.iter_mut().zip(both) {
-            let commutator = S::commutator(&S::rotation(last), &S::rotation(first));
-            *orientation = S::turned(orientation, &(commutator * (dt * dt / 12.0)));
-        }
     }
 
     /// Mean velocities of the last step, sphere by sphere.
