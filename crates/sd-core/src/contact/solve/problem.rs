@@ -255,6 +255,7 @@ impl States {
                 let state = match FrictionState::of(length, bound) {
                     FrictionState::SlipPositive if length > 0.0 => {
                         slide.direction = [x / length, y / length];
+                        slide.compliance = LIKELY_SLIP / bound;
                         FrictionState::SlipPositive
                     }
                     FrictionState::Inactive => FrictionState::Inactive,
@@ -298,6 +299,9 @@ impl States {
         self.slides.reserve(2 * candidates);
     }
 }
+
+/// Slip velocity, in a·rate, that a slide is expected to have before the first system says it.
+const LIKELY_SLIP: f64 = 0.3;
 
 /// Forces, and the velocities that go with them.
 #[derive(Debug, Default)]

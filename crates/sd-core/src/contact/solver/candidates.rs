@@ -24,8 +24,9 @@ impl<S: Fluid> ContactSolver<S> {
             if forces.is_some() || pair.gap < reach {
                 let mut contact = Contact::new(*pair, radii, input.background);
                 if let Some((_, (f, t))) = forces {
-                    (contact.normal_force, contact.tangential_force) = (f, t);
-                    contact.rolling_force = warm_start.rolling.of(&contact);
+                    let across = |force| S::projected(&force, &pair.normal);
+                    (contact.normal_force, contact.tangential_force) = (f, across(t));
+                    contact.rolling_force = across(warm_start.rolling.of(&contact));
                 }
                 self.list.push(contact);
             }
