@@ -60,7 +60,6 @@
 //! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
 //! stress          viscosity, normal stress differences, particle pressure, each by its causes; energy balance
 //! run             start: the first layer or suspension; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
-//!                 bulk: one evaluation in three dimensions, without contacts;
 //!                 pair: two spheres alone; verify: known results, computed anew
 //! ```
 //! A right-hand side goes through them in this order: pairs in range (`space`), their near field and the far field of all
@@ -118,11 +117,10 @@ pub use model::{
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::steppers::rosenbrock::{self, Rosenbrock};
 pub use run::steppers::{RungeKutta, Stage, State};
-pub use run::{bulk, instant, pair, simulation, start, verify};
+pub use run::{instant, pair, simulation, start, verify};
 pub use space::neighbours::NeighbourList;
 pub use space::pair::{Neighbours, PairKey};
-pub use space::bulk::Quaternion;
-pub use space::{Bulk, ImposedFlow, Layer, Space, cell, modes};
+pub use space::{Bulk, ImposedFlow, Layer, Space, bulk, cell, modes};
 pub use stage::{Contact as StageContact, Method, StageSolver, memory_bytes};
 pub use stress::{Stress, StressComponents, StressParts, StressWork};
 

@@ -1,8 +1,8 @@
 //! What differs between a layer and a suspension, and the geometry that is written once for both.
 
-pub(crate) mod bulk;
+pub mod bulk;
 pub mod cell;
-pub(crate) mod layer;
+mod layer;
 pub mod modes;
 pub(crate) mod neighbours;
 pub(crate) mod pair;
@@ -70,6 +70,9 @@ pub trait ImposedFlow<S: Space>: Copy + Debug + PartialEq + 'static {
 
     /// Components of the rate of strain.
     fn strain_components(&self) -> S::Strain;
+
+    /// All numbers of it.
+    fn numbers(&self) -> Vec<f64>;
 
     /// Where a point that the flow has carried to `x` over `time` at its first velocity was before:
     /// `x = (1 + time ∇u∞) x₀`.

@@ -181,7 +181,7 @@ fn viscosity_is_that_of_the_imposed_rate_which_was_found() {
 
 /// Viscosity of the layer where a soft step begins, at the rate that the sample has, solved as a single instant.
 fn instant(params: &Params, snapshot: &Snapshot, sample: &Sample) -> f64 {
-    let configuration = Configuration {
+    let configuration: Configuration = Configuration {
         centres: snapshot
             .centres
             .iter()

@@ -437,7 +437,7 @@ fn viscosity_does_not_depend_on_the_order_of_spheres_the_lattice_or_the_origin()
 #[test]
 fn rolling_friction_stops_the_slip_of_a_pair_alone() {
     let (centre, angle) = (2.01, 2.2_f64);
-    let configuration = Configuration {
+    let configuration: Configuration = Configuration {
         centres: vec![
             Vec2::zeros(),
             Vec2::new(centre * angle.cos(), centre * angle.sin()),

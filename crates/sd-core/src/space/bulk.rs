@@ -114,6 +114,11 @@ impl ImposedFlow<Bulk> for Background {
         self.rate_of_strain.components()
     }
 
+    fn numbers(&self) -> Vec<f64> {
+        let strain = self.rate_of_strain.components();
+        strain.iter().chain(&self.angular_velocity).copied().collect()
+    }
+
     fn carried_back(&self, x: &Vector3<f64>, time: f64) -> Vector3<f64> {
         let columns = [Vector3::x(), Vector3::y(), Vector3::z()].map(|e| e + self.velocity(&e) * time);
         let [a, b, c] = &columns;

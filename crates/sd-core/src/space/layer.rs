@@ -218,6 +218,10 @@ impl ImposedFlow<Layer> for Background {
         self.strain()
     }
 
+    fn numbers(&self) -> Vec<f64> {
+        vec![self.xx, self.yy, self.xy, self.angular_velocity]
+    }
+
     fn carried_back(&self, x: &Vector2<f64>, time: f64) -> Vector2<f64> {
         Self::carried_back(self, *x, time)
     }

@@ -5,6 +5,7 @@ use crate::error::Error;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::resistance::{Fluid, NearFields, Resistance};
 use crate::model::{ContactScheme, Hydrodynamics, Params};
+use crate::space::Space;
 use crate::space::cell::Cell;
 use crate::space::pair::PairKey;
 use std::f64::consts::PI;
@@ -18,6 +19,9 @@ const LEAST_PAIRWISE_SOFT: usize = 60;
 const LEAST_ITERATED: [(f64, usize); 2] = [(0.72, 160), (f64::INFINITY, 300)];
 /// The same where contacts are soft, whose problems cost little at any area fraction.
 const LEAST_ITERATED_SOFT: usize = 160;
+
+/// Spheres from which on an instant of a suspension costs less pair by pair.
+const LEAST_SPARSE: usize = 100;
 
 /// How a stage is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,12 +66,21 @@ impl Method {
     }
 
     /// What costs least for a single instant.
-    pub(crate) fn of_instant(
+    pub(crate) fn of_instant<S: Space>(
         hydrodynamics: Hydrodynamics,
-        cell: &Cell,
+        cell: &Cell<S>,
         radii: &[f64],
         is_soft: bool,
     ) -> Self {
+        if S::DIMENSIONS == 3 {
+            let is_full = hydrodynamics == Hydrodynamics::StokesianDynamics;
+            let is_sparse = radii.len() >= LEAST_SPARSE && (cell.content().is_some() || !is_full);
+            return if is_sparse {
+                Self::of_suspension(hydrodynamics)
+            } else {
+                Self::Dense
+            };
+        }
         cell.content().map_or(Self::Dense, |area| {
             let discs: f64 = radii.iter().map(|a| PI * a * a).sum();
             Self::choose(hydrodynamics, radii.len(), discs / area, is_soft)

@@ -176,7 +176,7 @@ fn energy_of_a_layer_balances_under_every_choice() {
         let params = params(contact);
         let snapshot = run(&params, 4, 80).snapshot();
         let strain = snapshot.steps as f64 * params.time_step;
-        let configuration = Configuration {
+        let configuration: Configuration = Configuration {
             centres: snapshot
                 .centres
                 .iter()
