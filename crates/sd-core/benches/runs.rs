@@ -238,7 +238,8 @@ fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
         time_step,
         ..params.clone()
     };
-    let mut before = Simulation::<sd_core::Layer>::new(&coarse, 1, &tables).expect("valid parameters");
+    let mut before =
+        Simulation::<sd_core::Layer>::new(&coarse, 1, &tables).expect("valid parameters");
     while before.strain() < strain - 0.5 * time_step {
         before.step().expect("a step that succeeds");
     }

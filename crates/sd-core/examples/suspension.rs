@@ -57,7 +57,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     params.settle();
     let mut suspension = Simulation::<Bulk>::new(&params, 1, &NearFields::default())?;
     let mut out = std::io::stdout();
-    writeln!(out, "strain viscosity contacts slipping smallest-gap unconverged worst-friction systems")?;
+    writeln!(
+        out,
+        "strain viscosity contacts slipping smallest-gap unconverged worst-friction systems"
+    )?;
     while suspension.strain() < strain {
         let sample = suspension.step()?;
         let counters = suspension.counters();

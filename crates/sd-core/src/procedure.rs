@@ -220,7 +220,11 @@ impl<S: Fluid> ProcedureSolver<S> {
             let size = S::length(slip);
             let (limited, rolls) = roll_slip::force(size, contact.slip_resistance, bound);
             for k in 0..S::TANGENTS {
-                force[k] = if size > 0.0 { slip[k] / size * limited } else { 0.0 };
+                force[k] = if size > 0.0 {
+                    slip[k] / size * limited
+                } else {
+                    0.0
+                };
             }
             contact.tangential_force = S::tangent(&contact.directions(), force);
             contact.state = if rolls {

@@ -208,11 +208,7 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     fn is_finite(tangent: &Self::Tangent) -> bool;
 
     /// A vector across the line of centres n, moved with it to the new one.
-    fn carried(
-        tangent: &Self::Tangent,
-        from: &Self::Vector,
-        to: &Self::Vector,
-    ) -> Self::Tangent;
+    fn carried(tangent: &Self::Tangent, from: &Self::Vector, to: &Self::Vector) -> Self::Tangent;
 
     /// A vector projected across a line of centres that has turned by little, its length kept.
     fn projected(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Tangent;

@@ -19,16 +19,12 @@ use crate::space::pair::Neighbours;
 use crate::space::{ImposedFlow as _, Layer};
 
 /// What a far-field iteration asks of the contact problem, over its own relative residual: the differences of its steps, from which it
-/// learns, are that much more exact. Of contacts that do not give way, and of others, whose slopes multiply what is left.
-const STRICT: [f64; 2] = [4e-3, 1e-3];
+/// learns, are that much more exact.
+const STRICT: f64 = 2e-3;
 /// Relative residual that the first evaluation is made for.
 const FIRST: f64 = 1e-2;
-/// Relative residual below which it is decided anew on which contacts friction acts; before, loads mean little.
-const DECIDING: f64 = 3e-2;
-/// How much smaller than at the last decision it must have become.
+/// How much smaller than at the last decision the residual must be for another one on which contacts friction acts.
 const CLOSER: f64 = 0.1;
-/// Where loads are known so well that it is not decided again.
-const FINEST: f64 = 1e-4;
 /// Changes of these contacts in one solve after which they are held.
 const MOST_CHANGES: u32 = 8;
 
@@ -215,7 +211,7 @@ impl<S: Fluid> StageSolver<S> {
                         pass,
                         quality: Quality::default(),
                         changes: 0,
-                        decided: DECIDING / CLOSER,
+                        decided: f64::INFINITY,
                     };
                     let found =
                         far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
@@ -324,15 +320,14 @@ impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
         self.applied.clear();
         self.applied
             .extend(normal.iter().zip(by_friction).map(|(n, t)| n + t));
-        let strict = STRICT[usize::from(!self.input.laws.normal.is_rigid())];
         let applied = AppliedForces {
             all: self.applied,
             frictionless: normal,
-            relative_tolerance: strict * progress.residual.min(FIRST),
+            relative_tolerance: STRICT * progress.residual.min(FIRST),
         };
         let (v, v_t) = velocities.split_at_mut(half);
         let first = progress.evaluations == 0;
-        let closer = progress.residual < CLOSER * self.decided && progress.residual > FINEST;
+        let closer = progress.residual < CLOSER * self.decided;
         let deciding = self.changes < MOST_CHANGES && (first || closer);
         if closer {
             self.decided = progress.residual;

@@ -136,9 +136,7 @@ impl<S: Fluid> StressWork<S> {
         }
         for c in &stage.contacts.list {
             sums.add(normal_stress(c), |parts| &mut parts.normal_contact);
-            sums.add(tangential_stress(c), |parts| {
-                &mut parts.tangential_contact
-            });
+            sums.add(tangential_stress(c), |parts| &mut parts.tangential_contact);
         }
         for c in &stage.adhering.pairs {
             sums.add(normal_stress(c), |parts| &mut parts.normal_contact);

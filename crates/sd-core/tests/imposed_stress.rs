@@ -38,7 +38,8 @@ fn at_rate(params: &Params, shear_rate: f64) -> Params {
 }
 
 fn run(params: &Params, seed: u64, steps: u64) -> (Vec<Sample>, Simulation) {
-    let mut simulation = Simulation::<sd_core::Layer>::new(params, seed, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(params, seed, &NearFields::default()).unwrap();
     let samples = (0..steps).map(|_| simulation.step().unwrap()).collect();
     (samples, simulation)
 }

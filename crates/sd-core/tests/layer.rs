@@ -30,7 +30,8 @@ fn params() -> Params {
 
 /// Samples of a run over some steps, and where it ended.
 fn run(params: &Params, seed: u64, steps: u64) -> (Vec<Sample>, Snapshot) {
-    let mut simulation = Simulation::<sd_core::Layer>::new(params, seed, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(params, seed, &NearFields::default()).unwrap();
     let samples = (0..steps).map(|_| simulation.step().unwrap()).collect();
     assert_eq!(simulation.flow(), Flow::Flowing);
     (samples, simulation.snapshot())
@@ -209,7 +210,8 @@ fn overlap_ends_a_procedure_run_with_step_and_pair() {
         contact: ContactScheme::Procedure,
         ..params()
     };
-    let mut simulation = Simulation::<sd_core::Layer>::new(&dense, 1, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(&dense, 1, &NearFields::default()).unwrap();
     let failure = (0..1000).find_map(|_| simulation.step().err());
     let Some(Error::Step { source, strain, .. }) = failure else {
         panic!("the procedure cannot hold this layer for five strains, yet it went on");
@@ -308,7 +310,8 @@ fn snapshot_of_other_parameters_is_refused() {
 
 /// Shears a layer without contacts for some steps of either sign; returns the state.
 fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> State {
-    let cell = |strain: f64| Cell::<sd_core::Layer>::equal_sides(start.side, strain * start.side).unwrap();
+    let cell =
+        |strain: f64| Cell::<sd_core::Layer>::equal_sides(start.side, strain * start.side).unwrap();
     let resistance = Resistance::new(
         Hydrodynamics::BallMelrose,
         &cell(0.0),

@@ -69,7 +69,8 @@ impl Layer {
 
 /// A layer sheared under rigid contacts.
 fn sheared(params: &Params, steps: u64) -> Layer {
-    let mut simulation = Simulation::<sd_core::Layer>::new(params, 5, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(params, 5, &NearFields::default()).unwrap();
     while simulation.steps() < steps {
         simulation.step().unwrap();
     }

@@ -148,7 +148,7 @@ fn pair_on_the_compression_axis_has_the_stress_found_by_hand() {
     // Two spheres in contact at 45°, far from their images: n = (1, -1)/sqrt 2.
     let gap = 0.01;
     let n = Vec2::new(FRAC_1_SQRT_2, -FRAC_1_SQRT_2);
-    let configuration = Configuration {
+    let configuration: Configuration = Configuration {
         centres: vec![Vec2::zeros(), n * (2.0 + gap)],
         radii: vec![1.0; 2],
         cell: Cell::equal_sides(40.0, 0.0).unwrap(),

@@ -43,12 +43,7 @@ impl<S: Space> Row<S> {
     }
 
     /// a (n × d)·(Ω_j − Ω_i), a the radius of rolling: the rolling velocity along d.
-    pub(crate) fn rolling(
-        spheres: [usize; 2],
-        n: &S::Vector,
-        d: &S::Vector,
-        radius: f64,
-    ) -> Self {
+    pub(crate) fn rolling(spheres: [usize; 2], n: &S::Vector, d: &S::Vector, radius: f64) -> Self {
         let (still, axis) = (S::Vector::default(), S::axis(n, d) * radius);
         Self {
             spheres,

@@ -30,8 +30,8 @@ mod uniform;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{FarProduct, Fluid, Resistance};
 use crate::linalg::dense::{add_scaled, dot};
-use crate::space::cell::Cell;
 use crate::space::Layer;
+use crate::space::cell::Cell;
 use local::LocalResistance;
 pub(crate) use near_solver::NearSolver;
 use split::SplitMotion;
@@ -342,7 +342,11 @@ impl<S: Fluid> IterativeFarField<S> {
 
 impl<S: Fluid> Work<S> {
     /// `W r` and the lag that belongs to it; returns `rᵀ W r`.
-    fn precondition(&mut self, near: &Resistance<S>, local: &LocalResistance<S>) -> Result<f64, Error> {
+    fn precondition(
+        &mut self,
+        near: &Resistance<S>,
+        local: &LocalResistance<S>,
+    ) -> Result<f64, Error> {
         let half = S::STRAINS * near.radii().len();
         if S::DRIFTS > 0 {
             centre::<S>(&mut self.residual[half..]);

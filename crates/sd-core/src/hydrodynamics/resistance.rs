@@ -29,16 +29,16 @@ use crate::error::Error;
 use crate::hydrodynamics::two_sphere::TwistTable;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::model::Hydrodynamics;
+use crate::space::Layer;
 use crate::space::cell::{Cell, LUBRICATION_RANGE};
 use crate::space::neighbours::NeighbourList;
 use crate::space::pair::{Neighbours, PairKey};
-use crate::space::Layer;
 use dense::DenseResistance;
 use far_pairs::FarPairs;
-pub use pairwise::PairwiseResistance;
 pub use fluid::Fluid;
 pub(crate) use fluid::{FarMatrix, FarProduct, ModeBlock, NearTerm};
 pub(crate) use near_matrix::{NearMatrix, NearPattern};
+pub use pairwise::PairwiseResistance;
 pub(crate) use pairwise::{Motion, side_by_side_mut};
 use skyline::SkylineResistance;
 
@@ -112,7 +112,10 @@ impl<S: Fluid> Resistance<S> {
         let hydrodynamics = Hydrodynamics::StokesianDynamics;
         Self::with_form(hydrodynamics, cell, radii, tables, || {
             let far = S::Far::new(cell, radii, tolerance)?;
-            Ok(Form::Dense(Box::new(DenseResistance::new(far, radii.len()))))
+            Ok(Form::Dense(Box::new(DenseResistance::new(
+                far,
+                radii.len(),
+            ))))
         })
     }
 
@@ -292,12 +295,20 @@ impl<S: Fluid> Resistance<S> {
     ///
     /// # Errors
     /// [`Error::Overlap`].
-    pub(crate) fn check_overlaps(&self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
+    pub(crate) fn check_overlaps(
+        &self,
+        cell: &Cell<S>,
+        centres: &[S::Vector],
+    ) -> Result<(), Error> {
         self.neighbours.check(cell, centres, &self.radii)
     }
 
     /// The nearest of the spheres that were in range, at other positions, to which they moved by little.
-    pub(crate) fn closest_at(&self, cell: &Cell<S>, centres: &[S::Vector]) -> Option<Neighbours<S>> {
+    pub(crate) fn closest_at(
+        &self,
+        cell: &Cell<S>,
+        centres: &[S::Vector],
+    ) -> Option<Neighbours<S>> {
         self.neighbours.closest_at(cell, centres, &self.radii)
     }
 

@@ -6,8 +6,8 @@ mod table;
 
 pub use table::PARAMETERS;
 
-use quantities::{AREA_FRACTION, FRICTION};
 pub(super) use quantities::MOST_SPHERES;
+use quantities::{AREA_FRACTION, FRICTION};
 
 use super::{ContactLaws, ContactScheme, Params};
 use crate::error::Refusal;

@@ -208,10 +208,7 @@ fn move_under<S: Fluid>(
 }
 
 /// How [`solve`] computes this instant.
-pub fn method<S: Space>(
-    configuration: &Configuration<S>,
-    request: &ContactRequest<S>,
-) -> Method {
+pub fn method<S: Space>(configuration: &Configuration<S>, request: &ContactRequest<S>) -> Method {
     let is_soft = match request {
         ContactRequest::Listed { .. } | ContactRequest::Procedure { .. } => return Method::Dense,
         ContactRequest::Laws { laws, .. } => laws.is_soft(),
@@ -235,7 +232,12 @@ pub fn solve<S: Fluid>(
     request: &ContactRequest<S>,
     tables: &NearFields,
 ) -> Result<SolvedConfiguration<S>, Error> {
-    solve_with(method(configuration, request), configuration, request, tables)
+    solve_with(
+        method(configuration, request),
+        configuration,
+        request,
+        tables,
+    )
 }
 
 /// The same, computed in a given way.
@@ -502,11 +504,7 @@ mod tests {
     #[test]
     fn motion_pair_by_pair_is_that_of_full_matrices() {
         for (hydrodynamics, sparse, tolerance) in [
-            (
-                Hydrodynamics::StokesianDynamics,
-                Method::Iterated,
-                1e-5,
-            ),
+            (Hydrodynamics::StokesianDynamics, Method::Iterated, 1e-5),
             (Hydrodynamics::BallMelrose, Method::Pairwise, 1e-7),
         ] {
             for (number, request) in requests().iter().enumerate() {
@@ -540,7 +538,8 @@ mod tests {
                 let external: f64 = (c.forces.iter().zip(&c.torques))
                     .zip(&dense.disturbances)
                     .map(|((f, t), v)| {
-                        let of = |x: &Vector3<f64>, v: &[f64]| x.dot(&Vector3::from_column_slice(v));
+                        let of =
+                            |x: &Vector3<f64>, v: &[f64]| x.dot(&Vector3::from_column_slice(v));
                         of(f, &v[..3]) + of(t, &v[3..])
                     })
                     .sum();
@@ -548,7 +547,10 @@ mod tests {
                 let given = (stress.viscosity - 1.0) * volume + external;
                 // The couples of stick-rotate are left out: rigid contacts give way by 1e-10 of them.
                 let exact = if number == 5 { 1e-9 } else { 1e-10 };
-                assert!((spent / given - 1.0).abs() < exact, "{what}: {spent} {given}");
+                assert!(
+                    (spent / given - 1.0).abs() < exact,
+                    "{what}: {spent} {given}"
+                );
             }
         }
     }

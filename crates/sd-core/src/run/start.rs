@@ -8,11 +8,11 @@ pub mod suspension;
 pub use given::fit;
 
 use crate::error::Error;
-use crate::model::{Params, Refusal, StartLayer, Words as _};
 use crate::hydrodynamics::resistance::Fluid;
-use crate::space::{Bulk, Layer, Space};
+use crate::model::{Params, Refusal, StartLayer, Words as _};
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
+use crate::space::{Bulk, Layer, Space};
 use crate::stage::Method;
 use packing::{Density, Packing};
 use std::f64::consts::PI;

@@ -116,11 +116,16 @@ impl ImposedFlow<Bulk> for Background {
 
     fn numbers(&self) -> Vec<f64> {
         let strain = self.rate_of_strain.components();
-        strain.iter().chain(&self.angular_velocity).copied().collect()
+        strain
+            .iter()
+            .chain(&self.angular_velocity)
+            .copied()
+            .collect()
     }
 
     fn carried_back(&self, x: &Vector3<f64>, time: f64) -> Vector3<f64> {
-        let columns = [Vector3::x(), Vector3::y(), Vector3::z()].map(|e| e + self.velocity(&e) * time);
+        let columns =
+            [Vector3::x(), Vector3::y(), Vector3::z()].map(|e| e + self.velocity(&e) * time);
         let [a, b, c] = &columns;
         // Cramer's rule.
         let volume = a.dot(&b.cross(c));
@@ -304,7 +309,11 @@ impl Space for Bulk {
         let (angle, v) = (rotation.norm(), Vector3::new(x, y, z));
         let (sin, cos) = (0.5 * angle).sin_cos();
         // sin(φ/2) of the unit axis, without a division by an angle that may be 0.
-        let share = if angle > 1e-6 { sin / angle } else { 0.5 - angle * angle / 48.0 };
+        let share = if angle > 1e-6 {
+            sin / angle
+        } else {
+            0.5 - angle * angle / 48.0
+        };
         let axis = rotation * share;
         let (real, imaginary) = (cos * w - axis.dot(&v), v * cos + axis * w + axis.cross(&v));
         let length = (real * real + imaginary.norm_squared()).sqrt();
@@ -391,7 +400,10 @@ mod tests {
         let from = Vector3::new(0.36, -0.48, 0.8);
         let to = Vector3::new(0.5, -0.4, 0.7).normalize();
         let vector = Bulk::tangents(&from)[0] * 0.3 - Bulk::tangents(&from)[1] * 1.7;
-        for moved in [Bulk::carried(&vector, &from, &to), Bulk::projected(&vector, &to)] {
+        for moved in [
+            Bulk::carried(&vector, &from, &to),
+            Bulk::projected(&vector, &to),
+        ] {
             assert!(moved.dot(&to).abs() < 1e-15);
             assert!((moved.norm() - vector.norm()).abs() < 1e-15);
             assert!((moved - vector).norm() < 2.0 * (to - from).norm());

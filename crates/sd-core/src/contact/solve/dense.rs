@@ -126,7 +126,12 @@ impl<S: Fluid> DenseSystem<S> {
     }
 
     /// Takes the candidates of a stage. `forces`: all but those of contact, of all spheres.
-    pub(crate) fn begin(&mut self, resistance: &Resistance<S>, problem: &Problem<S>, forces: &[f64]) {
+    pub(crate) fn begin(
+        &mut self,
+        resistance: &Resistance<S>,
+        problem: &Problem<S>,
+        forces: &[f64],
+    ) {
         let solver = resistance.solver();
         resistance.to_rows(forces, &mut self.free);
         solver.solve_lower_vector(&mut self.free);
@@ -277,9 +282,7 @@ impl<S: Fluid> DenseSystem<S> {
         active.clear();
         active.extend((0..order.len()).filter(|&c| states.closed[order[c]]));
         sticking.clear();
-        sticking.extend(
-            (0..row_order.len()).filter(|&c| states.sticks(row_order[c])),
-        );
+        sticking.extend((0..row_order.len()).filter(|&c| states.sticks(row_order[c])));
         let (first, size) = (active.len(), active.len() + sticking.len());
         let matrix = self.solver.matrix_mut();
         matrix.reshape(size, size);
@@ -319,20 +322,16 @@ impl<S: Fluid> DenseSystem<S> {
                 .iter()
                 .map(|&a| -problem.normal[order[a]].bias - self.free_normal[a]),
         );
-        self.solution.extend(
-            sticking
-                .iter()
-                .map(|&s| match states.slide(row_order[s]) {
-                    None => -problem.tangential[row_order[s]].shift - self.free_slip[s],
-                    Some(slide) => {
-                        let m = row_order[s] - 1;
-                        let given = [m, m + 1].map(|m| {
-                            problem.tangential[m].shift + self.free_slip[self.place[1][m]]
-                        });
-                        -slide.turned(given)[1]
-                    }
-                }),
-        );
+        self.solution
+            .extend(sticking.iter().map(|&s| match states.slide(row_order[s]) {
+                None => -problem.tangential[row_order[s]].shift - self.free_slip[s],
+                Some(slide) => {
+                    let m = row_order[s] - 1;
+                    let given = [m, m + 1]
+                        .map(|m| problem.tangential[m].shift + self.free_slip[self.place[1][m]]);
+                    -slide.turned(given)[1]
+                }
+            }));
         for m in 0..states.friction.len() {
             let sign = states.sign(m);
             if sign == 0.0 {

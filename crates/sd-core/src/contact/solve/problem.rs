@@ -369,7 +369,9 @@ impl Forces {
             residual = worse(residual, (system.mobility(k) * f).min(self.slack[k]).abs());
             most = most.max(f);
         }
-        let slips = S::by_slip(&self.tangential).iter().zip(S::by_slip(&self.slip));
+        let slips = S::by_slip(&self.tangential)
+            .iter()
+            .zip(S::by_slip(&self.slip));
         for ((t, z), rows) in slips.zip(problem.tangential.chunks_exact(S::TANGENTS)) {
             let row = &rows[0];
             let bound = row.bound(self.normal[row.contact]);

@@ -22,10 +22,10 @@
 
 use super::newton::FrictionActivation;
 use super::problem::{Forces, Problem, System, largest};
-use crate::space::Space;
 use super::{Outcome, ProblemSolver};
 use crate::contact::laws::COMPLIANCE;
 use crate::contact::{Quality, Status};
+use crate::space::Space;
 
 /// Problems of one sequence at most.
 const MAX_PROBLEMS: u32 = 60;

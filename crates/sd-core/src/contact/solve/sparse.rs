@@ -22,43 +22,29 @@ use self::linear::{BothMotions, Linear, Preconditioner};
 use super::problem::{
     AppliedForces, Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest,
 };
-use crate::contact::laws::COMPLIANCE;
 use crate::error::Error;
-use crate::hydrodynamics::resistance::{Fluid, NearMatrix, NearPattern, PairwiseResistance, Resistance};
+use crate::hydrodynamics::resistance::{
+    Fluid, NearMatrix, NearPattern, PairwiseResistance, Resistance,
+};
 use crate::linalg::Until;
-use crate::space::Layer;
 use crate::linalg::dense::{add_scaled, dot};
 use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
-use crate::model::Params;
+use crate::space::Layer;
 use std::f64::consts::PI;
 
 /// Smallest compliance in the preconditioner, in a/(mu·a²·rate): single precision holds its inverse well.
 const LEAST_COMPLIANCE: f64 = 1e-6;
 /// What a velocity counts in the norm of the residual: the force that it takes, in mu·a.
 const WEIGHT: f64 = 30.0;
-/// By how much one call lowers the residual; and in large layers, where an earlier look at the many states saves iterations.
-const GAIN: [f64; 2] = [1e-4, 1e-3];
-/// Residual that is small enough, over the norm of all forces: for contacts that do not give way, and for others, whose slopes multiply what
-/// is left; and as a velocity, in a·rate.
-const ROUNDING: [f64; 2] = [1e-10, 1e-12];
-const SLOW: f64 = 1e-9;
-/// What is asked from outside, over the norm of applied forces, below which it may be for the last time: contacts are then solved as well
-/// as they are judged.
-const ENDING: f64 = 1e-8;
-/// The residual then, in a·rate.
-const LAST_RESIDUAL: f64 = 5e-9;
-/// Residual that is rounding, over the norm of all forces.
-const LEAST_ROUNDING: f64 = 1e-14;
+/// By how much one call lowers the residual.
+const GAIN: f64 = 1e-3;
+/// Residual that is small enough, over the norm of all forces.
+const ROUNDING: f64 = 1e-11;
 /// Most iterations of one call.
 const MOST_ITERATIONS: usize = 40;
-/// Calls for the motion under given forces.
-const MOST_CALLS: u32 = 8;
-/// Changes of the states that a factor outlives.
-const MOST_CHANGES: usize = 5;
-/// Iterations of a call beyond which a factor with other states is made anew: where a stage has one problem; and where it has many that are
-/// alike, so that a new factor serves more of them, or the layer is large, so that little of the factor is made anew.
-const PATIENT: [usize; 2] = [4, 3];
+/// Iterations of a call beyond which a factor of other states is made anew.
+const PATIENT: usize = 4;
 /// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
 const LEAST_FORCE: f64 = 6.0 * PI;
 /// Mobility of a contact, about, in 1/(mu·a).
@@ -245,14 +231,11 @@ impl<S: Fluid> SparseSystem<S> {
         }
     }
 
-    /// Makes the factors that the states need, unless those at hand serve.
-    ///
-    /// `patient`: see [`PATIENT`].
+    /// Makes the factors that the states need, unless those there are serve.
     fn prepare(
         &mut self,
         linear: &Linear<'_, S>,
         pattern: &NearPattern<S>,
-        patient: usize,
     ) -> Result<(), BadPivot> {
         linear.stiffnesses(&mut self.stiffness);
         let problem = linear.problem;
@@ -261,13 +244,9 @@ impl<S: Fluid> SparseSystem<S> {
         } else {
             self.stiffness.len()
         };
-        let changes = if self.is_factored && self.factored.len() == rows {
-            let pairs = self.factored.iter().zip(&self.stiffness);
-            pairs.filter(|(old, new)| old != new).count()
-        } else {
-            usize::MAX
-        };
-        if changes > MOST_CHANGES || changes > 0 && self.iterations > patient {
+        let fits = self.is_factored && self.factored.len() == rows;
+        let is_old = !fits || self.factored[..] != self.stiffness[..rows];
+        if !fits || is_old && self.iterations > PATIENT {
             self.assemble((problem, linear.states), pattern, rows);
             // Where it fails there is none.
             if std::mem::take(&mut self.is_factored) {
@@ -340,12 +319,7 @@ impl<S: Fluid> System<S> for OnNetwork<'_, S> {
         };
         exchange(self.system);
         let mut none = std::mem::take(&mut self.system.none);
-        for _ in 0..MOST_CALLS {
-            let roundoff = self.solve(problem, &open, true, &mut none);
-            if roundoff.is_none_or(|roundoff| roundoff.exact) {
-                break;
-            }
-        }
+        let _ = self.solve(problem, &open, true, &mut none);
         exchange(self.system);
         (self.system.open, self.system.none) = (open, none);
         self.read(problem, forces);
@@ -420,8 +394,6 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
         last: bool,
         forces: &mut Forces,
     ) -> Option<RoundoffThresholds> {
-        let is_large = self.is_large();
-        let patient = PATIENT[usize::from(is_large || self.enough > 0.0)];
         let (problem, system) = (linear.problem, &mut *self.system);
         SparseSystem::follow(linear, forces);
         system.find_residual(linear, forces);
@@ -430,26 +402,18 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
             + square(&forces.normal)
             + square(&forces.tangential)
             + LEAST_FORCE * LEAST_FORCE;
-        let size = size.sqrt();
-        let floor = (ROUNDING[usize::from(is_soft(problem))] * size)
-            .min(WEIGHT * SLOW)
-            .max(LEAST_ROUNDING * size);
         // Forces that contacts exchange among themselves, however large, are none of what an iteration from outside is wrong by.
         let driven = square(&system.applied[0]).sqrt() + LEAST_FORCE;
-        let mut enough = self.enough * driven;
-        if self.enough < ENDING {
-            enough = enough.min(WEIGHT * LAST_RESIDUAL);
-        }
-        let floor = floor.max(enough);
+        let floor = (ROUNDING * size.sqrt()).max(self.enough * driven);
         let before = square(&system.residual).sqrt();
         let goal = if last {
             floor
         } else {
-            floor.max(GAIN[usize::from(is_large)] * before)
+            floor.max(GAIN * before)
         };
         let mut left = before;
         if before > floor {
-            system.prepare(linear, self.pattern, patient).ok()?;
+            system.prepare(linear, self.pattern).ok()?;
             system.correction.clear();
             system.correction.resize(system.residual.len(), 0.0);
             let mut preconditioner = Preconditioner {
@@ -482,30 +446,14 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
             return None;
         }
         self.read(problem, forces);
-        let left_at_one = left * self.share_of_one();
         Some(RoundoffThresholds {
-            force: left_at_one.max(1e-13 * largest(&forces.normal)),
-            velocity: (left_at_one / WEIGHT).max(1e-13),
+            force: left.max(1e-13 * largest(&forces.normal)),
+            velocity: (left / WEIGHT).max(1e-13),
             exact: left <= floor,
         })
     }
 
-    /// What one contact may be wrong by, over the norm of all residuals: in large layers its own share, as otherwise states that are wrong
-    /// are seen only some systems later; in others all of it.
-    fn share_of_one(&self) -> f64 {
-        if self.is_large() {
-            (self.network.spheres() as f64).sqrt().recip()
-        } else {
-            1.0
-        }
-    }
-
-    /// Whether states of few of many contacts are looked for. Where an iteration from outside moves all contacts anyway, that saves nothing.
-    fn is_large(&self) -> bool {
-        self.network.spheres() > Params::LARGE_ABOVE && self.enough == 0.0
-    }
-
-    /// Slack and slip of the velocities at hand.
+    /// Slack and slip of the present velocities.
     fn read(&self, problem: &Problem<S>, forces: &mut Forces) {
         let Forces {
             normal,
@@ -526,12 +474,4 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
         let entries = problem.tangential.iter().zip(&*tangential);
         slip.extend(entries.map(|(e, t)| e.row.read(flow) + e.shift - e.compliance * t));
     }
-}
-
-/// Whether contacts yield under their forces.
-fn is_soft<S: Fluid>(problem: &Problem<S>) -> bool {
-    problem
-        .normal
-        .iter()
-        .any(|entry| entry.compliance > COMPLIANCE)
 }

@@ -74,10 +74,7 @@ impl<S: Fluid> ContactSolver<S> {
 }
 
 /// How much nearer than h a pair is, by the gap that counts.
-pub(super) fn overlap_of<S: Fluid>(
-    input: &StageInput<'_, S>,
-    contact: &Contact<S>,
-) -> Overlap {
+pub(super) fn overlap_of<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<S>) -> Overlap {
     let roughness = input.laws.surface.roughness;
     let now = roughness - input.span.gap(contact, input.background);
     Overlap {

@@ -41,10 +41,8 @@ pub trait FixedPointMap {
     ) -> Result<bool, Error>;
 }
 
-/// Evaluations after which the best motion found is taken; near jamming some thirty are needed.
-const MOST_EVALUATIONS: u32 = 100;
-/// Where the iteration goes in circles, one of the next evaluations comes as close to a solution as this, over the least residual so far.
-const NEAR_LEAST: f64 = 2.0;
+/// Evaluations at most; near jamming some thirty are needed.
+const MOST_EVALUATIONS: u32 = 200;
 /// Relative residual above which a motion is none.
 const WORST: f64 = 0.1;
 /// Rise of the residual over its least at which the acceleration starts anew.
@@ -56,8 +54,8 @@ impl<S: Fluid> IterativeFarField<S> {
     /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone. The velocities are v = v_N + v_T of the last
     /// evaluation, and [`IterativeFarField::correct`] then has the far field of both parts.
     ///
-    /// States of contacts need not exist that agree with the far field of their own motion, or may not be found: then the motion is the best
-    /// that was, and the residual above the one asked for.
+    /// States of contacts need not exist that agree with the far field of their own motion, or may not be found: then the residual is above
+    /// the one asked for.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::NotConverged`]; those of the contact problem.
@@ -81,7 +79,7 @@ impl<S: Fluid> IterativeFarField<S> {
             residual: f64::INFINITY,
             ..Convergence::default()
         };
-        let (mut best, mut least) = (f64::INFINITY, f64::INFINITY);
+        let mut best = f64::INFINITY;
         let result = loop {
             let work = &mut self.split;
             work.take_flow(&mut self.operator, &self.local, forces);
@@ -97,16 +95,11 @@ impl<S: Fluid> IterativeFarField<S> {
             found.evaluations += 1;
             work.take_change(&self.work.uniform, &self.local, strain);
             found.residual = work.relative_residual();
-            least = least.min(found.residual);
-            let most = if found.residual <= NEAR_LEAST * least {
-                MOST_EVALUATIONS
-            } else if found.residual <= WORST {
-                2 * MOST_EVALUATIONS
-            } else {
-                4 * MOST_EVALUATIONS
-            };
             found.converged = found.residual <= self.residual && !changed;
-            if found.converged || found.evaluations >= most || !found.residual.is_finite() {
+            if found.converged
+                || found.evaluations >= MOST_EVALUATIONS
+                || !found.residual.is_finite()
+            {
                 break Ok(found.residual <= WORST);
             }
             found.iterations += 1;

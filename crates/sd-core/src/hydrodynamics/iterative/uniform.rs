@@ -48,7 +48,12 @@ impl<S: Fluid> Default for Uniform<S> {
 
 impl<S: Fluid> Uniform<S> {
     /// Computes how the pair terms resist translations; `drag` is that of the velocity rows, `[3N]`.
-    pub(super) fn update(&mut self, near: &Resistance<S>, local: &LocalResistance<S>, drag: &[f64]) {
+    pub(super) fn update(
+        &mut self,
+        near: &Resistance<S>,
+        local: &LocalResistance<S>,
+        drag: &[f64],
+    ) {
         let moves = drag.len();
         let half = S::STRAINS * near.radii().len();
         for c in 0..2 {
@@ -95,7 +100,9 @@ impl<S: Fluid> Uniform<S> {
             local.apply(answer, &mut self.pushed_answers[c]);
         }
         let [a, b] = &self.pushed_answers;
-        self.invert([a, b].map(|force| translations::<S>(&force[S::STRAINS * near.radii().len()..])));
+        self.invert(
+            [a, b].map(|force| translations::<S>(&force[S::STRAINS * near.radii().len()..])),
+        );
         Ok(())
     }
 

@@ -32,7 +32,8 @@ impl<S: Space> NearPattern<S> {
     /// [`Error::OutOfMemory`].
     pub(crate) fn new(spheres: usize, pairs: &[PairKey]) -> Result<Self, Error> {
         let parts = Self::PARTS;
-        let mut couplings = Vec::with_capacity(spheres * Self::WITHIN + parts * parts * pairs.len());
+        let mut couplings =
+            Vec::with_capacity(spheres * Self::WITHIN + parts * parts * pairs.len());
         for sphere in 0..spheres {
             for q in 0..parts {
                 for p in q + 1..parts {
@@ -135,10 +136,12 @@ impl<S: Space> NearMatrix<S> {
         let mut coupling = NearPattern::<S>::within(sphere);
         for q in 0..parts {
             let own = part::<S>(block, q, q);
-            self.blocks.add_own(&pattern.blocks, parts * sphere + q, &own);
+            self.blocks
+                .add_own(&pattern.blocks, parts * sphere + q, &own);
             for p in q + 1..parts {
                 let between = part::<S>(block, p, q);
-                self.blocks.add_coupling(&pattern.blocks, coupling, &between);
+                self.blocks
+                    .add_coupling(&pattern.blocks, coupling, &between);
                 coupling += 1;
             }
         }
@@ -156,7 +159,8 @@ impl<S: Space> NearMatrix<S> {
         for q in 0..parts {
             for p in 0..parts {
                 let between = part::<S>(block, p, q);
-                self.blocks.add_coupling(&pattern.blocks, coupling, &between);
+                self.blocks
+                    .add_coupling(&pattern.blocks, coupling, &between);
                 coupling += 1;
             }
         }

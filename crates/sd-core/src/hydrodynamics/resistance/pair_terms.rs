@@ -2,8 +2,8 @@
 
 use super::fluid::{Both, Fluid, NearTerm};
 use crate::linalg::dense::Matrix;
-use crate::space::pair::Neighbours;
 use crate::space::Space;
+use crate::space::pair::Neighbours;
 
 /// Adds the terms to the lower triangle of `R_FU`; `row` is the first row of a sphere there.
 pub(super) fn add_to_matrix<S: Fluid>(

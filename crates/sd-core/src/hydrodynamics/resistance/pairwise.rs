@@ -4,8 +4,8 @@ use super::fluid::{Fluid, NearTerm as _};
 use super::near_matrix::{NearMatrix, NearPattern};
 use crate::error::Error;
 use crate::linalg::simd::vectorised;
-use crate::space::{Layer, Space};
 use crate::space::pair::{Neighbours, PairKey};
+use crate::space::{Layer, Space};
 
 /// Which pairs the near part has, in s'. Others count by their diagonal blocks alone.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,8 +4,8 @@ use super::fluid::Fluid;
 use super::pair_terms;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::linalg::error::BadPivot;
-use crate::space::cell::Cell;
 use crate::space::Space;
+use crate::space::cell::Cell;
 use crate::space::pair::Neighbours;
 use std::marker::PhantomData;
 

@@ -135,9 +135,7 @@ impl<S: Space> SchemeMemory<S> {
                 {
                     return Some("contacts of spheres that are not there");
                 }
-                let finite = forces
-                    .iter()
-                    .all(|f| f.2.is_finite() && S::is_finite(&f.3))
+                let finite = forces.iter().all(|f| f.2.is_finite() && S::is_finite(&f.3))
                     && springs.all(|f| S::is_finite(&f.2));
                 (!finite).then_some("not all numbers are finite")
             }
@@ -183,7 +181,6 @@ impl Snapshot {
             rolling_springs: stretches(|memory| &memory.rolling_springs),
         }
     }
-
 }
 
 impl<S: Started> Snapshot<S> {

@@ -146,7 +146,9 @@ mod tests {
         let own = Bulk::turned(&Bulk::UPRIGHT, &(a - Vector3::z() * b));
         let exact = Bulk::turned(&own, &(Vector3::z() * b));
         let pairs = state.orientations[0].iter().zip(exact);
-        pairs.map(|(found, exact)| (found - exact).abs()).fold(0.0, f64::max)
+        pairs
+            .map(|(found, exact)| (found - exact).abs())
+            .fold(0.0, f64::max)
     }
 
     #[test]

@@ -94,7 +94,9 @@ mod tests {
     /// A ring of spheres, each in contact with the next, with friction at every second contact.
     fn ring(n: usize) -> (Problem, NearPattern<Layer>, SparseSystem) {
         let next = |i: usize| (i + 1) % n;
-        let mut pairs: Vec<_> = (0..n).map(|i| (i.min(next(i)) as u32, i.max(next(i)) as u32)).collect();
+        let mut pairs: Vec<_> = (0..n)
+            .map(|i| (i.min(next(i)) as u32, i.max(next(i)) as u32))
+            .collect();
         pairs.sort_unstable();
         let pattern = NearPattern::new(n, &pairs).unwrap();
         let mut system = SparseSystem::<Layer>::default();
@@ -137,7 +139,11 @@ mod tests {
     }
 
     /// The matrix of these stiffnesses, factored, read by a solve.
-    fn read(system: &mut SparseSystem, problem: &Problem, pattern: &NearPattern<Layer>) -> Vec<f64> {
+    fn read(
+        system: &mut SparseSystem,
+        problem: &Problem,
+        pattern: &NearPattern<Layer>,
+    ) -> Vec<f64> {
         let rows = system.stiffness.len();
         system.assemble((problem, &States::default()), pattern, rows);
         system.held.factor(pattern).unwrap();

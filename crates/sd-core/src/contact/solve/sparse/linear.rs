@@ -4,10 +4,10 @@ use super::active::Active;
 use super::{LEAST_COMPLIANCE, WEIGHT};
 use crate::contact::row::Row;
 use crate::contact::solve::problem::{Problem, States};
-use crate::space::Space;
 use crate::hydrodynamics::resistance::{
     Fluid, Motion, NearMatrix, NearPattern, PairwiseResistance, side_by_side_mut,
 };
+use crate::space::Space;
 
 /// The spheres, contacts and what they do: all that the linear system is made of.
 pub(super) struct Linear<'a, S: Fluid> {
@@ -18,12 +18,18 @@ pub(super) struct Linear<'a, S: Fluid> {
 }
 
 /// Candidate and row of a contact or friction row, numbered as stiffnesses are: candidates come first. Rows of slides are turned.
-pub(super) fn row_of<S: Space>(problem: &Problem<S>, states: &States, at: usize) -> (usize, Row<S>) {
+pub(super) fn row_of<S: Space>(
+    problem: &Problem<S>,
+    states: &States,
+    at: usize,
+) -> (usize, Row<S>) {
     match at.checked_sub(problem.normal.len()) {
         None => (at, problem.normal[at].row),
         Some(m) => {
             let entry = &problem.tangential[m];
-            let turned = states.slide(m).map(|slide| problem.turned_row(slide, m).row);
+            let turned = states
+                .slide(m)
+                .map(|slide| problem.turned_row(slide, m).row);
             (entry.contact, turned.unwrap_or(entry.row))
         }
     }
