@@ -145,7 +145,7 @@ pub(super) struct Problem {
     pub(super) message: String,
     /// What is allowed.
     pub(super) allowed: String,
-    pub(super) about: About,
+    pub(super) about: Box<About>,
     /// Places in the text and what to write there.
     pub(super) labels: Vec<(Range<usize>, String)>,
 }
@@ -160,7 +160,7 @@ impl Problem {
         Self {
             message: message.into(),
             allowed: allowed.into(),
-            about: About::default(),
+            about: Box::default(),
             labels: vec![(span.clone(), "here".into())],
         }
     }
@@ -236,7 +236,7 @@ impl Problem {
             place: format!("{file}:{}:{}", line + 1, column + 1),
             message: self.message,
             allowed,
-            about: self.about,
+            about: *self.about,
             labels,
             source_code: shown
                 .then(|| NamedSource::new(visible(file), visible_in_place(text).into_owned())),

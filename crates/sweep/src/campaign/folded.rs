@@ -35,9 +35,10 @@ impl WrittenPoints {
             Some((span, DeValue::Table(entries))) => Written::read(entries, span, &mut problems),
             _ => Written::default_at(0..0),
         };
-        let grids = match document.get_ref().get("grid").map(|grid| grid.get_ref()) {
+        let written = document.get_ref().get("grid");
+        let grids = match written.map(toml::Spanned::get_ref) {
             Some(DeValue::Array(grids)) => grids.iter().collect(),
-            Some(DeValue::Table(_)) => document.get_ref().get("grid").into_iter().collect(),
+            Some(DeValue::Table(_)) => written.into_iter().collect(),
             _ => Vec::new(),
         };
         for grid in grids {

@@ -153,15 +153,6 @@ fn every_error_shows_the_place_and_says_what_is_allowed() {
         ("name = \"friction\"\n", ""),
         ("name = \"friction\"", "nam = \"friction\""),
         ("friction = [0.0, 0.3]", "frictoin = [0.0, 0.3]"),
-        ("friction = [0.0, 0.3]", "mu = 0.3"),
-        ("area_fraction = [0.693]", "phi = 0.693"),
-        ("shear_rate = [0, 0.1, inf]", "gamma = 1"),
-        ("shear_rate = [0, 0.1, inf]", "shear_rate = [1, infinity]"),
-        ("spheres = 90", "n = 90"),
-        ("spheres = 90", "spheres = 90\ndt = 0.01"),
-        ("spheres = 90", "spheres = 90\ndimension = 3"),
-        ("\"ball-melrose\"", "\"Ball-Melrose\""),
-        ("\"ball-melrose\"", "ball-melrose"),
         ("friction = [0.0, 0.3]", "friction = []"),
         ("friction = [0.0, 0.3]", "friction = [0.0, -0.3]"),
         ("friction = [0.0, 0.3]", "friction = [0.0, nan]"),
@@ -255,6 +246,57 @@ fn every_error_shows_the_place_and_says_what_is_allowed() {
         writeln!(all, "{from:?} → {to:?}\n{}", complaint(from, to)).unwrap();
     }
     insta::assert_snapshot!(all);
+}
+
+#[test]
+fn names_that_are_used_elsewhere_lead_to_those_of_the_file() {
+    for (from, to, said) in [
+        (
+            "friction = [0.0, 0.3]",
+            "mu = 0.3",
+            "did you mean `friction`?",
+        ),
+        (
+            "area_fraction = [0.693]",
+            "phi = 0.6",
+            "did you mean `area_fraction`?",
+        ),
+        (
+            "shear_rate = [0, 0.1, inf]",
+            "gamma = 1",
+            "did you mean `shear_rate`?",
+        ),
+        (
+            "shear_rate = [0, 0.1, inf]",
+            "shear_rate = [1, infinity]",
+            "write `inf`",
+        ),
+        ("spheres = 90", "n = 90", "did you mean `spheres`?"),
+        (
+            "spheres = 90",
+            "spheres = 90\ndt = 0.01",
+            "did you mean `time_step`?",
+        ),
+        (
+            "spheres = 90",
+            "spheres = 90\ndimension = 3",
+            "a layer is chosen by its `area_fraction`",
+        ),
+        (
+            "\"ball-melrose\"",
+            "\"Ball-Melrose\"",
+            "did you mean \"ball-melrose\"?",
+        ),
+        (
+            "\"ball-melrose\"",
+            "ball-melrose",
+            "words stand in quotes: `\"ball-melrose\"`",
+        ),
+    ] {
+        let error = complaint(from, to);
+        let error = error.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(error.contains(said), "{to}: {error}");
+    }
 }
 
 #[test]

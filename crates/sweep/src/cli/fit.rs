@@ -10,7 +10,6 @@ use crate::data::csv_rows;
 use crate::exit;
 use crate::format::{short, significant, wrapped};
 use crate::report::{FitReport, Selection};
-use std::io::Write as _;
 use std::path::PathBuf;
 
 /// Fit the model of Wyart and Cates to the viscosities of a campaign
@@ -67,6 +66,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     if output.json {
         output.json(&report.json())?;
+        return Ok(exit::DONE);
+    }
+    if files.iter().any(|(_, path)| path.is_some()) {
         return Ok(exit::DONE);
     }
     let mut lines = vec![report.summary()];

@@ -59,6 +59,8 @@ const USUAL: [(&str, &str, u8); 9] = [
     ("sticking", "sticking", 3),
 ];
 
+/// A whole number of a structure: name, meaning, and where it is.
+type Count = (&'static str, &'static str, fn(&Structure) -> u64);
 /// A curve of a structure, with its names: of the whole, of its axis, of its heights.
 type NamedCurve<'s> = (&'static str, &'static str, &'static str, &'s Curve);
 
@@ -155,7 +157,7 @@ impl StructureReport {
                 column
             })
             .collect();
-        let counts: [(&'static str, &'static str, fn(&Structure) -> u64); 2] = [
+        let counts: [Count; 2] = [
             ("runs", "runs averaged", |structure| structure.runs),
             ("frames", "their frames together", |structure| {
                 structure.frames
@@ -283,9 +285,11 @@ impl StructureReport {
                 column(Head::new(axis.key, axis.symbol, "", 0), cells.collect())
             })
             .collect();
-        let counts: [(&'static str, u8, fn(&Structure) -> u64); 2] =
-            [("runs", 0, |s| s.runs), ("frames", 4, |s| s.frames)];
-        for (name, rank, count) in counts {
+        let counts: [(Count, u8); 2] = [
+            (("runs", "", |s| s.runs), 0),
+            (("frames", "", |s| s.frames), 4),
+        ];
+        for ((name, _, count), rank) in counts {
             let cells = self
                 .points
                 .iter()

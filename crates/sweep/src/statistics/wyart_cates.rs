@@ -7,7 +7,7 @@
 //! Without friction a layer jams at `c_0`, where friction acts on all contacts at `c_m`; `f` is the share of contacts whose load is above
 //! the critical one. Fitted are logarithms of viscosities, each weighted by the scatter of its runs.
 
-use super::student_95;
+use super::{quantile, student_95};
 use nalgebra::{SMatrix, SVector};
 
 /// How many parameters there are.
@@ -19,6 +19,8 @@ const FLOOR: f64 = 0.01;
 /// Steps of one fit at most, and the relative gain of a step below which it has converged.
 const STEPS: usize = 200;
 const CONVERGED: f64 = 1e-10;
+/// The quantile of the normal distribution that makes a 95 % interval.
+const NORMAL_95: f64 = 1.959_963_984_540_054;
 /// Starts that are followed to their ends.
 const FOLLOWED: usize = 6;
 
@@ -81,14 +83,17 @@ pub fn fit(data: &[Datum], replicates: usize) -> Option<Fit> {
             found.extend(problem.descend(best).map(|(inner, _)| inner));
         }
     }
-    let quantile = student_95(freedom as f64).filter(|_| found.len() > 1);
-    let intervals = quantile.map(|quantile| {
+    // Quantiles, as single replicates may lie far off; farther out by as much as Student's quantile is above the normal one.
+    let factor = student_95(freedom as f64).filter(|_| found.len() > 1);
+    let factor = factor.map(|quantile| quantile / NORMAL_95);
+    let intervals = factor.map(|factor| {
         std::array::from_fn(|k| {
-            let values: Vec<f64> = found.iter().map(|inner| inner[k]).collect();
-            let mean = mean(&values);
-            let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-            let half = quantile * (squares / (values.len() - 1) as f64).sqrt();
-            [outer(k, best[k] - half), outer(k, best[k] + half)]
+            let mut values: Vec<f64> = found.iter().map(|inner| inner[k]).collect();
+            values.sort_by(f64::total_cmp);
+            [0.025, 0.975].map(|share| {
+                let end = quantile(&values, share).unwrap_or(f64::NAN);
+                outer(k, best[k] + factor * (end - best[k]))
+            })
         })
     });
     let fitted = data
@@ -363,7 +368,7 @@ mod tests {
     fn intervals_hold_the_parameters_as_often_as_they_say() {
         let mut inside = [0; PARAMETERS];
         for seed in 0..100 {
-            let fit = fit(&made_up(seed, 0.08, 6), 60).unwrap();
+            let fit = fit(&made_up(seed, 0.08, 6), 150).unwrap();
             let intervals = fit.intervals.unwrap();
             for (k, [low, high]) in intervals.into_iter().enumerate() {
                 inside[k] += u32::from(low < TRUTH[k] && TRUTH[k] < high);

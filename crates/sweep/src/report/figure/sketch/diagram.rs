@@ -83,7 +83,7 @@ impl Draft<'_> {
                 ),
             ));
         }
-        Ok(self.sketch(lines, self.label_of(y)))
+        Ok(self.sketch(lines, self.label_of_shear(y)))
     }
 
     /// Refuses points that differ in an axis that is not drawn.

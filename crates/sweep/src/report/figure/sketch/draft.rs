@@ -167,9 +167,13 @@ impl<'r> Draft<'r> {
         self.panels.is_some_and(|panels| panels.key == axis.key)
     }
 
-    /// What an axis is called, with its unit.
-    pub(super) fn label_of(&self, axis: &Axis) -> String {
-        self.units.label_of(axis)
+    /// What an axis of shear is called, whichever of stress and rate is imposed, with its unit.
+    pub(super) fn label_of_shear(&self, axis: &Axis) -> String {
+        if axis.is_shear_stress() {
+            self.units.label("shear stress σ*", axis.unit)
+        } else {
+            self.units.label_of(axis)
+        }
     }
 
     /// A place of a point along an axis in the units asked for.
