@@ -8,22 +8,22 @@
 //! ```
 //!
 //! Every law is entries of one problem, stated at the top of `contact/solve.rs`. [`laws`] says what a law comes to at a stage, [`solver`] chooses the pairs that
-//! take part, poses the problem and takes its solution. [`procedure`] stays apart: it is a protocol, not a law.
+//! take part, poses the problem and takes its solution. [`crate::procedure`] stays apart: it is a protocol, not a law.
 
 pub mod adhesion;
 pub mod laws;
+pub mod memory;
 pub mod pair;
-pub mod procedure;
 pub mod repulsion;
 mod row;
-mod solve;
+pub(crate) mod solve;
 pub mod solver;
 pub mod springs;
-pub mod warm_start;
 
 pub use crate::model::Surface;
+pub use memory::ContactMemory;
 pub use pair::{Contact, ContactState, tangent};
-pub use solver::{ContactMemory, ContactSolver};
+pub use solver::{ContactSolver, Pass};
 
 /// What became of a contact problem. The same for every law and for dense, sparse and iterated
 /// hydrodynamics.

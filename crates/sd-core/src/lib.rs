@@ -55,7 +55,8 @@
 //!                 skyline or pair by pair; iterative: the far field put on top of Ball-Melrose by iteration, for many spheres; bulk: the
 //!                 same in three dimensions, eleven modes a sphere
 //! contact         forces between rough surfaces. laws: the entries of a law at a stage; solver: the pairs that take part; solve: the
-//!                 one contact problem, its states, and its dense and sparse linear algebra; procedure: the paper's steps, apart
+//!                 one contact problem, its states, and its dense and sparse linear algebra
+//! procedure       the paper's steps, apart from the laws
 //! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
 //! stress          viscosity, normal stress differences, particle pressure, each by its causes; energy balance
 //! run             start: the first layer or suspension; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
@@ -99,6 +100,7 @@ mod hydrodynamics;
 pub mod law;
 pub mod linalg;
 pub mod model;
+pub mod procedure;
 mod run;
 mod space;
 mod stage;

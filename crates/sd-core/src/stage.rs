@@ -2,19 +2,18 @@
 
 mod method;
 
-pub(crate) use method::ContactKind;
 pub use method::{Method, memory_bytes};
 
 use crate::contact::adhesion::Adhering;
 use crate::contact::laws::{Laws, Span};
-use crate::contact::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::contact::repulsion::Repelled;
-use crate::contact::solver::{ActivationUpdate, AppliedForces, StageInput};
-use crate::contact::{ContactMemory, ContactSolver, Quality, Status, Surface, most_contacts};
+use crate::contact::solver::{AppliedForces, StageInput};
+use crate::contact::{ContactMemory, ContactSolver, Pass, Quality, Status, Surface, most_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::resistance::Resistance;
+use crate::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::space::cell::Cell;
 use crate::space::modes::{Background, Vec2};
 use crate::space::pair::Neighbours;
@@ -47,7 +46,7 @@ pub enum Contact<'a> {
         /// What contacts remember.
         memory: &'a mut ContactMemory,
     },
-    /// The paper's steps, see [`crate::contact::procedure`].
+    /// The paper's steps, see [`crate::procedure`].
     Procedure {
         /// Roughness and friction.
         surface: Surface,
@@ -76,8 +75,6 @@ pub struct StageSolver {
     far: Option<Box<IterativeFarField>>,
     /// Solver of the paper's steps, from their first stage on.
     procedure: Option<Box<ProcedureSolver>>,
-    /// Whether the set of contacts with active friction follows the loads, or stays as it was in the solve before.
-    update: ActivationUpdate,
 }
 
 impl StageSolver {
@@ -97,7 +94,6 @@ impl StageSolver {
             applied: Vec::with_capacity(n),
             far: None,
             procedure: None,
-            update: ActivationUpdate::Update,
         }
     }
 
@@ -107,15 +103,6 @@ impl StageSolver {
             far: Some(Box::new(far)),
             ..Self::new(pairwise)
         }
-    }
-
-    /// From now on friction acts where it did in the last solve, until it is let go: solves are then of the same positions as that one.
-    pub(crate) fn hold_friction(&mut self, holds: bool) {
-        self.update = if holds {
-            ActivationUpdate::Hold
-        } else {
-            ActivationUpdate::Update
-        };
     }
 
     /// Begins a step: what is known from stages before is forgotten, but for what [`ContactMemory`] holds and what
@@ -177,8 +164,10 @@ impl StageSolver {
         }
     }
 
-    /// Solves for the velocities at the positions taken, once for every [`StageSolver::assemble`], under external forces and torques `[3N]`
-    /// (empty: none).
+    /// Solves for the velocities at the positions taken under external forces and torques `[3N]` (empty: none).
+    ///
+    /// `pass`: [`Pass::First`] once for every [`StageSolver::assemble`]; the others solve again under the same external forces, with
+    /// another contact law, which must neither repel nor adhere.
     ///
     /// # Errors
     /// An indefinite matrix, a far field that does not converge, velocities that are not finite.
@@ -187,68 +176,29 @@ impl StageSolver {
         background: &Background,
         external: &[f64],
         contact: Contact<'_>,
+        pass: Pass,
     ) -> Result<Quality, Error> {
-        let strain = background.strain();
-        self.resistance.background_forces(&strain, &mut self.forces);
-        for (force, x) in self.forces.iter_mut().zip(external) {
-            *force += x;
+        if pass == Pass::First {
+            self.begin(background, external, &contact)?;
         }
-        self.repelled.pairs.clear();
-        self.adhering.pairs.clear();
-        if let Contact::Laws { laws, span, .. } = &contact {
-            let (resistance, forces) = (&mut self.resistance, &mut self.forces);
-            if let Some(repulsion) = &laws.repulsion {
-                self.repelled
-                    .add(repulsion, resistance, background, span, forces);
-            }
-            if laws.adhesion > 0.0 {
-                self.adhering
-                    .add(laws, resistance, background, span, forces);
-            }
-        }
-        self.resistance.factor()?;
-        let quality = self.solve_factored(background, contact)?;
-        self.repelled.finish(&self.velocities);
-        self.adhering.finish(&self.velocities);
-        match self.velocities.iter().position(|v| !v.is_finite()) {
-            Some(at) => Err(Error::NotFinite {
-                quantity: "the velocity",
-                sphere: at / 3,
-            }),
-            None => Ok(quality),
-        }
-    }
-
-    /// [`StageSolver::solve`] with another contact law, at the same positions and under the same forces.
-    ///
-    /// # Errors
-    /// As there.
-    pub fn solve_again(
-        &mut self,
-        background: &Background,
-        contact: Contact<'_>,
-    ) -> Result<Quality, Error> {
-        self.solve_factored(background, contact)
-    }
-
-    /// The motion under the forces at hand, once the resistance is factored.
-    fn solve_factored(
-        &mut self,
-        background: &Background,
-        contact: Contact<'_>,
-    ) -> Result<Quality, Error> {
         let (resistance, contacts) = (&self.resistance, &mut self.contacts);
         let (forces, velocities) = (&self.forces, &mut self.velocities);
-        match contact {
+        let (strain, mut nothing) = (background.strain(), ContactMemory::default());
+        let contact = match contact {
+            Contact::None if self.far.is_none() => Contact::Laws {
+                laws: &Laws::NONE,
+                span: Span::alone(1.0),
+                memory: &mut nothing,
+            },
+            other => other,
+        };
+        let quality = match contact {
             Contact::None => {
                 contacts.list.clear();
-                match &mut self.far {
-                    Some(far) => {
-                        far.solve(resistance, &background.strain(), forces, velocities)?;
-                    }
-                    None => contacts.solve_free(resistance, forces, velocities)?,
+                if let Some(far) = &mut self.far {
+                    far.solve(resistance, &strain, forces, velocities)?;
                 }
-                Ok(Quality::default())
+                Quality::default()
             }
             Contact::Laws { laws, span, memory } => {
                 let input = StageInput {
@@ -257,21 +207,17 @@ impl StageSolver {
                     laws,
                     span,
                 };
-                let holds = self.update == ActivationUpdate::Hold;
-                if !holds {
-                    contacts.begin(&input, memory);
-                }
-                let quality = if let Some(far) = &mut self.far {
+                if let Some(far) = &mut self.far {
                     let mut map = ContactMap {
                         input,
                         contacts,
                         memory,
                         applied: &mut self.applied,
+                        pass,
                         quality: Quality::default(),
-                        changes: if holds { MOST_CHANGES } else { 0 },
+                        changes: 0,
                         decided: DECIDING / CLOSER,
                     };
-                    let strain = background.strain();
                     let found =
                         far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
                     let mut quality = map.quality;
@@ -282,21 +228,14 @@ impl StageSolver {
                             quality.status = Status::Failed;
                         }
                     }
-                    contacts.take_motion(velocities);
                     quality
                 } else {
                     let applied = AppliedForces::both(forces);
-                    contacts
-                        .solve(&input, applied, memory, self.update, velocities)?
-                        .0
-                };
-                contacts.keep_springs(&input, memory);
-                Ok(quality)
+                    contacts.solve(&input, applied, memory, pass, velocities)?.0
+                }
             }
             Contact::Procedure { surface, listed } => {
-                let list = &mut contacts.list;
                 let spheres = resistance.radii().len();
-                let new = || Box::new(ProcedureSolver::new(spheres));
                 let input = ProcedureInput {
                     resistance,
                     background,
@@ -304,10 +243,53 @@ impl StageSolver {
                     forces,
                 };
                 self.procedure
-                    .get_or_insert_with(new)
-                    .solve(&input, listed, list, velocities)
+                    .get_or_insert_with(|| Box::new(ProcedureSolver::new(spheres)))
+                    .solve(&input, listed, &mut contacts.list, velocities)?
+            }
+        };
+        self.repelled.finish(&self.velocities);
+        for contact in self
+            .contacts
+            .list
+            .iter_mut()
+            .chain(&mut self.adhering.pairs)
+        {
+            contact.take_velocities(&self.velocities);
+        }
+        match self.velocities.iter().position(|v| !v.is_finite()) {
+            Some(at) => Err(Error::NotFinite {
+                quantity: "the velocity",
+                sphere: at / 3,
+            }),
+            None => Ok(quality),
+        }
+    }
+
+    /// The forces on the spheres besides those of contact, and the factor of the resistance, to which a repulsion adds.
+    fn begin(
+        &mut self,
+        background: &Background,
+        external: &[f64],
+        contact: &Contact<'_>,
+    ) -> Result<(), Error> {
+        let (resistance, forces) = (&mut self.resistance, &mut self.forces);
+        resistance.background_forces(&background.strain(), forces);
+        for (force, x) in forces.iter_mut().zip(external) {
+            *force += x;
+        }
+        self.repelled.pairs.clear();
+        self.adhering.pairs.clear();
+        if let Contact::Laws { laws, span, .. } = contact {
+            if let Some(repulsion) = &laws.repulsion {
+                self.repelled
+                    .add(repulsion, resistance, background, span, forces);
+            }
+            if laws.adhesion > 0.0 {
+                self.adhering
+                    .add(laws, resistance, background, span, forces);
             }
         }
+        resistance.factor()
     }
 }
 
@@ -321,6 +303,8 @@ struct ContactMap<'a> {
     memory: &'a mut ContactMemory,
     /// Forces of both parts together, `[3N]`.
     applied: &'a mut Vec<f64>,
+    /// Which solve of the stage it is.
+    pass: Pass,
     /// How well it was solved last.
     quality: Quality,
     /// How often the contacts on which friction acts have changed.
@@ -354,14 +338,14 @@ impl FixedPointMap for ContactMap<'_> {
         if closer {
             self.decided = progress.residual;
         }
-        let update = if deciding {
-            ActivationUpdate::Update
-        } else {
-            ActivationUpdate::Hold
+        let pass = match self.pass {
+            pass if first => pass,
+            Pass::First | Pass::Again if deciding => Pass::Again,
+            _ => Pass::Held,
         };
-        let (quality, changed) =
-            self.contacts
-                .solve(&self.input, applied, self.memory, update, v)?;
+        let (quality, changed) = self
+            .contacts
+            .solve(&self.input, applied, self.memory, pass, v)?;
         self.changes += u32::from(changed && !first);
         self.quality = Quality {
             systems: self.quality.systems + quality.systems,

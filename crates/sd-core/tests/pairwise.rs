@@ -8,10 +8,10 @@
 
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::procedure::ContactList;
-use sd_core::contact::{Contact, ContactMemory, ContactState, Surface};
+use sd_core::contact::{Contact, ContactMemory, ContactState, Pass, Surface};
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
+use sd_core::procedure::ContactList;
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
     ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField,
@@ -122,7 +122,9 @@ fn stage_under(
         span: Span::alone(0.01),
         memory: &mut layer.memory(),
     };
-    let quality = stage.solve(&Background::SHEAR, &[], contact).unwrap();
+    let quality = stage
+        .solve(&Background::SHEAR, &[], contact, Pass::First)
+        .unwrap();
     assert!(quality.converged(), "{laws:?}: {quality:?}");
     stage
 }
@@ -327,7 +329,12 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         let mut stage = stage(&layer, &laws, 0.0, pairwise);
         let torques: Vec<f64> = (0..300).map(|k| f64::from(k).sin()).collect();
         stage.assemble(&layer.cell, &layer.centres).unwrap();
-        let solved = stage.solve(&Background::SHEAR, &torques, StageContact::None);
+        let solved = stage.solve(
+            &Background::SHEAR,
+            &torques,
+            StageContact::None,
+            Pass::First,
+        );
         solved.unwrap();
         stage
     });
@@ -361,7 +368,7 @@ fn an_iterated_far_field_refuses_the_procedure() {
         surface: params(40, 0.6, 0.3).surface(),
         listed: &mut ContactList::default(),
     };
-    let solved = stage.solve(&Background::SHEAR, &[], contact);
+    let solved = stage.solve(&Background::SHEAR, &[], contact, Pass::First);
     assert_eq!(solved.unwrap_err(), Error::ProcedureNeedsDense);
 }
 

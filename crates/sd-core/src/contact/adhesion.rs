@@ -12,7 +12,7 @@ use crate::space::modes::Background;
 /// Adhering pairs of a stage.
 #[derive(Debug, Default)]
 pub struct Adhering {
-    /// The pairs. The normal force is −F_A; velocities are those of the stage once it is solved.
+    /// The pairs; their normal force is −F_A.
     pub pairs: Vec<Contact>,
 }
 
@@ -39,13 +39,6 @@ impl Adhering {
                 contact.normal_row().add(-laws.adhesion, forces);
                 self.pairs.push(contact);
             }
-        }
-    }
-
-    /// Velocities that belong to the solved motion `[3N]`.
-    pub(crate) fn finish(&mut self, velocities: &[f64]) {
-        for contact in &mut self.pairs {
-            contact.take_velocities(velocities);
         }
     }
 }

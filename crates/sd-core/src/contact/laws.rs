@@ -59,6 +59,26 @@ pub struct NormalForce {
 }
 
 impl Laws {
+    /// No contact at all.
+    pub const NONE: Self = Self {
+        surface: Surface {
+            roughness: 0.0,
+            friction: 0.0,
+            critical_load: f64::INFINITY,
+        },
+        normal: NormalForce {
+            law: NormalLaw::ExponentialRepulsion,
+            stiffness: f64::INFINITY,
+            dashpot: 0.0,
+        },
+        tangential: TangentialLaw::RollSlip,
+        tangential_stiffness: 0.0,
+        onset: FrictionOnset::CriticalLoad,
+        repulsion: None,
+        rolling_friction: 0.0,
+        adhesion: 0.0,
+    };
+
     /// A choice of laws, for spheres with this surface.
     pub fn new(choice: &ContactLaws, surface: Surface) -> Self {
         let load = surface.critical_load;
@@ -107,6 +127,11 @@ impl Laws {
     /// Whether forces depend on gaps: steps are then those of [`crate::Rosenbrock`].
     pub fn is_soft(&self) -> bool {
         !self.normal.is_rigid() || self.repulsion.is_some()
+    }
+
+    /// Whether forces act on surfaces that need not press: they are found before the contact problem, from gaps and the critical load.
+    pub(crate) fn act_at_a_distance(&self) -> bool {
+        self.repulsion.is_some() || self.adhesion > 0.0
     }
 
     /// Whether tangential rows read the motion that normal forces alone leave.

@@ -1,16 +1,17 @@
 //! One instant of one configuration: velocities, stresslets, contact forces.
 
 use crate::contact::laws::{Laws, Span};
-use crate::contact::procedure::ContactList;
-use crate::contact::warm_start::SpringForces;
-use crate::contact::{Contact, ContactMemory};
+use crate::contact::memory::PairForces;
+use crate::contact::springs::Springs;
+use crate::contact::{Contact, ContactMemory, Pass};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
 use crate::model::Surface;
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
+use crate::procedure::ContactList;
 use crate::space::cell::Cell;
 use crate::space::modes::{Background, Vec2, strain_tensor};
-use crate::stage::{Contact as StageContact, ContactKind, Method, StageSolver};
+use crate::stage::{Contact as StageContact, Method, StageSolver};
 use crate::stress::{Stress, StressWork};
 use nalgebra::Vector3;
 
@@ -57,9 +58,9 @@ pub enum ContactRequest {
         /// How far contact forces look ahead, in strain.
         time_span: f64,
         /// Forces of the tangential springs; others are unstretched.
-        springs: SpringForces,
+        springs: PairForces,
         /// The same of rolling friction.
-        rolling_springs: SpringForces,
+        rolling_springs: PairForces,
     },
 }
 
@@ -70,8 +71,8 @@ impl ContactRequest {
             laws: Laws::rigid(surface),
             lubrication_gap: 0.0,
             time_span,
-            springs: SpringForces::default(),
-            rolling_springs: SpringForces::default(),
+            springs: PairForces::default(),
+            rolling_springs: PairForces::default(),
         }
     }
 
@@ -85,8 +86,8 @@ impl ContactRequest {
                 laws: Laws::new(laws, surface),
                 lubrication_gap: laws.lubrication_gap,
                 time_span,
-                springs: SpringForces::default(),
-                rolling_springs: SpringForces::default(),
+                springs: PairForces::default(),
+                rolling_springs: PairForces::default(),
             },
         }
     }
@@ -142,7 +143,7 @@ fn move_under(
 ) -> Result<(), Error> {
     match request {
         ContactRequest::None => {
-            stage.solve(background, external, StageContact::None)?;
+            stage.solve(background, external, StageContact::None, Pass::First)?;
         }
         ContactRequest::Listed { pairs } => {
             let mut listed = listed_pairs(pairs, stage)?;
@@ -154,7 +155,7 @@ fn move_under(
                 },
                 listed: &mut listed,
             };
-            stage.solve(background, external, contact)?;
+            stage.solve(background, external, contact, Pass::First)?;
         }
         ContactRequest::Laws {
             laws,
@@ -171,8 +172,8 @@ fn move_under(
                 "positive and finite",
             )?;
             let mut memory = ContactMemory {
-                springs: springs.clone(),
-                rolling_springs: rolling_springs.clone(),
+                springs: Springs::new(springs.clone()),
+                rolling_springs: Springs::new(rolling_springs.clone()),
                 ..ContactMemory::default()
             };
             let contact = StageContact::Laws {
@@ -180,11 +181,11 @@ fn move_under(
                 span: Span::alone(*time_span),
                 memory: &mut memory,
             };
-            stage.solve(background, external, contact)?;
+            stage.solve(background, external, contact, Pass::First)?;
         }
         ContactRequest::Procedure { surface } => {
             check_surface(surface, true)?;
-            stage.solve(background, external, StageContact::None)?;
+            stage.solve(background, external, StageContact::None, Pass::First)?;
             let mut listed = ContactList::default();
             listed.add_approaching(
                 &stage.resistance,
@@ -196,7 +197,7 @@ fn move_under(
                 surface: *surface,
                 listed: &mut listed,
             };
-            stage.solve_again(background, contact)?;
+            stage.solve(background, external, contact, Pass::Again)?;
         }
     }
     Ok(())
@@ -204,10 +205,10 @@ fn move_under(
 
 /// How [`solve`] computes this instant.
 pub fn method(configuration: &Configuration, request: &ContactRequest) -> Method {
-    let contacts = match request {
-        ContactRequest::Listed { .. } | ContactRequest::Procedure { .. } => ContactKind::Procedure,
-        ContactRequest::Laws { laws, .. } if laws.is_soft() => ContactKind::Soft,
-        ContactRequest::None | ContactRequest::Laws { .. } => ContactKind::Rigid,
+    let is_soft = match request {
+        ContactRequest::Listed { .. } | ContactRequest::Procedure { .. } => return Method::Dense,
+        ContactRequest::Laws { laws, .. } => laws.is_soft(),
+        ContactRequest::None => false,
     };
     let Configuration {
         hydrodynamics,
@@ -215,7 +216,7 @@ pub fn method(configuration: &Configuration, request: &ContactRequest) -> Method
         radii,
         ..
     } = configuration;
-    Method::of_instant(*hydrodynamics, cell, radii, contacts)
+    Method::of_instant(*hydrodynamics, cell, radii, is_soft)
 }
 
 /// Solves one instant.

@@ -14,8 +14,7 @@ pub use sample::{Counters, NetworkSample, Sample};
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 
 use crate::contact::laws::Laws;
-use crate::contact::procedure::ContactList;
-use crate::contact::{ContactMemory, most_contacts};
+use crate::contact::most_contacts;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Params};
@@ -41,19 +40,6 @@ pub enum Flow {
     Jammed,
 }
 
-/// What keeps the spheres apart.
-enum Scheme {
-    /// Laws.
-    Laws {
-        /// The laws.
-        laws: Box<Laws>,
-        /// Disturbance velocities `[3N]` of the first stage of a step.
-        first: Vec<f64>,
-    },
-    /// The paper's steps.
-    Procedure,
-}
-
 /// A layer under shear.
 pub struct Simulation {
     params: Params,
@@ -64,7 +50,10 @@ pub struct Simulation {
     state: State,
     /// Where the spheres were at the start of the step.
     before: State,
-    scheme: Scheme,
+    /// Contact laws at the present critical load.
+    laws: Laws,
+    /// Disturbance velocities `[3N]` of the first stage of a step, under laws.
+    first: Vec<f64>,
     drive: Drive,
     /// The background flow.
     background: Background,
@@ -76,12 +65,10 @@ pub struct Simulation {
     stage: StageSolver,
     stepper: Stepper,
     stress: StressWork,
-    /// Pairs that the procedure listed before the stage under way was solved.
-    listed_before: ContactList,
     /// The frame of the step under way, while one is asked for.
     frame: Option<Box<Frame>>,
-    /// What soft contacts remembered before the step.
-    remembered: ContactMemory,
+    /// What soft contacts remembered before the step, and the procedure before the stage.
+    remembered: SchemeMemory,
 }
 
 impl Simulation {
@@ -136,25 +123,18 @@ impl Simulation {
         stage.resistance.expect_contacts(params.roughness);
         let mut stepper = Stepper::default();
         let drive = Drive::new(params, snapshot.critical_load);
-        let scheme = match &params.contact {
-            ContactScheme::Procedure => Scheme::Procedure,
-            ContactScheme::Rigid | ContactScheme::Laws(_) => {
-                let choice = params.contact.laws();
-                stepper = if choice.is_soft() {
-                    let (gap, deepest) = (choice.lubrication_gap, DEEPEST_OVERLAP);
-                    stage.resistance.regularise(gap, deepest);
-                    Stepper::Rosenbrock(Rosenbrock::default())
-                } else {
-                    Stepper::Midpoint(Midpoint::default())
-                };
-                Scheme::Laws {
-                    laws: Box::new(drive.laws(params)),
-                    first: Vec::with_capacity(3 * params.spheres),
-                }
-            }
-        };
+        if params.contact != ContactScheme::Procedure {
+            let choice = params.contact.laws();
+            stepper = if choice.is_soft() {
+                let (gap, deepest) = (choice.lubrication_gap, DEEPEST_OVERLAP);
+                stage.resistance.regularise(gap, deepest);
+                Stepper::Rosenbrock(Rosenbrock::default())
+            } else {
+                Stepper::Midpoint(Midpoint::default())
+            };
+        }
         snapshot.memory.reserve(most);
-        let mut remembered = ContactMemory::default();
+        let mut remembered = SchemeMemory::new(&params.contact);
         remembered.reserve(most);
         Ok(Self {
             params: params.clone(),
@@ -169,7 +149,8 @@ impl Simulation {
                 orientations: snapshot.orientations,
             },
             before: State::default(),
-            scheme,
+            laws: drive.laws(params),
+            first: Vec::with_capacity(3 * params.spheres),
             drive,
             background: Background::shear(params.direction),
             offset: match &params.start {
@@ -181,12 +162,6 @@ impl Simulation {
             stage,
             stepper,
             stress: StressWork::default(),
-            listed_before: match &params.contact {
-                ContactScheme::Procedure => ContactList {
-                    pairs: Vec::with_capacity(most),
-                },
-                ContactScheme::Rigid | ContactScheme::Laws(_) => ContactList::default(),
-            },
             frame: None,
             remembered,
         })

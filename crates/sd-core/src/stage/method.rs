@@ -30,17 +30,6 @@ pub enum Method {
     Iterated,
 }
 
-/// What keeps spheres apart, as far as it matters here.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum ContactKind {
-    /// The paper's steps.
-    Procedure,
-    /// Rigid contacts, or none.
-    Rigid,
-    /// Contacts that give way.
-    Soft,
-}
-
 impl Method {
     /// Most spheres with this method: full matrices of the far field take a gigabyte for 2000.
     pub const fn most_spheres(self, hydrodynamics: Hydrodynamics) -> usize {
@@ -52,13 +41,13 @@ impl Method {
 
     /// What costs least for runs with these parameters.
     pub fn of(params: &Params) -> Self {
-        let kind = match params.contact {
-            ContactScheme::Procedure => ContactKind::Procedure,
-            ContactScheme::Laws(laws) if laws.is_soft() => ContactKind::Soft,
-            ContactScheme::Rigid | ContactScheme::Laws(_) => ContactKind::Rigid,
-        };
+        if params.contact == ContactScheme::Procedure {
+            // It halts all pairs at once, which is dense at any number of spheres.
+            return Self::Dense;
+        }
+        let is_soft = params.contact.laws().is_soft();
         let area_fraction = params.area_fraction;
-        Self::choose(params.hydrodynamics, params.spheres, area_fraction, kind)
+        Self::choose(params.hydrodynamics, params.spheres, area_fraction, is_soft)
     }
 
     /// What costs least for a single instant.
@@ -66,36 +55,32 @@ impl Method {
         hydrodynamics: Hydrodynamics,
         cell: &Cell,
         radii: &[f64],
-        contacts: ContactKind,
+        is_soft: bool,
     ) -> Self {
         cell.content().map_or(Self::Dense, |area| {
             let discs: f64 = radii.iter().map(|a| PI * a * a).sum();
-            Self::choose(hydrodynamics, radii.len(), discs / area, contacts)
+            Self::choose(hydrodynamics, radii.len(), discs / area, is_soft)
         })
     }
 
-    /// What costs least. The paper's steps halt all pairs at once, which is dense at any number of spheres.
+    /// What costs least, under soft contacts or others.
     fn choose(
         hydrodynamics: Hydrodynamics,
         spheres: usize,
         area_fraction: f64,
-        contacts: ContactKind,
+        is_soft: bool,
     ) -> Self {
-        let (iterates, is_pairwise) = match contacts {
-            ContactKind::Soft => (
-                spheres >= LEAST_ITERATED_SOFT,
-                spheres >= LEAST_PAIRWISE_SOFT,
-            ),
-            ContactKind::Procedure | ContactKind::Rigid => {
-                let least = LEAST_ITERATED.iter().find(|(c, _)| area_fraction <= *c);
-                (
-                    least.is_some_and(|&(_, least)| spheres >= least),
-                    spheres >= LEAST_PAIRWISE,
-                )
-            }
+        let (least_iterated, least_pairwise) = if is_soft {
+            (LEAST_ITERATED_SOFT, LEAST_PAIRWISE_SOFT)
+        } else {
+            let least = LEAST_ITERATED.iter().find(|(c, _)| area_fraction <= *c);
+            (
+                least.map_or(usize::MAX, |&(_, least)| least),
+                LEAST_PAIRWISE,
+            )
         };
+        let (iterates, is_pairwise) = (spheres >= least_iterated, spheres >= least_pairwise);
         match hydrodynamics {
-            _ if contacts == ContactKind::Procedure => Self::Dense,
             Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) if is_pairwise => {
                 Self::Pairwise
             }

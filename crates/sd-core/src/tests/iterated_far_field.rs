@@ -3,7 +3,7 @@
 mod dense_contacts;
 
 use crate::contact::laws::{Laws, NormalForce, Span};
-use crate::contact::{Contact, ContactMemory, ContactState, Surface};
+use crate::contact::{Contact, ContactMemory, ContactState, Pass, Surface};
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::iterative::{Convergence, IterativeFarField};
 use crate::hydrodynamics::resistance::Resistance;
@@ -116,7 +116,9 @@ fn linear_motion_is_that_of_the_dense_far_field() {
         let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
         let shear = Background::SHEAR;
         dense.assemble(&cell, &centres).unwrap();
-        dense.solve(&shear, &external, StageContact::None).unwrap();
+        dense
+            .solve(&shear, &external, StageContact::None, Pass::First)
+            .unwrap();
         let mut expected = StressWork::default();
         let power = expected.update(&dense, &shear);
         let factored = near_factored(&cell, &centres, &radii, &external);
@@ -206,7 +208,9 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
             memory: &mut ContactMemory::default(),
         };
         dense.assemble(&cell, &centres).unwrap();
-        let quality = dense.solve(&shear, &external, contact).unwrap();
+        let quality = dense
+            .solve(&shear, &external, contact, Pass::First)
+            .unwrap();
         assert!(quality.converged(), "{quality:?}");
         let area = cell.content().unwrap();
         let list = &dense.contacts.list;
@@ -365,7 +369,9 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
                     span: Span::alone(0.0025),
                     memory: &mut ContactMemory::default(),
                 };
-                let quality = stage.solve(&Background::SHEAR, &[], contact).unwrap();
+                let quality = stage
+                    .solve(&Background::SHEAR, &[], contact, Pass::First)
+                    .unwrap();
                 assert!(quality.converged(), "{laws:?}: {quality:?}");
                 stage
             };
@@ -425,7 +431,9 @@ fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
             span: Span::alone(0.0025),
             memory: &mut ContactMemory::default(),
         };
-        let quality = stage.solve(&Background::SHEAR, &[], contact).unwrap();
+        let quality = stage
+            .solve(&Background::SHEAR, &[], contact, Pass::First)
+            .unwrap();
         assert!(quality.converged(), "{quality:?}");
         stage.velocities().to_vec()
     };

@@ -161,12 +161,12 @@ fn resumed_run_has_the_same_bits_under_every_choice() {
             remembers,
             contact.laws().normal != NormalLaw::ExponentialRepulsion
         );
-        let stretched = memory.springs.0.iter().any(|f| f.2 != 0.0);
+        let stretched = memory.springs.forces.0.iter().any(|f| f.2 != 0.0);
         assert_eq!(stretched, contact.laws().tangential.has_spring());
         let rolls = contact.laws().rolling_friction > 0.0;
         let turned = |forces: &[(u32, u32, f64)]| forces.iter().any(|f| f.2 != 0.0);
         assert_eq!(turned(&memory.warm_start.rolling.0), rolls);
-        assert_eq!(turned(&memory.rolling_springs.0), rolls && stretched);
+        assert_eq!(turned(&memory.rolling_springs.forces.0), rolls && stretched);
     }
 }
 

@@ -14,10 +14,6 @@ use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, System}
 const MAX_SYSTEMS: u32 = 60;
 /// Iterations without fewer changes of the active set than ever before after which it has failed.
 const PATIENCE: u32 = 4;
-/// Updates of the set of contacts with active friction at most.
-const MAX_UPDATES: u32 = 10;
-/// How exact forces must be for such an update, relative to the critical load.
-const EXACT_ENOUGH: f64 = 1e-3;
 
 /// When friction becomes active.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,7 +42,6 @@ impl ProblemSolver {
         activation: FrictionActivation,
         refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
     ) -> (bool, u32) {
-        let mut updates = if activation.updates { MAX_UPDATES } else { 0 };
         let (mut fewest, mut stalled, mut last) = (usize::MAX, 0, false);
         for count in 1..=MAX_SYSTEMS {
             let solved = system.solve(problem, &self.states, last, &mut self.forces);
@@ -63,17 +58,16 @@ impl ProblemSolver {
                 }
                 continue;
             }
-            let exact_enough =
-                roundoff.exact || roundoff.force < EXACT_ENOUGH * activation.critical_load;
-            if updates > 0
-                && exact_enough
-                && self.update_activation(problem, activation, roundoff.force) > 0
+            if !roundoff.exact {
+                continue;
+            }
+            if !activation.updates
+                || self.update_activation(problem, activation, roundoff.force) == 0
             {
-                // That is another problem.
-                (updates, fewest, stalled, last) = (updates - 1, usize::MAX, 0, false);
-            } else if roundoff.exact {
                 return (true, count);
             }
+            // That is another problem.
+            (fewest, stalled, last) = (usize::MAX, 0, false);
         }
         (false, MAX_SYSTEMS)
     }

@@ -1,11 +1,12 @@
 //! What the laws of the candidates come down to: entries of the contact problem, and what its solution says of them.
 
 use super::super::laws::{COMPLIANCE, Laws, Overlap};
+use super::super::memory::ContactMemory;
 use super::super::pair::ContactState;
 use super::super::row::Row;
 use super::super::solve::problem::{self, Forces, FrictionState, Problem};
 use super::candidates::overlap_of;
-use super::{ActivationUpdate, ContactMemory, ContactSolver, StageInput};
+use super::{ContactSolver, Pass, StageInput};
 use crate::law::Halt;
 
 /// Distance of a force from a curved law, over the largest force or 1, at which linearisations end.
@@ -13,12 +14,7 @@ const LINEARISED: f64 = 1e-9;
 
 impl ContactSolver {
     /// The entries of the present candidates, and the forces to start from.
-    pub(super) fn pose(
-        &mut self,
-        input: &StageInput<'_>,
-        memory: &ContactMemory,
-        update: ActivationUpdate,
-    ) {
+    pub(super) fn pose(&mut self, input: &StageInput<'_>, memory: &ContactMemory, pass: Pass) {
         let laws = input.laws;
         let held = input.span.takes_back_at_once();
         let has_friction = laws.surface.has_friction();
@@ -43,20 +39,14 @@ impl ContactSolver {
         }
         if has_friction {
             for k in 0..self.list.len() {
-                self.add_rows(input, memory, update, k);
+                self.add_rows(input, memory, pass, k);
             }
         }
         self.solver.read_states(&self.problem);
     }
 
     /// Adds the friction rows of one candidate.
-    fn add_rows(
-        &mut self,
-        input: &StageInput<'_>,
-        memory: &ContactMemory,
-        update: ActivationUpdate,
-        k: usize,
-    ) {
+    fn add_rows(&mut self, input: &StageInput<'_>, memory: &ContactMemory, pass: Pass, k: usize) {
         let (laws, contact) = (input.laws, &mut self.list[k]);
         let load = laws.surface.critical_load;
         let (coefficient, intercept) = laws.friction_bound();
@@ -68,9 +58,9 @@ impl ContactSolver {
             coefficient,
             intercept,
             active: laws.is_smooth()
-                || match update {
-                    ActivationUpdate::Update => contact.normal_force > load,
-                    ActivationUpdate::Hold => contact.friction_acts,
+                || match pass {
+                    Pass::First | Pass::Again => contact.normal_force > load,
+                    Pass::Held => contact.friction_acts,
                 },
             was_deactivated: false,
         };
@@ -86,7 +76,7 @@ impl ContactSolver {
                 row.compliance = contact.slip_resistance.recip();
             }
             Halt::SpringSlip => {
-                let base = self.stretches.base(contact, &memory.springs, phase);
+                let base = memory.springs.base(contact, phase);
                 let [compliance, stretch] = spring(base);
                 row.compliance += compliance;
                 row.shift += stretch;
@@ -106,8 +96,7 @@ impl ContactSolver {
         if laws.rolling_friction > 0.0 {
             let (coefficient, intercept) = laws.rolling_bound();
             let [compliance, shift] = if laws.tangential.has_spring() {
-                let springs = &memory.rolling_springs;
-                spring(self.rolling_stretches.base(contact, springs, phase))
+                spring(memory.rolling_springs.base(contact, phase))
             } else {
                 [0.0, 0.0]
             };

@@ -1,6 +1,6 @@
 //! The layer as a step samples it: where the spheres are, which forces they bear, which of them touch.
 
-use super::{Sample, Scheme, Simulation};
+use super::{Sample, Simulation};
 use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
@@ -65,11 +65,12 @@ impl Simulation {
     pub(super) fn fill_frame(&mut self, stage: &Stage, centres: &[Vec2]) {
         // From where the step began the first stage has turned them.
         let ahead = stage.time - self.strain();
-        let turns = |sphere: usize| match &self.scheme {
-            Scheme::Laws { first, .. } if stage.phase == Phase::Middle => {
-                ahead * (first[3 * sphere + 2] + self.background.angular_velocity)
+        let turns = |sphere: usize| {
+            if stage.phase == Phase::Middle {
+                ahead * (self.first[3 * sphere + 2] + self.background.angular_velocity)
+            } else {
+                0.0
             }
-            Scheme::Laws { .. } | Scheme::Procedure => 0.0,
         };
         let orientations = self.before.orientations.iter().enumerate();
         let contacts = self.stage.contacts.list.iter();

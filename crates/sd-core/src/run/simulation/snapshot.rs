@@ -3,10 +3,11 @@
 use super::Counters;
 use super::drive::Drive;
 use crate::contact::ContactMemory;
-use crate::contact::procedure::ContactList;
-use crate::contact::warm_start::SpringForces;
+use crate::contact::memory::PairForces;
+use crate::contact::springs::Springs;
 use crate::error::Error;
 use crate::model::{ContactScheme, Params, StartLayer};
+use crate::procedure::ContactList;
 use crate::run::start;
 use crate::space::pair::PairKey;
 use crate::stage::Method;
@@ -81,12 +82,30 @@ impl SchemeMemory {
         if let Self::Laws(memory) = self
             && stiffness > 0.0
         {
-            let forces = |stretches: &[(u32, u32, f64)]| {
-                let pairs = stretches.iter();
-                SpringForces(pairs.map(|&(i, j, x)| (i, j, stiffness * x)).collect())
+            let springs = |stretches: &[(u32, u32, f64)]| {
+                let forces = stretches.iter().map(|&(i, j, x)| (i, j, stiffness * x));
+                Springs::new(PairForces(forces.collect()))
             };
-            memory.springs = forces(&layer.springs);
-            memory.rolling_springs = forces(&layer.rolling_springs);
+            memory.springs = springs(&layer.springs);
+            memory.rolling_springs = springs(&layer.rolling_springs);
+        }
+    }
+
+    /// Becomes equal to the other, which is of the same scheme, without allocating once there is room.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        match (self, other) {
+            (Self::Laws(memory), Self::Laws(other)) => memory.copy_from(other),
+            (
+                Self::Procedure { listed, velocities },
+                Self::Procedure {
+                    listed: other_listed,
+                    velocities: other_velocities,
+                },
+            ) => {
+                listed.pairs.clone_from(&other_listed.pairs);
+                velocities.clone_from(other_velocities);
+            }
+            (this, other) => *this = other.clone(),
         }
     }
 
@@ -105,8 +124,8 @@ impl SchemeMemory {
             (Self::Laws(memory), ContactScheme::Rigid | ContactScheme::Laws(_)) => {
                 let forces = &memory.warm_start.forces;
                 let springs = [
-                    &memory.springs,
-                    &memory.rolling_springs,
+                    &memory.springs.forces,
+                    &memory.rolling_springs.forces,
                     &memory.warm_start.rolling,
                 ];
                 let mut springs = springs.iter().flat_map(|list| &list.0);
@@ -142,9 +161,9 @@ impl Snapshot {
         let stiffness = Drive::new(params, self.critical_load)
             .laws(params)
             .tangential_stiffness;
-        let stretches = |springs: fn(&ContactMemory) -> &SpringForces| match &self.memory {
+        let stretches = |springs: fn(&ContactMemory) -> &Springs| match &self.memory {
             SchemeMemory::Laws(memory) if stiffness > 0.0 => {
-                let forces = springs(memory).0.iter();
+                let forces = springs(memory).forces.0.iter();
                 forces.map(|&(i, j, f)| (i, j, f / stiffness)).collect()
             }
             SchemeMemory::Laws(_) | SchemeMemory::Procedure { .. } => Vec::new(),

@@ -1,7 +1,7 @@
 //! A step of a run: in one piece, or in halves where spheres would come too near on the way.
 
 use super::sampling::Taken;
-use super::{Counters, Sample, Scheme, SchemeMemory, Simulation};
+use super::{Counters, Sample, SchemeMemory, Simulation};
 use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
@@ -137,10 +137,7 @@ impl Simulation {
     /// Whether contacts hold the layer: whether loaded ones that do not slide take away as many motions as the spheres have that bear on two
     /// others or more (Maxwell's count). Such a network bears any load, and harder contacts would not let it flow.
     fn is_held(&self) -> bool {
-        let Scheme::Laws { laws, .. } = &self.scheme else {
-            return false;
-        };
-        let halted = laws.tangential.halts().motions();
+        let halted = self.laws.tangential.halts().motions();
         let contacts = self.stage.contacts.list.iter();
         let loaded = || {
             contacts
@@ -195,9 +192,7 @@ impl Simulation {
     ) -> Result<Advance, Error> {
         let (time, dt, drive) = (self.strain(), self.params.time_step, self.drive);
         let jammed = self.counters.jammed_stages;
-        if let SchemeMemory::Laws(memory) = &self.memory {
-            self.remembered.copy_from(memory);
-        }
+        self.remembered.copy_from(&self.memory);
         let mut halvings = 0;
         loop {
             let parts = 1_u32 << halvings;
@@ -216,12 +211,8 @@ impl Simulation {
             };
             state.copy_from(&self.before);
             self.drive = drive;
-            if let (Scheme::Laws { laws, .. }, SchemeMemory::Laws(memory)) =
-                (&mut self.scheme, &mut self.memory)
-            {
-                **laws = drive.laws(&self.params);
-                memory.copy_from(&self.remembered);
-            }
+            self.laws = drive.laws(&self.params);
+            self.memory.copy_from(&self.remembered);
             let overlaps = matches!(error, Error::Overlap { .. });
             // Smaller steps do not help where no motion is admissible.
             let jams = self.counters.jammed_stages > jammed || self.is_held();

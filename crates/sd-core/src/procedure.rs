@@ -13,10 +13,9 @@
 //! with the sign of (19) corrected: friction opposes slip. It pushes pairs together after f was found, and a pair enters below h by up to a
 //! step's motion: gaps drift. That is the scheme's own error, kept here for comparison.
 
-use super::pair::{Contact, ContactState};
-use super::solve::dense::DenseSystem;
-use super::solve::problem::{self, Forces, Problem, States, System};
-use super::{Quality, most_contacts};
+use crate::contact::solve::dense::DenseSystem;
+use crate::contact::solve::problem::{self, Forces, Problem, States, System};
+use crate::contact::{Contact, ContactState, Quality, most_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::Resistance;
 use crate::law::tangential::roll_slip;
@@ -109,7 +108,7 @@ impl ProcedureSolver {
     /// Pairs that would be pulled leave the list (step 3). A listed pair out of lubrication range has left, too.
     ///
     /// # Arguments
-    /// - `listed`: pairs in contact; `contacts`: the same, with the forces and velocities found.
+    /// - `listed`: pairs in contact; `contacts`: the same, with the forces found.
     /// - `velocities`: disturbances `[3N]` that come out.
     ///
     /// # Errors
@@ -157,9 +156,6 @@ impl ProcedureSolver {
             self.add_friction(resistance, surface, contacts);
         }
         self.system.finish(resistance, &self.forces, velocities);
-        for contact in contacts {
-            contact.take_velocities(velocities);
-        }
         Ok(Quality {
             residual,
             systems: 1,
