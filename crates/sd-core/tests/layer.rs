@@ -491,3 +491,41 @@ fn two_sizes_shear_without_contact_at_the_start() {
     assert!((area / snapshot.side.powi(2) - 0.7).abs() < 1e-12);
     assert!(snapshot.counters.minimum_gap > 0.0098);
 }
+
+#[test]
+fn without_friction_the_rate_and_at_rate_zero_friction_change_no_bit() {
+    let soft = ContactScheme::Laws(sd_core::ContactLaws {
+        stiffness_unit: sd_core::model::StiffnessUnit::Flow,
+        ..sd_core::ContactLaws::linear_spring(1e4, sd_core::TangentialLaw::RollSlip, 0.01)
+    });
+    for contact in [ContactScheme::Rigid, ContactScheme::Procedure, soft] {
+        let path = |friction, shear_rate| {
+            let params = Params {
+                friction,
+                shear_rate,
+                contact,
+                ..params()
+            };
+            let mut simulation: Simulation =
+                Simulation::new(&params, 2, &NearFields::default()).unwrap();
+            let sample = |sample: Sample| Sample {
+                shear_rate: 0.0,
+                ..sample
+            };
+            let samples: Vec<Sample> = (0..40)
+                .map(|_| sample(simulation.step().unwrap()))
+                .collect();
+            let mut settled = params;
+            settled.settle();
+            (samples, settled)
+        };
+        let (plain, settled) = path(0.0, 0.0);
+        assert!(plain.iter().any(|sample| sample.contacts > 0));
+        for (friction, shear_rate) in [(0.0, 0.1), (0.0, f64::INFINITY), (0.3, 0.0)] {
+            assert_eq!(path(friction, shear_rate), (plain.clone(), settled.clone()));
+        }
+        let (rubbing, other) = path(0.3, f64::INFINITY);
+        assert_ne!(rubbing, plain, "{contact:?}");
+        assert_ne!(other, settled);
+    }
+}

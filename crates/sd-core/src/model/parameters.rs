@@ -313,6 +313,23 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
     Ok(())
 }
 
+/// Sets those of friction and shear rate to 0 that have no effect beside the other.
+///
+/// Friction never acts at the lower plateau. The shear rate says at which load friction begins, and is a unit of some laws: without
+/// friction and without such laws it says nothing.
+fn fold(params: &mut Params) {
+    if params.shear_stress.is_some() {
+        return;
+    }
+    if params.shear_rate == 0.0 {
+        params.friction = 0.0;
+    }
+    let acts = params.friction != 0.0 && params.contact.laws().normal.touches();
+    if !acts && !params.contact.laws().needs_critical_load() {
+        params.shear_rate = 0.0;
+    }
+}
+
 /// Brings parameters into the form in which equal physics has equal numbers.
 pub(super) fn settle(params: &mut Params) {
     if let ContactScheme::Laws(laws) = &mut params.contact {
@@ -323,6 +340,7 @@ pub(super) fn settle(params: &mut Params) {
             laws.tangential = TangentialLaw::Coulomb;
         }
     }
+    fold(params);
     // Friction first: whether tangential laws act depends on it, and they stand above it.
     let friction = PARAMETERS
         .iter()

@@ -10,7 +10,7 @@ mod step;
 
 pub use crate::stress::JAM_VISCOSITY;
 pub use frame::{Frame, FrameContact};
-pub use sample::{Counters, Sample};
+pub use sample::{Counters, NetworkSample, Sample};
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 
 use crate::contact::laws::Laws;

@@ -96,6 +96,7 @@ impl<S: Started> Simulation<S> {
             normal_velocity: counts.normal_velocity,
             minimum_gap: taken.gap,
             counters: self.counters,
+            network: None,
         });
     }
 
