@@ -167,13 +167,13 @@ fn motion_and_contact_forces_turn_with_the_configuration() {
         let along = stretched.0.iter().map(|&(i, j, t)| (i, j, turn * t));
         let along = PairForces(along.collect());
         let tables = NearFields::default();
-        let a = solve(&configuration, &request(&choice, 0.5, stretched), &tables).unwrap();
-        let b = solve(&turned, &request(&choice, 0.5, along), &tables).unwrap();
+        let a = solve(&configuration, &request(&choice, 0.2, stretched), &tables).unwrap();
+        let b = solve(&turned, &request(&choice, 0.2, along), &tables).unwrap();
         let slipping = a
             .contacts
             .iter()
             .filter(|c| c.state == ContactState::Slipping);
-        assert!(slipping.count() > 10);
+        assert!(slipping.count() > 2);
         for (v, w) in a.disturbances.iter().zip(&b.disturbances) {
             for first in [0, 3] {
                 let [v, w] = [v, w].map(|x| Vector3::from_column_slice(&x[first..first + 3]));
@@ -189,18 +189,13 @@ fn motion_and_contact_forces_turn_with_the_configuration() {
 }
 
 /// Checks that friction obeys Coulomb's law on a disc; how many contacts slip.
-fn check_disc(
-    solved: &SolvedConfiguration<Bulk>,
-    friction: f64,
-    stretch: impl Fn(usize) -> Vector3<f64>,
-) -> usize {
+fn check_disc(solved: &SolvedConfiguration<Bulk>, friction: f64) -> usize {
     let mut slipping = 0;
-    for (k, c) in solved.contacts.iter().enumerate() {
+    for c in &solved.contacts {
         let (bound, t) = (friction * c.normal_force, c.tangential_force);
         assert!(t.norm() <= bound * (1.0 + 1e-12) + 1e-300);
         assert!(t.dot(&c.pair.normal).abs() <= 1e-12 * bound.max(1e-300));
-        // What slides: the slip beyond the stretch that a spring takes.
-        let z = c.slip_velocity + stretch(k);
+        let z = c.slip_velocity;
         match c.state {
             ContactState::Slipping => {
                 slipping += 1;
@@ -218,10 +213,10 @@ fn check_disc(
 #[test]
 fn friction_opposes_slip_and_stays_within_its_disc() {
     let (configuration, _) = cluster(springs(TangentialLaw::StickSlide));
-    for friction in [0.1, 0.5, 1.0] {
+    for friction in [0.05, 0.1, 0.2, 0.5] {
         let choice = rigid(TangentialLaw::Coulomb);
         let coulomb = request(&choice, friction, PairForces::default());
         let solved = solve(&configuration, &coulomb, &NearFields::default()).unwrap();
-        assert!(check_disc(&solved, friction, |_| Vector3::zeros()) > 10);
+        assert!(check_disc(&solved, friction) > 2, "{friction}");
     }
 }
