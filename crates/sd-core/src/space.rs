@@ -110,7 +110,7 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Slip, friction: vectors across the line of centres.
     type Tangent: Linear + Serialize + DeserializeOwned;
     /// How a sphere lies.
-    type Orientation: Copy + Debug + PartialEq + Serialize + DeserializeOwned;
+    type Orientation: Copy + Debug + Default + PartialEq + Serialize + DeserializeOwned;
     /// Strains and stresslets.
     type Strain: Linear + Index<usize, Output = f64> + IndexMut<usize>;
     /// A traceless tensor, see [`Space::tensor`].

@@ -81,23 +81,13 @@ pub struct Stress {
 }
 
 /// Workspace for stresslets and the forces that go with them.
-#[derive(Debug)]
+#[derive(Default, Debug)]
 pub struct StressWork<S: Space = Layer> {
     /// Stresslet components of each sphere.
     pub stresslets: Vec<S::Strain>,
     /// Hydrodynamic counterforces `R_FU v − R_FE e`.
     forces: Vec<f64>,
     far: Vec<f64>,
-}
-
-impl<S: Space> Default for StressWork<S> {
-    fn default() -> Self {
-        Self {
-            stresslets: Vec::new(),
-            forces: Vec::new(),
-            far: Vec::new(),
-        }
-    }
 }
 
 impl<S: Fluid> StressWork<S> {

@@ -10,16 +10,10 @@ use crate::law::adhesion;
 use crate::space::Space;
 
 /// Adhering pairs of a stage.
-#[derive(Debug)]
+#[derive(Default, Debug)]
 pub struct Adhering<S: Space> {
     /// The pairs; their normal force is −F_A.
     pub pairs: Vec<Contact<S>>,
-}
-
-impl<S: Space> Default for Adhering<S> {
-    fn default() -> Self {
-        Self { pairs: Vec::new() }
-    }
 }
 
 impl<S: Fluid> Adhering<S> {

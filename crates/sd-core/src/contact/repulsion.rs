@@ -16,21 +16,12 @@ use crate::space::Space;
 const FARTHEST: f64 = 30.0;
 
 /// Repelling pairs of a stage.
-#[derive(Debug)]
+#[derive(Default, Debug)]
 pub struct Repelled<S: Space> {
     /// The pairs; force and normal velocity are those of the stage once it is solved.
     pub pairs: Vec<Contact<S>>,
     /// Slope over the time ahead `s F/l` and the force without motion, of each.
     lines: Vec<[f64; 2]>,
-}
-
-impl<S: Space> Default for Repelled<S> {
-    fn default() -> Self {
-        Self {
-            pairs: Vec::new(),
-            lines: Vec::new(),
-        }
-    }
 }
 
 impl<S: Fluid> Repelled<S> {

@@ -50,6 +50,7 @@ pub(crate) struct Outcome {
 }
 
 /// Active set, forces and workspace of a contact problem.
+#[derive(Default)]
 pub(crate) struct ProblemSolver<S: Space = Layer> {
     /// The active set.
     pub(crate) states: States,
@@ -63,20 +64,6 @@ pub(crate) struct ProblemSolver<S: Space = Layer> {
     softer: Problem<S>,
     about: Forces,
     held: Problem<S>,
-}
-
-impl<S: Space> Default for ProblemSolver<S> {
-    fn default() -> Self {
-        Self {
-            states: States::default(),
-            forces: Forces::default(),
-            start: Forces::default(),
-            active: Vec::new(),
-            softer: Problem::default(),
-            about: Forces::default(),
-            held: Problem::default(),
-        }
-    }
 }
 
 impl<S: Space> ProblemSolver<S> {

@@ -136,7 +136,7 @@ fn check_suspension(params: &Params) -> Result<(), Refusal> {
             because,
         })
     };
-    if !(volume_fraction >= LEAST_VOLUME_FRACTION && volume_fraction <= MOST_VOLUME_FRACTION) {
+    if !(LEAST_VOLUME_FRACTION..=MOST_VOLUME_FRACTION).contains(&volume_fraction) {
         return refuse(
             "volume_fraction",
             volume_fraction.to_string(),

@@ -18,6 +18,7 @@ use crate::space::Space;
 use std::marker::PhantomData;
 
 /// Matrices, columns and workspace.
+#[derive(Default)]
 pub(crate) struct DenseSystem<S: Space> {
     /// `L⁻¹` of the forces without contact, of all spheres; rows as [`Resistance::row`] has them, as in all columns here.
     free: Vec<f64>,
@@ -53,32 +54,6 @@ pub(crate) struct DenseSystem<S: Space> {
     /// Whether there is no `g_tt`.
     isolated: bool,
     space: PhantomData<S>,
-}
-
-impl<S: Fluid> Default for DenseSystem<S> {
-    fn default() -> Self {
-        Self {
-            free: Default::default(),
-            motion: Default::default(),
-            normal_columns: Default::default(),
-            tangential_columns: Default::default(),
-            order: Default::default(),
-            place: Default::default(),
-            g_nn: Default::default(),
-            g_tn: Default::default(),
-            g_tt: Default::default(),
-            turned: Default::default(),
-            free_normal: Default::default(),
-            free_slip: Default::default(),
-            unknowns: Default::default(),
-            solution: Default::default(),
-            by_column: Default::default(),
-            velocities: Default::default(),
-            solver: Default::default(),
-            isolated: Default::default(),
-            space: Default::default(),
-        }
-    }
 }
 
 impl<S: Fluid> DenseSystem<S> {

@@ -66,7 +66,7 @@ impl<S: Space> Tangential<S> {
 }
 
 /// One contact problem; see [`super`].
-#[derive(Debug)]
+#[derive(Default, Debug)]
 pub(crate) struct Problem<S: Space = Layer> {
     /// Candidates, ordered by (i, j).
     pub(crate) normal: Vec<Normal<S>>,
@@ -75,16 +75,6 @@ pub(crate) struct Problem<S: Space = Layer> {
     pub(crate) tangential: Vec<Tangential<S>>,
     /// Whether friction rows read the motion that normal forces alone leave, v_N, in place of v.
     pub(crate) uses_frictionless_slip: bool,
-}
-
-impl<S: Space> Default for Problem<S> {
-    fn default() -> Self {
-        Self {
-            normal: Vec::new(),
-            tangential: Vec::new(),
-            uses_frictionless_slip: false,
-        }
-    }
 }
 
 impl<S: Space> Problem<S> {
@@ -247,28 +237,25 @@ impl States {
 
     /// Adds the states of a slip that force shows, were it free of its bound.
     pub(crate) fn push_friction<S: Space>(&mut self, force: &S::PerTangent<f64>, bound: f64) {
-        let force = force.as_ref();
-        match *force {
-            [x, y] => {
-                let length = x.hypot(y);
-                let mut slide = Slide::NONE;
-                let state = match FrictionState::of(length, bound) {
-                    FrictionState::SlipPositive if length > 0.0 => {
-                        slide.direction = [x / length, y / length];
-                        slide.compliance = LIKELY_SLIP / bound;
-                        FrictionState::SlipPositive
-                    }
-                    FrictionState::Inactive => FrictionState::Inactive,
-                    _ => FrictionState::Stick,
-                };
-                self.friction.extend([state; 2]);
-                self.slides.push(slide);
+        let [x, y] = *force.as_ref() else {
+            let states = force.as_ref().iter();
+            self.friction
+                .extend(states.map(|&t| FrictionState::of(t, bound)));
+            return;
+        };
+        let length = x.hypot(y);
+        let mut slide = Slide::NONE;
+        let state = match FrictionState::of(length, bound) {
+            FrictionState::SlipPositive if length > 0.0 => {
+                slide.direction = [x / length, y / length];
+                slide.compliance = LIKELY_SLIP / bound;
+                FrictionState::SlipPositive
             }
-            _ => {
-                let states = force.iter().map(|&t| FrictionState::of(t, bound));
-                self.friction.extend(states);
-            }
-        }
+            FrictionState::Inactive => FrictionState::Inactive,
+            _ => FrictionState::Stick,
+        };
+        self.friction.extend([state; 2]);
+        self.slides.push(slide);
     }
 
     /// Sign of the force of row `m`, if that follows the load; 0 for others.

@@ -61,6 +61,7 @@ enum HasNear {
 }
 
 /// Velocities, factors and workspace.
+#[derive(Default)]
 pub(crate) struct SparseSystem<S: Fluid = Layer> {
     /// v, `[3N]`.
     velocities: Vec<f64>,
@@ -99,35 +100,6 @@ pub(crate) struct SparseSystem<S: Fluid = Layer> {
     given: [Vec<f64>; 2],
     open: States,
     none: Forces,
-}
-
-impl<S: Fluid> Default for SparseSystem<S> {
-    fn default() -> Self {
-        Self {
-            velocities: Default::default(),
-            frictionless: Default::default(),
-            applied: Default::default(),
-            numbers: Default::default(),
-            held: Default::default(),
-            factored: Default::default(),
-            is_factored: Default::default(),
-            is_same: Default::default(),
-            changed: Default::default(),
-            stiffness: Default::default(),
-            active: Default::default(),
-            iterations: Default::default(),
-            near: Default::default(),
-            has_near: Default::default(),
-            gmres: Default::default(),
-            residual: Default::default(),
-            correction: Default::default(),
-            work: Default::default(),
-            both: Default::default(),
-            given: Default::default(),
-            open: Default::default(),
-            none: Default::default(),
-        }
-    }
 }
 
 impl<S: Fluid> SparseSystem<S> {

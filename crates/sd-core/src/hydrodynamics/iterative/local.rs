@@ -4,20 +4,12 @@ use crate::hydrodynamics::resistance::{Fluid, ModeBlock, NearTerm as _, Resistan
 use crate::linalg::simd::vectorised;
 
 /// P in blocks, at one set of positions.
+#[derive(Default)]
 pub(super) struct LocalResistance<S: Fluid> {
     /// Block of each sphere with itself.
     own: Vec<ModeBlock<S>>,
     /// Pairs (i, j) and their blocks: rows of j, columns of i.
     couplings: Vec<([usize; 2], ModeBlock<S>)>,
-}
-
-impl<S: Fluid> Default for LocalResistance<S> {
-    fn default() -> Self {
-        Self {
-            own: Vec::new(),
-            couplings: Vec::new(),
-        }
-    }
 }
 
 impl<S: Fluid> LocalResistance<S> {

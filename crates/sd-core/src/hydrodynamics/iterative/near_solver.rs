@@ -10,6 +10,7 @@ const LEFT: f64 = 1e-10;
 const MOST_ITERATIONS: u32 = 500;
 
 /// Workspace of solves with the `R_FU` of what the far field is iterated on.
+#[derive(Default)]
 pub(crate) struct NearSolver<S: Fluid> {
     /// Vector in the order of the factor's rows, `[3N]`.
     rows: Vec<f64>,
@@ -18,17 +19,6 @@ pub(crate) struct NearSolver<S: Fluid> {
     factor: NearMatrix<S>,
     /// Conjugate gradients with all of `R_FU`, which that factor preconditions.
     gradients: ConjugateGradients,
-}
-
-impl<S: Fluid> Default for NearSolver<S> {
-    fn default() -> Self {
-        Self {
-            rows: Vec::new(),
-            forces: Vec::new(),
-            factor: NearMatrix::default(),
-            gradients: ConjugateGradients::default(),
-        }
-    }
 }
 
 impl<S: Fluid> NearSolver<S> {

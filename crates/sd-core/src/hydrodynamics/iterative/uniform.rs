@@ -10,6 +10,7 @@ use crate::linalg::dense::add_scaled;
 const LEAST: f64 = 1e-9;
 
 /// The two translations V at one set of positions, under sparse hydrodynamics.
+#[derive(Default)]
 pub(super) struct Uniform<S: Fluid> {
     /// `P (0; V)`, two vectors `[6N]`.
     pushed: [Vec<f64>; 2],
@@ -28,22 +29,6 @@ pub(super) struct Uniform<S: Fluid> {
     work: Vec<f64>,
     /// Stresslets that come with the forces and are not used.
     stresslets: Vec<S::Strain>,
-}
-
-impl<S: Fluid> Default for Uniform<S> {
-    fn default() -> Self {
-        Self {
-            pushed: Default::default(),
-            resisted: Default::default(),
-            answers: Default::default(),
-            pushed_answers: Default::default(),
-            drag: 0.0,
-            inverse: [[0.0; 2]; 2],
-            velocities: Vec::new(),
-            work: Vec::new(),
-            stresslets: Vec::new(),
-        }
-    }
 }
 
 impl<S: Fluid> Uniform<S> {

@@ -74,18 +74,10 @@ impl<S: Space> NearPattern<S> {
 }
 
 /// A matrix of a [`NearPattern`] and its factor, in single precision.
+#[derive(Default)]
 pub(crate) struct NearMatrix<S: Space> {
     blocks: BlockCholesky,
     space: PhantomData<S>,
-}
-
-impl<S: Space> Default for NearMatrix<S> {
-    fn default() -> Self {
-        Self {
-            blocks: BlockCholesky::default(),
-            space: PhantomData,
-        }
-    }
 }
 
 /// Rows of part p and columns of part q.

@@ -71,6 +71,7 @@ where
         + Div<f64, Output = T>,
 {
     /// The same with both forces changed alike.
+    #[must_use]
     pub fn map(&self, change: impl Fn(T) -> T) -> Self {
         Self {
             start: change(self.start),

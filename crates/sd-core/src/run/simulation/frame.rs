@@ -9,7 +9,7 @@ use crate::run::steppers::Stage;
 use crate::space::{ImposedFlow as _, Layer, Space};
 
 /// The layer at one instant of a run.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Default, Debug, Clone, PartialEq)]
 pub struct Frame<S: Space = Layer> {
     /// Strain: that of the stage that was sampled, which is where the step begins or its middle.
     pub strain: f64,
@@ -27,21 +27,6 @@ pub struct Frame<S: Space = Layer> {
     pub stresslets: Vec<S::Tensor>,
     /// Pairs with a normal force.
     pub contacts: Vec<FrameContact<S>>,
-}
-
-impl<S: Space> Default for Frame<S> {
-    fn default() -> Self {
-        Self {
-            strain: 0.0,
-            side: 0.0,
-            offset: 0.0,
-            radii: Vec::new(),
-            centres: Vec::new(),
-            orientations: Vec::new(),
-            stresslets: Vec::new(),
-            contacts: Vec::new(),
-        }
-    }
 }
 
 /// One contact of a frame.

@@ -18,7 +18,7 @@ use crate::contact::laws::Phase;
 use crate::space::Space;
 
 /// Workspace of the integrator.
-#[derive(Debug)]
+#[derive(Default, Debug)]
 pub(crate) struct Midpoint<S: Space> {
     /// Where the step began.
     start: State<S>,
@@ -27,17 +27,6 @@ pub(crate) struct Midpoint<S: Space> {
     velocities: [Vec<f64>; 2],
     /// For steps without contact forces.
     free: RungeKutta<S>,
-}
-
-impl<S: Space> Default for Midpoint<S> {
-    fn default() -> Self {
-        Self {
-            start: State::default(),
-            centres: Vec::new(),
-            velocities: Default::default(),
-            free: RungeKutta::default(),
-        }
-    }
 }
 
 impl<S: Space> Midpoint<S> {

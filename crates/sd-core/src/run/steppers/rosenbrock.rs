@@ -17,20 +17,11 @@ use crate::contact::springs::GAMMA;
 use crate::space::{Layer, Space};
 
 /// Workspace of the integrator.
-#[derive(Debug)]
+#[derive(Default, Debug)]
 pub struct Rosenbrock<S: Space = Layer> {
     centres: Vec<S::Vector>,
     /// Velocities of both stages, sphere by sphere, background included.
     velocities: [Vec<f64>; 2],
-}
-
-impl<S: Space> Default for Rosenbrock<S> {
-    fn default() -> Self {
-        Self {
-            centres: Vec::new(),
-            velocities: Default::default(),
-        }
-    }
 }
 
 impl<S: Space> Rosenbrock<S> {

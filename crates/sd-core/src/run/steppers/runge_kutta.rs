@@ -12,7 +12,7 @@ const SPANS: [f64; 4] = [1.0, 0.5, 0.5, 1.0];
 const WEIGHTS: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
 
 /// Workspace of the integrator.
-#[derive(Debug)]
+#[derive(Default, Debug)]
 pub struct RungeKutta<S: Space = Layer> {
     centres: Vec<S::Vector>,
     /// Velocities at the stage, sphere by sphere, background included.
@@ -21,17 +21,6 @@ pub struct RungeKutta<S: Space = Layer> {
     first: Vec<f64>,
     /// Weighted mean of the velocities over the step.
     mean: Vec<f64>,
-}
-
-impl<S: Space> Default for RungeKutta<S> {
-    fn default() -> Self {
-        Self {
-            centres: Vec::new(),
-            velocities: Vec::new(),
-            first: Vec::new(),
-            mean: Vec::new(),
-        }
-    }
 }
 
 impl<S: Space> RungeKutta<S> {

@@ -4,21 +4,12 @@ use crate::contact::laws::Phase;
 use crate::space::{Layer, Space};
 
 /// Centres and orientations of the spheres.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Default, Debug, Clone, PartialEq)]
 pub struct State<S: Space = Layer> {
     /// Centres, in a.
     pub centres: Vec<S::Vector>,
     /// Orientations: in radians, or unit quaternions.
     pub orientations: Vec<S::Orientation>,
-}
-
-impl<S: Space> Default for State<S> {
-    fn default() -> Self {
-        Self {
-            centres: Vec::new(),
-            orientations: Vec::new(),
-        }
-    }
 }
 
 impl<S: Space> State<S> {

@@ -35,20 +35,11 @@ pub(super) struct Acting<S: Space> {
 }
 
 /// What is in the linear system.
+#[derive(Default)]
 pub(super) struct Active<S: Space> {
     pub(super) closed: Vec<Closed<S>>,
     pub(super) sticking: Vec<Held<S>>,
     pub(super) acting: Vec<Acting<S>>,
-}
-
-impl<S: Space> Default for Active<S> {
-    fn default() -> Self {
-        Self {
-            closed: Vec::new(),
-            sticking: Vec::new(),
-            acting: Vec::new(),
-        }
-    }
 }
 
 impl<S: Space> Held<S> {

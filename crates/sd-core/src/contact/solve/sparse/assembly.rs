@@ -92,12 +92,11 @@ mod tests {
     use crate::space::modes::Vec2;
 
     /// A ring of spheres, each in contact with the next, with friction at every second contact.
-    fn ring(n: usize) -> (Problem, NearPattern<Layer>, SparseSystem) {
-        let next = |i: usize| (i + 1) % n;
-        let mut pairs: Vec<_> = (0..n)
-            .map(|i| (i.min(next(i)) as u32, i.max(next(i)) as u32))
-            .collect();
+    fn ring(n: u32) -> (Problem, NearPattern<Layer>, SparseSystem) {
+        let next = |i: u32| (i + 1) % n;
+        let mut pairs: Vec<_> = (0..n).map(|i| (i.min(next(i)), i.max(next(i)))).collect();
         pairs.sort_unstable();
+        let n = n as usize;
         let pattern = NearPattern::new(n, &pairs).unwrap();
         let mut system = SparseSystem::<Layer>::default();
         system.near.reset(&pattern);

@@ -49,18 +49,10 @@ pub(super) struct Preconditioner<'a, S: Fluid> {
 }
 
 /// Workspace for v and v_N side by side, and for the forces of both.
+#[derive(Default)]
 pub(super) struct BothMotions<S: Fluid> {
     velocities: Vec<Motion<S, 2>>,
     forces: Vec<Motion<S, 2>>,
-}
-
-impl<S: Fluid> Default for BothMotions<S> {
-    fn default() -> Self {
-        Self {
-            velocities: Vec::new(),
-            forces: Vec::new(),
-        }
-    }
 }
 
 impl<S: Fluid> BothMotions<S> {
