@@ -60,30 +60,30 @@ fn find_numpy(py: Python<'_>) -> PyResult<Option<String>> {
     Ok(None)
 }
 
-/// Reads an array `[N, 2]`, whatever its strides.
+/// Reads an array `(N, 2)`, whatever its strides.
 pub(crate) fn pairs(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
     let rows = |array: ArrayView2<'_, f64>| {
         let rows = array.rows().into_iter();
         rows.map(|row| [row[0], row[1]]).collect()
     };
-    let array = with_numbers(name, given, "[N, 2]")?;
+    let array = with_numbers(name, given, "(N, 2)")?;
     match array.cast::<PyArray2<f64>>() {
         Ok(array) => {
             let array = array.try_readonly()?;
             match array.as_array() {
                 view if view.ncols() == 2 => Ok(rows(view)),
-                _ => Err(wrong_shape(name, array.as_any(), "[N, 2]")),
+                _ => Err(wrong_shape(name, array.as_any(), "(N, 2)")),
             }
         }
-        Err(_) => Err(wrong_shape(name, &array, "[N, 2]")),
+        Err(_) => Err(wrong_shape(name, &array, "(N, 2)")),
     }
 }
 
-/// Reads an array `[N]`, whatever its strides.
+/// Reads an array `(N,)`, whatever its strides.
 pub(crate) fn numbers(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-    let array = with_numbers(name, given, "[N]")?;
+    let array = with_numbers(name, given, "(N,)")?;
     let Ok(array) = array.cast::<PyArray1<f64>>() else {
-        return Err(wrong_shape(name, &array, "[N]"));
+        return Err(wrong_shape(name, &array, "(N,)"));
     };
     let array = array.try_readonly()?;
     let view: ArrayView1<'_, f64> = array.as_array();
@@ -102,7 +102,7 @@ pub(crate) fn with_numbers<'py>(
     let numpy = given.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (given,)).map_err(|error| {
         PyValueError::new_err(format!(
-            "{name}: no array {shape} can be made of it: {}",
+            "{name}: expected an array of shape {shape}: {}",
             error.value(given.py())
         ))
     })?;
@@ -111,7 +111,7 @@ pub(crate) fn with_numbers<'py>(
     let bytes: usize = dtype.getattr("itemsize")?.extract()?;
     if !["i", "u", "f"].contains(&kind.as_str()) || bytes > 8 {
         return Err(PyTypeError::new_err(format!(
-            "{name}: an array of dtype {dtype} came: an array {shape} of {NUMBERS}"
+            "{name}: expected an array of shape {shape} of {NUMBERS}, got dtype {dtype}"
         )));
     }
     array.call_method1("astype", ("float64",))
@@ -121,10 +121,10 @@ fn wrong_shape(name: &str, array: &Bound<'_, PyAny>, shape: &str) -> PyErr {
     let found = array
         .getattr("shape")
         .map_or_else(|_| "another".into(), |shape| shape.to_string());
-    PyValueError::new_err(format!("{name}: an array of shape {found} came: {shape}"))
+    PyValueError::new_err(format!("{name}: expected shape {shape}, got {found}"))
 }
 
-/// An array `[N, 2]`.
+/// An array `(N, 2)`.
 pub(crate) fn of_pairs(
     py: Python<'_>,
     rows: impl ExactSizeIterator<Item = [f64; 2]>,
@@ -134,7 +134,7 @@ pub(crate) fn of_pairs(
     Ok(PyArray1::from_vec(py, flat).reshape([n, 2])?.unbind())
 }
 
-/// An array `[N]`.
+/// An array `(N,)`.
 pub(crate) fn of_numbers(
     py: Python<'_>,
     values: impl IntoIterator<Item = f64>,

@@ -1,6 +1,6 @@
 //! Campaigns: read, planned, run.
 
-use crate::errors::raise;
+use crate::errors::{raise, raise_without_place};
 use crate::store::Store;
 use crate::two_spheres::LOOK;
 use crate::values;
@@ -72,7 +72,7 @@ pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Param
         .map_err(|_| PyValueError::new_err(format!("seed: {seed} is out of range: below 2^63")))?;
     grid.insert("seeds".into(), vec![seed].into());
     let text = text_of("layer", protocol, vec![Value::Table(grid)])?;
-    let campaign = sweep::campaign::Campaign::parse("params", text).map_err(raise)?;
+    let campaign = sweep::campaign::Campaign::parse("params", text).map_err(raise_without_place)?;
     match campaign.cases.as_slice() {
         [(_, case)] => Ok((case.params.clone(), besides)),
         cases => Err(PyValueError::new_err(format!(
@@ -124,7 +124,7 @@ impl Campaign {
             None => Table::new(),
         };
         let text = text_of(&name, protocol, grids)?;
-        let campaign = sweep::campaign::Campaign::parse("campaign", text).map_err(raise)?;
+        let campaign = sweep::campaign::Campaign::parse("campaign", text).map_err(raise_without_place)?;
         let file = std::path::absolute(format!("{name}.toml"))?;
         Ok(Self(sweep::campaign::Campaign { file, ..campaign }))
     }

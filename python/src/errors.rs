@@ -1,6 +1,6 @@
 //! Errors of the program as exceptions of Python, with the same words.
 
-use pyo3::PyErr;
+use pyo3::prelude::*;
 use pyo3::create_exception;
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError, PyValueError};
 use std::io::ErrorKind;
@@ -24,11 +24,56 @@ create_exception!(
 );
 
 /// The exception for an error: `ValueError` for bad input, `FileNotFoundError` for a file that is not there, [`StoreError`] for trouble
-/// with the store, [`SimulationError`] for all else.
+/// with the store, [`SimulationError`] for all else. It has the attributes `key`, `value`, `allowed` and `suggestion`, each `None` where
+/// the error is about no key.
 pub(crate) fn raise(error: impl Into<Error>) -> PyErr {
     let error = error.into();
     let words = words(&error);
-    match &error {
+    with_attributes(exception(&error, words), &error)
+}
+
+/// The same of a campaign that was not read from a file, in which no line can be named.
+pub(crate) fn raise_without_place(error: CampaignError) -> PyErr {
+    match error {
+        CampaignError::Faulty(fault) => {
+            let words = fault.words();
+            with_attributes(PyValueError::new_err(words), &Error::from(CampaignError::Faulty(fault)))
+        }
+        other => raise(other),
+    }
+}
+
+/// Gives an exception the attributes that say what it is about.
+fn with_attributes(exception: PyErr, error: &Error) -> PyErr {
+    let own = |text: &str| Some(text.to_owned());
+    let [key, value, allowed, suggestion] = match error {
+        Error::Campaign(CampaignError::Faulty(fault)) => [
+            fault.key().map(str::to_owned),
+            fault.value().map(str::to_owned),
+            own(fault.allowed()),
+            fault.suggestion().map(str::to_owned),
+        ],
+        Error::Physics(sd_core::Error::Refused(refusal)) => {
+            [own(refusal.key), own(&refusal.value), own(&refusal.allowed), None]
+        }
+        Error::Report(ReportError::Argument { argument, message }) => {
+            [own(argument.trim_start_matches('-')), None, own(message), None]
+        }
+        _ => [None, None, None, None],
+    };
+    Python::attach(|py| {
+        let instance = exception.value(py);
+        for (name, text) in [("key", key), ("value", value), ("allowed", allowed), ("suggestion", suggestion)] {
+            // Exceptions of Python take attributes; one that does not is still the error.
+            let _ = instance.setattr(name, text);
+        }
+    });
+    exception
+}
+
+/// The exception of its kind.
+fn exception(error: &Error, words: String) -> PyErr {
+    match error {
         Error::Store(OfTheStore::Missing { .. }) => PyFileNotFoundError::new_err(words),
         Error::Campaign(CampaignError::Unreadable { source, .. })
             if source.kind() == ErrorKind::NotFound =>

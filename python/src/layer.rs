@@ -16,6 +16,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use sweep::axes::AXES;
+use sweep::data::is_of_network;
 use sweep::report::sample_fields;
 use sweep::store::Checkpoint;
 use toml::Table;
@@ -192,7 +193,7 @@ impl Layer {
         let seed = values::count("seed", seed)?;
         let params = one_case(&values::dict("params", params)?, seed)?;
         Self::of(py, params, Some(seed), |params, tables| {
-            Simulation::new(params, seed, tables)
+            Simulation::<sd_core::Layer>::new(params, seed, tables)
         })
     }
 
@@ -455,7 +456,9 @@ fn read_only(array: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
 fn dict_of<'py>(py: Python<'py>, sample: &Sample) -> PyResult<Bound<'py, PyDict>> {
     /// The keys, made once: they are the same for every sample.
     static KEYS: PyOnceLock<Vec<Py<PyString>>> = PyOnceLock::new();
-    let fields = sample_fields(sample);
+    let mut fields = sample_fields(sample);
+    // A layer that is stepped by hand does not look at its network.
+    fields.retain(|field| !is_of_network(field));
     let keys = KEYS.get_or_init(py, || {
         let names = fields.iter().map(|field| field.name);
         names.map(|name| PyString::new(py, name).unbind()).collect()

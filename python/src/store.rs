@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use sweep::axes::{AXES, Axis};
 use sweep::campaign::Campaign;
 use sweep::report::{
-    Drawing, Kind, Look, Report, Selection, outline, point_table, sample_table, traces,
+    Drawing, Kind, Look, Report, Selection, StructureReport, outline, point_table, sample_table, traces,
 };
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
 use sweep::trajectory::{contact_table, sphere_table};
@@ -175,12 +175,41 @@ impl Store {
         Table::of(contact_table(&with_steps(&kept)))
     }
 
+    /// What the layers look like: pair distributions, contacts, clusters, percolation, rigid clusters, fabric, averaged over the kept frames
+    /// after the discarded strain and over runs. Frames are kept by ``run(trajectory=True)``.
+    ///
+    /// Parameters
+    /// ----------
+    /// case : str or int, optional
+    ///     One run alone; all finished runs.
+    /// where : dict, optional
+    ///     Only these points, as in `points`.
+    ///
+    /// Returns
+    /// -------
+    /// list of dict
+    ///     A point each, as `points` of `sweep structure --json` has it.
+    #[pyo3(signature = (case=None, *, r#where=None))]
+    fn structure<'py>(
+        &self,
+        py: Python<'py>,
+        case: Option<&Bound<'py, PyAny>>,
+        r#where: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let selection = selection(r#where)?;
+        let case = case.map(name_of).transpose()?;
+        let found = self.read(py, |store| {
+            Ok(StructureReport::of(store, &selection, case.as_deref())?.json())
+        })?;
+        values::answer(py, &found["points"])
+    }
+
     /// Draw the results with matplotlib, with the look of `sweep report --figure`.
     ///
     /// Parameters
     /// ----------
     /// kind : str
-    ///     "viscosity", "contacts", "trace", "normal-stress", "approach-velocity".
+    ///     "viscosity", "contacts", "trace", "normal-stress", "approach-velocity", "state-diagram" and others of `sweep report`.
     /// quantity : str, optional
     ///     Of kind "viscosity": "viscosity", "viscosity_stresslet" or "viscosity_median".
     /// along : str, optional
@@ -218,6 +247,7 @@ impl Store {
             quantity: Some(word("quantity", quantity)?),
             along: along.map(axis).transpose()?,
             look: Look::default(),
+            ..Drawing::default()
         };
         let selection = selection(r#where)?;
         let cases = match cases {

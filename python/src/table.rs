@@ -9,12 +9,17 @@ use arrow_array::{
 use arrow_schema::ffi::FFI_ArrowSchema;
 use arrow_schema::{ArrowError, DataType, Field, Schema};
 use numpy::PyArray1;
-use pyo3::exceptions::{PyKeyError, PyRuntimeError};
+use pyo3::exceptions::{PyImportError, PyKeyError, PyRuntimeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict, PyList, PyString};
 use std::collections::HashMap;
+use std::fmt::Write as _;
 use std::sync::Arc;
 use sweep::data::{Cells, DataColumn};
+use sweep::format::significant;
+
+/// Rows shown in a notebook at the beginning and at the end of a long table.
+const SHOWN: usize = 15;
 
 /// A table: pandas, polars and pyarrow take it as it is, without copies.
 ///
@@ -147,14 +152,51 @@ impl Table {
 
     /// The table as a data frame of pandas.
     fn to_pandas<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        let frame = slf.py().import("pandas")?.getattr("DataFrame")?;
+        let needed = |name: &str| {
+            slf.py().import(name).map_err(|_| {
+                PyImportError::new_err(format!(
+                    "to_pandas needs {name}: pip install 'sheared-layers[pandas]'"
+                ))
+            })
+        };
+        let frame = needed("pandas")?.getattr("DataFrame")?;
+        let arrow = needed("pyarrow")?;
         if frame.hasattr("from_arrow")? {
             return frame.call_method1("from_arrow", (slf,));
         }
-        let arrow = slf.py().import("pyarrow")?;
         arrow
             .call_method1("table", (slf,))?
             .call_method0("to_pandas")
+    }
+
+    /// The table as notebooks show it: its first and last rows.
+    fn _repr_html_(&self) -> String {
+        let fields = self.0.schema_ref().fields();
+        let mut html = String::from("<table><thead><tr>");
+        for field in fields {
+            let about = ["meaning", "unit"].iter().filter_map(|key| field.metadata().get(*key));
+            let about: Vec<&str> = about.map(String::as_str).collect();
+            let (title, name) = (escaped(&about.join(", ")), escaped(field.name()));
+            let _ = write!(html, "<th title=\"{title}\">{name}</th>");
+        }
+        html.push_str("</tr></thead><tbody>");
+        let rows = self.0.num_rows();
+        let is_cut = rows > 2 * SHOWN;
+        for row in 0..rows {
+            if is_cut && row == SHOWN {
+                let _ = write!(html, "<tr><td colspan=\"{}\">…</td></tr>", fields.len());
+            }
+            if is_cut && (SHOWN..rows - SHOWN).contains(&row) {
+                continue;
+            }
+            html.push_str("<tr>");
+            for column in self.0.columns() {
+                let _ = write!(html, "<td>{}</td>", escaped(&cell(column, row)));
+            }
+            html.push_str("</tr>");
+        }
+        let _ = write!(html, "</tbody></table><p>{rows} rows × {} columns</p>", fields.len());
+        html
     }
 
     fn __repr__(&self) -> String {
@@ -164,6 +206,31 @@ impl Table {
             self.columns().join(", ")
         )
     }
+}
+
+/// A cell in words; nothing where nothing is known.
+fn cell(column: &ArrayRef, row: usize) -> String {
+    let column = column.as_ref() as &dyn arrow_array::Array;
+    let any = column.as_any();
+    if column.is_null(row) {
+        return String::new();
+    }
+    if let Some(numbers) = any.downcast_ref::<Float64Array>() {
+        return significant(numbers.value(row), 4);
+    }
+    if let Some(counts) = any.downcast_ref::<Int64Array>() {
+        return counts.value(row).to_string();
+    }
+    let words = any.downcast_ref::<StringArray>();
+    words.map_or_else(String::new, |words| words.value(row).to_owned())
+}
+
+/// Text that stands in HTML as it is.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
 }
 
 impl Table {

@@ -283,6 +283,23 @@ def test_bad_input_is_named_and_writes_nothing(call, kind, words, tmp_path, monk
     assert list(tmp_path.iterdir()) == []
 
 
+def test_exceptions_say_what_they_are_about_without_lines_of_a_file():
+    with pytest.raises(ValueError) as raised:
+        sl.Campaign("a", seeds=1, fricton=0.3, **{**PARAMS, "hydrodynamics": "Ball-Melrose"})
+    error = raised.value
+    assert (error.key, error.value, error.suggestion) == ("fricton", None, "friction")
+    assert "keys of [[grid]]" in error.allowed
+    assert not re.search(r":\d+:\d+|│", str(error)), error
+    assert "did you mean \"ball-melrose\"?" in str(error)
+    with pytest.raises(ValueError) as raised:
+        sl.Campaign("a", seeds=1, **{**PARAMS, "friction": [0.1, -2]})
+    error = raised.value
+    assert (error.key, error.value, error.suggestion) == ("friction", "-2", None)
+    assert "0 to 10" in error.allowed
+    with pytest.raises(ValueError, match=r"forces: expected shape \(N, 2\), got \(3, 3\)"):
+        sl.solve([[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]], forces=[[0.0] * 3] * 3)
+
+
 def test_errors_have_the_words_of_the_command(tmp_path):
     file = tmp_path / "bad.toml"
     file.write_text(small_campaign().text.replace("friction = 0.5", "friction = -0.5"))

@@ -32,6 +32,38 @@ def test_pandas_polars_and_pyarrow_take_them(store):
         assert pyarrow.schema(table) == arrow.schema
 
 
+def test_notebooks_show_them(store):
+    html = store.points()._repr_html_()
+    assert html.startswith("<table>") and html.count("<tr>") == 3
+    assert 'title="viscosity' in html and "2 rows ×" in html
+    many = store.samples(1)._repr_html_()
+    assert "…" in many if len(store.samples(1)) > 30 else many.count("<tr>") == len(store.samples(1)) + 1
+
+
+def test_structure_is_that_of_the_command(store):
+    from conftest import command
+
+    there = command("structure", store.path)["points"]
+    here = store.structure()
+    assert here == there
+    assert [point["runs"] for point in here] == [2, 2]
+    assert len(here[0]["g_r"]["r"]) == len(here[0]["g_r"]["g"])
+    one = store.structure(1, where={"shear_rate": 0.1})
+    assert len(one) == 1 and one[0]["coordination_ci95"] is None
+    with pytest.raises(ValueError, match="no frames"):
+        store.structure(1, where={"shear_rate": math.inf})
+
+
+def test_what_to_pandas_lacks_is_named(store, monkeypatch):
+    import sys
+
+    for name in ["pandas", "pyarrow"]:
+        with monkeypatch.context() as without:
+            without.setitem(sys.modules, name, None)
+            with pytest.raises(ImportError, match=rf"needs {name}: pip install 'sheared-layers\[pandas\]'"):
+                store.points().to_pandas()
+
+
 def test_no_numbers_are_copied(store):
     table = store.samples(1)
     columns = [pyarrow.table(table)["viscosity"].chunk(0).buffers()[1].address for _ in range(2)]

@@ -8,22 +8,22 @@
 //! ```
 //!
 //! Every law is entries of one problem, stated at the top of `contact/solve.rs`. [`laws`] says what a law comes to at a stage, [`solver`] chooses the pairs that
-//! take part, poses the problem and takes its solution. [`procedure`] stays apart: it is a protocol, not a law.
+//! take part, poses the problem and takes its solution. [`crate::procedure`] stays apart: it is a protocol, not a law.
 
 pub mod adhesion;
 pub mod laws;
+pub mod memory;
 pub mod pair;
-pub mod procedure;
 pub mod repulsion;
 mod row;
-mod solve;
+pub(crate) mod solve;
 pub mod solver;
 pub mod springs;
-pub mod warm_start;
 
 pub use crate::model::Surface;
+pub use memory::ContactMemory;
 pub use pair::{Contact, ContactState, tangent};
-pub use solver::{ContactMemory, ContactSolver};
+pub use solver::{ContactSolver, Pass};
 
 /// What became of a contact problem. The same for every law and for dense, sparse and iterated
 /// hydrodynamics.
@@ -75,10 +75,12 @@ impl Quality {
     }
 }
 
+use crate::space::Space;
+
 /// Most spheres for which room is made in advance for all contacts there can be.
 const MOST_RESERVED: usize = 1000;
 
-/// Most contacts of equal spheres in a plane: six for each sphere. Unequal ones hardly have more.
-pub fn most_contacts(spheres: usize) -> usize {
-    3 * spheres.min(MOST_RESERVED)
+/// Contacts for which room is made in advance.
+pub(crate) fn most_contacts<S: Space>(spheres: usize) -> usize {
+    S::MOST_CONTACTS / 2 * spheres.min(MOST_RESERVED)
 }

@@ -2,40 +2,34 @@
 
 mod method;
 
-pub(crate) use method::ContactKind;
 pub use method::{Method, memory_bytes};
 
 use crate::contact::adhesion::Adhering;
 use crate::contact::laws::{Laws, Span};
-use crate::contact::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::contact::repulsion::Repelled;
-use crate::contact::solver::{ActivationUpdate, AppliedForces, StageInput};
-use crate::contact::{ContactMemory, ContactSolver, Quality, Status, Surface, most_contacts};
+use crate::contact::solver::{AppliedForces, StageInput};
+use crate::contact::{ContactMemory, ContactSolver, Pass, Quality, Status, Surface, most_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
-use crate::hydrodynamics::resistance::Resistance;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
+use crate::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::space::cell::Cell;
-use crate::space::modes::{Background, Vec2};
 use crate::space::pair::Neighbours;
-use nalgebra::Vector3;
+use crate::space::{ImposedFlow as _, Layer};
 
 /// What a far-field iteration asks of the contact problem, over its own relative residual: the differences of its steps, from which it
-/// learns, are that much more exact. Of contacts that do not give way, and of others, whose slopes multiply what is left.
-const STRICT: [f64; 2] = [4e-3, 1e-3];
+/// learns, are that much more exact.
+const STRICT: f64 = 2e-3;
 /// Relative residual that the first evaluation is made for.
 const FIRST: f64 = 1e-2;
-/// Relative residual below which it is decided anew on which contacts friction acts; before, loads mean little.
-const DECIDING: f64 = 3e-2;
-/// How much smaller than at the last decision it must have become.
+/// How much smaller than at the last decision the residual must be for another one on which contacts friction acts.
 const CLOSER: f64 = 0.1;
-/// Where loads are known so well that it is not decided again.
-const FINEST: f64 = 1e-4;
 /// Changes of these contacts in one solve after which they are held.
 const MOST_CHANGES: u32 = 8;
 
 /// What keeps the spheres apart, with what it remembers from stage to stage.
-pub enum Contact<'a> {
+pub enum Contact<'a, S: Fluid = Layer> {
     /// Nothing but the fluid.
     None,
     /// Laws: entries of the one contact problem, see [`crate::contact::laws`].
@@ -45,9 +39,9 @@ pub enum Contact<'a> {
         /// How far contact forces look ahead.
         span: Span<'a>,
         /// What contacts remember.
-        memory: &'a mut ContactMemory,
+        memory: &'a mut ContactMemory<S>,
     },
-    /// The paper's steps, see [`crate::contact::procedure`].
+    /// The paper's steps, see [`crate::procedure`].
     Procedure {
         /// Roughness and friction.
         surface: Surface,
@@ -57,36 +51,34 @@ pub enum Contact<'a> {
 }
 
 /// Solver of the motion of one set of spheres, with its workspace.
-pub struct StageSolver {
+pub struct StageSolver<S: Fluid = Layer> {
     /// Hydrodynamics.
-    pub resistance: Resistance,
+    pub resistance: Resistance<S>,
     /// Contact problem of the last solve; its list is empty without contact.
-    pub contacts: ContactSolver,
+    pub contacts: ContactSolver<S>,
     /// Pairs that a repulsion keeps apart, besides.
-    pub repelled: Repelled,
+    pub repelled: Repelled<S>,
     /// Pairs that adhesion holds together, besides; their normal force is the attraction, below 0.
-    pub adhering: Adhering,
-    /// External and background forces `[3N]`.
+    pub adhering: Adhering<S>,
+    /// External and background forces.
     forces: Vec<f64>,
-    /// Disturbance velocities `[3N]` of the last solve.
+    /// Disturbance velocities of the last solve.
     velocities: Vec<f64>,
-    /// Forces that drive the spheres in one evaluation of the iteration, `[3N]`.
+    /// Forces that drive the spheres in one evaluation of the iteration,.
     applied: Vec<f64>,
     /// Far field iterated on top of a pairwise Ball-Melrose resistance.
-    far: Option<Box<IterativeFarField>>,
+    far: Option<Box<IterativeFarField<S>>>,
     /// Solver of the paper's steps, from their first stage on.
-    procedure: Option<Box<ProcedureSolver>>,
-    /// Whether the set of contacts with active friction follows the loads, or stays as it was in the solve before.
-    update: ActivationUpdate,
+    procedure: Option<Box<ProcedureSolver<S>>>,
 }
 
-impl StageSolver {
+impl<S: Fluid> StageSolver<S> {
     /// Workspace for the spheres the resistance was made for.
-    pub fn new(resistance: Resistance) -> Self {
+    pub fn new(resistance: Resistance<S>) -> Self {
         let spheres = resistance.radii().len();
-        let n = 3 * spheres;
+        let n = S::MODES * spheres;
         let mut adhering = Adhering::default();
-        adhering.pairs.reserve(most_contacts(spheres));
+        adhering.pairs.reserve(most_contacts::<S>(spheres));
         Self {
             contacts: ContactSolver::new(&resistance),
             resistance,
@@ -97,25 +89,15 @@ impl StageSolver {
             applied: Vec::with_capacity(n),
             far: None,
             procedure: None,
-            update: ActivationUpdate::Update,
         }
     }
 
     /// Full Stokesian Dynamics of many spheres: the far field iterated on top of a pairwise Ball-Melrose resistance.
-    pub fn with_far_field(pairwise: Resistance, far: IterativeFarField) -> Self {
+    pub fn with_far_field(pairwise: Resistance<S>, far: IterativeFarField<S>) -> Self {
         Self {
             far: Some(Box::new(far)),
             ..Self::new(pairwise)
         }
-    }
-
-    /// From now on friction acts where it did in the last solve, until it is let go: solves are then of the same positions as that one.
-    pub(crate) fn hold_friction(&mut self, holds: bool) {
-        self.update = if holds {
-            ActivationUpdate::Hold
-        } else {
-            ActivationUpdate::Update
-        };
     }
 
     /// Begins a step: what is known from stages before is forgotten, but for what [`ContactMemory`] holds and what
@@ -139,13 +121,13 @@ impl StageSolver {
         }
     }
 
-    /// Counterforces `[3N]` and stresslets of the last solve, as [`Resistance::apply`]; `work` is scratch.
+    /// Counterforces and stresslets of the last solve, as [`Resistance::apply`]; `work` is scratch.
     pub fn counterforces(
         &self,
-        strain: &Vector3<f64>,
+        strain: &S::Strain,
         work: &mut Vec<f64>,
         forces: &mut Vec<f64>,
-        stresslets: &mut Vec<Vector3<f64>>,
+        stresslets: &mut Vec<S::Strain>,
     ) {
         self.resistance
             .apply(&self.velocities, strain, work, forces, stresslets);
@@ -154,13 +136,13 @@ impl StageSolver {
         }
     }
 
-    /// Disturbance velocities `(U − u∞, Ω − Ω∞)` of the last solve, `[3N]`.
+    /// Disturbance velocities `(U − u∞, Ω − Ω∞)` of the last solve,.
     pub fn velocities(&self) -> &[f64] {
         &self.velocities
     }
 
     /// The pair with the smallest gap, if any is in lubrication range.
-    pub fn closest(&self) -> Option<&Neighbours> {
+    pub fn closest(&self) -> Option<&Neighbours<S>> {
         let pairs = self.resistance.neighbours().iter();
         pairs.min_by(|a, b| a.gap.total_cmp(&b.gap))
     }
@@ -169,7 +151,7 @@ impl StageSolver {
     ///
     /// # Errors
     /// Overlaps, an indefinite mobility, memory.
-    pub fn assemble(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+    pub fn assemble(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
         self.resistance.assemble(cell, centres)?;
         match &mut self.far {
             Some(far) => far.update(cell, centres),
@@ -177,78 +159,41 @@ impl StageSolver {
         }
     }
 
-    /// Solves for the velocities at the positions taken, once for every [`StageSolver::assemble`], under external forces and torques `[3N]`
-    /// (empty: none).
+    /// Solves for the velocities at the positions taken under external forces and torques (empty: none).
+    ///
+    /// `pass`: [`Pass::First`] once for every [`StageSolver::assemble`]; the others solve again under the same external forces, with
+    /// another contact law, which must neither repel nor adhere.
     ///
     /// # Errors
     /// An indefinite matrix, a far field that does not converge, velocities that are not finite.
     pub fn solve(
         &mut self,
-        background: &Background,
+        background: &S::Background,
         external: &[f64],
-        contact: Contact<'_>,
+        contact: Contact<'_, S>,
+        pass: Pass,
     ) -> Result<Quality, Error> {
-        let strain = background.strain();
-        self.resistance.background_forces(&strain, &mut self.forces);
-        for (force, x) in self.forces.iter_mut().zip(external) {
-            *force += x;
+        if pass == Pass::First {
+            self.begin(background, external, &contact)?;
         }
-        self.repelled.pairs.clear();
-        self.adhering.pairs.clear();
-        if let Contact::Laws { laws, span, .. } = &contact {
-            let (resistance, forces) = (&mut self.resistance, &mut self.forces);
-            if let Some(repulsion) = &laws.repulsion {
-                self.repelled
-                    .add(repulsion, resistance, background, span, forces);
-            }
-            if laws.adhesion > 0.0 {
-                self.adhering
-                    .add(laws, resistance, background, span, forces);
-            }
-        }
-        self.resistance.factor()?;
-        let quality = self.solve_factored(background, contact)?;
-        self.repelled.finish(&self.velocities);
-        self.adhering.finish(&self.velocities);
-        match self.velocities.iter().position(|v| !v.is_finite()) {
-            Some(at) => Err(Error::NotFinite {
-                quantity: "the velocity",
-                sphere: at / 3,
-            }),
-            None => Ok(quality),
-        }
-    }
-
-    /// [`StageSolver::solve`] with another contact law, at the same positions and under the same forces.
-    ///
-    /// # Errors
-    /// As there.
-    pub fn solve_again(
-        &mut self,
-        background: &Background,
-        contact: Contact<'_>,
-    ) -> Result<Quality, Error> {
-        self.solve_factored(background, contact)
-    }
-
-    /// The motion under the forces at hand, once the resistance is factored.
-    fn solve_factored(
-        &mut self,
-        background: &Background,
-        contact: Contact<'_>,
-    ) -> Result<Quality, Error> {
         let (resistance, contacts) = (&self.resistance, &mut self.contacts);
         let (forces, velocities) = (&self.forces, &mut self.velocities);
-        match contact {
+        let (strain, mut nothing) = (background.strain_components(), ContactMemory::default());
+        let contact = match contact {
+            Contact::None if self.far.is_none() => Contact::Laws {
+                laws: &Laws::NONE,
+                span: Span::alone(1.0),
+                memory: &mut nothing,
+            },
+            other => other,
+        };
+        let quality = match contact {
             Contact::None => {
                 contacts.list.clear();
-                match &mut self.far {
-                    Some(far) => {
-                        far.solve(resistance, &background.strain(), forces, velocities)?;
-                    }
-                    None => contacts.solve_free(resistance, forces, velocities)?,
+                if let Some(far) = &mut self.far {
+                    far.solve(resistance, &strain, forces, velocities)?;
                 }
-                Ok(Quality::default())
+                Quality::default()
             }
             Contact::Laws { laws, span, memory } => {
                 let input = StageInput {
@@ -257,21 +202,17 @@ impl StageSolver {
                     laws,
                     span,
                 };
-                let holds = self.update == ActivationUpdate::Hold;
-                if !holds {
-                    contacts.begin(&input, memory);
-                }
-                let quality = if let Some(far) = &mut self.far {
+                if let Some(far) = &mut self.far {
                     let mut map = ContactMap {
                         input,
                         contacts,
                         memory,
                         applied: &mut self.applied,
+                        pass,
                         quality: Quality::default(),
-                        changes: if holds { MOST_CHANGES } else { 0 },
-                        decided: DECIDING / CLOSER,
+                        changes: 0,
+                        decided: f64::INFINITY,
                     };
-                    let strain = background.strain();
                     let found =
                         far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
                     let mut quality = map.quality;
@@ -282,21 +223,14 @@ impl StageSolver {
                             quality.status = Status::Failed;
                         }
                     }
-                    contacts.take_motion(velocities);
                     quality
                 } else {
                     let applied = AppliedForces::both(forces);
-                    contacts
-                        .solve(&input, applied, memory, self.update, velocities)?
-                        .0
-                };
-                contacts.keep_springs(&input, memory);
-                Ok(quality)
+                    contacts.solve(&input, applied, memory, pass, velocities)?.0
+                }
             }
             Contact::Procedure { surface, listed } => {
-                let list = &mut contacts.list;
                 let spheres = resistance.radii().len();
-                let new = || Box::new(ProcedureSolver::new(spheres));
                 let input = ProcedureInput {
                     resistance,
                     background,
@@ -304,23 +238,68 @@ impl StageSolver {
                     forces,
                 };
                 self.procedure
-                    .get_or_insert_with(new)
-                    .solve(&input, listed, list, velocities)
+                    .get_or_insert_with(|| Box::new(ProcedureSolver::new(spheres)))
+                    .solve(&input, listed, &mut contacts.list, velocities)?
+            }
+        };
+        self.repelled.finish(&self.velocities);
+        for contact in self
+            .contacts
+            .list
+            .iter_mut()
+            .chain(&mut self.adhering.pairs)
+        {
+            contact.take_velocities(&self.velocities);
+        }
+        match self.velocities.iter().position(|v| !v.is_finite()) {
+            Some(at) => Err(Error::NotFinite {
+                quantity: "the velocity",
+                sphere: at / S::MODES,
+            }),
+            None => Ok(quality),
+        }
+    }
+
+    /// The forces on the spheres besides those of contact, and the factor of the resistance, to which a repulsion adds.
+    fn begin(
+        &mut self,
+        background: &S::Background,
+        external: &[f64],
+        contact: &Contact<'_, S>,
+    ) -> Result<(), Error> {
+        let (resistance, forces) = (&mut self.resistance, &mut self.forces);
+        resistance.background_forces(&background.strain_components(), forces);
+        for (force, x) in forces.iter_mut().zip(external) {
+            *force += x;
+        }
+        self.repelled.pairs.clear();
+        self.adhering.pairs.clear();
+        if let Contact::Laws { laws, span, .. } = contact {
+            if let Some(repulsion) = &laws.repulsion {
+                self.repelled
+                    .add(repulsion, resistance, background, span, forces);
+            }
+            if laws.adhesion > 0.0 {
+                self.adhering
+                    .add(laws, resistance, background, span, forces);
             }
         }
+        resistance.factor()
     }
 }
 
 /// The contact problem under an iterated far field.
-struct ContactMap<'a> {
+struct ContactMap<'a, S: Fluid> {
     /// What it is input in.
-    input: StageInput<'a>,
+    input: StageInput<'a, S>,
     /// Its solver.
-    contacts: &'a mut ContactSolver,
+    contacts: &'a mut ContactSolver<S>,
     /// What contacts remember.
-    memory: &'a mut ContactMemory,
-    /// Forces of both parts together, `[3N]`.
+    memory: &'a mut ContactMemory<S>,
+    /// Forces of both parts together,.
     applied: &'a mut Vec<f64>,
+    /// Which solve of the stage it is.
+    pass: Pass,
     /// How well it was solved last.
     quality: Quality,
     /// How often the contacts on which friction acts have changed.
@@ -329,7 +308,7 @@ struct ContactMap<'a> {
     decided: f64,
 }
 
-impl FixedPointMap for ContactMap<'_> {
+impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
     fn evaluate(
         &mut self,
         forces: &[f64],
@@ -341,27 +320,26 @@ impl FixedPointMap for ContactMap<'_> {
         self.applied.clear();
         self.applied
             .extend(normal.iter().zip(by_friction).map(|(n, t)| n + t));
-        let strict = STRICT[usize::from(!self.input.laws.normal.is_rigid())];
         let applied = AppliedForces {
             all: self.applied,
             frictionless: normal,
-            relative_tolerance: strict * progress.residual.min(FIRST),
+            relative_tolerance: STRICT * progress.residual.min(FIRST),
         };
         let (v, v_t) = velocities.split_at_mut(half);
         let first = progress.evaluations == 0;
-        let closer = progress.residual < CLOSER * self.decided && progress.residual > FINEST;
+        let closer = progress.residual < CLOSER * self.decided;
         let deciding = self.changes < MOST_CHANGES && (first || closer);
         if closer {
             self.decided = progress.residual;
         }
-        let update = if deciding {
-            ActivationUpdate::Update
-        } else {
-            ActivationUpdate::Hold
+        let pass = match self.pass {
+            pass if first => pass,
+            Pass::First | Pass::Again if deciding => Pass::Again,
+            _ => Pass::Held,
         };
-        let (quality, changed) =
-            self.contacts
-                .solve(&self.input, applied, self.memory, update, v)?;
+        let (quality, changed) = self
+            .contacts
+            .solve(&self.input, applied, self.memory, pass, v)?;
         self.changes += u32::from(changed && !first);
         self.quality = Quality {
             systems: self.quality.systems + quality.systems,

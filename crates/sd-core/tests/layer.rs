@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::{ContactState, Surface};
+use sd_core::contact::{ContactState, Pass, Surface};
 use sd_core::instant::{Configuration, ContactRequest, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
@@ -30,7 +30,8 @@ fn params() -> Params {
 
 /// Samples of a run over some steps, and where it ended.
 fn run(params: &Params, seed: u64, steps: u64) -> (Vec<Sample>, Snapshot) {
-    let mut simulation = Simulation::new(params, seed, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(params, seed, &NearFields::default()).unwrap();
     let samples = (0..steps).map(|_| simulation.step().unwrap()).collect();
     assert_eq!(simulation.flow(), Flow::Flowing);
     (samples, simulation.snapshot())
@@ -209,7 +210,8 @@ fn overlap_ends_a_procedure_run_with_step_and_pair() {
         contact: ContactScheme::Procedure,
         ..params()
     };
-    let mut simulation = Simulation::new(&dense, 1, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(&dense, 1, &NearFields::default()).unwrap();
     let failure = (0..1000).find_map(|_| simulation.step().err());
     let Some(Error::Step { source, strain, .. }) = failure else {
         panic!("the procedure cannot hold this layer for five strains, yet it went on");
@@ -234,7 +236,7 @@ fn sample_of_a_coarse_step_is_the_mean_of_fine_ones() {
             ..params()
         };
         let tables = NearFields::default();
-        let mut layer = Simulation::new(&coarse, 3, &tables).unwrap();
+        let mut layer = Simulation::<sd_core::Layer>::new(&coarse, 3, &tables).unwrap();
         for _ in 0..100 {
             layer.step().unwrap();
         }
@@ -281,7 +283,7 @@ fn resumed_run_has_the_same_bits() {
             ..params()
         };
         let tables = NearFields::default();
-        let mut whole = Simulation::new(&params, 5, &tables).unwrap();
+        let mut whole = Simulation::<sd_core::Layer>::new(&params, 5, &tables).unwrap();
         for _ in 0..37 {
             whole.step().unwrap();
         }
@@ -308,7 +310,8 @@ fn snapshot_of_other_parameters_is_refused() {
 
 /// Shears a layer without contacts for some steps of either sign; returns the state.
 fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> State {
-    let cell = |strain: f64| Cell::equal_sides(start.side, strain * start.side).unwrap();
+    let cell =
+        |strain: f64| Cell::<sd_core::Layer>::equal_sides(start.side, strain * start.side).unwrap();
     let resistance = Resistance::new(
         Hydrodynamics::BallMelrose,
         &cell(0.0),
@@ -325,7 +328,7 @@ fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> 
         integrator
             .step(&mut state, time, dt, |stage, centres, velocities| {
                 motion.assemble(&cell(stage.time), centres)?;
-                motion.solve(&shear, &[], StageContact::None)?;
+                motion.solve(&shear, &[], StageContact::None, Pass::First)?;
                 velocities.copy_from_slice(motion.velocities());
                 for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
                     u[0] += shear.velocity(x).x;
@@ -437,7 +440,7 @@ fn viscosity_does_not_depend_on_the_order_of_spheres_the_lattice_or_the_origin()
 #[test]
 fn rolling_friction_stops_the_slip_of_a_pair_alone() {
     let (centre, angle) = (2.01, 2.2_f64);
-    let configuration = Configuration {
+    let configuration: Configuration = Configuration {
         centres: vec![
             Vec2::zeros(),
             Vec2::new(centre * angle.cos(), centre * angle.sin()),
@@ -487,4 +490,42 @@ fn two_sizes_shear_without_contact_at_the_start() {
     let area: f64 = snapshot.radii.iter().map(|a| PI * a * a).sum();
     assert!((area / snapshot.side.powi(2) - 0.7).abs() < 1e-12);
     assert!(snapshot.counters.minimum_gap > 0.0098);
+}
+
+#[test]
+fn without_friction_the_rate_and_at_rate_zero_friction_change_no_bit() {
+    let soft = ContactScheme::Laws(sd_core::ContactLaws {
+        stiffness_unit: sd_core::model::StiffnessUnit::Flow,
+        ..sd_core::ContactLaws::linear_spring(1e4, sd_core::TangentialLaw::RollSlip, 0.01)
+    });
+    for contact in [ContactScheme::Rigid, ContactScheme::Procedure, soft] {
+        let path = |friction, shear_rate| {
+            let params = Params {
+                friction,
+                shear_rate,
+                contact,
+                ..params()
+            };
+            let mut simulation: Simulation =
+                Simulation::new(&params, 2, &NearFields::default()).unwrap();
+            let sample = |sample: Sample| Sample {
+                shear_rate: 0.0,
+                ..sample
+            };
+            let samples: Vec<Sample> = (0..40)
+                .map(|_| sample(simulation.step().unwrap()))
+                .collect();
+            let mut settled = params;
+            settled.settle();
+            (samples, settled)
+        };
+        let (plain, settled) = path(0.0, 0.0);
+        assert!(plain.iter().any(|sample| sample.contacts > 0));
+        for (friction, shear_rate) in [(0.0, 0.1), (0.0, f64::INFINITY), (0.3, 0.0)] {
+            assert_eq!(path(friction, shear_rate), (plain.clone(), settled.clone()));
+        }
+        let (rubbing, other) = path(0.3, f64::INFINITY);
+        assert_ne!(rubbing, plain, "{contact:?}");
+        assert_ne!(other, settled);
+    }
 }

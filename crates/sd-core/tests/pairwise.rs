@@ -8,10 +8,10 @@
 
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::procedure::ContactList;
-use sd_core::contact::{Contact, ContactMemory, ContactState, Surface};
+use sd_core::contact::{Contact, ContactMemory, ContactState, Pass, Surface};
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
+use sd_core::procedure::ContactList;
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
     ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField,
@@ -69,7 +69,8 @@ impl Layer {
 
 /// A layer sheared under rigid contacts.
 fn sheared(params: &Params, steps: u64) -> Layer {
-    let mut simulation = Simulation::new(params, 5, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(params, 5, &NearFields::default()).unwrap();
     while simulation.steps() < steps {
         simulation.step().unwrap();
     }
@@ -122,7 +123,9 @@ fn stage_under(
         span: Span::alone(0.01),
         memory: &mut layer.memory(),
     };
-    let quality = stage.solve(&Background::SHEAR, &[], contact).unwrap();
+    let quality = stage
+        .solve(&Background::SHEAR, &[], contact, Pass::First)
+        .unwrap();
     assert!(quality.converged(), "{laws:?}: {quality:?}");
     stage
 }
@@ -327,7 +330,12 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         let mut stage = stage(&layer, &laws, 0.0, pairwise);
         let torques: Vec<f64> = (0..300).map(|k| f64::from(k).sin()).collect();
         stage.assemble(&layer.cell, &layer.centres).unwrap();
-        let solved = stage.solve(&Background::SHEAR, &torques, StageContact::None);
+        let solved = stage.solve(
+            &Background::SHEAR,
+            &torques,
+            StageContact::None,
+            Pass::First,
+        );
         solved.unwrap();
         stage
     });
@@ -361,7 +369,7 @@ fn an_iterated_far_field_refuses_the_procedure() {
         surface: params(40, 0.6, 0.3).surface(),
         listed: &mut ContactList::default(),
     };
-    let solved = stage.solve(&Background::SHEAR, &[], contact);
+    let solved = stage.solve(&Background::SHEAR, &[], contact, Pass::First);
     assert_eq!(solved.unwrap_err(), Error::ProcedureNeedsDense);
 }
 
@@ -369,9 +377,9 @@ fn an_iterated_far_field_refuses_the_procedure() {
 fn a_run_resumed_has_the_same_bits() {
     let params = params(PAIRWISE, 0.75, 0.3);
     let tables = NearFields::default();
-    let mut whole = Simulation::new(&params, 2, &tables).unwrap();
+    let mut whole = Simulation::<sd_core::Layer>::new(&params, 2, &tables).unwrap();
     let mut patterns = Vec::new();
-    let mut parts = Simulation::new(&params, 2, &tables).unwrap();
+    let mut parts = Simulation::<sd_core::Layer>::new(&params, 2, &tables).unwrap();
     for step in 0..24 {
         if step % 5 == 3 {
             let stored = serde_json::to_string(&parts.snapshot()).unwrap();
@@ -395,7 +403,7 @@ fn a_run_with_an_iterated_far_field_resumed_has_the_same_bits() {
         ..params(ITERATED, 0.70, 0.3)
     };
     let tables = NearFields::default();
-    let mut whole = Simulation::new(&params, 2, &tables).unwrap();
+    let mut whole = Simulation::<sd_core::Layer>::new(&params, 2, &tables).unwrap();
     let first = whole.step().unwrap();
     for _ in 0..9 {
         whole.step().unwrap();
@@ -429,7 +437,7 @@ fn a_run_resumed_has_the_same_bits_under_every_law() {
             time_step: 0.005,
             ..params(PAIRWISE, if welds { 0.55 } else { 0.68 }, 0.3)
         };
-        let mut whole = Simulation::new(&params, 2, &tables).unwrap();
+        let mut whole = Simulation::<sd_core::Layer>::new(&params, 2, &tables).unwrap();
         for _ in 0..20 {
             whole.step().unwrap();
         }
@@ -454,7 +462,7 @@ fn a_layer_too_large_for_matrices_of_contacts_moves_as_the_factored_one_and_resu
             shear_rate: 1.0,
             ..params(Params::LARGE_ABOVE + 1, 0.70, 0.3)
         };
-        let mut whole = Simulation::new(&params, 2, &tables).unwrap();
+        let mut whole = Simulation::<sd_core::Layer>::new(&params, 2, &tables).unwrap();
         for _ in 0..30 {
             whole.step().unwrap();
         }

@@ -9,11 +9,12 @@
 
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::procedure::ContactList;
-use sd_core::contact::warm_start::{SpringForces, WarmStart};
-use sd_core::contact::{Contact, ContactMemory, ContactState, Quality};
+use sd_core::contact::memory::{PairForces, WarmStart};
+use sd_core::contact::springs::Springs;
+use sd_core::contact::{Contact, ContactMemory, ContactState, Pass, Quality};
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
+use sd_core::procedure::ContactList;
 use sd_core::simulation::{Counters, SNAPSHOT_VERSION, SchemeMemory};
 use sd_core::{
     ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField, Method, NearFields,
@@ -80,7 +81,9 @@ impl Record {
         let springs = self.params.contact.laws().tangential.has_spring();
         let stretched = self.memory.iter().filter(|f| springs && f.3 != 0.0);
         ContactMemory {
-            springs: SpringForces(stretched.map(|&(i, j, _, t)| (i, j, t)).collect()),
+            springs: Springs::new(PairForces(
+                stretched.map(|&(i, j, _, t)| (i, j, t)).collect(),
+            )),
             warm_start: WarmStart {
                 forces: self.memory.clone(),
                 ..WarmStart::default()
@@ -201,7 +204,7 @@ impl Record {
                 memory: &mut memory,
             },
         };
-        let quality = stage.solve(&Background::SHEAR, &[], contact)?;
+        let quality = stage.solve(&Background::SHEAR, &[], contact, Pass::First)?;
         let area = self.side * self.side;
         let stress = StressWork::default().stress(&stage, &Background::SHEAR, area);
         let loaded = stage.contacts.list.iter().filter(|c| c.normal_force > 0.0);

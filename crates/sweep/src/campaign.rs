@@ -3,6 +3,7 @@
 mod elsewhere;
 mod ends_of_runs;
 mod error;
+mod folded;
 mod grid;
 mod protocol;
 mod reader;
@@ -13,14 +14,16 @@ pub use crate::model::campaign::{CASE_LIMIT, Campaign, PointRule};
 pub use crate::model::order::{Order, Priority};
 pub use crate::protocol::{Discard, Protocol, Steps};
 pub use error::{CampaignError, Fault};
+pub(crate) use folded::WrittenPoints;
 
+use crate::axes::identity;
 use crate::case::{Case, CaseKey};
 use crate::system::files::read_whole;
 use error::Problem;
 use grid::Grid;
 use protocol::Written;
 use reader::{Table, wrong_type};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -60,7 +63,12 @@ impl Campaign {
     pub fn parse(file: &str, text: String) -> Result<Self, CampaignError> {
         let mut problems = Vec::new();
         let folder = Path::new(file).parent().unwrap_or(Path::new(""));
-        let (name, protocol, cases, rules) = parse(&text, folder, &mut problems);
+        let (name, protocol, laid_out) = parse(&text, folder, &mut problems);
+        let LaidOut {
+            cases,
+            rules,
+            folded,
+        } = laid_out;
         match error::in_file(problems, file, &text) {
             Some(fault) => Err(fault.into()),
             None => Ok(Self {
@@ -70,27 +78,30 @@ impl Campaign {
                 protocol,
                 cases,
                 rules,
+                folded,
             }),
         }
     }
 }
 
-/// Cases, each with its key.
-type Cases = Vec<(CaseKey, Case)>;
+/// The cases of a file, and what they are made by.
+#[derive(Default)]
+struct LaidOut {
+    cases: Vec<(CaseKey, Case)>,
+    rules: Vec<PointRule>,
+    /// Runs of points that share them with others.
+    folded: usize,
+}
 
 /// Reads the parts of a campaign, and notes what is wrong with them.
-fn parse(
-    text: &str,
-    folder: &Path,
-    problems: &mut Vec<Problem>,
-) -> (String, Protocol, Cases, Vec<PointRule>) {
-    let nothing = || (String::new(), Protocol::default(), Vec::new(), Vec::new());
+fn parse(text: &str, folder: &Path, problems: &mut Vec<Problem>) -> (String, Protocol, LaidOut) {
+    let nothing = || (String::new(), Protocol::default(), LaidOut::default());
     let document = match DeTable::parse(text) {
         Ok(document) => document,
         Err(error) => {
             let at = error.span().unwrap_or(0..0);
             problems.push(
-                Problem::at(&at, error.message(), "the file must be TOML 1.1").labelled("not TOML"),
+                Problem::at(&at, error.message(), instead_of(text, &at)).labelled("not TOML"),
             );
             return nothing();
         }
@@ -126,8 +137,25 @@ fn parse(
         }
     };
     let grids = grids(&top, problems);
-    let (cases, rules) = lay_out(&grids, &protocol, folder, problems);
-    (name, protocol.protocol, cases, rules)
+    let laid_out = lay_out(&grids, &protocol, folder, problems);
+    (name, protocol.protocol, laid_out)
+}
+
+/// What to write instead of what is no TOML.
+fn instead_of(text: &str, at: &Range<usize>) -> String {
+    let rest = text.get(at.start..).unwrap_or_default();
+    let word: String = rest
+        .trim_start_matches(['[', ',', ' '])
+        .chars()
+        .take_while(|c| c.is_alphanumeric() || "-_∞".contains(*c))
+        .collect();
+    match word.to_lowercase().as_str() {
+        "infinity" | "inf" | "infinite" | "∞" => "write `inf`".into(),
+        _ if word.starts_with(char::is_alphabetic) => {
+            format!("words stand in quotes: `\"{word}\"`; the file must be TOML 1.1")
+        }
+        _ => "the file must be TOML 1.1: `key = value` on lines of their own".into(),
+    }
 }
 
 /// The tables of the grids, each with its place.
@@ -163,11 +191,11 @@ fn lay_out(
     protocol: &Written,
     folder: &Path,
     problems: &mut Vec<Problem>,
-) -> (Cases, Vec<PointRule>) {
+) -> LaidOut {
     let mut total = 0_u64;
     let mut grids = Vec::with_capacity(tables.len());
     for (span, entries) in tables {
-        let grid = Grid::read(entries, span.clone(), protocol, folder, problems);
+        let grid = Grid::read(entries, span.clone(), protocol, Some(folder), problems);
         total = total.saturating_add(grid.len());
         // Before the next grid is read: a count of seeds is short in the file and long in memory.
         if total > CASE_LIMIT {
@@ -179,7 +207,7 @@ fn lay_out(
                 )
                 .labelled("with this grid"),
             );
-            return (Vec::new(), Vec::new());
+            return LaidOut::default();
         }
         if grid.is_whole {
             grids.push(grid);
@@ -187,13 +215,17 @@ fn lay_out(
             grid.note_missing(entries, problems);
         }
     }
-    let mut cases: Cases = Vec::new();
-    let mut rules: Vec<PointRule> = Vec::new();
+    let LaidOut {
+        mut cases,
+        mut rules,
+        mut folded,
+    } = LaidOut::default();
+    let mut ruled = HashSet::new();
     let mut grid_of = HashMap::new();
     for (number, grid) in grids.iter().enumerate() {
-        grid.lay_out(protocol, problems, |case, problems| {
+        grid.lay_out(protocol, problems, |case, is_folded, problems| {
             let key = case.key();
-            match grid_of.insert(key, number) {
+            match grid_of.insert(key, (number, is_folded)) {
                 None => {
                     if let Some(precision) = grid.seeds.rule() {
                         let place = cases.len();
@@ -204,6 +236,8 @@ fn lay_out(
                             {
                                 rule.cases.end += 1;
                             }
+                            // Its seeds are those that the first grid asks for.
+                            _ if !ruled.insert(identity(&case.params)) => return,
                             _ => rules.push(PointRule {
                                 precision,
                                 cases: place..place + 1,
@@ -213,8 +247,10 @@ fn lay_out(
                     cases.push((key, case));
                 }
                 // Values that have no meaning under one of the choices of the grid make the same case again.
-                Some(other) if other == number => {}
-                Some(other) => {
+                Some((other, _)) if other == number => folded += usize::from(is_folded),
+                // Nor is it written twice where friction or shear rate have no effect.
+                Some((_, was_folded)) if is_folded || was_folded => folded += 1,
+                Some((other, _)) => {
                     let message = format!("the case {} is in two grids", case.label());
                     let allowed =
                         "each case once: take the values they share out of one of the grids";
@@ -226,7 +262,11 @@ fn lay_out(
             }
         });
     }
-    (cases, rules)
+    LaidOut {
+        cases,
+        rules,
+        folded,
+    }
 }
 
 /// The name: also the name of the store's file, so it must be harmless.

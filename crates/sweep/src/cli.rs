@@ -5,6 +5,7 @@ mod check;
 mod completions;
 mod convert;
 mod export;
+mod fit;
 mod man;
 mod merge;
 mod pair;
@@ -19,6 +20,7 @@ mod serve;
 mod show;
 mod solve;
 mod status;
+mod structure;
 mod submit;
 mod tables;
 mod verify;
@@ -93,6 +95,8 @@ enum Command {
     Cancel(cancel::Arguments),
     Status(status::Arguments),
     Report(Box<report::Arguments>),
+    Structure(structure::Arguments),
+    Fit(fit::Arguments),
     Convert(convert::Arguments),
     Show(show::Arguments),
     Export(export::Arguments),
@@ -156,6 +160,8 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Cancel(arguments) => cancel::execute(&arguments, &mut output),
         Command::Status(arguments) => status::execute(&arguments, &mut output),
         Command::Report(arguments) => report::execute(&arguments, &mut output),
+        Command::Structure(arguments) => structure::execute(&arguments, &mut output),
+        Command::Fit(arguments) => fit::execute(&arguments, &mut output),
         Command::Convert(arguments) => convert::execute(&arguments, &mut output),
         Command::Show(arguments) => show::execute(&arguments, &mut output),
         Command::Export(arguments) => export::execute(&arguments, &mut output),

@@ -3,7 +3,7 @@
 pub(crate) mod csv_rows;
 mod parquet;
 
-pub use crate::model::sampled::{Field, fields};
+pub use crate::model::sampled::{Field, fields, is_of_network};
 pub use parquet::ParquetFile;
 
 use crate::axes::{Kind, Value};

@@ -9,6 +9,7 @@
 //! ```text
 //! system  text  data                  the machine; words and numbers; tables
 //! model  statistics                   axes, case, protocol, campaign, order of work; averages, doubts, stopping rules
+//! structure                           frames as pair distributions and networks of contacts
 //! store                               SQLite: cases, checkpoints, samples, results
 //! campaign                            the TOML file, which may name runs of a store to begin with
 //! costs  runner  cluster              estimates; computing; tasks of a scheduler
@@ -41,6 +42,7 @@ pub mod runner;
 pub mod serve;
 pub mod statistics;
 pub mod store;
+pub mod structure;
 mod system;
 mod text;
 pub mod trajectory;

@@ -4,6 +4,7 @@ pub mod axes;
 pub(crate) mod campaign;
 pub mod case;
 pub(crate) mod checkpoint;
+pub(crate) mod networks;
 pub(crate) mod order;
 pub mod protocol;
 pub(crate) mod replay;

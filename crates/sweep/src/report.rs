@@ -6,6 +6,7 @@ mod curves;
 mod error;
 mod failures;
 mod figure;
+mod fit;
 mod json;
 mod page;
 mod parquet;
@@ -14,7 +15,9 @@ mod runs;
 mod selection;
 mod sheet;
 mod starts;
+mod states;
 mod steady;
+mod structure;
 mod text;
 mod tidy;
 mod units;
@@ -27,6 +30,7 @@ pub use figure::{
     Drawing, Format, Graph, Intervals, Kind, LegendPlace, Length, Look, Outline, Quantity, Range,
     Style, Trace, draw, draw_graphs, outline, traces,
 };
+pub use fit::FitReport;
 pub use json::write as write_json;
 pub use page::{PageHost, data, movie, page};
 pub(crate) use parquet::parquet;
@@ -36,6 +40,8 @@ pub use selection::{Excerpt, Selection};
 pub(crate) use sheet::write_latex;
 pub(crate) use sheet::{Head, Sheet, SheetColumn, room};
 pub use sheet::{NumberFormat, Shape};
+pub(crate) use starts::Starts;
+pub use structure::{StructureKind, StructureReport};
 pub use text::write as write_text;
 pub(crate) use text::{table, whole};
 pub(crate) use tidy::{write_csv, write_markdown, write_units};

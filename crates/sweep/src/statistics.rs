@@ -3,10 +3,12 @@
 pub mod doubt;
 mod steady;
 mod stopping;
+pub mod wyart_cates;
 
 pub use steady::{Drift, Steadiness, correlation_samples, mser_5};
 pub use stopping::{Decision, Measure, Outcome, Precision, Verdict, relative_half_width};
 
+use crate::model::networks::{NETWORK, NETWORK_COUNT};
 use crate::model::stresses::{COUNT, STRESSES};
 use sd_core::Sample;
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -140,6 +142,8 @@ pub struct Averages {
     pub normal_stress_difference: Option<f64>,
     /// Components and parts of the stress, in the order of [`STRESSES`].
     pub(crate) stresses: [Option<f64>; COUNT],
+    /// Numbers of the network of contacts, over the samples that have them, in the order of [`NETWORK`].
+    pub(crate) network: [Option<f64>; NETWORK_COUNT],
     /// Dissipation.
     pub dissipation: Option<f64>,
     /// Contacts, summed over the samples.
@@ -174,6 +178,10 @@ impl Averages {
             stresses: STRESSES.each_ref().map(|column| {
                 let values: Vec<f64> = kept.iter().map(|sample| column.read(sample)).collect();
                 mean(&values)
+            }),
+            network: NETWORK.each_ref().map(|column| {
+                let values = kept.iter().map(|sample| column.read(sample));
+                mean(&values.filter(|value| !value.is_nan()).collect::<Vec<_>>())
             }),
             dissipation: mean(&values(|s| s.dissipation)),
             contacts: sum(|s| s.contacts),

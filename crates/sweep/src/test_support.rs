@@ -54,6 +54,7 @@ pub(crate) fn sample(strain: f64) -> Sample {
         normal_velocity: -1e-4,
         minimum_gap: 0.0099,
         counters: counters(),
+        network: None,
     }
 }
 

@@ -1,8 +1,8 @@
 //! Layers with a developed contact network: h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
 
 use sd_core::cell::Cell;
-use sd_core::contact::ContactMemory;
 use sd_core::contact::laws::{Laws, Span};
+use sd_core::contact::{ContactMemory, Pass};
 use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
@@ -46,8 +46,8 @@ pub(crate) fn layer(spheres: usize, area_fraction: f64) -> Snapshot {
         area_fraction,
         Hydrodynamics::BallMelrose,
     );
-    let mut simulation =
-        Simulation::new(&params, 1, &NearFields::default()).expect("valid parameters");
+    let mut simulation = Simulation::<sd_core::Layer>::new(&params, 1, &NearFields::default())
+        .expect("valid parameters");
     while simulation.strain() < STRAIN {
         simulation.step().expect("a step that succeeds");
     }
@@ -135,7 +135,9 @@ impl Layer {
             span: Span::alone(time_span),
             memory: &mut self.memory,
         };
-        let solved = self.stage.solve(&Background::SHEAR, &[], contact);
+        let solved = self
+            .stage
+            .solve(&Background::SHEAR, &[], contact, Pass::First);
         solved.expect("finite velocities").converged()
     }
 
@@ -149,7 +151,9 @@ impl Layer {
             span: Span::alone(time_span),
             memory: &mut self.memory,
         };
-        let solved = self.stage.solve_again(&Background::SHEAR, contact);
+        let solved = self
+            .stage
+            .solve(&Background::SHEAR, &[], contact, Pass::Again);
         solved.expect("finite velocities");
     }
 }

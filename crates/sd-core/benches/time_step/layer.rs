@@ -2,8 +2,8 @@
 
 use super::methods::Method;
 use sd_core::cell::Cell;
-use sd_core::contact::ContactMemory;
 use sd_core::contact::laws::{Laws, Phase, Span};
+use sd_core::contact::{ContactMemory, Pass};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{NearFields, Params, Resistance, Snapshot, StageContact, StageSolver, StressWork};
 
@@ -99,7 +99,9 @@ impl Layer {
             },
             memory: &mut self.memory,
         };
-        self.solver.solve(&background, &[], contact).ok()?;
+        self.solver
+            .solve(&background, &[], contact, Pass::First)
+            .ok()?;
         if number == 0 {
             self.disturbances.clear();
             self.disturbances
@@ -120,7 +122,9 @@ impl Layer {
             span: Span::alone(LOOK),
             memory: &mut self.memory.clone(),
         };
-        self.solver.solve_again(&background, contact).ok()?;
+        self.solver
+            .solve(&background, &[], contact, Pass::Again)
+            .ok()?;
         let instant = self.viscosity();
         Some(Stage {
             gap: self.solver.closest().map_or(f64::INFINITY, |pair| pair.gap),

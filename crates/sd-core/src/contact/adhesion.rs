@@ -5,24 +5,30 @@
 
 use super::laws::{Laws, Span};
 use super::pair::Contact;
-use crate::hydrodynamics::resistance::Resistance;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::adhesion;
-use crate::space::modes::Background;
+use crate::space::Space;
 
 /// Adhering pairs of a stage.
-#[derive(Debug, Default)]
-pub struct Adhering {
-    /// The pairs. The normal force is −F_A; velocities are those of the stage once it is solved.
-    pub pairs: Vec<Contact>,
+#[derive(Debug)]
+pub struct Adhering<S: Space> {
+    /// The pairs; their normal force is −F_A.
+    pub pairs: Vec<Contact<S>>,
 }
 
-impl Adhering {
+impl<S: Space> Default for Adhering<S> {
+    fn default() -> Self {
+        Self { pairs: Vec::new() }
+    }
+}
+
+impl<S: Fluid> Adhering<S> {
     /// Adds the attraction to `forces` `[3N]`.
     pub(crate) fn add(
         &mut self,
         laws: &Laws,
-        resistance: &Resistance,
-        background: &Background,
+        resistance: &Resistance<S>,
+        background: &S::Background,
         span: &Span<'_>,
         forces: &mut [f64],
     ) {
@@ -39,13 +45,6 @@ impl Adhering {
                 contact.normal_row().add(-laws.adhesion, forces);
                 self.pairs.push(contact);
             }
-        }
-    }
-
-    /// Velocities that belong to the solved motion `[3N]`.
-    pub(crate) fn finish(&mut self, velocities: &[f64]) {
-        for contact in &mut self.pairs {
-            contact.take_velocities(velocities);
         }
     }
 }

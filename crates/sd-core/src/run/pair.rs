@@ -1,7 +1,7 @@
 //! Two spheres driven past each other in unbounded fluid: the paper's Fig. 8.
 
 use crate::contact::laws::{Laws, Span};
-use crate::contact::{ContactMemory, Surface};
+use crate::contact::{ContactMemory, Pass, Surface};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::model::Hydrodynamics;
@@ -71,7 +71,7 @@ pub fn pass_while(
 ) -> Result<Option<Passed>, Error> {
     check(passing)?;
     let radii = [1.0, passing.size_ratio];
-    let cell = Cell::Unbounded;
+    let cell: Cell = Cell::Unbounded;
     let resistance = Resistance::new(Hydrodynamics::StokesianDynamics, &cell, &radii, tables)?;
     let mut motion = StageSolver::new(resistance);
     let laws = passing.contact.map(|(roughness, friction)| {
@@ -112,7 +112,7 @@ pub fn pass_while(
                 };
                 let positions = centres(coordinates, contact);
                 motion.assemble(&cell, &positions)?;
-                motion.solve(&Background::QUIESCENT, &external, contact_law)?;
+                motion.solve(&Background::QUIESCENT, &external, contact_law, Pass::First)?;
                 let v = motion.velocities();
                 let relative = Vec2::new(v[3] - v[0], v[4] - v[1]);
                 let gap = coordinates[1].x.exp();

@@ -3,7 +3,7 @@
 mod dense_contacts;
 
 use crate::contact::laws::{Laws, NormalForce, Span};
-use crate::contact::{Contact, ContactMemory, ContactState, Surface};
+use crate::contact::{Contact, ContactMemory, ContactState, Pass, Surface};
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::iterative::{Convergence, IterativeFarField};
 use crate::hydrodynamics::resistance::Resistance;
@@ -39,7 +39,8 @@ fn params(spheres: usize, size_ratio: f64) -> Params {
 
 /// A layer after a strain of 0.3: cell, centres, radii.
 fn sheared(params: &Params) -> (Cell, Vec<Vec2>, Vec<f64>) {
-    let mut simulation = Simulation::new(params, 1, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<crate::Layer>::new(params, 1, &NearFields::default()).unwrap();
     for _ in 0..60 {
         simulation.step().unwrap();
     }
@@ -116,7 +117,9 @@ fn linear_motion_is_that_of_the_dense_far_field() {
         let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
         let shear = Background::SHEAR;
         dense.assemble(&cell, &centres).unwrap();
-        dense.solve(&shear, &external, StageContact::None).unwrap();
+        dense
+            .solve(&shear, &external, StageContact::None, Pass::First)
+            .unwrap();
         let mut expected = StressWork::default();
         let power = expected.update(&dense, &shear);
         let factored = near_factored(&cell, &centres, &radii, &external);
@@ -206,7 +209,9 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
             memory: &mut ContactMemory::default(),
         };
         dense.assemble(&cell, &centres).unwrap();
-        let quality = dense.solve(&shear, &external, contact).unwrap();
+        let quality = dense
+            .solve(&shear, &external, contact, Pass::First)
+            .unwrap();
         assert!(quality.converged(), "{quality:?}");
         let area = cell.content().unwrap();
         let list = &dense.contacts.list;
@@ -365,7 +370,9 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
                     span: Span::alone(0.0025),
                     memory: &mut ContactMemory::default(),
                 };
-                let quality = stage.solve(&Background::SHEAR, &[], contact).unwrap();
+                let quality = stage
+                    .solve(&Background::SHEAR, &[], contact, Pass::First)
+                    .unwrap();
                 assert!(quality.converged(), "{laws:?}: {quality:?}");
                 stage
             };
@@ -425,7 +432,9 @@ fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
             span: Span::alone(0.0025),
             memory: &mut ContactMemory::default(),
         };
-        let quality = stage.solve(&Background::SHEAR, &[], contact).unwrap();
+        let quality = stage
+            .solve(&Background::SHEAR, &[], contact, Pass::First)
+            .unwrap();
         assert!(quality.converged(), "{quality:?}");
         stage.velocities().to_vec()
     };
@@ -450,7 +459,8 @@ fn a_dense_layer_of_soft_spheres_goes_on() {
         ..params(200, 1.0)
     };
     assert_eq!(Method::of(&params), Method::Iterated);
-    let mut simulation = Simulation::new(&params, 1, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<crate::Layer>::new(&params, 1, &NearFields::default()).unwrap();
     for _ in 0..20 {
         simulation.step().unwrap();
     }

@@ -13,7 +13,7 @@ mod rolling_pair;
 use sd_core::cell::Cell;
 use sd_core::contact::Surface;
 use sd_core::contact::laws::{Laws, NormalForce};
-use sd_core::contact::warm_start::SpringForces;
+use sd_core::contact::memory::PairForces;
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{FrictionOnset, Hydrodynamics, NearFields, NormalLaw, TangentialLaw};
@@ -84,8 +84,8 @@ fn solved(configuration: &Configuration, laws: &Laws, time_span: f64) -> SolvedC
         laws: *laws,
         lubrication_gap: 0.001,
         time_span,
-        springs: SpringForces::default(),
-        rolling_springs: SpringForces::default(),
+        springs: PairForces::default(),
+        rolling_springs: PairForces::default(),
     };
     solve(configuration, &request, &NearFields::default()).unwrap()
 }

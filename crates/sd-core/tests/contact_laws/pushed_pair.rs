@@ -3,7 +3,7 @@
 use super::{HERTZ, SPRING, laws, overlap, pair, solved, stick_slide};
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, NormalForce, Phase, Span};
-use sd_core::contact::{Contact, ContactMemory, ContactState};
+use sd_core::contact::{Contact, ContactMemory, ContactState, Pass};
 use sd_core::law::repulsion::ExponentialRepulsion;
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
@@ -85,7 +85,7 @@ pub(super) fn pushed_by(
                 };
                 let law = StageContact::Laws { laws, span, memory };
                 motion.assemble(&Cell::Unbounded, centres)?;
-                motion.solve(&Background::QUIESCENT, &external, law)?;
+                motion.solve(&Background::QUIESCENT, &external, law, Pass::First)?;
                 if stage.number == 0 {
                     first = motion.velocities().to_vec();
                 }
@@ -123,7 +123,13 @@ pub(super) fn pushed_by(
 /// What the springs of a pushed pair store, whose stiffness along the line of centres is 2000.
 pub(super) fn stretched(p: &Pushed, tangential_stiffness: f64) -> f64 {
     let d = 0.01 - gap(p);
-    let springs = p.memory.springs.0.iter().chain(&p.memory.rolling_springs.0);
+    let springs = p
+        .memory
+        .springs
+        .forces
+        .0
+        .iter()
+        .chain(&p.memory.rolling_springs.forces.0);
     let squares: f64 = springs.map(|spring| spring.2 * spring.2).sum();
     0.5 * 2000.0 * d * d + 0.5 * squares / tangential_stiffness
 }
@@ -211,7 +217,7 @@ fn stick_slide_does_not_know_its_frame() {
     let (still, turned) = (at(0.0), at(1.1));
     let forces = |p: &Pushed| {
         let (_, _, f, _) = p.memory.warm_start.forces[0];
-        (f, p.memory.springs.0[0].2)
+        (f, p.memory.springs.forces.0[0].2)
     };
     let (a, b) = (forces(&still), forces(&turned));
     assert!(
@@ -248,7 +254,10 @@ fn order_in_time_is_two_and_stiffness_costs_no_steps() {
             steps,
             0.4,
         );
-        let (f, spring) = (p.memory.warm_start.forces[0].2, p.memory.springs.0[0].2);
+        let (f, spring) = (
+            p.memory.warm_start.forces[0].2,
+            p.memory.springs.forces.0[0].2,
+        );
         // Where the pair is and how far the spring is stretched; the normal force is that of a stage, and so of first order.
         ([gap(&p), spring / stiffness], f)
     };

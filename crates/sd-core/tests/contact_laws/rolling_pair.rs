@@ -99,13 +99,13 @@ fn spring_of_rolling_follows_to_second_order_and_stores_what_work_leaves_over() 
     };
     let start = 0.01 - 5.0 / 2000.0;
     let at = |steps| pushed_by(&springs(1.0), start, [5.0, 1.0, 2.0], 0.5, steps, 0.0);
-    let force = |steps| at(steps).memory.rolling_springs.0[0].2;
+    let force = |steps| at(steps).memory.rolling_springs.forces.0[0].2;
     let exact = force(1600);
     let order = ((force(50) - exact) / (force(100) - exact)).abs().log2();
     assert!((order - 2.0).abs() < 0.3, "order {order}");
     // In the end the spring bears the torque.
     let rest = pushed_by(&springs(1.0), start, [5.0, 0.0, 2.0], 5.0, 500, 0.0);
-    let end = rest.memory.rolling_springs.0[0].2;
+    let end = rest.memory.rolling_springs.forces.0[0].2;
     assert!((end * RADIUS + 2.0).abs() < 1e-3, "{end}");
     let mismatch = |steps| {
         let p = at(steps);
@@ -119,7 +119,7 @@ fn spring_of_rolling_follows_to_second_order_and_stores_what_work_leaves_over() 
     );
     // Beyond its bound it slides and stays at it.
     let slides = pushed_by(&springs(0.1), start, [5.0, 0.0, 2.0], 0.5, 200, 0.0);
-    let end = slides.memory.rolling_springs.0[0].2;
+    let end = slides.memory.rolling_springs.forces.0[0].2;
     assert!((end + 0.1 * slides.last.normal_force).abs() < 1e-6, "{end}");
     assert!(slides.last.rolling_velocity < -1e-3);
 }

@@ -2,6 +2,7 @@
 
 mod memory;
 mod scatter;
+mod starts;
 mod work;
 
 use super::Error;
@@ -30,6 +31,9 @@ pub struct Plan {
     pub(crate) cases: usize,
     /// Of these, runs that have ended.
     pub(crate) ended: usize,
+    /// Runs that the file names besides and that are the same as one of these: they have another friction at Γ = 0, or another shear
+    /// rate without friction, which have no effect.
+    pub(crate) folded: usize,
     /// Points: runs that differ only in their seed are one.
     pub(crate) points: usize,
     /// Points at which a precision is asked for.
@@ -50,6 +54,8 @@ pub struct Plan {
     pub(crate) disk_bytes: f64,
     /// Memory with that many workers at the largest kind, in bytes.
     pub(crate) memory_bytes: f64,
+    /// What will go wrong, or may: start layers that could not be made.
+    pub(crate) warnings: Vec<String>,
 }
 
 /// An axis and its values.
@@ -131,7 +137,6 @@ pub(crate) fn make(
     trajectory: bool,
     store: Option<&Store>,
 ) -> Result<Plan, Error> {
-    let begun = Instant::now();
     let resident = memory::resident_bytes();
     let mut costs = Costs::of_this_machine();
     if let Some(store) = store {
@@ -140,8 +145,19 @@ pub(crate) fn make(
         }
     }
     let work = Work::of(campaign, store)?;
-    let points: Vec<(&Case, f64)> = work.points.iter().map(|p| (p.case, p.runs())).collect();
-    let trials = trials(&costs, &points, begun);
+    let open = work.points.iter().filter(|point| point.open > 0.0);
+    let starts = starts::tried(open.map(|point| (&point.case.params, point.case.seed)));
+    let cannot_start = |params: &Params| {
+        let of = starts.iter().find(|tried| tried.is_of(params));
+        of.is_some_and(starts::Tried::has_failed)
+    };
+    let points: Vec<(&Case, f64)> = work
+        .points
+        .iter()
+        .filter(|point| !cannot_start(&point.case.params))
+        .map(|point| (point.case, point.runs()))
+        .collect();
+    let trials = trials(&costs, &points, Instant::now());
     let tried = trials
         .iter()
         .filter_map(|(_, outcome)| outcome.as_ref().ok());
@@ -177,6 +193,7 @@ pub(crate) fn make(
         campaign: campaign.name.clone(),
         cases: count(all),
         ended: work.ended,
+        folded: campaign.folded,
         points: work.points.len(),
         precision: work.expected,
         axes: axes(campaign),
@@ -186,6 +203,7 @@ pub(crate) fn make(
         disk_bytes: all * (f64::from(CASE_BYTES) + samples * f64::from(SAMPLE_BYTES))
             + frames_bytes,
         memory_bytes: resident + workers as f64 * largest,
+        warnings: starts.iter().filter_map(starts::Tried::warning).collect(),
         kinds,
     })
 }

@@ -79,6 +79,7 @@ mod tests {
             protocol: Protocol::default(),
             cases: Vec::new(),
             rules: Vec::new(),
+            folded: 0,
         }
     }
 

@@ -7,12 +7,29 @@ use sd_core::Params;
 use sd_core::model::StartLayer;
 use std::path::Path;
 
-/// The layers that the finished runs of a point of a store ended with, by their seeds. `wanted`: values that tell the point.
+/// Whether a run is of the point with these values. Points that share their runs are one: see [`Params::settle`].
+fn has(run: &Run, wanted: &[(&'static Axis, Value)]) -> bool {
+    let mut meant = run.params.clone();
+    for (axis, value) in wanted {
+        match (axis.key, value) {
+            ("friction", Value::Number(friction)) => meant.friction = *friction,
+            ("shear_rate", Value::Number(rate)) => meant.shear_rate = *rate,
+            _ if axis.value(&run.params).tag() != value.tag() => return false,
+            _ => {}
+        }
+    }
+    meant.settle();
+    identity(&meant) == identity(&run.params)
+}
+
+/// The layers that the finished runs of a point of a store ended with, by their seeds. `folder`: that of the campaign file. `wanted`: values
+/// that tell the point.
 ///
 /// # Errors
 /// What is wrong, and what there is: a file that is no store, no such point, several of them, a state that cannot be read.
 pub(super) fn layers(
     store: &Path,
+    folder: &Path,
     wanted: &[(&'static Axis, Value)],
 ) -> Result<Vec<(u64, StartLayer)>, [String; 2]> {
     let allowed = || {
@@ -24,7 +41,14 @@ pub(super) fn layers(
         [message, allowed()]
     };
     if !store.is_file() {
-        return Err(unreadable(&"there is no such file"));
+        // Stores stand beside the folder of the campaign files.
+        let beside = Path::new("..").join(store.strip_prefix(folder).unwrap_or(store));
+        let hint = if folder.join(&beside).is_file() {
+            format!("; did you mean \"{}\"?", beside.display())
+        } else {
+            String::new()
+        };
+        return Err(unreadable(&format!("there is no such file{hint}")));
     }
     let all = Store::open_read_only(store)
         .and_then(|store| store.last_states())
@@ -33,11 +57,7 @@ pub(super) fn layers(
         let message = format!("no run is finished in {}", store.display());
         return Err([message, allowed()]);
     }
-    let has =
-        |run: &Run, (axis, value): &(&Axis, Value)| axis.value(&run.params).tag() == value.tag();
-    let (runs, others): (Vec<Run>, Vec<Run>) = all
-        .into_iter()
-        .partition(|run| wanted.iter().all(|value| has(run, value)));
+    let (runs, others): (Vec<Run>, Vec<Run>) = all.into_iter().partition(|run| has(run, wanted));
     let Some(first) = runs.first() else {
         let message = format!("no run of that point is finished in {}", store.display());
         return Err([message, there_are(&others, wanted)]);

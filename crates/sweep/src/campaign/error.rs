@@ -43,6 +43,8 @@ pub struct Fault {
     message: String,
     /// What is allowed.
     allowed: String,
+    /// What it is about.
+    about: About,
     /// Places to point at, the first one first.
     labels: Vec<LabeledSpan>,
     /// The text, if its lines can be shown.
@@ -72,6 +74,46 @@ impl Diagnostic for Fault {
     }
 }
 
+/// The key and the value that a fault is about, for programs.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct About {
+    pub(super) key: Option<String>,
+    pub(super) value: Option<String>,
+    /// What may be meant instead.
+    pub(super) suggestion: Option<String>,
+}
+
+impl Fault {
+    /// What is wrong, and what is allowed, without a place: for a campaign that was not read from a file.
+    pub fn words(&self) -> String {
+        let mut words = format!("{}: {}", self.message, self.allowed);
+        for other in &self.others {
+            words = format!("{words}\n{}", other.words());
+        }
+        words
+    }
+
+    /// What is allowed.
+    pub fn allowed(&self) -> &str {
+        &self.allowed
+    }
+
+    /// The key it is about, if it is about one.
+    pub fn key(&self) -> Option<&str> {
+        self.about.key.as_deref()
+    }
+
+    /// The value that cannot be, as it was written.
+    pub fn value(&self) -> Option<&str> {
+        self.about.value.as_deref()
+    }
+
+    /// The key or the word that may be meant.
+    pub fn suggestion(&self) -> Option<&str> {
+        self.about.suggestion.as_deref()
+    }
+}
+
 /// The faults of a file as one error, in the order of their places; `None` if there are none.
 pub(super) fn in_file(mut problems: Vec<Problem>, file: &str, text: &str) -> Option<Box<Fault>> {
     problems.sort_by_key(|problem| problem.labels.first().map_or(0, |(span, _)| span.start));
@@ -95,6 +137,7 @@ pub(super) struct Problem {
     pub(super) message: String,
     /// What is allowed.
     pub(super) allowed: String,
+    pub(super) about: Box<About>,
     /// Places in the text and what to write there.
     pub(super) labels: Vec<(Range<usize>, String)>,
 }
@@ -109,8 +152,30 @@ impl Problem {
         Self {
             message: message.into(),
             allowed: allowed.into(),
+            about: Box::default(),
             labels: vec![(span.clone(), "here".into())],
         }
+    }
+
+    /// The same problem, about this key.
+    pub(super) fn of_key(mut self, key: &str) -> Self {
+        self.about.key = Some(key.to_owned());
+        self
+    }
+
+    /// The same problem, about this value of a key.
+    pub(super) fn of_value(mut self, key: &str, value: &str) -> Self {
+        self.about.value = Some(value.to_owned());
+        self.of_key(key)
+    }
+
+    /// The same problem with the key or the word that may be meant, if there is one.
+    pub(super) fn suggesting(mut self, meant: Option<&str>) -> Self {
+        if let Some(meant) = meant {
+            self.allowed = format!("did you mean {meant}? {}", self.allowed);
+            self.about.suggestion = Some(meant.trim_matches(['`', '"']).to_owned());
+        }
+        self
     }
 
     /// The same problem with one more place.
@@ -167,6 +232,7 @@ impl Problem {
             place: format!("{file}:{}:{}", line + 1, column + 1),
             message: self.message,
             allowed,
+            about: *self.about,
             labels,
             source_code: shown
                 .then(|| NamedSource::new(visible(file), visible_in_place(text).into_owned())),

@@ -5,7 +5,7 @@ use super::error::Problem;
 use super::protocol::Written;
 use super::reader::{Located, Table, Values, nearest, of_axis, values, wrong_type};
 use super::seeds::{SEEDS, Seeds};
-use crate::axes::{AXES, Axis, Unmade, Value, params_of};
+use crate::axes::{AXES, Axis, Unmade, Value, folded_params_of, params_of};
 use crate::case::Case;
 use sd_core::model::{Form, Refusal, StartLayer};
 use sd_core::{Params, start};
@@ -38,12 +38,13 @@ const ENOUGH: usize = 200;
 type Combination<'g> = Vec<Option<&'g Located<Value>>>;
 
 impl Grid {
-    /// Reads a grid and checks the range of every value in it. The protocol's values count where the grid has none.
+    /// Reads a grid and checks the range of every value in it. The protocol's values count where the grid has none. Start layers are
+    /// read if the folder is given that their names are relative to.
     pub(super) fn read(
         entries: &DeTable<'_>,
         span: ops::Range<usize>,
         protocol: &Written,
-        folder: &Path,
+        folder: Option<&Path>,
         problems: &mut Vec<Problem>,
     ) -> Self {
         let known: Vec<&str> = AXES.iter().map(|axis| axis.key).chain([SEEDS]).collect();
@@ -66,7 +67,8 @@ impl Grid {
         };
         let start = table
             .get(START)
-            .and_then(|written| start_layer(written, folder, problems));
+            .zip(folder)
+            .and_then(|(written, folder)| start_layer(written, folder, problems));
         if let Some(
             start @ Located {
                 value: Start::File(_),
@@ -130,7 +132,9 @@ impl Grid {
     /// The problem of an axis that must have a value.
     fn missing(&self, axis: &Axis) -> Problem {
         let message = format!("[[grid]] has no `{}`", axis.key);
-        Problem::at(&self.span, message, example(axis)).labelled(format!("needs `{}`", axis.key))
+        Problem::at(&self.span, message, example(axis))
+            .labelled(format!("needs `{}`", axis.key))
+            .of_key(axis.key)
     }
 
     /// Number of cases.
@@ -143,12 +147,13 @@ impl Grid {
     }
 
     /// Hands out the cases, seeds innermost and the first axis outermost, and notes what does not go together. Where values have
-    /// no meaning, several cases can be the same.
+    /// no meaning, several cases can be the same; whether that is so because friction or shear rate have no effect beside the other
+    /// is said of each.
     pub(super) fn lay_out(
         &self,
         protocol: &Written,
         problems: &mut Vec<Problem>,
-        mut take: impl FnMut(Case, &mut Vec<Problem>),
+        mut take: impl FnMut(Case, bool, &mut Vec<Problem>),
     ) {
         let mut new = Vec::new();
         let mut meaning = vec![false; AXES.len()];
@@ -161,8 +166,8 @@ impl Grid {
                 .iter()
                 .map(|written| written.map(|written| written.value))
                 .collect();
-            let params = match params_of(&values) {
-                Ok(params) => params,
+            let (params, given) = match folded_params_of(&values) {
+                Ok(made) => made,
                 Err(unmade) => {
                     for problem in self.unmade(combination, unmade) {
                         self.note(problem, &mut new);
@@ -184,7 +189,10 @@ impl Grid {
                         self.note(problem, &mut new);
                         break;
                     }
-                    Ok(params) => take(Case::new(params, seed, &protocol.protocol), &mut new),
+                    Ok(params) => {
+                        let case = Case::new(params, seed, &protocol.protocol);
+                        take(case, given.is_some(), &mut new);
+                    }
                 }
             }
         });
@@ -212,6 +220,19 @@ impl Grid {
             }
         }
         problems.append(&mut new);
+    }
+
+    /// Calls for every point, without its start layer: its parameters as they are written, and settled.
+    pub(super) fn each_point(&self, mut take: impl FnMut(&Params, &Params)) {
+        self.each(|combination| {
+            let values: Vec<Option<Value>> = combination
+                .iter()
+                .map(|written| written.map(|written| written.value))
+                .collect();
+            if let Ok((params, given)) = folded_params_of(&values) {
+                take(given.as_ref().unwrap_or(&params), &params);
+            }
+        });
     }
 
     /// The parameters of the run with that seed: with the layer it begins with, if one is given.
@@ -326,7 +347,8 @@ impl Grid {
             written.unwrap_or(&self.span),
             format!("`{key}` = {value} {problem}"),
             allowed,
-        );
+        )
+        .of_value(key, value);
         let because = because.filter(|because| because != key);
         match because.and_then(|key| Some((key, place(combination, key)?))) {
             Some((key, place)) => problem.also(place, format!("with this `{key}`")),
@@ -406,7 +428,7 @@ fn start_layer(
             .map(|layer| Start::File(Box::new(layer))),
         DeValue::Table(entries) => {
             let (store, point) = point_of(entries, &span, problems)?;
-            ends_of_runs::layers(&folder.join(store), &point).map(|layers| {
+            ends_of_runs::layers(&folder.join(store), folder, &point).map(|layers| {
                 let boxed = layers
                     .into_iter()
                     .map(|(seed, layer)| (seed, Box::new(layer)));

@@ -1,11 +1,12 @@
 //! Reads and checks the `[protocol]` table.
 
 use super::error::Problem;
-use super::reader::{Located, Table, Values, number, of_axis, values};
+use super::reader::{Located, Table, Values, number, of_axis, values, word, wrong_type};
 use crate::axes::Axis;
 use crate::protocol::{Discard, Protocol};
 use sd_core::model::Range;
 use std::ops;
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// The axis whose value for all grids may stand in `[protocol]`.
@@ -20,6 +21,26 @@ const LEAST_SAMPLES: f64 = 40.0;
 const LENGTH: Range = Range::above_to(0.0, 1e7);
 /// Strains that may be discarded.
 const DISCARDED: Range = Range::from_to(0.0, 1e7);
+
+/// What samples look at besides.
+const OBSERVE: &str = "observe";
+/// What there is to look at.
+const NETWORK: &str = "network";
+
+/// Whether samples look at the network of contacts.
+fn observes_network(written: &Spanned<DeValue<'_>>, problems: &mut Vec<Problem>) -> bool {
+    let DeValue::Array(words) = written.get_ref() else {
+        let allowed = format!("`{OBSERVE}` is a list: `{OBSERVE} = [\"{NETWORK}\"]`");
+        problems.push(wrong_type(written, OBSERVE, allowed));
+        return false;
+    };
+    let words = words
+        .iter()
+        .map(|written| word(written, OBSERVE, &[NETWORK]));
+    let (known, wrong): (Vec<_>, Vec<_>) = words.partition(Result::is_ok);
+    problems.extend(wrong.into_iter().filter_map(Result::err));
+    !known.is_empty()
+}
 
 /// A protocol and the places its values were written at; those of the table for values not written.
 pub(super) struct Written {
@@ -60,6 +81,7 @@ impl Written {
             "discard",
             "checkpoint_every",
             "sample_every",
+            OBSERVE,
         ];
         let table = Table::new(entries, span.clone(), "[protocol]", &known, problems);
         let before = problems.len();
@@ -114,12 +136,16 @@ impl Written {
             let axis = Axis::of_key(TIME_STEP)?;
             values(written, TIME_STEP, problems, |value| of_axis(value, axis))
         });
+        let observes_network = table
+            .get(OBSERVE)
+            .is_some_and(|written| observes_network(written, problems));
         let written = Self {
             protocol: Protocol {
                 strain: strain.value,
                 discard: discard.value,
                 checkpoint_every: checkpoint.value,
                 sample_every: sample.value,
+                observes_network,
             },
             time_step,
             table: span,

@@ -80,7 +80,8 @@ impl<'t> Table<'t> {
             format!("{} has no `{key}`", self.name),
             format!("add for example `{key} = {example}`"),
         )
-        .labelled(format!("needs `{key}`"));
+        .labelled(format!("needs `{key}`"))
+        .of_key(key);
         (!meant).then_some(problem)
     }
 }
@@ -89,17 +90,28 @@ impl<'t> Table<'t> {
 fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&str]) -> Problem {
     let written = shortened(written);
     let mut allowed = format!("keys of {name}: {}", known.join(", "));
-    if let Some(name) = nearest(written, known.iter().copied()) {
-        allowed = format!("did you mean `{name}`? {allowed}");
+    if ["dimension", "dimensions", "dim"].contains(&written) {
+        allowed = format!("a layer is chosen by its `area_fraction`; {allowed}");
     }
+    let meant = nearest(written, known.iter().copied()).map(|name| format!("`{name}`"));
     Problem::at(span, format!("unknown key `{written}` in {name}"), allowed)
         .labelled("not a key of this table")
+        .of_key(written)
+        .suggesting(meant.as_deref())
 }
 
 /// The key that may be meant by another.
 pub(super) fn nearest<'k>(written: &str, known: impl Iterator<Item = &'k str>) -> Option<&'k str> {
+    let known: Vec<&str> = known.collect();
+    // By another name that it has elsewhere: short ones are near to many keys.
+    if let Some(axis) = Axis::named(written)
+        && let Some(place) = known.iter().position(|name| *name == axis.key)
+    {
+        return Some(known[place]);
+    }
     let written = shortened(written);
     known
+        .into_iter()
         .map(|name| (strsim::damerau_levenshtein(name, written), name))
         .min()
         .filter(|(distance, _)| *distance <= 3)
@@ -192,11 +204,16 @@ pub(super) fn word(
         .copied()
         .find(|name| *name == text.as_ref())
         .ok_or_else(|| {
+            let as_words = text.to_lowercase().replace(['_', ' '], "-");
+            let meant = nearest(&as_words, words.iter().copied());
+            let meant = meant.map(|word| format!("{word:?}"));
             Problem::at(
                 &written.span(),
                 format!("`{key}` cannot be {:?}", shortened(text)),
                 allowed(),
             )
+            .of_value(key, shortened(text))
+            .suggesting(meant.as_deref())
         })
 }
 
@@ -221,7 +238,8 @@ pub(super) fn number(
                 &written.span(),
                 format!("`{key}` is text, not a number"),
                 format!("write inf without quotes; {allowed}"),
-            ));
+            )
+            .of_value(key, text));
         }
         _ => return Err(wrong_type(written, key, allowed)),
     };
@@ -262,6 +280,7 @@ fn out_of_range(
         format!("`{key}` = {} is out of range", shortened(digits)),
         allowed,
     )
+    .of_value(key, shortened(digits))
 }
 
 /// A value of the wrong type.
@@ -275,6 +294,7 @@ pub(super) fn wrong_type(
         format!("`{key}` cannot be of type {}", written.get_ref().type_str()),
         allowed,
     )
+    .of_key(key)
 }
 
 /// At most the first 40 characters, so that a hostile value cannot fill the screen.

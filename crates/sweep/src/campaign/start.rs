@@ -16,6 +16,12 @@ const SQUARE: f64 = 1e-5;
 /// What is wrong with the file, and what it should be.
 pub(super) fn read(path: &Path) -> Result<StartLayer, [String; 2]> {
     let fault = |problem: String| {
+        if path.extension().is_some_and(|ending| ending == "sqlite") {
+            return [
+                format!("{} is a store, and no layer", path.display()),
+                "name one of its points: `start = { store = \"FILE\", point = { KEY = VALUE, .. } }`".to_owned(),
+            ];
+        }
         [
             format!("the start layer {} {problem}", path.display()),
             "the last frame of an extended XYZ file as `sweep export` writes it, or JSON with `centres`, `radii`, `cell` and `offset` as \

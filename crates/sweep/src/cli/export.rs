@@ -1,7 +1,7 @@
 //! `sweep export`.
 
 use super::Output;
-use super::place::StoreArguments;
+use super::place::{StoreArguments, positive};
 use crate::api::Error;
 use crate::data::write_csv;
 use crate::exit;
@@ -34,7 +34,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Every so many kept frames
-    #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = positive)]
     every: std::num::NonZeroUsize,
 }
 

@@ -1,10 +1,11 @@
-//! Which store a command is about.
+//! Which store a command is about, and how many cases it computes at a time.
 
 use super::Output;
 use crate::api::Error;
 use crate::campaign::Campaign;
 use crate::store::{Store, StoreSource};
 use std::io::Write as _;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 /// A store, or the campaign file it belongs to.
@@ -57,6 +58,32 @@ impl StoreArguments {
 /// The store of a campaign: the one named, or its usual one.
 pub(crate) fn store_of(campaign: &Campaign, named: Option<&Path>) -> Result<PathBuf, Error> {
     named.map_or_else(|| Ok(campaign.default_store()), whole)
+}
+
+/// Most threads; more are taken for a typo.
+const WORKER_LIMIT: usize = 4096;
+
+/// Reads how many cases are computed at a time.
+pub(super) fn workers(text: &str) -> Result<NonZeroUsize, String> {
+    let number = text.trim().parse().ok();
+    number
+        .filter(|workers: &NonZeroUsize| workers.get() <= WORKER_LIMIT)
+        .ok_or_else(|| {
+            format!("write a number from 1 to {WORKER_LIMIT}, or leave it out for all cores")
+        })
+}
+
+/// Reads a number of things of which there is at least one.
+pub(super) fn positive(text: &str) -> Result<NonZeroUsize, String> {
+    let number = text.trim().parse().ok();
+    number.ok_or_else(|| "write a whole number from 1".to_owned())
+}
+
+/// As many workers as were asked for, or one for each core.
+pub(super) fn workers_or_all(asked: Option<NonZeroUsize>) -> usize {
+    asked
+        .or_else(|| std::thread::available_parallelism().ok())
+        .map_or(1, NonZeroUsize::get)
 }
 
 /// Whether a name is that of a campaign file.

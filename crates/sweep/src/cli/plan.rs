@@ -4,7 +4,7 @@ mod tables;
 mod text;
 
 use super::Output;
-use super::place::store_of;
+use super::place::{store_of, workers, workers_or_all};
 use super::report::save;
 use super::tables::{TableArguments, refuse_two_answers};
 use crate::api::Error;
@@ -40,7 +40,8 @@ pub(crate) struct Arguments {
         short,
         value_name = "N",
         visible_alias = "jobs",
-        visible_short_alias = 'j'
+        visible_short_alias = 'j',
+        value_parser = workers
     )]
     workers: Option<NonZeroUsize>,
     #[command(flatten)]
@@ -52,10 +53,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let columns = tables::columns_named(&arguments.tables.columns)?;
     refuse_two_answers(&[("--latex", &arguments.tables.latex)], output)?;
     let campaign = Campaign::read(&arguments.campaign)?;
-    let workers = arguments
-        .workers
-        .or_else(|| std::thread::available_parallelism().ok())
-        .map_or(1, NonZeroUsize::get);
+    let workers = workers_or_all(arguments.workers);
     let path = store_of(&campaign, arguments.store.as_deref())?;
     let store = if path.exists() {
         Some(StoreSource::new(path, Some(campaign.clone())).open()?)

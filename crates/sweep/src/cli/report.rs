@@ -24,7 +24,10 @@ use std::path::{Path, PathBuf};
 /// Reads only, and may be used while the campaign runs. Without one of the files below, a table is printed.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json\n  \
+    after_help = "Examples:\n  sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
+                  sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --columns viscosity,n1,n2\n\n\
+                  All options and more examples: sweep report --help",
+    after_long_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json\n  \
                   sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
                   sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --markdown -\n  \
                   sweep report sweeps/quickstart.toml --columns viscosity,n1,n2,particle_pressure,shear_tangential_contact\n  \
@@ -44,32 +47,56 @@ pub(crate) struct Arguments {
     #[arg(value_name = "MORE")]
     more: Vec<PathBuf>,
     /// Only points with one of these values on an axis, by its key in the campaign file; of every output; may be repeated
-    #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
+    #[arg(
+        long = "where",
+        value_name = "KEY=VALUE[,VALUE..]",
+        help_heading = "Points"
+    )]
     selection: Vec<String>,
     /// Average runs with doubtful numbers too; they are counted in any case
-    #[arg(long)]
+    #[arg(long, help_heading = "Points", hide_short_help = true)]
     with_doubtful: bool,
     /// Write a tidy table, one row per point, `-` for standard output; units go to FILE.units.csv beside it
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Files")]
     csv: Option<PathBuf>,
     /// Write the same table as Parquet, with units in its metadata
-    #[arg(long, value_name = "FILE")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        help_heading = "Files",
+        hide_short_help = true
+    )]
     parquet: Option<PathBuf>,
     /// Write every run on a line of its own: FILE.csv or FILE.parquet, with units as for points
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Files")]
     runs: Option<PathBuf>,
     /// Write every sample of every run on a line of its own: FILE.csv or FILE.parquet
-    #[arg(long, value_name = "FILE")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        help_heading = "Files",
+        hide_short_help = true
+    )]
     samples: Option<PathBuf>,
     /// Write a Markdown table, `-` for standard output
-    #[arg(long, value_name = "FILE")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        help_heading = "Files",
+        hide_short_help = true
+    )]
     markdown: Option<PathBuf>,
     /// Write one self-contained page with interactive curves, traces and movies
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", help_heading = "Files")]
     page: Option<PathBuf>,
     /// Physical units for tables, figures and the page, for spheres of radius a in a fluid of viscosity mu, with the critical load f_crit
     /// or without: a=1um,mu=1mPas,f_crit=10pN
-    #[arg(long, value_name = "A,MU,F_CRIT")]
+    #[arg(
+        long,
+        value_name = "A,MU,F_CRIT",
+        help_heading = "Points",
+        hide_short_help = true
+    )]
     units: Option<String>,
     #[command(flatten)]
     tables: TableArguments,

@@ -1,7 +1,7 @@
 //! `sweep run`.
 
 use super::Output;
-use super::place::{say_warning, store_of};
+use super::place::{say_warning, store_of, workers, workers_or_all};
 use crate::api::{Beginning, Begun, Error, begin, complete, task};
 use crate::campaign::{Campaign, Priority};
 use crate::disk::network_file_system;
@@ -14,9 +14,6 @@ use std::io::{IsTerminal, Write as _};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-
-/// Most threads; more are a slip of the keyboard.
-const WORKER_LIMIT: usize = 4096;
 
 /// Compute what a campaign lacks, then print its report
 ///
@@ -45,7 +42,8 @@ pub(crate) struct Arguments {
         short,
         value_name = "N",
         visible_alias = "jobs",
-        visible_short_alias = 'j'
+        visible_short_alias = 'j',
+        value_parser = workers
     )]
     workers: Option<NonZeroUsize>,
     /// Compute failed cases again
@@ -83,22 +81,45 @@ pub(crate) struct Arguments {
     trajectory: bool,
     /// One task of a cluster: compute slice I, from 0, of N in a store of its own, and publish it among the shards. TERM and
     /// USR1 checkpoint, publish, and have Slurm start the task again if work is left
-    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = part)]
+    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = part, help_heading = "One task of a cluster", hide_short_help = true)]
     shard: Option<Part>,
     /// The slices, as `sweep submit` wrote them [default: all cases of the file, cut here]
-    #[arg(long, value_name = "FILE", requires = "shard")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "shard",
+        help_heading = "One task of a cluster",
+        hide_short_help = true
+    )]
     slices: Option<PathBuf>,
     /// Folder shards are published in [default: NAME.shards beside the store]
-    #[arg(long, value_name = "DIR", requires = "shard")]
+    #[arg(
+        long,
+        value_name = "DIR",
+        requires = "shard",
+        help_heading = "One task of a cluster",
+        hide_short_help = true
+    )]
     shards: Option<PathBuf>,
     /// Disk of this machine to work on [default: SLURM_TMPDIR, or else the folder of shards]
-    #[arg(long, value_name = "DIR", requires = "shard")]
+    #[arg(
+        long,
+        value_name = "DIR",
+        requires = "shard",
+        help_heading = "One task of a cluster",
+        hide_short_help = true
+    )]
     scratch: Option<PathBuf>,
     /// Time between publications, as 90s or 2m: what a crashed machine loses at most
-    #[arg(long, value_name = "TIME", default_value = "60s", requires = "shard", value_parser = parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "60s", requires = "shard", value_parser = parse_duration, help_heading = "One task of a cluster", hide_short_help = true)]
     publish_every: Duration,
     /// Go on from shards another build of sweep computed; their bits may differ
-    #[arg(long, requires = "shard")]
+    #[arg(
+        long,
+        requires = "shard",
+        help_heading = "One task of a cluster",
+        hide_short_help = true
+    )]
     allow_mixed_versions: bool,
 }
 
@@ -174,16 +195,7 @@ fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
 /// Computes what is lacking, and prints the report.
 fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
-    let workers = match arguments.workers {
-        Some(workers) if workers.get() > WORKER_LIMIT => {
-            return Err(Error::Argument {
-                argument: "--workers",
-                message: format!("at most {WORKER_LIMIT}"),
-            });
-        }
-        Some(workers) => workers.get(),
-        None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
-    };
+    let workers = workers_or_all(arguments.workers);
     if let Some(part) = arguments.shard {
         return run_shard(arguments, part, campaign, workers, output);
     }
@@ -199,6 +211,10 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     }
     let style = style(arguments, output);
     let path = store_of(&campaign, arguments.store.as_deref())?;
+    let folder = path.parent().filter(|folder| !folder.exists());
+    if let Some(folder) = folder.filter(|_| arguments.store.is_some()) {
+        style.tell(&format!("{} is a new folder", folder.display()));
+    }
     if let Some(network) = network_file_system(&path) {
         style.tell(&format!(
             "warning: {} is on a network file system ({network}), where several machines cannot safely share a store: run it \
@@ -246,19 +262,17 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
 /// Says what a campaign finds in its store, if there is anything to say: what is kept, what is new, what is not asked for.
 fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style: Style) {
     let Inventory {
-        runs,
-        ended,
-        begun,
-        new,
         orphans,
         orphan_bytes,
+        ..
     } = adoption.inventory;
     if adoption.changed {
+        let name = |path: &Path| path.file_name().unwrap_or_default().display().to_string();
         style.tell(&format!(
-            "{} asks for something else than what {} was last run with: of its {runs} runs {ended} are kept as they are, {begun} \
-             go on from where they are, and {new} are new",
-            campaign.file.display(),
-            path.display()
+            "{} differs from the last campaign in {}: {}",
+            name(&campaign.file),
+            name(path),
+            adoption.inventory.words()
         ));
     }
     if orphans > 0 {

@@ -6,7 +6,7 @@ use crate::api::Error;
 use crate::axes::AXES;
 use crate::exit;
 use crate::format::{duration, significant};
-use crate::report::chart;
+use crate::report::{Starts, chart};
 
 /// Columns of the chart where the output is no terminal.
 const WIDTH: u16 = 78;
@@ -39,11 +39,16 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         |number| format!("case {number}"),
     );
     let name = store.campaign_name()?;
+    let starts = Starts::of_store(&store)?;
     writeln!(out, "{name}: {number}, key {}", story.key)?;
     let words: Vec<String> = AXES
         .iter()
         .filter(|axis| axis.matters(std::iter::once(&story.params)))
-        .map(|axis| format!("{} {}", axis.symbol, axis.value(&story.params)))
+        .map(|axis| {
+            let value = axis.value(&story.params).to_string();
+            let name = starts.name_on(axis, &story.params).unwrap_or(value);
+            format!("{} {name}", axis.symbol)
+        })
         .collect();
     writeln!(out, "{}, seed {}", words.join(", "), story.seed)?;
     let strain = |steps: u64| steps as f64 * story.params.time_step;

@@ -55,9 +55,16 @@ fn write_text(
     let out = &mut *output.out;
     writeln!(
         out,
-        "{}: about {:.1} % of the work is done{}",
+        "{}: {}{}",
         status.campaign,
-        100.0 * status.work_done,
+        match c.pending + c.running {
+            0 => format!("all {} runs have ended", c.total()),
+            // What is left is never nothing, however little it is.
+            _ => format!(
+                "about {:.1} % of the work is done",
+                (100.0 * status.work_done).min(99.9)
+            ),
+        },
         if c.failed > 0 {
             format!(", and {} of {} runs failed", c.failed, c.total())
         } else {

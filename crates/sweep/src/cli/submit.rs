@@ -1,7 +1,7 @@
 //! `sweep submit`.
 
 use super::Output;
-use super::place::store_of;
+use super::place::{positive, store_of, workers};
 use crate::api::Error;
 use crate::api::submit::{Options, Submitted, submit};
 use crate::campaign::Campaign;
@@ -56,13 +56,13 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
     /// Number of tasks [default: so many that each needs about half of --time]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = positive)]
     tasks: Option<NonZeroUsize>,
     /// Cases each task computes at a time, one core each
-    #[arg(long, value_name = "K", default_value = "1")]
+    #[arg(long, value_name = "K", default_value = "1", value_parser = workers)]
     workers_per_task: NonZeroUsize,
     /// Tasks at work at a time, at most
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = positive)]
     throttle: Option<NonZeroUsize>,
     /// Time limit of a task, as for sbatch: minutes, HH:MM:SS or D-HH [default: the site's]
     #[arg(long, value_name = "TIME")]
@@ -165,7 +165,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         } else {
             writeln!(
                 output.out,
-                "nothing to submit: no case is open that is not with a task already"
+                "nothing to submit: every case has ended or is assigned to a task"
             )?;
         }
         return Ok(exit::DONE);

@@ -16,10 +16,10 @@ pub(crate) struct TableArguments {
     #[arg(long)]
     wide: bool,
     /// How numbers with an interval are written, on the screen and in LaTeX
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_enum, default_value_t, hide_short_help = true)]
     format: NumberFormat,
     /// Write a LaTeX table, `-` for standard output
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", hide_short_help = true)]
     pub(crate) latex: Option<PathBuf>,
 }
 

@@ -235,6 +235,16 @@ pub enum Unmade {
 /// # Errors
 /// A value that is missing, or does not go with the others. Ranges are not checked: see [`Params::validate`].
 pub fn params_of(values: &[Option<Value>]) -> Result<Params, Unmade> {
+    Ok(folded_params_of(values)?.0)
+}
+
+/// The same, and where friction or shear rate have no effect beside the other, the parameters with both as they are given.
+///
+/// # Errors
+/// As [`params_of`].
+pub(crate) fn folded_params_of(
+    values: &[Option<Value>],
+) -> Result<(Params, Option<Params>), Unmade> {
     let mut params = Params::UNWRITTEN;
     // The last axis first, since a choice stands above the numbers that have a meaning under it.
     for (axis, value) in AXES.iter().zip(values).rev() {
@@ -263,8 +273,22 @@ pub fn params_of(values: &[Option<Value>]) -> Result<Params, Unmade> {
     if !missing.is_empty() {
         return Err(Unmade::Missing(missing));
     }
+    let (friction, shear_rate) = (params.friction, params.shear_rate);
     params.settle();
-    Ok(params)
+    let touches = params.contact.laws().normal.touches();
+    let given = Params {
+        friction: if touches { friction + 0.0 } else { 0.0 },
+        ..params.clone()
+    };
+    let given = match params.shear_stress {
+        Some(_) => given,
+        None => Params {
+            shear_rate: shear_rate + 0.0,
+            ..given
+        },
+    };
+    let is_folded = given != params;
+    Ok((params, is_folded.then_some(given)))
 }
 
 /// What is the same for all runs of a point, and for no other.

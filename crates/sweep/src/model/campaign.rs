@@ -24,6 +24,9 @@ pub struct Campaign {
     pub cases: Vec<(CaseKey, Case)>,
     /// Points at which a precision is asked for.
     pub rules: Vec<PointRule>,
+    /// Runs that the file names besides its cases and that are the same as one of these: friction has no effect at Γ = 0, nor has the
+    /// shear rate without friction.
+    pub folded: usize,
 }
 
 /// A point whose seeds are computed until a precision is reached.

@@ -15,6 +15,9 @@ pub struct Protocol {
     pub checkpoint_every: f64,
     /// Strain from one sample to the next, a whole number of steps.
     pub sample_every: f64,
+    /// Whether samples look at the network of contacts: `observe = ["network"]`. What a run computes does not depend on it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub observes_network: bool,
 }
 
 /// What is left out at the start of a run.
@@ -67,6 +70,7 @@ impl Default for Protocol {
             discard: Discard::Strain(2.0),
             checkpoint_every: 0.1,
             sample_every: 0.02,
+            observes_network: false,
         }
     }
 }

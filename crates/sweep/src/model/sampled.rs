@@ -1,7 +1,7 @@
 //! What a sample holds: name and place of each number, declared once. The store, tables and the Python package go by this list.
 
 use super::axes::Value;
-use super::stresses;
+use super::{networks, stresses};
 use sd_core::Sample;
 
 /// A number of a sample.
@@ -67,7 +67,18 @@ pub fn fields(sample: &Sample) -> Vec<Field> {
         value: Value::Number(part.read(sample)),
     }));
     all.extend(own);
+    all.extend(networks::NETWORK.iter().map(|column| Field {
+        name: column.name,
+        value: Value::Number(column.read(sample)),
+    }));
     all
+}
+
+/// Whether a field is of the network of contacts, which most samples do not look at.
+pub fn is_of_network(field: &Field) -> bool {
+    networks::NETWORK
+        .iter()
+        .any(|column| column.name == field.name)
 }
 
 /// Names of all that a sample holds, as in a list of a statement.
@@ -82,7 +93,7 @@ pub(crate) fn names() -> String {
 /// # Errors
 /// Those of `number` and `count`.
 pub(crate) fn read<E>(
-    number: impl Fn(usize) -> Result<f64, E>,
+    number: impl Fn(usize) -> Result<f64, E> + Copy,
     count: impl Fn(usize) -> Result<u64, E>,
 ) -> Result<Sample, E> {
     let mut sample = Sample::default();
@@ -101,5 +112,9 @@ pub(crate) fn read<E>(
     }
     let parts: Vec<f64> = stresses.map(number).collect::<Result<_, E>>()?;
     sample.stress = stresses::of_parts(parts);
+    let first = PLACES.len() + stresses::parts().count();
+    let network = first..first + networks::NETWORK_COUNT;
+    let network: Vec<f64> = network.map(number).collect::<Result<_, E>>()?;
+    sample.network = networks::of_values(&network);
     Ok(sample)
 }

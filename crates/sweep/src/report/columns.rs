@@ -6,9 +6,11 @@ use super::points::{Point, Report, Runs};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::case::State;
 use crate::data::{Cells, DataColumn, Word};
+use crate::model::networks::NETWORK;
 use crate::model::stresses::STRESSES;
 use crate::statistics::{Estimate, mean, ratio};
 use crate::store::PointRun;
+use crate::structure::meaning_of;
 use std::sync::LazyLock;
 
 /// A column: a name for machines, a unit, a meaning, and a cell for every point.
@@ -88,6 +90,11 @@ pub(super) static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
         let mean = Content::Mean(|run, place| run.stresses[place], place);
         (stress.name, "mu rate", stress.meaning, stress.meaning, mean)
     });
+    let network = NETWORK.iter().enumerate().map(|(place, column)| {
+        let mean = Content::Mean(|run, place| run.network[place], place);
+        let meaning = meaning_of(column.name);
+        (column.name, "1", meaning, meaning, mean)
+    });
     let mut all: Vec<Column> = Vec::new();
     let mut add = |name: Word, unit, meaning, label, content| {
         let place = all.len();
@@ -100,8 +107,12 @@ pub(super) static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
             place,
         });
     };
-    for (name, unit, meaning, label, content) in
-        AXES.iter().map(axis).chain(MEASURED).chain(stresses)
+    for (name, unit, meaning, label, content) in AXES
+        .iter()
+        .map(axis)
+        .chain(MEASURED)
+        .chain(stresses)
+        .chain(network)
     {
         add(name.into(), unit, meaning, label, content);
         if matches!(content, Content::Mean(..)) {
@@ -258,6 +269,7 @@ impl Column {
     pub(super) fn is_detail(&self) -> bool {
         let of_stress = |name| STRESSES.iter().find(|stress| stress.name == name);
         match self.content {
+            _ if self.is_of_network() => true,
             Content::Mean(..) => {
                 of_stress(&self.name).is_some_and(|stress| stress.is_part() || stress.name == "n1")
             }
@@ -266,10 +278,28 @@ impl Column {
         }
     }
 
+    /// Whether it is of the network of contacts, which most campaigns do not observe.
+    fn is_of_network(&self) -> bool {
+        let name = self.name.trim_end_matches("_ci95");
+        NETWORK.iter().any(|column| column.name == name)
+    }
+
     /// The column with the half width of its interval, if there is one.
     pub(super) fn interval(&self) -> Option<&'static Self> {
         Self::named(&format!("{}_ci95", self.name))
     }
+}
+
+/// The axes of a point as an object, by their names.
+pub(super) fn point_row(point: &Point) -> serde_json::Map<String, serde_json::Value> {
+    let axes = COLUMNS.iter().filter(|column| column.is_axis());
+    axes.map(|column| {
+        (
+            column.name.to_string(),
+            serde_json::json!(column.cell(point)),
+        )
+    })
+    .collect()
 }
 
 /// The points as a table, with the columns that were chosen or all, in the units of the report.

@@ -27,6 +27,7 @@ mod sketch;
 mod svg;
 
 pub(crate) use chart::chart;
+pub(crate) use graph::{FitCurve, draw_fit};
 pub use graph::{Graph, draw_graphs};
 use look::axis_among;
 pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
@@ -61,6 +62,8 @@ pub enum Kind {
     FlowCurve,
     /// Mean approach velocity of the pairs in contact.
     ApproachVelocity,
+    /// How points flow in the plane of --x and --y: continuous, discontinuous, shear-jammed, jammed, failed.
+    StateDiagram,
 }
 
 /// Which viscosity a figure shows; named as the columns of the tables are.
@@ -85,11 +88,17 @@ pub struct Drawing {
     #[arg(long, value_enum, default_value_t, requires = "figure")]
     pub kind: Kind,
     /// Which viscosity the figure shows [default: viscosity]
-    #[arg(long, value_enum, requires = "figure")]
+    #[arg(long, value_enum, requires = "figure", hide_short_help = true)]
     pub quantity: Option<Quantity>,
-    /// The figure's horizontal axis [default: the shear rate where it varies; for contacts the friction]
-    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure")]
+    /// The figure's horizontal axis, by its key in the campaign file or its symbol [default: the shear rate where it varies; for contacts the friction]
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true)]
     pub along: Option<&'static Axis>,
+    /// Horizontal axis of a state diagram [default: area_fraction]
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true, hide_short_help = true)]
+    pub x: Option<&'static Axis>,
+    /// Vertical axis of a state diagram: shear_stress or shear_rate [default: what is imposed]
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_of_shear), requires = "figure", hide_possible_values = true, hide_short_help = true)]
+    pub y: Option<&'static Axis>,
     /// How it is to look.
     #[command(flatten)]
     pub look: Look,

@@ -8,6 +8,7 @@ use super::error::ReportError;
 use super::figure::{curve_colours, page_look};
 use super::points::{Point, Report};
 use super::selection::Excerpt;
+use super::states::{Flow, flows_of};
 use super::units::Units;
 use crate::axes::{self, AXES, Axis};
 use crate::campaign::Discard;
@@ -210,6 +211,8 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         "discard": report.discard, "cases": report.counts, "work_done": work_done, "eta_s": eta_s,
         "axes": AXES.iter().map(|axis| axis_data(&report, axis)).collect::<Vec<_>>(),
         "quantities": COLUMNS.iter().filter(|column| !column.label.is_empty()).map(|column| quantity_data(units, column)).collect::<Vec<_>>(),
+        // How each point flows, as a state diagram has it.
+        "flows": flows_of(&report.points).iter().map(|flow| flow.map(Flow::name)).collect::<Vec<_>>(),
         "doubtful": report.doubtful, "with_doubtful": report.with_doubtful,
         "viscosity_label": units.label("viscosity", "mu"), "viscosity_factor": factor,
         "stress_label": match units.word("F_crit/a²") {

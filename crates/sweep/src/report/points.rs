@@ -8,7 +8,7 @@ use super::starts::Starts;
 use super::steady;
 use super::units::{At, Units};
 use crate::axes::{Axis, Value, identity};
-use crate::campaign::Discard;
+use crate::campaign::{Discard, WrittenPoints};
 use crate::case::State;
 use crate::doubt::is_rigid;
 use crate::statistics::{
@@ -16,8 +16,9 @@ use crate::statistics::{
 };
 use crate::store::{Counts, PointRun, Provenance, Store};
 use sd_core::Params;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Failures listed in a report.
 const FAILURES_SHOWN: usize = 10;
@@ -47,6 +48,8 @@ pub struct Report {
     pub computing: f64,
     /// The same by the processor, as far as it is known.
     pub processor: f64,
+    /// Whether some of its points share their runs, as friction has no effect at Γ = 0, nor has the shear rate without friction.
+    pub shares_runs: bool,
     /// Processes that finished results of the store, the latest first.
     pub provenance: Vec<Provenance>,
     /// The keys of its runs with a result.
@@ -66,6 +69,8 @@ pub struct Point {
     pub seeds: u64,
     /// Runs that ended jammed: counted, not averaged.
     pub jammed: u64,
+    /// Runs that failed: counted, not averaged.
+    pub failed: u64,
     /// Finished runs whose numbers are doubtful: counted, and averaged only if that was asked for.
     pub doubtful: u64,
     /// Viscosity in full: mean over the runs of their means.
@@ -106,21 +111,22 @@ impl Report {
         selection: &Selection,
     ) -> Result<(Self, Vec<PointRun>, Vec<usize>), ReportError> {
         let runs = store.point_runs()?;
-        let starts = Starts::of(
-            &store.campaign_text()?,
-            runs.iter().map(|run| run.params.as_ref()),
-        );
-        let runs = selected(runs, selection)?;
+        let text = store.campaign_text()?;
+        let starts = Starts::of(&text, runs.iter().map(|run| run.params.as_ref()));
+        let runs = selected(runs, &text, selection)?;
+        let once = each_once(&runs);
         let mut failures = store.failures(u32::MAX)?;
-        failures.retain(|failure| selection.has(&failure.params));
+        let wanted: HashSet<&str> = once.iter().map(|run| run.key.as_str()).collect();
+        failures.retain(|failure| wanted.contains(failure.key.as_str()));
         let mut failures = FailureGroup::of(failures);
         failures.truncate(FAILURES_SHOWN);
         // A sum of nothing would be -0.
         let total = |time: fn(&PointRun) -> Option<f64>| {
-            runs.iter().filter_map(time).fold(0.0, |a, b| a + b)
+            let times = once.iter().filter_map(|run| time(run));
+            times.fold(0.0, |a, b| a + b)
         };
         let (computing, processor) = (total(|run| run.wall_time_s), total(|run| run.cpu_time_s));
-        let keys = runs.iter().filter(|run| run.viscosity.is_some());
+        let keys = once.iter().filter(|run| run.viscosity.is_some());
         let keys = keys.map(|run| run.key.clone()).collect();
         let rules: HashMap<_, _> = store
             .point_states()?
@@ -131,8 +137,8 @@ impl Report {
         let mut place_of = HashMap::new();
         let mut places: Vec<usize> = Vec::with_capacity(runs.len());
         let mut counts = Counts::default();
-        let doubtful = runs.iter().filter(|run| run.is_doubtful()).count() as u64;
-        for run in &runs {
+        let doubtful = once.iter().filter(|run| run.is_doubtful()).count() as u64;
+        for run in &once {
             *match run.state {
                 State::Pending => &mut counts.pending,
                 State::Running => &mut counts.running,
@@ -140,6 +146,8 @@ impl Report {
                 State::Jammed => &mut counts.jammed,
                 State::Failed => &mut counts.failed,
             } += 1;
+        }
+        for run in &runs {
             // Runs of a point come one after the other.
             let place = match places.last() {
                 Some(&last) if groups[last][0].params == run.params => last,
@@ -157,7 +165,9 @@ impl Report {
             let is_averaged =
                 |run: &PointRun| run.is_sound() || (selection.with_doubtful && run.is_doubtful());
             let averaged = all.iter().copied().filter(|run| is_averaged(run)).collect();
-            let rule = rules.get(&identity(&all[0].params)).copied();
+            let mut settled = Params::clone(&all[0].params);
+            settled.settle();
+            let rule = rules.get(&identity(&settled)).copied();
             let runs = Runs {
                 all,
                 averaged,
@@ -182,6 +192,7 @@ impl Report {
             failures,
             computing,
             processor,
+            shares_runs: once.len() < runs.len(),
             provenance: store.provenance()?,
             keys,
             units: Units::default(),
@@ -203,16 +214,51 @@ impl Report {
     }
 }
 
-/// All runs of the points selected, in the order of the campaign file.
+/// All runs of the points selected, each once, in the order of the campaign file.
 pub(super) fn selected_runs(
     store: &Store,
     selection: &Selection,
 ) -> Result<Vec<PointRun>, ReportError> {
-    selected(store.point_runs()?, selection)
+    let runs = selected(store.point_runs()?, &store.campaign_text()?, selection)?;
+    Ok(each_once(&runs).into_iter().cloned().collect())
+}
+
+/// The first of each run that several points share.
+fn each_once(runs: &[PointRun]) -> Vec<&PointRun> {
+    let mut known = HashSet::new();
+    runs.iter()
+        .filter(|run| known.insert(run.key.as_str()))
+        .collect()
+}
+
+/// The runs of the points of a campaign file as that writes them: a run that several points share belongs to each of them.
+fn as_written(runs: Vec<PointRun>, text: &str) -> Vec<PointRun> {
+    let points = WrittenPoints::of(text);
+    if points.is_plain() {
+        return runs;
+    }
+    let mut all = Vec::with_capacity(runs.len());
+    for run in runs {
+        for params in points.of_run(&run.params) {
+            let place = points.place(&params);
+            let run = PointRun {
+                params: Arc::new(params),
+                ..run.clone()
+            };
+            all.push((place, run));
+        }
+    }
+    all.sort_by_key(|(place, run)| (*place, run.position));
+    all.into_iter().map(|(_, run)| run).collect()
 }
 
 /// The runs of the points selected.
-fn selected(mut runs: Vec<PointRun>, selection: &Selection) -> Result<Vec<PointRun>, ReportError> {
+fn selected(
+    runs: Vec<PointRun>,
+    text: &str,
+    selection: &Selection,
+) -> Result<Vec<PointRun>, ReportError> {
+    let mut runs = as_written(runs, text);
     let params: Vec<&Params> = runs.iter().map(|run| run.params.as_ref()).collect();
     selection.check(&params)?;
     runs.retain(|run| selection.has(&run.params));
@@ -282,11 +328,35 @@ impl Point {
         })
     }
 
+    /// A point of which nothing is known but its viscosity and the numbers of runs averaged, jammed and failed.
+    #[cfg(test)]
+    pub(super) fn made_up(
+        params: Params,
+        viscosity: Option<Estimate>,
+        [seeds, jammed, failed]: [u64; 3],
+    ) -> Self {
+        Self {
+            params,
+            seeds,
+            jammed,
+            failed,
+            doubtful: 0,
+            viscosity,
+            seeds_wanted: seeds,
+            precision: None,
+            rule: None,
+            drift: None,
+            advice: None,
+            measured: Box::default(),
+        }
+    }
+
     fn of(runs: &Runs<'_>) -> Self {
         Self {
             params: Params::clone(&runs.all[0].params),
             seeds: runs.averaged.len() as u64,
             jammed: runs.number_of(|run| run.state == State::Jammed),
+            failed: runs.number_of(|run| run.state == State::Failed),
             doubtful: runs.number_of(PointRun::is_doubtful),
             viscosity: Estimate::of(&runs.values(|run| run.viscosity)),
             seeds_wanted: runs.wanted(),

@@ -1,6 +1,7 @@
 //! What start layers are called: a table or a legend says `end of forward`, where the axis has a number.
 
 use crate::axes::Axis;
+use crate::store::{Store, StoreError};
 use sd_core::Params;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -56,6 +57,19 @@ impl Starts {
                 .chain(named)
                 .collect(),
         )
+    }
+
+    /// Of all points of a store.
+    pub(crate) fn of_store(store: &Store) -> Result<Self, StoreError> {
+        let runs = store.point_runs()?;
+        let points = runs.iter().map(|run| run.params.as_ref());
+        Ok(Self::of(&store.campaign_text()?, points))
+    }
+
+    /// The name of the layer that runs of some parameters begin with, if the axis is that of start layers and it has one.
+    pub(crate) fn name_on(&self, axis: &Axis, params: &Params) -> Option<String> {
+        let start = params.start.as_ref().filter(|_| axis.key == "start")?;
+        self.name(start.number()).map(str::to_owned)
     }
 
     /// Those of several campaigns together.

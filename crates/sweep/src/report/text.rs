@@ -150,6 +150,12 @@ pub fn write(
             lines.push("more columns: --wide, or those of --columns NAME[,NAME..]".into());
         }
         lines.extend(legend(report, &sheet, shape));
+        if report.shares_runs {
+            lines.push(
+                "rows with the same runs: friction has no effect at Γ = 0, nor has Γ without friction"
+                    .into(),
+            );
+        }
         lines.extend(notes(report, &columns));
     }
     if report.doubtful > 0 {

@@ -5,6 +5,7 @@ use crate::case::{Case, State};
 use crate::costs;
 use crate::model::replay::replay;
 use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
+use crate::structure::{Network, observe};
 use crate::system::clock::{Clock, Spent};
 use sd_core::simulation::{Flow, Frame};
 use sd_core::{Sample, Simulation, Snapshot};
@@ -316,7 +317,7 @@ impl Shared<'_> {
         let (case, record) = (&claim.case, &mut run.record);
         let simulation = match &mut run.simulation {
             Some(simulation) => simulation,
-            none => match Simulation::new(&case.params, case.seed, self.tables) {
+            none => match Simulation::<sd_core::Layer>::new(&case.params, case.seed, self.tables) {
                 Ok(simulation) => none.insert(simulation),
                 Err(error) => return Ok(End::of(error)),
             },
@@ -339,9 +340,16 @@ impl Shared<'_> {
             let step = simulation.steps();
             run.before = Some(simulation.snapshot());
             let sampled = step.is_multiple_of(case.sample_stride);
-            let outcome = if sampled && self.options.trajectory {
-                simulation.step_with_frame().map(|(sample, frame)| {
-                    record.frames.push((step, frame));
+            let observes = self.protocol.observes_network;
+            let outcome = if sampled && (self.options.trajectory || observes) {
+                simulation.step_with_frame().map(|(mut sample, frame)| {
+                    if observes {
+                        let network = Network::try_from(&frame).ok();
+                        sample.network = network.map(|network| observe(&network));
+                    }
+                    if self.options.trajectory {
+                        record.frames.push((step, frame));
+                    }
                     sample
                 })
             } else {

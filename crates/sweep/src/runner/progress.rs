@@ -2,7 +2,7 @@
 
 mod event;
 
-use crate::case::{Case, step_cost};
+use crate::case::{Case, State, step_cost};
 use crate::store::{Claim, Counts, Work};
 use crate::text::visible::visible;
 use clap::ValueEnum;
@@ -20,8 +20,12 @@ const PARTS: u64 = 10_000;
 const WINDOW: Duration = Duration::from_mins(5);
 /// Time from lines of JSON to the next.
 const JSON_EVERY: Duration = Duration::from_secs(1);
-/// Time from one line in a log to the next.
+/// Time from one line in a log to the next at most; the first come sooner, so that whoever looks on sees that it moves.
 const LOG_EVERY: Duration = Duration::from_mins(1);
+/// Time until the first line in a log.
+const LOG_FIRST: Duration = Duration::from_secs(2);
+/// Width of a bar, and from what width of the terminal on it is a long one.
+const BARS: [(u16, usize); 2] = [(110, 30), (0, 12)];
 
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -87,6 +91,8 @@ struct Worker {
     bar: ProgressBar,
     /// Its case, for lines of JSON.
     case: Mutex<Option<event::Case>>,
+    /// Its case, for bars.
+    drawn: Mutex<Option<Case>>,
     /// Steps of its case done.
     steps: AtomicU64,
     /// Estimated cost of a step, as bits.
@@ -108,8 +114,9 @@ struct Overall {
     counts: Counts,
     /// How far it was when.
     history: VecDeque<(Instant, f64)>,
-    /// Last line in the log.
-    logged: Instant,
+    /// When it began, and how long after that the next line in the log is due.
+    begun: Instant,
+    due: Duration,
 }
 
 impl Progress {
@@ -127,14 +134,17 @@ impl Progress {
                 .progress_chars("━╸ ")
         };
         let overall = bars.add(ProgressBar::new(PARTS));
-        overall.set_style(styled("{bar:30} {percent:>3} %  {msg}"));
+        let bar = bar_width();
+        let look = styled(&format!("{{bar:{bar}}} {{percent:>3}} %  {{msg}}"));
+        overall.set_style(look.clone());
         let workers = (0..workers)
             .map(|_| {
                 let bar = bars.add(ProgressBar::new(1));
-                bar.set_style(styled("{bar:30} {percent:>3} %  {prefix}  {msg}"));
+                bar.set_style(look.clone());
                 Worker {
                     bar,
                     case: Mutex::new(None),
+                    drawn: Mutex::new(None),
                     steps: AtomicU64::new(0),
                     step_cost: AtomicU64::new(0),
                     viscosity: AtomicU64::new(0),
@@ -154,7 +164,8 @@ impl Progress {
                 shown: 0.0,
                 counts: Counts::default(),
                 history: VecDeque::new(),
-                logged: Instant::now(),
+                begun: Instant::now(),
+                due: LOG_FIRST,
             }),
             told: Mutex::new(Vec::new()),
             log: Mutex::new(log),
@@ -203,7 +214,7 @@ impl Progress {
         }
         worker.bar.reset();
         worker.bar.set_length(case.steps);
-        worker.bar.set_prefix(case.label());
+        *worker.drawn() = Some(case.clone());
     }
 
     /// A worker did a step.
@@ -222,7 +233,7 @@ impl Progress {
             let cost = worker.cost();
             worker.steps.store(0, Ordering::Relaxed);
             *worker.case.lock().unwrap_or_else(PoisonError::into_inner) = None;
-            worker.bar.set_prefix("");
+            *worker.drawn() = None;
             worker.bar.set_message("");
             worker.bar.set_position(0);
             if kept {
@@ -233,17 +244,17 @@ impl Progress {
 
     /// Draws what changed.
     pub(super) fn draw(&self) {
+        let room = room();
         for worker in &self.workers {
             let steps = worker.steps.load(Ordering::Relaxed);
             let get = |place: &AtomicU64| f64::from_bits(place.load(Ordering::Relaxed));
             let (viscosity, time_step) = (get(&worker.viscosity), get(&worker.time_step));
             worker.bar.set_position(steps);
-            if steps > 0 && viscosity.is_finite() {
-                worker.bar.set_message(format!(
-                    "strain {:.2}  η {}",
-                    steps as f64 * time_step,
-                    crate::format::significant(viscosity, 4)
-                ));
+            if self.style == Style::Bars
+                && let Some(case) = worker.drawn().as_ref()
+            {
+                let strain = steps as f64 * time_step;
+                worker.bar.set_message(line(case, strain, viscosity, room));
             }
         }
         let message = {
@@ -256,9 +267,10 @@ impl Progress {
         if self.style == Style::Lines {
             let due = {
                 let mut campaign = self.campaign();
-                let due = campaign.logged.elapsed() >= LOG_EVERY;
+                let elapsed = campaign.begun.elapsed();
+                let due = elapsed >= campaign.due;
                 if due {
-                    campaign.logged = Instant::now();
+                    campaign.due = elapsed + elapsed.min(LOG_EVERY);
                 }
                 due
             };
@@ -313,8 +325,9 @@ impl Progress {
         let text = &*visible(text);
         match self.style {
             Style::Bars => {
+                let text = crate::format::wrapped(text, terminal_width());
                 // Lost if the terminal is gone, like the bars.
-                let _ = self.bars.println(text);
+                let _ = self.bars.println(text.trim_end());
             }
             Style::Lines => self.line(text),
             Style::Json => self.line(&event::note(text)),
@@ -324,6 +337,9 @@ impl Progress {
 
     /// A case ended, in this state, after so many steps and seconds of processor.
     pub(super) fn ended(&self, claim: &Claim, state: &str, steps: u64, cpu_time_s: f64) {
+        if let Some(state) = State::of(state) {
+            self.campaign().counts.end(state);
+        }
         if self.style == Style::Json {
             self.line(&event::ended(claim, state, steps, cpu_time_s));
         }
@@ -368,6 +384,10 @@ impl Progress {
             worker.bar.finish_and_clear();
         }
         self.overall.finish_and_clear();
+        if self.style == Style::Lines {
+            let message = self.campaign().message();
+            self.line(&message);
+        }
     }
 
     /// Writes a line; a log that cannot be written is no reason to stop computing.
@@ -391,7 +411,41 @@ impl Progress {
     }
 }
 
+/// Columns of standard error, if it is a terminal.
+fn terminal_width() -> Option<u16> {
+    let size = rustix::termios::tcgetwinsize(std::io::stderr()).ok()?;
+    (size.ws_col > 0).then_some(size.ws_col)
+}
+
+/// Columns of a bar.
+fn bar_width() -> usize {
+    let width = terminal_width().unwrap_or(80);
+    let fitting = BARS.iter().find(|(least, _)| width >= *least);
+    fitting.map_or(0, |(_, bar)| *bar)
+}
+
+/// Columns beside a bar and its percentage.
+fn room() -> usize {
+    let width = usize::from(terminal_width().unwrap_or(80));
+    width.saturating_sub(bar_width() + " 100 %  ".len())
+}
+
+/// What stands beside the bar of a case: the case, and how far it is.
+fn line(case: &Case, strain: f64, viscosity: f64, room: usize) -> String {
+    let mut so_far = format!("strain {strain:.2}");
+    if viscosity.is_finite() {
+        so_far = format!("{so_far}  η {}", crate::format::significant(viscosity, 4));
+    }
+    let label = case.label_within(room.saturating_sub(so_far.chars().count() + 2));
+    format!("{label}  {so_far}")
+}
+
 impl Worker {
+    /// Its case, for bars.
+    fn drawn(&self) -> std::sync::MutexGuard<'_, Option<Case>> {
+        self.drawn.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Estimated cost of the steps of its case so far.
     fn cost(&self) -> f64 {
         let steps = self.steps.load(Ordering::Relaxed);
@@ -448,12 +502,43 @@ impl Overall {
                 words = format!("{words}, {number} {word}");
             }
         }
-        match self.left() {
+        let is_open = c.pending + c.running > 0;
+        match self.left().filter(|_| is_open) {
             Some(left) => format!(
                 "{words}, {} left",
                 crate::format::duration(left.as_secs_f64())
             ),
             None => words,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::Protocol;
+
+    #[test]
+    fn a_line_fits_beside_its_bar_and_no_word_is_cut() {
+        let case = Case::new(crate::test_support::params(), 12, &Protocol::default());
+        for room in [120, 80, 59, 40] {
+            let line = line(&case, 12.34, 123.4, room);
+            assert!(line.chars().count() <= room, "{line}");
+            assert!(line.contains("seed 12  strain 12.34  η 123.4"), "{line}");
+        }
+    }
+
+    #[test]
+    fn cases_that_end_between_looks_into_the_store_are_counted() {
+        let mut counts = Counts {
+            running: 1,
+            pending: 2,
+            ..Counts::default()
+        };
+        for state in [State::Done, State::Failed, State::Jammed, State::Done] {
+            counts.end(state);
+        }
+        assert_eq!((counts.done, counts.failed, counts.jammed), (1, 1, 1));
+        assert_eq!(counts.total(), 3);
     }
 }

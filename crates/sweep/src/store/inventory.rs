@@ -29,6 +29,16 @@ pub struct Inventory {
     pub orphan_bytes: f64,
 }
 
+impl Inventory {
+    /// What becomes of the runs that the file requests, in a few words.
+    pub fn words(&self) -> String {
+        format!(
+            "{} new runs, {} reused, {} extended",
+            self.new, self.ended, self.begun
+        )
+    }
+}
+
 /// What it means to take a campaign file into a store.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Adoption {

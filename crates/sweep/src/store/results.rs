@@ -5,6 +5,7 @@ use super::ends::RunEnd;
 use super::statements::Statements;
 use crate::case::State;
 use crate::doubt::Doubt;
+use crate::model::networks;
 use crate::model::stresses::{self, STRESSES};
 use crate::statistics::{Averages, Distribution};
 use rusqlite::types::Value;
@@ -36,8 +37,9 @@ pub(super) static COVERED: LazyLock<String> = LazyLock::new(|| {
 /// The columns of a result.
 pub(super) fn columns() -> String {
     format!(
-        "{BEFORE}, {}, {AFTER}",
-        stresses::names(STRESSES.iter(), "")
+        "{BEFORE}, {}, {}, {AFTER}",
+        stresses::names(STRESSES.iter(), ""),
+        networks::names("")
     )
 }
 
@@ -138,6 +140,7 @@ fn values(
         Value::Text(doubts),
     ]);
     values.extend(averages.stresses.iter().map(|mean| Value::from(*mean)));
+    values.extend(averages.network.iter().map(|mean| Value::from(*mean)));
     let steady = averages.steadiness;
     values.push(end.cpu_time_s.into());
     values.extend((0..4).map(|part| Value::from(steady.map(|s| s.parts[part]))));

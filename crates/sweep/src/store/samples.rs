@@ -3,6 +3,7 @@
 use super::digest::{Altered, Digest, whole};
 use super::statements::Statements;
 use crate::axes;
+use crate::model::networks::NETWORK;
 use crate::model::sampled;
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params, params_from_iter};
@@ -100,8 +101,15 @@ pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<Str
             (Value::Real(one), Value::Real(two)) => one.to_bits() == two.to_bits(),
             (one, two) => one == two,
         };
-        (!same).then(|| format!("{name} is {}, and {}", shown(&one), shown(&two)))
+        // One of them may have been computed without looking at the network.
+        let unseen = NETWORK.iter().any(|column| column.name == name)
+            && [&one, &two].iter().any(|value| is_nothing(value));
+        (!same && !unseen).then(|| format!("{name} is {}, and {}", shown(&one), shown(&two)))
     })
+}
+
+fn is_nothing(value: &Value) -> bool {
+    matches!(value, Value::Null) || matches!(value, Value::Real(real) if real.is_nan())
 }
 
 /// A value with all its digits.

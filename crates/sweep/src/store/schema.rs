@@ -3,6 +3,7 @@
 use super::digest::Altered;
 use crate::axes::{AXES, Kind, Value as AxisValue};
 use crate::case::State;
+use crate::model::networks::NETWORK;
 use crate::model::stresses::{STRESSES, parts};
 use rusqlite::types::{Type, Value, ValueRef};
 use rusqlite::{Connection, OptionalExtension, Row};
@@ -41,7 +42,9 @@ fn statements() -> String {
     let stresses = STRESSES
         .iter()
         .map(|stress| format!("{} REAL", stress.name));
+    let network = NETWORK.map(|column| format!("{} REAL", column.name));
     STATEMENTS
+        .replace("{network}", &network.join(", "))
         .replace("{axes}", &axes.collect::<Vec<_>>().join(", "))
         .replace("{axes_of_points}", &axis_columns("p."))
         .replace("{parts}", &parts.collect::<Vec<_>>().join(", "))

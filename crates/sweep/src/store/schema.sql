@@ -119,6 +119,7 @@ CREATE TABLE samples (
     inexact_stages           INTEGER NOT NULL,
     shear_rate               REAL,      -- follows from the stress where that is imposed
     {parts},
+    {network},                          -- of the network of contacts, where the campaign observes it
     PRIMARY KEY (case_id, step)
 ) WITHOUT ROWID;
 
@@ -185,6 +186,7 @@ CREATE TABLE results (
     jammed_stages                  INTEGER NOT NULL,
     doubts                         TEXT NOT NULL,       -- names of the rules it broke, as doubt.rs has them
     {stresses},
+    {network},
     cpu_time_s                     REAL NOT NULL,
     viscosity_part_1               REAL,        -- means over the four equal parts of the samples averaged,
     viscosity_part_2               REAL,

@@ -30,6 +30,22 @@ impl Counts {
     pub fn total(&self) -> u64 {
         self.done + self.jammed + self.failed + self.running + self.pending
     }
+
+    /// A case ended in this state since they were counted.
+    pub(crate) fn end(&mut self, state: State) {
+        let (open, ended) = match state {
+            State::Done => (&mut self.running, &mut self.done),
+            State::Jammed => (&mut self.running, &mut self.jammed),
+            State::Failed => (&mut self.running, &mut self.failed),
+            State::Pending | State::Running => return,
+        };
+        // It may have been claimed after the look into the store.
+        let open = if *open > 0 { open } else { &mut self.pending };
+        if *open > 0 {
+            *open -= 1;
+            *ended += 1;
+        }
+    }
 }
 
 /// How far the grid is, in estimated seconds of CPU.

@@ -15,9 +15,9 @@ strain = 0.4
 discard = 0.1
 [[grid]]
 area_fraction = 0.65
-friction = [0.0, 0.3]
+friction = [0.1, 0.3]
 roughness = 0.01
-shear_rate = [0, 1.0, inf]
+shear_rate = [0.1, 1.0, inf]
 seeds = 2
 spheres = 30
 hydrodynamics = "ball-melrose"

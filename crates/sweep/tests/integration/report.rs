@@ -1,6 +1,7 @@
 //! What is made of a store: tables, figures, exports, the story of a run.
 
 mod chosen;
+mod diagram;
 mod figures;
 mod one_by_one;
 mod plan;

@@ -259,7 +259,7 @@ fn failed_run_leaves_a_state_that_solve_reads() {
     let text = run(directory.path(), &["status", "small.toml"]);
     let text = String::from_utf8(text.stdout).unwrap();
     assert!(
-        text.contains("about 0.0 % of the work is done, and 2 of 2 runs failed"),
+        text.contains("all 2 runs have ended, and 2 of 2 runs failed"),
         "{text}"
     );
     std::fs::write(directory.path().join("state.json"), &state.stdout).unwrap();

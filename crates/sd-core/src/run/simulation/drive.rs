@@ -4,15 +4,15 @@
 //! is given in units of F_crit. Where the stress is imposed F_crit is found at every stage, see [`crate::run::balance`]; strain stays the
 //! variable that runs are made of, and a step takes the time strain/rate.
 
-use super::{Scheme, SchemeMemory, Simulation};
+use super::{SchemeMemory, Simulation};
 use crate::contact::laws::Laws;
-use crate::contact::{Quality, Status};
+use crate::contact::{Pass, Quality, Status};
 use crate::error::Error;
 use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
 use crate::run::balance::{Balance, Next};
+use crate::run::start::Started;
 use crate::run::steppers::Stage;
 use crate::space::cell::Cell;
-use crate::space::modes::Vec2;
 use std::f64::consts::PI;
 
 /// Viscosity with which the search for the first load of a run begins.
@@ -36,15 +36,6 @@ pub(super) enum Drive {
         /// Whether a stage was solved.
         begun: bool,
     },
-}
-
-/// Which solve of a stage it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Pass {
-    /// The first, which takes the positions.
-    First,
-    /// Another of the same positions.
-    Again,
 }
 
 impl Drive {
@@ -125,13 +116,13 @@ impl Dependence {
     }
 }
 
-impl Simulation {
+impl<S: Started> Simulation<S> {
     /// Solves a stage at the critical load at which it bears the imposed stress.
     pub(super) fn solve_at_stress(
         &mut self,
         stage: Stage,
-        cell: &Cell,
-        centres: &[Vec2],
+        cell: &Cell<S>,
+        centres: &[S::Vector],
     ) -> Result<Quality, Error> {
         let mut pass = Pass::First;
         let Drive::Stress {
@@ -142,14 +133,14 @@ impl Simulation {
         };
         let dependence = Dependence::of(&self.params);
         let mut balance = Balance::new(stress);
-        let mut held = false;
         // The last load at which the layer flowed, if there was one.
         let mut flowing = None;
-        self.stage.hold_friction(false);
         for count in 1.. {
             self.take_load(load);
             let mut quality = self.solve(stage, cell, centres, pass)?;
-            pass = Pass::Again;
+            if pass == Pass::First {
+                pass = Pass::Again;
+            }
             let mut viscosity = self.stress_of_stage().viscosity;
             if !quality.jammed() {
                 flowing = Some(load);
@@ -178,7 +169,6 @@ impl Simulation {
                     let missing = (balance.load_of(viscosity) / load - 1.0).abs();
                     quality.residual = quality.residual.max(missing);
                 }
-                self.stage.hold_friction(false);
                 return Ok(quality);
             }
             let Next::Try(try_next) = next else {
@@ -189,7 +179,7 @@ impl Simulation {
                 dependence,
                 Dependence::Set | Dependence::Forces { jumps: true }
             );
-            if jumps && !held && count >= MOST_DECISIONS {
+            if jumps && pass != Pass::Held && count >= MOST_DECISIONS {
                 if quality.jammed()
                     && let Some(flowing) = flowing
                 {
@@ -203,8 +193,7 @@ impl Simulation {
                     self.take_load(balance.load_of(viscosity));
                     return Ok(quality);
                 }
-                held = true;
-                self.stage.hold_friction(true);
+                pass = Pass::Held;
                 balance = Balance::new(stress);
             }
         }
@@ -217,23 +206,21 @@ impl Simulation {
             *load = new;
             *begun = true;
         }
-        let new_laws = self.drive.laws(&self.params);
-        if let (Scheme::Laws { laws, .. }, SchemeMemory::Laws(memory)) =
-            (&mut self.scheme, &mut self.memory)
+        let before = self.laws.tangential_stiffness;
+        self.laws = self.drive.laws(&self.params);
+        if let SchemeMemory::Laws(memory) = &mut self.memory
+            && before > 0.0
         {
-            let before = laws.tangential_stiffness;
-            **laws = new_laws;
-            if before > 0.0 {
-                // A spring keeps its stretch, not its force in units of the flow.
-                let factor = laws.tangential_stiffness / before;
-                let contacts = &mut self.stage.contacts;
-                contacts.rescale_springs(memory, factor);
-            }
+            // A spring keeps its stretch, not its force in units of the flow.
+            let factor = self.laws.tangential_stiffness / before;
+            memory.springs.rescale(factor);
+            memory.rolling_springs.rescale(factor);
         }
     }
 
     /// Whether friction would act on the same contacts above another critical load. The paper's steps decide it by themselves.
     fn acts_alike(&self, load: f64) -> bool {
-        self.stage.contacts.acts_alike(load)
+        let mut contacts = self.stage.contacts.list.iter();
+        contacts.all(|contact| contact.friction_acts == (contact.normal_force > load))
     }
 }

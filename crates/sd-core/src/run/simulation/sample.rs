@@ -34,6 +34,38 @@ pub struct Sample {
     pub minimum_gap: f64,
     /// What the run has met so far, this step included.
     pub counters: Counters,
+    /// Numbers of the network of contacts, for whoever looks at the frame of the sample; a step leaves them out.
+    #[serde(default)]
+    pub network: Option<NetworkSample>,
+}
+
+/// Numbers of the network of contacts at one instant.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct NetworkSample {
+    /// Loaded contacts of a sphere.
+    pub coordination: f64,
+    /// Contacts of a sphere on which friction acts.
+    pub frictional_coordination: f64,
+    /// Share of spheres in the largest cluster of such contacts.
+    pub largest_cluster: f64,
+    /// 1 if such a cluster percolates along the flow, else 0.
+    pub percolating_x: f64,
+    /// The same along the gradient.
+    pub percolating_y: f64,
+    /// Share of spheres in the core of such contacts.
+    pub core_fraction: f64,
+}
+
+impl NetworkSample {
+    /// Of no network.
+    pub const NONE: Self = Self {
+        coordination: f64::NAN,
+        frictional_coordination: f64::NAN,
+        largest_cluster: f64::NAN,
+        percolating_x: f64::NAN,
+        percolating_y: f64::NAN,
+        core_fraction: f64::NAN,
+    };
 }
 
 /// What a run has met since its start.

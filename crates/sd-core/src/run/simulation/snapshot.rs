@@ -3,12 +3,14 @@
 use super::Counters;
 use super::drive::Drive;
 use crate::contact::ContactMemory;
-use crate::contact::procedure::ContactList;
-use crate::contact::warm_start::SpringForces;
+use crate::contact::memory::PairForces;
+use crate::contact::springs::Springs;
 use crate::error::Error;
 use crate::model::{ContactScheme, Params, StartLayer};
-use crate::run::start;
+use crate::procedure::ContactList;
+use crate::run::start::{Start, Started};
 use crate::space::pair::PairKey;
+use crate::space::{Layer, Space};
 use crate::stage::Method;
 use serde::{Deserialize, Serialize};
 
@@ -17,22 +19,22 @@ pub const SNAPSHOT_VERSION: u32 = 3;
 
 /// All that the next step needs. Restored with the same parameters, a run goes on with the same bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Snapshot {
+#[serde(deny_unknown_fields, bound = "")]
+pub struct Snapshot<S: Space = Layer> {
     /// [`SNAPSHOT_VERSION`].
     pub version: u32,
     /// Steps done; strain = steps × time step.
     pub steps: u64,
     /// Radii, in a.
     pub radii: Vec<f64>,
-    /// Side of the square cell, in a.
+    /// Side of the square or cubic cell, in a.
     pub side: f64,
     /// Centres, in a.
-    pub centres: Vec<[f64; 2]>,
-    /// Orientations, in radians.
-    pub orientations: Vec<f64>,
+    pub centres: Vec<S::Point>,
+    /// Orientations: in radians, or unit quaternions.
+    pub orientations: Vec<S::Orientation>,
     /// What contacts remember.
-    pub memory: SchemeMemory,
+    pub memory: SchemeMemory<S>,
     /// Pairs of the near part's pattern, ordered, where the resistance is held pair by pair: the order of elimination follows from
     /// them.
     #[serde(default)]
@@ -51,10 +53,10 @@ pub struct Snapshot {
 
 /// What contacts remember between steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum SchemeMemory {
+#[serde(rename_all = "kebab-case", deny_unknown_fields, bound = "")]
+pub enum SchemeMemory<S: Space = Layer> {
     /// Under laws.
-    Laws(ContactMemory),
+    Laws(ContactMemory<S>),
     /// Under the paper's steps.
     Procedure {
         /// Pairs in contact.
@@ -64,7 +66,7 @@ pub enum SchemeMemory {
     },
 }
 
-impl SchemeMemory {
+impl<S: Space> SchemeMemory<S> {
     /// Nothing to remember yet.
     pub(super) fn new(scheme: &ContactScheme) -> Self {
         match scheme {
@@ -77,16 +79,34 @@ impl SchemeMemory {
     }
 
     /// Stretches the springs of friction, of this stiffness, as a layer has them; under laws without any, nothing happens.
-    pub(super) fn stretch(&mut self, layer: &start::Start, stiffness: f64) {
+    pub(super) fn stretch(&mut self, layer: &Start<S>, stiffness: f64) {
         if let Self::Laws(memory) = self
             && stiffness > 0.0
         {
-            let forces = |stretches: &[(u32, u32, f64)]| {
-                let pairs = stretches.iter();
-                SpringForces(pairs.map(|&(i, j, x)| (i, j, stiffness * x)).collect())
+            let springs = |stretches: &[(u32, u32, S::Tangent)]| {
+                let forces = stretches.iter().map(|&(i, j, x)| (i, j, x * stiffness));
+                Springs::new(PairForces(forces.collect()))
             };
-            memory.springs = forces(&layer.springs);
-            memory.rolling_springs = forces(&layer.rolling_springs);
+            memory.springs = springs(&layer.springs);
+            memory.rolling_springs = springs(&layer.rolling_springs);
+        }
+    }
+
+    /// Becomes equal to the other, which is of the same scheme, without allocating once there is room.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        match (self, other) {
+            (Self::Laws(memory), Self::Laws(other)) => memory.copy_from(other),
+            (
+                Self::Procedure { listed, velocities },
+                Self::Procedure {
+                    listed: other_listed,
+                    velocities: other_velocities,
+                },
+            ) => {
+                listed.pairs.clone_from(&other_listed.pairs);
+                velocities.clone_from(other_velocities);
+            }
+            (this, other) => *this = other.clone(),
         }
     }
 
@@ -105,8 +125,8 @@ impl SchemeMemory {
             (Self::Laws(memory), ContactScheme::Rigid | ContactScheme::Laws(_)) => {
                 let forces = &memory.warm_start.forces;
                 let springs = [
-                    &memory.springs,
-                    &memory.rolling_springs,
+                    &memory.springs.forces,
+                    &memory.rolling_springs.forces,
                     &memory.warm_start.rolling,
                 ];
                 let mut springs = springs.iter().flat_map(|list| &list.0);
@@ -115,12 +135,12 @@ impl SchemeMemory {
                 {
                     return Some("contacts of spheres that are not there");
                 }
-                let finite = forces.iter().all(|f| f.2.is_finite() && f.3.is_finite())
-                    && springs.all(|f| f.2.is_finite());
+                let finite = forces.iter().all(|f| f.2.is_finite() && S::is_finite(&f.3))
+                    && springs.all(|f| S::is_finite(&f.2));
                 (!finite).then_some("not all numbers are finite")
             }
             (Self::Procedure { listed, velocities }, ContactScheme::Procedure) => {
-                if !(velocities.is_empty() || velocities.len() == 3 * spheres) {
+                if !(velocities.is_empty() || velocities.len() == S::MODES * spheres) {
                     return Some("velocities of another number of spheres");
                 }
                 if !listed.pairs.iter().all(there) {
@@ -142,9 +162,9 @@ impl Snapshot {
         let stiffness = Drive::new(params, self.critical_load)
             .laws(params)
             .tangential_stiffness;
-        let stretches = |springs: fn(&ContactMemory) -> &SpringForces| match &self.memory {
+        let stretches = |springs: fn(&ContactMemory) -> &Springs| match &self.memory {
             SchemeMemory::Laws(memory) if stiffness > 0.0 => {
-                let forces = springs(memory).0.iter();
+                let forces = springs(memory).forces.0.iter();
                 forces.map(|&(i, j, f)| (i, j, f / stiffness)).collect()
             }
             SchemeMemory::Laws(_) | SchemeMemory::Procedure { .. } => Vec::new(),
@@ -161,7 +181,9 @@ impl Snapshot {
             rolling_springs: stretches(|memory| &memory.rolling_springs),
         }
     }
+}
 
+impl<S: Started> Snapshot<S> {
     /// Refuses what cannot be a snapshot of a run with these parameters.
     pub(super) fn check(&self, params: &Params) -> Result<(), Error> {
         let refuse = |reason| Err(Error::Snapshot { reason });
@@ -182,13 +204,17 @@ impl Snapshot {
             return refuse("near pairs of spheres that are not there, or not in order");
         }
         let iterated = Method::of(params) == Method::Iterated;
-        let expected = if iterated { 12 * n + 4 } else { 0 };
+        let modes = S::MODES + S::STRAINS;
+        let expected = if iterated { 2 * modes * n + 4 } else { 0 };
         if !(self.far_field.is_empty() || self.far_field.len() == expected) {
             return refuse("a far field of another number of spheres");
         }
-        let finite = self.centres.iter().flatten().all(|x| x.is_finite())
+        let finite = self
+            .centres
+            .iter()
+            .all(|x| x.as_ref().iter().all(|x| x.is_finite()))
             && self.far_field.iter().all(|x| x.is_finite())
-            && self.orientations.iter().all(|x| x.is_finite());
+            && self.orientations.iter().all(S::is_orientation);
         if !finite {
             return refuse("not all numbers are finite");
         }
@@ -198,7 +224,7 @@ impl Snapshot {
         {
             return refuse("a critical load that is none");
         }
-        let (radii, side) = start::radii_and_side(params)?;
+        let (radii, side) = S::radii_and_side(params)?;
         if self.radii != radii || self.side.to_bits() != side.to_bits() {
             return refuse("other radii or cell than the parameters give");
         }

@@ -1,21 +1,22 @@
 //! The right-hand side: from positions to velocities, with what contacts remember and how the shear is imposed.
 
-use super::drive::{Drive, Pass};
-use super::{Scheme, SchemeMemory, Simulation};
-use crate::contact::Quality;
+use super::drive::Drive;
+use super::{SchemeMemory, Simulation};
 use crate::contact::laws::Span;
+use crate::contact::{Pass, Quality};
 use crate::error::Error;
+use crate::run::start::Started;
 use crate::run::steppers::{Bearing, Stage};
+use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;
-use crate::space::modes::Vec2;
 use crate::stage::Contact;
 
-impl Simulation {
+impl<S: Started> Simulation<S> {
     /// One right-hand side; whether its contact problem has no solution.
     pub(super) fn stage(
         &mut self,
         stage: Stage,
-        centres: &[Vec2],
+        centres: &[S::Vector],
         velocities: &mut [f64],
     ) -> Result<bool, Error> {
         let cell = self.cell_at(stage.time)?;
@@ -23,18 +24,20 @@ impl Simulation {
             // A run that is resumed here then has the same bits.
             self.stage.begin_step();
         }
-        let quality = self.solve_driven(stage, &cell, centres)?;
+        let quality = match &self.drive {
+            Drive::Rate => self.solve(stage, &cell, centres, Pass::First)?,
+            Drive::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
+        };
         self.count(quality);
         let (background, solver) = (self.background, &self.stage);
-        for ((u, v), &x) in velocities
-            .chunks_exact_mut(3)
-            .zip(solver.velocities().chunks_exact(3))
-            .zip(centres)
-        {
-            let flow = background.velocity(x);
-            u[0] = v[0] + flow.x;
-            u[1] = v[1] + flow.y;
-            u[2] = v[2] + background.angular_velocity;
+        let spheres = S::by_sphere_mut(velocities)
+            .iter_mut()
+            .zip(S::by_sphere(solver.velocities()));
+        for ((u, v), x) in spheres.zip(centres) {
+            let flow = S::join(&background.velocity_at(x), &background.spin());
+            for k in 0..S::MODES {
+                u[k] = v[k] + flow[k];
+            }
         }
         Ok(quality.jammed())
     }
@@ -49,57 +52,42 @@ impl Simulation {
         }
     }
 
-    /// The contact problem of a stage and its motion, at the rate or the stress that is imposed.
-    fn solve_driven(
-        &mut self,
-        stage: Stage,
-        cell: &Cell,
-        centres: &[Vec2],
-    ) -> Result<Quality, Error> {
-        match &self.drive {
-            Drive::Rate => self.solve(stage, cell, centres, Pass::First),
-            Drive::Stress { .. } => self.solve_at_stress(stage, cell, centres),
-        }
-    }
-
     /// The contact problem of a stage and its motion.
     pub(super) fn solve(
         &mut self,
         stage: Stage,
-        cell: &Cell,
-        centres: &[Vec2],
-        pass: Pass,
+        cell: &Cell<S>,
+        centres: &[S::Vector],
+        mut pass: Pass,
     ) -> Result<Quality, Error> {
-        let (background, solver) = (self.background, &mut self.stage);
+        let (background, solver, laws) = (self.background, &mut self.stage, &self.laws);
+        if laws.act_at_a_distance() {
+            // They are a part of the forces, and a repulsion of the matrix.
+            pass = Pass::First;
+        }
         if pass == Pass::First {
             solver.assemble(cell, centres)?;
         }
-        let surface = self.drive.surface(&self.params);
-        match (&mut self.scheme, &mut self.memory) {
-            (Scheme::Laws { laws, first }, SchemeMemory::Laws(memory)) => {
+        match &mut self.memory {
+            SchemeMemory::Laws(memory) => {
                 let span = Span {
                     time: stage.span,
                     phase: stage.phase,
-                    first,
+                    first: &self.first,
                 };
                 let contact = Contact::Laws { laws, span, memory };
-                let quality = if pass == Pass::First {
-                    solver.solve(&background, &[], contact)?
-                } else if laws.repulsion.is_some() || laws.adhesion > 0.0 {
-                    // They are a part of the forces, and a repulsion of the matrix that was factored.
-                    solver.assemble(cell, centres)?;
-                    solver.solve(&background, &[], contact)?
-                } else {
-                    solver.solve_again(&background, contact)?
-                };
+                let quality = solver.solve(&background, &[], contact, pass)?;
                 if stage.number == 0 {
                     // What a later stage of the step asks for.
-                    first.clear();
-                    first.extend_from_slice(solver.velocities());
+                    self.first.clear();
+                    self.first.extend_from_slice(solver.velocities());
                 }
                 Ok(quality)
             }
-            (_, SchemeMemory::Procedure { listed, velocities }) => {
+            SchemeMemory::Procedure { listed, velocities } => {
+                let SchemeMemory::Procedure { listed: before, .. } = &mut self.remembered else {
+                    unreachable!("made for the same scheme");
+                };
                 if pass == Pass::First {
                     if stage.number == 0 && !velocities.is_empty() {
                         let roughness = self.params.roughness;
@@ -110,18 +98,14 @@ impl Simulation {
                             velocities,
                         );
                     }
-                    self.listed_before.pairs.clone_from(&listed.pairs);
-                    let contact = Contact::Procedure { surface, listed };
-                    solver.solve(&background, &[], contact)
+                    before.pairs.clone_from(&listed.pairs);
                 } else {
                     // A solve drops pairs from the list.
-                    listed.pairs.clone_from(&self.listed_before.pairs);
-                    let contact = Contact::Procedure { surface, listed };
-                    solver.solve_again(&background, contact)
+                    listed.pairs.clone_from(&before.pairs);
                 }
-            }
-            (Scheme::Procedure, SchemeMemory::Laws(_)) => {
-                unreachable!("snapshots are checked against the parameters")
+                let surface = self.drive.surface(&self.params);
+                let contact = Contact::Procedure { surface, listed };
+                solver.solve(&background, &[], contact, pass)
             }
         }
     }

@@ -1,13 +1,14 @@
 //! A step of a run: in one piece, or in halves where spheres would come too near on the way.
 
 use super::sampling::Taken;
-use super::{Counters, Sample, Scheme, SchemeMemory, Simulation};
+use super::{Counters, Sample, SchemeMemory, Simulation};
 use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
+use crate::run::start::Started;
 use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
-use crate::space::modes::Vec2;
 use crate::space::pair::Neighbours;
+use crate::space::{ImposedFlow as _, Space};
 
 /// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
 const MAX_HALVINGS: u32 = 6;
@@ -77,7 +78,7 @@ impl Part {
     }
 }
 
-impl Simulation {
+impl<S: Started> Simulation<S> {
     /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its start held, under soft ones by
     /// [`crate::Rosenbrock`], and by [`crate::RungeKutta`] where nothing is pressed and under the paper's procedure.
     ///
@@ -137,10 +138,7 @@ impl Simulation {
     /// Whether contacts hold the layer: whether loaded ones that do not slide take away as many motions as the spheres have that bear on two
     /// others or more (Maxwell's count). Such a network bears any load, and harder contacts would not let it flow.
     fn is_held(&self) -> bool {
-        let Scheme::Laws { laws, .. } = &self.scheme else {
-            return false;
-        };
-        let halted = laws.tangential.halts().motions();
+        let halted = S::TANGENTS * self.laws.tangential.halts().motions();
         let contacts = self.stage.contacts.list.iter();
         let loaded = || {
             contacts
@@ -156,7 +154,7 @@ impl Simulation {
         let taken: usize = loaded()
             .filter(|contact| bears(contact.pair.i) && bears(contact.pair.j))
             .map(|contact| {
-                usize::from(contact.rolling_halted)
+                S::TANGENTS * usize::from(contact.rolling_halted)
                     + match contact.state {
                         ContactState::Rolling => 1 + halted,
                         ContactState::Frictionless | ContactState::Slipping => 1,
@@ -164,14 +162,14 @@ impl Simulation {
             })
             .sum();
         let spheres = (0..partners.len()).filter(|&sphere| bears(sphere)).count();
-        spheres > 0 && taken >= 3 * spheres
+        spheres > 0 && taken >= S::MODES * spheres
     }
 
     /// Moves the state by one step of `stepper`, sampled at its first stage.
     fn attempt(
         &mut self,
-        stepper: &mut Stepper,
-        state: &mut State,
+        stepper: &mut Stepper<S>,
+        state: &mut State<S>,
         [time, dt]: [f64; 2],
         taken: &mut Taken,
     ) -> Result<(), Error> {
@@ -189,15 +187,13 @@ impl Simulation {
     /// end, which only the next step would find, in two, four and so on.
     fn advance_soft(
         &mut self,
-        stepper: &mut Stepper,
-        state: &mut State,
+        stepper: &mut Stepper<S>,
+        state: &mut State<S>,
         taken: &mut Taken,
     ) -> Result<Advance, Error> {
         let (time, dt, drive) = (self.strain(), self.params.time_step, self.drive);
         let jammed = self.counters.jammed_stages;
-        if let SchemeMemory::Laws(memory) = &self.memory {
-            self.remembered.copy_from(memory);
-        }
+        self.remembered.copy_from(&self.memory);
         let mut halvings = 0;
         loop {
             let parts = 1_u32 << halvings;
@@ -216,12 +212,8 @@ impl Simulation {
             };
             state.copy_from(&self.before);
             self.drive = drive;
-            if let (Scheme::Laws { laws, .. }, SchemeMemory::Laws(memory)) =
-                (&mut self.scheme, &mut self.memory)
-            {
-                **laws = drive.laws(&self.params);
-                memory.copy_from(&self.remembered);
-            }
+            self.laws = drive.laws(&self.params);
+            self.memory.copy_from(&self.remembered);
             let overlaps = matches!(error, Error::Overlap { .. });
             // Smaller steps do not help where no motion is admissible.
             let jams = self.counters.jammed_stages > jammed || self.is_held();
@@ -242,8 +234,8 @@ impl Simulation {
     /// holds the gaps at the end of just this motion. Where it has no such motion, the layer stays where it is.
     fn advance_rigid(
         &mut self,
-        method: &mut Midpoint,
-        state: &mut State,
+        method: &mut Midpoint<S>,
+        state: &mut State<S>,
         part: Part,
         taken: &mut Taken,
     ) -> Result<Advance, Error> {
@@ -292,8 +284,8 @@ impl Simulation {
     /// Moves the state of a rigid layer by one step of the midpoint rule.
     fn attempt_rigid(
         &mut self,
-        method: &mut Midpoint,
-        state: &mut State,
+        method: &mut Midpoint<S>,
+        state: &mut State<S>,
         part: Part,
         taken: &mut Taken,
     ) -> Result<Attempt, Error> {
@@ -345,17 +337,19 @@ impl Simulation {
         let background = self.background;
         velocities.clear();
         velocities.extend_from_slice(method.mean());
-        for (u, x) in velocities.chunks_exact_mut(3).zip(&self.state.centres) {
+        let spheres = S::by_sphere_mut(velocities).iter_mut();
+        for (u, &x) in spheres.zip(&self.state.centres) {
             // The centre has moved by u dt already; its mean position lies half a step back.
-            let flow = background.velocity(x - Vec2::new(u[0], u[1]) * (0.5 * dt));
-            u[0] -= flow.x;
-            u[1] -= flow.y;
-            u[2] -= background.angular_velocity;
+            let mean = x - S::translation(u) * (0.5 * dt);
+            let flow = S::join(&background.velocity_at(&mean), &background.spin());
+            for k in 0..S::MODES {
+                u[k] -= flow[k];
+            }
         }
     }
 }
 
 /// Whether a gap is too low.
-fn is_low(held: f64, closest: Option<&Neighbours>) -> bool {
+fn is_low<S: Space>(held: f64, closest: Option<&Neighbours<S>>) -> bool {
     closest.is_some_and(|pair| pair.gap < held)
 }

@@ -2,7 +2,7 @@
 
 use sd_core::contact::Surface;
 use sd_core::contact::laws::Laws;
-use sd_core::contact::warm_start::SpringForces;
+use sd_core::contact::memory::PairForces;
 use sd_core::instant::ContactRequest;
 use sd_core::{ContactLaws, Hydrodynamics};
 use serde::Deserialize;
@@ -181,7 +181,7 @@ impl Contact {
 fn forces(
     name: &'static str,
     springs: Option<Vec<Spring>>,
-) -> Result<SpringForces, (&'static str, String)> {
+) -> Result<PairForces, (&'static str, String)> {
     let springs = springs.unwrap_or_default();
     if springs.len() > PAIR_LIMIT {
         return Err((name, format!("at most {PAIR_LIMIT} pairs")));
@@ -195,5 +195,5 @@ fn forces(
         ));
     }
     forces.sort_unstable_by_key(|f| (f.0, f.1));
-    Ok(SpringForces(forces))
+    Ok(PairForces(forces))
 }

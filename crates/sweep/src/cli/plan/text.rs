@@ -35,6 +35,13 @@ fn tables(
         plan.campaign, plan.cases, plan.points
     )?;
     sheets.write(width, out)?;
+    if plan.folded > 0 {
+        writeln!(
+            out,
+            "{} more runs of the grids are folded into these: friction has no effect at Γ = 0, nor has Γ without friction",
+            plan.folded
+        )?;
+    }
     let has_interval = |kind: &Kind| kind.step_ci95_s.is_some();
     if plan.kinds.iter().any(has_interval) {
         writeln!(
@@ -43,6 +50,9 @@ fn tables(
         )?;
     }
     write_reasons(&plan.kinds, out)?;
+    for warning in &plan.warnings {
+        writeln!(out, "warning: {warning}")?;
+    }
     write_precision(plan, out)?;
     writeln!(
         out,

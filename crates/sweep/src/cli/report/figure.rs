@@ -26,22 +26,44 @@ pub(crate) struct FigureArguments {
     #[command(flatten)]
     drawing: Drawing,
     /// Runs of a trace, each by its number in the campaign file or the beginning of its key [default: the first run of each point]
-    #[arg(long, value_name = "KEY", requires = "figure")]
+    #[arg(long, value_name = "KEY", requires = "figure", hide_short_help = true)]
     case: Vec<String>,
     /// Width of the figure, such as 85mm, 180mm or 3.35in [default: 85mm, and 180mm with panels]
-    #[arg(long, value_name = "LENGTH", requires = "figure")]
+    #[arg(
+        long,
+        value_name = "LENGTH",
+        requires = "figure",
+        hide_short_help = true
+    )]
     width: Option<Length>,
     /// Size of the labels in points; numbers and legend are a tenth smaller [default: 8]
-    #[arg(long, value_name = "POINTS", requires = "figure")]
+    #[arg(
+        long,
+        value_name = "POINTS",
+        requires = "figure",
+        hide_short_help = true
+    )]
     font_size: Option<f64>,
     /// Where the legend stands [default: below]
-    #[arg(long, value_enum, value_name = "PLACE", requires = "figure")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "PLACE",
+        requires = "figure",
+        hide_short_help = true
+    )]
     legend: Option<LegendPlace>,
     /// How intervals are drawn [default: bars]
-    #[arg(long, value_enum, value_name = "FORM", requires = "figure")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "FORM",
+        requires = "figure",
+        hide_short_help = true
+    )]
     intervals: Option<Intervals>,
     /// A TOML file with width, height, font_size, line_width, marker_size, colours, markers, legend, intervals, dpi
-    #[arg(long, value_name = "FILE", requires = "figure")]
+    #[arg(long, value_name = "FILE", requires = "figure", hide_short_help = true)]
     style: Option<PathBuf>,
 }
 
@@ -70,6 +92,17 @@ impl FigureArguments {
                 "--quantity",
                 "it chooses a viscosity, so only --kind viscosity has it",
             );
+        }
+        for (argument, axis) in [("--x", self.drawing.x), ("--y", self.drawing.y)] {
+            if axis.is_some() && self.drawing.kind != Kind::StateDiagram {
+                return refuse(
+                    argument,
+                    "only --kind state-diagram has it; others have --along",
+                );
+            }
+        }
+        if self.drawing.along.is_some() && self.drawing.kind == Kind::StateDiagram {
+            return refuse("--along", "a state diagram has --x and --y");
         }
         if !self.case.is_empty() && self.drawing.kind != Kind::Trace {
             return refuse(

@@ -1,9 +1,11 @@
 //! Paths that are no results of a campaign, in the look of its figures.
 
+use super::log_axis::LogAxis;
 use super::look::Look;
 use super::origin::Origin;
+use super::palette::{CURVES, ORDERED_CURVES};
 use super::sketch::{Field, Form, Height, Line, Sketch, Spot};
-use super::{Format, Outline, file};
+use super::{Format, Outline, file, refused};
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
 
@@ -38,6 +40,75 @@ pub fn draw_graphs(
         x: x.into(),
         y: y.into(),
         ..Sketch::default()
+    };
+    let look = Look::default();
+    let outline = Outline::of(&sketch, &look)?;
+    file(&outline, &look.style, format, &Origin::of(&[]))
+}
+
+/// Data and what was fitted to them: its entry in the legend, the number that it is ordered by, and the places of both.
+#[derive(Debug)]
+pub(crate) struct FitCurve {
+    pub(crate) label: String,
+    pub(crate) number: f64,
+    pub(crate) data: Vec<[f64; 2]>,
+    pub(crate) fit: Vec<[f64; 2]>,
+}
+
+/// Draws data as markers and fits as lines against a logarithmic axis, whose ends may be 0 and infinity.
+///
+/// # Errors
+/// [`ReportError::Argument`] if there are more curves than can be told apart.
+pub(crate) fn draw_fit(
+    curves: &[FitCurve],
+    [x, y]: [&str; 2],
+    format: Format,
+) -> Result<Vec<u8>, ReportError> {
+    if curves.len() > ORDERED_CURVES {
+        return Err(refused(format!(
+            "{} curves, and at most {ORDERED_CURVES} can be told apart: choose points with --where KEY=VALUE",
+            curves.len()
+        )));
+    }
+    let places: Vec<f64> = curves
+        .iter()
+        .flat_map(|curve| curve.data.iter().map(|[x, _]| *x))
+        .collect();
+    let log = LogAxis::of(&places);
+    let spots = |places: &[[f64; 2]]| {
+        let spot = |&[x, y]: &[f64; 2]| Spot {
+            x: log.place(x),
+            y: y.is_finite().then(|| Height::bare(y)),
+        };
+        places.iter().map(spot).collect()
+    };
+    let mut lines = Vec::new();
+    for (place, curve) in curves.iter().enumerate() {
+        let label = Label {
+            words: curve.label.clone(),
+            number: Some(curve.number),
+        };
+        for (label, places, form) in [
+            (label, &curve.data, Form::Points),
+            (Label::default(), &curve.fit, Form::Trace),
+        ] {
+            lines.push(Line {
+                place,
+                ..Line::new(label, spots(places), form, 0)
+            });
+        }
+    }
+    let sketch = Sketch {
+        lines,
+        panels: vec![Field::default()],
+        ordered: if curves.len() > CURVES {
+            curves.len()
+        } else {
+            0
+        },
+        x: x.into(),
+        y: y.into(),
+        log: Some(log),
     };
     let look = Look::default();
     let outline = Outline::of(&sketch, &look)?;

@@ -323,7 +323,9 @@ impl Curve {
             }
             before = Some(spot.x);
         }
-        pieces.retain(|(first, last)| first < last && line.form != Form::Crosses);
+        pieces.retain(|(first, last)| {
+            first < last && !matches!(line.form, Form::Crosses | Form::Points)
+        });
         let interval = |point: &(f64, f64, f64, f64)| point.2 > 0.0 || point.3 > 0.0;
         let has_intervals = line.form == Form::Curve && points.iter().any(interval);
         let is_band = style.intervals == Intervals::Bands;
@@ -335,7 +337,7 @@ impl Curve {
                 (_, number) => Colour::ordered(line.place, number),
             },
             marker: match line.form {
-                Form::Curve => Some(style.markers[line.place % style.markers.len()]),
+                Form::Curve | Form::Points => Some(style.markers[line.place % style.markers.len()]),
                 Form::Crosses => Some(Marker::Cross),
                 Form::Trace => None,
             },

@@ -1,5 +1,6 @@
 //! What a figure is made of: lines of points, before anything is said of how they look.
 
+mod diagram;
 mod draft;
 
 use super::log_axis::LogAxis;
@@ -40,6 +41,8 @@ pub(super) enum Form {
     Curve,
     /// A thin line without markers.
     Trace,
+    /// Markers that nothing joins.
+    Points,
     /// Crosses that nothing joins.
     Crosses,
 }
@@ -175,10 +178,25 @@ fn drafted<'r>(
     traces: &[Trace],
     drawing: &Drawing,
 ) -> Result<(Draft<'r>, Sketch), ReportError> {
-    let draft = Draft::of(reports, drawing)?;
+    let diagram = match drawing.kind {
+        Kind::StateDiagram => Some(diagram::axes(reports, drawing)?),
+        _ => None,
+    };
+    let along = diagram.map_or(drawing.along, |[x, _]| Some(x));
+    let draft = Draft::of(
+        reports,
+        &Drawing {
+            along,
+            ..drawing.clone()
+        },
+    )?;
     let measured = Measured::of(drawing);
     draft.check_units(measured)?;
     let mut sketch = match drawing.kind {
+        Kind::StateDiagram => {
+            let [_, y] = diagram::axes(reports, drawing)?;
+            draft.diagram(y)?
+        }
         Kind::Contacts => draft.contacts(),
         Kind::Trace => draft.in_time(traces),
         _ => draft.of_points(measured),
@@ -204,7 +222,10 @@ fn arranged(
     (draft, mut sketch): (Draft<'_>, Sketch),
     drawing: &Drawing,
 ) -> Result<Sketch, ReportError> {
-    arrange(&mut sketch, drawing)?;
+    // The colours of a state diagram are those of its states, whichever of these there are.
+    if drawing.kind != Kind::StateDiagram {
+        arrange(&mut sketch, drawing)?;
+    }
     draft.note_doubtful(&mut sketch, drawing.kind);
     let crosses = draft.jammed(drawing.kind, &sketch);
     sketch.lines.extend(crosses);

@@ -69,7 +69,7 @@ function plot_map() {
   const along = (axis, list) => ({ low: -.5, high: list.length - .5, ticks: list.map((v, at) => ({ at, name: value_of(axis, v) })) });
   svg.replaceChildren();
   svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
-  shown_table = { head: [ax, ay, ...others, QUANTITIES[quantity], 'runs', 'jammed', 'failed'], rows: [] };
+  shown_table = { head: [ax, ay, ...others, QUANTITIES[quantity], 'runs', 'jammed', 'failed', 'flow'], rows: [] };
   shown.forEach(([name, cells], n) => {
     const [left, top] = [n % columns * each, Math.floor(n / columns) * tall + head], ground = draw('g', { class: 'map', transform: `translate(${left} ${top})` });
     const { X, Y } = frame(ground, each, tall - head, along(ax, xs), along(ay, ys), [AXIS[ax].label, AXIS[ay].label]);
@@ -83,9 +83,11 @@ function plot_map() {
       const over = value !== null && part(value) > .55 ? '#111' : value === null ? 'var(--ink)' : '#fff';
       if (point.jammed) group.append(draw('path', { class: 'jammed', d: 'M-1-1L1 1M-1 1L1-1', transform: `translate(${cx - (point.failed ? size : 0)} ${cy}) scale(${size * .6})`, style: `stroke:${over};stroke-width:${3 / size}` }));
       if (point.failed) group.append(draw('text', { class: 'failed', x: cx + (point.jammed ? size : 0), y: cy + size * .7, 'text-anchor': 'middle', style: `fill:${over};font-size:${2 * size}px;font-weight:bold` }, '!'));
+      const flow = data.flows[index];
+      if (flow === 'discontinuous') group.append(draw('text', { class: 'discontinuous', x: cx, y: cy - size * .8, 'text-anchor': 'middle', style: `fill:${over};font-size:${1.6 * size}px` }, 'D'));
       group.append(draw('rect', { class: 'halo', x: cx - wide / 2 + 2, y: cy - deep / 2 + 2, width: wide - 4, height: deep - 4 }));
-      const text = `${name_of(point, [ax, ay, ...others])}\n${QUANTITIES[quantity]} ${show(value)}\n${of_runs(point)}`;
-      shown_table.rows.push([xs[place[0]], ys[place[1]], ...others.map(a => on(point, a)), value, point.seeds, point.jammed, point.failed]);
+      const text = `${name_of(point, [ax, ay, ...others])}\n${QUANTITIES[quantity]} ${show(value)}\n${of_runs(point)}${flow ? '\n' + flow : ''}`;
+      shown_table.rows.push([xs[place[0]], ys[place[1]], ...others.map(a => on(point, a)), value, point.seeds, point.jammed, point.failed, flow]);
       walkable(svg, group, text, [cx, cy], width, () => choose(index));
     }
   });
@@ -96,7 +98,7 @@ function plot_map() {
     for (const [place, v, anchor] of [[from, low, 'start'], [right, high, 'end']]) svg.append(draw('text', { x: place, y: at + 25, 'text-anchor': anchor }, show(v)));
     svg.append(draw('text', { x: from - 8, y: at + 10, 'text-anchor': 'end' }, QUANTITIES[quantity] + (log ? ', logarithmic' : '')));
   }
-  $('note').textContent = 'Colour: mean over runs. × some runs jammed; ! some runs failed; no colour: no result. Choose a cell for its runs.';
+  $('note').textContent = 'Colour: mean over runs. × some runs jammed; ! some runs failed; D discontinuous thickening, d ln η/d ln σ ≥ 1; no colour: no result. Choose a cell for its runs.';
 }
 
 /* A run against another, in time. */

@@ -2,7 +2,9 @@
 
 use crate::axes::AXES;
 use crate::data::{Cells, DataColumn};
+use crate::model::networks::NETWORK;
 use crate::model::stresses::STRESSES;
+use crate::structure::meaning_of;
 
 /// Name, unit and meaning of a column.
 type Meaning = (&'static str, &'static str, &'static str);
@@ -87,6 +89,11 @@ pub(super) fn explain(column: &mut DataColumn, own: &[Meaning]) {
     let known = own.iter().chain(OF_BOTH).find(|known| known.0 == name);
     let axis = || AXES.iter().find(|axis| axis.key == name);
     let stress = || STRESSES.iter().find(|stress| stress.name == name);
+    let network = NETWORK.iter().find(|network| network.name == name);
+    if let Some(network) = network {
+        (column.unit, column.meaning) = ("1", meaning_of(network.name));
+        return;
+    }
     let found = match (known, axis(), stress()) {
         (Some((_, unit, meaning)), ..) => (*unit, *meaning),
         (None, Some(axis), _) => (axis.unit, axis.meaning),

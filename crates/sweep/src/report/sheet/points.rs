@@ -11,7 +11,7 @@ use crate::report::points::{Point, Report};
 /// Columns of a table that is as wide as it needs to be: name, heading, significant digits, and how soon it is left out where there is
 /// no room, the highest first.
 #[rustfmt::skip]
-const USUAL: [(&str, &str, i32, u8); 20] = [
+const USUAL: [(&str, &str, i32, u8); 24] = [
     ("seeds", "runs", 4, 1),
     ("seeds_wanted", "wanted", 4, 3),
     ("precision", "precision", 2, 3),
@@ -26,6 +26,10 @@ const USUAL: [(&str, &str, i32, u8); 20] = [
     ("contacts_per_sphere", "contacts\n/ N", 3, 6),
     ("activated_fraction", "activated", 3, 6),
     ("rolling_fraction", "rolling", 3, 6),
+    ("coordination", "coordi-\nnation", 3, 3),
+    ("largest_cluster", "largest\ncluster", 3, 3),
+    ("percolating_y", "percolates\nalong y", 3, 3),
+    ("core_fraction", "core", 3, 3),
     ("minimum_gap", "smallest\ngap", 3, 7),
     ("overlap", "largest\noverlap", 2, 2),
     ("mean_approach_velocity", "approach", 2, 9),
@@ -96,6 +100,10 @@ fn is_there(report: &Report, name: &str) -> bool {
     match name {
         "seeds_wanted" | "precision" => report.points.iter().any(|point| point.rule.is_some()),
         "discard" => report.discard == Discard::Auto,
+        "coordination" | "largest_cluster" | "percolating_y" | "core_fraction" => report
+            .points
+            .iter()
+            .any(|point| point.number(name).is_some()),
         "jammed" => report.counts.jammed > 0,
         "failed" => report.counts.failed > 0,
         "doubtful" => report.doubtful > 0,

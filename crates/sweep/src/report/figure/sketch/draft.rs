@@ -52,7 +52,10 @@ impl<'r> Draft<'r> {
         // A rate that is measured varies without being an axis of the campaign.
         let [low, high] = extent(points().map(|point| point.place(along)));
         let is_in_time = drawing.kind == Kind::Trace;
-        if drawing.along.is_some() && !is_in_time && points().next().is_some() && low >= high {
+        // Which says itself how many points it needs.
+        let is_diagram = drawing.kind == Kind::StateDiagram;
+        let has_one = points().next().is_some() && low >= high;
+        if drawing.along.is_some() && !is_in_time && !is_diagram && has_one {
             return Err(ReportError::argument(
                 "--along",
                 format!(
@@ -140,7 +143,7 @@ impl<'r> Draft<'r> {
         self.units.factor(unit, point.at()).is_some() && has_place
     }
 
-    fn points(&self) -> impl Iterator<Item = &'r Point> {
+    pub(super) fn points(&self) -> impl Iterator<Item = &'r Point> {
         self.reports.iter().flat_map(|report| &report.points)
     }
 
@@ -154,8 +157,32 @@ impl<'r> Draft<'r> {
         curves(self.reports, shared)
     }
 
+    /// How many panels there are.
+    pub(super) fn panel_number(&self) -> usize {
+        self.fields.len()
+    }
+
+    /// Whether each value of an axis has a panel of its own.
+    pub(super) fn is_of_panels(&self, axis: &Axis) -> bool {
+        self.panels.is_some_and(|panels| panels.key == axis.key)
+    }
+
+    /// What an axis of shear is called, whichever of stress and rate is imposed, with its unit.
+    pub(super) fn label_of_shear(&self, axis: &Axis) -> String {
+        if axis.is_shear_stress() {
+            self.units.label("shear stress σ*", axis.unit)
+        } else {
+            self.units.label_of(axis)
+        }
+    }
+
+    /// A place of a point along an axis in the units asked for.
+    pub(super) fn units_along(&self, point: &Point, axis: &Axis, place: f64) -> f64 {
+        self.units.along(axis, point.at(), place)
+    }
+
     /// The panel of some parameters.
-    fn panel(&self, params: &Params) -> usize {
+    pub(super) fn panel(&self, params: &Params) -> usize {
         let same = |field: Option<&Params>| match (self.panels, field) {
             (Some(axis), Some(field)) => axis.value(field) == axis.value(params),
             _ => true,
@@ -164,7 +191,7 @@ impl<'r> Draft<'r> {
     }
 
     /// A sketch of lines along the axis.
-    fn sketch(&self, lines: Vec<Line>, y: String) -> Sketch {
+    pub(super) fn sketch(&self, lines: Vec<Line>, y: String) -> Sketch {
         let values = || self.fields.iter().flatten().copied();
         let words = self
             .panels
@@ -188,13 +215,13 @@ impl<'r> Draft<'r> {
     }
 
     /// Value of a point along the axis, in the units asked for.
-    fn value(&self, point: &Point) -> f64 {
+    pub(super) fn value(&self, point: &Point) -> f64 {
         let value = point.place(self.along);
         self.units.along(self.along, point.at(), value)
     }
 
     /// Where a value stands on the axis.
-    fn place(&self, value: f64) -> f64 {
+    pub(super) fn place(&self, value: f64) -> f64 {
         self.log.map_or(value, |log| log.place(value))
     }
 

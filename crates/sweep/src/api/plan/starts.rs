@@ -1,0 +1,140 @@
+//! Start layers that a campaign cannot make: one is tried for every point, within seconds.
+
+use crate::axes::Value;
+use crate::format::significant;
+use sd_core::{Params, start};
+use std::collections::HashSet;
+use std::collections::VecDeque;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Time by the wall that all of them together take at most.
+const TIME: Duration = Duration::from_secs(6);
+
+/// A point, and what came of its start layer; `None` where the time was over before.
+pub(super) struct Tried {
+    params: Params,
+    outcome: Option<Result<(), String>>,
+}
+
+impl Tried {
+    /// Why the runs of its point will not start, or may not.
+    pub(super) fn warning(&self) -> Option<String> {
+        match &self.outcome {
+            Some(Ok(())) => None,
+            Some(Err(reason)) => Some(reason.clone()),
+            None => Some(format!(
+                "no start of {} spheres at area fraction {} was made within {} s: such layers may be too dense to start",
+                self.params.spheres,
+                self.params.area_fraction,
+                significant(TIME.as_secs_f64(), 2)
+            )),
+        }
+    }
+
+    /// Whether these parameters have its start layer.
+    pub(super) fn is_of(&self, params: &Params) -> bool {
+        of_start(&self.params) == of_start(params)
+    }
+
+    /// Whether there is none.
+    pub(super) fn has_failed(&self) -> bool {
+        matches!(self.outcome, Some(Err(_)))
+    }
+}
+
+/// What the start layer of a seed depends on.
+fn of_start(params: &Params) -> [u64; 5] {
+    [
+        params.spheres as u64,
+        params.area_fraction.to_bits(),
+        params.roughness.to_bits(),
+        params.size_ratio.to_bits(),
+        params.large_fraction.to_bits(),
+    ]
+}
+
+/// What the threads share.
+struct Shared {
+    waiting: VecDeque<usize>,
+    outcomes: Vec<Option<Result<(), String>>>,
+    left: usize,
+}
+
+/// Makes a start layer for every point, those first that are hardest to pack. Each point is given with one of its seeds.
+pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<Tried> {
+    let mut known = HashSet::new();
+    let mut all: Vec<(Params, u64)> = points
+        .filter(|(params, _)| params.start.is_none() && known.insert(of_start(params)))
+        .map(|(params, seed)| (params.clone(), seed))
+        .collect();
+    let covered = |p: &Params| p.area_fraction * (1.0 + 0.5 * p.roughness).powi(2);
+    all.sort_by(|(a, _), (b, _)| Value::Number(covered(b)).order(&Value::Number(covered(a))));
+    let shared = Arc::new((
+        Mutex::new(Shared {
+            waiting: (0..all.len()).collect(),
+            outcomes: vec![None; all.len()],
+            left: all.len(),
+        }),
+        Condvar::new(),
+    ));
+    let all = Arc::new(all);
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let begun = Instant::now();
+    for _ in 0..threads.min(all.len()) {
+        let (shared, all) = (Arc::clone(&shared), Arc::clone(&all));
+        // Nobody waits for a layer that takes too long.
+        std::thread::spawn(move || {
+            while begun.elapsed() < TIME
+                && let Some(place) = { lock(&shared.0).waiting.pop_front() }
+            {
+                let (params, seed) = &all[place];
+                let made = start::layer(params, *seed).map(|_| ());
+                let mut state = lock(&shared.0);
+                state.outcomes[place] = Some(made.map_err(|error| error.to_string()));
+                state.left -= 1;
+                shared.1.notify_all();
+            }
+        });
+    }
+    let waited = shared
+        .1
+        .wait_timeout_while(lock(&shared.0), TIME, |state| state.left > 0);
+    drop(waited);
+    let outcomes = lock(&shared.0).outcomes.clone();
+    let points = all.iter().map(|(params, _)| params.clone());
+    points
+        .zip(outcomes)
+        .map(|(params, outcome)| Tried { params, outcome })
+        .collect()
+}
+
+fn lock(state: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::params;
+
+    #[test]
+    fn a_layer_too_dense_to_start_is_told_and_others_are_not() {
+        let dense = Params {
+            area_fraction: 0.84,
+            spheres: 20,
+            roughness: 0.07,
+            ..params()
+        };
+        let points = [params(), dense.clone(), params()];
+        let tried = tried(points.iter().map(|params| (params, 1)));
+        assert_eq!(tried.len(), 2, "one for each kind of start");
+        let of = |params: &Params| tried.iter().find(|tried| tried.is_of(params)).unwrap();
+        assert_eq!(of(&params()).warning(), None);
+        let warning = of(&dense).warning().unwrap();
+        assert!(
+            warning.contains("20 spheres at area fraction 0.84"),
+            "{warning}"
+        );
+    }
+}

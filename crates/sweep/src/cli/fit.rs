@@ -1,0 +1,104 @@
+//! `sweep fit`.
+
+use super::Output;
+use super::place::StoreArguments;
+use super::report::figure::format_of;
+use super::report::save;
+use super::tables::refuse_two_answers;
+use crate::api::Error;
+use crate::data::csv_rows;
+use crate::exit;
+use crate::format::{short, significant, wrapped};
+use crate::report::{FitReport, Selection};
+use std::path::PathBuf;
+
+/// Fit the model of Wyart and Cates to the viscosities of a campaign
+///
+/// Five parameters: the area fractions c_0 and c_m at which layers jam without and with friction, the stress sigma_c at which friction
+/// sets in and the exponent beta of its onset, and a prefactor; with 95 % intervals by bootstrap over seeds. See docs/fit.md. Reads only.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep fit sweeps/figure-14.toml\n  sweep fit sweeps/figure-14.toml --where c=0.57..0.75 --figure fit.svg --csv residuals.csv\n  \
+                  sweep fit sweeps/figure-15.toml --where friction=0.3 --json"
+)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    place: StoreArguments,
+    /// Only points with one of these values on an axis, or in a range; may be repeated
+    #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
+    selection: Vec<String>,
+    /// Replicates of the bootstrap; 0 for no intervals
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(0..=100_000))]
+    replicates: u32,
+    /// Draw viscosities and fit against the stress: FILE.svg, FILE.pdf or FILE.png
+    #[arg(long, value_name = "FILE")]
+    figure: Option<PathBuf>,
+    /// Write every point with its viscosity, that of the fit, and the residual
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+}
+
+/// Writes the fit.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let selection = Selection::parse(&arguments.selection)?;
+    let files = [("--csv", &arguments.csv), ("--figure", &arguments.figure)];
+    refuse_two_answers(&files, output)?;
+    let format = arguments.figure.as_deref().map(format_of).transpose()?;
+    let store = arguments.place.open(output)?;
+    let report = FitReport::of(&store, &selection, arguments.replicates as usize)?;
+    if let (Some(path), Some(format)) = (&arguments.figure, format) {
+        save(path, &report.draw(format)?, output)?;
+    }
+    if let Some(path) = &arguments.csv {
+        let heads = [
+            "area_fraction",
+            "shear_stress",
+            "viscosity",
+            "fitted",
+            "residual",
+        ];
+        let rows = report
+            .rows()
+            .map(|row| row.map(|number| number.to_string()));
+        let mut bytes = Vec::new();
+        csv_rows::write(heads, rows, &mut bytes)?;
+        save(path, &bytes, output)?;
+    }
+    if output.json {
+        output.json(&report.json())?;
+        return Ok(exit::DONE);
+    }
+    if files.iter().any(|(_, path)| path.is_some()) {
+        return Ok(exit::DONE);
+    }
+    let mut lines = vec![report.summary()];
+    let mut table = crate::report::table(output.width);
+    table.set_header(["parameter", "value", "95 % interval"]);
+    for (name, value, interval) in report.parameters() {
+        let interval = interval.map_or_else(
+            || "–".to_owned(),
+            |[low, high]| format!("{} to {}", significant(low, 4), significant(high, 4)),
+        );
+        table.add_row([name.to_owned(), significant(value, 4), interval]);
+    }
+    lines.push(crate::report::whole(table));
+    let mut table = crate::report::table(output.width);
+    table.set_header(["c", "σ*", "viscosity", "fit", "ln ratio"]);
+    for [fraction, stress, viscosity, fitted, residual] in report.rows() {
+        table.add_row([
+            short(fraction, 6),
+            significant(stress, 3),
+            significant(viscosity, 4),
+            significant(fitted, 4),
+            format!("{residual:+.3}"),
+        ]);
+    }
+    lines.push(crate::report::whole(table));
+    lines.push(format!(
+        "root mean square of ln(viscosity/fit): {}; intervals say how runs scatter, and not how well the model describes them",
+        significant(report.rms(), 2)
+    ));
+    let text = wrapped(&lines.join("\n"), output.width);
+    writeln!(output.out, "{}", text.trim_end())?;
+    Ok(exit::DONE)
+}

@@ -1,0 +1,122 @@
+//! `sweep structure`.
+
+use super::Output;
+use super::place::StoreArguments;
+use super::report::figure::format_of;
+use super::report::save;
+use super::tables::refuse_two_answers;
+use crate::api::Error;
+use crate::data::{DataColumn, ParquetFile, write_csv};
+use crate::exit;
+use crate::format::wrapped;
+use crate::report::{Selection, Shape, StructureKind, StructureReport};
+use crate::store::Store;
+use std::path::{Path, PathBuf};
+
+/// Print what the layers of a campaign look like: contacts, clusters, percolation, rigid clusters, fabric
+///
+/// Averages over the frames that `sweep run --trajectory` keeps after the discarded strain, and over runs, with 95 % intervals. What each
+/// number is stands in docs/structure.md. Reads only.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep structure sweeps/quickstart.toml\n  sweep structure results/quickstart.sqlite 3\n  \
+                  sweep structure sweeps/quickstart.toml --where shear_rate=inf --curves curves.csv --csv numbers.csv\n  \
+                  sweep structure sweeps/quickstart.toml --figure angles.svg --kind contact-angle\n  \
+                  sweep structure sweeps/quickstart.toml --json"
+)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    place: StoreArguments,
+    /// One run alone: the beginning of its key, or its number in the campaign file, from 1 [default: all finished runs]
+    case: Option<String>,
+    /// Only points with one of these values on an axis, or in a range; may be repeated
+    #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
+    selection: Vec<String>,
+    /// All the usual columns on the screen, and not only as many as fit
+    #[arg(long)]
+    wide: bool,
+    /// Write all numbers, one row per point: FILE.csv or FILE.parquet
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// The same as Parquet
+    #[arg(long, value_name = "FILE")]
+    parquet: Option<PathBuf>,
+    /// Write all curves, one row per bin: FILE.csv or FILE.parquet
+    #[arg(long, value_name = "FILE")]
+    curves: Option<PathBuf>,
+    /// Draw one of the curves of every point: FILE.svg, FILE.pdf or FILE.png
+    #[arg(long, value_name = "FILE")]
+    figure: Option<PathBuf>,
+    /// Which curve the figure shows
+    #[arg(long, value_enum, default_value_t, requires = "figure")]
+    kind: StructureKind,
+}
+
+/// Writes the structure.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let selection = Selection::parse(&arguments.selection)?;
+    let files = [
+        ("--csv", &arguments.csv),
+        ("--parquet", &arguments.parquet),
+        ("--curves", &arguments.curves),
+        ("--figure", &arguments.figure),
+    ];
+    refuse_two_answers(&files, output)?;
+    let format = arguments.figure.as_deref().map(format_of).transpose()?;
+    let store = arguments.place.open(output)?;
+    let report = StructureReport::of(&store, &selection, arguments.case.as_deref())?;
+    if let Some(path) = &arguments.csv {
+        write_table(&report.table(), path, false, &store, output)?;
+    }
+    if let Some(path) = &arguments.parquet {
+        write_table(&report.table(), path, true, &store, output)?;
+    }
+    if let Some(path) = &arguments.curves {
+        let is_parquet = path.extension().is_some_and(|ending| ending == "parquet");
+        write_table(&report.curves(), path, is_parquet, &store, output)?;
+    }
+    if let (Some(path), Some(format)) = (&arguments.figure, format) {
+        save(path, &report.draw(arguments.kind, format)?, output)?;
+    }
+    if output.json {
+        output.json(&report.json())?;
+    } else if files.iter().all(|(_, path)| path.is_none()) {
+        let shape = Shape {
+            wide: arguments.wide,
+            ..Shape::default()
+        };
+        let sheet = report.sheet(shape, output.width);
+        let mut lines = vec![report.summary(), sheet.text(output.width)];
+        if sheet.is_cut {
+            lines.push("more columns: --wide; all of them: --csv FILE".into());
+        }
+        lines.push(
+            "shares of spheres, of instants that percolate, of contacts; mean over runs ± half the 95 % Student interval"
+                .into(),
+        );
+        let text = wrapped(&lines.join("\n"), output.width);
+        writeln!(output.out, "{}", text.trim_end())?;
+    }
+    Ok(exit::DONE)
+}
+
+/// Writes a table into its file.
+fn write_table(
+    table: &[DataColumn],
+    path: &Path,
+    is_parquet: bool,
+    store: &Store,
+    output: &mut Output<'_>,
+) -> Result<(), Error> {
+    let mut bytes = Vec::new();
+    if is_parquet {
+        let campaign = store.campaign_name()?;
+        let about = [("campaign", campaign.as_str())];
+        let mut file = ParquetFile::begin(&mut bytes, "structure", table, &about)?;
+        file.append(table)?;
+        file.finish()?;
+    } else {
+        write_csv(table, &mut bytes)?;
+    }
+    save(path, &bytes, output)
+}

@@ -1,0 +1,193 @@
+//! State diagrams: how points flow, in the plane of two axes.
+
+use super::draft::Draft;
+use super::{Form, Height, Line, Sketch, Spot};
+use crate::axes::{AXES, Axis};
+use crate::report::curves::Label;
+use crate::report::error::ReportError;
+use crate::report::figure::Drawing;
+use crate::report::points::{Point, Report};
+use crate::report::states::{Flow, FlowCurve, grouped};
+
+/// Slopes d ln η/d ln σ whose places are drawn as lines, and what these are called.
+const LIMITS: [(f64, &str); 2] = [(0.5, "d ln η/d ln σ = 0.5"), (1.0, "d ln η/d ln σ = 1")];
+/// Columns of a diagram, and points of at least so many of them, without which no slope is known.
+const LEAST_COLUMNS: usize = 2;
+const LEAST_POINTS: usize = 3;
+
+/// The axes of a state diagram: those asked for, or the area fraction and the stress, or the rate where no stress is imposed.
+///
+/// # Errors
+/// [`ReportError::Argument`] on axes that make no diagram.
+pub(in crate::report::figure) fn axes(
+    reports: &[Report],
+    drawing: &Drawing,
+) -> Result<[&'static Axis; 2], ReportError> {
+    let of_key = |key| Axis::of_key(key).unwrap_or(&AXES[0]);
+    let mut points = reports.iter().flat_map(|report| &report.points);
+    let is_imposed = points.any(|point| point.params.shear_stress.is_some());
+    let usual = if is_imposed {
+        "shear_stress"
+    } else {
+        "shear_rate"
+    };
+    let y = drawing.y.unwrap_or(of_key(usual));
+    let x = drawing.x.unwrap_or(of_key("area_fraction"));
+    if !y.is_of_shear() {
+        return Err(ReportError::argument(
+            "--y",
+            "of a state diagram it is shear_stress or shear_rate",
+        ));
+    }
+    if x.is_of_shear() {
+        return Err(ReportError::argument(
+            "--x",
+            "of a state diagram it is no shear rate or stress, which are on the vertical axis",
+        ));
+    }
+    Ok([x, y])
+}
+
+impl Draft<'_> {
+    /// The diagram: a marker for every point, and lines where slopes pass the limits.
+    ///
+    /// # Errors
+    /// [`ReportError::Argument`] if other axes have several values, and if there are too few points for slopes.
+    pub(super) fn diagram(&self, y: &'static Axis) -> Result<Sketch, ReportError> {
+        let x = self.along;
+        let mut lines = Vec::new();
+        let mut enough = false;
+        let (mut most_columns, mut most_points) = (0, 0);
+        for panel in 0..self.panel_number() {
+            let points: Vec<&Point> = self
+                .points()
+                .filter(|point| self.panel(&point.params) == panel)
+                .collect();
+            self.check_others(&points)?;
+            let curves = flow_curves(&points, x);
+            let sizes: Vec<usize> = curves.iter().map(|curve| curve.points().len()).collect();
+            most_columns = most_columns.max(sizes.len());
+            most_points = most_points.max(sizes.iter().copied().max().unwrap_or(0));
+            let long = sizes.iter().filter(|size| **size >= LEAST_POINTS).count();
+            enough |= long >= LEAST_COLUMNS;
+            lines.extend(self.markers(&curves, y, panel));
+            lines.extend(self.limits(&curves, y, panel));
+        }
+        if !enough {
+            return Err(ReportError::argument(
+                "--kind",
+                format!(
+                    "a state diagram needs at least {LEAST_COLUMNS} values of {} with {LEAST_POINTS} of {} each, as slopes are taken \
+                     between neighbours; here are {most_columns} with {most_points} at most",
+                    x.key, y.key
+                ),
+            ));
+        }
+        Ok(self.sketch(lines, self.label_of_shear(y)))
+    }
+
+    /// Refuses points that differ in an axis that is not drawn.
+    fn check_others(&self, points: &[&Point]) -> Result<(), ReportError> {
+        let params = || points.iter().map(|point| &point.params);
+        let is_drawn = |axis: &Axis| axis.key == self.along.key || axis.is_of_shear();
+        let others = AXES
+            .iter()
+            .filter(|axis| !is_drawn(axis) && !self.is_of_panels(axis) && axis.varies(params()));
+        let mut named = Vec::new();
+        for axis in others {
+            let mut values: Vec<String> = Vec::new();
+            for value in params()
+                .filter(|p| axis.means_something(p))
+                .map(|p| axis.value(p))
+            {
+                if !values.contains(&value.to_string()) {
+                    values.push(value.to_string());
+                }
+            }
+            named.push(format!("{} has {}", axis.key, values.join(", ")));
+        }
+        if named.is_empty() {
+            return Ok(());
+        }
+        Err(ReportError::argument(
+            "--where",
+            format!(
+                "a state diagram averages over no axis, and {}: choose one value of each with --where, or --panels",
+                named.join("; ")
+            ),
+        ))
+    }
+
+    /// A line of markers for each way to flow.
+    fn markers(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Line> {
+        let mut lines: Vec<Line> = Flow::ALL
+            .iter()
+            .enumerate()
+            .map(|(place, flow)| {
+                let form = if *flow == Flow::Failed {
+                    Form::Crosses
+                } else {
+                    Form::Points
+                };
+                Line {
+                    place,
+                    ..Line::new(Label::of_words(flow.name()), Vec::new(), form, panel)
+                }
+            })
+            .collect();
+        for curve in curves {
+            for (point, flow) in curve.points().iter().zip(curve.flows()) {
+                let height = self.height(point, y);
+                let place = Flow::ALL.iter().position(|known| Some(*known) == flow);
+                if let Some(place) = place.filter(|_| height > 0.0 && height.is_finite()) {
+                    lines[place].points.push(Spot {
+                        x: self.place(self.value(point)),
+                        y: Some(Height::bare(height)),
+                    });
+                }
+            }
+        }
+        lines
+    }
+
+    /// The lines at which slopes pass the limits: rising ones and falling ones, each interrupted where a column has none.
+    fn limits(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Line> {
+        let mut lines = Vec::new();
+        for (number, (limit, name)) in LIMITS.into_iter().enumerate() {
+            for branch in 0..2 {
+                let spot = |curve: &FlowCurve<'_>| {
+                    let first = curve.points()[0];
+                    let place = curve.crossings(limit, y)[branch];
+                    let height = place.map(|at| self.units_along(first, y, at));
+                    Spot {
+                        x: self.place(self.value(first)),
+                        y: height.map(Height::bare),
+                    }
+                };
+                let spots: Vec<Spot> = curves.iter().map(spot).collect();
+                if spots.iter().any(|spot| spot.y.is_some()) {
+                    lines.push(Line {
+                        place: Flow::ALL.len() + number,
+                        ..Line::new(Label::of_words(name), spots, Form::Trace, panel)
+                    });
+                }
+            }
+        }
+        lines
+    }
+
+    /// Where a point stands along the vertical axis, in the units asked for.
+    fn height(&self, point: &Point, y: &Axis) -> f64 {
+        self.units_along(point, y, point.place(y))
+    }
+}
+
+/// The points of each value of an axis as flow curves, in the order of the values.
+fn flow_curves<'p>(points: &[&'p Point], x: &Axis) -> Vec<FlowCurve<'p>> {
+    let mut columns: Vec<Vec<&'p Point>> = grouped(points)
+        .into_iter()
+        .map(|group| group.into_iter().map(|place| points[place]).collect())
+        .collect();
+    columns.sort_by(|a, b| a[0].place(x).total_cmp(&b[0].place(x)));
+    columns.into_iter().map(FlowCurve::of).collect()
+}

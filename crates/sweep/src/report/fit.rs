@@ -1,0 +1,236 @@
+//! The model of Wyart and Cates fitted to a campaign.
+
+use super::error::ReportError;
+use super::figure::{FitCurve, Format, draw_fit};
+use super::points::{Report, selected_runs};
+use super::selection::Selection;
+use crate::axes::{AXES, Tag, Value, identity};
+use crate::statistics::wyart_cates::{Datum, Fit, NAMES, PARAMETERS, fit};
+use crate::store::Store;
+use sd_core::Params;
+use serde_json::{Value as Json, json};
+use std::collections::HashMap;
+use std::f64::consts::PI;
+
+/// Points and area fractions without which the parameters are not determined.
+const LEAST_POINTS: usize = PARAMETERS + 1;
+const LEAST_FRACTIONS: usize = 2;
+const LEAST_STRESSES: usize = 3;
+/// Stresses at which a curve of the figure is drawn.
+const DRAWN: usize = 120;
+
+/// A fit, and what it was made to.
+#[derive(Debug)]
+pub struct FitReport {
+    campaign: String,
+    data: Vec<Datum>,
+    /// Of each point.
+    params: Vec<Params>,
+    fit: Fit,
+}
+
+impl FitReport {
+    /// Of the points selected: runs averaged as in a report.
+    ///
+    /// # Errors
+    /// Trouble with the store; [`ReportError::Argument`] where points differ in more than fraction and shear, or are too few.
+    pub fn of(
+        store: &Store,
+        selection: &Selection,
+        replicates: usize,
+    ) -> Result<Self, ReportError> {
+        let report = Report::of(store, selection)?;
+        let mut runs: HashMap<Vec<Tag>, (Params, Vec<f64>)> = HashMap::new();
+        let mut order: Vec<Vec<Tag>> = Vec::new();
+        for run in selected_runs(store, selection)? {
+            let is_averaged = run.is_sound() || (report.with_doubtful && run.is_doubtful());
+            if let Some(viscosity) = run.viscosity.filter(|_| is_averaged) {
+                let key = identity(&run.params);
+                let entry = runs.entry(key.clone()).or_insert_with(|| {
+                    order.push(key);
+                    ((*run.params).clone(), Vec::new())
+                });
+                entry.1.push(viscosity);
+            }
+        }
+        let points: Vec<(Params, Vec<f64>)> =
+            order.iter().filter_map(|key| runs.remove(key)).collect();
+        let params: Vec<Params> = points.iter().map(|(params, _)| params.clone()).collect();
+        check(&params)?;
+        let data: Vec<Datum> = points
+            .into_iter()
+            .map(|(params, runs)| Datum {
+                fraction: params.area_fraction,
+                stress: stress(&params, &runs),
+                runs,
+            })
+            .collect();
+        check_number(&data)?;
+        let fit = fit(&data, replicates).ok_or_else(|| {
+            refused("no parameters of the model describe these points: a viscosity that falls with the stress has none".into())
+        })?;
+        Ok(Self {
+            campaign: report.campaign,
+            data,
+            params,
+            fit,
+        })
+    }
+
+    /// The parameters: name, value, and 95 % interval.
+    pub fn parameters(&self) -> impl Iterator<Item = (&'static str, f64, Option<[f64; 2]>)> {
+        let interval = |k: usize| self.fit.intervals.map(|intervals| intervals[k]);
+        (0..PARAMETERS).map(move |k| (NAMES[k], self.fit.values[k], interval(k)))
+    }
+
+    /// Root of the mean square of ln η less that of the fit.
+    pub fn rms(&self) -> f64 {
+        let squares: f64 = self.fit.residuals.iter().map(|r| r * r).sum();
+        (squares / self.fit.residuals.len() as f64).sqrt()
+    }
+
+    /// Name of the campaign, points, runs, replicates.
+    pub fn summary(&self) -> String {
+        format!(
+            "{}: η = A (1 − c/c_J)⁻², c_J = f c_m + (1 − f) c_0, f = exp(−(σ_c/σ)^β), to {} points of {} runs",
+            self.campaign,
+            self.data.len(),
+            self.data
+                .iter()
+                .map(|datum| datum.runs.len())
+                .sum::<usize>()
+        )
+    }
+
+    /// Fraction, stress, viscosity, that of the fit, and the residual of every point.
+    pub fn rows(&self) -> impl Iterator<Item = [f64; 5]> {
+        self.data
+            .iter()
+            .zip(&self.fit.residuals)
+            .map(|(datum, residual)| {
+                let mean = datum.runs.iter().sum::<f64>() / datum.runs.len() as f64;
+                let fitted = self.fit.viscosity(datum.fraction, datum.stress);
+                [datum.fraction, datum.stress, mean, fitted, *residual]
+            })
+    }
+
+    /// The object for programs.
+    pub fn json(&self) -> Json {
+        let number = |value: f64| json!(Value::Number(value));
+        let parameters: serde_json::Map<String, Json> = self
+            .parameters()
+            .map(|(name, value, interval)| {
+                let end = |k: usize| interval.map(|interval| interval[k]);
+                let entry = json!({"value": value, "low": end(0), "high": end(1)});
+                (name.to_owned(), entry)
+            })
+            .collect();
+        let points: Vec<Json> = self
+            .rows()
+            .zip(&self.params)
+            .map(|([fraction, stress, viscosity, fitted, residual], params)| {
+                json!({
+                    "area_fraction": fraction, "shear_stress": number(stress),
+                    "shear_rate": params.shear_stress.is_none().then(|| number(params.shear_rate)),
+                    "viscosity": viscosity, "fitted": number(fitted), "residual": residual,
+                })
+            })
+            .collect();
+        json!({
+            "campaign": self.campaign, "model": "wyart-cates", "parameters": parameters, "rms": self.rms(),
+            "replicates": self.fit.replicates, "points": points,
+        })
+    }
+
+    /// Draws viscosities and the fit against the stress, a colour for each fraction.
+    ///
+    /// # Errors
+    /// [`ReportError::Argument`] if there are more fractions than a figure holds.
+    pub fn draw(&self, format: Format) -> Result<Vec<u8>, ReportError> {
+        let mut fractions: Vec<f64> = self.data.iter().map(|datum| datum.fraction).collect();
+        fractions.sort_by(f64::total_cmp);
+        fractions.dedup();
+        let finite = || {
+            let stresses = self.data.iter().map(|datum| datum.stress);
+            stresses.filter(|stress| *stress > 0.0 && stress.is_finite())
+        };
+        let low = finite().fold(f64::INFINITY, f64::min).ln();
+        let high = finite().fold(0.0, f64::max).ln();
+        let curves = fractions.iter().map(|&fraction| {
+            let of = self.rows().filter(|row| row[0] == fraction);
+            let mut data: Vec<[f64; 2]> = of.map(|row| [row[1], row[2]]).collect();
+            data.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            let drawn = (0..=DRAWN).map(|k| (low + (high - low) * k as f64 / DRAWN as f64).exp());
+            FitCurve {
+                label: format!("c = {fraction}"),
+                number: fraction,
+                data,
+                fit: drawn
+                    .map(|at| [at, self.fit.viscosity(fraction, at)])
+                    .collect(),
+            }
+        });
+        draw_fit(
+            &curves.collect::<Vec<_>>(),
+            ["shear stress σ* (F_crit/a²)", "relative viscosity η"],
+            format,
+        )
+    }
+}
+
+/// σ* of a point: imposed, or from the mean viscosity at the rate; 0 and infinity at the plateaus.
+fn stress(params: &Params, runs: &[f64]) -> f64 {
+    params.shear_stress.unwrap_or_else(|| {
+        let mean = runs.iter().sum::<f64>() / runs.len() as f64;
+        mean * params.shear_rate / (6.0 * PI)
+    })
+}
+
+fn refused(message: String) -> ReportError {
+    ReportError::argument("FILE", message)
+}
+
+/// Refuses points that differ in more than their fraction and their shear. A plateau without friction is one of every friction.
+fn check(params: &[Params]) -> Result<(), ReportError> {
+    let rubbing = || params.iter().filter(|params| params.friction > 0.0);
+    let mut named = Vec::new();
+    for axis in AXES.iter() {
+        let is_fitted = axis.is_of_shear() || axis.key == "area_fraction" || axis.key == "spheres";
+        if is_fitted || !axis.varies(rubbing()) {
+            continue;
+        }
+        let mut values: Vec<String> = rubbing().map(|p| axis.value(p).to_string()).collect();
+        values.sort();
+        values.dedup();
+        named.push(format!("{} has {}", axis.key, values.join(", ")));
+    }
+    if named.is_empty() {
+        return Ok(());
+    }
+    Err(ReportError::argument(
+        "--where",
+        format!(
+            "a fit is of points that differ in area fraction and shear alone, and {}: choose one value of each with --where",
+            named.join("; ")
+        ),
+    ))
+}
+
+/// Refuses points that do not determine the parameters.
+fn check_number(data: &[Datum]) -> Result<(), ReportError> {
+    let distinct = |of: fn(&Datum) -> f64| {
+        let mut values: Vec<f64> = data.iter().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        values.len()
+    };
+    let (fractions, stresses) = (distinct(|d| d.fraction), distinct(|d| d.stress));
+    if data.len() >= LEAST_POINTS && fractions >= LEAST_FRACTIONS && stresses >= LEAST_STRESSES {
+        return Ok(());
+    }
+    Err(refused(format!(
+        "a fit of {PARAMETERS} parameters needs at least {LEAST_POINTS} points with results, at {LEAST_FRACTIONS} area fractions and \
+         {LEAST_STRESSES} stresses or rates; here are {} points at {fractions} and {stresses}",
+        data.len()
+    )))
+}

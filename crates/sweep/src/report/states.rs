@@ -1,0 +1,278 @@
+//! How the points of a state diagram flow, and where the slope of their flow curves passes a limit.
+
+use super::points::Point;
+use crate::axes::{AXES, Axis, Tag, identity};
+use std::collections::HashMap;
+
+/// How a point flows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Flow {
+    /// d ln η/d ln σ < 1: not at all, or continuously thickening.
+    Continuous,
+    /// d ln η/d ln σ ≥ 1: the shear rate does not rise with the stress.
+    Discontinuous,
+    /// Most runs jam, and at some lower stress or rate they do not.
+    ShearJammed,
+    /// Most runs jam, and at every lower stress or rate too.
+    Jammed,
+    /// No run came to its end.
+    Failed,
+}
+
+impl Flow {
+    /// All of them, in the order of the legend.
+    pub(super) const ALL: [Self; 5] = [
+        Self::Continuous,
+        Self::Discontinuous,
+        Self::ShearJammed,
+        Self::Jammed,
+        Self::Failed,
+    ];
+
+    /// What it is called.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Continuous => "continuous",
+            Self::Discontinuous => "discontinuous",
+            Self::ShearJammed => "shear-jammed",
+            Self::Jammed => "jammed",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+/// Points that differ in nothing but the stress or the rate, the lowest first.
+pub(super) struct FlowCurve<'p> {
+    points: Vec<&'p Point>,
+}
+
+impl<'p> FlowCurve<'p> {
+    /// Of points in any order.
+    pub(super) fn of(mut points: Vec<&'p Point>) -> Self {
+        points.sort_by(|a, b| imposed(a).total_cmp(&imposed(b)));
+        Self { points }
+    }
+
+    /// Its points.
+    pub(super) fn points(&self) -> &[&'p Point] {
+        &self.points
+    }
+
+    /// ln σ and ln η of the points that flow at a finite stress, by their places.
+    fn flowing(&self) -> Vec<(usize, f64, f64)> {
+        let of = |(place, point): (usize, &&Point)| {
+            if is_jammed(point) {
+                return None;
+            }
+            let (stress, viscosity) = (point.shear_stress()?.mean, point.viscosity?.mean);
+            let is_finite = stress > 0.0 && stress.is_finite() && viscosity > 0.0;
+            is_finite.then(|| (place, stress.ln(), viscosity.ln()))
+        };
+        self.points.iter().enumerate().filter_map(of).collect()
+    }
+
+    /// How each point flows; `None` where nothing is known yet. The slope at a point is that between its neighbours, or at an end from there
+    /// to the neighbour.
+    pub(super) fn flows(&self) -> Vec<Option<Flow>> {
+        let flowing = self.flowing();
+        let mut slopes = vec![f64::NAN; self.points.len()];
+        for (at, (place, ..)) in flowing.iter().enumerate() {
+            let before = flowing[at.saturating_sub(1)];
+            let after = flowing[(at + 1).min(flowing.len() - 1)];
+            slopes[*place] = slope(before, after);
+        }
+        let mut has_flowed = false;
+        let flow = |(point, slope): (&&Point, f64)| {
+            if is_jammed(point) {
+                return Some(if has_flowed {
+                    Flow::ShearJammed
+                } else {
+                    Flow::Jammed
+                });
+            }
+            if point.viscosity.is_none() {
+                let failed = point.failed > 0;
+                return failed.then_some(Flow::Failed);
+            }
+            has_flowed = true;
+            Some(if slope >= 1.0 {
+                Flow::Discontinuous
+            } else {
+                Flow::Continuous
+            })
+        };
+        self.points.iter().zip(slopes).map(flow).collect()
+    }
+
+    /// Where along an axis the slope first rises above a limit, and where it last falls below it.
+    pub(super) fn crossings(&self, limit: f64, axis: &Axis) -> [Option<f64>; 2] {
+        let flowing = self.flowing();
+        let place = |at: usize| self.points[flowing[at].0].place(axis).ln();
+        // Between two points, at the middle of both.
+        let slopes: Vec<(f64, f64)> = (1..flowing.len())
+            .map(|at| {
+                let middle = 0.5 * (place(at - 1) + place(at));
+                (middle, slope(flowing[at - 1], flowing[at]))
+            })
+            .collect();
+        let crossing = |pair: &[(f64, f64)]| {
+            let [(from, low), (to, high)] = [pair[0], pair[1]];
+            (from + (limit - low) / (high - low) * (to - from)).exp()
+        };
+        let rises = slopes
+            .windows(2)
+            .find(|pair| pair[0].1 < limit && pair[1].1 >= limit);
+        let falls = slopes
+            .windows(2)
+            .rfind(|pair| pair[0].1 >= limit && pair[1].1 < limit);
+        [rises.map(crossing), falls.map(crossing)]
+    }
+}
+
+/// The places of points that differ in nothing but the stress or the rate, together. Points of imposed stress and of imposed rate are apart.
+pub(super) fn grouped(points: &[&Point]) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    let mut place_of: HashMap<Vec<Tag>, usize> = HashMap::new();
+    for (place, point) in points.iter().enumerate() {
+        let of: Vec<Tag> = identity(&point.params)
+            .into_iter()
+            .zip(AXES.iter())
+            .filter(|(_, axis)| !axis.is_of_shear())
+            .map(|(tag, _)| tag)
+            .chain([Tag::Bits(point.params.shear_stress.is_some().into())])
+            .collect();
+        let group = *place_of.entry(of).or_insert_with(|| {
+            groups.push(Vec::new());
+            groups.len() - 1
+        });
+        groups[group].push(place);
+    }
+    groups
+}
+
+/// How each of some points flows.
+pub(super) fn flows_of(points: &[Point]) -> Vec<Option<Flow>> {
+    let points: Vec<&Point> = points.iter().collect();
+    let mut flows = vec![None; points.len()];
+    for mut group in grouped(&points) {
+        group.sort_by(|a, b| imposed(points[*a]).total_cmp(&imposed(points[*b])));
+        let curve = FlowCurve::of(group.iter().map(|place| points[*place]).collect());
+        for (place, flow) in group.into_iter().zip(curve.flows()) {
+            flows[place] = flow;
+        }
+    }
+    flows
+}
+
+/// The stress or the rate that is imposed.
+fn imposed(point: &Point) -> f64 {
+    point.params.shear_stress.unwrap_or(point.params.shear_rate)
+}
+
+/// Whether more of its runs jammed than did not.
+fn is_jammed(point: &Point) -> bool {
+    point.jammed > point.seeds
+}
+
+/// d ln η/d ln σ between two points.
+fn slope(before: (usize, f64, f64), after: (usize, f64, f64)) -> f64 {
+    (after.2 - before.2) / (after.1 - before.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::statistics::Estimate;
+    use crate::test_support::params;
+    use sd_core::Params;
+
+    /// A point at an imposed stress: its viscosity, and its runs averaged, jammed and failed.
+    fn point(stress: f64, viscosity: Option<f64>, runs: [u64; 3]) -> Point {
+        let params = Params {
+            shear_stress: Some(stress),
+            shear_rate: 0.0,
+            ..params()
+        };
+        Point::made_up(params, viscosity.map(Estimate::bare), runs)
+    }
+
+    fn flows(points: &[Point]) -> Vec<Option<Flow>> {
+        FlowCurve::of(points.iter().collect()).flows()
+    }
+
+    #[test]
+    fn slopes_of_power_laws_tell_continuous_from_discontinuous() {
+        use Flow::{Continuous, Discontinuous};
+        let law = |power: f64| -> Vec<Point> {
+            let at = |k: i32| 2.0_f64.powi(k);
+            let point = |k| point(at(k), Some(3.0 * at(k).powf(power)), [4, 0, 0]);
+            (-3..3).rev().map(point).collect()
+        };
+        for power in [-0.2, 0.0, 0.5, 0.99] {
+            assert!(
+                flows(&law(power))
+                    .iter()
+                    .all(|flow| *flow == Some(Continuous)),
+                "{power}"
+            );
+        }
+        for power in [1.01, 1.5] {
+            let found = flows(&law(power));
+            assert!(
+                found.iter().all(|flow| *flow == Some(Discontinuous)),
+                "{power}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_jams_above_what_flows_is_shear_jammed() {
+        let points = [
+            point(0.1, Some(5.0), [4, 0, 0]),
+            point(1.0, Some(5.1), [3, 1, 0]),
+            point(10.0, Some(90.0), [1, 3, 0]),
+            point(100.0, None, [0, 4, 0]),
+            point(1000.0, None, [0, 0, 4]),
+            point(1e4, None, [0, 0, 0]),
+        ];
+        let found = flows(&points);
+        let wanted = [
+            Some(Flow::Continuous),
+            Some(Flow::Continuous),
+            Some(Flow::ShearJammed),
+            Some(Flow::ShearJammed),
+            Some(Flow::Failed),
+            None,
+        ];
+        assert_eq!(found, wanted);
+        let jammed = [
+            point(0.1, None, [0, 4, 0]),
+            point(1.0, Some(9.0), [4, 0, 0]),
+        ];
+        assert_eq!(flows(&jammed)[0], Some(Flow::Jammed));
+    }
+
+    #[test]
+    fn crossings_lie_where_the_slope_of_a_smooth_curve_passes_the_limit() {
+        // ln η = 2 tanh(ln σ): the slope 2/cosh² passes 1 at ln σ = ∓ arcosh √2.
+        let points: Vec<Point> = (-60..=60)
+            .map(|k| {
+                let log = 0.05 * f64::from(k);
+                point(log.exp(), Some((2.0 * log.tanh()).exp()), [4, 0, 0])
+            })
+            .collect();
+        let curve = FlowCurve::of(points.iter().collect());
+        let axis = Axis::of_key("shear_stress").unwrap();
+        let there = 2.0_f64.sqrt().acosh();
+        let [rises, falls] = curve.crossings(1.0, axis).map(|at| at.unwrap().ln());
+        assert!((rises + there).abs() < 1e-3, "{rises}");
+        assert!((falls - there).abs() < 1e-3, "{falls}");
+        assert_eq!(curve.crossings(2.5, axis), [None, None]);
+        let discontinuous = curve
+            .flows()
+            .iter()
+            .filter(|f| **f == Some(Flow::Discontinuous))
+            .count();
+        assert!((34..=36).contains(&discontinuous), "{discontinuous}");
+    }
+}

@@ -1,0 +1,32 @@
+//! What the spheres of an instant look like together: pair distributions, contacts, networks; averaged over frames and runs.
+//!
+//! ```text
+//! network     spheres in their cell and their loaded contacts, of a layer or a suspension
+//! pairs       g(r), g(r, θ)
+//! contacts    directions, fabric, distributions of forces
+//! clusters    clusters of contacts, and whether they percolate in the sheared cell
+//! core        k-core, rattlers
+//! pebble      rigid clusters of a layer
+//! scalars     one number each of an instant
+//! average     sums over the frames of a run, and means over runs with their intervals
+//! ```
+
+mod average;
+mod bins;
+mod clusters;
+mod contacts;
+mod core;
+mod network;
+mod pairs;
+mod pebble;
+mod scalars;
+#[cfg(test)]
+mod tests;
+
+pub use self::core::core;
+pub use average::{Band, Curve, RunStructure, Structure};
+pub use clusters::{Clusters, clusters};
+pub use network::{Link, Network};
+pub use pebble::PebbleGame;
+pub(crate) use scalars::meaning_of;
+pub use scalars::{NAMED, SCALARS, Scalar, observe, scalars};

@@ -1,0 +1,256 @@
+//! Sums over the frames of a run, and means over runs with their intervals.
+
+use super::bins::Bins;
+use super::clusters::clusters;
+use super::contacts::{Contacts, contacts, deviator, force_bins};
+use super::network::Network;
+use super::pairs::{ANGLES, Pairs, angle_bins, pairs, radial_bins, radial_bins_with_angle};
+use super::scalars::{NAMED, SCALARS, scalars};
+use crate::statistics::Estimate;
+use sd_core::Space;
+
+/// Cluster sizes up to which there are bins: 1, 2 to 3, 4 to 7, and so on.
+const SIZES: usize = 14;
+
+/// What the frames of one run sum up to.
+#[derive(Debug, Clone)]
+pub struct RunStructure {
+    dimensions: usize,
+    frames: u64,
+    radial_bins: Bins,
+    with_angle_bins: Bins,
+    pairs: Pairs,
+    contacts: Contacts,
+    /// Share of spheres in clusters of each size.
+    sizes: Vec<f64>,
+    /// Sums of the numbers, and how many frames have one.
+    scalars: [(f64, u64); SCALARS],
+}
+
+impl RunStructure {
+    /// Of no frames yet, in cells like this.
+    pub fn new<S: Space>(network: &Network<S>) -> Self {
+        let radial_bins = radial_bins(&network.cell);
+        let with_angle_bins = radial_bins_with_angle(&network.cell);
+        let forces = vec![0.0; force_bins().len()];
+        Self {
+            dimensions: S::DIMENSIONS,
+            frames: 0,
+            pairs: Pairs {
+                radial: vec![0.0; radial_bins.len()],
+                with_angle: vec![0.0; with_angle_bins.len() * ANGLES],
+            },
+            contacts: Contacts {
+                angles: vec![0.0; ANGLES],
+                forces_by_angle: vec![0.0; ANGLES],
+                normal: forces.clone(),
+                tangential: forces,
+                ..Contacts::default()
+            },
+            sizes: vec![0.0; SIZES],
+            scalars: [(0.0, 0); SCALARS],
+            radial_bins,
+            with_angle_bins,
+        }
+    }
+
+    /// Takes a frame.
+    pub fn add<S: Space>(&mut self, network: &Network<S>) {
+        self.frames += 1;
+        let found = pairs(network);
+        add(&mut self.pairs.radial, &found.radial);
+        add(&mut self.pairs.with_angle, &found.with_angle);
+        let found = contacts(network);
+        add(&mut self.contacts.angles, &found.angles);
+        add(&mut self.contacts.forces_by_angle, &found.forces_by_angle);
+        add(&mut self.contacts.normal, &found.normal);
+        add(&mut self.contacts.tangential, &found.tangential);
+        self.contacts.number += found.number;
+        for (row, found) in self.contacts.fabric.iter_mut().zip(&found.fabric) {
+            add(row, found);
+        }
+        let n = network.spheres().max(1) as f64;
+        for size in clusters(network, network.frictional()).sizes {
+            let place = size.max(1).ilog2() as usize;
+            self.sizes[place.min(SIZES - 1)] += size as f64 / n;
+        }
+        for ((sum, number), found) in self.scalars.iter_mut().zip(scalars(network)) {
+            if !found.is_nan() {
+                *sum += found;
+                *number += 1;
+            }
+        }
+    }
+
+    /// Frames taken.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// n n averaged over the contacts.
+    fn fabric(&self) -> Option<[[f64; 3]; 3]> {
+        let number = self.contacts.number;
+        (number > 0.0).then(|| self.contacts.fabric.map(|row| row.map(|sum| sum / number)))
+    }
+}
+
+fn add(sums: &mut [f64], more: &[f64]) {
+    for (sum, more) in sums.iter_mut().zip(more) {
+        *sum += more;
+    }
+}
+
+/// A quantity along an axis: in each bin the mean over runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curve {
+    /// Middles of the bins, or for cluster sizes their lower ends.
+    pub x: Vec<f64>,
+    /// Mean over runs, and half its 95 % interval; nothing where no run has anything.
+    pub y: Vec<Option<Band>>,
+}
+
+/// A mean over runs, and half its 95 % interval, which a single run has not.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Band {
+    /// The mean.
+    pub mean: f64,
+    /// Half the interval.
+    pub ci95: Option<f64>,
+}
+
+impl Band {
+    fn of(values: &[f64]) -> Option<Self> {
+        Estimate::of(values).map(|estimate| Self {
+            mean: estimate.mean,
+            ci95: estimate.ci95,
+        })
+    }
+}
+
+/// What the runs of a point look like.
+#[derive(Debug, Clone)]
+pub struct Structure {
+    /// Runs averaged.
+    pub runs: u64,
+    /// Their frames together.
+    pub frames: u64,
+    /// 2 for a layer, 3 for a suspension.
+    pub dimensions: usize,
+    /// The numbers of [`NAMED`], in that order; nothing where one has no meaning.
+    pub scalars: Vec<Option<Band>>,
+    /// g(r), r in a.
+    pub radial: Curve,
+    /// Distances of g(r, θ), in a, its angles, and its means over runs, a row for each distance.
+    pub with_angle: (Vec<f64>, Vec<f64>, Vec<Vec<f64>>),
+    /// Share of contacts in each bin of the angle from the flow towards the gradient.
+    pub contact_angle: Curve,
+    /// The same, each contact counting as its normal force.
+    pub force_angle: Curve,
+    /// n n averaged over contacts; nothing without any.
+    pub fabric: Vec<Vec<Option<Band>>>,
+    /// How far that is from contacts without a preferred direction.
+    pub fabric_deviator: Option<Band>,
+    /// Probability density of normal forces over their mean.
+    pub normal_force: Curve,
+    /// The same of friction forces.
+    pub tangential_force: Curve,
+    /// Share of spheres in clusters of frictional contacts by size.
+    pub cluster_size: Curve,
+}
+
+impl Structure {
+    /// Of the runs of a point; `None` of no frames.
+    pub fn of(runs: &[RunStructure]) -> Option<Self> {
+        let runs: Vec<&RunStructure> = runs.iter().filter(|run| run.frames > 0).collect();
+        let first = *runs.first()?;
+        let dimensions = first.dimensions;
+        let per_frame = |of: fn(&RunStructure) -> &[f64]| {
+            let each = |run: &&RunStructure| Some(scaled(of(run), 1.0 / run.frames as f64));
+            bands(&runs.iter().map(each).collect::<Vec<_>>())
+        };
+        // Shares of all, or a density where bins have that width.
+        let shares = |of: fn(&RunStructure) -> &[f64], width: f64| {
+            let each = |run: &&RunStructure| {
+                let total: f64 = of(run).iter().sum();
+                (total > 0.0).then(|| scaled(of(run), 1.0 / (total * width)))
+            };
+            bands(&runs.iter().map(each).collect::<Vec<_>>())
+        };
+        let forces = force_bins();
+        let width = forces.ends().next().map_or(1.0, |(low, high)| high - low);
+        let fabrics: Vec<_> = runs.iter().filter_map(|run| run.fabric()).collect();
+        let with_angle = per_frame(|run| &run.pairs.with_angle);
+        let with_angle: Vec<f64> = with_angle
+            .iter()
+            .map(|b| b.map_or(0.0, |b| b.mean))
+            .collect();
+        let angles = angle_bins().middles();
+        let scalars = (0..NAMED.len()).map(|place| {
+            let of_run = |run: &&RunStructure| {
+                let (sum, number) = run.scalars[place];
+                (number > 0).then(|| sum / number as f64)
+            };
+            Band::of(&runs.iter().filter_map(of_run).collect::<Vec<_>>())
+        });
+        let fabric = (0..dimensions).map(|a| {
+            let each = |b: usize| fabrics.iter().map(|f| f[a][b]).collect::<Vec<_>>();
+            (0..dimensions).map(|b| Band::of(&each(b))).collect()
+        });
+        let deviators: Vec<f64> = fabrics.iter().map(|f| deviator(f, dimensions)).collect();
+        Some(Self {
+            runs: runs.len() as u64,
+            frames: runs.iter().map(|run| run.frames).sum(),
+            dimensions,
+            scalars: scalars.collect(),
+            radial: Curve {
+                x: first.radial_bins.middles(),
+                y: per_frame(|run| &run.pairs.radial),
+            },
+            with_angle: (
+                first.with_angle_bins.middles(),
+                angles.clone(),
+                with_angle.chunks(ANGLES).map(<[f64]>::to_vec).collect(),
+            ),
+            contact_angle: Curve {
+                x: angles.clone(),
+                y: shares(|run| &run.contacts.angles, 1.0),
+            },
+            force_angle: Curve {
+                x: angles,
+                y: shares(|run| &run.contacts.forces_by_angle, 1.0),
+            },
+            fabric: fabric.collect(),
+            fabric_deviator: Band::of(&deviators),
+            normal_force: Curve {
+                x: forces.middles(),
+                y: shares(|run| &run.contacts.normal, width),
+            },
+            tangential_force: Curve {
+                x: forces.middles(),
+                y: shares(|run| &run.contacts.tangential, width),
+            },
+            cluster_size: Curve {
+                x: (0..SIZES).map(|k| (1_u64 << k) as f64).collect(),
+                y: per_frame(|run| &run.sizes),
+            },
+        })
+    }
+
+    /// A number by its name in [`NAMED`].
+    pub fn scalar(&self, name: &str) -> Option<Band> {
+        let place = NAMED.iter().position(|scalar| scalar.name == name)?;
+        self.scalars[place]
+    }
+}
+
+fn scaled(sums: &[f64], factor: f64) -> Vec<f64> {
+    sums.iter().map(|sum| sum * factor).collect()
+}
+
+/// The means over runs bin by bin; runs that have none are left out.
+fn bands(runs: &[Option<Vec<f64>>]) -> Vec<Option<Band>> {
+    let runs: Vec<&Vec<f64>> = runs.iter().flatten().collect();
+    let number = runs.first().map_or(0, |run| run.len());
+    let each = |bin: usize| runs.iter().map(|run| run[bin]).collect::<Vec<_>>();
+    (0..number).map(|bin| Band::of(&each(bin))).collect()
+}

@@ -1,0 +1,119 @@
+//! The spheres of an instant and their loaded contacts.
+
+use sd_core::cell::Cell;
+use sd_core::contact::ContactState;
+use sd_core::simulation::Frame;
+use sd_core::{Layer, Space};
+
+/// Spheres in their sheared periodic cell, and their loaded contacts.
+#[derive(Debug, Clone)]
+pub struct Network<S: Space> {
+    /// The cell.
+    pub cell: Cell<S>,
+    /// Centres, in a.
+    pub centres: Vec<S::Vector>,
+    /// Radii, in a.
+    pub radii: Vec<f64>,
+    /// Contacts with a normal force.
+    pub links: Vec<Link<S>>,
+}
+
+/// A loaded contact.
+#[derive(Debug, Clone, Copy)]
+pub struct Link<S: Space> {
+    /// One sphere.
+    pub i: usize,
+    /// The other.
+    pub j: usize,
+    /// From `i` to `j`, in a.
+    pub separation: S::Vector,
+    /// The image of `j` that is meant, by the number of cells along each axis.
+    pub image: S::Image,
+    /// In mu·a²·rate.
+    pub normal_force: f64,
+    /// Size of the friction force, in mu·a²·rate.
+    pub tangential_force: f64,
+    /// Whether friction acts, and whether it holds.
+    pub state: ContactState,
+}
+
+impl<S: Space> Link<S> {
+    /// Unit vector from `i` to `j`.
+    pub fn normal(&self) -> S::Vector {
+        self.separation / S::norm_squared(&self.separation).sqrt()
+    }
+
+    /// Whether friction acts.
+    pub fn is_frictional(&self) -> bool {
+        self.state != ContactState::Frictionless
+    }
+}
+
+impl<S: Space> Network<S> {
+    /// Of spheres, and of pairs of them with a normal force, a friction force and a state each. Of a pair the nearest images are meant:
+    /// spheres in contact are nearer than half a side of the cell.
+    pub fn new(
+        cell: Cell<S>,
+        centres: Vec<S::Vector>,
+        radii: Vec<f64>,
+        pairs: impl IntoIterator<Item = (usize, usize, f64, f64, ContactState)>,
+    ) -> Self {
+        let links = pairs
+            .into_iter()
+            .map(|(i, j, normal_force, tangential_force, state)| {
+                let (separation, image) = cell.nearest(centres[j] - centres[i]);
+                Link {
+                    i,
+                    j,
+                    separation,
+                    image,
+                    normal_force,
+                    tangential_force: tangential_force.abs(),
+                    state,
+                }
+            })
+            .collect();
+        Self {
+            cell,
+            centres,
+            radii,
+            links,
+        }
+    }
+
+    /// Number of spheres.
+    pub fn spheres(&self) -> usize {
+        self.centres.len()
+    }
+
+    /// Contacts on which friction acts.
+    pub fn frictional(&self) -> impl Iterator<Item = &Link<S>> {
+        self.links.iter().filter(|link| link.is_frictional())
+    }
+
+    /// The neighbours of each sphere by some links: the other sphere, and the number of the link among these.
+    pub(super) fn neighbours<'l>(
+        &self,
+        links: impl Iterator<Item = &'l Link<S>>,
+    ) -> Vec<Vec<(usize, usize)>> {
+        let mut neighbours = vec![Vec::new(); self.spheres()];
+        for (number, link) in links.enumerate() {
+            neighbours[link.i].push((link.j, number));
+            neighbours[link.j].push((link.i, number));
+        }
+        neighbours
+    }
+}
+
+/// A kept frame of a layer.
+impl TryFrom<&Frame> for Network<Layer> {
+    type Error = sd_core::Error;
+
+    fn try_from(frame: &Frame) -> Result<Self, Self::Error> {
+        let cell = Cell::equal_sides(frame.side, frame.offset)?;
+        let centres = frame.centres.iter().map(|x| [x[0], x[1]].into()).collect();
+        let contacts = frame.contacts.iter().filter(|c| c.normal_force > 0.0);
+        let pairs = contacts.map(|c| (c.i, c.j, c.normal_force, c.tangential_force, c.state));
+        Ok(Self::new(cell, centres, frame.radii.clone(), pairs))
+    }
+}

@@ -1,0 +1,130 @@
+//! How likely a sphere is at a distance from another: g(r), and g(r, θ) in the plane of shear.
+
+use super::bins::Bins;
+use super::network::Network;
+use sd_core::Space;
+use sd_core::cell::Cell;
+use std::f64::consts::PI;
+
+/// Farthest distance of g(r), in a; it ends at half the shortest side of the cell where that is less.
+const FARTHEST: f64 = 10.0;
+/// The same of g(r, θ).
+const FARTHEST_WITH_ANGLE: f64 = 6.0;
+/// Bins of the angle over half a turn: a pair has two opposite ones.
+pub(super) const ANGLES: usize = 36;
+/// Pairs of a suspension count for g(r, θ) if the vorticity component of the unit vector between them is at most this: a quarter of all
+/// pairs where no direction is preferred.
+const IN_PLANE: f64 = 0.25;
+
+/// The pair distributions of one instant.
+#[derive(Debug, Clone)]
+pub(super) struct Pairs {
+    /// g(r) in each bin of [`radial_bins`].
+    pub(super) radial: Vec<f64>,
+    /// g(r, θ) in each bin of [`radial_bins_with_angle`] and of the angle, the angles of a distance one after the other.
+    pub(super) with_angle: Vec<f64>,
+}
+
+/// Half the shortest side of a cell, in a; 0 where there is no cell.
+fn reach<S: Space>(cell: &Cell<S>) -> f64 {
+    match cell {
+        Cell::Unbounded => 0.0,
+        Cell::Periodic { sides, .. } => {
+            let shortest = (0..S::DIMENSIONS)
+                .map(|k| sides[k])
+                .fold(f64::INFINITY, f64::min);
+            0.5 * shortest
+        }
+    }
+}
+
+/// Distances of g(r), in a: of width 0.001 around contact of equal spheres, where the first peak is, and of 0.02 beyond.
+pub(super) fn radial_bins<S: Space>(cell: &Cell<S>) -> Bins {
+    Bins::equal(0.0, 1.9, 19)
+        .and_then(2.1, 1e-3)
+        .and_then(reach(cell).min(FARTHEST), 0.02)
+}
+
+/// Distances of g(r, θ), in a: of width 0.05.
+pub(super) fn radial_bins_with_angle<S: Space>(cell: &Cell<S>) -> Bins {
+    Bins::equal(1.9, 2.0, 2).and_then(reach(cell).min(FARTHEST_WITH_ANGLE), 0.05)
+}
+
+/// Angles from the flow direction towards the gradient direction, in [0, π).
+pub(super) fn angle_bins() -> Bins {
+    Bins::equal(0.0, PI, ANGLES)
+}
+
+/// The angle of a direction and its opposite from the flow direction towards the gradient direction, in [0, π).
+pub(super) fn angle_of<S: Space>(direction: &S::Vector) -> f64 {
+    let angle = direction[1].atan2(direction[0]);
+    let half_turn = if angle < 0.0 { angle + PI } else { angle };
+    // π itself, and what rounding makes of it, is 0.
+    if half_turn >= PI { 0.0 } else { half_turn }
+}
+
+/// Area or volume of a shell, in a² or a³.
+fn shell<S: Space>(from: f64, to: f64) -> f64 {
+    if S::DIMENSIONS == 2 {
+        PI * (to * to - from * from)
+    } else {
+        4.0 / 3.0 * PI * (to.powi(3) - from.powi(3))
+    }
+}
+
+/// Pair distributions of spheres in a periodic cell; 1 is what spheres that do not know of each other have.
+pub(super) fn pairs<S: Space>(network: &Network<S>) -> Pairs {
+    let bins = radial_bins(&network.cell);
+    let with_angle = radial_bins_with_angle(&network.cell);
+    let angles = angle_bins();
+    let mut radial = vec![0.0; bins.len()];
+    let mut both = vec![0.0; with_angle.len() * ANGLES];
+    let n = network.spheres();
+    let Some(content) = network.cell.content().filter(|_| n > 1) else {
+        return Pairs {
+            radial,
+            with_angle: both,
+        };
+    };
+    let reach = reach(&network.cell);
+    for i in 0..n {
+        for j in i + 1..n {
+            let (separation, _) = network
+                .cell
+                .nearest(network.centres[j] - network.centres[i]);
+            let distance = S::norm_squared(&separation).sqrt();
+            if distance >= reach {
+                continue;
+            }
+            if let Some(place) = bins.place(distance) {
+                radial[place] += 1.0;
+            }
+            let off_plane = if S::DIMENSIONS > 2 {
+                separation[2].abs() / distance
+            } else {
+                0.0
+            };
+            if off_plane <= IN_PLANE
+                && let Some(place) = with_angle.place(distance)
+                && let Some(angle) = angles.place(angle_of::<S>(&separation))
+            {
+                both[place * ANGLES + angle] += 1.0;
+            }
+        }
+    }
+    // Pairs that there would be in a shell of content 1, each counted once.
+    let density = 0.5 * n as f64 * (n - 1) as f64 / content;
+    for (count, (low, high)) in radial.iter_mut().zip(bins.ends()) {
+        *count /= density * shell::<S>(low, high);
+    }
+    let in_plane = if S::DIMENSIONS > 2 { IN_PLANE } else { 1.0 };
+    for (counts, (low, high)) in both.chunks_exact_mut(ANGLES).zip(with_angle.ends()) {
+        for count in counts {
+            *count *= ANGLES as f64 / (density * in_plane * shell::<S>(low, high));
+        }
+    }
+    Pairs {
+        radial,
+        with_angle: both,
+    }
+}

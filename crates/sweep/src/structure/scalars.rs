@@ -1,0 +1,149 @@
+//! Numbers of a network, one for each instant: declared once, with their meanings.
+
+use super::clusters::clusters;
+use super::core::core;
+use super::network::Network;
+use super::pebble::PebbleGame;
+use sd_core::contact::ContactState;
+use sd_core::simulation::NetworkSample;
+use sd_core::{Layer, Space};
+
+/// Contacts without which a sphere is a rattler: one that friction holds needs two.
+const HELD: usize = 2;
+
+/// A number of a network: its name, and what it is.
+#[derive(Debug, Clone, Copy)]
+pub struct Scalar {
+    /// Its name in tables and in JSON.
+    pub name: &'static str,
+    /// What it is.
+    pub meaning: &'static str,
+}
+
+const fn scalar(name: &'static str, meaning: &'static str) -> Scalar {
+    Scalar { name, meaning }
+}
+
+/// How many numbers there are.
+pub const SCALARS: usize = 14;
+
+/// All of them, in the order in which [`scalars`] has them.
+#[rustfmt::skip]
+pub static NAMED: [Scalar; SCALARS] = [
+    scalar("coordination", "loaded contacts of a sphere"),
+    scalar("coordination_without_rattlers", "loaded contacts of a sphere that is no rattler with others that are none"),
+    scalar("rattlers", "share of spheres with fewer than two contacts, those taken away one after the other"),
+    scalar("frictional_coordination", "contacts of a sphere on which friction acts"),
+    scalar("sticking", "share of loaded contacts that friction holds"),
+    scalar("sliding", "share of loaded contacts that slide against friction"),
+    scalar("largest_cluster", "share of spheres in the largest cluster of frictional contacts"),
+    scalar("percolating_x", "share of instants at which such a cluster percolates along the flow"),
+    scalar("percolating_y", "share of instants at which such a cluster percolates along the gradient"),
+    scalar("percolating_z", "share of instants at which such a cluster percolates along the vorticity; none in a layer"),
+    scalar("core_fraction", "share of spheres in the 3-core of the frictional contacts of a layer, in the 4-core of a suspension"),
+    scalar("rigid_fraction", "share of spheres of a layer in rigid clusters of at least three spheres, by the frictional pebble game"),
+    scalar("largest_rigid_cluster", "share of spheres of a layer in the largest of these"),
+    scalar("redundant_constraints", "share of constraints of a layer that others of them imply"),
+];
+
+/// What a number of this name in [`NAMED`] is; nothing of any other name.
+pub(crate) fn meaning_of(name: &str) -> &'static str {
+    let scalar = NAMED.iter().find(|scalar| scalar.name == name);
+    scalar.map_or("", |scalar| scalar.meaning)
+}
+
+/// The numbers of a network that a run may sample: those that cost little.
+pub fn observe<S: Space>(network: &Network<S>) -> NetworkSample {
+    let n = network.spheres().max(1) as f64;
+    let frictional = clusters(network, network.frictional());
+    let [along_x, along_y, _] = frictional.percolates.map(|is| f64::from(u8::from(is)));
+    let in_core = core(network, network.frictional(), S::DIMENSIONS + 1);
+    NetworkSample {
+        coordination: 2.0 * network.links.len() as f64 / n,
+        frictional_coordination: 2.0 * network.frictional().count() as f64 / n,
+        largest_cluster: frictional.largest_share(),
+        percolating_x: along_x,
+        percolating_y: along_y,
+        core_fraction: in_core.iter().filter(|is| **is).count() as f64 / n,
+    }
+}
+
+/// The numbers of a network, in the order of [`NAMED`]; NaN where one has no meaning.
+pub fn scalars<S: Space>(network: &Network<S>) -> [f64; SCALARS] {
+    let n = network.spheres().max(1) as f64;
+    let links = network.links.len() as f64;
+    let is_held = core(network, network.links.iter(), HELD);
+    let held = is_held.iter().filter(|held| **held).count() as f64;
+    let between_held = network
+        .links
+        .iter()
+        .filter(|link| is_held[link.i] && is_held[link.j])
+        .count() as f64;
+    let share_of = |state: ContactState| {
+        network
+            .links
+            .iter()
+            .filter(|link| link.state == state)
+            .count() as f64
+            / links
+    };
+    let observed = observe(network);
+    let along_z = clusters(network, network.frictional()).percolates[2];
+    let [rigid, largest, redundant] = rigidity(network);
+    [
+        observed.coordination,
+        2.0 * between_held / held,
+        1.0 - held / n,
+        observed.frictional_coordination,
+        share_of(ContactState::Rolling),
+        share_of(ContactState::Slipping),
+        observed.largest_cluster,
+        observed.percolating_x,
+        observed.percolating_y,
+        if S::DIMENSIONS > 2 {
+            f64::from(u8::from(along_z))
+        } else {
+            f64::NAN
+        },
+        observed.core_fraction,
+        rigid,
+        largest,
+        redundant,
+    ]
+}
+
+/// Shares of spheres in rigid clusters and in the largest one, and of redundant constraints. In layers only: nothing is known that counts
+/// constraints of spheres in three dimensions rightly.
+fn rigidity<S: Space>(network: &Network<S>) -> [f64; 3] {
+    if S::DIMENSIONS != Layer::DIMENSIONS {
+        return [f64::NAN; 3];
+    }
+    let constraints = network.links.iter().flat_map(|link| {
+        let number = if link.state == ContactState::Rolling {
+            2
+        } else {
+            1
+        };
+        std::iter::repeat_n((link.i, link.j), number)
+    });
+    let game = PebbleGame::play(network.spheres(), constraints);
+    let (independent, all) = game.constraints();
+    let mut sizes = vec![0_usize; network.spheres()];
+    for cluster in game.rigid_clusters() {
+        sizes[cluster] += 1;
+    }
+    // Two spheres that stick in one contact roll on each other: no pair is rigid.
+    let n = network.spheres().max(1) as f64;
+    let rigid: usize = sizes.iter().filter(|size| **size > 2).sum();
+    let largest = sizes
+        .iter()
+        .copied()
+        .filter(|size| *size > 2)
+        .max()
+        .unwrap_or(0);
+    [
+        rigid as f64 / n,
+        largest as f64 / n,
+        (all - independent) as f64 / all as f64,
+    ]
+}

@@ -1,0 +1,275 @@
+//! Lattices whose structure is known by hand, across the border of the sheared cell too; a random gas.
+
+use super::pairs::{ANGLES, pairs, radial_bins};
+use super::*;
+use rand::{RngExt as _, SeedableRng as _};
+use sd_core::cell::Cell;
+use sd_core::contact::ContactState;
+use sd_core::{Bulk, Layer, Space};
+use std::f64::consts::PI;
+
+/// All pairs nearer than this, in contact, with forces and states that are all the same.
+fn touching<S: Space>(
+    cell: Cell<S>,
+    centres: Vec<S::Vector>,
+    nearer_than: f64,
+    state: ContactState,
+) -> Network<S> {
+    let mut found = Vec::new();
+    for i in 0..centres.len() {
+        for j in i + 1..centres.len() {
+            let (separation, _) = cell.nearest(centres[j] - centres[i]);
+            if S::norm_squared(&separation) < nearer_than * nearer_than {
+                found.push((i, j, 2.0, 0.5, state));
+            }
+        }
+    }
+    let radii = vec![1.0; centres.len()];
+    Network::new(cell, centres, radii, found)
+}
+
+/// A hexagonal layer of spheres that touch: rows along x, as many as fill the cell, which is wrapped with an offset of whole spacings.
+fn hexagonal(columns: u32, rows: u32, cells_over: f64) -> Network<Layer> {
+    let height = 3.0_f64.sqrt();
+    let sides = [2.0 * f64::from(columns), height * f64::from(rows)];
+    let cell = Cell::<Layer>::periodic(sides.into(), 2.0 * cells_over).unwrap();
+    let places = (0..rows).flat_map(|row| {
+        (0..columns).map(move |column| {
+            let shift = f64::from(row % 2);
+            [2.0 * f64::from(column) + shift, height * f64::from(row)]
+        })
+    });
+    // Moved, so that the border of the cell runs through spheres.
+    let centres = places
+        .map(|[x, y]| cell.wrap([x + 0.7, y + 0.3].into()))
+        .collect();
+    touching(cell, centres, 2.01, ContactState::Rolling)
+}
+
+fn of<S: Space>(network: &Network<S>) -> Structure {
+    let mut run = RunStructure::new(network);
+    run.add(network);
+    run.add(network);
+    Structure::of(&[run.clone(), run]).unwrap()
+}
+
+#[test]
+fn hexagonal_layer_has_six_contacts_no_preferred_direction_and_is_one_rigid_body() {
+    for cells_over in [0.0, 1.0, -3.0] {
+        let network = hexagonal(12, 12, cells_over);
+        let structure = of(&network);
+        assert_eq!((structure.runs, structure.frames), (2, 4));
+        let is = |name: &str, wanted: f64| {
+            let band = structure.scalar(name).unwrap();
+            assert!((band.mean - wanted).abs() < 1e-12, "{name}: {band:?}");
+            assert!(band.ci95.unwrap() < 1e-12, "{name}");
+        };
+        is("coordination", 6.0);
+        is("coordination_without_rattlers", 6.0);
+        is("rattlers", 0.0);
+        is("frictional_coordination", 6.0);
+        is("sticking", 1.0);
+        is("sliding", 0.0);
+        is("largest_cluster", 1.0);
+        is("percolating_x", 1.0);
+        is("percolating_y", 1.0);
+        is("core_fraction", 1.0);
+        is("rigid_fraction", 1.0);
+        is("largest_rigid_cluster", 1.0);
+        // 6 constraints a sphere, of which all but three of 3 a sphere are implied.
+        let n = 144.0;
+        is(
+            "redundant_constraints",
+            (6.0 * n - (3.0 * n - 3.0)) / (6.0 * n),
+        );
+        assert_eq!(structure.scalar("percolating_z"), None);
+        assert!(structure.fabric_deviator.unwrap().mean < 1e-12);
+        for (a, row) in structure.fabric.iter().enumerate() {
+            for (b, band) in row.iter().enumerate() {
+                let wanted = if a == b { 0.5 } else { 0.0 };
+                assert!((band.unwrap().mean - wanted).abs() < 1e-12);
+            }
+        }
+        // Contacts at 0, 60 and 120 degrees.
+        let taken: Vec<usize> = (0..ANGLES)
+            .filter(|&k| structure.contact_angle.y[k].unwrap().mean > 0.0)
+            .collect();
+        let sum: f64 = structure
+            .contact_angle
+            .y
+            .iter()
+            .map(|b| b.unwrap().mean)
+            .sum();
+        assert!((sum - 1.0).abs() < 1e-12);
+        assert!(taken.len() <= 6, "{taken:?}");
+        assert_eq!(structure.contact_angle, structure.force_angle);
+        // All forces are the mean.
+        let place = structure
+            .normal_force
+            .x
+            .iter()
+            .position(|f| (f - 1.05).abs() < 1e-9);
+        let density = structure.normal_force.y[place.unwrap()].unwrap().mean;
+        assert!((density - 10.0).abs() < 1e-9, "{density}");
+    }
+}
+
+#[test]
+fn pair_distribution_counts_the_neighbours_of_lattices() {
+    // Neighbours within the first shells, by integration of g(r).
+    let within = |network: &Network<Layer>, far: f64| {
+        let n = network.spheres() as f64;
+        let density = (n - 1.0) / network.cell.content().unwrap();
+        let found = pairs(network);
+        let bins = radial_bins(&network.cell);
+        let shells = bins
+            .ends()
+            .zip(found.radial)
+            .filter(|((_, high), _)| *high <= far);
+        shells
+            .map(|((low, high), g)| g * density * PI * (high * high - low * low))
+            .sum::<f64>()
+    };
+    let network = hexagonal(12, 12, -3.0);
+    for (far, neighbours) in [
+        (1.9, 0.0),
+        (2.1, 6.0),
+        (3.5, 12.0),
+        (4.1, 18.0),
+        (5.4, 30.0),
+    ] {
+        let found = within(&network, far);
+        assert!((found - neighbours).abs() < 1e-9, "{far}: {found}");
+    }
+    // The first peak is where spheres touch, to 1e-3 a.
+    let bins = radial_bins(&network.cell);
+    let peak = (0..bins.len())
+        .find(|&k| pairs(&network).radial[k] > 0.0)
+        .unwrap();
+    assert!((bins.middles()[peak] - 2.0).abs() < 1e-3);
+    // A square layer: 4, 8, 12 neighbours, a core of the same, and directions 0 and 90 degrees.
+    let cell = Cell::<Layer>::equal_sides(20.0, 4.0).unwrap();
+    let square = (0..10).flat_map(|row| (0..10).map(move |column| (row, column)));
+    let centres = square.map(|(row, column)| {
+        cell.wrap([2.0 * f64::from(column) + 0.9, 2.0 * f64::from(row) + 0.2].into())
+    });
+    let square = touching(cell, centres.collect(), 2.01, ContactState::Slipping);
+    for (far, neighbours) in [(2.1, 4.0), (2.9, 8.0), (4.1, 12.0)] {
+        assert!((within(&square, far) - neighbours).abs() < 1e-9, "{far}");
+    }
+    let structure = of(&square);
+    assert_eq!(structure.scalar("core_fraction").unwrap().mean, 1.0);
+    assert_eq!(structure.scalar("sliding").unwrap().mean, 1.0);
+    assert_eq!(
+        structure.scalar("frictional_coordination").unwrap().mean,
+        4.0
+    );
+    // Contacts that slide are two constraints a sphere, too few for three degrees of freedom.
+    assert_eq!(structure.scalar("rigid_fraction").unwrap().mean, 0.0);
+}
+
+#[test]
+fn a_random_gas_has_no_structure() {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+    let cell = Cell::<Layer>::equal_sides(30.0, -7.0).unwrap();
+    let gases: Vec<RunStructure> = (0..40)
+        .map(|_| {
+            let centres = (0..200)
+                .map(|_| {
+                    [
+                        random.random_range(0.0..30.0),
+                        random.random_range(0.0..30.0),
+                    ]
+                    .into()
+                })
+                .collect();
+            let gas = Network::<Layer>::new(cell, centres, vec![1.0; 200], []);
+            let mut run = RunStructure::new(&gas);
+            run.add(&gas);
+            run
+        })
+        .collect();
+    let structure = Structure::of(&gases).unwrap();
+    // Beyond the fine bins each mean lies within four of its own errors, and most within one interval.
+    let far = structure
+        .radial
+        .x
+        .iter()
+        .zip(&structure.radial.y)
+        .filter(|(r, _)| **r > 2.1);
+    let (mut inside, mut all) = (0, 0);
+    for (r, band) in far {
+        let (mean, ci95) = (band.unwrap().mean, band.unwrap().ci95.unwrap());
+        assert!((mean - 1.0).abs() < 2.5 * ci95, "{r}: {mean} ± {ci95}");
+        inside += u32::from((mean - 1.0).abs() < ci95);
+        all += 1;
+    }
+    assert!(
+        f64::from(inside) > 0.9 * f64::from(all),
+        "{inside} of {all}"
+    );
+    let (_, angles, rows) = &structure.with_angle;
+    assert_eq!(angles.len(), ANGLES);
+    let outer = rows.last().unwrap();
+    let mean = outer.iter().sum::<f64>() / outer.len() as f64;
+    assert!((mean - 1.0).abs() < 0.1, "{mean}");
+    assert_eq!(structure.scalar("coordination").unwrap().mean, 0.0);
+    assert_eq!(structure.scalar("coordination_without_rattlers"), None);
+    assert_eq!(structure.fabric_deviator, None);
+    assert_eq!(structure.scalar("largest_cluster").unwrap().mean, 0.0);
+    let alone = structure.cluster_size.y[0].unwrap().mean;
+    assert!((alone - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_simple_cubic_suspension_has_six_contacts_and_percolates_along_all_axes() {
+    let cell = Cell::<Bulk>::equal_sides(10.0, 4.0).unwrap();
+    let places = (0..125).map(|k| [k % 5, (k / 5) % 5, k / 25].map(|x| 2.0 * f64::from(x) + 0.4));
+    let centres: Vec<_> = places.map(|x| cell.wrap(x.into())).collect();
+    let network = touching(cell, centres, 2.01, ContactState::Rolling);
+    let structure = of(&network);
+    for name in [
+        "percolating_x",
+        "percolating_y",
+        "percolating_z",
+        "core_fraction",
+    ] {
+        assert_eq!(structure.scalar(name).unwrap().mean, 1.0, "{name}");
+    }
+    assert_eq!(structure.scalar("coordination").unwrap().mean, 6.0);
+    assert_eq!(structure.scalar("rigid_fraction"), None);
+    assert!(structure.fabric_deviator.unwrap().mean < 1e-12);
+    let n = 125.0;
+    let bins = radial_bins(&network.cell);
+    let shells = bins
+        .ends()
+        .zip(pairs(&network).radial)
+        .filter(|((_, high), _)| *high <= 2.1);
+    let density = (n - 1.0) / 1000.0;
+    let neighbours: f64 = shells
+        .map(|((low, high), g)| g * density * 4.0 / 3.0 * PI * (high.powi(3) - low.powi(3)))
+        .sum();
+    assert!((neighbours - 6.0).abs() < 1e-9, "{neighbours}");
+}
+
+#[test]
+fn contacts_along_the_compression_axis_are_at_three_quarters_of_a_half_turn() {
+    // Under simple shear u = y the axis of compression runs from upper left to lower right.
+    let cell = Cell::<Layer>::equal_sides(20.0, 0.0).unwrap();
+    let pair = vec![
+        [5.0, 5.0].into(),
+        [5.0 - 2.0_f64.sqrt(), 5.0 + 2.0_f64.sqrt()].into(),
+    ];
+    let structure = of(&touching(cell, pair, 2.01, ContactState::Frictionless));
+    let place = (0..ANGLES)
+        .find(|&k| structure.contact_angle.y[k].unwrap().mean > 0.5)
+        .unwrap();
+    let middle = structure.contact_angle.x[place];
+    assert!((middle - 0.75 * PI).abs() < PI / 36.0, "{middle}");
+    assert!((structure.fabric[0][1].unwrap().mean + 0.5).abs() < 1e-12);
+    assert!((structure.fabric_deviator.unwrap().mean - 1.0).abs() < 1e-12);
+    assert_eq!(
+        structure.scalar("frictional_coordination").unwrap().mean,
+        0.0
+    );
+}

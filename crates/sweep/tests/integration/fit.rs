@@ -1,0 +1,101 @@
+//! The model of Wyart and Cates fitted to a campaign.
+
+use crate::harness::{Computed, json, refused, sweep};
+
+const CAMPAIGN: &str = r#"name = "fit"
+[protocol]
+time_step = 0.02
+strain = 0.6
+discard = 0.2
+[[grid]]
+area_fraction = [0.45, 0.6, 0.68]
+friction = 1.0
+roughness = 0.01
+shear_rate = [0.0, 0.3, 3.0, inf]
+seeds = 3
+spheres = 24
+hydrodynamics = "ball-melrose"
+"#;
+
+static COMPUTED: Computed = Computed::new(CAMPAIGN, &[]);
+
+#[test]
+fn parameters_have_intervals_and_residuals_are_those_of_the_points() {
+    let folder = COMPUTED.folder();
+    let at = folder.path();
+    let fit = json(at, &["fit", "s.sqlite", "--replicates", "40"]);
+    let of = |name: &str, key: &str| fit["parameters"][name][key].as_f64().unwrap();
+    for name in ["c_0", "c_m", "sigma_c", "beta", "prefactor"] {
+        let [low, value, high] = ["low", "value", "high"].map(|key| of(name, key));
+        assert!(low < value && value < high, "{name}: {low} {value} {high}");
+    }
+    // Friction lowers the fraction at which layers jam, and both are above those that flow.
+    assert!(of("c_m", "value") < of("c_0", "value"));
+    assert!(of("c_m", "value") > 0.68);
+    let report = json(at, &["report", "s.sqlite"]);
+    let points = fit["points"].as_array().unwrap();
+    assert_eq!(points.len(), 12);
+    for (point, averaged) in points.iter().zip(report["points"].as_array().unwrap()) {
+        let number = |key: &str| point[key].as_f64().unwrap();
+        assert_eq!(point["shear_rate"], averaged["shear_rate"]);
+        let viscosity = averaged["viscosity"].as_f64().unwrap();
+        assert!((number("viscosity") / viscosity - 1.0).abs() < 1e-12);
+        let residual = (number("viscosity") / number("fitted")).ln();
+        assert!((number("residual") - residual).abs() < 1e-9);
+    }
+    let text = sweep(at, &["fit", "s.sqlite", "--replicates", "40"]);
+    for part in [
+        "c_0",
+        "sigma_c",
+        "95 % interval",
+        "12 points of 36 runs",
+        "root mean square",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    sweep(
+        at,
+        &[
+            "fit",
+            "s.sqlite",
+            "--figure",
+            "f.svg",
+            "--csv",
+            "r.csv",
+            "--replicates",
+            "0",
+        ],
+    );
+    let figure = std::fs::read_to_string(at.join("f.svg")).unwrap();
+    assert_eq!(figure.matches("c = 0.").count(), 3);
+    let rows = std::fs::read_to_string(at.join("r.csv")).unwrap();
+    assert_eq!(rows.lines().count(), 13);
+}
+
+#[test]
+fn what_cannot_be_fitted_is_named() {
+    let folder = COMPUTED.folder();
+    let at = folder.path();
+    let error = refused(at, &["fit", "s.sqlite", "--where", "c=0.6"]);
+    assert!(error.contains("needs at least 6 points"), "{error}");
+    assert!(error.contains("here are 4 points at 1 and 4"), "{error}");
+    let several = Computed::new(
+        r#"name = "several"
+[protocol]
+time_step = 0.02
+strain = 0.1
+discard = 0.0
+[[grid]]
+area_fraction = [0.3, 0.4]
+friction = [0.5, 1.0]
+roughness = 0.01
+shear_rate = [0.1, 1.0, 10.0]
+seeds = 1
+spheres = 20
+hydrodynamics = "ball-melrose"
+"#,
+        &[],
+    );
+    let error = refused(several.folder().path(), &["fit", "s.sqlite"]);
+    assert!(error.contains("friction has 0.5, 1"), "{error}");
+}

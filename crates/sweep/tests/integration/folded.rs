@@ -1,0 +1,196 @@
+//! Points that share their runs: friction has no effect at Γ = 0, nor has the shear rate without friction.
+
+use crate::harness::{folder, json, refused, run, sweep, words};
+
+const CAMPAIGN: &str = r#"name = "folded"
+[protocol]
+time_step = 0.02
+strain = 0.4
+discard = 0.1
+[[grid]]
+area_fraction = 0.7
+friction = [0.0, 0.3]
+roughness = 0.01
+shear_rate = [0.0, 0.1, inf]
+seeds = 2
+spheres = 30
+hydrodynamics = "ball-melrose"
+"#;
+
+#[test]
+fn points_that_share_their_runs_are_computed_once_and_reported_as_written() {
+    let folder = folder("folded.toml", CAMPAIGN);
+    let at = folder.path();
+    let plan = json(at, &["plan", "folded.toml"]);
+    assert_eq!((&plan["cases"], &plan["folded"]), (&6.into(), &6.into()));
+    let text = sweep(at, &["plan", "folded.toml"]);
+    assert!(
+        text.contains("6 more runs of the grids are folded"),
+        "{text}"
+    );
+    sweep(at, &["run", "folded.toml", "--quiet"]);
+    let report = json(at, &["report", "folded.toml"]);
+    assert_eq!(report["cases"]["done"], 6);
+    let points = report["points"].as_array().unwrap();
+    let shown: Vec<String> = points
+        .iter()
+        .map(|point| format!("{} {}", point["friction"], point["shear_rate"]))
+        .collect();
+    let written = [
+        "0.0 0.0",
+        "0.0 0.1",
+        "0.0 \"inf\"",
+        "0.3 0.0",
+        "0.3 0.1",
+        "0.3 \"inf\"",
+    ];
+    assert_eq!(shown, written);
+    let viscosity = |place: usize| points[place]["viscosity"].as_f64().unwrap();
+    for alike in 1..4 {
+        assert_eq!(viscosity(alike).to_bits(), viscosity(0).to_bits());
+    }
+    assert!(viscosity(5) > 1.01 * viscosity(0));
+    assert!(points.iter().all(|point| point["seeds"] == 2));
+    // A point that is folded can be selected by what was written.
+    let some = json(
+        at,
+        &[
+            "report",
+            "folded.toml",
+            "--where",
+            "friction=0",
+            "--where",
+            "shear_rate=inf",
+        ],
+    );
+    assert_eq!(some["points"].as_array().unwrap().len(), 1);
+    assert_eq!(some["cases"]["done"], 2);
+    // Every run once, in tables of runs and of samples.
+    let runs = sweep(at, &["report", "folded.toml", "--runs", "runs.csv"]);
+    assert!(runs.is_empty(), "{runs}");
+    let rows = std::fs::read_to_string(at.join("runs.csv")).unwrap();
+    assert_eq!(rows.lines().count(), 1 + 6, "{rows}");
+    let text = sweep(at, &["report", "folded.toml"]);
+    assert!(text.contains("rows with the same runs"), "{text}");
+}
+
+#[test]
+fn the_same_layers_without_folding_have_the_same_numbers() {
+    // A spring that is a unit of the flow has a shear rate that says nothing without friction; one in units of F_crit has not.
+    let spring = |unit: &str| {
+        CAMPAIGN
+            .replace("friction = [0.0, 0.3]", "friction = 0.0")
+            .replace("[0.0, 0.1, inf]", "[0.1, 1.0]")
+            .replace(
+                "seeds = 2",
+                &format!("seeds = 1\ncontact = \"linear-spring\"\nstiffness = 1e4\nstiffness_unit = \"{unit}\""),
+            )
+    };
+    for (unit, cases) in [("flow", 1), ("critical-load", 2)] {
+        let folder = folder("folded.toml", &spring(unit));
+        assert_eq!(
+            json(folder.path(), &["plan", "folded.toml"])["cases"],
+            cases,
+            "{unit}"
+        );
+    }
+}
+
+#[test]
+fn a_plan_warns_of_layers_too_dense_to_start() {
+    let dense = CAMPAIGN
+        .replace("area_fraction = 0.7", "area_fraction = [0.7, 0.84]")
+        .replace("roughness = 0.01", "roughness = 0.07")
+        .replace("spheres = 30", "spheres = 20");
+    let folder = folder("folded.toml", &dense);
+    let at = folder.path();
+    let plan = json(at, &["plan", "folded.toml"]);
+    let warnings = plan["warnings"].as_array().unwrap();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(
+        warnings[0]
+            .as_str()
+            .unwrap()
+            .contains("20 spheres at area fraction 0.84")
+    );
+    let text = sweep(at, &["plan", "folded.toml"]);
+    assert!(
+        text.contains("warning: no start could be made of 20 spheres"),
+        "{text}"
+    );
+}
+
+#[test]
+fn numbers_of_workers_new_folders_and_changes_are_said_in_plain_words() {
+    let folder = folder("folded.toml", CAMPAIGN);
+    let at = folder.path();
+    for command in ["run", "plan"] {
+        let error = refused(at, &[command, "folded.toml", "--workers", "0"]);
+        assert!(error.contains("write a number from 1 to 4096"), "{error}");
+    }
+    let first = run(at, &["run", "folded.toml", "--store", "new/place/x.sqlite"]);
+    assert_eq!(first.status.code(), Some(0));
+    let told = words(&first.stderr);
+    assert!(told.contains("new/place is a new folder"), "{told}");
+    assert!(told.contains("6 of 6 cases"), "{told}");
+    let status = sweep(at, &["status", "new/place/x.sqlite"]);
+    assert!(status.contains("folded: all 6 runs have ended"), "{status}");
+    let more = CAMPAIGN
+        .replace("seeds = 2", "seeds = 3")
+        .replace("strain = 0.4", "strain = 0.6");
+    std::fs::write(at.join("folded.toml"), more).unwrap();
+    let again = run(at, &["run", "folded.toml", "--store", "new/place/x.sqlite"]);
+    let told = words(&again.stderr);
+    let change =
+        "folded.toml differs from the last campaign in x.sqlite: 3 new runs, 0 reused, 6 extended";
+    assert!(told.contains(change), "{told}");
+    assert!(!told.contains("is a new folder"), "{told}");
+}
+
+#[test]
+fn a_start_that_is_a_store_or_stands_elsewhere_is_told_what_to_write() {
+    let folder = folder("folded.toml", CAMPAIGN);
+    let at = folder.path();
+    sweep(
+        at,
+        &[
+            "run",
+            "folded.toml",
+            "--quiet",
+            "--store",
+            "results/x.sqlite",
+        ],
+    );
+    std::fs::create_dir(at.join("sweeps")).unwrap();
+    let with = |start: &str| {
+        let text = CAMPAIGN
+            .replace("friction = [0.0, 0.3]", "friction = 0.3")
+            .replace("seeds = 2", &format!("seeds = 2\nstart = {start}"));
+        std::fs::write(
+            at.join("sweeps/on.toml"),
+            text.replace("\"folded\"", "\"on\""),
+        )
+        .unwrap();
+    };
+    with("\"../results/x.sqlite\"");
+    let error = refused(at, &["plan", "sweeps/on.toml"]);
+    assert!(error.contains("is a store, and no layer"), "{error}");
+    assert!(error.contains("start = { store ="), "{error}");
+    let point = "point = { friction = 0.3, shear_rate = 0.0 }";
+    with(&format!("{{ store = \"results/x.sqlite\", {point} }}"));
+    let error = refused(at, &["plan", "sweeps/on.toml"]);
+    assert!(
+        error.contains("did you mean \"../results/x.sqlite\"?"),
+        "{error}"
+    );
+    // A point that shares its runs with others is found as it was written.
+    with(&format!("{{ store = \"../results/x.sqlite\", {point} }}"));
+    sweep(at, &["run", "sweeps/on.toml", "--quiet"]);
+    let shown = sweep(at, &["show", "sweeps/on.toml", "1"]);
+    assert!(shown.contains("start end of x"), "{shown}");
+    with("{ store = \"../results/x.sqlite\", point = { friction = 0.3, shear_rate = 1.0 } }");
+    let error = refused(at, &["plan", "sweeps/on.toml"]);
+    assert!(error.contains("no run of that point"), "{error}");
+    let error = refused(at, &["submit", "folded.toml", "--dry-run", "--tasks", "0"]);
+    assert!(error.contains("write a whole number from 1"), "{error}");
+}
