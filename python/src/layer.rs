@@ -193,7 +193,7 @@ impl Layer {
         let seed = values::count("seed", seed)?;
         let params = one_case(&values::dict("params", params)?, seed)?;
         Self::of(py, params, Some(seed), |params, tables| {
-            Simulation::new(params, seed, tables)
+            Simulation::<sd_core::Layer>::new(params, seed, tables)
         })
     }
 

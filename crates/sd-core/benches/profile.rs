@@ -149,7 +149,7 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
     };
     let mut parts = Parts::default();
     let mut stress = StressWork::default();
-    let mut state = State {
+    let mut state: State = State {
         centres: layer.centres.clone(),
         orientations: snapshot.orientations.clone(),
     };

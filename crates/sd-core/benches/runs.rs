@@ -107,7 +107,7 @@ struct Run {
 
 impl Run {
     fn of(params: &Params, strain: f64) -> Self {
-        let layer = Simulation::new(params, 1, &NearFields::default());
+        let layer = Simulation::<sd_core::Layer>::new(params, 1, &NearFields::default());
         let mut layer = layer.expect("valid parameters");
         let stride = if params.time_step > 0.5 * SAMPLE_EVERY {
             1
@@ -238,7 +238,8 @@ fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
         time_step,
         ..params.clone()
     };
-    let mut before = Simulation::new(&coarse, 1, &tables).expect("valid parameters");
+    let mut before =
+        Simulation::<sd_core::Layer>::new(&coarse, 1, &tables).expect("valid parameters");
     while before.strain() < strain - 0.5 * time_step {
         before.step().expect("a step that succeeds");
     }

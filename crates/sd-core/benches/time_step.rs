@@ -117,7 +117,8 @@ fn short(seeds: u64) {
     let params = params(0.01);
     let start: Vec<Snapshot> = (1..=seeds)
         .map(|seed| {
-            let simulation = Simulation::new(&params, seed, &NearFields::default());
+            let simulation =
+                Simulation::<sd_core::Layer>::new(&params, seed, &NearFields::default());
             let mut simulation = simulation.expect("valid parameters");
             for _ in 0..150 {
                 simulation.step().expect("a step that succeeds");
@@ -184,7 +185,8 @@ fn long(seeds: u64) {
         let mut evaluations = 0;
         let means = (1..=seeds)
             .map(|seed| {
-                let start = Simulation::new(&params, seed, &NearFields::default());
+                let start =
+                    Simulation::<sd_core::Layer>::new(&params, seed, &NearFields::default());
                 let start = start.expect("valid parameters").snapshot();
                 let mut layer = Layer::new(&params, &start);
                 run(&mut layer, method, steps, 2.0)?;

@@ -207,7 +207,7 @@ impl Case {
     /// Steps until the strain is reached, or something is in the way.
     fn step_through(&self, limit: Duration, tables: &NearFields) -> Ran {
         let started = Instant::now();
-        let mut layer = match Simulation::new(&self.params, self.seed, tables) {
+        let mut layer = match Simulation::<sd_core::Layer>::new(&self.params, self.seed, tables) {
             Ok(layer) => layer,
             Err(error @ Error::CannotPack { .. }) => {
                 return Ran::without_steps(End::NotPacked, &error.to_string());

@@ -20,7 +20,7 @@ pub(crate) fn main() -> Result<(), Error> {
         time_step: 0.005, // strain,
         ..Params::UNWRITTEN
     };
-    let mut layer = Simulation::new(&params, 1, &NearFields::default())?;
+    let mut layer = Simulation::<sd_core::Layer>::new(&params, 1, &NearFields::default())?;
     let samples = (0..100)
         .map(|_| layer.step())
         .collect::<Result<Vec<_>, _>>()?;

@@ -75,10 +75,12 @@ impl Quality {
     }
 }
 
+use crate::space::Space;
+
 /// Most spheres for which room is made in advance for all contacts there can be.
 const MOST_RESERVED: usize = 1000;
 
-/// Most contacts of equal spheres in a plane: six for each sphere. Unequal ones hardly have more.
-pub fn most_contacts(spheres: usize) -> usize {
-    3 * spheres.min(MOST_RESERVED)
+/// Contacts for which room is made in advance.
+pub(crate) fn most_contacts<S: Space>(spheres: usize) -> usize {
+    S::MOST_CONTACTS / 2 * spheres.min(MOST_RESERVED)
 }

@@ -60,7 +60,6 @@
 //! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
 //! stress          viscosity, normal stress differences, particle pressure, each by its causes; energy balance
 //! run             start: the first layer or suspension; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
-//!                 bulk: one evaluation in three dimensions, without contacts;
 //!                 pair: two spheres alone; verify: known results, computed anew
 //! ```
 //! A right-hand side goes through them in this order: pairs in range (`space`), their near field and the far field of all
@@ -71,7 +70,7 @@
 //! # Example
 //! `cargo run --release -p sd-core --example layer` shears a layer, `--example pair` drives two spheres past each other.
 //! ```
-//! use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
+//! use sd_core::{ContactScheme, Hydrodynamics, Layer, NearFields, Params, Simulation};
 //!
 //! let params = Params {
 //!     spheres: 20,
@@ -86,7 +85,7 @@
 //!     time_step: 0.005,
 //!     ..Params::UNWRITTEN
 //! };
-//! let mut layer = Simulation::new(&params, 1, &NearFields::default())?;
+//! let mut layer = Simulation::<Layer>::new(&params, 1, &NearFields::default())?;
 //! for _ in 0..20 {
 //!     let sample = layer.step()?;
 //!     assert!(sample.viscosity > 1.0 + 5.0 / 3.0 * params.area_fraction);
@@ -109,7 +108,7 @@ mod stress;
 pub use error::Error;
 pub use hydrodynamics::far_field::{FarField, FarResistance};
 pub use hydrodynamics::iterative::IterativeFarField;
-pub use hydrodynamics::resistance::{NearFields, PairwiseResistance, Resistance};
+pub use hydrodynamics::resistance::{Fluid, NearFields, PairwiseResistance, Resistance};
 pub use hydrodynamics::two_sphere;
 pub use model::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, LeadingOrder, NormalLaw, Params,
@@ -118,10 +117,10 @@ pub use model::{
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::steppers::rosenbrock::{self, Rosenbrock};
 pub use run::steppers::{RungeKutta, Stage, State};
-pub use run::{bulk, instant, pair, simulation, start, verify};
+pub use run::{instant, pair, simulation, start, verify};
 pub use space::neighbours::NeighbourList;
 pub use space::pair::{Neighbours, PairKey};
-pub use space::{Bulk, Layer, Space, cell, modes};
+pub use space::{Bulk, ImposedFlow, Layer, Space, bulk, cell, modes};
 pub use stage::{Contact as StageContact, Method, StageSolver, memory_bytes};
 pub use stress::{Stress, StressComponents, StressParts, StressWork};
 

@@ -60,8 +60,11 @@ impl ContactScheme {
 pub struct Params {
     /// Number of spheres N.
     pub spheres: usize,
-    /// Area fraction c = Σ π a_i² / A.
+    /// Area fraction c = Σ π a_i² / A; 0 in a suspension.
     pub area_fraction: f64,
+    /// Volume fraction φ = Σ (4/3)π a_i³ / V of a suspension; `None` in a layer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub volume_fraction: Option<f64>,
     /// Roughness height h.
     pub roughness: f64,
     /// Friction coefficient ν.
@@ -122,6 +125,7 @@ impl Params {
     pub const UNWRITTEN: Self = Self {
         spheres: 0,
         area_fraction: f64::NAN,
+        volume_fraction: None,
         roughness: f64::NAN,
         friction: f64::NAN,
         shear_rate: f64::NAN,

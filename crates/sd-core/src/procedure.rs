@@ -17,10 +17,10 @@ use crate::contact::solve::dense::DenseSystem;
 use crate::contact::solve::problem::{self, Forces, Problem, States, System};
 use crate::contact::{Contact, ContactState, Quality, most_contacts};
 use crate::error::Error;
-use crate::hydrodynamics::resistance::Resistance;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::tangential::roll_slip;
 use crate::model::Surface;
-use crate::space::modes::Background;
+use crate::space::Layer;
 use crate::space::pair::PairKey;
 
 /// Compliance where all pairs are halted at once: just enough for a factor of a hyperstatic network.
@@ -35,17 +35,17 @@ pub struct ContactList {
 
 impl ContactList {
     /// Step 1: adds pairs with `g ≤ h` that approach in the given disturbance velocities `[3N]`.
-    pub fn add_approaching(
+    pub fn add_approaching<S: Fluid>(
         &mut self,
-        resistance: &Resistance,
-        background: &Background,
+        resistance: &Resistance<S>,
+        background: &S::Background,
         roughness: f64,
         velocities: &[f64],
     ) {
         for pair in resistance.neighbours() {
             if pair.gap <= roughness {
                 let contact = Contact::new(*pair, resistance.radii(), background);
-                if contact.background[0] + contact.normal_row().read(velocities) < 0.0 {
+                if contact.approach(velocities) < 0.0 {
                     self.add(pair.key());
                 }
             }
@@ -67,11 +67,11 @@ impl ContactList {
 
 /// What a stage is solved for.
 #[derive(Clone, Copy)]
-pub struct ProcedureInput<'a> {
+pub struct ProcedureInput<'a, S: Fluid = Layer> {
     /// Hydrodynamics, factored.
-    pub resistance: &'a Resistance,
+    pub resistance: &'a Resistance<S>,
     /// Imposed flow.
-    pub background: &'a Background,
+    pub background: &'a S::Background,
     /// Roughness, friction and critical load.
     pub surface: &'a Surface,
     /// All forces but those of contact, `[3N]`.
@@ -79,17 +79,17 @@ pub struct ProcedureInput<'a> {
 }
 
 /// Solver of the steps, with its workspace.
-pub struct ProcedureSolver {
-    problem: Problem,
+pub struct ProcedureSolver<S: Fluid = Layer> {
+    problem: Problem<S>,
     states: States,
     forces: Forces,
-    system: DenseSystem,
+    system: DenseSystem<S>,
 }
 
-impl ProcedureSolver {
+impl<S: Fluid> ProcedureSolver<S> {
     /// Workspace with room for all contacts of that many spheres.
     pub fn new(spheres: usize) -> Self {
-        let contacts = most_contacts(spheres);
+        let contacts = most_contacts::<S>(spheres);
         let mut solver = Self {
             problem: Problem::default(),
             states: States::default(),
@@ -115,9 +115,9 @@ impl ProcedureSolver {
     /// [`Error::ProcedureNeedsDense`], where the resistance is held pair by pair.
     pub fn solve(
         &mut self,
-        input: &ProcedureInput<'_>,
+        input: &ProcedureInput<'_, S>,
         listed: &mut ContactList,
-        contacts: &mut Vec<Contact>,
+        contacts: &mut Vec<Contact<S>>,
         velocities: &mut [f64],
     ) -> Result<Quality, Error> {
         let ProcedureInput {
@@ -138,7 +138,7 @@ impl ProcedureSolver {
         self.problem.normal.clear();
         let normal = contacts.iter().map(|contact| problem::Normal {
             row: contact.normal_row(),
-            bias: contact.background[0],
+            bias: contact.background_approach,
             compliance: HALT_COMPLIANCE,
         });
         self.problem.normal.extend(normal);
@@ -182,24 +182,28 @@ impl ProcedureSolver {
     /// Steps 4 to 6: friction from the slip that the normal forces leave.
     fn add_friction(
         &mut self,
-        resistance: &Resistance,
+        resistance: &Resistance<S>,
         surface: &Surface,
-        contacts: &mut [Contact],
+        contacts: &mut [Contact<S>],
     ) {
         for (k, contact) in contacts.iter_mut().enumerate() {
             if contact.normal_force > surface.critical_load {
                 contact.slip_resistance = resistance.slip_resistance(&contact.pair);
                 contact.friction_acts = true;
-                self.problem.tangential.push(problem::Tangential {
-                    contact: k,
-                    row: contact.slip_row(),
-                    shift: contact.background[1],
-                    compliance: 0.0,
-                    coefficient: surface.friction,
-                    intercept: 0.0,
-                    active: true,
-                    was_deactivated: false,
-                });
+                let directions = contact.directions();
+                let shifts = S::along(&directions, &contact.background_slip);
+                for d in 0..S::TANGENTS {
+                    self.problem.tangential.push(problem::Tangential {
+                        contact: k,
+                        row: contact.slip_row(&directions[d]),
+                        shift: shifts[d],
+                        compliance: 0.0,
+                        coefficient: surface.friction,
+                        intercept: 0.0,
+                        active: true,
+                        was_deactivated: false,
+                    });
+                }
             }
         }
         self.system.begin_rows(resistance, &self.problem);
@@ -207,18 +211,27 @@ impl ProcedureSolver {
         self.forces.tangential.clear();
         self.forces.tangential.resize(count, 0.0);
         self.system.measure(&self.problem, &mut self.forces);
-        for (m, row) in self.problem.tangential.iter().enumerate() {
-            let contact = &mut contacts[row.contact];
+        let slips = S::by_slip_mut(&mut self.forces.tangential).iter_mut();
+        let rows = self.problem.tangential.chunks_exact(S::TANGENTS);
+        for ((force, slip), rows) in slips.zip(S::by_slip(&self.forces.slip)).zip(rows) {
+            let contact = &mut contacts[rows[0].contact];
             let bound = roll_slip::bound(surface.friction, contact.normal_force);
-            let (slip, resistance) = (self.forces.slip[m], contact.slip_resistance);
-            let (force, rolls) = roll_slip::force(slip, resistance, bound);
-            contact.tangential_force = force;
+            // The force of a slip has its direction.
+            let size = S::length(slip);
+            let (limited, rolls) = roll_slip::force(size, contact.slip_resistance, bound);
+            for k in 0..S::TANGENTS {
+                force[k] = if size > 0.0 {
+                    slip[k] / size * limited
+                } else {
+                    0.0
+                };
+            }
+            contact.tangential_force = S::tangent(&contact.directions(), force);
             contact.state = if rolls {
                 ContactState::Rolling
             } else {
                 ContactState::Slipping
             };
-            self.forces.tangential[m] = force;
         }
     }
 }

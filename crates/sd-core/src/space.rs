@@ -1,36 +1,130 @@
 //! What differs between a layer and a suspension, and the geometry that is written once for both.
 
+pub mod bulk;
 pub mod cell;
+mod layer;
 pub mod modes;
 pub(crate) mod neighbours;
 pub(crate) mod pair;
 mod verlet;
 
-use nalgebra::{Vector2, Vector3};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::fmt::Debug;
-use std::ops::{Add, AddAssign, Div, Index, IndexMut, Mul, Sub, SubAssign};
+use std::ops::{Add, AddAssign, Div, Index, IndexMut, Mul, Neg, Sub, SubAssign};
 
-/// A layer or a suspension.
-pub trait Space: Copy + Debug + PartialEq + 'static {
-    /// Number of coordinates.
-    const DIMENSIONS: usize;
-    /// Neighbours of a sphere within the lubrication range that room is made for.
-    const MOST_NEIGHBOURS: usize;
-    /// Positions, velocities, forces.
-    type Vector: Copy
+pub use bulk::Bulk;
+pub use layer::Layer;
+
+/// A vector in the space or in the tangent plane of a contact, or a number where that is a line.
+pub trait Linear:
+    Copy
+    + Debug
+    + PartialEq
+    + Default
+    + Add<Output = Self>
+    + AddAssign
+    + Sub<Output = Self>
+    + SubAssign
+    + Neg<Output = Self>
+    + Mul<f64, Output = Self>
+    + Div<f64, Output = Self>
+    + 'static
+{
+}
+
+impl<T> Linear for T where
+    T: Copy
         + Debug
         + PartialEq
         + Default
-        + Add<Output = Self::Vector>
+        + Add<Output = Self>
         + AddAssign
-        + Sub<Output = Self::Vector>
+        + Sub<Output = Self>
         + SubAssign
-        + Mul<f64, Output = Self::Vector>
-        + Div<f64, Output = Self::Vector>
-        + Index<usize, Output = f64>
-        + IndexMut<usize>;
+        + Neg<Output = Self>
+        + Mul<f64, Output = Self>
+        + Div<f64, Output = Self>
+        + 'static
+{
+}
+
+/// A fixed number of equal things.
+pub trait Few<T>:
+    Copy + AsRef<[T]> + AsMut<[T]> + Index<usize, Output = T> + IndexMut<usize>
+{
+}
+
+impl<T: Copy, const N: usize> Few<T> for [T; N] {}
+
+/// The imposed linear flow of a space, in shear rates.
+pub trait ImposedFlow<S: Space>: Copy + Debug + PartialEq + 'static {
+    /// Simple shear `u∞ = y x̂` in the sense of `direction`, 1 or −1.
+    fn simple_shear(direction: f64) -> Self;
+
+    /// Velocity at a point.
+    fn velocity_at(&self, x: &S::Vector) -> S::Vector;
+
+    /// Angular velocity.
+    fn spin(&self) -> S::Spin;
+
+    /// Components of the rate of strain.
+    fn strain_components(&self) -> S::Strain;
+
+    /// All numbers of it.
+    fn numbers(&self) -> Vec<f64>;
+
+    /// Where a point that the flow has carried to `x` over `time` at its first velocity was before:
+    /// `x = (1 + time ∇u∞) x₀`.
+    fn carried_back(&self, x: &S::Vector, time: f64) -> S::Vector;
+}
+
+/// A layer or a suspension.
+///
+/// A sphere has [`Space::MODES`] velocities `(U, Ω)`, with as many forces and torques, and
+/// [`Space::STRAINS`] components of its strain and stresslet. Slip and friction of a contact have
+/// [`Space::TANGENTS`] components.
+pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
+    /// Number of coordinates.
+    const DIMENSIONS: usize;
+    /// Velocities of a sphere, the translations first.
+    const MODES: usize;
+    /// Components of a strain.
+    const STRAINS: usize;
+    /// Components of slip.
+    const TANGENTS: usize;
+    /// Neighbours of a sphere within the lubrication range that room is made for.
+    const MOST_NEIGHBOURS: usize;
+    /// Contacts of a sphere that room is made for.
+    const MOST_CONTACTS: usize;
+    /// How a sphere lies at strain 0.
+    const UPRIGHT: Self::Orientation;
+    /// Positions, velocities, forces.
+    type Vector: Linear + Index<usize, Output = f64> + IndexMut<usize>;
+    /// A vector as snapshots have it.
+    type Point: Few<f64> + Debug + PartialEq + Default + Serialize + DeserializeOwned;
     /// An image of the cell, by the number of cells along each axis.
     type Image: Copy + Debug + PartialEq + Default + Index<usize, Output = i32> + IndexMut<usize>;
+    /// Angular velocities, torques.
+    type Spin: Linear;
+    /// Slip, friction: vectors across the line of centres.
+    type Tangent: Linear + Serialize + DeserializeOwned;
+    /// How a sphere lies.
+    type Orientation: Copy + Debug + PartialEq + Serialize + DeserializeOwned;
+    /// Strains and stresslets.
+    type Strain: Linear + Index<usize, Output = f64> + IndexMut<usize>;
+    /// A traceless tensor, see [`Space::tensor`].
+    type Tensor: Few<f64> + Debug + PartialEq + Default;
+    /// The imposed flow.
+    type Background: ImposedFlow<Self>;
+    /// Something of each velocity of a sphere.
+    type PerMode<T: Copy>: Few<T>;
+    /// Something of each component of a slip.
+    type PerTangent<T: Copy>: Few<T>;
+    /// Weights of the velocities of two spheres.
+    type Weights: Few<f64> + Debug + PartialEq;
+    /// Forces and torques of a sphere from velocities of one, by columns.
+    type Block: Few<f64> + Debug + PartialEq;
 
     /// Scalar product.
     fn dot(a: &Self::Vector, b: &Self::Vector) -> f64;
@@ -40,38 +134,106 @@ pub trait Space: Copy + Debug + PartialEq + 'static {
     fn norm_squared(vector: &Self::Vector) -> f64 {
         Self::dot(vector, vector)
     }
-}
 
-/// Spheres whose centres lie in one plane of an unbounded fluid.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Layer;
+    /// A vector as snapshots have it.
+    fn point(vector: &Self::Vector) -> Self::Point;
 
-/// Spheres that fill a fluid.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bulk;
+    /// A vector of snapshots.
+    fn vector(point: &Self::Point) -> Self::Vector;
 
-impl Space for Layer {
-    const DIMENSIONS: usize = 2;
-    /// Equal spheres have 18 at most.
-    const MOST_NEIGHBOURS: usize = 20;
-    type Vector = Vector2<f64>;
-    type Image = [i32; 2];
+    /// The same for all velocities of a sphere.
+    fn each<T: Copy>(value: T) -> Self::PerMode<T>;
 
-    #[inline(always)]
-    fn dot(a: &Self::Vector, b: &Self::Vector) -> f64 {
-        a.dot(b)
-    }
-}
+    /// Takes a list of all spheres apart, sphere by sphere.
+    fn by_sphere<T: Copy>(list: &[T]) -> &[Self::PerMode<T>];
 
-impl Space for Bulk {
-    const DIMENSIONS: usize = 3;
-    /// Equal spheres on a face-centred lattice have 42 before the next shell comes in.
-    const MOST_NEIGHBOURS: usize = 54;
-    type Vector = Vector3<f64>;
-    type Image = [i32; 3];
+    /// The same, to write.
+    fn by_sphere_mut<T: Copy>(list: &mut [T]) -> &mut [Self::PerMode<T>];
 
-    #[inline(always)]
-    fn dot(a: &Self::Vector, b: &Self::Vector) -> f64 {
-        a.dot(b)
-    }
+    /// A block of zeros.
+    fn no_block() -> Self::Block;
+
+    /// Weights of the velocities of i, then of j.
+    fn weights(of_i: &Self::PerMode<f64>, of_j: &Self::PerMode<f64>) -> Self::Weights;
+
+    /// Velocity and angular velocity of a sphere, or force and torque.
+    fn join(vector: &Self::Vector, spin: &Self::Spin) -> Self::PerMode<f64>;
+
+    /// The vector part of what [`Space::join`] gives.
+    fn translation(modes: &Self::PerMode<f64>) -> Self::Vector;
+
+    /// The other part.
+    fn rotation(modes: &Self::PerMode<f64>) -> Self::Spin;
+
+    /// Orthonormal directions across the line of centres.
+    fn tangents(normal: &Self::Vector) -> Self::PerTangent<Self::Vector>;
+
+    /// The axis `n × d` about which surfaces roll along d.
+    fn axis(normal: &Self::Vector, direction: &Self::Vector) -> Self::Spin;
+
+    /// The vector with these components along directions.
+    fn tangent(
+        directions: &Self::PerTangent<Self::Vector>,
+        components: &Self::PerTangent<f64>,
+    ) -> Self::Tangent;
+
+    /// The components of a vector along directions.
+    fn along(
+        directions: &Self::PerTangent<Self::Vector>,
+        tangent: &Self::Tangent,
+    ) -> Self::PerTangent<f64>;
+
+    /// Scalar product of an axis and an angular velocity.
+    fn spin_dot(axis: &Self::Spin, spin: &Self::Spin) -> f64;
+
+    /// Length of a vector by its components along directions.
+    fn length(components: &Self::PerTangent<f64>) -> f64;
+
+    /// The nearest vector whose length is within a bound, 0 or more, by components along directions.
+    fn within(components: &Self::PerTangent<f64>, bound: f64) -> Self::PerTangent<f64>;
+
+    /// The same for each component of a slip.
+    fn each_tangent<T: Copy>(value: T) -> Self::PerTangent<T>;
+
+    /// Takes a list of all slips apart.
+    fn by_slip<T: Copy>(list: &[T]) -> &[Self::PerTangent<T>];
+
+    /// The same, to write.
+    fn by_slip_mut<T: Copy>(list: &mut [T]) -> &mut [Self::PerTangent<T>];
+
+    /// Scalar product of vectors across the line of centres.
+    fn tangent_dot(a: &Self::Tangent, b: &Self::Tangent) -> f64;
+
+    /// Whether all numbers of a vector are finite.
+    fn is_finite(tangent: &Self::Tangent) -> bool;
+
+    /// A vector across the line of centres n, moved with it to the new one.
+    fn carried(tangent: &Self::Tangent, from: &Self::Vector, to: &Self::Vector) -> Self::Tangent;
+
+    /// A vector projected across a line of centres that has turned by little, its length kept.
+    fn projected(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Tangent;
+
+    /// How a sphere lies after a rotation by that vector.
+    fn turned(orientation: &Self::Orientation, rotation: &Self::Spin) -> Self::Orientation;
+
+    /// Whether all numbers of an orientation are finite, and it is one.
+    fn is_orientation(orientation: &Self::Orientation) -> bool;
+
+    /// `ω₁ × ω₀`, by which rotations that follow each other differ from their sum.
+    fn commutator(second: &Self::Spin, first: &Self::Spin) -> Self::Spin;
+
+    /// Scalar product of strains and stresslets.
+    fn strain_dot(a: &Self::Strain, b: &Self::Strain) -> f64;
+
+    /// The tensor of components: xx, yy, xy and in a suspension xz, yz; zz makes the trace zero.
+    fn tensor(strain: &Self::Strain) -> Self::Tensor;
+
+    /// xx, yy, zz and xy of `m n n`.
+    fn moment_along(normal: &Self::Vector, m: f64) -> [f64; 4];
+
+    /// The same of `m (t n + n t)/2`.
+    fn moment_across(normal: &Self::Vector, tangent: &Self::Tangent, m: f64) -> [f64; 4];
+
+    /// The volume that stresses are means over, of a cell whose sides have that product.
+    fn volume(content: f64, radii: &[f64]) -> f64;
 }

@@ -12,29 +12,24 @@ use crate::contact::{ContactMemory, ContactSolver, Pass, Quality, Status, Surfac
 use crate::error::Error;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
-use crate::hydrodynamics::resistance::Resistance;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::space::cell::Cell;
-use crate::space::modes::{Background, Vec2};
 use crate::space::pair::Neighbours;
-use nalgebra::Vector3;
+use crate::space::{ImposedFlow as _, Layer};
 
 /// What a far-field iteration asks of the contact problem, over its own relative residual: the differences of its steps, from which it
-/// learns, are that much more exact. Of contacts that do not give way, and of others, whose slopes multiply what is left.
-const STRICT: [f64; 2] = [4e-3, 1e-3];
+/// learns, are that much more exact.
+const STRICT: f64 = 2e-3;
 /// Relative residual that the first evaluation is made for.
 const FIRST: f64 = 1e-2;
-/// Relative residual below which it is decided anew on which contacts friction acts; before, loads mean little.
-const DECIDING: f64 = 3e-2;
-/// How much smaller than at the last decision it must have become.
+/// How much smaller than at the last decision the residual must be for another one on which contacts friction acts.
 const CLOSER: f64 = 0.1;
-/// Where loads are known so well that it is not decided again.
-const FINEST: f64 = 1e-4;
 /// Changes of these contacts in one solve after which they are held.
 const MOST_CHANGES: u32 = 8;
 
 /// What keeps the spheres apart, with what it remembers from stage to stage.
-pub enum Contact<'a> {
+pub enum Contact<'a, S: Fluid = Layer> {
     /// Nothing but the fluid.
     None,
     /// Laws: entries of the one contact problem, see [`crate::contact::laws`].
@@ -44,7 +39,7 @@ pub enum Contact<'a> {
         /// How far contact forces look ahead.
         span: Span<'a>,
         /// What contacts remember.
-        memory: &'a mut ContactMemory,
+        memory: &'a mut ContactMemory<S>,
     },
     /// The paper's steps, see [`crate::procedure`].
     Procedure {
@@ -56,34 +51,34 @@ pub enum Contact<'a> {
 }
 
 /// Solver of the motion of one set of spheres, with its workspace.
-pub struct StageSolver {
+pub struct StageSolver<S: Fluid = Layer> {
     /// Hydrodynamics.
-    pub resistance: Resistance,
+    pub resistance: Resistance<S>,
     /// Contact problem of the last solve; its list is empty without contact.
-    pub contacts: ContactSolver,
+    pub contacts: ContactSolver<S>,
     /// Pairs that a repulsion keeps apart, besides.
-    pub repelled: Repelled,
+    pub repelled: Repelled<S>,
     /// Pairs that adhesion holds together, besides; their normal force is the attraction, below 0.
-    pub adhering: Adhering,
-    /// External and background forces `[3N]`.
+    pub adhering: Adhering<S>,
+    /// External and background forces.
     forces: Vec<f64>,
-    /// Disturbance velocities `[3N]` of the last solve.
+    /// Disturbance velocities of the last solve.
     velocities: Vec<f64>,
-    /// Forces that drive the spheres in one evaluation of the iteration, `[3N]`.
+    /// Forces that drive the spheres in one evaluation of the iteration,.
     applied: Vec<f64>,
     /// Far field iterated on top of a pairwise Ball-Melrose resistance.
-    far: Option<Box<IterativeFarField>>,
+    far: Option<Box<IterativeFarField<S>>>,
     /// Solver of the paper's steps, from their first stage on.
-    procedure: Option<Box<ProcedureSolver>>,
+    procedure: Option<Box<ProcedureSolver<S>>>,
 }
 
-impl StageSolver {
+impl<S: Fluid> StageSolver<S> {
     /// Workspace for the spheres the resistance was made for.
-    pub fn new(resistance: Resistance) -> Self {
+    pub fn new(resistance: Resistance<S>) -> Self {
         let spheres = resistance.radii().len();
-        let n = 3 * spheres;
+        let n = S::MODES * spheres;
         let mut adhering = Adhering::default();
-        adhering.pairs.reserve(most_contacts(spheres));
+        adhering.pairs.reserve(most_contacts::<S>(spheres));
         Self {
             contacts: ContactSolver::new(&resistance),
             resistance,
@@ -98,7 +93,7 @@ impl StageSolver {
     }
 
     /// Full Stokesian Dynamics of many spheres: the far field iterated on top of a pairwise Ball-Melrose resistance.
-    pub fn with_far_field(pairwise: Resistance, far: IterativeFarField) -> Self {
+    pub fn with_far_field(pairwise: Resistance<S>, far: IterativeFarField<S>) -> Self {
         Self {
             far: Some(Box::new(far)),
             ..Self::new(pairwise)
@@ -126,13 +121,13 @@ impl StageSolver {
         }
     }
 
-    /// Counterforces `[3N]` and stresslets of the last solve, as [`Resistance::apply`]; `work` is scratch.
+    /// Counterforces and stresslets of the last solve, as [`Resistance::apply`]; `work` is scratch.
     pub fn counterforces(
         &self,
-        strain: &Vector3<f64>,
+        strain: &S::Strain,
         work: &mut Vec<f64>,
         forces: &mut Vec<f64>,
-        stresslets: &mut Vec<Vector3<f64>>,
+        stresslets: &mut Vec<S::Strain>,
     ) {
         self.resistance
             .apply(&self.velocities, strain, work, forces, stresslets);
@@ -141,13 +136,13 @@ impl StageSolver {
         }
     }
 
-    /// Disturbance velocities `(U − u∞, Ω − Ω∞)` of the last solve, `[3N]`.
+    /// Disturbance velocities `(U − u∞, Ω − Ω∞)` of the last solve,.
     pub fn velocities(&self) -> &[f64] {
         &self.velocities
     }
 
     /// The pair with the smallest gap, if any is in lubrication range.
-    pub fn closest(&self) -> Option<&Neighbours> {
+    pub fn closest(&self) -> Option<&Neighbours<S>> {
         let pairs = self.resistance.neighbours().iter();
         pairs.min_by(|a, b| a.gap.total_cmp(&b.gap))
     }
@@ -156,7 +151,7 @@ impl StageSolver {
     ///
     /// # Errors
     /// Overlaps, an indefinite mobility, memory.
-    pub fn assemble(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+    pub fn assemble(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
         self.resistance.assemble(cell, centres)?;
         match &mut self.far {
             Some(far) => far.update(cell, centres),
@@ -164,7 +159,7 @@ impl StageSolver {
         }
     }
 
-    /// Solves for the velocities at the positions taken under external forces and torques `[3N]` (empty: none).
+    /// Solves for the velocities at the positions taken under external forces and torques (empty: none).
     ///
     /// `pass`: [`Pass::First`] once for every [`StageSolver::assemble`]; the others solve again under the same external forces, with
     /// another contact law, which must neither repel nor adhere.
@@ -173,9 +168,9 @@ impl StageSolver {
     /// An indefinite matrix, a far field that does not converge, velocities that are not finite.
     pub fn solve(
         &mut self,
-        background: &Background,
+        background: &S::Background,
         external: &[f64],
-        contact: Contact<'_>,
+        contact: Contact<'_, S>,
         pass: Pass,
     ) -> Result<Quality, Error> {
         if pass == Pass::First {
@@ -183,7 +178,7 @@ impl StageSolver {
         }
         let (resistance, contacts) = (&self.resistance, &mut self.contacts);
         let (forces, velocities) = (&self.forces, &mut self.velocities);
-        let (strain, mut nothing) = (background.strain(), ContactMemory::default());
+        let (strain, mut nothing) = (background.strain_components(), ContactMemory::default());
         let contact = match contact {
             Contact::None if self.far.is_none() => Contact::Laws {
                 laws: &Laws::NONE,
@@ -216,7 +211,7 @@ impl StageSolver {
                         pass,
                         quality: Quality::default(),
                         changes: 0,
-                        decided: DECIDING / CLOSER,
+                        decided: f64::INFINITY,
                     };
                     let found =
                         far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
@@ -259,7 +254,7 @@ impl StageSolver {
         match self.velocities.iter().position(|v| !v.is_finite()) {
             Some(at) => Err(Error::NotFinite {
                 quantity: "the velocity",
-                sphere: at / 3,
+                sphere: at / S::MODES,
             }),
             None => Ok(quality),
         }
@@ -268,12 +263,12 @@ impl StageSolver {
     /// The forces on the spheres besides those of contact, and the factor of the resistance, to which a repulsion adds.
     fn begin(
         &mut self,
-        background: &Background,
+        background: &S::Background,
         external: &[f64],
-        contact: &Contact<'_>,
+        contact: &Contact<'_, S>,
     ) -> Result<(), Error> {
         let (resistance, forces) = (&mut self.resistance, &mut self.forces);
-        resistance.background_forces(&background.strain(), forces);
+        resistance.background_forces(&background.strain_components(), forces);
         for (force, x) in forces.iter_mut().zip(external) {
             *force += x;
         }
@@ -294,14 +289,14 @@ impl StageSolver {
 }
 
 /// The contact problem under an iterated far field.
-struct ContactMap<'a> {
+struct ContactMap<'a, S: Fluid> {
     /// What it is input in.
-    input: StageInput<'a>,
+    input: StageInput<'a, S>,
     /// Its solver.
-    contacts: &'a mut ContactSolver,
+    contacts: &'a mut ContactSolver<S>,
     /// What contacts remember.
-    memory: &'a mut ContactMemory,
-    /// Forces of both parts together, `[3N]`.
+    memory: &'a mut ContactMemory<S>,
+    /// Forces of both parts together,.
     applied: &'a mut Vec<f64>,
     /// Which solve of the stage it is.
     pass: Pass,
@@ -313,7 +308,7 @@ struct ContactMap<'a> {
     decided: f64,
 }
 
-impl FixedPointMap for ContactMap<'_> {
+impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
     fn evaluate(
         &mut self,
         forces: &[f64],
@@ -325,15 +320,14 @@ impl FixedPointMap for ContactMap<'_> {
         self.applied.clear();
         self.applied
             .extend(normal.iter().zip(by_friction).map(|(n, t)| n + t));
-        let strict = STRICT[usize::from(!self.input.laws.normal.is_rigid())];
         let applied = AppliedForces {
             all: self.applied,
             frictionless: normal,
-            relative_tolerance: strict * progress.residual.min(FIRST),
+            relative_tolerance: STRICT * progress.residual.min(FIRST),
         };
         let (v, v_t) = velocities.split_at_mut(half);
         let first = progress.evaluations == 0;
-        let closer = progress.residual < CLOSER * self.decided && progress.residual > FINEST;
+        let closer = progress.residual < CLOSER * self.decided;
         let deciding = self.changes < MOST_CHANGES && (first || closer);
         if closer {
             self.decided = progress.residual;

@@ -16,9 +16,9 @@
 //! has no first moment, and its antisymmetric parts on the two spheres cancel, so that it acts on the stress through the motion alone.
 
 use crate::contact::{Contact, ContactState};
-use crate::space::modes::{Background, strain_tensor};
+use crate::hydrodynamics::resistance::Fluid;
+use crate::space::{ImposedFlow as _, Layer, Space};
 use crate::stage::StageSolver;
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// Relative viscosity above which the layer counts as jammed for the moment.
@@ -81,19 +81,29 @@ pub struct Stress {
 }
 
 /// Workspace for stresslets and the forces that go with them.
-#[derive(Debug, Default)]
-pub struct StressWork {
-    /// Stresslet components `(s1, s2, s3)` of each sphere.
-    pub stresslets: Vec<Vector3<f64>>,
-    /// Hydrodynamic counterforces `R_FU v − R_FE e`, `[3N]`.
+#[derive(Debug)]
+pub struct StressWork<S: Space = Layer> {
+    /// Stresslet components of each sphere.
+    pub stresslets: Vec<S::Strain>,
+    /// Hydrodynamic counterforces `R_FU v − R_FE e`.
     forces: Vec<f64>,
     far: Vec<f64>,
 }
 
-impl StressWork {
+impl<S: Space> Default for StressWork<S> {
+    fn default() -> Self {
+        Self {
+            stresslets: Vec::new(),
+            forces: Vec::new(),
+            far: Vec::new(),
+        }
+    }
+}
+
+impl<S: Fluid> StressWork<S> {
     /// Stresslets of all spheres in the motion last solved; returns v'Rv, in mu·a³·rate².
-    pub fn update(&mut self, stage: &StageSolver, background: &Background) -> f64 {
-        let strain = background.strain();
+    pub fn update(&mut self, stage: &StageSolver<S>, background: &S::Background) -> f64 {
+        let strain = background.strain_components();
         stage.counterforces(
             &strain,
             &mut self.far,
@@ -101,31 +111,38 @@ impl StressWork {
             &mut self.stresslets,
         );
         let work: f64 = crate::linalg::dense::dot(stage.velocities(), &self.forces);
-        let strained: f64 = self.stresslets.iter().map(|s| s.dot(&strain)).sum();
+        let strained: f64 = self
+            .stresslets
+            .iter()
+            .map(|s| S::strain_dot(s, &strain))
+            .sum();
         work + strained
     }
 
-    /// Stress of a layer of area `area`, for the motion last solved, with its contacts and pairs that repel besides.
-    pub fn stress(&mut self, stage: &StageSolver, background: &Background, area: f64) -> Stress {
+    /// Stress for the motion last solved, with its contacts and pairs that repel besides, in a cell whose sides have the product `content`.
+    pub fn stress(
+        &mut self,
+        stage: &StageSolver<S>,
+        background: &S::Background,
+        content: f64,
+    ) -> Stress {
         let power = self.update(stage, background);
-        let radii = stage.resistance.radii();
-        let volume = 2.0 * area * radii.iter().sum::<f64>() / radii.len() as f64;
+        let volume = S::volume(content, stage.resistance.radii());
         let mut sums = StressComponents::default();
         for s in &self.stresslets {
-            let (xx, yy, xy) = strain_tensor(s);
-            sums.add([xx, yy, xy], -(xx + yy), |parts| &mut parts.hydrodynamic);
+            let tensor = S::tensor(s);
+            let [xx, yy, xy] = [tensor[0], tensor[1], tensor[2]];
+            sums.add([xx, yy, -(xx + yy), xy], |parts| &mut parts.hydrodynamic);
         }
         for c in &stage.contacts.list {
-            sums.add(normal_stress(c), 0.0, |parts| &mut parts.normal_contact);
-            sums.add(tangential_stress(c), 0.0, |parts| {
-                &mut parts.tangential_contact
-            });
+            sums.add(normal_stress(c), |parts| &mut parts.normal_contact);
+            sums.add(tangential_stress(c), |parts| &mut parts.tangential_contact);
         }
         for c in &stage.adhering.pairs {
-            sums.add(normal_stress(c), 0.0, |parts| &mut parts.normal_contact);
+            sums.add(normal_stress(c), |parts| &mut parts.normal_contact);
         }
         for c in &stage.repelled.pairs {
-            sums.add(normal_stress(c), 0.0, |parts| &mut parts.repulsion);
+            sums.add(normal_stress(c), |parts| &mut parts.repulsion);
         }
         let components = sums.scaled(volume.recip());
         Stress {
@@ -148,8 +165,8 @@ impl Stress {
 }
 
 impl StressComponents {
-    /// Adds a tensor `[xx, yy, xy]` with that zz to one part of every component.
-    fn add(&mut self, [xx, yy, xy]: [f64; 3], zz: f64, part: fn(&mut StressParts) -> &mut f64) {
+    /// Adds a tensor `[xx, yy, zz, xy]` to one part of every component.
+    fn add(&mut self, [xx, yy, zz, xy]: [f64; 4], part: fn(&mut StressParts) -> &mut f64) {
         *part(&mut self.shear) += xy;
         *part(&mut self.n1) += xx - yy;
         *part(&mut self.n2) += yy - zz;
@@ -167,17 +184,14 @@ impl StressComponents {
     }
 }
 
-/// −r f n n as `[xx, yy, xy]`, in mu·a³·rate.
-fn normal_stress(c: &Contact) -> [f64; 3] {
-    let (n, moment) = (c.pair.normal, -c.pair.distance * c.normal_force);
-    [moment * n.x * n.x, moment * n.y * n.y, moment * n.x * n.y]
+/// −r f n n as `[xx, yy, zz, xy]`, in mu·a³·rate.
+fn normal_stress<S: Space>(c: &Contact<S>) -> [f64; 4] {
+    S::moment_along(&c.pair.normal, -c.pair.distance * c.normal_force)
 }
 
-/// (r/2) F_t (n t + t n) as `[xx, yy, xy]`, in mu·a³·rate.
-fn tangential_stress(c: &Contact) -> [f64; 3] {
-    let (n, moment) = (c.pair.normal, c.pair.distance * c.tangential_force);
-    let product = moment * n.x * n.y;
-    [-product, product, 0.5 * moment * (n.x * n.x - n.y * n.y)]
+/// (r/2) (n F_t + F_t n) as `[xx, yy, zz, xy]`, in mu·a³·rate.
+fn tangential_stress<S: Space>(c: &Contact<S>) -> [f64; 4] {
+    S::moment_across(&c.pair.normal, &c.tangential_force, c.pair.distance)
 }
 
 /// Numbers of contacts by state, and their mean normal velocity.
@@ -197,7 +211,7 @@ pub(crate) struct ContactCounts {
 
 impl ContactCounts {
     /// Counts the contacts of a solved stage.
-    pub(crate) fn of(contacts: &[Contact]) -> Self {
+    pub(crate) fn of<S: Space>(contacts: &[Contact<S>]) -> Self {
         let mut counts = Self::default();
         for c in contacts.iter().filter(|c| c.normal_force > 0.0) {
             counts.contacts += 1;

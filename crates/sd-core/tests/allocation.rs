@@ -32,7 +32,8 @@ fn allocations(
         time_step: 0.005,
         ..Params::UNWRITTEN
     };
-    let mut simulation = Simulation::new(&params, 3, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(&params, 3, &NearFields::default()).unwrap();
     while simulation.steps() < steps {
         simulation.step().unwrap();
     }

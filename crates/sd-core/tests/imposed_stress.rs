@@ -38,7 +38,8 @@ fn at_rate(params: &Params, shear_rate: f64) -> Params {
 }
 
 fn run(params: &Params, seed: u64, steps: u64) -> (Vec<Sample>, Simulation) {
-    let mut simulation = Simulation::new(params, seed, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(params, seed, &NearFields::default()).unwrap();
     let samples = (0..steps).map(|_| simulation.step().unwrap()).collect();
     (samples, simulation)
 }
@@ -181,7 +182,7 @@ fn viscosity_is_that_of_the_imposed_rate_which_was_found() {
 
 /// Viscosity of the layer where a soft step begins, at the rate that the sample has, solved as a single instant.
 fn instant(params: &Params, snapshot: &Snapshot, sample: &Sample) -> f64 {
-    let configuration = Configuration {
+    let configuration: Configuration = Configuration {
         centres: snapshot
             .centres
             .iter()
@@ -195,7 +196,7 @@ fn instant(params: &Params, snapshot: &Snapshot, sample: &Sample) -> f64 {
         torques: vec![0.0; params.spheres],
     };
     let mut span = 0.0;
-    let mut state = State {
+    let mut state: State = State {
         centres: vec![Vec2::zeros()],
         orientations: vec![0.0],
     };

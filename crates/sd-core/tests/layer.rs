@@ -30,7 +30,8 @@ fn params() -> Params {
 
 /// Samples of a run over some steps, and where it ended.
 fn run(params: &Params, seed: u64, steps: u64) -> (Vec<Sample>, Snapshot) {
-    let mut simulation = Simulation::new(params, seed, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(params, seed, &NearFields::default()).unwrap();
     let samples = (0..steps).map(|_| simulation.step().unwrap()).collect();
     assert_eq!(simulation.flow(), Flow::Flowing);
     (samples, simulation.snapshot())
@@ -209,7 +210,8 @@ fn overlap_ends_a_procedure_run_with_step_and_pair() {
         contact: ContactScheme::Procedure,
         ..params()
     };
-    let mut simulation = Simulation::new(&dense, 1, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(&dense, 1, &NearFields::default()).unwrap();
     let failure = (0..1000).find_map(|_| simulation.step().err());
     let Some(Error::Step { source, strain, .. }) = failure else {
         panic!("the procedure cannot hold this layer for five strains, yet it went on");
@@ -234,7 +236,7 @@ fn sample_of_a_coarse_step_is_the_mean_of_fine_ones() {
             ..params()
         };
         let tables = NearFields::default();
-        let mut layer = Simulation::new(&coarse, 3, &tables).unwrap();
+        let mut layer = Simulation::<sd_core::Layer>::new(&coarse, 3, &tables).unwrap();
         for _ in 0..100 {
             layer.step().unwrap();
         }
@@ -281,7 +283,7 @@ fn resumed_run_has_the_same_bits() {
             ..params()
         };
         let tables = NearFields::default();
-        let mut whole = Simulation::new(&params, 5, &tables).unwrap();
+        let mut whole = Simulation::<sd_core::Layer>::new(&params, 5, &tables).unwrap();
         for _ in 0..37 {
             whole.step().unwrap();
         }
@@ -308,7 +310,8 @@ fn snapshot_of_other_parameters_is_refused() {
 
 /// Shears a layer without contacts for some steps of either sign; returns the state.
 fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> State {
-    let cell = |strain: f64| Cell::equal_sides(start.side, strain * start.side).unwrap();
+    let cell =
+        |strain: f64| Cell::<sd_core::Layer>::equal_sides(start.side, strain * start.side).unwrap();
     let resistance = Resistance::new(
         Hydrodynamics::BallMelrose,
         &cell(0.0),
@@ -437,7 +440,7 @@ fn viscosity_does_not_depend_on_the_order_of_spheres_the_lattice_or_the_origin()
 #[test]
 fn rolling_friction_stops_the_slip_of_a_pair_alone() {
     let (centre, angle) = (2.01, 2.2_f64);
-    let configuration = Configuration {
+    let configuration: Configuration = Configuration {
         centres: vec![
             Vec2::zeros(),
             Vec2::new(centre * angle.cos(), centre * angle.sin()),

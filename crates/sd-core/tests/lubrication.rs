@@ -223,7 +223,8 @@ fn schemes() -> Vec<ContactScheme> {
 }
 
 fn run(params: &Params, seed: u64, steps: u64) -> Simulation {
-    let mut simulation = Simulation::new(params, seed, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(params, seed, &NearFields::default()).unwrap();
     for _ in 0..steps {
         simulation.step().unwrap();
     }

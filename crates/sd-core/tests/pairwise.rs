@@ -69,7 +69,8 @@ impl Layer {
 
 /// A layer sheared under rigid contacts.
 fn sheared(params: &Params, steps: u64) -> Layer {
-    let mut simulation = Simulation::new(params, 5, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(params, 5, &NearFields::default()).unwrap();
     while simulation.steps() < steps {
         simulation.step().unwrap();
     }
@@ -376,9 +377,9 @@ fn an_iterated_far_field_refuses_the_procedure() {
 fn a_run_resumed_has_the_same_bits() {
     let params = params(PAIRWISE, 0.75, 0.3);
     let tables = NearFields::default();
-    let mut whole = Simulation::new(&params, 2, &tables).unwrap();
+    let mut whole = Simulation::<sd_core::Layer>::new(&params, 2, &tables).unwrap();
     let mut patterns = Vec::new();
-    let mut parts = Simulation::new(&params, 2, &tables).unwrap();
+    let mut parts = Simulation::<sd_core::Layer>::new(&params, 2, &tables).unwrap();
     for step in 0..24 {
         if step % 5 == 3 {
             let stored = serde_json::to_string(&parts.snapshot()).unwrap();
@@ -402,7 +403,7 @@ fn a_run_with_an_iterated_far_field_resumed_has_the_same_bits() {
         ..params(ITERATED, 0.70, 0.3)
     };
     let tables = NearFields::default();
-    let mut whole = Simulation::new(&params, 2, &tables).unwrap();
+    let mut whole = Simulation::<sd_core::Layer>::new(&params, 2, &tables).unwrap();
     let first = whole.step().unwrap();
     for _ in 0..9 {
         whole.step().unwrap();
@@ -436,7 +437,7 @@ fn a_run_resumed_has_the_same_bits_under_every_law() {
             time_step: 0.005,
             ..params(PAIRWISE, if welds { 0.55 } else { 0.68 }, 0.3)
         };
-        let mut whole = Simulation::new(&params, 2, &tables).unwrap();
+        let mut whole = Simulation::<sd_core::Layer>::new(&params, 2, &tables).unwrap();
         for _ in 0..20 {
             whole.step().unwrap();
         }
@@ -461,7 +462,7 @@ fn a_layer_too_large_for_matrices_of_contacts_moves_as_the_factored_one_and_resu
             shear_rate: 1.0,
             ..params(Params::LARGE_ABOVE + 1, 0.70, 0.3)
         };
-        let mut whole = Simulation::new(&params, 2, &tables).unwrap();
+        let mut whole = Simulation::<sd_core::Layer>::new(&params, 2, &tables).unwrap();
         for _ in 0..30 {
             whole.step().unwrap();
         }

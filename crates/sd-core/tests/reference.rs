@@ -136,7 +136,7 @@ fn two_spheres_are_exact() {
         let separation = case["separation"].as_f64().unwrap();
         let e = &case["rate_of_strain"];
         let strain = |key: &str| e[key].as_f64().unwrap();
-        let configuration = Configuration {
+        let configuration: Configuration = Configuration {
             centres: vec![Vec2::zeros(), Vec2::new(separation, 0.0)],
             radii,
             cell: Cell::Unbounded,

@@ -42,7 +42,7 @@ fn tables() -> NearFields {
 /// A layer after some shear, in a cell without offset.
 fn layer(tables: &NearFields) -> Configuration {
     let params = params();
-    let mut simulation = Simulation::new(&params, 5, tables).unwrap();
+    let mut simulation = Simulation::<sd_core::Layer>::new(&params, 5, tables).unwrap();
     // At a strain of 1 the cell is square again.
     for _ in 0..200 {
         simulation.step().unwrap();
@@ -148,7 +148,7 @@ fn pair_on_the_compression_axis_has_the_stress_found_by_hand() {
     // Two spheres in contact at 45°, far from their images: n = (1, -1)/sqrt 2.
     let gap = 0.01;
     let n = Vec2::new(FRAC_1_SQRT_2, -FRAC_1_SQRT_2);
-    let configuration = Configuration {
+    let configuration: Configuration = Configuration {
         centres: vec![Vec2::zeros(), n * (2.0 + gap)],
         radii: vec![1.0; 2],
         cell: Cell::equal_sides(40.0, 0.0).unwrap(),
@@ -264,7 +264,7 @@ fn quarter_turn_exchanges_flow_and_gradient() {
 #[test]
 fn samples_of_a_run_have_the_parts_of_their_viscosity() {
     let tables = tables();
-    let mut simulation = Simulation::new(&params(), 2, &tables).unwrap();
+    let mut simulation = Simulation::<sd_core::Layer>::new(&params(), 2, &tables).unwrap();
     let mut touched = false;
     for _ in 0..100 {
         let sample = simulation.step().unwrap();

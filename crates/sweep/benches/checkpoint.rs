@@ -46,7 +46,8 @@ fn checkpoint(criterion: &mut Criterion) {
     while let Some(claim) = store.claim(1, Duration::ZERO).expect("cases").pop() {
         let p = &claim.case.params;
         let name = p.hydrodynamics.word();
-        let mut layer = Simulation::new(p, 1, &NearFields::default()).expect("a layer");
+        let mut layer =
+            Simulation::<sd_core::Layer>::new(p, 1, &NearFields::default()).expect("a layer");
         let sample = layer.step().expect("a step");
         let record = Checkpoint {
             snapshot: layer.snapshot(),

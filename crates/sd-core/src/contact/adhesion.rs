@@ -5,24 +5,30 @@
 
 use super::laws::{Laws, Span};
 use super::pair::Contact;
-use crate::hydrodynamics::resistance::Resistance;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::adhesion;
-use crate::space::modes::Background;
+use crate::space::Space;
 
 /// Adhering pairs of a stage.
-#[derive(Debug, Default)]
-pub struct Adhering {
+#[derive(Debug)]
+pub struct Adhering<S: Space> {
     /// The pairs; their normal force is −F_A.
-    pub pairs: Vec<Contact>,
+    pub pairs: Vec<Contact<S>>,
 }
 
-impl Adhering {
+impl<S: Space> Default for Adhering<S> {
+    fn default() -> Self {
+        Self { pairs: Vec::new() }
+    }
+}
+
+impl<S: Fluid> Adhering<S> {
     /// Adds the attraction to `forces` `[3N]`.
     pub(crate) fn add(
         &mut self,
         laws: &Laws,
-        resistance: &Resistance,
-        background: &Background,
+        resistance: &Resistance<S>,
+        background: &S::Background,
         span: &Span<'_>,
         forces: &mut [f64],
     ) {

@@ -15,7 +15,7 @@ use super::pair::Contact;
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::law::{FrictionOnset, Halt, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
-use crate::space::modes::{Background, Vec2};
+use crate::space::{ImposedFlow as _, Space};
 
 /// β: share of an overlap of rigid contacts taken back within one time span.
 pub const RESTITUTION: f64 = 0.2;
@@ -275,7 +275,7 @@ pub struct Span<'s> {
     pub time: f64,
     /// The stage.
     pub phase: Phase,
-    /// Disturbance velocities `[3N]` of the first stage, at a later one that asks for them.
+    /// Disturbance velocities of the first stage, at a later one that asks for them.
     pub first: &'s [f64],
 }
 
@@ -291,27 +291,27 @@ impl Span<'_> {
 
     /// The gap that counts: that of the stage, what the first stage's motion takes back of it, or in the middle of a step the gap at its
     /// start.
-    pub(super) fn gap(&self, contact: &Contact, background: &Background) -> f64 {
+    pub(super) fn gap<S: Space>(&self, contact: &Contact<S>, background: &S::Background) -> f64 {
         let pair = &contact.pair;
         match self.phase {
             Phase::Alone | Phase::First => pair.gap,
             Phase::Middle => {
                 let half = 0.5 * self.time;
-                let [u_i, u_j] = [pair.i, pair.j]
-                    .map(|sphere| Vec2::new(self.first[3 * sphere], self.first[3 * sphere + 1]));
+                let first = S::by_sphere(self.first);
+                let [u_i, u_j] = [pair.i, pair.j].map(|sphere| S::translation(&first[sphere]));
                 let drifted = pair.normal * pair.distance - (u_j - u_i) * half;
-                let start = background.carried_back(drifted, half);
-                pair.gap + (start.norm() - pair.distance)
+                let start = background.carried_back(&drifted, half);
+                pair.gap + (S::norm_squared(&start).sqrt() - pair.distance)
             }
             Phase::Second => pair.gap - self.time * self.taken_back(contact),
         }
     }
 
     /// 2 v_n1 of a pair at the second stage, 0 at others.
-    pub(super) fn taken_back(&self, contact: &Contact) -> f64 {
+    pub(super) fn taken_back<S: Space>(&self, contact: &Contact<S>) -> f64 {
         match self.phase {
             Phase::Alone | Phase::Middle | Phase::First => 0.0,
-            Phase::Second => 2.0 * (contact.background[0] + contact.normal_row().read(self.first)),
+            Phase::Second => 2.0 * contact.approach(self.first),
         }
     }
 

@@ -3,22 +3,23 @@
 use super::pair::Contact;
 use super::springs::Springs;
 use crate::space::pair::{Neighbours, PairKey};
+use crate::space::{Layer, Space};
 use serde::{Deserialize, Serialize};
 
 /// What contacts remember from stage to stage and from step to step.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ContactMemory {
+#[serde(deny_unknown_fields, bound = "")]
+pub struct ContactMemory<S: Space = Layer> {
     /// Forces of the stage before: where the next begins.
-    pub warm_start: WarmStart,
+    pub warm_start: WarmStart<S>,
     /// Springs of friction; none under laws without.
-    pub springs: Springs,
+    pub springs: Springs<S>,
     /// Springs of rolling friction.
     #[serde(default)]
-    pub rolling_springs: Springs,
+    pub rolling_springs: Springs<S>,
 }
 
-impl ContactMemory {
+impl<S: Space> ContactMemory<S> {
     /// Becomes equal to the other, without allocating once there is room.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.warm_start.copy_from(&other.warm_start);
@@ -37,40 +38,40 @@ impl ContactMemory {
 
 /// Forces of the stage before.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct WarmStart {
+#[serde(deny_unknown_fields, bound = "")]
+pub struct WarmStart<S: Space = Layer> {
     /// `(i, j, f, t)` of pairs with a force, ordered by (i, j).
-    pub forces: Vec<(u32, u32, f64, f64)>,
+    pub forces: Vec<(u32, u32, f64, S::Tangent)>,
     /// Quasi-forces of rolling friction, of pairs that have one.
     #[serde(default)]
-    pub rolling: PairForces,
+    pub rolling: PairForces<S>,
 }
 
 /// The key of an entry.
-fn key(entry: &(u32, u32, f64, f64)) -> PairKey {
+fn key<T>(entry: &(u32, u32, f64, T)) -> PairKey {
     (entry.0, entry.1)
 }
 
-impl WarmStart {
+impl<S: Space> WarmStart<S> {
     /// The pairs among `pairs`, ordered by (i, j), that bore forces in the stage before.
     pub(crate) fn known<'p>(
         &self,
-        pairs: &'p [Neighbours],
-    ) -> impl Iterator<Item = (&'p Neighbours, [f64; 2])> {
+        pairs: &'p [Neighbours<S>],
+    ) -> impl Iterator<Item = (&'p Neighbours<S>, (f64, S::Tangent))> {
         let mut entries = self.forces.iter().peekable();
         pairs.iter().filter_map(move |pair| {
             while entries.next_if(|entry| key(entry) < pair.key()).is_some() {}
             let entry = entries.next_if(|entry| key(entry) == pair.key())?;
-            Some((pair, [entry.2, entry.3]))
+            Some((pair, (entry.2, entry.3)))
         })
     }
 
     /// Remembers the forces of a contact; contacts come in order.
-    pub(crate) fn keep(&mut self, contact: &Contact) {
+    pub(crate) fn keep(&mut self, contact: &Contact<S>) {
         let (i, j) = contact.pair.key();
         self.forces
             .push((i, j, contact.normal_force, contact.tangential_force));
-        if contact.rolling_force != 0.0 {
+        if contact.rolling_force != S::Tangent::default() {
             self.rolling.keep(contact, contact.rolling_force);
         }
     }
@@ -90,19 +91,20 @@ impl WarmStart {
 
 /// One force of each pair that has one, ordered by (i, j).
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct PairForces(pub Vec<(u32, u32, f64)>);
+#[serde(bound = "")]
+pub struct PairForces<S: Space = Layer>(pub Vec<(u32, u32, S::Tangent)>);
 
-impl PairForces {
+impl<S: Space> PairForces<S> {
     /// The force of a pair, zero if it has none.
-    pub(crate) fn of(&self, contact: &Contact) -> f64 {
+    pub(crate) fn of(&self, contact: &Contact<S>) -> S::Tangent {
         let found = self
             .0
             .binary_search_by_key(&contact.pair.key(), |entry| (entry.0, entry.1));
-        found.map_or(0.0, |at| self.0[at].2)
+        found.map_or_else(|_| S::Tangent::default(), |at| self.0[at].2)
     }
 
     /// Remembers a force; pairs come in order.
-    pub(crate) fn keep(&mut self, contact: &Contact, force: f64) {
+    pub(crate) fn keep(&mut self, contact: &Contact<S>, force: S::Tangent) {
         let (i, j) = contact.pair.key();
         self.0.push((i, j, force));
     }

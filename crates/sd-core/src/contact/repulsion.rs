@@ -8,31 +8,40 @@
 
 use super::laws::Span;
 use super::pair::Contact;
-use crate::hydrodynamics::resistance::Resistance;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::repulsion::ExponentialRepulsion;
-use crate::space::modes::Background;
+use crate::space::Space;
 
 /// Exponents beyond which the force is left out: 1e-13 of F0.
 const FARTHEST: f64 = 30.0;
 
 /// Repelling pairs of a stage.
-#[derive(Debug, Default)]
-pub struct Repelled {
+#[derive(Debug)]
+pub struct Repelled<S: Space> {
     /// The pairs; force and normal velocity are those of the stage once it is solved.
-    pub pairs: Vec<Contact>,
+    pub pairs: Vec<Contact<S>>,
     /// Slope over the time ahead `s F/l` and the force without motion, of each.
     lines: Vec<[f64; 2]>,
 }
 
-impl Repelled {
-    /// Adds the slopes to the assembled resistance, which must be factored after, and the forces to `forces` `[3N]`.
+impl<S: Space> Default for Repelled<S> {
+    fn default() -> Self {
+        Self {
+            pairs: Vec::new(),
+            lines: Vec::new(),
+        }
+    }
+}
+
+impl<S: Fluid> Repelled<S> {
+    /// Adds the slopes to the assembled resistance, which must be factored after, and the forces to `forces`.
     ///
     /// `first`: disturbance velocities of the first stage, at the second one.
     pub fn add(
         &mut self,
         repulsion: &ExponentialRepulsion,
-        resistance: &mut Resistance,
-        background: &Background,
+        resistance: &mut Resistance<S>,
+        background: &S::Background,
         span: &Span<'_>,
         forces: &mut [f64],
     ) {
@@ -47,7 +56,7 @@ impl Repelled {
             let ahead = span.time * force / repulsion.length;
             // f = force − ahead (v_n − taken back), v_n with the background's part.
             let taken_back = span.taken_back(&contact);
-            let still = force + ahead * (taken_back - contact.background[0]);
+            let still = force + ahead * (taken_back - contact.background_approach);
             contact.normal_row().add(still, forces);
             self.pairs.push(contact);
             self.lines.push([ahead, force + ahead * taken_back]);
@@ -57,10 +66,10 @@ impl Repelled {
         }
     }
 
-    /// Forces and velocities that belong to the solved motion `[3N]`.
+    /// Forces and velocities that belong to the solved motion.
     pub fn finish(&mut self, velocities: &[f64]) {
         for (contact, [ahead, still]) in self.pairs.iter_mut().zip(&self.lines) {
-            contact.normal_velocity = contact.background[0] + contact.normal_row().read(velocities);
+            contact.normal_velocity = contact.approach(velocities);
             contact.normal_force = still - ahead * contact.normal_velocity;
         }
     }

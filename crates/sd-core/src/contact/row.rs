@@ -1,67 +1,94 @@
 //! What reads a velocity of two surfaces off the motion of their spheres.
 
 use crate::hydrodynamics::resistance::Motion;
-use crate::space::modes::Vec2;
+use crate::space::{Layer, Space};
 
 /// Reads one velocity of a pair off the velocities of its two spheres; its transpose exerts a force on them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Row {
+pub(crate) struct Row<S: Space = Layer> {
     /// The spheres i and j.
     pub(crate) spheres: [usize; 2],
-    /// Weights of `(U_x, U_y, Ω)` of i, then of j.
-    pub(crate) weights: [f64; 6],
+    /// Weights of the velocities of i, then of j.
+    pub(crate) weights: S::Weights,
 }
 
-impl Row {
+impl<S: Space> Row<S> {
     /// v_n = n·(U_j − U_i).
     #[inline(always)]
-    pub(crate) fn normal(spheres: [usize; 2], n: Vec2) -> Self {
-        let weights = [-n.x, -n.y, 0.0, n.x, n.y, 0.0];
-        Self { spheres, weights }
+    pub(crate) fn normal(spheres: [usize; 2], n: &S::Vector) -> Self {
+        let still = S::Spin::default();
+        Self {
+            spheres,
+            weights: S::weights(&S::join(&-*n, &still), &S::join(n, &still)),
+        }
     }
 
-    /// u_t = t·(U_j − U_i) − (l_i Ω_i + l_j Ω_j).
-    pub(crate) fn slip(spheres: [usize; 2], t: Vec2, levers: [f64; 2]) -> Self {
-        let weights = [-t.x, -t.y, -levers[0], t.x, t.y, -levers[1]];
-        Self { spheres, weights }
+    /// u_d = d·(U_j − U_i) − (n × d)·(l_i Ω_i + l_j Ω_j), the slip along d.
+    pub(crate) fn slip(
+        spheres: [usize; 2],
+        n: &S::Vector,
+        d: &S::Vector,
+        levers: [f64; 2],
+    ) -> Self {
+        let [axis_i, axis_j] = levers.map(|lever| S::axis(n, d) * -lever);
+        Self {
+            spheres,
+            weights: S::weights(&S::join(&-*d, &axis_i), &S::join(d, &axis_j)),
+        }
     }
 
-    /// Ω_j − Ω_i.
-    pub(crate) fn spin(spheres: [usize; 2]) -> Self {
-        let weights = [0.0, 0.0, -1.0, 0.0, 0.0, 1.0];
-        Self { spheres, weights }
+    /// (n × d)·(Ω_j − Ω_i).
+    pub(crate) fn spin(spheres: [usize; 2], n: &S::Vector, d: &S::Vector) -> Self {
+        Self::rolling(spheres, n, d, 1.0)
     }
 
-    /// u_r = a (Ω_j − Ω_i), a the radius of rolling.
-    pub(crate) fn rolling(spheres: [usize; 2], radius: f64) -> Self {
-        let weights = [0.0, 0.0, -radius, 0.0, 0.0, radius];
-        Self { spheres, weights }
+    /// a (n × d)·(Ω_j − Ω_i), a the radius of rolling: the rolling velocity along d.
+    pub(crate) fn rolling(spheres: [usize; 2], n: &S::Vector, d: &S::Vector, radius: f64) -> Self {
+        let (still, axis) = (S::Vector::default(), S::axis(n, d) * radius);
+        Self {
+            spheres,
+            weights: S::weights(&S::join(&still, &-axis), &S::join(&still, &axis)),
+        }
     }
 
-    /// The velocity, of velocities `[3N]`.
+    /// Weights of the velocities of i, and of j.
+    #[inline(always)]
+    pub(crate) fn halves(&self) -> [&S::PerMode<f64>; 2] {
+        let both = S::by_sphere(self.weights.as_ref());
+        [&both[0], &both[1]]
+    }
+
+    /// The velocity, of velocities of all spheres.
     #[inline(always)]
     pub(crate) fn read(&self, v: &[f64]) -> f64 {
-        let (i, j) = (3 * self.spheres[0], 3 * self.spheres[1]);
-        let (w, v_i, v_j) = (&self.weights, &v[i..i + 3], &v[j..j + 3]);
-        (w[0] * v_i[0] + w[1] * v_i[1] + w[2] * v_i[2])
-            + (w[3] * v_j[0] + w[4] * v_j[1] + w[5] * v_j[2])
+        let v = S::by_sphere(v);
+        let [w_i, w_j] = self.halves();
+        let [v_i, v_j] = self.spheres.map(|sphere| &v[sphere]);
+        let product = |w: &S::PerMode<f64>, v: &S::PerMode<f64>| {
+            let mut sum = w[0] * v[0];
+            for k in 1..S::MODES {
+                sum += w[k] * v[k];
+            }
+            sum
+        };
+        product(w_i, v_i) + product(w_j, v_j)
     }
 
-    /// Adds `f` times the transpose to forces `[3N]` whose first rows of i and j are `starts`.
+    /// Adds `f` times the transpose to forces whose first rows of i and j are `starts`.
     #[inline(always)]
     pub(crate) fn add_at(&self, f: f64, starts: [usize; 2], forces: &mut [f64]) {
-        for (sphere, start) in starts.into_iter().enumerate() {
-            let weights = &self.weights[3 * sphere..3 * sphere + 3];
-            for (force, weight) in forces[start..start + 3].iter_mut().zip(weights) {
+        for (weights, start) in self.halves().into_iter().zip(starts) {
+            let forces = &mut forces[start..start + S::MODES];
+            for (force, weight) in forces.iter_mut().zip(weights.as_ref()) {
                 *force += f * weight;
             }
         }
     }
 
-    /// Adds `f` times the transpose to forces `[3N]` in the order of the spheres.
+    /// Adds `f` times the transpose to forces in the order of the spheres.
     #[inline(always)]
     pub(crate) fn add(&self, f: f64, forces: &mut [f64]) {
-        self.add_at(f, [3 * self.spheres[0], 3 * self.spheres[1]], forces);
+        self.add_at(f, self.spheres.map(|sphere| S::MODES * sphere), forces);
     }
 
     /// The same in the first M of L kinds of forces side by side.
@@ -69,15 +96,25 @@ impl Row {
     pub(crate) fn add_to_first<const M: usize, const L: usize>(
         &self,
         f: f64,
-        forces: &mut [Motion<L>],
+        forces: &mut [Motion<S, L>],
     ) {
-        let weights = self.weights.as_chunks::<3>().0;
-        for (sphere, weights) in self.spheres.into_iter().zip(weights) {
-            for (forces, weight) in forces[sphere].iter_mut().zip(weights) {
+        for (sphere, weights) in self.spheres.into_iter().zip(self.halves()) {
+            let forces = forces[sphere].as_mut().iter_mut();
+            for (forces, weight) in forces.zip(weights.as_ref()) {
                 for force in &mut forces[..M] {
                     *force += f * weight;
                 }
             }
         }
+    }
+
+    /// The row of a sum of velocities that two rows of the same spheres read.
+    pub(crate) fn combined(&self, share: f64, other: &Self, other_share: f64) -> Self {
+        let mut combined = *self;
+        let weights = combined.weights.as_mut().iter_mut();
+        for (weight, other) in weights.zip(other.weights.as_ref()) {
+            *weight = share * *weight + other_share * other;
+        }
+        combined
     }
 }

@@ -18,6 +18,8 @@
 //! | stick-slide with springs k_t | | 1/(k_t s), d holds the stretch | ν f |
 //! | stick-rotate | | 0, a second row for the spin | no bound |
 //!
+//! In a suspension slip and friction are vectors across the line of centres, |t| their length, and z = λ t with λ ≥ 0 at the bound.
+//!
 //! with f − F_crit in place of f for the reduced onset, and ρ = 0 where friction is not active.
 //!
 //! Two steps solve it: [`newton`] on the coupled problem, and where that does not converge [`proximal`]. The linear
@@ -33,8 +35,9 @@ pub(crate) mod sparse;
 mod tests;
 
 use super::Status;
+use crate::space::{Layer, Space};
 use newton::FrictionActivation;
-use problem::{Forces, FrictionState, Problem, States, System, Violation};
+use problem::{Forces, Problem, States, System, Violation};
 
 /// What came of a contact problem.
 #[derive(Debug, Clone, Copy)]
@@ -47,8 +50,7 @@ pub(crate) struct Outcome {
 }
 
 /// Active set, forces and workspace of a contact problem.
-#[derive(Default)]
-pub(crate) struct ProblemSolver {
+pub(crate) struct ProblemSolver<S: Space = Layer> {
     /// The active set.
     pub(crate) states: States,
     /// The present forces.
@@ -58,16 +60,30 @@ pub(crate) struct ProblemSolver {
     active: Vec<(bool, bool)>,
     /// Of the proximal point method: the problem with softer contacts, the forces about which they
     /// are soft, the problem with bounds that are held.
-    softer: Problem,
+    softer: Problem<S>,
     about: Forces,
-    held: Problem,
+    held: Problem<S>,
 }
 
-impl ProblemSolver {
+impl<S: Space> Default for ProblemSolver<S> {
+    fn default() -> Self {
+        Self {
+            states: States::default(),
+            forces: Forces::default(),
+            start: Forces::default(),
+            active: Vec::new(),
+            softer: Problem::default(),
+            about: Forces::default(),
+            held: Problem::default(),
+        }
+    }
+}
+
+impl<S: Space> ProblemSolver<S> {
     /// Room for that many candidates.
     pub(crate) fn reserve(&mut self, candidates: usize) {
         self.states.reserve(candidates);
-        self.active.reserve(2 * candidates);
+        self.active.reserve(2 * S::TANGENTS * candidates);
         self.forces.reserve(candidates);
         self.start.reserve(candidates);
         self.softer.reserve(candidates);
@@ -80,10 +96,10 @@ impl ProblemSolver {
     /// `refine`: called after every system with problem and forces, for entries that depend on the solution; how many changed.
     pub(crate) fn solve(
         &mut self,
-        problem: &mut Problem,
-        system: &mut impl System,
+        problem: &mut Problem<S>,
+        system: &mut impl System<S>,
         activation: FrictionActivation,
-        mut refine: impl FnMut(&mut Problem, &Forces) -> usize,
+        mut refine: impl FnMut(&mut Problem<S>, &Forces) -> usize,
     ) -> Outcome {
         self.start.copy_from(&self.forces);
         self.keep_activation(problem);
@@ -102,7 +118,7 @@ impl ProblemSolver {
     }
 
     /// The outcome of a solution: its forces are brought into their bounds.
-    fn accept(&mut self, problem: &Problem, system: &impl System, systems: u32) -> Outcome {
+    fn accept(&mut self, problem: &Problem<S>, system: &impl System<S>, systems: u32) -> Outcome {
         self.forces.project_onto_bounds(problem);
         let violation = self.forces.violation(problem, system);
         Outcome {
@@ -113,7 +129,7 @@ impl ProblemSolver {
     }
 
     /// Notes on which rows friction is active.
-    fn keep_activation(&mut self, problem: &Problem) {
+    fn keep_activation(&mut self, problem: &Problem<S>) {
         self.active.clear();
         let rows = problem.tangential.iter();
         self.active
@@ -121,21 +137,22 @@ impl ProblemSolver {
     }
 
     /// Makes friction active where it was noted: an active set that cycled says little about loads.
-    fn restore_activation(&self, problem: &mut Problem) {
+    fn restore_activation(&self, problem: &mut Problem<S>) {
         for (row, &noted) in problem.tangential.iter_mut().zip(&self.active) {
             (row.active, row.was_deactivated) = noted;
         }
     }
 
     /// The active set that the present forces show.
-    pub(crate) fn read_states(&mut self, problem: &Problem) {
+    pub(crate) fn read_states(&mut self, problem: &Problem<S>) {
         let (forces, states) = (&self.forces, &mut self.states);
         states.closed.clear();
         states.closed.extend(forces.normal.iter().map(|&f| f > 0.0));
-        states.friction.clear();
-        for (&t, row) in forces.tangential.iter().zip(&problem.tangential) {
-            let bound = row.bound(forces.normal[row.contact]);
-            states.friction.push(FrictionState::of(t, bound));
+        states.clear_friction();
+        let slips = S::by_slip(&forces.tangential).iter();
+        for (t, rows) in slips.zip(problem.tangential.chunks_exact(S::TANGENTS)) {
+            let bound = rows[0].bound(forces.normal[rows[0].contact]);
+            states.push_friction::<S>(t, bound);
         }
     }
 }

@@ -14,18 +14,18 @@ use super::solve::sparse::{OnNetwork, SparseSystem};
 use super::solve::{Outcome, ProblemSolver};
 use super::{Quality, most_contacts};
 use crate::error::Error;
-use crate::hydrodynamics::resistance::Resistance;
-use crate::space::modes::Background;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
+use crate::space::Layer;
 
 pub use super::solve::problem::AppliedForces;
 
 /// What a contact problem is input in.
 #[derive(Clone, Copy)]
-pub struct StageInput<'a> {
+pub struct StageInput<'a, S: Fluid> {
     /// Hydrodynamics, factored where they are.
-    pub resistance: &'a Resistance,
+    pub resistance: &'a Resistance<S>,
     /// Imposed flow.
-    pub background: &'a Background,
+    pub background: &'a S::Background,
     /// Laws.
     pub laws: &'a Laws,
     /// Time ahead.
@@ -44,32 +44,32 @@ pub enum Pass {
 }
 
 /// The linear algebra behind the problem.
-enum Backend {
+enum Backend<S: Fluid> {
     /// Small dense matrices of contacts.
-    Dense(Box<DenseSystem>),
+    Dense(Box<DenseSystem<S>>),
     /// A sparse factor of all spheres.
-    Sparse(Box<SparseSystem>),
+    Sparse(Box<SparseSystem<S>>),
 }
 
 /// The contact problem with its workspace. Reused, it allocates only when the layer has more contacts than ever before.
-pub struct ContactSolver {
+pub struct ContactSolver<S: Fluid = Layer> {
     /// Candidate pairs, ordered by (i, j), with the forces and velocities of the last solution.
-    pub list: Vec<Contact>,
+    pub list: Vec<Contact<S>>,
     /// Their overlaps.
     overlaps: Vec<Overlap>,
     /// Entries.
-    problem: Problem,
+    problem: Problem<S>,
     /// States and forces.
-    solver: ProblemSolver,
+    solver: ProblemSolver<S>,
     /// Linear algebra.
-    backend: Backend,
+    backend: Backend<S>,
 }
 
-impl ContactSolver {
+impl<S: Fluid> ContactSolver<S> {
     /// Workspace with room for all contacts of the spheres. Pages never written to cost no memory.
-    pub fn new(resistance: &Resistance) -> Self {
+    pub fn new(resistance: &Resistance<S>) -> Self {
         let spheres = resistance.radii().len();
-        let most = most_contacts(spheres);
+        let most = most_contacts::<S>(spheres);
         let backend = if resistance.pairwise().is_some() {
             Backend::Sparse(Box::default())
         } else {
@@ -83,7 +83,7 @@ impl ContactSolver {
             backend,
         };
         solver.problem.normal.reserve(most);
-        solver.problem.tangential.reserve(2 * most);
+        solver.problem.tangential.reserve(2 * S::TANGENTS * most);
         solver.solver.reserve(most);
         solver
     }
@@ -98,7 +98,7 @@ impl ContactSolver {
     /// Solves the problem of the stage from the forces of the last solution, with ever more candidates until none of
     /// the others closes.
     ///
-    /// `velocities`: disturbances `[3N]` that come out.
+    /// `velocities`: disturbances that come out.
     ///
     /// # Returns
     /// How well it was solved, and whether friction acts on other contacts than before.
@@ -107,9 +107,9 @@ impl ContactSolver {
     /// [`Error::NotPositiveDefinite`].
     pub(crate) fn solve(
         &mut self,
-        input: &StageInput<'_>,
+        input: &StageInput<'_, S>,
         applied: AppliedForces<'_>,
-        memory: &mut ContactMemory,
+        memory: &mut ContactMemory<S>,
         pass: Pass,
         velocities: &mut [f64],
     ) -> Result<(Quality, bool), Error> {
@@ -150,8 +150,8 @@ impl ContactSolver {
         }
     }
 
-    /// The motion `[3N]` that normal forces alone leave, where the law reads it.
-    pub(crate) fn isolated_motion(&self, input: &StageInput<'_>) -> Option<&[f64]> {
+    /// The motion that normal forces alone leave, where the law reads it.
+    pub(crate) fn isolated_motion(&self, input: &StageInput<'_, S>) -> Option<&[f64]> {
         match (&self.backend, input.laws.reads_isolated_motion()) {
             (Backend::Sparse(system), true) => Some(system.velocities()[1]),
             _ => None,
@@ -159,7 +159,7 @@ impl ContactSolver {
     }
 
     /// Keeps the springs of a solved stage.
-    fn keep_springs(&self, input: &StageInput<'_>, memory: &mut ContactMemory) {
+    fn keep_springs(&self, input: &StageInput<'_, S>, memory: &mut ContactMemory<S>) {
         let (list, phase, laws) = (&self.list, input.span.phase, input.laws);
         if laws.tangential.has_spring() {
             memory.springs.take(list, phase, |c| c.tangential_force);
@@ -174,14 +174,14 @@ impl ContactSolver {
     /// Forces of the problem that was posed, and the motion.
     fn solve_posed(
         &mut self,
-        input: &StageInput<'_>,
+        input: &StageInput<'_, S>,
         applied: AppliedForces<'_>,
         activation: FrictionActivation,
         velocities: &mut [f64],
     ) -> Result<Outcome, Error> {
         let (problem, solver) = (&mut self.problem, &mut self.solver);
         let (overlaps, tolerance) = (&mut self.overlaps, applied.relative_tolerance);
-        let refine = |problem: &mut Problem, forces: &Forces| {
+        let refine = |problem: &mut Problem<S>, forces: &Forces| {
             refine(input, problem, overlaps, forces, tolerance)
         };
         Ok(match &mut self.backend {

@@ -28,15 +28,12 @@ mod split;
 mod uniform;
 
 use crate::error::Error;
-use crate::hydrodynamics::far_field::operator::FarOperator;
-use crate::hydrodynamics::far_field::unbounded::self_mobility;
-use crate::hydrodynamics::resistance::Resistance;
+use crate::hydrodynamics::resistance::{FarProduct, Fluid, Resistance};
 use crate::linalg::dense::{add_scaled, dot};
+use crate::space::Layer;
 use crate::space::cell::Cell;
-use crate::space::modes::Vec2;
 use local::LocalResistance;
-use nalgebra::Vector3;
-use near_solver::NearSolver;
+pub(crate) use near_solver::NearSolver;
 use split::SplitMotion;
 use uniform::{Uniform, translation, translations};
 
@@ -57,26 +54,25 @@ pub struct Convergence {
 }
 
 /// The far field of Stokesian Dynamics, iterated on top of a [`Resistance`] without it. Memory is O(N).
-pub struct IterativeFarField {
+pub struct IterativeFarField<S: Fluid = Layer> {
     /// M.
-    operator: FarOperator,
-    /// Diagonal of M₀⁻¹, `[6N]`, strains first.
+    operator: S::Operator,
+    /// Diagonal of M₀⁻¹, strains first.
     drag: Vec<f64>,
     /// P.
-    local: LocalResistance,
+    local: LocalResistance<S>,
     /// Relative residual to be reached.
     residual: f64,
     /// Limit of the iterations of one solve without contacts.
     most: u32,
-    /// δ of the last solve, `[6N]`.
+    /// δ of the last solve.
     excess: Vec<f64>,
-    work: Work,
-    split: SplitMotion,
+    work: Work<S>,
+    split: SplitMotion<S>,
 }
 
-/// Vectors of the conjugate gradients, `[6N]` but where said otherwise.
-#[derive(Default)]
-struct Work {
+/// Vectors of the conjugate gradients, all modes of all spheres, strains first.
+struct Work<S: Fluid> {
     /// q.
     densities: Vec<f64>,
     /// r.
@@ -96,8 +92,8 @@ struct Work {
     /// `M p + R_P⁻¹ (P u)_F`.
     image: Vec<f64>,
     /// Translations of the layer.
-    uniform: Uniform,
-    solver: NearSolver,
+    uniform: Uniform<S>,
+    solver: NearSolver<S>,
 }
 
 impl IterativeFarField {
@@ -105,7 +101,9 @@ impl IterativeFarField {
     pub const DEFAULT_RESIDUAL: f64 = 1e-6;
     /// Default limit of the iterations of one solve without contacts.
     pub const MOST_ITERATIONS: u32 = 300;
+}
 
+impl<S: Fluid> IterativeFarField<S> {
     /// Makes a plan for cells of the given sides.
     ///
     /// # Arguments
@@ -115,7 +113,7 @@ impl IterativeFarField {
     ///
     /// # Errors
     /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for unbounded fluid, a radius or the residual.
-    pub fn new(cell: &Cell, radii: &[f64], residual: f64) -> Result<Self, Error> {
+    pub fn new(cell: &Cell<S>, radii: &[f64], residual: f64) -> Result<Self, Error> {
         if !(1e-7..=1e-2).contains(&residual) {
             return Err(Error::OutOfRange {
                 field: "residual",
@@ -123,24 +121,24 @@ impl IterativeFarField {
                 allowed: "1e-7 to 1e-2",
             });
         }
-        let operator = FarOperator::new(cell, radii, OPERATOR_TOLERANCE * residual)?;
+        let operator = S::Operator::new(cell, radii, OPERATOR_TOLERANCE * residual)?;
         let n = radii.len();
-        let mut drag = vec![0.0; 6 * n];
-        for (i, &radius) in radii.iter().enumerate() {
-            let single = self_mobility(radius);
-            for k in 0..3 {
-                drag[3 * i + k] = single[3 + k].recip();
-                drag[3 * (n + i) + k] = single[k].recip();
-            }
+        let mut drag = vec![0.0; (S::STRAINS + S::MODES) * n];
+        let (strains, velocities) = drag.split_at_mut(S::STRAINS * n);
+        let spheres = strains.chunks_exact_mut(S::STRAINS);
+        for ((e, v), &radius) in spheres.zip(S::by_sphere_mut(velocities)).zip(radii) {
+            let single = S::far_drag(radius);
+            let (of_e, of_v) = single.as_ref().split_at(S::STRAINS);
+            e.copy_from_slice(of_e);
+            v.as_mut().copy_from_slice(of_v);
         }
         let split = SplitMotion::new(&drag);
-        let vector = || vec![0.0; 6 * n];
+        let vector = || vec![0.0; drag.len()];
         Ok(Self {
             operator,
-            drag,
             local: LocalResistance::default(),
             residual,
-            most: Self::MOST_ITERATIONS,
+            most: IterativeFarField::MOST_ITERATIONS,
             excess: vector(),
             work: Work {
                 densities: vector(),
@@ -156,6 +154,7 @@ impl IterativeFarField {
                 solver: NearSolver::default(),
             },
             split,
+            drag,
         })
     }
 
@@ -191,7 +190,7 @@ impl IterativeFarField {
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
-    pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+    pub fn update(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
         self.operator.update(cell, centres)
     }
 
@@ -207,15 +206,12 @@ impl IterativeFarField {
     /// [`Error::Length`]; [`Error::NotConverged`].
     pub fn solve(
         &mut self,
-        near: &Resistance,
-        strain: &Vector3<f64>,
+        near: &Resistance<S>,
+        strain: &S::Strain,
         forces: &[f64],
         velocities: &mut [f64],
     ) -> Result<Convergence, Error> {
-        let half = self.excess.len() / 2;
-        check_length("forces", forces.len(), half)?;
-        check_length("velocities", velocities.len(), half)?;
-        check_length("near field", 3 * near.radii().len(), half)?;
+        let half = self.check_lengths(near, forces, velocities)?;
         let Self {
             operator,
             drag,
@@ -229,20 +225,26 @@ impl IterativeFarField {
             *v = f - excess;
         }
         work.solver.start(near)?;
-        work.solver.solve(near, velocities);
-        work.uniform.update(near, local, &drag[half..]);
-        work.uniform.solve(near, local, &mut work.solver);
+        work.solver.solve(near, velocities)?;
+        if S::DRIFTS > 0 {
+            work.uniform.update(near, local, &drag[half..]);
+            work.uniform.solve(near, local, &mut work.solver)?;
+        }
         // q = P x + δ, and the translation that makes the force on the layer zero.
         let x = &mut work.residual;
-        for e in x[..half].chunks_exact_mut(3) {
-            e.copy_from_slice((-strain).as_slice());
+        for e in x[..half].chunks_exact_mut(S::STRAINS) {
+            for (k, e) in e.iter_mut().enumerate() {
+                *e = -strain[k];
+            }
         }
         x[half..].copy_from_slice(velocities);
         local.apply(x, &mut work.densities);
         add_scaled(&mut work.densities, excess, 1.0);
-        let c = work.uniform.against(translations(&work.densities[half..]));
+        let c = work
+            .uniform
+            .against(translations::<S>(&work.densities[half..]));
         for (k, v) in velocities.iter_mut().enumerate() {
-            *v += translation(c, k) - work.uniform.answer(c, k);
+            *v += translation::<S>(c, k) - work.uniform.answer(c, k);
         }
         for (k, excess) in excess.iter_mut().enumerate() {
             *excess -= work.uniform.pushed(c, k);
@@ -256,7 +258,7 @@ impl IterativeFarField {
         let mut before = 0.0;
         let mut reached = f64::INFINITY;
         for iterations in 0..=self.most {
-            let square = work.precondition(near, local);
+            let square = work.precondition(near, local)?;
             let whole: f64 = weighted_square(&work.densities, drag);
             reached = if square > 0.0 {
                 (square / whole).sqrt()
@@ -300,25 +302,58 @@ impl IterativeFarField {
     }
 
     /// Adds the far field, beyond P, to what [`Resistance::apply`] of `near` gave for the velocities of the last solve: counterforces `[3N]`, and stresslets of each sphere.
-    pub fn correct(&self, forces: &mut [f64], stresslets: &mut [Vector3<f64>]) {
-        let (strains, velocities) = self.excess.split_at(self.excess.len() / 2);
+    pub fn correct(&self, forces: &mut [f64], stresslets: &mut [S::Strain]) {
+        let (strains, velocities) = self.excess.split_at(self.excess.len() - forces.len());
         for (force, excess) in forces.iter_mut().zip(velocities) {
             *force += excess;
         }
-        for (stresslet, excess) in stresslets.iter_mut().zip(strains.chunks_exact(3)) {
-            *stresslet -= Vector3::from_column_slice(excess);
+        let excesses = strains.chunks_exact(S::STRAINS);
+        for (stresslet, excess) in stresslets.iter_mut().zip(excesses) {
+            for (k, excess) in excess.iter().enumerate() {
+                stresslet[k] -= excess;
+            }
         }
+    }
+
+    /// Refuses vectors of other lengths; where the velocities begin in those of all modes.
+    fn check_lengths(
+        &self,
+        near: &Resistance<S>,
+        forces: &[f64],
+        velocities: &[f64],
+    ) -> Result<usize, Error> {
+        let spheres = self.drag.len() / (S::STRAINS + S::MODES);
+        for (field, found) in [
+            ("forces", forces.len() / S::MODES),
+            ("velocities", velocities.len() / S::MODES),
+            ("near field", near.radii().len()),
+        ] {
+            if found != spheres {
+                return Err(Error::Length {
+                    field,
+                    found,
+                    expected: spheres,
+                });
+            }
+        }
+        Ok(S::STRAINS * spheres)
     }
 }
 
-impl Work {
+impl<S: Fluid> Work<S> {
     /// `W r` and the lag that belongs to it; returns `rᵀ W r`.
-    fn precondition(&mut self, near: &Resistance, local: &LocalResistance) -> f64 {
-        let half = self.lag.len() / 2;
-        centre(&mut self.residual[half..]);
+    fn precondition(
+        &mut self,
+        near: &Resistance<S>,
+        local: &LocalResistance<S>,
+    ) -> Result<f64, Error> {
+        let half = S::STRAINS * near.radii().len();
+        if S::DRIFTS > 0 {
+            centre::<S>(&mut self.residual[half..]);
+        }
         local.apply(&self.residual, &mut self.pushed);
         self.lag[half..].copy_from_slice(&self.pushed[half..]);
-        self.solver.solve(near, &mut self.lag[half..]);
+        self.solver.solve(near, &mut self.lag[half..])?;
         local.apply(&self.lag, &mut self.preconditioned);
         for (z, pushed) in self.preconditioned.iter_mut().zip(&self.pushed) {
             *z = pushed - *z;
@@ -326,9 +361,9 @@ impl Work {
         // The translation of y that keeps the force on the layer zero.
         let c = self
             .uniform
-            .against(translations(&self.preconditioned[half..]));
-        for k in 0..half {
-            let (moved, answer) = (translation(c, k), self.uniform.answer(c, k));
+            .against(translations::<S>(&self.preconditioned[half..]));
+        for k in 0..self.lag.len() - half {
+            let (moved, answer) = (translation::<S>(c, k), self.uniform.answer(c, k));
             self.residual[half + k] -= moved;
             self.lag[half + k] -= moved - answer;
         }
@@ -336,7 +371,7 @@ impl Work {
             *pushed -= self.uniform.pushed(c, k);
             self.preconditioned[k] -= self.uniform.pushed_answer(c, k);
         }
-        dot(&self.residual, &self.preconditioned)
+        Ok(dot(&self.residual, &self.preconditioned))
     }
 
     /// The next direction: that of the residual, and a share of the last one.
@@ -358,28 +393,12 @@ fn weighted_square(q: &[f64], drag: &[f64]) -> f64 {
     q.iter().zip(drag).map(|(q, drag)| q * q / drag).sum()
 }
 
-fn mean(velocities: &[f64]) -> [f64; 2] {
-    let spheres = (velocities.len() / 3) as f64;
-    [0, 1].map(|c| velocities[c..].iter().step_by(3).sum::<f64>() / spheres)
-}
-
-/// Takes the mean translation off velocities `[3N]`.
-fn centre(velocities: &mut [f64]) {
-    let mean = mean(velocities);
-    for v in velocities.chunks_exact_mut(3) {
+/// Takes the mean translation off velocities.
+fn centre<S: Fluid>(velocities: &mut [f64]) {
+    let spheres = (velocities.len() / S::MODES) as f64;
+    let mean = translations::<S>(velocities).map(|sum| sum / spheres);
+    for v in S::by_sphere_mut(velocities) {
         v[0] -= mean[0];
         v[1] -= mean[1];
     }
-}
-
-/// Refuses a vector of another length.
-fn check_length(field: &'static str, found: usize, expected: usize) -> Result<(), Error> {
-    if found == expected {
-        return Ok(());
-    }
-    Err(Error::Length {
-        field,
-        found: found / 3,
-        expected: expected / 3,
-    })
 }

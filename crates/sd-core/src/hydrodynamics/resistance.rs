@@ -13,29 +13,32 @@
 //!
 //! `R_FU` is held in one of three forms: full with the far field in it, within a skyline, or pair by pair without a factor.
 
+mod bulk;
 mod dense;
 mod far_pairs;
+mod fluid;
 mod isolated;
+mod layer;
+mod near_matrix;
 mod pair_terms;
 mod pairwise;
 mod skyline;
 mod tables;
 
 use crate::error::Error;
-use crate::hydrodynamics::far_field::FarField;
-use crate::hydrodynamics::two_sphere::PairTerm;
+use crate::hydrodynamics::two_sphere::TwistTable;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::model::Hydrodynamics;
+use crate::space::Layer;
 use crate::space::cell::{Cell, LUBRICATION_RANGE};
-use crate::space::modes::Vec2;
 use crate::space::neighbours::NeighbourList;
 use crate::space::pair::{Neighbours, PairKey};
-use crate::space::{Layer, Space as _};
 use dense::DenseResistance;
 use far_pairs::FarPairs;
-use nalgebra::Vector3;
+pub use fluid::Fluid;
+pub(crate) use fluid::{FarMatrix, FarProduct, ModeBlock, NearTerm};
+pub(crate) use near_matrix::{NearMatrix, NearPattern};
 pub use pairwise::PairwiseResistance;
-use pairwise::Reach;
 pub(crate) use pairwise::{Motion, side_by_side_mut};
 use skyline::SkylineResistance;
 
@@ -43,32 +46,34 @@ pub use tables::NearFields;
 pub(crate) use tables::{BySizes, NearTerms};
 
 /// How `R_FU` is held.
-enum Form {
+enum Form<S: Fluid> {
     /// Stokesian Dynamics, full and factored.
-    Dense(Box<DenseResistance>),
+    Dense(Box<DenseResistance<S>>),
     /// Ball-Melrose or lubrication, factored within a skyline.
-    Skyline(Box<SkylineResistance>),
+    Skyline(Box<SkylineResistance<S>>),
     /// Ball-Melrose or lubrication, pair by pair.
-    Pairwise(Box<PairwiseResistance>),
+    Pairwise(Box<PairwiseResistance<S>>),
 }
 
 /// Grand resistance at one set of positions, with its workspace.
-pub struct Resistance {
+pub struct Resistance<S: Fluid = Layer> {
     radii: Vec<f64>,
     near: NearTerms,
+    /// X^C of exact pairs, where spheres twist.
+    twists: Option<BySizes<TwistTable>>,
     /// Range of the pair sum in s'.
     range: f64,
     /// Gap below which near-field terms are those of this gap, in a.
     lubrication_gap: f64,
-    neighbours: NeighbourList,
+    neighbours: NeighbourList<S>,
     /// Their terms.
-    terms: Vec<PairTerm>,
+    terms: Vec<S::Term>,
     /// The far field of near pairs, which their terms then have in them: where a far field is iterated on top.
-    far_pairs: Option<FarPairs>,
-    form: Form,
+    far_pairs: Option<FarPairs<S>>,
+    form: Form<S>,
 }
 
-impl Resistance {
+impl<S: Fluid> Resistance<S> {
     /// Workspace for spheres of the given radii, in cells of the given sides, with `R_FU` factored.
     ///
     /// Tables that `tables` lacks are made here, which costs seconds per size ratio.
@@ -77,17 +82,16 @@ impl Resistance {
     /// No sphere, a cell thinner than twice the lubrication range, a size ratio outside 0.01 to 100.
     pub fn new(
         hydrodynamics: Hydrodynamics,
-        cell: &Cell,
+        cell: &Cell<S>,
         radii: &[f64],
         tables: &NearFields,
     ) -> Result<Self, Error> {
         match hydrodynamics {
             Hydrodynamics::StokesianDynamics => {
-                Self::new_dense(cell, radii, tables, FarField::DEFAULT_TOLERANCE)
+                Self::new_dense(cell, radii, tables, S::Far::TOLERANCE)
             }
             Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => {
-                let near = NearTerms::new(hydrodynamics, radii, tables)?;
-                Self::with_form(cell, radii, near, || {
+                Self::with_form(hydrodynamics, cell, radii, tables, || {
                     let skyline = SkylineResistance::new(radii.len());
                     Ok(Form::Skyline(Box::new(skyline)))
                 })
@@ -95,20 +99,23 @@ impl Resistance {
         }
     }
 
-    /// As [`Resistance::new`] for Stokesian Dynamics, with another tolerance of the periodic sums than [`FarField::DEFAULT_TOLERANCE`].
+    /// As [`Resistance::new`] for Stokesian Dynamics, with another tolerance of the periodic sums than the usual one.
     ///
     /// # Errors
-    /// Those of [`Resistance::new`] and of [`FarField::new`].
+    /// Those of [`Resistance::new`]; a tolerance out of range.
     pub(crate) fn new_dense(
-        cell: &Cell,
+        cell: &Cell<S>,
         radii: &[f64],
         tables: &NearFields,
         tolerance: f64,
     ) -> Result<Self, Error> {
-        let near = NearTerms::new(Hydrodynamics::StokesianDynamics, radii, tables)?;
-        Self::with_form(cell, radii, near, || {
-            let far_field = FarField::new(cell, radii, tolerance)?;
-            Ok(Form::Dense(Box::new(DenseResistance::new(far_field))))
+        let hydrodynamics = Hydrodynamics::StokesianDynamics;
+        Self::with_form(hydrodynamics, cell, radii, tables, || {
+            let far = S::Far::new(cell, radii, tolerance)?;
+            Ok(Form::Dense(Box::new(DenseResistance::new(
+                far,
+                radii.len(),
+            ))))
         })
     }
 
@@ -123,17 +130,17 @@ impl Resistance {
     /// Those of [`Resistance::new`]; [`Error::OutOfMemory`].
     pub fn new_pairwise(
         hydrodynamics: Hydrodynamics,
-        cell: &Cell,
+        cell: &Cell<S>,
         radii: &[f64],
         tables: &NearFields,
         pattern_pairs: &[PairKey],
     ) -> Result<Self, Error> {
-        let near = NearTerms::new(hydrodynamics, radii, tables)?;
+        let [short, long] = S::REACHES;
         let (far_pairs, reach) = match hydrodynamics {
-            Hydrodynamics::StokesianDynamics => (Some(FarPairs::new(radii)?), Reach::LONG),
-            Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => (None, Reach::SHORT),
+            Hydrodynamics::StokesianDynamics => (Some(FarPairs::new(radii)?), long),
+            Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => (None, short),
         };
-        let pairwise = Self::with_form(cell, radii, near, || {
+        let pairwise = Self::with_form(hydrodynamics, cell, radii, tables, || {
             let pairwise = PairwiseResistance::new(radii.len(), reach, pattern_pairs)?;
             Ok(Form::Pairwise(Box::new(pairwise)))
         })?;
@@ -152,27 +159,33 @@ impl Resistance {
 
     /// Makes what all forms share, and then the form.
     fn with_form(
-        cell: &Cell,
+        hydrodynamics: Hydrodynamics,
+        cell: &Cell<S>,
         radii: &[f64],
-        near: NearTerms,
-        form: impl FnOnce() -> Result<Form, Error>,
+        tables: &NearFields,
+        form: impl FnOnce() -> Result<Form<S>, Error>,
     ) -> Result<Self, Error> {
         if radii.is_empty() {
             return Err(Error::NoSpheres);
         }
         cell.check_range(radii)?;
-        let range = if *cell == Cell::Unbounded && radii.len() == 2 {
-            f64::INFINITY
-        } else {
-            LUBRICATION_RANGE
+        let range = match hydrodynamics.leading_order() {
+            Some(numbers) if S::ENDS_AT_CUTOFF => 2.0 + numbers.cutoff,
+            _ if *cell == Cell::Unbounded && radii.len() == 2 => f64::INFINITY,
+            _ => LUBRICATION_RANGE,
         };
         Ok(Self {
             radii: radii.to_vec(),
-            near,
+            near: NearTerms::new(hydrodynamics, radii, tables)?,
+            twists: if S::TWISTS && hydrodynamics.leading_order().is_none() {
+                Some(BySizes::new(radii, |radii| Ok(TwistTable::new(radii)))?)
+            } else {
+                None
+            },
             range,
             lubrication_gap: 0.0,
             neighbours: NeighbourList::new(radii.len()),
-            terms: Vec::with_capacity(Layer::MOST_NEIGHBOURS * radii.len() / 2),
+            terms: Vec::with_capacity(S::MOST_NEIGHBOURS * radii.len() / 2),
             far_pairs: None,
             form: form()?,
         })
@@ -188,7 +201,7 @@ impl Resistance {
     ///
     /// # Errors
     /// [`Error::Overlap`], [`Error::NotPositiveDefinite`].
-    pub fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+    pub fn update(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
         self.assemble(cell, centres)?;
         self.factor()
     }
@@ -197,13 +210,18 @@ impl Resistance {
     ///
     /// # Errors
     /// [`Error::Overlap`]; [`Error::NotPositiveDefinite`] for the far-field mobility.
-    pub fn assemble(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+    pub fn assemble(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
         self.neighbours
             .update(cell, centres, &self.radii, self.range)?;
         let (radii, pairs) = (&self.radii, self.neighbours.pairs());
         let (least, terms) = (self.lubrication_gap, &mut self.terms);
         let gaps = pairs.iter().map(|pair| ([pair.i, pair.j], pair.gap));
-        self.near.evaluate(radii, gaps, least, terms);
+        let twists = self.twists.as_ref();
+        let finish = |term, [i, j]: [usize; 2], gap| {
+            let twist = twists.map_or([0.0; 3], |tables| tables.of(i, j).evaluate(gap));
+            S::term(term, twist)
+        };
+        self.near.evaluate(radii, gaps, least, finish, terms);
         if let Some(far_pairs) = &mut self.far_pairs {
             far_pairs.add(radii, pairs, terms);
         }
@@ -219,7 +237,7 @@ impl Resistance {
 
     /// Adds `slope` n nᵀ of a pair's relative velocity to the assembled `R_FU`: a resistance along the line of centres, which the
     /// fluid has no part in. Neither [`Resistance::apply`] nor [`Resistance::background_forces`] knows of it.
-    pub fn add_spring(&mut self, pair: &Neighbours, slope: f64) {
+    pub fn add_spring(&mut self, pair: &Neighbours<S>, slope: f64) {
         match &mut self.form {
             Form::Dense(dense) => dense.add_spring(pair, slope),
             Form::Skyline(skyline) => skyline.add_spring(pair, slope),
@@ -242,14 +260,14 @@ impl Resistance {
             matrix: "force-velocity resistance",
             pivot: bad.pivot,
             sphere: match &self.form {
-                Form::Skyline(skyline) => skyline.spheres()[bad.pivot / 3],
-                Form::Dense(_) | Form::Pairwise(_) => bad.pivot / 3,
+                Form::Skyline(skyline) => skyline.spheres()[bad.pivot / S::MODES],
+                Form::Dense(_) | Form::Pairwise(_) => bad.pivot / S::MODES,
             },
         })
     }
 
     /// `R_FU` pair by pair, where there is no factor.
-    pub fn pairwise(&self) -> Option<&PairwiseResistance> {
+    pub fn pairwise(&self) -> Option<&PairwiseResistance<S>> {
         match &self.form {
             Form::Pairwise(pairwise) => Some(pairwise),
             Form::Dense(_) | Form::Skyline(_) => None,
@@ -257,7 +275,7 @@ impl Resistance {
     }
 
     /// What the far field of near pairs adds to their terms, where it does.
-    pub(crate) fn far_pairs(&self) -> impl Iterator<Item = (&Neighbours, &PairTerm)> {
+    pub(crate) fn far_pairs(&self) -> impl Iterator<Item = (&Neighbours<S>, &S::Term)> {
         let pairs = self.neighbours.pairs();
         let terms = self.far_pairs.as_ref().map_or(&[][..], FarPairs::terms);
         terms.iter().map(|(number, term)| (&pairs[*number], term))
@@ -269,7 +287,7 @@ impl Resistance {
     }
 
     /// Pairs in range, ordered by (i, j).
-    pub fn neighbours(&self) -> &[Neighbours] {
+    pub fn neighbours(&self) -> &[Neighbours<S>] {
         self.neighbours.pairs()
     }
 
@@ -277,12 +295,20 @@ impl Resistance {
     ///
     /// # Errors
     /// [`Error::Overlap`].
-    pub(crate) fn check_overlaps(&self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+    pub(crate) fn check_overlaps(
+        &self,
+        cell: &Cell<S>,
+        centres: &[S::Vector],
+    ) -> Result<(), Error> {
         self.neighbours.check(cell, centres, &self.radii)
     }
 
     /// The nearest of the spheres that were in range, at other positions, to which they moved by little.
-    pub(crate) fn closest_at(&self, cell: &Cell, centres: &[Vec2]) -> Option<Neighbours> {
+    pub(crate) fn closest_at(
+        &self,
+        cell: &Cell<S>,
+        centres: &[S::Vector],
+    ) -> Option<Neighbours<S>> {
         self.neighbours.closest_at(cell, centres, &self.radii)
     }
 
@@ -302,7 +328,7 @@ impl Resistance {
     pub fn row(&self, sphere: usize) -> usize {
         match &self.form {
             Form::Skyline(skyline) => skyline.row(sphere),
-            Form::Dense(_) | Form::Pairwise(_) => 3 * sphere,
+            Form::Dense(_) | Form::Pairwise(_) => S::MODES * sphere,
         }
     }
 
@@ -311,8 +337,9 @@ impl Resistance {
         rows.clear();
         match &self.form {
             Form::Skyline(skyline) => {
+                let vector = S::by_sphere(vector);
                 for &sphere in skyline.spheres() {
-                    rows.extend_from_slice(&vector[3 * sphere..3 * sphere + 3]);
+                    rows.extend_from_slice(vector[sphere].as_ref());
                 }
             }
             Form::Dense(_) | Form::Pairwise(_) => rows.extend_from_slice(vector),
@@ -323,9 +350,9 @@ impl Resistance {
     pub fn from_rows(&self, rows: &[f64], vector: &mut [f64]) {
         match &self.form {
             Form::Skyline(skyline) => {
-                for (place, &sphere) in skyline.spheres().iter().enumerate() {
-                    vector[3 * sphere..3 * sphere + 3]
-                        .copy_from_slice(&rows[3 * place..3 * place + 3]);
+                let (rows, vector) = (S::by_sphere(rows), S::by_sphere_mut(vector));
+                for (row, &sphere) in rows.iter().zip(skyline.spheres()) {
+                    vector[sphere] = *row;
                 }
             }
             Form::Dense(_) | Form::Pairwise(_) => vector.copy_from_slice(rows),
@@ -333,14 +360,14 @@ impl Resistance {
     }
 
     /// Inverse slip mobility K of the pair, alone in unbounded fluid, in mu·a.
-    pub fn slip_resistance(&self, pair: &Neighbours) -> f64 {
+    pub fn slip_resistance(&self, pair: &Neighbours<S>) -> f64 {
         let gap = pair.gap.max(self.lubrication_gap);
         self.near
             .slip_resistance([pair.i, pair.j], &self.radii, gap)
     }
 
     /// Forces `R_FE e` with which the background strain `(e1, e2, e3)` drives the spheres, `[3N]`.
-    pub fn background_forces(&mut self, strain: &Vector3<f64>, forces: &mut [f64]) {
+    pub fn background_forces(&mut self, strain: &S::Strain, forces: &mut [f64]) {
         match &mut self.form {
             Form::Dense(dense) => dense.background_forces(strain, forces),
             Form::Skyline(_) | Form::Pairwise(_) => forces.fill(0.0),
@@ -354,20 +381,20 @@ impl Resistance {
     pub fn apply(
         &self,
         velocities: &[f64],
-        strain: &Vector3<f64>,
+        strain: &S::Strain,
         work: &mut Vec<f64>,
         forces: &mut Vec<f64>,
-        stresslets: &mut Vec<Vector3<f64>>,
+        stresslets: &mut Vec<S::Strain>,
     ) {
         forces.clear();
         stresslets.clear();
         match &self.form {
             Form::Dense(dense) => dense.apply(velocities, strain, work, forces, stresslets),
             Form::Skyline(_) | Form::Pairwise(_) => {
-                for (v, &a) in velocities.chunks_exact(3).zip(&self.radii) {
-                    let drag = isolated::drag(a);
-                    forces.extend((0..3).map(|m| drag[m] * v[m]));
-                    stresslets.push(strain * isolated::stresslet(a));
+                for (v, &a) in S::by_sphere(velocities).iter().zip(&self.radii) {
+                    let (drag, stresslet) = S::isolated(a);
+                    forces.extend((0..S::MODES).map(|m| drag[m] * v[m]));
+                    stresslets.push(*strain * stresslet);
                 }
             }
         }

@@ -26,7 +26,7 @@ mod series;
 mod table;
 mod twist;
 
-pub(crate) use coupling::{Coupling, MODES, Modes, Motion};
+pub(crate) use coupling::{Coupling, MODES, Modes};
 pub(crate) use far_pair::FarPair;
 pub(crate) use leading_order::LeadingOrderPair;
 pub use pair_frame::PairMatrix;

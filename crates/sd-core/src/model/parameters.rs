@@ -6,8 +6,8 @@ mod table;
 
 pub use table::PARAMETERS;
 
-use quantities::FRICTION;
 pub(super) use quantities::MOST_SPHERES;
+use quantities::{AREA_FRACTION, FRICTION};
 
 use super::{ContactLaws, ContactScheme, Params};
 use crate::error::Refusal;
@@ -113,11 +113,72 @@ impl Parameter {
 /// Checks every value, and that they go together.
 pub(super) fn check(params: &Params) -> Result<(), Refusal> {
     for parameter in &PARAMETERS {
-        parameter.check(params)?;
+        if parameter.key != AREA_FRACTION.key || params.volume_fraction.is_none() {
+            parameter.check(params)?;
+        }
     }
+    check_suspension(params)?;
     check_together(params)?;
     check_step(params)
 }
+
+/// Checks what a suspension has in place of what a layer has.
+fn check_suspension(params: &Params) -> Result<(), Refusal> {
+    let Some(volume_fraction) = params.volume_fraction else {
+        return Ok(());
+    };
+    let refuse = |key, value: String, problem: &str, allowed: &str, because| {
+        Err(Refusal {
+            key,
+            value,
+            problem: problem.into(),
+            allowed: allowed.into(),
+            because,
+        })
+    };
+    if !(volume_fraction >= LEAST_VOLUME_FRACTION && volume_fraction <= MOST_VOLUME_FRACTION) {
+        return refuse(
+            "volume_fraction",
+            volume_fraction.to_string(),
+            "is out of range",
+            "0.01 to 0.64",
+            None,
+        );
+    }
+    let because = Some("volume_fraction");
+    if params.area_fraction != 0.0 {
+        return refuse(
+            "area_fraction",
+            params.area_fraction.to_string(),
+            "has no meaning in a suspension",
+            "either of the two: a layer or a suspension",
+            because,
+        );
+    }
+    if params.contact == ContactScheme::Procedure {
+        return refuse(
+            "contact",
+            "\"procedure\"".into(),
+            "is a protocol of layers",
+            "\"rigid\" or a law: the paper states its steps for spheres in a plane",
+            because,
+        );
+    }
+    if params.start.is_some() {
+        return refuse(
+            "start",
+            "a layer".into(),
+            "is no suspension",
+            "the suspension that the seed makes",
+            because,
+        );
+    }
+    Ok(())
+}
+
+/// Volume fractions that can be asked for; which of them can be packed depends on the sizes, the roughness and the seed.
+const LEAST_VOLUME_FRACTION: f64 = 0.01;
+const MOST_VOLUME_FRACTION: f64 = 0.64;
 
 /// Longest step under soft laws: from about twice as much on, stresslet viscosities came out negative.
 const LONGEST_SOFT_STEP: f64 = 0.025;

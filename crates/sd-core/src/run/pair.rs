@@ -71,7 +71,7 @@ pub fn pass_while(
 ) -> Result<Option<Passed>, Error> {
     check(passing)?;
     let radii = [1.0, passing.size_ratio];
-    let cell = Cell::Unbounded;
+    let cell: Cell = Cell::Unbounded;
     let resistance = Resistance::new(Hydrodynamics::StokesianDynamics, &cell, &radii, tables)?;
     let mut motion = StageSolver::new(resistance);
     let laws = passing.contact.map(|(roughness, friction)| {

@@ -18,12 +18,12 @@ use crate::contact::most_contacts;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Params};
-use crate::run::start;
+use crate::run::start::Started;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Midpoint, State, Stepper};
 use crate::space::cell::Cell;
-use crate::space::modes::{Background, Vec2};
 use crate::space::pair::PairKey;
+use crate::space::{ImposedFlow as _, Layer};
 use crate::stage::{Method, StageSolver};
 use crate::stress::StressWork;
 use drive::Drive;
@@ -40,45 +40,46 @@ pub enum Flow {
     Jammed,
 }
 
-/// A layer under shear.
-pub struct Simulation {
+/// A layer or a suspension under shear.
+pub struct Simulation<S: Started = Layer> {
     params: Params,
     /// Steps done.
     steps: u64,
-    /// Side of the square cell, in a.
+    /// Side of the square or cubic cell, in a.
     side: f64,
-    state: State,
+    state: State<S>,
     /// Where the spheres were at the start of the step.
-    before: State,
+    before: State<S>,
     /// Contact laws at the present critical load.
     laws: Laws,
     /// Disturbance velocities `[3N]` of the first stage of a step, under laws.
     first: Vec<f64>,
     drive: Drive,
     /// The background flow.
-    background: Background,
+    background: S::Background,
     /// Offset of the cell at strain 0, in a.
     offset: f64,
     /// What contacts remember.
-    memory: SchemeMemory,
+    memory: SchemeMemory<S>,
     counters: Counters,
-    stage: StageSolver,
-    stepper: Stepper,
-    stress: StressWork,
+    stage: StageSolver<S>,
+    stepper: Stepper<S>,
+    stress: StressWork<S>,
     /// The frame of the step under way, while one is asked for.
-    frame: Option<Box<Frame>>,
+    frame: Option<Box<Frame<S>>>,
     /// What soft contacts remembered before the step, and the procedure before the stage.
-    remembered: SchemeMemory,
+    remembered: SchemeMemory<S>,
 }
 
-impl Simulation {
+impl<S: Started> Simulation<S> {
     /// Starts a run from the layer that the seed makes.
     ///
     /// # Errors
     /// Parameters out of range, a cell too small, an area fraction that cannot be packed.
     pub fn new(params: &Params, seed: u64, tables: &NearFields) -> Result<Self, Error> {
         params.validate()?;
-        let start = start::first_layer(params, seed)?;
+        S::check(params)?;
+        let start = S::start(params, seed)?;
         let mut memory = SchemeMemory::new(&params.contact);
         let drive = Drive::new(params, None);
         memory.stretch(&start, drive.laws(params).tangential_stiffness);
@@ -87,7 +88,7 @@ impl Simulation {
             steps: 0,
             radii: start.radii,
             side: start.side,
-            centres: start.centres.iter().map(|x| [x.x, x.y]).collect(),
+            centres: start.centres.iter().map(S::point).collect(),
             orientations: start.orientations,
             memory,
             near_pairs: Vec::new(),
@@ -104,13 +105,14 @@ impl Simulation {
     /// [`Error::Snapshot`] if it does not fit the parameters.
     pub fn from_snapshot(
         params: &Params,
-        mut snapshot: Snapshot,
+        mut snapshot: Snapshot<S>,
         tables: &NearFields,
     ) -> Result<Self, Error> {
         params.validate()?;
+        S::check(params)?;
         snapshot.check(params)?;
         let cell = Cell::equal_sides(snapshot.side, 0.0)?;
-        let most = most_contacts(params.spheres);
+        let most = most_contacts::<S>(params.spheres);
         let method = Method::of(params);
         let mut stage = method.solver(
             params.hydrodynamics,
@@ -141,22 +143,15 @@ impl Simulation {
             steps: snapshot.steps,
             side: snapshot.side,
             state: State {
-                centres: snapshot
-                    .centres
-                    .iter()
-                    .map(|&[x, y]| Vec2::new(x, y))
-                    .collect(),
+                centres: snapshot.centres.iter().map(S::vector).collect(),
                 orientations: snapshot.orientations,
             },
             before: State::default(),
             laws: drive.laws(params),
-            first: Vec::with_capacity(3 * params.spheres),
+            first: Vec::with_capacity(S::MODES * params.spheres),
             drive,
-            background: Background::shear(params.direction),
-            offset: match &params.start {
-                Some(start) => start.offset,
-                None => 0.0,
-            },
+            background: S::Background::simple_shear(params.direction),
+            offset: S::offset(params),
             memory: snapshot.memory,
             counters: snapshot.counters,
             stage,
@@ -168,7 +163,7 @@ impl Simulation {
     }
 
     /// The cell at a strain.
-    fn cell_at(&self, strain: f64) -> Result<Cell, Error> {
+    fn cell_at(&self, strain: f64) -> Result<Cell<S>, Error> {
         let travelled = self.params.direction * strain * self.side;
         Cell::equal_sides(self.side, self.offset + travelled)
     }
@@ -212,12 +207,12 @@ impl Simulation {
     }
 
     /// Centres, in a, in the cell of the strain reached.
-    pub fn centres(&self) -> &[Vec2] {
+    pub fn centres(&self) -> &[S::Vector] {
         &self.state.centres
     }
 
-    /// Orientations, in radians.
-    pub fn orientations(&self) -> &[f64] {
+    /// Orientations: in radians, or unit quaternions.
+    pub fn orientations(&self) -> &[S::Orientation] {
         &self.state.orientations
     }
 
@@ -226,7 +221,7 @@ impl Simulation {
         self.stage.resistance.radii()
     }
 
-    /// Side of the square cell, in a.
+    /// Side of the square or cubic cell, in a.
     pub fn side(&self) -> f64 {
         self.side
     }
@@ -243,13 +238,13 @@ impl Simulation {
     }
 
     /// All that the next step needs.
-    pub fn snapshot(&self) -> Snapshot {
+    pub fn snapshot(&self) -> Snapshot<S> {
         Snapshot {
             version: SNAPSHOT_VERSION,
             steps: self.steps,
             radii: self.stage.resistance.radii().to_vec(),
             side: self.side,
-            centres: self.state.centres.iter().map(|x| [x.x, x.y]).collect(),
+            centres: self.state.centres.iter().map(S::point).collect(),
             orientations: self.state.orientations.clone(),
             memory: self.memory.clone(),
             near_pairs: self.near_pairs(),

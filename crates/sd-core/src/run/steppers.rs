@@ -5,7 +5,7 @@ pub mod rosenbrock;
 mod runge_kutta;
 mod state;
 
-use crate::space::modes::Vec2;
+use crate::space::Space;
 pub(crate) use midpoint::Midpoint;
 use rosenbrock::Rosenbrock;
 pub use runge_kutta::RungeKutta;
@@ -14,33 +14,33 @@ pub use state::{Stage, State};
 
 /// The method of a run, with its workspace.
 #[derive(Debug)]
-pub(crate) enum Stepper {
+pub(crate) enum Stepper<S: Space> {
     /// For contacts whose gaps are held by no law.
-    RungeKutta(RungeKutta),
+    RungeKutta(RungeKutta<S>),
     /// For rigid contacts.
-    Midpoint(Midpoint),
+    Midpoint(Midpoint<S>),
     /// For forces that depend on gaps, however stiffly.
-    Rosenbrock(Rosenbrock),
+    Rosenbrock(Rosenbrock<S>),
 }
 
-impl Default for Stepper {
+impl<S: Space> Default for Stepper<S> {
     fn default() -> Self {
         Self::RungeKutta(RungeKutta::default())
     }
 }
 
-impl Stepper {
-    /// One step. `rhs(stage, centres, velocities)` fills in the velocities `[3N]` at the given centres, and says whether contacts bear forces
+impl<S: Space> Stepper<S> {
+    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres, and says whether contacts bear forces
     /// there.
     ///
     /// # Errors
     /// Whatever `rhs` returns; the state is then unchanged.
     pub(crate) fn step<E>(
         &mut self,
-        state: &mut State,
+        state: &mut State<S>,
         time: f64,
         dt: f64,
-        mut rhs: impl FnMut(Stage, &[Vec2], &mut [f64]) -> Result<Bearing, E>,
+        mut rhs: impl FnMut(Stage, &[S::Vector], &mut [f64]) -> Result<Bearing, E>,
     ) -> Result<(), E> {
         match self {
             Self::RungeKutta(method) => {

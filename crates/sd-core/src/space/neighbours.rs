@@ -75,10 +75,21 @@ impl<S: Space> NeighbourList<S> {
         radii: &[f64],
         range: f64,
     ) -> Result<(), Error> {
+        self.find_all(cell, centres, radii, range);
+        self.pairs.iter().try_for_each(|pair| self.admit(pair))
+    }
+
+    /// [`NeighbourList::update`] without the check: gaps may be negative.
+    pub(crate) fn find_all(
+        &mut self,
+        cell: &Cell<S>,
+        centres: &[S::Vector],
+        radii: &[f64],
+        range: f64,
+    ) {
         if !self.find_by_kept_pairs(cell, centres, radii, range) {
             self.find(cell, centres, radii, range);
         }
-        self.pairs.iter().try_for_each(|pair| self.admit(pair))
     }
 
     /// Checks that the pairs found last do not overlap at other positions either, to which the
@@ -124,7 +135,7 @@ impl<S: Space> NeighbourList<S> {
         }
     }
 
-    /// [`NeighbourList::find`] by way of pairs kept from an earlier search; `false` if the cell is
+    /// [`NeighbourList::find_all`] by way of pairs kept from an earlier search; `false` if the cell is
     /// too small for a skin, or unbounded.
     fn find_by_kept_pairs(
         &mut self,
@@ -162,7 +173,7 @@ impl<S: Space> NeighbourList<S> {
         true
     }
 
-    /// [`NeighbourList::update`] without the check: gaps may be negative.
+    /// [`NeighbourList::find_all`] by a new search.
     pub(crate) fn find(
         &mut self,
         cell: &Cell<S>,

@@ -39,7 +39,8 @@ fn params(spheres: usize, size_ratio: f64) -> Params {
 
 /// A layer after a strain of 0.3: cell, centres, radii.
 fn sheared(params: &Params) -> (Cell, Vec<Vec2>, Vec<f64>) {
-    let mut simulation = Simulation::new(params, 1, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<crate::Layer>::new(params, 1, &NearFields::default()).unwrap();
     for _ in 0..60 {
         simulation.step().unwrap();
     }
@@ -458,7 +459,8 @@ fn a_dense_layer_of_soft_spheres_goes_on() {
         ..params(200, 1.0)
     };
     assert_eq!(Method::of(&params), Method::Iterated);
-    let mut simulation = Simulation::new(&params, 1, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<crate::Layer>::new(&params, 1, &NearFields::default()).unwrap();
     for _ in 0..20 {
         simulation.step().unwrap();
     }

@@ -88,7 +88,8 @@ fn schemes() -> Vec<ContactScheme> {
 }
 
 fn run(params: &Params, seed: u64, steps: u64) -> Simulation {
-    let mut simulation = Simulation::new(params, seed, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(params, seed, &NearFields::default()).unwrap();
     for _ in 0..steps {
         simulation.step().unwrap();
     }
@@ -176,7 +177,7 @@ fn energy_of_a_layer_balances_under_every_choice() {
         let params = params(contact);
         let snapshot = run(&params, 4, 80).snapshot();
         let strain = snapshot.steps as f64 * params.time_step;
-        let configuration = Configuration {
+        let configuration: Configuration = Configuration {
             centres: snapshot
                 .centres
                 .iter()
@@ -257,7 +258,8 @@ fn steep(contact: ContactScheme, spheres: usize, area_fraction: f64) -> Params {
 fn soft_layer_that_its_contacts_hold_ends_as_jammed() {
     // Springs are crushed where ν = 10 lets nothing slide: spheres overlap more than is admitted.
     let held = steep(spring(1e4, TangentialLaw::Coulomb), 50, 0.76);
-    let mut simulation = Simulation::new(&held, 1, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(&held, 1, &NearFields::default()).unwrap();
     let steps = (0..100).find(|_| {
         simulation.step().unwrap();
         simulation.flow() == Flow::Jammed
@@ -271,7 +273,8 @@ fn rigid_layer_that_friction_holds_is_found_to_be_jammed() {
     // High friction near jamming: here Newton's method often fails. Of six layers at 0.76 three jam within a strain.
     for area_fraction in [0.76, 0.80] {
         let held = steep(rigid(TangentialLaw::Coulomb), 50, area_fraction);
-        let mut simulation = Simulation::new(&held, 4, &NearFields::default()).unwrap();
+        let mut simulation =
+            Simulation::<sd_core::Layer>::new(&held, 4, &NearFields::default()).unwrap();
         let steps = (0..100).find(|_| {
             simulation.step().unwrap();
             simulation.flow() == Flow::Jammed
@@ -287,7 +290,8 @@ fn rigid_layer_that_friction_holds_is_found_to_be_jammed() {
 fn gaps_hold_in_a_large_layer_with_high_friction() {
     // Friction need not settle here, in a layer that jams: gaps hold all the same in every step that is accepted.
     let layer = steep(rigid(TangentialLaw::Coulomb), 200, 0.76);
-    let mut simulation = Simulation::new(&layer, 1, &NearFields::default()).unwrap();
+    let mut simulation =
+        Simulation::<sd_core::Layer>::new(&layer, 1, &NearFields::default()).unwrap();
     for _ in 0..20 {
         simulation.step().unwrap();
         if simulation.flow() == Flow::Jammed {

@@ -192,11 +192,11 @@ impl ShortRun {
             time_step: f64::from(factor) * params.time_step,
             ..params.clone()
         };
-        let mut layer = Simulation::new(&coarse, seed, tables)?;
+        let mut layer = Simulation::<sd_core::Layer>::new(&coarse, seed, tables)?;
         while layer.strain() < strain && begun.elapsed() < time {
             if self.measured(|| layer.step()).is_err() {
                 // Such steps are too long for it.
-                return Simulation::new(params, seed, tables);
+                return Simulation::<sd_core::Layer>::new(params, seed, tables);
             }
         }
         let mut there = layer.snapshot();

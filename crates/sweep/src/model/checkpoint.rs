@@ -146,7 +146,8 @@ mod tests {
             time_step: 0.005,
             ..Params::UNWRITTEN
         };
-        let mut layer = Simulation::new(&params, 3, &NearFields::default()).unwrap();
+        let mut layer =
+            Simulation::<sd_core::Layer>::new(&params, 3, &NearFields::default()).unwrap();
         for _ in 0..20 {
             layer.step().unwrap();
         }

@@ -317,7 +317,7 @@ impl Shared<'_> {
         let (case, record) = (&claim.case, &mut run.record);
         let simulation = match &mut run.simulation {
             Some(simulation) => simulation,
-            none => match Simulation::new(&case.params, case.seed, self.tables) {
+            none => match Simulation::<sd_core::Layer>::new(&case.params, case.seed, self.tables) {
                 Ok(simulation) => none.insert(simulation),
                 Err(error) => return Ok(End::of(error)),
             },

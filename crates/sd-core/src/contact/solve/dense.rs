@@ -10,17 +10,18 @@
 
 use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest};
 use crate::contact::row::Row;
-use crate::hydrodynamics::resistance::Resistance;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::linalg::dense::Matrix;
 use crate::linalg::lu::LuSolver;
 use crate::linalg::staggered::StaggeredColumns;
+use crate::space::Space;
+use std::marker::PhantomData;
 
 /// Matrices, columns and workspace.
-#[derive(Default)]
-pub(crate) struct DenseSystem {
-    /// `L⁻¹` of the forces without contact, `[3N]`; rows as [`Resistance::row`] has them, as in all columns here.
+pub(crate) struct DenseSystem<S: Space> {
+    /// `L⁻¹` of the forces without contact, of all spheres; rows as [`Resistance::row`] has them, as in all columns here.
     free: Vec<f64>,
-    /// The motion in the same order of rows, `[3N]`.
+    /// The motion in the same order of rows, of all spheres.
     motion: Vec<f64>,
     /// `Y_n`, `[3N × K]`, ordered by where columns begin.
     normal_columns: StaggeredColumns,
@@ -36,6 +37,8 @@ pub(crate) struct DenseSystem {
     g_tn: Matrix,
     /// `[M × M]`.
     g_tt: Matrix,
+    /// `g_tn` and `g_tt` with the rows of slides turned, in a suspension.
+    turned: [Matrix; 2],
     /// v_n and u_t without contact forces, by column.
     free_normal: Vec<f64>,
     free_slip: Vec<f64>,
@@ -49,9 +52,36 @@ pub(crate) struct DenseSystem {
     solver: LuSolver,
     /// Whether there is no `g_tt`.
     isolated: bool,
+    space: PhantomData<S>,
 }
 
-impl DenseSystem {
+impl<S: Fluid> Default for DenseSystem<S> {
+    fn default() -> Self {
+        Self {
+            free: Default::default(),
+            motion: Default::default(),
+            normal_columns: Default::default(),
+            tangential_columns: Default::default(),
+            order: Default::default(),
+            place: Default::default(),
+            g_nn: Default::default(),
+            g_tn: Default::default(),
+            g_tt: Default::default(),
+            turned: Default::default(),
+            free_normal: Default::default(),
+            free_slip: Default::default(),
+            unknowns: Default::default(),
+            solution: Default::default(),
+            by_column: Default::default(),
+            velocities: Default::default(),
+            solver: Default::default(),
+            isolated: Default::default(),
+            space: Default::default(),
+        }
+    }
+}
+
+impl<S: Fluid> DenseSystem<S> {
     /// Room for that many candidates of that many spheres.
     pub(crate) fn new(spheres: usize, candidates: usize) -> Self {
         let matrix = |entries| {
@@ -62,15 +92,18 @@ impl DenseSystem {
         let square = candidates * candidates;
         let mut system = Self {
             g_nn: matrix(square),
-            g_tn: matrix(square),
-            g_tt: matrix(square),
-            solver: LuSolver::new(2 * candidates),
+            g_tn: matrix(S::TANGENTS * square),
+            g_tt: matrix(S::TANGENTS * S::TANGENTS * square),
+            solver: LuSolver::new((1 + S::TANGENTS) * candidates),
             ..Self::default()
         };
-        system.normal_columns.reserve(3 * spheres, candidates);
-        system.tangential_columns.reserve(3 * spheres, candidates);
+        let rows = S::MODES * spheres;
+        system.normal_columns.reserve(rows, candidates);
+        system
+            .tangential_columns
+            .reserve(rows, S::TANGENTS * candidates);
         for vector in [&mut system.free, &mut system.motion] {
-            vector.reserve(3 * spheres);
+            vector.reserve(rows);
         }
         for vector in [
             &mut system.free_normal,
@@ -92,8 +125,13 @@ impl DenseSystem {
         system
     }
 
-    /// Takes the candidates of a stage. `forces`: all but those of contact, `[3N]`.
-    pub(crate) fn begin(&mut self, resistance: &Resistance, problem: &Problem, forces: &[f64]) {
+    /// Takes the candidates of a stage. `forces`: all but those of contact, of all spheres.
+    pub(crate) fn begin(
+        &mut self,
+        resistance: &Resistance<S>,
+        problem: &Problem<S>,
+        forces: &[f64],
+    ) {
         let solver = resistance.solver();
         resistance.to_rows(forces, &mut self.free);
         solver.solve_lower_vector(&mut self.free);
@@ -111,7 +149,7 @@ impl DenseSystem {
     }
 
     /// Takes the tangential rows of the problem, whose candidates are known.
-    pub(crate) fn begin_rows(&mut self, resistance: &Resistance, problem: &Problem) {
+    pub(crate) fn begin_rows(&mut self, resistance: &Resistance<S>, problem: &Problem<S>) {
         let rows = problem.tangential.iter().map(|entry| entry.row);
         let ([_, order], [_, place]) = (&mut self.order, &mut self.place);
         sort(resistance, rows, order, place);
@@ -128,10 +166,10 @@ impl DenseSystem {
         columns.add_transposed_product(&self.free, &mut self.free_slip);
     }
 
-    /// Disturbance velocities `[3N]` under the forces found.
+    /// Disturbance velocities under the forces found.
     pub(crate) fn finish(
         &mut self,
-        resistance: &Resistance,
+        resistance: &Resistance<S>,
         forces: &Forces,
         velocities: &mut [f64],
     ) {
@@ -159,14 +197,14 @@ impl DenseSystem {
 }
 
 /// First row in the factor of each sphere of a row.
-fn starts(resistance: &Resistance, row: &Row) -> [usize; 2] {
+fn starts<S: Fluid>(resistance: &Resistance<S>, row: &Row<S>) -> [usize; 2] {
     row.spheres.map(|sphere| resistance.row(sphere))
 }
 
 /// The order of rows by where their columns begin, and its inverse.
-fn sort(
-    resistance: &Resistance,
-    rows: impl Iterator<Item = Row>,
+fn sort<S: Fluid>(
+    resistance: &Resistance<S>,
+    rows: impl Iterator<Item = Row<S>>,
     order: &mut Vec<usize>,
     place: &mut Vec<usize>,
 ) {
@@ -184,12 +222,12 @@ fn sort(
 }
 
 /// Columns `L⁻¹ rowᵀ` in that order.
-fn fill(
+fn fill<S: Fluid>(
     columns: &mut StaggeredColumns,
-    resistance: &Resistance,
+    resistance: &Resistance<S>,
     size: usize,
     order: &[usize],
-    row: impl Fn(usize) -> Row,
+    row: impl Fn(usize) -> Row<S>,
 ) {
     let begin = |&at: &usize| {
         let [i, j] = starts(resistance, &row(at));
@@ -203,23 +241,54 @@ fn fill(
     columns.solve_lower(resistance.solver());
 }
 
-impl DenseSystem {
+impl<S: Fluid> DenseSystem<S> {
+    /// Turns the rows of slides along and across their directions, in a suspension.
+    fn turn(&mut self, states: &States) {
+        let [g_tn, g_tt] = &mut self.turned;
+        for (turned, fixed) in [(&mut *g_tn, &self.g_tn), (&mut *g_tt, &self.g_tt)] {
+            turned.reshape(fixed.rows(), fixed.columns());
+            turned.values_mut().copy_from_slice(fixed.values());
+        }
+        for m in (0..states.friction.len()).step_by(2) {
+            let Some(slide) = states.slide(m) else {
+                continue;
+            };
+            let [a, b] = [self.place[1][m], self.place[1][m + 1]];
+            for matrix in [&mut *g_tn, &mut *g_tt] {
+                for column in 0..matrix.columns() {
+                    let entries = matrix.column_mut(column);
+                    [entries[a], entries[b]] = slide.turned([entries[a], entries[b]]);
+                }
+            }
+            for row in 0..g_tt.rows() {
+                let turned = slide.turned([g_tt[(row, a)], g_tt[(row, b)]]);
+                [g_tt[(row, a)], g_tt[(row, b)]] = turned;
+            }
+        }
+    }
+
     /// The linear system of the states, put into the solver, and its right-hand side.
-    fn pose(&mut self, problem: &Problem, states: &States) {
+    fn pose(&mut self, problem: &Problem<S>, states: &States) {
+        if S::TANGENTS > 1 {
+            self.turn(states);
+        }
+        let [g_tn, g_tt] = if S::TANGENTS > 1 {
+            self.turned.each_ref()
+        } else {
+            [&self.g_tn, &self.g_tt]
+        };
         let [active, sticking] = &mut self.unknowns;
         let [order, row_order] = &self.order;
         active.clear();
         active.extend((0..order.len()).filter(|&c| states.closed[order[c]]));
         sticking.clear();
-        sticking.extend(
-            (0..row_order.len()).filter(|&c| states.friction[row_order[c]] == FrictionState::Stick),
-        );
+        sticking.extend((0..row_order.len()).filter(|&c| states.sticks(row_order[c])));
         let (first, size) = (active.len(), active.len() + sticking.len());
         let matrix = self.solver.matrix_mut();
         matrix.reshape(size, size);
         for (column, &b) in active.iter().enumerate() {
             let target = matrix.column_mut(column);
-            let (normal, tangential) = (self.g_nn.column(b), self.g_tn.column(b));
+            let (normal, tangential) = (self.g_nn.column(b), g_tn.column(b));
             for (entry, &a) in target.iter_mut().zip(active.iter()) {
                 *entry = normal[a];
             }
@@ -231,17 +300,21 @@ impl DenseSystem {
         for (column, &s) in sticking.iter().enumerate() {
             let target = matrix.column_mut(first + column);
             for (entry, &a) in target.iter_mut().zip(active.iter()) {
-                *entry = self.g_tn[(s, a)];
+                *entry = g_tn[(s, a)];
             }
             if self.isolated {
                 target[first..].fill(0.0);
             } else {
-                let own = self.g_tt.column(s);
+                let own = g_tt.column(s);
                 for (entry, &r) in target[first..].iter_mut().zip(sticking.iter()) {
                     *entry = own[r];
                 }
             }
-            target[first + column] += problem.tangential[row_order[s]].compliance;
+            let m = row_order[s];
+            target[first + column] += problem.tangential[m].compliance;
+            if let Some(slide) = states.slide(m) {
+                target[first + column] += slide.compliance;
+            }
         }
         self.solution.clear();
         self.solution.extend(
@@ -249,13 +322,18 @@ impl DenseSystem {
                 .iter()
                 .map(|&a| -problem.normal[order[a]].bias - self.free_normal[a]),
         );
-        self.solution.extend(
-            sticking
-                .iter()
-                .map(|&s| -problem.tangential[row_order[s]].shift - self.free_slip[s]),
-        );
-        for (m, friction) in states.friction.iter().enumerate() {
-            let sign = friction.sign();
+        self.solution
+            .extend(sticking.iter().map(|&s| match states.slide(row_order[s]) {
+                None => -problem.tangential[row_order[s]].shift - self.free_slip[s],
+                Some(slide) => {
+                    let m = row_order[s] - 1;
+                    let given = [m, m + 1]
+                        .map(|m| problem.tangential[m].shift + self.free_slip[self.place[1][m]]);
+                    -slide.turned(given)[1]
+                }
+            }));
+        for m in 0..states.friction.len() {
+            let sign = states.sign(m);
             if sign == 0.0 {
                 continue;
             }
@@ -265,11 +343,11 @@ impl DenseSystem {
                 let given = sign * row.intercept;
                 let (upper, lower) = self.solution.split_at_mut(first);
                 for (x, &a) in upper.iter_mut().zip(active.iter()) {
-                    *x += given * self.g_tn[(own, a)];
+                    *x += given * g_tn[(own, a)];
                 }
                 if !self.isolated {
                     for (x, &s) in lower.iter_mut().zip(sticking.iter()) {
-                        *x += given * self.g_tt[(s, own)];
+                        *x += given * g_tt[(s, own)];
                     }
                 }
             }
@@ -283,18 +361,18 @@ impl DenseSystem {
             let slope = sign * row.coefficient;
             let target = matrix.column_mut(column);
             for (entry, &a) in target.iter_mut().zip(active.iter()) {
-                *entry -= slope * self.g_tn[(own, a)];
+                *entry -= slope * g_tn[(own, a)];
             }
             for (entry, &s) in target[first..].iter_mut().zip(sticking.iter()) {
                 if !self.isolated {
-                    *entry -= slope * self.g_tt[(s, own)];
+                    *entry -= slope * g_tt[(s, own)];
                 }
             }
         }
     }
 
     /// The forces that the solution gives.
-    fn take_solution(&self, problem: &Problem, states: &States, forces: &mut Forces) {
+    fn take_solution(&self, problem: &Problem<S>, states: &States, forces: &mut Forces) {
         let ([active, sticking], [order, row_order]) = (&self.unknowns, &self.order);
         let first = active.len();
         forces.normal.clear();
@@ -307,20 +385,26 @@ impl DenseSystem {
         for (&s, &p) in sticking.iter().zip(&self.solution[first..]) {
             forces.tangential[row_order[s]] = -p;
         }
-        for (m, friction) in states.friction.iter().enumerate() {
-            let row = &problem.tangential[m];
-            if *friction != FrictionState::Stick {
-                let load = forces.normal[row.contact];
-                forces.tangential[m] = row.slipping_force(*friction, load);
+        let slips = S::by_slip_mut(&mut forces.tangential).iter_mut();
+        for (k, t) in slips.enumerate() {
+            let m = S::TANGENTS * k;
+            let (row, state) = (&problem.tangential[m], states.friction[m]);
+            if state == FrictionState::Stick {
+                continue;
+            }
+            let force = row.slipping_force(state, forces.normal[row.contact]);
+            match (states.slide(m), t.as_mut()) {
+                (Some(slide), [x, y]) => [*x, *y] = slide.turned_back([force, *y]),
+                (_, t) => t.fill(force),
             }
         }
     }
 }
 
-impl System for DenseSystem {
+impl<S: Fluid> System<S> for DenseSystem<S> {
     fn solve(
         &mut self,
-        problem: &Problem,
+        problem: &Problem<S>,
         states: &States,
         _: bool,
         forces: &mut Forces,
@@ -344,7 +428,7 @@ impl System for DenseSystem {
         })
     }
 
-    fn measure(&mut self, problem: &Problem, forces: &mut Forces) {
+    fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces) {
         self.take(forces);
         let [f, t] = &self.by_column;
         let [slack, slip] = &mut self.velocities;

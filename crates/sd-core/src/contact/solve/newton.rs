@@ -8,12 +8,20 @@
 //! and superlinearly, and can cycle far from a solution: then [`super::proximal`] takes over.
 
 use super::ProblemSolver;
-use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, System};
+use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, Slide, System};
+use crate::space::Space;
 
 /// Iterations at most.
 const MAX_SYSTEMS: u32 = 60;
 /// Iterations without fewer changes of the active set than ever before after which it has failed.
 const PATIENCE: u32 = 4;
+
+/// Angle by which a slip may turn once more: as the error of the next system goes with its square.
+const TURNED: f64 = 1e-7;
+/// Angle below which one more system is expected to be the last.
+const NEARLY_TURNED: f64 = 1e-2;
+/// By how much the largest angle is to fall in one system.
+const TURNING: f64 = 0.5;
 
 /// When friction becomes active.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,26 +41,31 @@ impl FrictionActivation {
     };
 }
 
-impl ProblemSolver {
+impl<S: Space> ProblemSolver<S> {
     /// Iterates from the present active set; whether it converged, and the number of systems.
     pub(super) fn newton(
         &mut self,
-        problem: &mut Problem,
-        system: &mut impl System,
+        problem: &mut Problem<S>,
+        system: &mut impl System<S>,
         activation: FrictionActivation,
-        refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
+        refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
     ) -> (bool, u32) {
         let (mut fewest, mut stalled, mut last) = (usize::MAX, 0, false);
+        let mut least_turn = f64::INFINITY;
         for count in 1..=MAX_SYSTEMS {
             let solved = system.solve(problem, &self.states, last, &mut self.forces);
             let Some(roundoff) = solved else {
                 return (false, count);
             };
-            let changes = refine(problem, &self.forces) + self.update_states(problem, roundoff);
-            last = changes == 0;
-            if !last {
-                stalled = if changes < fewest { 0 } else { stalled + 1 };
+            let refined = refine(problem, &self.forces);
+            let (changed, turn) = self.update_states(problem, system, roundoff);
+            let changes = refined + changed;
+            last = changes == 0 && turn < NEARLY_TURNED;
+            if changes > 0 || turn > 0.0 {
+                let fewer = changes < fewest || changes == 0 && turn < TURNING * least_turn;
+                stalled = if fewer { 0 } else { stalled + 1 };
                 fewest = fewest.min(changes);
+                least_turn = least_turn.min(turn);
                 if stalled == PATIENCE {
                     return (false, count);
                 }
@@ -68,14 +81,20 @@ impl ProblemSolver {
             }
             // That is another problem.
             (fewest, stalled, last) = (usize::MAX, 0, false);
+            least_turn = f64::INFINITY;
         }
         (false, MAX_SYSTEMS)
     }
 
-    /// Changes the states that the present forces contradict; how many.
-    fn update_states(&mut self, problem: &Problem, roundoff: RoundoffThresholds) -> usize {
+    /// Changes the states that the present forces contradict; how many, and by what angle at most slips turn that slide as before.
+    fn update_states(
+        &mut self,
+        problem: &Problem<S>,
+        system: &impl System<S>,
+        roundoff: RoundoffThresholds,
+    ) -> (usize, f64) {
         let (forces, states) = (&self.forces, &mut self.states);
-        let mut changes = 0;
+        let (mut changes, mut turn) = (0, 0.0_f64);
         for (k, closed) in states.closed.iter_mut().enumerate() {
             let contradicted = if *closed {
                 forces.normal[k] < -roundoff.force
@@ -85,25 +104,31 @@ impl ProblemSolver {
             changes += usize::from(contradicted);
             *closed ^= contradicted;
         }
-        for (m, state) in states.friction.iter_mut().enumerate() {
-            let row = &problem.tangential[m];
+        for m in (0..states.friction.len()).step_by(S::TANGENTS) {
+            let (row, state) = (&problem.tangential[m], states.friction[m]);
             // A bound that is given holds whether the contact is closed or not.
-            let next = if states.closed[row.contact] || !row.follows_load() {
-                next_state(problem, forces, m, *state, roundoff)
-            } else {
+            let next = if !states.closed[row.contact] && row.follows_load() {
                 FrictionState::Inactive
+            } else if S::TANGENTS == 1 {
+                next_state(problem, forces, m, state, roundoff)
+            } else {
+                let own = system.mobility(row.contact) + row.compliance;
+                let slide = &mut states.slides[m / 2];
+                let (next, angle) = next_slide(problem, forces, m, (state, slide), own, roundoff);
+                turn = turn.max(angle);
+                next
             };
-            changes += usize::from(next != *state);
-            *state = next;
+            changes += usize::from(next != state);
+            states.friction[m..m + S::TANGENTS].fill(next);
         }
-        changes
+        (changes, turn)
     }
 
     /// Makes friction active where the load is above the critical one by more than `roundoff`, and
     /// inactive where it is below; the number of changes.
     pub(super) fn update_activation(
         &mut self,
-        problem: &mut Problem,
+        problem: &mut Problem<S>,
         activation: FrictionActivation,
         roundoff: f64,
     ) -> usize {
@@ -132,8 +157,8 @@ impl ProblemSolver {
 }
 
 /// What row `m` of a closed candidate does next, by the forces of its present state.
-fn next_state(
-    problem: &Problem,
+fn next_state<S: Space>(
+    problem: &Problem<S>,
     forces: &Forces,
     m: usize,
     state: FrictionState,
@@ -159,4 +184,63 @@ fn next_state(
         SlipNegative if z > roundoff.velocity => Stick,
         same => same,
     }
+}
+
+/// The same for the slip of rows `m` and `m + 1` in a suspension, whose direction and compliance follow the forces; and the angle by which
+/// the direction has turned, 0 if that is rounding.
+///
+/// `own`: G, by which a velocity is set beside a force.
+fn next_slide<S: Space>(
+    problem: &Problem<S>,
+    forces: &Forces,
+    m: usize,
+    (state, slide): (FrictionState, &mut Slide),
+    own: f64,
+    roundoff: RoundoffThresholds,
+) -> (FrictionState, f64) {
+    use FrictionState::{Inactive, SlipPositive, Stick};
+    let row = &problem.tangential[m];
+    if !row.active {
+        return (Inactive, 0.0);
+    }
+    let bound = row.slipping_force(SlipPositive, forces.normal[row.contact]);
+    let jumps = row.intercept == 0.0;
+    if !jumps && bound < -roundoff.force || state == Inactive && !jumps && bound <= roundoff.force {
+        return (Inactive, 0.0);
+    }
+    if state == Inactive && jumps {
+        return (Stick, 0.0);
+    }
+    let [t, z] = [&forces.tangential, &forces.slip].map(|list| [list[m], list[m + 1]]);
+    let trial = match state {
+        Stick => t,
+        Inactive => z.map(|z| z / own),
+        _ => [0, 1].map(|k| t[k] + z[k] / own),
+    };
+    let length = trial[0].hypot(trial[1]);
+    let rounding = roundoff.force + roundoff.velocity / own;
+    let sticks = match state {
+        Stick => length <= bound + roundoff.force,
+        _ => length <= bound - roundoff.velocity / own,
+    };
+    if sticks || length == 0.0 {
+        return (Stick, 0.0);
+    }
+    let before = *slide;
+    slide.direction = trial.map(|trial| trial / length);
+    slide.compliance = if bound > 0.0 {
+        own * ((length - bound) / bound).max(0.0)
+    } else {
+        f64::INFINITY
+    };
+    if state != SlipPositive {
+        return (SlipPositive, 0.0);
+    }
+    let [along, across] = before.turned(slide.direction);
+    let angle = across.atan2(along).abs();
+    let is_rounding = angle <= TURNED || angle * length <= rounding;
+    if is_rounding {
+        *slide = before;
+    }
+    (SlipPositive, if is_rounding { 0.0 } else { angle })
 }

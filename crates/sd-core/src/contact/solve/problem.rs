@@ -2,12 +2,13 @@
 
 use crate::contact::row::Row;
 use crate::contact::{Quality, Status};
+use crate::space::{Layer, Space};
 
 /// Normal part of one candidate: `w = C v + bias + compliance f`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Normal {
+pub(crate) struct Normal<S: Space = Layer> {
     /// Row of C.
-    pub(crate) row: Row,
+    pub(crate) row: Row<S>,
     /// What w has besides, in a·rate: the background's part, and the gap left over the time ahead.
     pub(crate) bias: f64,
     /// In a·rate per unit of force: the inverse of a spring's stiffness over the time ahead; a tiny
@@ -17,11 +18,11 @@ pub(crate) struct Normal {
 
 /// A friction row of one candidate: `z = D v + shift − compliance t`, `|t| ≤ ρ(f)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Tangential {
+pub(crate) struct Tangential<S: Space = Layer> {
     /// Its candidate.
     pub(crate) contact: usize,
     /// Row of D.
-    pub(crate) row: Row,
+    pub(crate) row: Row<S>,
     /// What z has besides, in a·rate: the background's part, and the stretch of a spring over the
     /// time ahead.
     pub(crate) shift: f64,
@@ -39,7 +40,7 @@ pub(crate) struct Tangential {
     pub(crate) was_deactivated: bool,
 }
 
-impl Tangential {
+impl<S: Space> Tangential<S> {
     /// Bound ρ of |t| at a normal force f.
     pub(crate) fn bound(&self, f: f64) -> f64 {
         if !self.active {
@@ -65,17 +66,28 @@ impl Tangential {
 }
 
 /// One contact problem; see [`super`].
-#[derive(Debug, Default)]
-pub(crate) struct Problem {
+#[derive(Debug)]
+pub(crate) struct Problem<S: Space = Layer> {
     /// Candidates, ordered by (i, j).
-    pub(crate) normal: Vec<Normal>,
-    /// Friction rows, ordered by candidate; candidates without one have no friction.
-    pub(crate) tangential: Vec<Tangential>,
+    pub(crate) normal: Vec<Normal<S>>,
+    /// Friction rows, ordered by candidate; candidates without one have no friction. As many as slip has components follow each other,
+    /// along orthonormal directions: they are one vector, and its length is bounded.
+    pub(crate) tangential: Vec<Tangential<S>>,
     /// Whether friction rows read the motion that normal forces alone leave, v_N, in place of v.
     pub(crate) uses_frictionless_slip: bool,
 }
 
-impl Problem {
+impl<S: Space> Default for Problem<S> {
+    fn default() -> Self {
+        Self {
+            normal: Vec::new(),
+            tangential: Vec::new(),
+            uses_frictionless_slip: false,
+        }
+    }
+}
+
+impl<S: Space> Problem<S> {
     /// Becomes equal to the other, without allocating once there is room.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.normal.clone_from(&other.normal);
@@ -83,10 +95,33 @@ impl Problem {
         self.uses_frictionless_slip = other.uses_frictionless_slip;
     }
 
-    /// Room for that many candidates and twice as many rows.
+    /// Room for that many candidates and twice as many slips.
     pub(crate) fn reserve(&mut self, candidates: usize) {
         self.normal.reserve(candidates);
-        self.tangential.reserve(2 * candidates);
+        self.tangential.reserve(2 * S::TANGENTS * candidates);
+    }
+}
+
+/// A row along or across the direction of a slide.
+pub(crate) struct TurnedRow<S: Space> {
+    pub(crate) row: Row<S>,
+    pub(crate) shift: f64,
+    /// Of the two rows of the slip in it.
+    pub(crate) shares: [f64; 2],
+}
+
+impl<S: Space> Problem<S> {
+    /// The first of the two rows of a slide, which row `m` is one of, turned to its direction, or the second, turned across it.
+    pub(crate) fn turned_row(&self, slide: &Slide, m: usize) -> TurnedRow<S> {
+        let first = m - m % 2;
+        let [a, b] = [&self.tangential[first], &self.tangential[first + 1]];
+        let [c, s] = slide.direction;
+        let shares = if m == first { [c, s] } else { [-s, c] };
+        TurnedRow {
+            row: a.row.combined(shares[0], &b.row, shares[1]),
+            shift: shares[0] * a.shift + shares[1] * b.shift,
+            shares,
+        }
     }
 }
 
@@ -120,7 +155,7 @@ pub(crate) enum FrictionState {
     Inactive,
     /// Within the bound, z = 0.
     Stick,
-    /// t = ρ.
+    /// t = ρ; in a suspension t = ρ d with the direction d of a [`Slide`].
     SlipPositive,
     /// t = −ρ.
     SlipNegative,
@@ -162,17 +197,111 @@ impl FrictionState {
 pub(crate) struct States {
     /// Whether each candidate is closed.
     pub(crate) closed: Vec<bool>,
-    /// What each row does.
+    /// What each row does. In a suspension the rows of one slip do the same.
     pub(crate) friction: Vec<FrictionState>,
+    /// How each slip slides where it does, in a suspension; none in a layer.
+    pub(crate) slides: Vec<Slide>,
+}
+
+/// A slip along a direction that turns with the forces, by components along its two rows.
+///
+/// ```text
+/// t = ρ(f) p/|p|,  p = t + z/G       linearised about the present p, with d = p/|p| and e across d:
+/// t_d = ρ(f),      z_e = c t_e,      c = G (|p| − ρ)/ρ
+/// ```
+/// Along d it slips as in a layer; across d it sticks, with a compliance (Alart & Curnier 1991).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Slide {
+    /// d, by components along the rows.
+    pub(crate) direction: [f64; 2],
+    /// c, in a·rate per unit of force.
+    pub(crate) compliance: f64,
+}
+
+impl Slide {
+    /// The direction is of no meaning yet.
+    pub(crate) const NONE: Self = Self {
+        direction: [1.0, 0.0],
+        compliance: 0.0,
+    };
+
+    /// Components along d and e of a vector by components along the rows.
+    pub(crate) fn turned(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [c, s] = self.direction;
+        [c * x + s * y, c * y - s * x]
+    }
+
+    /// The way back.
+    pub(crate) fn turned_back(&self, [d, e]: [f64; 2]) -> [f64; 2] {
+        let [c, s] = self.direction;
+        [c * d - s * e, s * d + c * e]
+    }
 }
 
 impl States {
+    /// Forgets what friction does.
+    pub(crate) fn clear_friction(&mut self) {
+        self.friction.clear();
+        self.slides.clear();
+    }
+
+    /// Adds the states of a slip that force shows, were it free of its bound.
+    pub(crate) fn push_friction<S: Space>(&mut self, force: &S::PerTangent<f64>, bound: f64) {
+        let force = force.as_ref();
+        match *force {
+            [x, y] => {
+                let length = x.hypot(y);
+                let mut slide = Slide::NONE;
+                let state = match FrictionState::of(length, bound) {
+                    FrictionState::SlipPositive if length > 0.0 => {
+                        slide.direction = [x / length, y / length];
+                        slide.compliance = LIKELY_SLIP / bound;
+                        FrictionState::SlipPositive
+                    }
+                    FrictionState::Inactive => FrictionState::Inactive,
+                    _ => FrictionState::Stick,
+                };
+                self.friction.extend([state; 2]);
+                self.slides.push(slide);
+            }
+            _ => {
+                let states = force.iter().map(|&t| FrictionState::of(t, bound));
+                self.friction.extend(states);
+            }
+        }
+    }
+
+    /// Sign of the force of row `m`, if that follows the load; 0 for others.
+    pub(crate) fn sign(&self, m: usize) -> f64 {
+        // Of a slide, the first of its turned rows follows the load, and the other sticks.
+        if self.slide(m).is_some() && m % 2 == 1 {
+            0.0
+        } else {
+            self.friction[m].sign()
+        }
+    }
+
+    /// Whether row `m`, turned if it slides, sticks.
+    pub(crate) fn sticks(&self, m: usize) -> bool {
+        self.friction[m] == FrictionState::Stick || self.slide(m).is_some() && m % 2 == 1
+    }
+
+    /// The direction and compliance of the slip that row `m` is a part of, if it slides in a suspension.
+    pub(crate) fn slide(&self, m: usize) -> Option<&Slide> {
+        let slide = self.slides.get(m / 2)?;
+        (self.friction[m] == FrictionState::SlipPositive).then_some(slide)
+    }
+
     /// Room for that many candidates and twice as many rows.
     pub(crate) fn reserve(&mut self, candidates: usize) {
         self.closed.reserve(candidates);
-        self.friction.reserve(2 * candidates);
+        self.friction.reserve(4 * candidates);
+        self.slides.reserve(2 * candidates);
     }
 }
+
+/// Slip velocity, in a·rate, that a slide is expected to have before the first system says it.
+const LIKELY_SLIP: f64 = 0.3;
 
 /// Forces, and the velocities that go with them.
 #[derive(Debug, Default)]
@@ -200,8 +329,8 @@ impl Forces {
     pub(crate) fn reserve(&mut self, candidates: usize) {
         self.normal.reserve(candidates);
         self.slack.reserve(candidates);
-        self.tangential.reserve(2 * candidates);
-        self.slip.reserve(2 * candidates);
+        self.tangential.reserve(4 * candidates);
+        self.slip.reserve(4 * candidates);
     }
 
     /// No forces of no contacts.
@@ -217,29 +346,45 @@ impl Forces {
     }
 
     /// Brings forces that are out of their bounds back into them.
-    pub(crate) fn project_onto_bounds(&mut self, problem: &Problem) {
+    pub(crate) fn project_onto_bounds<S: Space>(&mut self, problem: &Problem<S>) {
         for f in &mut self.normal {
             *f = f.max(0.0);
         }
-        for (t, row) in self.tangential.iter_mut().zip(&problem.tangential) {
-            let bound = row.bound(self.normal[row.contact]);
-            *t = t.clamp(-bound, bound);
+        let slips = S::by_slip_mut(&mut self.tangential).iter_mut();
+        for (t, rows) in slips.zip(problem.tangential.chunks_exact(S::TANGENTS)) {
+            let bound = rows[0].bound(self.normal[rows[0].contact]);
+            *t = S::within(t, bound);
         }
     }
 
     /// Violation of the conditions by these forces, whose slack and slip are known.
-    pub(crate) fn violation(&self, problem: &Problem, system: &impl System) -> Violation {
+    pub(crate) fn violation<S: Space>(
+        &self,
+        problem: &Problem<S>,
+        system: &impl System<S>,
+    ) -> Violation {
         let (mut residual, mut error, mut most) = (0.0_f64, 0.0_f64, f64::MIN_POSITIVE);
         let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
         for (k, &f) in self.normal.iter().enumerate() {
             residual = worse(residual, (system.mobility(k) * f).min(self.slack[k]).abs());
             most = most.max(f);
         }
-        for (m, row) in problem.tangential.iter().enumerate() {
-            let (t, z) = (self.tangential[m], self.slip[m]);
+        let slips = S::by_slip(&self.tangential)
+            .iter()
+            .zip(S::by_slip(&self.slip));
+        for ((t, z), rows) in slips.zip(problem.tangential.chunks_exact(S::TANGENTS)) {
+            let row = &rows[0];
             let bound = row.bound(self.normal[row.contact]);
             let own = system.mobility(row.contact) + row.compliance;
-            error = worse(error, (t - (t + z / own).clamp(-bound, bound)).abs());
+            let mut trial = *t;
+            for k in 0..S::TANGENTS {
+                trial[k] += z[k] / own;
+            }
+            let mut missing = S::within(&trial, bound);
+            for k in 0..S::TANGENTS {
+                missing[k] = t[k] - missing[k];
+            }
+            error = worse(error, S::length(&missing));
         }
         Violation {
             residual,
@@ -253,7 +398,7 @@ impl Forces {
 pub(crate) struct Violation {
     /// `max |min(G f, w)|`, G the mobility of the contact; in a·rate.
     pub(crate) residual: f64,
-    /// `max |t − clamp(t + z/G, −ρ, ρ)|` over the largest normal force.
+    /// `max |t − the nearest to t + z/G within ρ|` over the largest normal force.
     pub(crate) friction_error: f64,
 }
 
@@ -282,21 +427,21 @@ pub(crate) struct RoundoffThresholds {
 }
 
 /// The linear algebra behind a problem: how forces of contacts move contacts.
-pub(crate) trait System {
+pub(crate) trait System<S: Space = Layer> {
     /// Forces (of either sign) of an active set, with their slack and slip.
     ///
     /// `last`: whether this active set is expected to be the last, so that the forces should be as
     /// exact as they can be. `None` where the linear system has no solution.
     fn solve(
         &mut self,
-        problem: &Problem,
+        problem: &Problem<S>,
         states: &States,
         last: bool,
         forces: &mut Forces,
     ) -> Option<RoundoffThresholds>;
 
     /// Slack and slip of given forces.
-    fn measure(&mut self, problem: &Problem, forces: &mut Forces);
+    fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces);
 
     /// How fast a unit of force moves its own candidate, about; in a·rate per unit of force.
     fn mobility(&self, candidate: usize) -> f64;

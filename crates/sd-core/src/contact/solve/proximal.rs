@@ -21,10 +21,11 @@
 //! motion keeps the gaps, forces grow without bound.
 
 use super::newton::FrictionActivation;
-use super::problem::{Forces, FrictionState, Problem, System, largest};
+use super::problem::{Forces, Problem, System, largest};
 use super::{Outcome, ProblemSolver};
 use crate::contact::laws::COMPLIANCE;
 use crate::contact::{Quality, Status};
+use crate::space::Space;
 
 /// Problems of one sequence at most.
 const MAX_PROBLEMS: u32 = 60;
@@ -37,7 +38,7 @@ const SOFTENING: f64 = 10.0;
 /// Largest coefficient of a bound that is held: an infinite one is no bound with a load, and 0 without.
 const MAX_COEFFICIENT: f64 = 100.0;
 
-impl Problem {
+impl<S: Space> Problem<S> {
     /// Becomes another problem whose contacts are softer by ε about given forces.
     fn soften(&mut self, other: &Self, softness: f64, about: &Forces) {
         self.copy_from(other);
@@ -69,14 +70,14 @@ impl Problem {
     }
 }
 
-impl ProblemSolver {
+impl<S: Space> ProblemSolver<S> {
     /// Solves the problem from the present forces, which are then those found.
     pub(super) fn solve_proximal(
         &mut self,
-        problem: &mut Problem,
-        system: &mut impl System,
+        problem: &mut Problem<S>,
+        system: &mut impl System<S>,
         activation: FrictionActivation,
-        refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
+        refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
     ) -> Outcome {
         let mut outcome = self.iterate(problem, system, Some(activation), refine);
         let mut systems = outcome.systems;
@@ -111,10 +112,10 @@ impl ProblemSolver {
     /// `activation`: none where the bounds of friction are held.
     fn iterate(
         &mut self,
-        problem: &mut Problem,
-        system: &mut impl System,
+        problem: &mut Problem<S>,
+        system: &mut impl System<S>,
         activation: Option<FrictionActivation>,
-        refine: &mut impl FnMut(&mut Problem, &Forces) -> usize,
+        refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
     ) -> Outcome {
         self.forces.project_onto_bounds(problem);
         system.measure(problem, &mut self.forces);
@@ -188,19 +189,25 @@ impl ProblemSolver {
     }
 
     /// The active set that the present motion shows where contacts are as soft as those of a problem.
-    fn read_states_of_motion(&mut self, softer: &Problem) {
+    fn read_states_of_motion(&mut self, softer: &Problem<S>) {
         let (forces, states) = (&self.forces, &mut self.states);
         let normal = softer.normal.iter().enumerate();
         let loads = normal.map(|(k, entry)| forces.normal[k] - forces.slack[k] / entry.compliance);
         states.closed.clear();
         states.closed.extend(loads.map(|load| load > 0.0));
-        states.friction.clear();
-        for (m, row) in softer.tangential.iter().enumerate() {
+        states.clear_friction();
+        let slips = S::by_slip(&forces.tangential)
+            .iter()
+            .zip(S::by_slip(&forces.slip));
+        for ((t, z), rows) in slips.zip(softer.tangential.chunks_exact(S::TANGENTS)) {
+            let (row, mut trial) = (&rows[0], *t);
             let k = row.contact;
             let load = forces.normal[k] - forces.slack[k] / softer.normal[k].compliance;
-            let t = forces.tangential[m] + forces.slip[m] / row.compliance;
+            for (trial, z) in trial.as_mut().iter_mut().zip(z.as_ref()) {
+                *trial += z / row.compliance;
+            }
             let bound = row.bound(load.max(0.0));
-            states.friction.push(FrictionState::of(t, bound));
+            states.push_friction::<S>(&trial, bound);
         }
     }
 }

@@ -22,43 +22,29 @@ use self::linear::{BothMotions, Linear, Preconditioner};
 use super::problem::{
     AppliedForces, Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest,
 };
-use crate::contact::laws::COMPLIANCE;
 use crate::error::Error;
-use crate::hydrodynamics::resistance::{PairwiseResistance, Resistance};
+use crate::hydrodynamics::resistance::{
+    Fluid, NearMatrix, NearPattern, PairwiseResistance, Resistance,
+};
 use crate::linalg::Until;
-use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
 use crate::linalg::dense::{add_scaled, dot};
 use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
-use crate::model::Params;
+use crate::space::Layer;
 use std::f64::consts::PI;
 
 /// Smallest compliance in the preconditioner, in a/(mu·a²·rate): single precision holds its inverse well.
 const LEAST_COMPLIANCE: f64 = 1e-6;
 /// What a velocity counts in the norm of the residual: the force that it takes, in mu·a.
 const WEIGHT: f64 = 30.0;
-/// By how much one call lowers the residual; and in large layers, where an earlier look at the many states saves iterations.
-const GAIN: [f64; 2] = [1e-4, 1e-3];
-/// Residual that is small enough, over the norm of all forces: for contacts that do not give way, and for others, whose slopes multiply what
-/// is left; and as a velocity, in a·rate.
-const ROUNDING: [f64; 2] = [1e-10, 1e-12];
-const SLOW: f64 = 1e-9;
-/// What is asked from outside, over the norm of applied forces, below which it may be for the last time: contacts are then solved as well
-/// as they are judged.
-const ENDING: f64 = 1e-8;
-/// The residual then, in a·rate.
-const LAST_RESIDUAL: f64 = 5e-9;
-/// Residual that is rounding, over the norm of all forces.
-const LEAST_ROUNDING: f64 = 1e-14;
+/// By how much one call lowers the residual.
+const GAIN: f64 = 1e-3;
+/// Residual that is small enough, over the norm of all forces.
+const ROUNDING: f64 = 1e-11;
 /// Most iterations of one call.
 const MOST_ITERATIONS: usize = 40;
-/// Calls for the motion under given forces.
-const MOST_CALLS: u32 = 8;
-/// Changes of the states that a factor outlives.
-const MOST_CHANGES: usize = 5;
-/// Iterations of a call beyond which a factor with other states is made anew: where a stage has one problem; and where it has many that are
-/// alike, so that a new factor serves more of them, or the layer is large, so that little of the factor is made anew.
-const PATIENT: [usize; 2] = [4, 3];
+/// Iterations of a call beyond which a factor of other states is made anew.
+const PATIENT: usize = 4;
 /// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
 const LEAST_FORCE: f64 = 6.0 * PI;
 /// Mobility of a contact, about, in 1/(mu·a).
@@ -75,8 +61,7 @@ enum HasNear {
 }
 
 /// Velocities, factors and workspace.
-#[derive(Default)]
-pub(crate) struct SparseSystem {
+pub(crate) struct SparseSystem<S: Fluid = Layer> {
     /// v, `[3N]`.
     velocities: Vec<f64>,
     /// v_N, `[3N]`, where tangential rows read it.
@@ -86,7 +71,7 @@ pub(crate) struct SparseSystem {
     /// Number of each candidate's pair in the pattern.
     numbers: Vec<Option<usize>>,
     /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
-    held: BlockCholesky,
+    held: NearMatrix<S>,
     /// Stiffnesses of the candidates and rows in it, and whether it was made in this stage.
     factored: Vec<f64>,
     is_factored: bool,
@@ -96,11 +81,11 @@ pub(crate) struct SparseSystem {
     /// Stiffnesses that the states ask for.
     stiffness: Vec<f64>,
     /// What the states put into the system.
-    active: Active,
+    active: Active<S>,
     /// Iterations of the last call with this factor.
     iterations: usize,
     /// The near part of R, and what of it is that of the stage.
-    near: BlockCholesky,
+    near: NearMatrix<S>,
     has_near: HasNear,
     /// Solver of the system.
     gmres: Gmres,
@@ -109,14 +94,43 @@ pub(crate) struct SparseSystem {
     correction: Vec<f64>,
     /// Forces on the spheres, `[3N]`.
     work: Vec<f64>,
-    both: BothMotions,
+    both: BothMotions<S>,
     /// What belongs to the motion under given forces: applied forces with those of contacts, contacts that are open, no forces.
     given: [Vec<f64>; 2],
     open: States,
     none: Forces,
 }
 
-impl SparseSystem {
+impl<S: Fluid> Default for SparseSystem<S> {
+    fn default() -> Self {
+        Self {
+            velocities: Default::default(),
+            frictionless: Default::default(),
+            applied: Default::default(),
+            numbers: Default::default(),
+            held: Default::default(),
+            factored: Default::default(),
+            is_factored: Default::default(),
+            is_same: Default::default(),
+            changed: Default::default(),
+            stiffness: Default::default(),
+            active: Default::default(),
+            iterations: Default::default(),
+            near: Default::default(),
+            has_near: Default::default(),
+            gmres: Default::default(),
+            residual: Default::default(),
+            correction: Default::default(),
+            work: Default::default(),
+            both: Default::default(),
+            given: Default::default(),
+            open: Default::default(),
+            none: Default::default(),
+        }
+    }
+}
+
+impl<S: Fluid> SparseSystem<S> {
     /// Begins a stage at new positions.
     pub(crate) fn start(&mut self) {
         self.has_near = HasNear::Nothing;
@@ -135,9 +149,9 @@ impl SparseSystem {
     }
 }
 
-impl SparseSystem {
+impl<S: Fluid> SparseSystem<S> {
     /// The residual of the linear system at the velocities and forces at hand.
-    fn find_residual(&mut self, linear: &Linear<'_>, forces: &Forces) {
+    fn find_residual(&mut self, linear: &Linear<'_, S>, forces: &Forces) {
         let problem = linear.problem;
         let n = self.velocities.len();
         let flow = if problem.uses_frictionless_slip {
@@ -183,13 +197,13 @@ impl SparseSystem {
         };
         for entry in &linear.active.sticking {
             let m = entry.at;
-            let moved = entry.row.read(flow) - entry.compliance * forces.tangential[m];
-            r_t[m] = -WEIGHT * (moved + problem.tangential[m].shift);
+            let moved = entry.row.read(flow) - entry.compliance * entry.force(&forces.tangential);
+            r_t[m] = -WEIGHT * (moved + entry.shift);
         }
     }
 
     /// Forces of states that carry none or that follow the load.
-    fn follow(linear: &Linear<'_>, forces: &mut Forces) {
+    fn follow(linear: &Linear<'_, S>, forces: &mut Forces) {
         let problem = linear.problem;
         forces.normal.resize(problem.normal.len(), 0.0);
         forces.tangential.resize(problem.tangential.len(), 0.0);
@@ -198,24 +212,30 @@ impl SparseSystem {
                 *f = 0.0;
             }
         }
-        for (m, t) in forces.tangential.iter_mut().enumerate() {
+        let slips = S::by_slip_mut(&mut forces.tangential).iter_mut();
+        for (k, t) in slips.enumerate() {
+            let m = S::TANGENTS * k;
             let state = linear.states.friction[m];
-            if state != FrictionState::Stick {
-                let row = &problem.tangential[m];
-                let load = forces.normal[row.contact];
-                *t = row.slipping_force(state, load);
+            if state == FrictionState::Stick {
+                continue;
+            }
+            let row = &problem.tangential[m];
+            let force = row.slipping_force(state, forces.normal[row.contact]);
+            match (linear.states.slide(m), t.as_mut()) {
+                (Some(slide), [x, y]) => {
+                    let [_, across] = slide.turned([*x, *y]);
+                    [*x, *y] = slide.turned_back([force, across]);
+                }
+                (_, t) => t.fill(force),
             }
         }
     }
 
-    /// Makes the factors that the states need, unless those at hand serve.
-    ///
-    /// `patient`: see [`PATIENT`].
+    /// Makes the factors that the states need, unless those there are serve.
     fn prepare(
         &mut self,
-        linear: &Linear<'_>,
-        pattern: &BlockPattern,
-        patient: usize,
+        linear: &Linear<'_, S>,
+        pattern: &NearPattern<S>,
     ) -> Result<(), BadPivot> {
         linear.stiffnesses(&mut self.stiffness);
         let problem = linear.problem;
@@ -224,14 +244,10 @@ impl SparseSystem {
         } else {
             self.stiffness.len()
         };
-        let changes = if self.is_factored && self.factored.len() == rows {
-            let pairs = self.factored.iter().zip(&self.stiffness);
-            pairs.filter(|(old, new)| old != new).count()
-        } else {
-            usize::MAX
-        };
-        if changes > MOST_CHANGES || changes > 0 && self.iterations > patient {
-            self.assemble(problem, pattern, rows);
+        let fits = self.is_factored && self.factored.len() == rows;
+        let is_old = !fits || self.factored[..] != self.stiffness[..rows];
+        if !fits || is_old && self.iterations > PATIENT {
+            self.assemble((problem, linear.states), pattern, rows);
             // Where it fails there is none.
             if std::mem::take(&mut self.is_factored) {
                 self.held.factor_again(pattern)?;
@@ -247,21 +263,21 @@ impl SparseSystem {
 }
 
 /// A [`SparseSystem`] with the network it belongs to.
-pub(crate) struct OnNetwork<'a> {
+pub(crate) struct OnNetwork<'a, S: Fluid> {
     /// R pair by pair.
-    pub(crate) network: &'a PairwiseResistance,
+    pub(crate) network: &'a PairwiseResistance<S>,
     /// Its pattern.
-    pub(crate) pattern: &'a BlockPattern,
+    pub(crate) pattern: &'a NearPattern<S>,
     /// Velocities, factors and workspace.
-    pub(crate) system: &'a mut SparseSystem,
+    pub(crate) system: &'a mut SparseSystem<S>,
     /// The residual that is enough, over the forces that drive the spheres; 0: as exact as can be.
     pub(crate) enough: f64,
 }
 
-impl System for OnNetwork<'_> {
+impl<S: Fluid> System<S> for OnNetwork<'_, S> {
     fn solve(
         &mut self,
-        problem: &Problem,
+        problem: &Problem<S>,
         states: &States,
         last: bool,
         forces: &mut Forces,
@@ -279,7 +295,7 @@ impl System for OnNetwork<'_> {
         roundoff
     }
 
-    fn measure(&mut self, problem: &Problem, forces: &mut Forces) {
+    fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces) {
         // The motion under these forces: no contact is closed, all forces are given.
         let mut open = std::mem::take(&mut self.system.open);
         open.closed.clear();
@@ -298,17 +314,12 @@ impl System for OnNetwork<'_> {
         for (entry, &t) in problem.tangential.iter().zip(&forces.tangential) {
             entry.row.add(-t, &mut self.system.given[0]);
         }
-        let exchange = |system: &mut SparseSystem| {
+        let exchange = |system: &mut SparseSystem<S>| {
             std::mem::swap(&mut system.applied, &mut system.given);
         };
         exchange(self.system);
         let mut none = std::mem::take(&mut self.system.none);
-        for _ in 0..MOST_CALLS {
-            let roundoff = self.solve(problem, &open, true, &mut none);
-            if roundoff.is_none_or(|roundoff| roundoff.exact) {
-                break;
-            }
-        }
+        let _ = self.solve(problem, &open, true, &mut none);
         exchange(self.system);
         (self.system.open, self.system.none) = (open, none);
         self.read(problem, forces);
@@ -319,15 +330,15 @@ impl System for OnNetwork<'_> {
     }
 }
 
-impl<'a> OnNetwork<'a> {
+impl<'a, S: Fluid> OnNetwork<'a, S> {
     /// Takes the candidates of a stage and what drives the spheres.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`], if the resistance cannot be factored.
     pub(crate) fn begin(
-        resistance: &'a Resistance,
-        system: &'a mut SparseSystem,
-        problem: &Problem,
+        resistance: &'a Resistance<S>,
+        system: &'a mut SparseSystem<S>,
+        problem: &Problem<S>,
         applied: AppliedForces<'_>,
     ) -> Result<Self, Error> {
         let Some(network) = resistance.pairwise() else {
@@ -364,7 +375,7 @@ impl<'a> OnNetwork<'a> {
             factored.map_err(|bad| Error::NotPositiveDefinite {
                 matrix: "near part of the resistance",
                 pivot: bad.pivot,
-                sphere: bad.pivot / 3,
+                sphere: bad.pivot / S::MODES,
             })?;
             system.has_near = HasNear::Factor;
         }
@@ -379,12 +390,10 @@ impl<'a> OnNetwork<'a> {
     /// See [`System::solve`].
     fn solve_linear(
         &mut self,
-        linear: &Linear<'_>,
+        linear: &Linear<'_, S>,
         last: bool,
         forces: &mut Forces,
     ) -> Option<RoundoffThresholds> {
-        let is_large = self.is_large();
-        let patient = PATIENT[usize::from(is_large || self.enough > 0.0)];
         let (problem, system) = (linear.problem, &mut *self.system);
         SparseSystem::follow(linear, forces);
         system.find_residual(linear, forces);
@@ -393,26 +402,18 @@ impl<'a> OnNetwork<'a> {
             + square(&forces.normal)
             + square(&forces.tangential)
             + LEAST_FORCE * LEAST_FORCE;
-        let size = size.sqrt();
-        let floor = (ROUNDING[usize::from(is_soft(problem))] * size)
-            .min(WEIGHT * SLOW)
-            .max(LEAST_ROUNDING * size);
         // Forces that contacts exchange among themselves, however large, are none of what an iteration from outside is wrong by.
         let driven = square(&system.applied[0]).sqrt() + LEAST_FORCE;
-        let mut enough = self.enough * driven;
-        if self.enough < ENDING {
-            enough = enough.min(WEIGHT * LAST_RESIDUAL);
-        }
-        let floor = floor.max(enough);
+        let floor = (ROUNDING * size.sqrt()).max(self.enough * driven);
         let before = square(&system.residual).sqrt();
         let goal = if last {
             floor
         } else {
-            floor.max(GAIN[usize::from(is_large)] * before)
+            floor.max(GAIN * before)
         };
         let mut left = before;
         if before > floor {
-            system.prepare(linear, self.pattern, patient).ok()?;
+            system.prepare(linear, self.pattern).ok()?;
             system.correction.clear();
             system.correction.resize(system.residual.len(), 0.0);
             let mut preconditioner = Preconditioner {
@@ -436,38 +437,24 @@ impl<'a> OnNetwork<'a> {
             add(&mut system.velocities, v);
             add(&mut system.frictionless, v_n);
             add(&mut forces.normal, f);
-            add(&mut forces.tangential, t);
+            for entry in &linear.active.sticking {
+                entry.add(t[entry.at], &mut forces.tangential);
+            }
             SparseSystem::follow(linear, forces);
         }
         if !left.is_finite() {
             return None;
         }
         self.read(problem, forces);
-        let left_at_one = left * self.share_of_one();
         Some(RoundoffThresholds {
-            force: left_at_one.max(1e-13 * largest(&forces.normal)),
-            velocity: (left_at_one / WEIGHT).max(1e-13),
+            force: left.max(1e-13 * largest(&forces.normal)),
+            velocity: (left / WEIGHT).max(1e-13),
             exact: left <= floor,
         })
     }
 
-    /// What one contact may be wrong by, over the norm of all residuals: in large layers its own share, as otherwise states that are wrong
-    /// are seen only some systems later; in others all of it.
-    fn share_of_one(&self) -> f64 {
-        if self.is_large() {
-            (self.network.spheres() as f64).sqrt().recip()
-        } else {
-            1.0
-        }
-    }
-
-    /// Whether states of few of many contacts are looked for. Where an iteration from outside moves all contacts anyway, that saves nothing.
-    fn is_large(&self) -> bool {
-        self.network.spheres() > Params::LARGE_ABOVE && self.enough == 0.0
-    }
-
-    /// Slack and slip of the velocities at hand.
-    fn read(&self, problem: &Problem, forces: &mut Forces) {
+    /// Slack and slip of the present velocities.
+    fn read(&self, problem: &Problem<S>, forces: &mut Forces) {
         let Forces {
             normal,
             tangential,
@@ -487,12 +474,4 @@ impl<'a> OnNetwork<'a> {
         let entries = problem.tangential.iter().zip(&*tangential);
         slip.extend(entries.map(|(e, t)| e.row.read(flow) + e.shift - e.compliance * t));
     }
-}
-
-/// Whether contacts yield under their forces.
-fn is_soft(problem: &Problem) -> bool {
-    problem
-        .normal
-        .iter()
-        .any(|entry| entry.compliance > COMPLIANCE)
 }

@@ -4,13 +4,14 @@ use super::super::laws::Overlap;
 use super::super::memory::WarmStart;
 use super::super::pair::Contact;
 use super::{ContactSolver, StageInput};
+use crate::hydrodynamics::resistance::Fluid;
 
 /// Approach velocity, in a·rate, at which a pair that would touch within the stage is a candidate from the first.
 const LIKELY_APPROACH: f64 = 1.0;
 
-impl ContactSolver {
+impl<S: Fluid> ContactSolver<S> {
     /// The first candidates: pairs that bore forces in the stage before, and those that are near.
-    pub(super) fn choose(&mut self, input: &StageInput<'_>, warm_start: &WarmStart) {
+    pub(super) fn choose(&mut self, input: &StageInput<'_, S>, warm_start: &WarmStart<S>) {
         let (radii, pairs) = (input.resistance.radii(), input.resistance.neighbours());
         self.list.clear();
         if !input.laws.normal.law.touches() {
@@ -22,9 +23,10 @@ impl ContactSolver {
             let forces = known.next_if(|(other, _)| other.key() == pair.key());
             if forces.is_some() || pair.gap < reach {
                 let mut contact = Contact::new(*pair, radii, input.background);
-                if let Some((_, [f, t])) = forces {
-                    (contact.normal_force, contact.tangential_force) = (f, t);
-                    contact.rolling_force = warm_start.rolling.of(&contact);
+                if let Some((_, (f, t))) = forces {
+                    let across = |force| S::projected(&force, &pair.normal);
+                    (contact.normal_force, contact.tangential_force) = (f, across(t));
+                    contact.rolling_force = across(warm_start.rolling.of(&contact));
                 }
                 self.list.push(contact);
             }
@@ -36,9 +38,9 @@ impl ContactSolver {
     /// Remembers the forces of the others.
     pub(super) fn add_closing(
         &mut self,
-        input: &StageInput<'_>,
+        input: &StageInput<'_, S>,
         velocities: &[f64],
-        warm_start: &mut WarmStart,
+        warm_start: &mut WarmStart<S>,
     ) -> bool {
         warm_start.clear();
         if !input.laws.normal.law.touches() {
@@ -59,8 +61,7 @@ impl ContactSolver {
                 continue;
             }
             let contact = Contact::new(*pair, radii, input.background);
-            let velocity = contact.background[0] + contact.normal_row().read(velocities);
-            if velocity < parting_velocity(input, &contact) {
+            if contact.approach(velocities) < parting_velocity(input, &contact) {
                 self.list.push(contact);
             }
         }
@@ -73,19 +74,19 @@ impl ContactSolver {
 }
 
 /// How much nearer than h a pair is, by the gap that counts.
-pub(super) fn overlap_of(input: &StageInput<'_>, contact: &Contact) -> Overlap {
+pub(super) fn overlap_of<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<S>) -> Overlap {
     let roughness = input.laws.surface.roughness;
     let now = roughness - input.span.gap(contact, input.background);
     Overlap {
         now,
         reference: now,
         touching: contact.pair.gap < roughness,
-        background: contact.background[0],
+        background: contact.background_approach,
     }
 }
 
 /// The normal velocity above which a pair bears no force.
-fn parting_velocity(input: &StageInput<'_>, contact: &Contact) -> f64 {
+fn parting_velocity<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<S>) -> f64 {
     let (overlap, held) = (overlap_of(input, contact), input.span.takes_back_at_once());
     let normal = &input.laws.normal;
     normal.parting_velocity(&overlap, input.span.time, held)

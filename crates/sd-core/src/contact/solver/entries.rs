@@ -7,14 +7,20 @@ use super::super::row::Row;
 use super::super::solve::problem::{self, Forces, FrictionState, Problem};
 use super::candidates::overlap_of;
 use super::{ContactSolver, Pass, StageInput};
+use crate::hydrodynamics::resistance::Fluid;
 use crate::law::Halt;
 
 /// Distance of a force from a curved law, over the largest force or 1, at which linearisations end.
 const LINEARISED: f64 = 1e-9;
 
-impl ContactSolver {
+impl<S: Fluid> ContactSolver<S> {
     /// The entries of the present candidates, and the forces to start from.
-    pub(super) fn pose(&mut self, input: &StageInput<'_>, memory: &ContactMemory, pass: Pass) {
+    pub(super) fn pose(
+        &mut self,
+        input: &StageInput<'_, S>,
+        memory: &ContactMemory<S>,
+        pass: Pass,
+    ) {
         let laws = input.laws;
         let held = input.span.takes_back_at_once();
         let has_friction = laws.surface.has_friction();
@@ -46,69 +52,78 @@ impl ContactSolver {
     }
 
     /// Adds the friction rows of one candidate.
-    fn add_rows(&mut self, input: &StageInput<'_>, memory: &ContactMemory, pass: Pass, k: usize) {
+    fn add_rows(
+        &mut self,
+        input: &StageInput<'_, S>,
+        memory: &ContactMemory<S>,
+        pass: Pass,
+        k: usize,
+    ) {
         let (laws, contact) = (input.laws, &mut self.list[k]);
         let load = laws.surface.critical_load;
-        let (coefficient, intercept) = laws.friction_bound();
-        let mut row = problem::Tangential {
-            contact: k,
-            row: contact.slip_row(),
-            shift: contact.background[1],
-            compliance: COMPLIANCE,
-            coefficient,
-            intercept,
-            active: laws.is_smooth()
-                || match pass {
-                    Pass::First | Pass::Again => contact.normal_force > load,
-                    Pass::Held => contact.friction_acts,
-                },
-            was_deactivated: false,
-        };
-        // What a spring of friction adds to the compliance and the shift of its row, if its force is `base` before it looks ahead.
+        let active = laws.is_smooth()
+            || match pass {
+                Pass::First | Pass::Again => contact.normal_force > load,
+                Pass::Held => contact.friction_acts,
+            };
+        // What a spring of friction adds to the compliance of its rows, and by its force `base` before it looks ahead to their shifts.
         let ahead = laws.tangential_stiffness * input.span.time;
-        let spring = |base: f64| [ahead.recip(), base / ahead];
         let phase = input.span.phase;
+        let mut compliance = COMPLIANCE;
+        let mut shift = contact.background_slip;
         match laws.tangential.halts() {
             Halt::IsolatedSlip => {
                 if contact.slip_resistance == 0.0 {
                     contact.slip_resistance = input.resistance.slip_resistance(&contact.pair);
                 }
-                row.compliance = contact.slip_resistance.recip();
+                compliance = contact.slip_resistance.recip();
             }
             Halt::SpringSlip => {
-                let base = memory.springs.base(contact, phase);
-                let [compliance, stretch] = spring(base);
-                row.compliance += compliance;
-                row.shift += stretch;
+                compliance += ahead.recip();
+                shift += memory.springs.base(contact, phase) / ahead;
             }
             Halt::Slip | Halt::SlipAndRotation => {}
         }
-        let forces = &mut self.solver.forces.tangential;
-        self.problem.tangential.push(row);
-        forces.push(contact.tangential_force);
+        let contact = &self.list[k];
+        let directions = contact.directions();
+        let mut add = |rows: &dyn Fn(&S::Vector) -> Row<S>,
+                       [shift, force]: [S::Tangent; 2],
+                       compliance: f64,
+                       (coefficient, intercept): (f64, f64)| {
+            let shifts = S::along(&directions, &shift);
+            let forces = S::along(&directions, &force);
+            for d in 0..S::TANGENTS {
+                self.problem.tangential.push(problem::Tangential {
+                    contact: k,
+                    row: rows(&directions[d]),
+                    shift: shifts[d],
+                    compliance,
+                    coefficient,
+                    intercept,
+                    active,
+                    was_deactivated: false,
+                });
+                self.solver.forces.tangential.push(forces[d]);
+            }
+        };
+        let bound = laws.friction_bound();
+        let slip = |d: &S::Vector| contact.slip_row(d);
+        add(&slip, [shift, contact.tangential_force], compliance, bound);
+        let nothing = S::Tangent::default();
         if laws.tangential.halts() == Halt::SlipAndRotation {
             // The background turns both spheres alike.
-            row.shift = 0.0;
-            row.row = Row::spin([contact.pair.i, contact.pair.j]);
-            self.problem.tangential.push(row);
-            forces.push(0.0);
+            let spin = |d: &S::Vector| contact.spin_row(d);
+            add(&spin, [nothing; 2], compliance, bound);
         }
         if laws.rolling_friction > 0.0 {
-            let (coefficient, intercept) = laws.rolling_bound();
-            let [compliance, shift] = if laws.tangential.has_spring() {
-                spring(memory.rolling_springs.base(contact, phase))
-            } else {
-                [0.0, 0.0]
-            };
-            self.problem.tangential.push(problem::Tangential {
-                row: contact.rolling_row(),
-                shift,
-                compliance: COMPLIANCE + compliance,
-                coefficient,
-                intercept,
-                ..row
-            });
-            forces.push(contact.rolling_force);
+            let (mut shift, mut compliance) = (nothing, COMPLIANCE);
+            if laws.tangential.has_spring() {
+                compliance += ahead.recip();
+                shift = memory.rolling_springs.base(contact, phase) / ahead;
+            }
+            let rolling = |d: &S::Vector| contact.rolling_row(d);
+            let given = [shift, contact.rolling_force];
+            add(&rolling, given, compliance, laws.rolling_bound());
         }
     }
 
@@ -131,19 +146,23 @@ impl ContactSolver {
     pub(super) fn keep_forces(&mut self, laws: &Laws) {
         for (contact, &f) in self.list.iter_mut().zip(&self.solver.forces.normal) {
             contact.normal_force = f;
-            contact.tangential_force = 0.0;
+            contact.tangential_force = S::Tangent::default();
             contact.state = ContactState::Frictionless;
-            (contact.rolling_force, contact.rolling_halted) = (0.0, false);
+            (contact.rolling_force, contact.rolling_halted) = (S::Tangent::default(), false);
         }
         let mut before = None;
-        for (m, row) in self.problem.tangential.iter().enumerate() {
+        let slips = S::by_slip(&self.solver.forces.tangential);
+        for (m, components) in slips.iter().enumerate() {
+            let row = &self.problem.tangential[S::TANGENTS * m];
+            let state = self.solver.states.friction[S::TANGENTS * m];
             let first = before != Some(row.contact);
             before = Some(row.contact);
             let contact = &mut self.list[row.contact];
-            // The second row of a contact is that of its spin, or of rolling friction.
+            let force = S::tangent(&contact.directions(), components);
+            // The second slip of a contact is that of its spin, or of rolling friction.
             if first {
-                contact.tangential_force = self.solver.forces.tangential[m];
-                contact.state = match self.solver.states.friction[m] {
+                contact.tangential_force = force;
+                contact.state = match state {
                     FrictionState::Inactive => ContactState::Frictionless,
                     FrictionState::Stick => ContactState::Rolling,
                     FrictionState::SlipPositive | FrictionState::SlipNegative => {
@@ -151,17 +170,17 @@ impl ContactSolver {
                     }
                 };
             } else if laws.rolling_friction > 0.0 {
-                contact.rolling_force = self.solver.forces.tangential[m];
-                contact.rolling_halted = self.solver.states.friction[m] == FrictionState::Stick;
+                contact.rolling_force = force;
+                contact.rolling_halted = state == FrictionState::Stick;
             }
         }
     }
 }
 
 /// Linearises curved laws about where the contacts are now, where they are not near enough; how many were not.
-pub(super) fn refine(
-    input: &StageInput<'_>,
-    problem: &mut Problem,
+pub(super) fn refine<S: Fluid>(
+    input: &StageInput<'_, S>,
+    problem: &mut Problem<S>,
     overlaps: &mut [Overlap],
     forces: &Forces,
     enough: f64,

@@ -30,7 +30,7 @@ struct NearPair {
 }
 
 /// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions last given.
-pub(crate) struct FarOperator {
+pub struct FarOperator {
     /// Radii, in a.
     radii: Vec<f64>,
     /// Finite-size coefficients of each sphere.

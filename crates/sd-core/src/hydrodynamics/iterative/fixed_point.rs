@@ -6,10 +6,9 @@
 //! ```
 //! One evaluation solves one contact problem, whose forces and states are those of the evaluation before but for little.
 
-use super::{Convergence, IterativeFarField, check_length};
+use super::{Convergence, IterativeFarField};
 use crate::error::Error;
-use crate::hydrodynamics::resistance::Resistance;
-use nalgebra::Vector3;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
 
 /// How far the iteration has come when the map is evaluated once more.
 #[derive(Debug, Clone, Copy)]
@@ -42,48 +41,45 @@ pub trait FixedPointMap {
     ) -> Result<bool, Error>;
 }
 
-/// Evaluations after which the best motion found is taken; near jamming some thirty are needed.
-const MOST_EVALUATIONS: u32 = 100;
-/// Where the iteration goes in circles, one of the next evaluations comes as close to a solution as this, over the least residual so far.
-const NEAR_LEAST: f64 = 2.0;
+/// Evaluations at most; near jamming some thirty are needed.
+const MOST_EVALUATIONS: u32 = 200;
 /// Relative residual above which a motion is none.
 const WORST: f64 = 0.1;
 /// Rise of the residual over its least at which the acceleration starts anew.
 const WORSE: f64 = 10.0;
 
-impl IterativeFarField {
+impl<S: Fluid> IterativeFarField<S> {
     /// Disturbance velocities `[3N]` with contacts; their forces stay with `map`.
     ///
     /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone. The velocities are v = v_N + v_T of the last
     /// evaluation, and [`IterativeFarField::correct`] then has the far field of both parts.
     ///
-    /// States of contacts need not exist that agree with the far field of their own motion, or may not be found: then the motion is the best
-    /// that was, and the residual above the one asked for.
+    /// States of contacts need not exist that agree with the far field of their own motion, or may not be found: then the residual is above
+    /// the one asked for.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::NotConverged`]; those of the contact problem.
     pub fn solve_fixed_point(
         &mut self,
-        near: &Resistance,
+        near: &Resistance<S>,
         map: &mut impl FixedPointMap,
-        strain: &Vector3<f64>,
+        strain: &S::Strain,
         forces: &[f64],
         velocities: &mut [f64],
     ) -> Result<Convergence, Error> {
-        let half = self.drag.len() / 2;
-        check_length("forces", forces.len(), half)?;
-        check_length("velocities", velocities.len(), half)?;
-        check_length("near field", 3 * near.radii().len(), half)?;
+        let half = self.check_lengths(near, forces, velocities)?;
         self.local.update(&self.drag, near);
-        self.work
-            .uniform
-            .update(near, &self.local, &self.drag[half..]);
+        if S::DRIFTS > 0 {
+            self.work
+                .uniform
+                .update(near, &self.local, &self.drag[half..]);
+        }
         self.split.anderson.restart();
         let mut found = Convergence {
             residual: f64::INFINITY,
             ..Convergence::default()
         };
-        let (mut best, mut least) = (f64::INFINITY, f64::INFINITY);
+        let mut best = f64::INFINITY;
         let result = loop {
             let work = &mut self.split;
             work.take_flow(&mut self.operator, &self.local, forces);
@@ -99,16 +95,11 @@ impl IterativeFarField {
             found.evaluations += 1;
             work.take_change(&self.work.uniform, &self.local, strain);
             found.residual = work.relative_residual();
-            least = least.min(found.residual);
-            let most = if found.residual <= NEAR_LEAST * least {
-                MOST_EVALUATIONS
-            } else if found.residual <= WORST {
-                2 * MOST_EVALUATIONS
-            } else {
-                4 * MOST_EVALUATIONS
-            };
             found.converged = found.residual <= self.residual && !changed;
-            if found.converged || found.evaluations >= most || !found.residual.is_finite() {
+            if found.converged
+                || found.evaluations >= MOST_EVALUATIONS
+                || !found.residual.is_finite()
+            {
                 break Ok(found.residual <= WORST);
             }
             found.iterations += 1;

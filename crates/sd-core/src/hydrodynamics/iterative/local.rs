@@ -1,72 +1,92 @@
 //! P, the far field's resistance as far as near pairs alone have it: see `far_pairs` of the resistance.
 
-use crate::hydrodynamics::resistance::Resistance;
+use crate::hydrodynamics::resistance::{Fluid, ModeBlock, NearTerm as _, Resistance};
 use crate::linalg::simd::vectorised;
 
-/// Rows and columns `(s1, s2, s3, F_x, F_y, T)` from `(−e1, −e2, −e3, U_x, U_y, Ω)`, by columns.
-type Block = [[f64; 6]; 6];
-
-/// `P [6N × 6N]` in blocks, at one set of positions.
-#[derive(Default)]
-pub(super) struct LocalResistance {
+/// P in blocks, at one set of positions.
+pub(super) struct LocalResistance<S: Fluid> {
     /// Block of each sphere with itself.
-    own: Vec<Block>,
+    own: Vec<ModeBlock<S>>,
     /// Pairs (i, j) and their blocks: rows of j, columns of i.
-    couplings: Vec<([usize; 2], Block)>,
+    couplings: Vec<([usize; 2], ModeBlock<S>)>,
 }
 
-impl LocalResistance {
-    /// Takes the drag of isolated spheres `[6N]`, strains first, and what near pairs of `near` add to it.
-    pub(super) fn update(&mut self, drag: &[f64], near: &Resistance) {
-        let (strains, velocities) = drag.split_at(drag.len() / 2);
+impl<S: Fluid> Default for LocalResistance<S> {
+    fn default() -> Self {
+        Self {
+            own: Vec::new(),
+            couplings: Vec::new(),
+        }
+    }
+}
+
+impl<S: Fluid> LocalResistance<S> {
+    /// Modes of a sphere.
+    const MODES: usize = S::STRAINS + S::MODES;
+
+    /// Takes the drag of isolated spheres, strains first, and what near pairs of `near` add to it.
+    pub(super) fn update(&mut self, drag: &[f64], near: &Resistance<S>) {
+        let spheres = near.radii().len();
+        let (strains, velocities) = drag.split_at(S::STRAINS * spheres);
         self.own.clear();
-        let spheres = strains.chunks_exact(3).zip(velocities.chunks_exact(3));
-        self.own.extend(spheres.map(|(e, v)| {
-            let mut block = Block::default();
-            for k in 0..3 {
-                (block[k][k], block[3 + k][3 + k]) = (e[k], v[k]);
-            }
-            block
-        }));
+        let spheres = strains.chunks_exact(S::STRAINS);
+        self.own
+            .extend(spheres.zip(S::by_sphere(velocities)).map(|(e, v)| {
+                let mut block = S::each_mode(S::each_mode(0.0));
+                for (k, drag) in e.iter().chain(v.as_ref()).enumerate() {
+                    block[k][k] = *drag;
+                }
+                block
+            }));
         self.couplings.clear();
         for (pair, term) in near.far_pairs() {
             for (p, sphere) in [pair.i, pair.j].into_iter().enumerate() {
-                let added = term.mode_block(pair.normal, p, p);
-                for (own, added) in self.own[sphere].iter_mut().zip(added) {
-                    for (own, added) in own.iter_mut().zip(added) {
+                let added = term.mode_block(&pair.normal, p, p);
+                let columns = self.own[sphere].as_mut().iter_mut();
+                for (own, added) in columns.zip(added.as_ref()) {
+                    for (own, added) in own.as_mut().iter_mut().zip(added.as_ref()) {
                         *own += added;
                     }
                 }
             }
-            let coupling = term.mode_block(pair.normal, 1, 0);
+            let coupling = term.mode_block(&pair.normal, 1, 0);
             self.couplings.push(([pair.i, pair.j], coupling));
         }
     }
 
-    /// `y = P x`, `[6N]`, strains first.
+    /// `y = P x`, strains first.
     pub(super) fn apply(&self, x: &[f64], y: &mut [f64]) {
-        let half = x.len() / 2;
-        let read = |sphere: usize| -> [f64; 6] {
-            std::array::from_fn(|k| x[half * (k / 3) + 3 * sphere + k % 3])
+        let strains = S::STRAINS * self.own.len();
+        let place = |sphere: usize, k: usize| {
+            if k < S::STRAINS {
+                S::STRAINS * sphere + k
+            } else {
+                strains + S::MODES * sphere + k - S::STRAINS
+            }
+        };
+        let read = |sphere: usize| -> S::PerAnyMode<f64> {
+            let mut modes = S::each_mode(0.0);
+            for k in 0..Self::MODES {
+                modes[k] = x[place(sphere, k)];
+            }
+            modes
         };
         vectorised(
             #[inline(always)]
             || {
                 for (sphere, block) in self.own.iter().enumerate() {
                     let from = read(sphere);
-                    let to: [f64; 6] =
-                        std::array::from_fn(|k| (0..6).map(|c| block[c][k] * from[c]).sum());
-                    y[3 * sphere..3 * sphere + 3].copy_from_slice(&to[..3]);
-                    y[half + 3 * sphere..half + 3 * sphere + 3].copy_from_slice(&to[3..]);
+                    for k in 0..Self::MODES {
+                        y[place(sphere, k)] = (0..Self::MODES).map(|c| block[c][k] * from[c]).sum();
+                    }
                 }
                 for ([i, j], block) in &self.couplings {
                     let (of_i, of_j) = (read(*i), read(*j));
-                    for (k, column) in block.iter().enumerate() {
-                        let at = half * (k / 3) + k % 3;
-                        let to_j: f64 = (0..6).map(|c| block[c][k] * of_i[c]).sum();
-                        let to_i: f64 = (0..6).map(|c| column[c] * of_j[c]).sum();
-                        y[at + 3 * j] += to_j;
-                        y[at + 3 * i] += to_i;
+                    for k in 0..Self::MODES {
+                        let to_j: f64 = (0..Self::MODES).map(|c| block[c][k] * of_i[c]).sum();
+                        let to_i: f64 = (0..Self::MODES).map(|c| block[k][c] * of_j[c]).sum();
+                        y[place(*j, k)] += to_j;
+                        y[place(*i, k)] += to_i;
                     }
                 }
             },

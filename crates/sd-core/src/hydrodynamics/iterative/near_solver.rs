@@ -1,33 +1,42 @@
 //! Solves with the sparse resistance R_P: by its factor, or pair by pair with conjugate gradients.
 
 use crate::error::Error;
-use crate::hydrodynamics::resistance::Resistance;
+use crate::hydrodynamics::resistance::{Fluid, NearMatrix, Resistance};
 use crate::linalg::Until;
-use crate::linalg::cholesky::sparse::BlockCholesky;
 use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 
 /// Largest residual force at which conjugate gradients stop, over the largest force.
 const LEFT: f64 = 1e-10;
-const MOST_ITERATIONS: usize = 100;
+const MOST_ITERATIONS: u32 = 500;
 
 /// Workspace of solves with the `R_FU` of what the far field is iterated on.
-#[derive(Default)]
-pub(super) struct NearSolver {
+pub(crate) struct NearSolver<S: Fluid> {
     /// Vector in the order of the factor's rows, `[3N]`.
     rows: Vec<f64>,
     forces: Vec<f64>,
     /// Factor of the near part of what is held pair by pair.
-    factor: BlockCholesky,
+    factor: NearMatrix<S>,
     /// Conjugate gradients with all of `R_FU`, which that factor preconditions.
     gradients: ConjugateGradients,
 }
 
-impl NearSolver {
+impl<S: Fluid> Default for NearSolver<S> {
+    fn default() -> Self {
+        Self {
+            rows: Vec::new(),
+            forces: Vec::new(),
+            factor: NearMatrix::default(),
+            gradients: ConjugateGradients::default(),
+        }
+    }
+}
+
+impl<S: Fluid> NearSolver<S> {
     /// Prepares solves with a resistance at its present positions.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`].
-    pub(super) fn start(&mut self, near: &Resistance) -> Result<(), Error> {
+    pub(crate) fn start(&mut self, near: &Resistance<S>) -> Result<(), Error> {
         let Some(pairwise) = near.pairwise() else {
             return Ok(());
         };
@@ -38,28 +47,41 @@ impl NearSolver {
             .map_err(|bad| Error::NotPositiveDefinite {
                 matrix: "near part of the resistance",
                 pivot: bad.pivot,
-                sphere: bad.pivot / 3,
+                sphere: bad.pivot / S::MODES,
             })
     }
 
-    /// `x ← R_P⁻¹ x`, `[3N]`.
-    pub(super) fn solve(&mut self, near: &Resistance, x: &mut [f64]) {
+    /// `x ← R_P⁻¹ x`.
+    ///
+    /// # Errors
+    /// [`Error::NotConverged`].
+    pub(crate) fn solve(&mut self, near: &Resistance<S>, x: &mut [f64]) -> Result<(), Error> {
         let Some(pairwise) = near.pairwise() else {
             near.to_rows(x, &mut self.rows);
             near.solver().solve(&mut self.rows);
             near.from_rows(&self.rows, x);
-            return;
+            return Ok(());
         };
         let pattern = pairwise.pattern();
         self.forces.clear();
         self.forces.extend_from_slice(x);
-        let factor = &mut self.factor;
+        let (factor, largest) = (&mut self.factor, largest(&self.forces));
         self.gradients.solve(
             &self.forces,
             x,
-            Until::new(LEFT * largest(&self.forces), MOST_ITERATIONS),
+            Until::new(LEFT * largest, MOST_ITERATIONS as usize),
             |v, y| pairwise.apply(v, y),
             |r, z| factor.solve(pattern, r, z),
         );
+        let residual = self.gradients.residual();
+        if residual <= LEFT * largest {
+            return Ok(());
+        }
+        Err(Error::NotConverged {
+            quantity: "the motion under near-field hydrodynamics",
+            iterations: MOST_ITERATIONS,
+            residual: residual / largest,
+            wanted: LEFT,
+        })
     }
 }

@@ -13,15 +13,15 @@
 
 use super::local::LocalResistance;
 use super::uniform::{Uniform, translation};
-use crate::hydrodynamics::far_field::operator::FarOperator;
+use crate::hydrodynamics::resistance::{FarProduct, Fluid};
 use crate::linalg::anderson::Anderson;
-use nalgebra::Vector3;
+use std::marker::PhantomData;
 
 /// Steps that the acceleration remembers.
 const DEPTH: usize = 40;
 
 /// Vectors of the iteration, `[12N]`: part N `[6N]`, strains first, then part T; where said also c of both parts, four numbers.
-pub(super) struct SplitMotion {
+pub(super) struct SplitMotion<S: Fluid> {
     /// `√M₀ q` and c times the root of the layer's drag, `[12N + 4]`.
     pub(super) scaled: Vec<f64>,
     /// `√M₀⁻¹`, then one over the root of the layer's drag, `[12N + 4]`.
@@ -43,13 +43,19 @@ pub(super) struct SplitMotion {
     /// Velocities, `[6N]`.
     pub(super) velocities: Vec<f64>,
     pub(super) anderson: Anderson,
+    space: PhantomData<S>,
 }
 
-impl SplitMotion {
+impl<S: Fluid> SplitMotion<S> {
+    /// Modes of a sphere.
+    const MODES: usize = S::STRAINS + S::MODES;
+
     /// An iteration that starts from nothing. `drag` is the diagonal of M₀⁻¹, `[6N]`, strains first.
     pub(super) fn new(drag: &[f64]) -> Self {
         let n = drag.len();
-        let whole: f64 = drag[n / 2..].iter().step_by(3).sum();
+        let spheres = n / Self::MODES;
+        let velocities = &drag[S::STRAINS * spheres..];
+        let whole: f64 = velocities.iter().step_by(S::MODES).sum();
         let mut roots: Vec<f64> = drag.iter().chain(drag).map(|drag| drag.sqrt()).collect();
         roots.extend([whole.sqrt().recip(); 4]);
         Self {
@@ -61,9 +67,10 @@ impl SplitMotion {
             work: vec![0.0; n],
             residual: vec![0.0; 2 * n],
             change: vec![0.0; 2 * n + 4],
-            forces: vec![0.0; n],
-            velocities: vec![0.0; n],
+            forces: vec![0.0; 2 * S::MODES * spheres],
+            velocities: vec![0.0; 2 * S::MODES * spheres],
             anderson: Anderson::new(DEPTH, 2 * n + 4),
+            space: PhantomData,
         }
     }
 
@@ -119,12 +126,13 @@ impl SplitMotion {
     /// `forces`: on the spheres, `[3N]`.
     pub(super) fn take_flow(
         &mut self,
-        operator: &mut FarOperator,
-        local: &LocalResistance,
+        operator: &mut S::Operator,
+        local: &LocalResistance<S>,
         forces: &[f64],
     ) {
-        let whole = self.velocities.len();
-        let half = whole / 2;
+        let moves = self.velocities.len() / 2;
+        let whole = self.work.len();
+        let half = whole - moves;
         for ((q, scaled), root) in self.densities.iter_mut().zip(&self.scaled).zip(&self.roots) {
             *q = scaled * root;
         }
@@ -139,15 +147,15 @@ impl SplitMotion {
                 let at = 2 * (whole + part) + row;
                 self.scaled[at] * self.roots[at]
             });
-            for k in 0..half {
-                flow[half + k] += translation(c, k);
+            for k in 0..moves {
+                flow[half + k] += translation::<S>(c, k);
             }
             let pushed = &mut self.pushed[part * whole..(part + 1) * whole];
             local.apply(flow, pushed);
-            for k in 0..half {
+            for k in 0..moves {
                 let external = if part == 0 { forces[k] } else { 0.0 };
                 let excess = q[half + k] - pushed[half + k];
-                self.forces[part * half + k] = external - excess;
+                self.forces[part * moves + k] = external - excess;
             }
         }
     }
@@ -155,17 +163,18 @@ impl SplitMotion {
     /// Computes the residual of the velocities found, and the changes for them: `√M₀ P (x − M q − V c)`, and that of c.
     pub(super) fn take_change(
         &mut self,
-        uniform: &Uniform,
-        local: &LocalResistance,
-        strain: &Vector3<f64>,
+        uniform: &Uniform<S>,
+        local: &LocalResistance<S>,
+        strain: &S::Strain,
     ) {
-        let whole = self.velocities.len();
-        let half = whole / 2;
+        let moves = self.velocities.len() / 2;
+        let whole = self.work.len();
+        let half = whole - moves;
         for part in 0..2 {
             for k in 0..whole {
                 let x = match (part, k < half) {
-                    (_, false) => self.velocities[part * half + k - half],
-                    (0, true) => -strain[k % 3],
+                    (_, false) => self.velocities[part * moves + k - half],
+                    (0, true) => -strain[k % S::STRAINS],
                     _ => 0.0,
                 };
                 let at = part * whole + k;
@@ -178,9 +187,9 @@ impl SplitMotion {
             }
             // The next q, whose sum the pair terms are to take up.
             let mut net = [0.0; 2];
-            for k in (0..half).filter(|k| k % 3 < 2) {
+            for k in (0..moves).filter(|k| k % S::MODES < S::DRIFTS) {
                 let at = part * whole + half + k;
-                net[k % 3] += self.densities[at] + self.roots[at] * self.change[at];
+                net[k % S::MODES] += self.densities[at] + self.roots[at] * self.change[at];
             }
             let c = uniform.against(net);
             for (row, c) in c.into_iter().enumerate() {
@@ -193,8 +202,7 @@ impl SplitMotion {
     /// Writes the excess δ `[6N]` of both parts together, and the sum of their velocities `[3N]`.
     pub(super) fn finish(&self, excess: &mut [f64], velocities: &mut [f64]) {
         let whole = excess.len();
-        let half = whole / 2;
-        let (n, t) = self.velocities.split_at(half);
+        let (n, t) = self.velocities.split_at(velocities.len());
         for ((v, n), t) in velocities.iter_mut().zip(n).zip(t) {
             *v = n + t;
         }

@@ -2,16 +2,15 @@
 
 use super::local::LocalResistance;
 use super::near_solver::NearSolver;
-use crate::hydrodynamics::resistance::Resistance;
+use crate::error::Error;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::linalg::dense::add_scaled;
-use nalgebra::Vector3;
 
 /// Resistance of the pair terms to a translation, over isolated drag, below which it counts as none.
 const LEAST: f64 = 1e-9;
 
 /// The two translations V at one set of positions, under sparse hydrodynamics.
-#[derive(Default)]
-pub(super) struct Uniform {
+pub(super) struct Uniform<S: Fluid> {
     /// `P (0; V)`, two vectors `[6N]`.
     pushed: [Vec<f64>; 2],
     /// `R_n V`, two vectors `[3N]`.
@@ -28,23 +27,45 @@ pub(super) struct Uniform {
     velocities: Vec<f64>,
     work: Vec<f64>,
     /// Stresslets that come with the forces and are not used.
-    stresslets: Vec<Vector3<f64>>,
+    stresslets: Vec<S::Strain>,
 }
 
-impl Uniform {
+impl<S: Fluid> Default for Uniform<S> {
+    fn default() -> Self {
+        Self {
+            pushed: Default::default(),
+            resisted: Default::default(),
+            answers: Default::default(),
+            pushed_answers: Default::default(),
+            drag: 0.0,
+            inverse: [[0.0; 2]; 2],
+            velocities: Vec::new(),
+            work: Vec::new(),
+            stresslets: Vec::new(),
+        }
+    }
+}
+
+impl<S: Fluid> Uniform<S> {
     /// Computes how the pair terms resist translations; `drag` is that of the velocity rows, `[3N]`.
-    pub(super) fn update(&mut self, near: &Resistance, local: &LocalResistance, drag: &[f64]) {
-        let half = drag.len();
+    pub(super) fn update(
+        &mut self,
+        near: &Resistance<S>,
+        local: &LocalResistance<S>,
+        drag: &[f64],
+    ) {
+        let moves = drag.len();
+        let half = S::STRAINS * near.radii().len();
         for c in 0..2 {
             let velocity = &mut self.velocities;
             velocity.clear();
-            velocity.resize(2 * half, 0.0);
+            velocity.resize(half + moves, 0.0);
             velocity[half..]
                 .iter_mut()
                 .skip(c)
-                .step_by(3)
+                .step_by(S::MODES)
                 .for_each(|v| *v = 1.0);
-            let (force, strain) = (&mut self.resisted[c], Vector3::zeros());
+            let (force, strain) = (&mut self.resisted[c], S::Strain::default());
             near.apply(
                 &velocity[half..],
                 &strain,
@@ -53,33 +74,36 @@ impl Uniform {
                 &mut self.stresslets,
             );
             let pushed = &mut self.pushed[c];
-            pushed.resize(2 * half, 0.0);
+            pushed.resize(half + moves, 0.0);
             local.apply(velocity, pushed);
             add_scaled(force, &pushed[half..], -1.0);
         }
         let [a, b] = &self.resisted;
-        self.drag = drag.iter().step_by(3).sum();
-        self.invert([a, b].map(|force| translations(force)));
+        self.drag = drag.iter().step_by(S::MODES).sum();
+        self.invert([a, b].map(|force| translations::<S>(force)));
     }
 
     /// Solves for the motion that the translations' resistance drives: `Vᵀ W V`.
     pub(super) fn solve(
         &mut self,
-        near: &Resistance,
-        local: &LocalResistance,
-        solver: &mut NearSolver,
-    ) {
+        near: &Resistance<S>,
+        local: &LocalResistance<S>,
+        solver: &mut NearSolver<S>,
+    ) -> Result<(), Error> {
         for c in 0..2 {
-            let (answer, half) = (&mut self.answers[c], self.resisted[c].len());
+            let (answer, half) = (&mut self.answers[c], S::STRAINS * near.radii().len());
             answer.clear();
             answer.resize(half, 0.0);
             answer.extend_from_slice(&self.resisted[c]);
-            solver.solve(near, &mut answer[half..]);
-            self.pushed_answers[c].resize(2 * half, 0.0);
+            solver.solve(near, &mut answer[half..])?;
+            self.pushed_answers[c].resize(answer.len(), 0.0);
             local.apply(answer, &mut self.pushed_answers[c]);
         }
         let [a, b] = &self.pushed_answers;
-        self.invert([a, b].map(|force| translations(&force[force.len() / 2..])));
+        self.invert(
+            [a, b].map(|force| translations::<S>(&force[S::STRAINS * near.radii().len()..])),
+        );
+        Ok(())
     }
 
     /// Inverts the products of V with two vectors, symmetric up to rounding; whole drag is the scale.
@@ -104,30 +128,39 @@ impl Uniform {
 
     /// `R_P⁻¹ R_n V c` in velocity row k of `[3N]`.
     pub(super) fn answer(&self, c: [f64; 2], k: usize) -> f64 {
-        let half = self.resisted[0].len();
+        if S::DRIFTS == 0 {
+            return 0.0;
+        }
+        let half = self.answers[0].len() - self.resisted[0].len();
         self.answers[0][half + k] * c[0] + self.answers[1][half + k] * c[1]
     }
 
     /// `P (0; V c)` in row k of `[6N]`.
     pub(super) fn pushed(&self, c: [f64; 2], k: usize) -> f64 {
+        if S::DRIFTS == 0 {
+            return 0.0;
+        }
         self.pushed[0][k] * c[0] + self.pushed[1][k] * c[1]
     }
 
     /// `P (0; R_P⁻¹ R_n V c)` in row k of `[6N]`.
     pub(super) fn pushed_answer(&self, c: [f64; 2], k: usize) -> f64 {
+        if S::DRIFTS == 0 {
+            return 0.0;
+        }
         self.pushed_answers[0][k] * c[0] + self.pushed_answers[1][k] * c[1]
     }
 }
 
 /// Sum of forces `[3N]`.
-pub(super) fn translations(forces: &[f64]) -> [f64; 2] {
-    [0, 1].map(|c| forces.iter().skip(c).step_by(3).sum())
+pub(super) fn translations<S: Fluid>(forces: &[f64]) -> [f64; 2] {
+    [0, 1].map(|c| forces.iter().skip(c).step_by(S::MODES).sum())
 }
 
 /// `V c` in row k.
-pub(super) fn translation(c: [f64; 2], k: usize) -> f64 {
-    match k % 3 {
-        2 => 0.0,
-        row => c[row],
+pub(super) fn translation<S: Fluid>(c: [f64; 2], k: usize) -> f64 {
+    match k % S::MODES {
+        row if row < S::DRIFTS => c[row],
+        _ => 0.0,
     }
 }

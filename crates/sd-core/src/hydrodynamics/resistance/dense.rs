@@ -1,45 +1,35 @@
 //! Stokesian Dynamics: the far field of all spheres, and `R_FU` as a full matrix with its factor.
 
+use super::fluid::{FarMatrix, Fluid};
 use super::pair_terms;
 use crate::error::Error;
-use crate::hydrodynamics::far_field::{FarField, FarResistance};
-use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
-use crate::linalg::dense::Matrix;
 use crate::linalg::error::BadPivot;
 use crate::space::cell::Cell;
-use crate::space::modes::Vec2;
 use crate::space::pair::Neighbours;
-use nalgebra::Vector3;
-use std::f64::consts::PI;
-
-/// Drag, over that of free spheres, on a periodic layer that moves as a whole. The fluid gives it none, and a layer without
-/// pairs would be free to drift; forces add up to zero, so this small drag only sets that drift to zero.
-const UNIFORM_DRAG: f64 = 1e-9;
 
 /// The far field and the full `R_FU`, rows in the order of the spheres.
-pub(super) struct DenseResistance {
-    far: FarResistance,
+pub(super) struct DenseResistance<S: Fluid> {
+    far: S::Far,
     /// `R_FU`, then its factor.
     factor: SkylineCholesky,
-    /// Scratch of the far field, `[6N]`.
+    /// Scratch of the far field, all modes of all spheres, strains first.
     vector: Vec<f64>,
 }
 
-impl DenseResistance {
+impl<S: Fluid> DenseResistance<S> {
     /// Workspace around a planned far field.
-    pub(super) fn new(far_field: FarField) -> Self {
-        let spheres = far_field.spheres();
+    pub(super) fn new(far: S::Far, spheres: usize) -> Self {
         Self {
-            far: FarResistance::new(far_field),
-            factor: SkylineCholesky::new(3 * spheres),
+            far,
+            factor: SkylineCholesky::new(S::MODES * spheres),
             vector: Vec::new(),
         }
     }
 
     /// First row of a sphere in the factor.
     pub(super) fn row(sphere: usize) -> usize {
-        3 * sphere
+        S::MODES * sphere
     }
 
     /// `R_FU` of the far field and the pair terms.
@@ -48,22 +38,19 @@ impl DenseResistance {
     /// [`Error::NotPositiveDefinite`] for the far-field mobility.
     pub(super) fn assemble(
         &mut self,
-        cell: &Cell,
-        centres: &[Vec2],
-        pairs: &[Neighbours],
-        terms: &[PairTerm],
+        cell: &Cell<S>,
+        centres: &[S::Vector],
+        pairs: &[Neighbours<S>],
+        terms: &[S::Term],
     ) -> Result<(), Error> {
         let matrix = self.factor.full_matrix();
-        self.far.update(cell, centres, matrix)?;
-        if matches!(cell, Cell::Periodic { .. }) {
-            resist_uniform_motion(matrix);
-        }
+        self.far.fill(cell, centres, matrix)?;
         pair_terms::add_to_matrix(pairs, terms, Self::row, matrix);
         Ok(())
     }
 
     /// Adds `slope` n nᵀ of a pair's relative velocity.
-    pub(super) fn add_spring(&mut self, pair: &Neighbours, slope: f64) {
+    pub(super) fn add_spring(&mut self, pair: &Neighbours<S>, slope: f64) {
         let rows = [pair.i, pair.j].map(Self::row);
         pair_terms::add_spring(pair, slope, rows, self.factor.filled_matrix());
     }
@@ -76,54 +63,46 @@ impl DenseResistance {
         &self.factor
     }
 
-    /// Forces `[3N]` with which the background strain drives the spheres through the far field.
-    pub(super) fn background_forces(&mut self, strain: &Vector3<f64>, forces: &mut [f64]) {
-        let half = forces.len();
+    /// Forces with which the background strain drives the spheres through the far field.
+    pub(super) fn background_forces(&mut self, strain: &S::Strain, forces: &mut [f64]) {
+        let strains = S::STRAINS * (forces.len() / S::MODES);
         self.vector.clear();
-        self.vector.resize(2 * half, 0.0);
-        for e in self.vector[..half].chunks_exact_mut(3) {
-            e.copy_from_slice(strain.as_slice());
+        self.vector.resize(strains + forces.len(), 0.0);
+        for e in self.vector[..strains].chunks_exact_mut(S::STRAINS) {
+            for (k, e) in e.iter_mut().enumerate() {
+                *e = strain[k];
+            }
         }
         self.far.apply_for_forces(&mut self.vector);
-        forces.copy_from_slice(&self.vector[half..]);
+        forces.copy_from_slice(&self.vector[strains..]);
     }
 
-    /// Appends the far field's counterforces `[3N]` and stresslets to empty vectors; `work` is scratch.
+    /// Appends the far field's counterforces and stresslets to empty vectors; `work` is scratch.
     pub(super) fn apply(
         &self,
         velocities: &[f64],
-        strain: &Vector3<f64>,
+        strain: &S::Strain,
         work: &mut Vec<f64>,
         forces: &mut Vec<f64>,
-        stresslets: &mut Vec<Vector3<f64>>,
+        stresslets: &mut Vec<S::Strain>,
     ) {
-        let half = velocities.len();
+        let strains = S::STRAINS * (velocities.len() / S::MODES);
         work.clear();
-        work.resize(2 * half, 0.0);
-        for e in work[..half].chunks_exact_mut(3) {
-            e.copy_from_slice((-strain).as_slice());
-        }
-        work[half..].copy_from_slice(velocities);
-        self.far.apply(work);
-        forces.extend_from_slice(&work[half..]);
-        stresslets.extend(
-            work[..half]
-                .chunks_exact(3)
-                .map(|s| -Vector3::from_column_slice(s)),
-        );
-    }
-}
-
-/// Adds [`UNIFORM_DRAG`] to the lower triangle of R_FU, `[3N × 3N]`.
-fn resist_uniform_motion(matrix: &mut Matrix) {
-    let n = matrix.rows() / 3;
-    let drag = 6.0 * PI * UNIFORM_DRAG / n as f64;
-    for i in 0..n {
-        for m in 0..2 {
-            let column = matrix.column_mut(3 * i + m);
-            for entry in column[3 * i + m..].iter_mut().step_by(3) {
-                *entry += drag;
+        work.resize(strains + velocities.len(), 0.0);
+        for e in work[..strains].chunks_exact_mut(S::STRAINS) {
+            for (k, e) in e.iter_mut().enumerate() {
+                *e = -strain[k];
             }
         }
+        work[strains..].copy_from_slice(velocities);
+        self.far.apply(work);
+        forces.extend_from_slice(&work[strains..]);
+        stresslets.extend(work[..strains].chunks_exact(S::STRAINS).map(|s| {
+            let mut stresslet = S::Strain::default();
+            for (k, s) in s.iter().enumerate() {
+                stresslet[k] = -s;
+            }
+            stresslet
+        }));
     }
 }

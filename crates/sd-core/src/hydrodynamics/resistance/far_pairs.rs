@@ -7,9 +7,10 @@
 //! often: as `R2B∞ − D ≥ −w_ij D`, these θ keep P at least `(1 − LARGEST) D`. Of isolated spheres alone, `P = D`, the iteration takes
 //! about twice as many steps.
 
+use super::fluid::{Fluid, NearTerm};
 use super::tables::BySizes;
 use crate::error::Error;
-use crate::hydrodynamics::two_sphere::{FarPair, PairTerm, check_size_ratio};
+use crate::hydrodynamics::two_sphere::{FarPair, check_size_ratio};
 use crate::space::pair::Neighbours;
 
 /// Pairs closer than this, in s', are near.
@@ -17,16 +18,19 @@ const NEAR: f64 = 2.4;
 /// Largest share of its drag that a sphere's pairs may take away.
 const LARGEST: f64 = 0.95;
 
+/// The far field of twists is left out, as it is small: P need not be exact.
+const NO_TWIST: [f64; 3] = [0.0; 3];
+
 /// `θ (R2B∞ − D)` of near pairs.
-pub(super) struct FarPairs {
+pub(super) struct FarPairs<S: Fluid> {
     tables: BySizes<FarPair>,
     /// Number of each near pair among all pairs, and its term.
-    terms: Vec<(usize, PairTerm)>,
+    terms: Vec<(usize, S::Term)>,
     /// w of each sphere.
     totals: Vec<f64>,
 }
 
-impl FarPairs {
+impl<S: Fluid> FarPairs<S> {
     /// Tables for spheres of the given radii.
     ///
     /// # Errors
@@ -44,13 +48,13 @@ impl FarPairs {
     }
 
     /// Finds the terms of the near ones among all pairs, and adds them to those that `terms` has.
-    pub(super) fn add(&mut self, radii: &[f64], pairs: &[Neighbours], terms: &mut [PairTerm]) {
+    pub(super) fn add(&mut self, radii: &[f64], pairs: &[Neighbours<S>], terms: &mut [S::Term]) {
         self.terms.clear();
         self.totals.fill(0.0);
         for (number, pair) in pairs.iter().enumerate() {
             if pair.distance < 0.5 * NEAR * (radii[pair.i] + radii[pair.j]) {
                 let (term, weight) = self.tables.of(pair.i, pair.j).evaluate(pair.distance);
-                self.terms.push((number, term));
+                self.terms.push((number, S::term(term, NO_TWIST)));
                 self.totals[pair.i] += weight;
                 self.totals[pair.j] += weight;
             }
@@ -64,7 +68,7 @@ impl FarPairs {
     }
 
     /// The terms, with the numbers of their pairs.
-    pub(super) fn terms(&self) -> &[(usize, PairTerm)] {
+    pub(super) fn terms(&self) -> &[(usize, S::Term)] {
         &self.terms
     }
 }

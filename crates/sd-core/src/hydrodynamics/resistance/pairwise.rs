@@ -1,62 +1,52 @@
 //! `R_FU` of Ball-Melrose hydrodynamics pair by pair: products with it in O(N), and its near part for a sparse factor.
 
-use super::isolated;
+use super::fluid::{Fluid, NearTerm as _};
+use super::near_matrix::{NearMatrix, NearPattern};
 use crate::error::Error;
-use crate::hydrodynamics::two_sphere::PairTerm;
-use crate::linalg::cholesky::sparse::{Block, BlockCholesky, BlockPattern};
 use crate::linalg::simd::vectorised;
 use crate::space::pair::{Neighbours, PairKey};
+use crate::space::{Layer, Space};
 
 /// Which pairs the near part has, in s'. Others count by their diagonal blocks alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Reach {
+pub struct Reach {
     /// Pairs closer than this must be in the pattern.
     pub(super) needed: f64,
     /// A new pattern takes in pairs up to this, so that it serves for a while.
     pub(super) taken: f64,
+    /// Gap, in s' − 2, that is needed beyond the height of contacts, which approach and are then stiff.
+    pub(super) ahead: f64,
 }
 
 impl Reach {
-    /// Pairs that touch or soon may: the factor is then small, and iterations on it are quick, if more of them.
-    pub(super) const SHORT: Self = Self {
-        needed: 2.1,
-        taken: 2.2,
-    };
-    /// First neighbours too: each iteration then gains a factor of about thirty.
-    pub(super) const LONG: Self = Self {
-        needed: 2.4,
-        taken: 2.7,
-    };
-    /// Gap, in s' − 2, that is needed beyond the height of contacts, which approach and are then stiff.
-    const AHEAD: f64 = 0.08;
-
     /// The same, with all contacts of asperities of that height, in the mean radius of a pair.
     fn with_contacts(self, height: f64) -> Self {
-        let needed = self.needed.max(2.0 + height + Self::AHEAD);
+        let needed = self.needed.max(2.0 + height + self.ahead);
         Self {
             needed,
             taken: self.taken + (needed - self.needed),
+            ..self
         }
     }
 }
 
 /// `R_FU` of all spheres: the block of each sphere with itself, and of each pair in range.
-pub struct PairwiseResistance {
+pub struct PairwiseResistance<S: Fluid = Layer> {
     /// Block of each sphere with itself.
-    own: Vec<Block>,
+    own: Vec<S::Block>,
     /// Pairs (i, j) and their blocks: rows of j, columns of i. Products read all of them, so the numbers are short.
-    couplings: Vec<([u32; 2], Block)>,
+    couplings: Vec<([u32; 2], S::Block)>,
     /// Number in the pattern of each pair that is in it.
     numbers: Vec<Option<usize>>,
     /// Pairs of the pattern, ordered.
     pattern_pairs: Vec<PairKey>,
-    pattern: BlockPattern,
+    pattern: NearPattern<S>,
     /// Whether the pattern was made for positions of these spheres; before the first ones it has no pair.
     has_positions: bool,
     reach: Reach,
 }
 
-impl PairwiseResistance {
+impl<S: Fluid> PairwiseResistance<S> {
     /// A resistance without blocks yet, with the pattern of the given pairs; if there are none, the first positions make the pattern.
     ///
     /// # Errors
@@ -71,7 +61,7 @@ impl PairwiseResistance {
             couplings: Vec::new(),
             numbers: Vec::new(),
             pattern_pairs: pattern_pairs.to_vec(),
-            pattern: pattern(spheres, pattern_pairs)?,
+            pattern: NearPattern::new(spheres, pattern_pairs)?,
             has_positions: !pattern_pairs.is_empty(),
             reach,
         })
@@ -89,14 +79,17 @@ impl PairwiseResistance {
     /// [`Error::OutOfMemory`].
     pub(super) fn assemble(
         &mut self,
-        pairs: &[Neighbours],
-        terms: &[PairTerm],
+        pairs: &[Neighbours<S>],
+        terms: &[S::Term],
         radii: &[f64],
     ) -> Result<(), Error> {
         self.own.clear();
         self.own.extend(radii.iter().map(|&a| {
-            let [x, y, spin] = isolated::drag(a);
-            [x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, spin]
+            let (drag, mut block) = (S::isolated(a).0, S::no_block());
+            for k in 0..S::MODES {
+                block[(S::MODES + 1) * k] = drag[k];
+            }
+            block
         }));
         self.couplings.clear();
         let (own, couplings) = (&mut self.own, &mut self.couplings);
@@ -104,28 +97,26 @@ impl PairwiseResistance {
             #[inline(always)]
             || {
                 for (pair, term) in pairs.iter().zip(terms) {
-                    let block = |p: usize, q: usize| term.block(pair.normal, p, q);
+                    let block = |p: usize, q: usize| term.block(&pair.normal, p, q);
                     for (sphere, block) in [(pair.i, block(0, 0)), (pair.j, block(1, 1))] {
-                        for (x, entry) in own[sphere].iter_mut().zip(block.as_flattened()) {
+                        for (x, entry) in own[sphere].as_mut().iter_mut().zip(block.as_ref()) {
                             *x += entry;
                         }
                     }
-                    let mut coupling = [0.0; 9];
-                    coupling.copy_from_slice(block(1, 0).as_flattened());
                     let (i, j) = pair.key();
-                    couplings.push(([i, j], coupling));
+                    couplings.push(([i, j], block(1, 0)));
                 }
             },
         );
-        let closer = |pair: &Neighbours, limit: f64| {
+        let closer = |pair: &Neighbours<S>, limit: f64| {
             pair.distance < 0.5 * limit * (radii[pair.i] + radii[pair.j])
         };
-        let Reach { needed, taken } = self.reach;
+        let Reach { needed, taken, .. } = self.reach;
         if !self.number(pairs, |pair| closer(pair, needed)) || !self.has_positions {
             let near = pairs.iter().filter(|pair| closer(pair, taken));
             self.pattern_pairs.clear();
             self.pattern_pairs.extend(near.map(Neighbours::key));
-            self.pattern = pattern(radii.len(), &self.pattern_pairs)?;
+            self.pattern = NearPattern::new(radii.len(), &self.pattern_pairs)?;
             self.has_positions = true;
             self.number(pairs, |_| false);
         }
@@ -133,7 +124,7 @@ impl PairwiseResistance {
     }
 
     /// Finds each pair in the pattern; `false` if one that the pattern needs is not there.
-    fn number(&mut self, pairs: &[Neighbours], needs: impl Fn(&Neighbours) -> bool) -> bool {
+    fn number(&mut self, pairs: &[Neighbours<S>], needs: impl Fn(&Neighbours<S>) -> bool) -> bool {
         self.numbers.clear();
         let mut listed = self.pattern_pairs.iter().enumerate().peekable();
         for pair in pairs {
@@ -149,26 +140,26 @@ impl PairwiseResistance {
     }
 
     /// Adds `slope` n nᵀ of a pair's relative velocity, for a pair that was assembled.
-    pub(super) fn add_spring(&mut self, pair: &Neighbours, slope: f64) {
+    pub(super) fn add_spring(&mut self, pair: &Neighbours<S>, slope: f64) {
         let (n, spheres) = (pair.normal, [pair.i, pair.j]);
         let (i, j) = pair.key();
         let at = self
             .couplings
             .binary_search_by_key(&[i, j], |(key, _)| *key)
             .expect("springs join pairs in range, which were all assembled");
-        for column in 0..2 {
-            for row in 0..2 {
+        for column in 0..S::DIMENSIONS {
+            for row in 0..S::DIMENSIONS {
                 let value = slope * n[row] * n[column];
                 for sphere in spheres {
-                    self.own[sphere][3 * column + row] += value;
+                    self.own[sphere][S::MODES * column + row] += value;
                 }
-                self.couplings[at].1[3 * column + row] -= value;
+                self.couplings[at].1[S::MODES * column + row] -= value;
             }
         }
     }
 
     /// The pattern of the near part.
-    pub fn pattern(&self) -> &BlockPattern {
+    pub(crate) fn pattern(&self) -> &NearPattern<S> {
         &self.pattern
     }
 
@@ -189,17 +180,17 @@ impl PairwiseResistance {
 
     /// `y = R_FU v`, vectors `[3N]`.
     pub fn apply(&self, v: &[f64], y: &mut [f64]) {
-        self.multiply(side_by_side(v), side_by_side_mut(y));
+        self.multiply(side_by_side::<S>(v), side_by_side_mut::<S>(y));
     }
 
     /// The same for L motions at once, of which each sphere has its velocities side by side: that reads the blocks once.
-    pub(crate) fn multiply<const L: usize>(&self, v: &[Motion<L>], y: &mut [Motion<L>]) {
+    pub(crate) fn multiply<const L: usize>(&self, v: &[Motion<S, L>], y: &mut [Motion<S, L>]) {
         vectorised(
             #[inline(always)]
             || {
                 for ((y, v), b) in y.iter_mut().zip(v).zip(&self.own) {
-                    for k in 0..3 {
-                        y[k] = product([b[k], b[3 + k], b[6 + k]], v);
+                    for k in 0..S::MODES {
+                        y[k] = product::<S, L>(|m| b[S::MODES * m + k], v);
                     }
                 }
                 // All pairs of a sphere i follow each other: what they do to it is summed before it is written.
@@ -208,9 +199,9 @@ impl PairwiseResistance {
                     let (v_i, mut y_i) = (v[i], y[i]);
                     for ([_, j], b) in of_one {
                         let (v_j, y_j) = (v[*j as usize], &mut y[*j as usize]);
-                        for k in 0..3 {
-                            let of_j = product([b[k], b[3 + k], b[6 + k]], &v_i);
-                            let of_i = product([b[3 * k], b[3 * k + 1], b[3 * k + 2]], &v_j);
+                        for k in 0..S::MODES {
+                            let of_j = product::<S, L>(|m| b[S::MODES * m + k], &v_i);
+                            let of_i = product::<S, L>(|m| b[S::MODES * k + m], &v_j);
                             for lane in 0..L {
                                 y_j[k][lane] += of_j[lane];
                                 y_i[k][lane] += of_i[lane];
@@ -224,7 +215,7 @@ impl PairwiseResistance {
     }
 
     /// Puts the near part into a matrix of the pattern: all diagonal blocks, couplings of the pattern.
-    pub fn fill(&self, pattern: &BlockPattern, matrix: &mut BlockCholesky) {
+    pub(crate) fn fill(&self, pattern: &NearPattern<S>, matrix: &mut NearMatrix<S>) {
         matrix.reset(pattern);
         for (sphere, block) in self.own.iter().enumerate() {
             matrix.add_own(pattern, sphere, block);
@@ -237,39 +228,28 @@ impl PairwiseResistance {
     }
 }
 
-/// `(U_x, U_y, Ω)` of a sphere, or the forces on it, of each of L motions.
-pub(crate) type Motion<const L: usize> = [[f64; L]; 3];
+/// Velocities of a sphere, or the forces on it, of each of L motions.
+pub(crate) type Motion<S, const L: usize> = <S as Space>::PerMode<[f64; L]>;
 
-/// A vector `[3N]`, as one motion.
-pub(crate) fn side_by_side(x: &[f64]) -> &[Motion<1>] {
-    x.as_chunks().0.as_chunks().0
+/// A vector of all spheres, as one motion.
+pub(crate) fn side_by_side<S: Space>(x: &[f64]) -> &[Motion<S, 1>] {
+    S::by_sphere(x.as_chunks().0)
 }
 
 /// The same, to write.
-pub(crate) fn side_by_side_mut(x: &mut [f64]) -> &mut [Motion<1>] {
-    x.as_chunks_mut().0.as_chunks_mut().0
+pub(crate) fn side_by_side_mut<S: Space>(x: &mut [f64]) -> &mut [Motion<S, 1>] {
+    S::by_sphere_mut(x.as_chunks_mut().0)
 }
 
 /// A row of a block times the velocities of a sphere.
 #[inline(always)]
-fn product<const L: usize>(row: [f64; 3], v: &Motion<L>) -> [f64; L] {
+fn product<S: Space, const L: usize>(row: impl Fn(usize) -> f64, v: &Motion<S, L>) -> [f64; L] {
     let mut sums = [0.0; L];
     for (lane, sum) in sums.iter_mut().enumerate() {
-        *sum = row[0] * v[0][lane] + row[1] * v[1][lane] + row[2] * v[2][lane];
+        *sum = row(0) * v[0][lane];
+        for m in 1..S::MODES {
+            *sum += row(m) * v[m][lane];
+        }
     }
     sums
-}
-
-/// The pattern of these pairs.
-///
-/// # Errors
-/// [`Error::OutOfMemory`].
-fn pattern(spheres: usize, pairs: &[PairKey]) -> Result<BlockPattern, Error> {
-    let couplings: Vec<_> = pairs
-        .iter()
-        .map(|&(i, j)| (i as usize, j as usize))
-        .collect();
-    BlockPattern::new(spheres, &couplings).ok_or(Error::OutOfMemory {
-        purpose: "the sparse factor of the resistance",
-    })
 }

@@ -1,25 +1,26 @@
 //! Ball-Melrose hydrodynamics with `R_FU` factored: spheres ordered along the gradient, where only near ones couple.
 
-use super::{isolated, pair_terms};
-use crate::hydrodynamics::two_sphere::PairTerm;
+use super::fluid::Fluid;
+use super::pair_terms;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::linalg::error::BadPivot;
+use crate::space::Space;
 use crate::space::cell::Cell;
-use crate::space::modes::Vec2;
 use crate::space::pair::Neighbours;
+use std::marker::PhantomData;
 
 /// `R_FU` in the order of the spheres' heights, then its factor.
-pub(super) struct SkylineResistance {
-    order: Order,
+pub(super) struct SkylineResistance<S: Fluid> {
+    order: Order<S>,
     /// `R_FU`, then its factor.
     factor: SkylineCholesky,
 }
 
-impl SkylineResistance {
+impl<S: Fluid> SkylineResistance<S> {
     pub(super) fn new(spheres: usize) -> Self {
         Self {
             order: Order::new(spheres),
-            factor: SkylineCholesky::new(3 * spheres),
+            factor: SkylineCholesky::new(S::MODES * spheres),
         }
     }
 
@@ -36,19 +37,19 @@ impl SkylineResistance {
     /// `R_FU` of isolated spheres and the pair terms.
     pub(super) fn assemble(
         &mut self,
-        cell: &Cell,
-        centres: &[Vec2],
+        cell: &Cell<S>,
+        centres: &[S::Vector],
         radii: &[f64],
-        pairs: &[Neighbours],
-        terms: &[PairTerm],
+        pairs: &[Neighbours<S>],
+        terms: &[S::Term],
     ) {
         self.order.update(cell, centres, pairs);
-        let (order, n) = (&self.order, 3 * radii.len());
-        let ends = (0..n).map(|row| order.ends[row / 3]);
+        let (order, n) = (&self.order, S::MODES * radii.len());
+        let ends = (0..n).map(|row| order.ends[row / S::MODES]);
         let matrix = self.factor.matrix_of_skyline(n, ends, order.tail);
         for (&row, &a) in order.rows.iter().zip(radii) {
-            let drag = isolated::drag(a);
-            for m in 0..3 {
+            let drag = S::isolated(a).0;
+            for m in 0..S::MODES {
                 matrix[(row + m, row + m)] = drag[m];
             }
         }
@@ -56,7 +57,7 @@ impl SkylineResistance {
     }
 
     /// Adds `slope` n nᵀ of a pair's relative velocity.
-    pub(super) fn add_spring(&mut self, pair: &Neighbours, slope: f64) {
+    pub(super) fn add_spring(&mut self, pair: &Neighbours<S>, slope: f64) {
         let rows = [pair.i, pair.j].map(|sphere| self.row(sphere));
         pair_terms::add_spring(pair, slope, rows, self.factor.filled_matrix());
     }
@@ -71,11 +72,11 @@ impl SkylineResistance {
 }
 
 /// An order of the spheres, and which of them couple in it.
-#[derive(Debug, Default)]
-struct Order {
+#[derive(Debug)]
+struct Order<S> {
     /// The spheres from the lowest to the highest.
     spheres: Vec<usize>,
-    /// First row of each sphere: three times its place.
+    /// First row of each sphere.
     rows: Vec<usize>,
     /// By place, the end of the rows it couples to before `tail`.
     ends: Vec<usize>,
@@ -83,35 +84,37 @@ struct Order {
     tail: usize,
     /// Height of each sphere in the cell.
     heights: Vec<f64>,
+    space: PhantomData<S>,
 }
 
-impl Order {
+impl<S: Space> Order<S> {
     /// The order in which the spheres are numbered.
     fn new(spheres: usize) -> Self {
         Self {
             spheres: (0..spheres).collect(),
-            rows: (0..spheres).map(|i| 3 * i).collect(),
-            ends: vec![3 * spheres; spheres],
-            tail: 3 * spheres,
+            rows: (0..spheres).map(|i| S::MODES * i).collect(),
+            ends: vec![S::MODES * spheres; spheres],
+            tail: S::MODES * spheres,
             heights: Vec::with_capacity(spheres),
+            space: PhantomData,
         }
     }
 
     /// Orders the spheres by their heights in the cell.
-    fn update(&mut self, cell: &Cell, centres: &[Vec2], pairs: &[Neighbours]) {
+    fn update(&mut self, cell: &Cell<S>, centres: &[S::Vector], pairs: &[Neighbours<S>]) {
         let heights = &mut self.heights;
         heights.clear();
-        heights.extend(centres.iter().map(|&x| cell.wrap(x).y));
+        heights.extend(centres.iter().map(|&x| cell.wrap(x)[1]));
         self.spheres
             .sort_unstable_by(|&i, &j| heights[i].total_cmp(&heights[j]).then(i.cmp(&j)));
         for (place, &sphere) in self.spheres.iter().enumerate() {
-            self.rows[sphere] = 3 * place;
-            self.ends[place] = 3 * place + 3;
+            self.rows[sphere] = S::MODES * place;
+            self.ends[place] = S::MODES * (place + 1);
         }
-        self.tail = 3 * centres.len();
+        self.tail = S::MODES * centres.len();
         let half = match *cell {
             Cell::Unbounded => f64::INFINITY,
-            Cell::Periodic { sides, .. } => 0.5 * sides.y,
+            Cell::Periodic { sides, .. } => 0.5 * sides[1],
         };
         for pair in pairs {
             let (i, j) = (self.rows[pair.i], self.rows[pair.j]);
@@ -119,8 +122,8 @@ impl Order {
             if (heights[pair.i] - heights[pair.j]).abs() > half {
                 self.tail = self.tail.min(upper);
             } else {
-                let end = &mut self.ends[lower / 3];
-                *end = upper.max(*end - 3) + 3;
+                let end = &mut self.ends[lower / S::MODES];
+                *end = upper.max(*end - S::MODES) + S::MODES;
             }
         }
     }

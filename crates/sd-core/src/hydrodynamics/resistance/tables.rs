@@ -137,12 +137,15 @@ impl NearTerms {
     }
 
     /// Puts the terms of all pairs, given by their spheres and gaps, into `terms`; below the gap `least` they are those at that gap.
-    pub(crate) fn evaluate(
+    ///
+    /// `finish`: what becomes of the term of spheres at a gap.
+    pub(crate) fn evaluate<T>(
         &self,
         radii: &[f64],
         pairs: impl Iterator<Item = ([usize; 2], f64)>,
         least: f64,
-        terms: &mut Vec<PairTerm>,
+        finish: impl Fn(PairTerm, [usize; 2], f64) -> T,
+        terms: &mut Vec<T>,
     ) {
         terms.clear();
         vectorised(
@@ -151,12 +154,14 @@ impl NearTerms {
                 Self::Exact(tables) => {
                     for ([i, j], gap) in pairs {
                         let gap = gap.max(least);
-                        terms.push(tables.of(i, j).evaluate(radii[i], radii[j], gap));
+                        let term = tables.of(i, j).evaluate(radii[i], radii[j], gap);
+                        terms.push(finish(term, [i, j], gap));
                     }
                 }
                 Self::LeadingOrder(leading) => {
                     for ([i, j], gap) in pairs {
-                        terms.push(leading.of(i, j).evaluate(gap.max(least)));
+                        let gap = gap.max(least);
+                        terms.push(finish(leading.of(i, j).evaluate(gap), [i, j], gap));
                     }
                 }
             },

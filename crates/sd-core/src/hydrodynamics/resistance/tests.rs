@@ -1,7 +1,8 @@
 //! Forms of the resistance beside each other.
 
 use super::*;
-use nalgebra::SVector;
+use crate::space::modes::Vec2;
+use nalgebra::{SVector, Vector3};
 use std::f64::consts::PI;
 
 /// Four spheres, each near another, in a cell.
@@ -42,7 +43,7 @@ fn a_spring_pulls_its_two_spheres_whichever_way_the_resistance_is_held() {
 
 #[test]
 fn contacts_of_high_asperities_are_in_the_near_part() {
-    let cell = Cell::equal_sides(30.0, 0.0).unwrap();
+    let cell = Cell::<Layer>::equal_sides(30.0, 0.0).unwrap();
     // Gaps of 0.25 and 0.3.
     let centres = [[5.0, 5.0], [7.25, 5.0], [7.25, 7.0]].map(Vec2::from);
     let radii = [1.0, 1.0, 0.7];
@@ -63,7 +64,7 @@ fn far_pairs_leave_a_positive_definite_resistance() {
     // Touching spheres on a hexagonal lattice, where every sphere has six: pairs summed up would leave less than nothing.
     let (rows, distance) = (8, 2.02);
     let height = distance * 0.75_f64.sqrt();
-    let cell = Cell::periodic(
+    let cell = Cell::<Layer>::periodic(
         Vec2::new(f64::from(rows) * distance, f64::from(rows) * height),
         f64::from(rows / 2) * distance,
     )
@@ -93,7 +94,7 @@ fn far_pairs_leave_a_positive_definite_resistance() {
 
 #[test]
 fn far_pair_alone_is_the_whole_two_sphere_resistance() {
-    let cell = Cell::equal_sides(30.0, 0.0).unwrap();
+    let cell = Cell::<Layer>::equal_sides(30.0, 0.0).unwrap();
     let centres = [Vec2::new(0.0, 0.0), Vec2::new(2.1, 0.0)];
     let tables = NearFields::default();
     let resisted = |hydrodynamics, v: &[f64]| {

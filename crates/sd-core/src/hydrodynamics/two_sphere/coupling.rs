@@ -131,6 +131,38 @@ impl Coupling {
         }
     }
 
+    /// All numbers, to change them alike.
+    fn numbers_mut(&mut self) -> [&mut [f64]; 9] {
+        [
+            &mut self.force_velocity,
+            std::slice::from_mut(&mut self.force_rotation),
+            &mut self.force_strain,
+            std::slice::from_mut(&mut self.torque_velocity),
+            &mut self.torque_rotation,
+            std::slice::from_mut(&mut self.torque_strain),
+            &mut self.stress_velocity,
+            std::slice::from_mut(&mut self.stress_rotation),
+            &mut self.stress_strain,
+        ]
+    }
+
+    /// The same times a factor.
+    pub(crate) fn scaled(mut self, factor: f64) -> Self {
+        for number in self.numbers_mut().into_iter().flatten() {
+            *number *= factor;
+        }
+        self
+    }
+
+    /// Adds the numbers of another coupling in the same direction.
+    pub(crate) fn accumulate(&mut self, other: &Self) {
+        let mut other = *other;
+        let pairs = self.numbers_mut().into_iter().zip(other.numbers_mut());
+        for (number, other) in pairs.flat_map(|(own, other)| own.iter_mut().zip(other)) {
+            *number += *other;
+        }
+    }
+
     /// The coupling the other way round, of a symmetric whole.
     #[inline(always)]
     pub(crate) fn transposed(&self) -> Self {

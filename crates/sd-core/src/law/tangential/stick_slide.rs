@@ -4,8 +4,8 @@
 //! F_t = k_t ξ,   |F_t| ≤ ρ(f),   ξ' = u_t while the spring sticks; at the limit the spring slides and keeps F_t = ±ρ
 //! ```
 //!
-//! The stretch ξ is a number along the tangent t of the pair, which turns with the pair: it does not change when the pair is
-//! turned as a whole. It begins at 0 when two spheres touch and friction acts, and is forgotten when they part or friction ceases.
+//! In a layer the stretch ξ is a number along the tangent t of the pair, which turns with the pair: it does not change when the pair is
+//! turned as a whole. In a suspension it is a vector across the line of centres, carried along with it, and |F_t| its length. It begins at 0 when two spheres touch and friction acts, and is forgotten when they part or friction ceases.
 //! Source: Cundall & Strack, Géotechnique 29, 47 (1979); in suspensions Mari et al., J. Rheol. 58, 1693 (2014), eq. (9)-(11).
 //!
 //! In a two-stage step of size τ with the coefficient γ the spring looks ahead as all contact forces do. In terms of the force
@@ -22,6 +22,7 @@
 use super::Halt;
 use crate::law::Quantity;
 use crate::law::quantity::Range;
+use std::ops::{Add, Div, Mul, Sub};
 
 /// Its word.
 pub const WORD: &str = "stick-slide";
@@ -54,27 +55,43 @@ pub fn bound(friction: f64, load: f64) -> f64 {
 
 /// One contact during a step: spring force s at its start, friction F1 at the first stage.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct TangentialSpring {
+pub struct TangentialSpring<T = f64> {
     /// s, in mu·a²·rate.
-    pub start: f64,
+    pub start: T,
     /// F1, in mu·a²·rate.
-    pub first: f64,
+    pub first: T,
 }
 
-impl TangentialSpring {
+impl<T> TangentialSpring<T>
+where
+    T: Copy
+        + Add<Output = T>
+        + Sub<Output = T>
+        + Mul<f64, Output = T>
+        + Div<f64, Output = T>,
+{
+    /// The same with both forces changed alike.
+    pub fn map(&self, change: impl Fn(T) -> T) -> Self {
+        Self {
+            start: change(self.start),
+            first: change(self.first),
+        }
+    }
+
     /// s2, at the second stage of a step with the coefficient γ.
-    fn second(&self, gamma: f64) -> f64 {
+    fn second(&self, gamma: f64) -> T {
         self.start + (self.first - self.start) / gamma
     }
 
     /// What the second stage adds `k_t γτ u2` to.
-    pub fn base(&self, gamma: f64) -> f64 {
-        self.second(gamma) - 2.0 * (self.first - self.start)
+    pub fn base(&self, gamma: f64) -> T {
+        self.second(gamma) - (self.first - self.start) * 2.0
     }
 
     /// s at the end of the step, with friction F2 at the second stage.
-    pub fn end(&self, second: f64, gamma: f64) -> f64 {
-        self.start + (3.0 * (self.first - self.start) + second - self.second(gamma)) / (2.0 * gamma)
+    pub fn end(&self, second: T, gamma: f64) -> T {
+        let change = (self.first - self.start) * 3.0 + second - self.second(gamma);
+        self.start + change / (2.0 * gamma)
     }
 }
 

@@ -42,7 +42,7 @@ struct Place {
 
 /// Which blocks are not zero, in what order the spheres are eliminated, and what fills in.
 #[derive(Debug)]
-pub struct BlockPattern {
+pub(crate) struct BlockPattern {
     /// Block row of each sphere.
     rows: Vec<usize>,
     /// Scalar pattern of the lower triangle, diagonal blocks whole.
@@ -66,7 +66,7 @@ impl BlockPattern {
     /// Finds the order of elimination and what fills in. `couplings`: pairs of different spheres, each once.
     ///
     /// `None` if memory is short.
-    pub fn new(spheres: usize, couplings: &[(usize, usize)]) -> Option<Self> {
+    pub(crate) fn new(spheres: usize, couplings: &[(usize, usize)]) -> Option<Self> {
         let rows = elimination_order(spheres, couplings).ok()?;
         // Block rows below, and above, the diagonal of each block column, ascending.
         let (mut below, mut above) = (vec![Vec::new(); spheres], vec![Vec::new(); spheres]);
@@ -121,7 +121,7 @@ impl BlockPattern {
     }
 
     /// Number of spheres.
-    pub fn spheres(&self) -> usize {
+    pub(crate) fn spheres(&self) -> usize {
         self.rows.len()
     }
 }
@@ -191,7 +191,7 @@ fn analyse(
 
 /// A matrix of a [`BlockPattern`] and its factor, in single precision, with workspace.
 #[derive(Default)]
-pub struct BlockCholesky {
+pub(crate) struct BlockCholesky {
     /// Values of the matrix.
     values: Vec<f32>,
     /// Values of the factor, of the matrix that was factored, and which supernodes are factored.
@@ -210,13 +210,13 @@ pub struct BlockCholesky {
 
 impl BlockCholesky {
     /// Sets the matrix to zero. Allocates only for a pattern larger than all before.
-    pub fn reset(&mut self, pattern: &BlockPattern) {
+    pub(crate) fn reset(&mut self, pattern: &BlockPattern) {
         self.values.clear();
         self.values.resize(pattern.scalar.row_idx().len(), 0.0);
     }
 
     /// Takes over the matrix of another of the same pattern.
-    pub fn copy_matrix(&mut self, other: &Self) {
+    pub(crate) fn copy_matrix(&mut self, other: &Self) {
         self.values.clone_from(&other.values);
     }
 
@@ -244,12 +244,12 @@ impl BlockCholesky {
     }
 
     /// Adds to a diagonal block.
-    pub fn add_own(&mut self, pattern: &BlockPattern, sphere: usize, block: &Block) {
+    pub(crate) fn add_own(&mut self, pattern: &BlockPattern, sphere: usize, block: &Block) {
         add(&mut self.values, pattern.diagonal[sphere], block);
     }
 
     /// Adds to the block of a coupling (i, j): rows of j, columns of i.
-    pub fn add_coupling(&mut self, pattern: &BlockPattern, coupling: usize, block: &Block) {
+    pub(crate) fn add_coupling(&mut self, pattern: &BlockPattern, coupling: usize, block: &Block) {
         add(&mut self.values, pattern.couplings[coupling], block);
     }
 
@@ -257,7 +257,7 @@ impl BlockCholesky {
     ///
     /// # Errors
     /// [`BadPivot`] with `3 × sphere + component`.
-    pub fn factor(&mut self, pattern: &BlockPattern) -> Result<(), BadPivot> {
+    pub(crate) fn factor(&mut self, pattern: &BlockPattern) -> Result<(), BadPivot> {
         self.make_room(pattern);
         self.is_new.clear();
         self.is_new.resize(pattern.nodes.len(), true);
@@ -306,7 +306,7 @@ impl BlockCholesky {
     }
 
     /// `z ≈ A⁻¹ r` by the factor; vectors `[3N]` in the order of the spheres.
-    pub fn solve(&mut self, pattern: &BlockPattern, r: &[f64], z: &mut [f64]) {
+    pub(crate) fn solve(&mut self, pattern: &BlockPattern, r: &[f64], z: &mut [f64]) {
         let x = self.ordered.as_flattened_mut();
         for (r, places) in r.chunks_exact(3).zip(&pattern.places) {
             for (&r, &place) in r.iter().zip(places) {

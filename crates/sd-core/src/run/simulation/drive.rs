@@ -10,9 +10,9 @@ use crate::contact::{Pass, Quality, Status};
 use crate::error::Error;
 use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
 use crate::run::balance::{Balance, Next};
+use crate::run::start::Started;
 use crate::run::steppers::Stage;
 use crate::space::cell::Cell;
-use crate::space::modes::Vec2;
 use std::f64::consts::PI;
 
 /// Viscosity with which the search for the first load of a run begins.
@@ -116,13 +116,13 @@ impl Dependence {
     }
 }
 
-impl Simulation {
+impl<S: Started> Simulation<S> {
     /// Solves a stage at the critical load at which it bears the imposed stress.
     pub(super) fn solve_at_stress(
         &mut self,
         stage: Stage,
-        cell: &Cell,
-        centres: &[Vec2],
+        cell: &Cell<S>,
+        centres: &[S::Vector],
     ) -> Result<Quality, Error> {
         let mut pass = Pass::First;
         let Drive::Stress {

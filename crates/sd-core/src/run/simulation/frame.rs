@@ -4,57 +4,73 @@ use super::{Sample, Simulation};
 use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
+use crate::run::start::Started;
 use crate::run::steppers::Stage;
-use crate::space::modes::{Vec2, strain_tensor};
+use crate::space::{ImposedFlow as _, Layer, Space};
 
 /// The layer at one instant of a run.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Frame {
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame<S: Space = Layer> {
     /// Strain: that of the stage that was sampled, which is where the step begins or its middle.
     pub strain: f64,
-    /// Side of the square cell, in a.
+    /// Side of the square or cubic cell, in a.
     pub side: f64,
     /// Offset of the upper image cell, in a, wrapped into [−side/2, side/2).
     pub offset: f64,
     /// Radii, in a.
     pub radii: Vec<f64>,
     /// Centres, in a.
-    pub centres: Vec<[f64; 2]>,
-    /// Orientations, in radians.
-    pub orientations: Vec<f64>,
-    /// Stresslets S of (20) as `(xx, yy, xy)`, in mu·a³·rate.
-    pub stresslets: Vec<[f64; 3]>,
+    pub centres: Vec<S::Point>,
+    /// Orientations: in radians, or unit quaternions.
+    pub orientations: Vec<S::Orientation>,
+    /// Stresslets S of (20) as `(xx, yy, xy)`, in a suspension `(xx, yy, xy, xz, yz)`, in mu·a³·rate.
+    pub stresslets: Vec<S::Tensor>,
     /// Pairs with a normal force.
-    pub contacts: Vec<FrameContact>,
+    pub contacts: Vec<FrameContact<S>>,
+}
+
+impl<S: Space> Default for Frame<S> {
+    fn default() -> Self {
+        Self {
+            strain: 0.0,
+            side: 0.0,
+            offset: 0.0,
+            radii: Vec::new(),
+            centres: Vec::new(),
+            orientations: Vec::new(),
+            stresslets: Vec::new(),
+            contacts: Vec::new(),
+        }
+    }
 }
 
 /// One contact of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameContact {
+pub struct FrameContact<S: Space = Layer> {
     /// First sphere.
     pub i: usize,
     /// Second sphere.
     pub j: usize,
     /// Unit vector from i to the image of j it touches.
-    pub normal: [f64; 2],
+    pub normal: S::Point,
     /// Gap, in a.
     pub gap: f64,
     /// Normal force, in mu·a²·rate.
     pub normal_force: f64,
     /// Tangential force, in mu·a²·rate.
-    pub tangential_force: f64,
+    pub tangential_force: S::Tangent,
     /// Quasi-force of rolling friction, in mu·a²·rate; 0 without.
-    pub rolling_force: f64,
+    pub rolling_force: S::Tangent,
     /// What it does.
     pub state: ContactState,
 }
 
-impl Simulation {
+impl<S: Started> Simulation<S> {
     /// As [`Simulation::step`], and returns the frame of the sample too. The numbers of the run are the same with it as without.
     ///
     /// # Errors
     /// Those of [`Simulation::step`].
-    pub fn step_with_frame(&mut self) -> Result<(Sample, Frame), Error> {
+    pub fn step_with_frame(&mut self) -> Result<(Sample, Frame<S>), Error> {
         self.frame = Some(Box::default());
         let result = self.step();
         let frame = self.frame.take().map(|frame| *frame).unwrap_or_default();
@@ -62,14 +78,15 @@ impl Simulation {
     }
 
     /// Fills in the frame at the stage solved last.
-    pub(super) fn fill_frame(&mut self, stage: &Stage, centres: &[Vec2]) {
+    pub(super) fn fill_frame(&mut self, stage: &Stage, centres: &[S::Vector]) {
         // From where the step began the first stage has turned them.
         let ahead = stage.time - self.strain();
-        let turns = |sphere: usize| {
+        let turned = |(sphere, orientation): (usize, &S::Orientation)| {
             if stage.phase == Phase::Middle {
-                ahead * (self.first[3 * sphere + 2] + self.background.angular_velocity)
+                let spin = S::rotation(&S::by_sphere(&self.first)[sphere]);
+                S::turned(orientation, &((spin + self.background.spin()) * ahead))
             } else {
-                0.0
+                *orientation
             }
         };
         let orientations = self.before.orientations.iter().enumerate();
@@ -79,25 +96,15 @@ impl Simulation {
             side: self.side,
             offset: self.offset_at(stage.time),
             radii: self.stage.resistance.radii().to_vec(),
-            centres: centres.iter().copied().map(plain).collect(),
-            orientations: orientations
-                .map(|(sphere, angle)| angle + turns(sphere))
-                .collect(),
-            stresslets: self
-                .stress
-                .stresslets
-                .iter()
-                .map(|s| {
-                    let (xx, yy, xy) = strain_tensor(s);
-                    [xx, yy, xy]
-                })
-                .collect(),
+            centres: centres.iter().map(S::point).collect(),
+            orientations: orientations.map(turned).collect(),
+            stresslets: self.stress.stresslets.iter().map(S::tensor).collect(),
             contacts: contacts
                 .filter(|contact| contact.normal_force > 0.0)
                 .map(|contact| FrameContact {
                     i: contact.pair.i,
                     j: contact.pair.j,
-                    normal: plain(contact.pair.normal),
+                    normal: S::point(&contact.pair.normal),
                     gap: contact.pair.gap,
                     normal_force: contact.normal_force,
                     tangential_force: contact.tangential_force,
@@ -108,8 +115,4 @@ impl Simulation {
         };
         self.frame = Some(Box::new(frame));
     }
-}
-
-pub(super) fn plain(x: Vec2) -> [f64; 2] {
-    [x.x, x.y]
 }

@@ -7,8 +7,8 @@
 use super::step::INEXACT_FRICTION;
 use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
+use crate::run::start::Started;
 use crate::run::steppers::Stage;
-use crate::space::modes::Vec2;
 use crate::stress::{ContactCounts, Stress};
 
 /// What is taken down while a step is under way.
@@ -36,7 +36,7 @@ impl Taken {
     }
 }
 
-impl Simulation {
+impl<S: Started> Simulation<S> {
     /// Counts a contact problem.
     pub(super) fn count(&mut self, quality: Quality) {
         let counters = &mut self.counters;
@@ -55,8 +55,8 @@ impl Simulation {
 
     /// Stress of the contact problem solved last.
     pub(super) fn stress_of_stage(&mut self) -> Stress {
-        let area = self.side * self.side;
-        let stress = self.stress.stress(&self.stage, &self.background, area);
+        let content = (0..S::DIMENSIONS).map(|_| self.side).product();
+        let stress = self.stress.stress(&self.stage, &self.background, content);
         stress.along(self.params.direction)
     }
 
@@ -72,7 +72,7 @@ impl Simulation {
     }
 
     /// Takes the sample of the step under way at the stage solved last, unless it has one.
-    pub(super) fn take_sample(&mut self, stage: &Stage, centres: &[Vec2], taken: &mut Taken) {
+    pub(super) fn take_sample(&mut self, stage: &Stage, centres: &[S::Vector], taken: &mut Taken) {
         if taken.sample.is_some() {
             return;
         }

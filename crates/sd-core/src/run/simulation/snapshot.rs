@@ -8,8 +8,9 @@ use crate::contact::springs::Springs;
 use crate::error::Error;
 use crate::model::{ContactScheme, Params, StartLayer};
 use crate::procedure::ContactList;
-use crate::run::start;
+use crate::run::start::{Start, Started};
 use crate::space::pair::PairKey;
+use crate::space::{Layer, Space};
 use crate::stage::Method;
 use serde::{Deserialize, Serialize};
 
@@ -18,22 +19,22 @@ pub const SNAPSHOT_VERSION: u32 = 3;
 
 /// All that the next step needs. Restored with the same parameters, a run goes on with the same bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Snapshot {
+#[serde(deny_unknown_fields, bound = "")]
+pub struct Snapshot<S: Space = Layer> {
     /// [`SNAPSHOT_VERSION`].
     pub version: u32,
     /// Steps done; strain = steps × time step.
     pub steps: u64,
     /// Radii, in a.
     pub radii: Vec<f64>,
-    /// Side of the square cell, in a.
+    /// Side of the square or cubic cell, in a.
     pub side: f64,
     /// Centres, in a.
-    pub centres: Vec<[f64; 2]>,
-    /// Orientations, in radians.
-    pub orientations: Vec<f64>,
+    pub centres: Vec<S::Point>,
+    /// Orientations: in radians, or unit quaternions.
+    pub orientations: Vec<S::Orientation>,
     /// What contacts remember.
-    pub memory: SchemeMemory,
+    pub memory: SchemeMemory<S>,
     /// Pairs of the near part's pattern, ordered, where the resistance is held pair by pair: the order of elimination follows from
     /// them.
     #[serde(default)]
@@ -52,10 +53,10 @@ pub struct Snapshot {
 
 /// What contacts remember between steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum SchemeMemory {
+#[serde(rename_all = "kebab-case", deny_unknown_fields, bound = "")]
+pub enum SchemeMemory<S: Space = Layer> {
     /// Under laws.
-    Laws(ContactMemory),
+    Laws(ContactMemory<S>),
     /// Under the paper's steps.
     Procedure {
         /// Pairs in contact.
@@ -65,7 +66,7 @@ pub enum SchemeMemory {
     },
 }
 
-impl SchemeMemory {
+impl<S: Space> SchemeMemory<S> {
     /// Nothing to remember yet.
     pub(super) fn new(scheme: &ContactScheme) -> Self {
         match scheme {
@@ -78,12 +79,12 @@ impl SchemeMemory {
     }
 
     /// Stretches the springs of friction, of this stiffness, as a layer has them; under laws without any, nothing happens.
-    pub(super) fn stretch(&mut self, layer: &start::Start, stiffness: f64) {
+    pub(super) fn stretch(&mut self, layer: &Start<S>, stiffness: f64) {
         if let Self::Laws(memory) = self
             && stiffness > 0.0
         {
-            let springs = |stretches: &[(u32, u32, f64)]| {
-                let forces = stretches.iter().map(|&(i, j, x)| (i, j, stiffness * x));
+            let springs = |stretches: &[(u32, u32, S::Tangent)]| {
+                let forces = stretches.iter().map(|&(i, j, x)| (i, j, x * stiffness));
                 Springs::new(PairForces(forces.collect()))
             };
             memory.springs = springs(&layer.springs);
@@ -134,12 +135,12 @@ impl SchemeMemory {
                 {
                     return Some("contacts of spheres that are not there");
                 }
-                let finite = forces.iter().all(|f| f.2.is_finite() && f.3.is_finite())
-                    && springs.all(|f| f.2.is_finite());
+                let finite = forces.iter().all(|f| f.2.is_finite() && S::is_finite(&f.3))
+                    && springs.all(|f| S::is_finite(&f.2));
                 (!finite).then_some("not all numbers are finite")
             }
             (Self::Procedure { listed, velocities }, ContactScheme::Procedure) => {
-                if !(velocities.is_empty() || velocities.len() == 3 * spheres) {
+                if !(velocities.is_empty() || velocities.len() == S::MODES * spheres) {
                     return Some("velocities of another number of spheres");
                 }
                 if !listed.pairs.iter().all(there) {
@@ -180,7 +181,9 @@ impl Snapshot {
             rolling_springs: stretches(|memory| &memory.rolling_springs),
         }
     }
+}
 
+impl<S: Started> Snapshot<S> {
     /// Refuses what cannot be a snapshot of a run with these parameters.
     pub(super) fn check(&self, params: &Params) -> Result<(), Error> {
         let refuse = |reason| Err(Error::Snapshot { reason });
@@ -201,13 +204,17 @@ impl Snapshot {
             return refuse("near pairs of spheres that are not there, or not in order");
         }
         let iterated = Method::of(params) == Method::Iterated;
-        let expected = if iterated { 12 * n + 4 } else { 0 };
+        let modes = S::MODES + S::STRAINS;
+        let expected = if iterated { 2 * modes * n + 4 } else { 0 };
         if !(self.far_field.is_empty() || self.far_field.len() == expected) {
             return refuse("a far field of another number of spheres");
         }
-        let finite = self.centres.iter().flatten().all(|x| x.is_finite())
+        let finite = self
+            .centres
+            .iter()
+            .all(|x| x.as_ref().iter().all(|x| x.is_finite()))
             && self.far_field.iter().all(|x| x.is_finite())
-            && self.orientations.iter().all(|x| x.is_finite());
+            && self.orientations.iter().all(S::is_orientation);
         if !finite {
             return refuse("not all numbers are finite");
         }
@@ -217,7 +224,7 @@ impl Snapshot {
         {
             return refuse("a critical load that is none");
         }
-        let (radii, side) = start::radii_and_side(params)?;
+        let (radii, side) = S::radii_and_side(params)?;
         if self.radii != radii || self.side.to_bits() != side.to_bits() {
             return refuse("other radii or cell than the parameters give");
         }

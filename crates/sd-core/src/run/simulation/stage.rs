@@ -5,17 +5,18 @@ use super::{SchemeMemory, Simulation};
 use crate::contact::laws::Span;
 use crate::contact::{Pass, Quality};
 use crate::error::Error;
+use crate::run::start::Started;
 use crate::run::steppers::{Bearing, Stage};
+use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;
-use crate::space::modes::Vec2;
 use crate::stage::Contact;
 
-impl Simulation {
+impl<S: Started> Simulation<S> {
     /// One right-hand side; whether its contact problem has no solution.
     pub(super) fn stage(
         &mut self,
         stage: Stage,
-        centres: &[Vec2],
+        centres: &[S::Vector],
         velocities: &mut [f64],
     ) -> Result<bool, Error> {
         let cell = self.cell_at(stage.time)?;
@@ -29,15 +30,14 @@ impl Simulation {
         };
         self.count(quality);
         let (background, solver) = (self.background, &self.stage);
-        for ((u, v), &x) in velocities
-            .chunks_exact_mut(3)
-            .zip(solver.velocities().chunks_exact(3))
-            .zip(centres)
-        {
-            let flow = background.velocity(x);
-            u[0] = v[0] + flow.x;
-            u[1] = v[1] + flow.y;
-            u[2] = v[2] + background.angular_velocity;
+        let spheres = S::by_sphere_mut(velocities)
+            .iter_mut()
+            .zip(S::by_sphere(solver.velocities()));
+        for ((u, v), x) in spheres.zip(centres) {
+            let flow = S::join(&background.velocity_at(x), &background.spin());
+            for k in 0..S::MODES {
+                u[k] = v[k] + flow[k];
+            }
         }
         Ok(quality.jammed())
     }
@@ -56,8 +56,8 @@ impl Simulation {
     pub(super) fn solve(
         &mut self,
         stage: Stage,
-        cell: &Cell,
-        centres: &[Vec2],
+        cell: &Cell<S>,
+        centres: &[S::Vector],
         mut pass: Pass,
     ) -> Result<Quality, Error> {
         let (background, solver, laws) = (self.background, &mut self.stage, &self.laws);

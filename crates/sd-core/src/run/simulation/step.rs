@@ -5,9 +5,10 @@ use super::{Counters, Sample, SchemeMemory, Simulation};
 use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
+use crate::run::start::Started;
 use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
-use crate::space::modes::Vec2;
 use crate::space::pair::Neighbours;
+use crate::space::{ImposedFlow as _, Space};
 
 /// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
 const MAX_HALVINGS: u32 = 6;
@@ -77,7 +78,7 @@ impl Part {
     }
 }
 
-impl Simulation {
+impl<S: Started> Simulation<S> {
     /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its start held, under soft ones by
     /// [`crate::Rosenbrock`], and by [`crate::RungeKutta`] where nothing is pressed and under the paper's procedure.
     ///
@@ -137,7 +138,7 @@ impl Simulation {
     /// Whether contacts hold the layer: whether loaded ones that do not slide take away as many motions as the spheres have that bear on two
     /// others or more (Maxwell's count). Such a network bears any load, and harder contacts would not let it flow.
     fn is_held(&self) -> bool {
-        let halted = self.laws.tangential.halts().motions();
+        let halted = S::TANGENTS * self.laws.tangential.halts().motions();
         let contacts = self.stage.contacts.list.iter();
         let loaded = || {
             contacts
@@ -153,7 +154,7 @@ impl Simulation {
         let taken: usize = loaded()
             .filter(|contact| bears(contact.pair.i) && bears(contact.pair.j))
             .map(|contact| {
-                usize::from(contact.rolling_halted)
+                S::TANGENTS * usize::from(contact.rolling_halted)
                     + match contact.state {
                         ContactState::Rolling => 1 + halted,
                         ContactState::Frictionless | ContactState::Slipping => 1,
@@ -161,14 +162,14 @@ impl Simulation {
             })
             .sum();
         let spheres = (0..partners.len()).filter(|&sphere| bears(sphere)).count();
-        spheres > 0 && taken >= 3 * spheres
+        spheres > 0 && taken >= S::MODES * spheres
     }
 
     /// Moves the state by one step of `stepper`, sampled at its first stage.
     fn attempt(
         &mut self,
-        stepper: &mut Stepper,
-        state: &mut State,
+        stepper: &mut Stepper<S>,
+        state: &mut State<S>,
         [time, dt]: [f64; 2],
         taken: &mut Taken,
     ) -> Result<(), Error> {
@@ -186,8 +187,8 @@ impl Simulation {
     /// end, which only the next step would find, in two, four and so on.
     fn advance_soft(
         &mut self,
-        stepper: &mut Stepper,
-        state: &mut State,
+        stepper: &mut Stepper<S>,
+        state: &mut State<S>,
         taken: &mut Taken,
     ) -> Result<Advance, Error> {
         let (time, dt, drive) = (self.strain(), self.params.time_step, self.drive);
@@ -233,8 +234,8 @@ impl Simulation {
     /// holds the gaps at the end of just this motion. Where it has no such motion, the layer stays where it is.
     fn advance_rigid(
         &mut self,
-        method: &mut Midpoint,
-        state: &mut State,
+        method: &mut Midpoint<S>,
+        state: &mut State<S>,
         part: Part,
         taken: &mut Taken,
     ) -> Result<Advance, Error> {
@@ -283,8 +284,8 @@ impl Simulation {
     /// Moves the state of a rigid layer by one step of the midpoint rule.
     fn attempt_rigid(
         &mut self,
-        method: &mut Midpoint,
-        state: &mut State,
+        method: &mut Midpoint<S>,
+        state: &mut State<S>,
         part: Part,
         taken: &mut Taken,
     ) -> Result<Attempt, Error> {
@@ -336,17 +337,19 @@ impl Simulation {
         let background = self.background;
         velocities.clear();
         velocities.extend_from_slice(method.mean());
-        for (u, x) in velocities.chunks_exact_mut(3).zip(&self.state.centres) {
+        let spheres = S::by_sphere_mut(velocities).iter_mut();
+        for (u, &x) in spheres.zip(&self.state.centres) {
             // The centre has moved by u dt already; its mean position lies half a step back.
-            let flow = background.velocity(x - Vec2::new(u[0], u[1]) * (0.5 * dt));
-            u[0] -= flow.x;
-            u[1] -= flow.y;
-            u[2] -= background.angular_velocity;
+            let mean = x - S::translation(u) * (0.5 * dt);
+            let flow = S::join(&background.velocity_at(&mean), &background.spin());
+            for k in 0..S::MODES {
+                u[k] -= flow[k];
+            }
         }
     }
 }
 
 /// Whether a gap is too low.
-fn is_low(held: f64, closest: Option<&Neighbours>) -> bool {
+fn is_low<S: Space>(held: f64, closest: Option<&Neighbours<S>>) -> bool {
     closest.is_some_and(|pair| pair.gap < held)
 }

@@ -204,11 +204,16 @@ impl<S: Space> Packing<S> {
         smallest
     }
 
+    /// Twice the distance, over the sum of the radii, up to which the grown spheres of any pair overlap.
+    fn range(&self) -> f64 {
+        let least = self.radii.iter().copied().fold(f64::INFINITY, f64::min);
+        (2.0 + (self.gap + self.margin) / least) * (1.0 + 1e-9)
+    }
+
     /// Forces of the overlaps; returns the smallest gap between spheres.
     fn update_forces(&mut self) -> f64 {
-        // Range 3 reaches well past the grown spheres: h + margin < 1 at mean radius 1.
         self.neighbours
-            .find(&self.cell, &self.centres, &self.radii, 3.0);
+            .find_all(&self.cell, &self.centres, &self.radii, self.range());
         self.forces.fill(S::Vector::default());
         self.overlaps = 0.0;
         let mut smallest = f64::INFINITY;

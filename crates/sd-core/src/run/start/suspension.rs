@@ -4,6 +4,7 @@
 use super::packing::{Density, Packing};
 use super::radii;
 use crate::error::Error;
+use crate::model::Params;
 use crate::space::Bulk;
 use crate::space::cell::Cell;
 use nalgebra::Vector3;
@@ -44,6 +45,31 @@ pub struct Suspension {
 }
 
 impl Mixture {
+    /// What a run with these parameters is made of.
+    pub(super) fn of(params: &Params) -> Self {
+        Self {
+            spheres: params.spheres,
+            volume_fraction: params.volume_fraction.unwrap_or(0.0),
+            roughness: params.roughness,
+            size_ratio: params.size_ratio,
+            large_fraction: params.large_fraction,
+        }
+    }
+
+    /// Radii and cell side: what is known without packing.
+    pub(super) fn radii_and_side(&self) -> Result<(Vec<f64>, f64), Error> {
+        let large = if self.size_ratio == 1.0 {
+            0
+        } else {
+            self.number_of_large()
+        };
+        let radii = radii(self.spheres, self.size_ratio, large);
+        let volume: f64 = radii.iter().map(|a| 4.0 / 3.0 * PI * a.powi(3)).sum();
+        let side = (volume / self.volume_fraction).cbrt();
+        Cell::<Bulk>::equal_sides(side, 0.0)?.check_range(&radii)?;
+        Ok((radii, side))
+    }
+
     /// Number of large spheres.
     #[expect(
         clippy::cast_possible_truncation,
@@ -104,11 +130,8 @@ impl Mixture {
     /// [`Error::CannotPack`] with the volume fraction reached.
     pub fn suspension(&self, seed: u64) -> Result<Suspension, Error> {
         self.check()?;
-        let radii = radii(self.spheres, self.size_ratio, self.number_of_large());
-        let volume: f64 = radii.iter().map(|a| 4.0 / 3.0 * PI * a.powi(3)).sum();
-        let side = (volume / self.volume_fraction).cbrt();
+        let (radii, side) = self.radii_and_side()?;
         let cell = Cell::equal_sides(side, 0.0)?;
-        cell.check_range(&radii)?;
         let mut packing = Packing::<Bulk>::new(cell, radii, self.roughness);
         packing
             .pack(self.volume_fraction, &SPHERES, seed)

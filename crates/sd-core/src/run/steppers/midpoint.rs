@@ -15,32 +15,43 @@
 use super::runge_kutta::RungeKutta;
 use super::state::{Bearing, Stage, State};
 use crate::contact::laws::Phase;
-use crate::space::modes::Vec2;
+use crate::space::Space;
 
 /// Workspace of the integrator.
-#[derive(Debug, Default)]
-pub(crate) struct Midpoint {
+#[derive(Debug)]
+pub(crate) struct Midpoint<S: Space> {
     /// Where the step began.
-    start: State,
-    centres: Vec<Vec2>,
-    /// Velocities of both stages, `[3N]` each: `(U_x, U_y, Ω)` per sphere, background included.
+    start: State<S>,
+    centres: Vec<S::Vector>,
+    /// Velocities of both stages, sphere by sphere, background included.
     velocities: [Vec<f64>; 2],
     /// For steps without contact forces.
-    free: RungeKutta,
+    free: RungeKutta<S>,
 }
 
-impl Midpoint {
-    /// One step. `rhs(stage, centres, velocities)` fills in the velocities `[3N]` at the given centres, and says whether contacts bear forces
+impl<S: Space> Default for Midpoint<S> {
+    fn default() -> Self {
+        Self {
+            start: State::default(),
+            centres: Vec::new(),
+            velocities: Default::default(),
+            free: RungeKutta::default(),
+        }
+    }
+}
+
+impl<S: Space> Midpoint<S> {
+    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres, and says whether contacts bear forces
     /// there.
     ///
     /// # Errors
     /// Whatever `rhs` returns; the state is then unchanged.
     pub(crate) fn step<E>(
         &mut self,
-        state: &mut State,
+        state: &mut State<S>,
         time: f64,
         dt: f64,
-        mut rhs: impl FnMut(Stage, &[Vec2], &mut [f64]) -> Result<Bearing, E>,
+        mut rhs: impl FnMut(Stage, &[S::Vector], &mut [f64]) -> Result<Bearing, E>,
     ) -> Result<(), E> {
         if self.first_stage(state, time, dt, &mut rhs)? == Bearing::Free {
             let first = &self.velocities[0];
@@ -56,9 +67,9 @@ impl Midpoint {
                 });
         }
         let [first, second] = &mut self.velocities;
-        let moved = state.centres.iter().zip(first.chunks_exact(3));
+        let moved = state.centres.iter().zip(S::by_sphere(first));
         self.centres
-            .extend(moved.map(|(x, u)| x + Vec2::new(u[0], u[1]) * (0.5 * dt)));
+            .extend(moved.map(|(&x, u)| x + S::translation(u) * (0.5 * dt)));
         let middle = Stage {
             number: 1,
             time: time + 0.5 * dt,
@@ -66,7 +77,7 @@ impl Midpoint {
             phase: Phase::Middle,
         };
         rhs(middle, &self.centres, second)?;
-        advance(state, second, dt);
+        state.advance(second, dt);
         Ok(())
     }
 
@@ -76,33 +87,33 @@ impl Midpoint {
     /// Whatever `rhs` returns; the state is then unchanged.
     pub(crate) fn first_stage_alone<E>(
         &mut self,
-        state: &mut State,
+        state: &mut State<S>,
         time: f64,
         dt: f64,
-        rhs: impl FnOnce(Stage, &[Vec2], &mut [f64]) -> Result<Bearing, E>,
+        rhs: impl FnOnce(Stage, &[S::Vector], &mut [f64]) -> Result<Bearing, E>,
     ) -> Result<(), E> {
         self.first_stage(state, time, dt, rhs)?;
-        advance(state, &self.velocities[0], dt);
+        state.advance(&self.velocities[0], dt);
         Ok(())
     }
 
     /// Takes the last step back.
-    pub(crate) fn undo(&self, state: &mut State) {
+    pub(crate) fn undo(&self, state: &mut State<S>) {
         state.copy_from(&self.start);
     }
 
     /// The first stage, whose contacts hold their gaps over the whole step.
     fn first_stage<E>(
         &mut self,
-        state: &State,
+        state: &State<S>,
         time: f64,
         dt: f64,
-        rhs: impl FnOnce(Stage, &[Vec2], &mut [f64]) -> Result<Bearing, E>,
+        rhs: impl FnOnce(Stage, &[S::Vector], &mut [f64]) -> Result<Bearing, E>,
     ) -> Result<Bearing, E> {
         self.start.copy_from(state);
         let spheres = state.centres.len();
         for velocities in &mut self.velocities {
-            velocities.resize(3 * spheres, 0.0);
+            velocities.resize(S::MODES * spheres, 0.0);
         }
         self.centres.clear();
         self.centres.reserve(spheres);
@@ -116,22 +127,14 @@ impl Midpoint {
     }
 }
 
-/// Moves centres and orientations.
-fn advance(state: &mut State, velocities: &[f64], dt: f64) {
-    let moved = state.centres.iter_mut().zip(&mut state.orientations);
-    for ((x, turned), u) in moved.zip(velocities.chunks_exact(3)) {
-        *x += Vec2::new(u[0], u[1]) * dt;
-        *turned += u[2] * dt;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::space::modes::Vec2;
 
     /// Error after one turn of a point on a circle whose speed oscillates in time.
     fn error(steps: u32, bearing: Bearing) -> f64 {
-        let mut state = State {
+        let mut state: State = State {
             centres: vec![Vec2::new(1.0, 0.0)],
             orientations: vec![0.0],
         };
@@ -159,7 +162,7 @@ mod tests {
 
     #[test]
     fn step_taken_back_leaves_the_same_bits() {
-        let mut state = State {
+        let mut state: State = State {
             centres: vec![Vec2::new(0.1, 0.7)],
             orientations: vec![0.3],
         };

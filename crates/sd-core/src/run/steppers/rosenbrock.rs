@@ -14,32 +14,41 @@
 use super::state::{Stage, State};
 use crate::contact::laws::Phase;
 use crate::contact::springs::GAMMA;
-use crate::space::modes::Vec2;
+use crate::space::{Layer, Space};
 
 /// Workspace of the integrator.
-#[derive(Debug, Default)]
-pub struct Rosenbrock {
-    centres: Vec<Vec2>,
-    /// Velocities of both stages, `[3N]` each: `(U_x, U_y, Ω)` per sphere, background included.
+#[derive(Debug)]
+pub struct Rosenbrock<S: Space = Layer> {
+    centres: Vec<S::Vector>,
+    /// Velocities of both stages, sphere by sphere, background included.
     velocities: [Vec<f64>; 2],
 }
 
-impl Rosenbrock {
-    /// One step. `rhs(stage, centres, velocities)` fills in the velocities `[3N]` at the given centres; `stage.span` is γτ.
+impl<S: Space> Default for Rosenbrock<S> {
+    fn default() -> Self {
+        Self {
+            centres: Vec::new(),
+            velocities: Default::default(),
+        }
+    }
+}
+
+impl<S: Space> Rosenbrock<S> {
+    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres; `stage.span` is γτ.
     ///
     /// # Errors
     /// Whatever `rhs` returns; the state is then unchanged.
     pub fn step<E>(
         &mut self,
-        state: &mut State,
+        state: &mut State<S>,
         time: f64,
         dt: f64,
-        mut rhs: impl FnMut(Stage, &[Vec2], &mut [f64]) -> Result<(), E>,
+        mut rhs: impl FnMut(Stage, &[S::Vector], &mut [f64]) -> Result<(), E>,
     ) -> Result<(), E> {
         let n = state.centres.len();
         let [first, second] = &mut self.velocities;
-        first.resize(3 * n, 0.0);
-        second.resize(3 * n, 0.0);
+        first.resize(S::MODES * n, 0.0);
+        second.resize(S::MODES * n, 0.0);
         let stage = |number: usize| Stage {
             number,
             time: time + number as f64 * dt,
@@ -52,19 +61,20 @@ impl Rosenbrock {
         };
         rhs(stage(0), &state.centres, first)?;
         self.centres.clear();
-        let moved = state.centres.iter().zip(first.chunks_exact(3));
+        let moved = state.centres.iter().zip(S::by_sphere(first));
         self.centres
-            .extend(moved.map(|(x, u)| x + Vec2::new(u[0], u[1]) * dt));
+            .extend(moved.map(|(&x, u)| x + S::translation(u) * dt));
         rhs(stage(1), &self.centres, second)?;
-        let both = first.chunks_exact(3).zip(second.chunks_exact(3));
+        let both = S::by_sphere(first).iter().zip(S::by_sphere(second));
         for ((x, turned), (u, v)) in state
             .centres
             .iter_mut()
             .zip(&mut state.orientations)
             .zip(both)
         {
-            *x += Vec2::new(u[0] + v[0], u[1] + v[1]) * (0.5 * dt);
-            *turned += (u[2] + v[2]) * (0.5 * dt);
+            *x += (S::translation(u) + S::translation(v)) * (0.5 * dt);
+            let rotation = (S::rotation(u) + S::rotation(v)) * (0.5 * dt);
+            *turned = S::turned(turned, &rotation);
         }
         Ok(())
     }
@@ -73,10 +83,11 @@ impl Rosenbrock {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::space::modes::Vec2;
 
     /// x after one unit of time of x' = −rate (x − cos t), x(0) = 1, its whole slope looking ahead, or `share` of it.
     fn relaxed(rate: f64, share: f64, steps: u32) -> f64 {
-        let mut state = State {
+        let mut state: State = State {
             centres: vec![Vec2::new(1.0, 0.0)],
             orientations: vec![0.0],
         };

@@ -1,18 +1,36 @@
 //! What a method in time moves, and the evaluations that it asks for.
 
 use crate::contact::laws::Phase;
-use crate::space::modes::Vec2;
+use crate::space::{Layer, Space};
 
 /// Centres and orientations of the spheres.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct State {
+#[derive(Debug, Clone, PartialEq)]
+pub struct State<S: Space = Layer> {
     /// Centres, in a.
-    pub centres: Vec<Vec2>,
-    /// Orientations, in radians.
-    pub orientations: Vec<f64>,
+    pub centres: Vec<S::Vector>,
+    /// Orientations: in radians, or unit quaternions.
+    pub orientations: Vec<S::Orientation>,
 }
 
-impl State {
+impl<S: Space> Default for State<S> {
+    fn default() -> Self {
+        Self {
+            centres: Vec::new(),
+            orientations: Vec::new(),
+        }
+    }
+}
+
+impl<S: Space> State<S> {
+    /// Moves the spheres by velocities over a time.
+    pub(super) fn advance(&mut self, velocities: &[f64], dt: f64) {
+        let spheres = self.centres.iter_mut().zip(&mut self.orientations);
+        for ((x, orientation), u) in spheres.zip(S::by_sphere(velocities)) {
+            *x += S::translation(u) * dt;
+            *orientation = S::turned(orientation, &(S::rotation(u) * dt));
+        }
+    }
+
     /// Becomes equal to the other, without allocating once there is room.
     pub fn copy_from(&mut self, other: &Self) {
         self.centres.clone_from(&other.centres);

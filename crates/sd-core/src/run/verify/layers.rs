@@ -12,6 +12,7 @@ use crate::run::instant::{Configuration, ContactRequest, solve};
 use crate::run::simulation::{Simulation, Snapshot};
 use crate::run::start;
 use crate::run::steppers::{RungeKutta, State};
+use crate::space::Layer;
 use crate::space::cell::Cell;
 use crate::space::modes::{Background, Vec2};
 use crate::stage::{Contact as StageContact, StageSolver};
@@ -43,7 +44,7 @@ pub(super) fn dilute_layer(all: &mut Vec<Check>) -> Result<(), Error> {
             area_fraction: 1e-4,
             ..params(hydrodynamics)
         };
-        let sample = Simulation::new(&dilute, 1, &NearFields::default())?.step()?;
+        let sample = Simulation::<Layer>::new(&dilute, 1, &NearFields::default())?.step()?;
         all.push(Check::near(
             format!("(η − 1)/c, one sphere, c = 10⁻⁴, {name}"),
             (sample.viscosity - 1.0) / 1e-4,
@@ -89,7 +90,7 @@ pub(super) fn ewald(all: &mut Vec<Check>) -> Result<(), Error> {
 /// Checks gaps, energy and friction of a sheared layer.
 pub(super) fn frictional_layer(all: &mut Vec<Check>) -> Result<(), Error> {
     let params = params(Hydrodynamics::BallMelrose);
-    let mut simulation = Simulation::new(&params, 2, &NearFields::default())?;
+    let mut simulation = Simulation::<Layer>::new(&params, 2, &NearFields::default())?;
     for _ in 0..300 {
         simulation.step()?;
     }
@@ -206,7 +207,7 @@ fn shear(
     dt: f64,
     steps: u32,
 ) -> Result<(), Error> {
-    let cell = |strain: f64| Cell::equal_sides(start.side, strain * start.side);
+    let cell = |strain: f64| Cell::<Layer>::equal_sides(start.side, strain * start.side);
     let tables = NearFields::default();
     let resistance = Resistance::new(
         Hydrodynamics::BallMelrose,

@@ -93,8 +93,10 @@ impl<'a> DenseContacts<'a> {
             friction: surface.friction,
             slip_resistance: list.iter().map(|c| near.slip_resistance(&c.pair)).collect(),
             bias: [
-                list.iter().map(|c| c.background[0] + gap_bias(c)).collect(),
-                list.iter().map(|c| c.background[1]).collect(),
+                list.iter()
+                    .map(|c| c.background_approach + gap_bias(c))
+                    .collect(),
+                list.iter().map(|c| c.background_slip).collect(),
             ],
             rows,
             columns,

@@ -3,15 +3,22 @@
 use super::SparseSystem;
 use super::linear::row_of;
 use crate::contact::row::Row;
-use crate::contact::solve::problem::Problem;
-use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
+use crate::contact::solve::problem::{Problem, States};
+use crate::hydrodynamics::resistance::{Fluid, NearMatrix, NearPattern};
 
-impl SparseSystem {
+impl<S: Fluid> SparseSystem<S> {
     /// The matrix of the preconditioner: the near part of R, and the stiffnesses of so many candidates and rows.
     ///
     /// Where the one before was of the same candidates, only blocks of spheres are made anew that have another stiffness now.
-    pub(super) fn assemble(&mut self, problem: &Problem, pattern: &BlockPattern, rows: usize) {
-        let again = self.is_factored && self.is_same;
+    ///
+    /// Directions of slides turn in each system: in a suspension all blocks are made anew.
+    pub(super) fn assemble(
+        &mut self,
+        (problem, states): (&Problem<S>, &States),
+        pattern: &NearPattern<S>,
+        rows: usize,
+    ) {
+        let again = self.is_factored && self.is_same && S::TANGENTS == 1;
         self.is_same = true;
         self.changed.clear();
         self.changed.resize(pattern.spheres(), !again);
@@ -19,7 +26,7 @@ impl SparseSystem {
         if again {
             for (at, (old, new)) in self.factored.iter().zip(&self.stiffness).enumerate() {
                 if old != new {
-                    for sphere in row_of(problem, at).1.spheres {
+                    for sphere in row_of(problem, states, at).1.spheres {
                         changed[sphere] = true;
                     }
                 }
@@ -38,10 +45,10 @@ impl SparseSystem {
         }
         for (at, &s) in self.stiffness[..rows].iter().enumerate() {
             if s != 0.0 {
-                let (contact, row) = row_of(problem, at);
+                let (contact, row) = row_of(problem, states, at);
                 let meant = row.spheres.map(|sphere| changed[sphere]);
                 if meant != [false, false] {
-                    add_stiffness(held, pattern, row, self.numbers[contact], s, meant);
+                    add_stiffness(held, pattern, &row, self.numbers[contact], s, meant);
                 }
             }
         }
@@ -49,17 +56,23 @@ impl SparseSystem {
 }
 
 /// Adds `s rowᵀ row` to the diagonal blocks of those of its two spheres that are meant, and to the block between them where both are.
-fn add_stiffness(
-    matrix: &mut BlockCholesky,
-    pattern: &BlockPattern,
-    row: &Row,
+fn add_stiffness<S: Fluid>(
+    matrix: &mut NearMatrix<S>,
+    pattern: &NearPattern<S>,
+    row: &Row<S>,
     number: Option<usize>,
     s: f64,
     meant: [bool; 2],
 ) {
-    let (i, j) = row.weights.split_at(3);
-    let block = |rows: &[f64], columns: &[f64]| {
-        std::array::from_fn(|at| s * rows[at % 3] * columns[at / 3])
+    let [i, j] = row.halves();
+    let block = |rows: &S::PerMode<f64>, columns: &S::PerMode<f64>| {
+        let mut block = S::no_block();
+        for column in 0..S::MODES {
+            for row in 0..S::MODES {
+                block[S::MODES * column + row] = s * rows[row] * columns[column];
+            }
+        }
+        block
     };
     for ((sphere, weights), is_meant) in row.spheres.into_iter().zip([i, j]).zip(meant) {
         if is_meant {
@@ -75,34 +88,42 @@ fn add_stiffness(
 mod tests {
     use super::*;
     use crate::contact::solve::problem::{Normal, Tangential};
+    use crate::space::Layer;
     use crate::space::modes::Vec2;
 
     /// A ring of spheres, each in contact with the next, with friction at every second contact.
-    fn ring(n: usize) -> (Problem, BlockPattern, SparseSystem) {
+    fn ring(n: usize) -> (Problem, NearPattern<Layer>, SparseSystem) {
         let next = |i: usize| (i + 1) % n;
-        let mut pairs: Vec<_> = (0..n).map(|i| (i.min(next(i)), i.max(next(i)))).collect();
+        let mut pairs: Vec<_> = (0..n)
+            .map(|i| (i.min(next(i)) as u32, i.max(next(i)) as u32))
+            .collect();
         pairs.sort_unstable();
-        let pattern = BlockPattern::new(n, &pairs).unwrap();
-        let mut system = SparseSystem::default();
+        let pattern = NearPattern::new(n, &pairs).unwrap();
+        let mut system = SparseSystem::<Layer>::default();
         system.near.reset(&pattern);
         for i in 0..n {
             let own = [9.0, 0.5, 0.1, 0.5, 8.0, -0.3, 0.1, -0.3, 10.0 + i as f64];
             system.near.add_own(&pattern, i, &own);
         }
-        let mut problem = Problem::default();
+        let mut problem = Problem::<Layer>::default();
         for (k, &(i, j)) in pairs.iter().enumerate() {
             let block = std::array::from_fn(|m| (0.7 * k as f64 + m as f64).sin());
             system.near.add_coupling(&pattern, k, &block);
             let (y, x) = (k as f64).sin_cos();
             problem.normal.push(Normal {
-                row: Row::normal([i, j], Vec2::new(x, y)),
+                row: Row::normal([i, j].map(|i| i as usize), &Vec2::new(x, y)),
                 bias: 0.0,
                 compliance: 0.0,
             });
             if k % 2 == 0 {
                 problem.tangential.push(Tangential {
                     contact: k,
-                    row: Row::slip([i, j], Vec2::new(-y, x), [1.0, 1.0]),
+                    row: Row::slip(
+                        [i, j].map(|i| i as usize),
+                        &Vec2::new(x, y),
+                        &Vec2::new(-y, x),
+                        [1.0, 1.0],
+                    ),
                     shift: 0.0,
                     compliance: 0.0,
                     coefficient: 0.3,
@@ -118,9 +139,13 @@ mod tests {
     }
 
     /// The matrix of these stiffnesses, factored, read by a solve.
-    fn read(system: &mut SparseSystem, problem: &Problem, pattern: &BlockPattern) -> Vec<f64> {
+    fn read(
+        system: &mut SparseSystem,
+        problem: &Problem,
+        pattern: &NearPattern<Layer>,
+    ) -> Vec<f64> {
         let rows = system.stiffness.len();
-        system.assemble(problem, pattern, rows);
+        system.assemble((problem, &States::default()), pattern, rows);
         system.held.factor(pattern).unwrap();
         system.is_factored = true;
         system.factored.clone_from(&system.stiffness);

@@ -4,32 +4,44 @@ use super::active::Active;
 use super::{LEAST_COMPLIANCE, WEIGHT};
 use crate::contact::row::Row;
 use crate::contact::solve::problem::{Problem, States};
-use crate::hydrodynamics::resistance::{Motion, PairwiseResistance, side_by_side_mut};
-use crate::linalg::cholesky::sparse::{BlockCholesky, BlockPattern};
+use crate::hydrodynamics::resistance::{
+    Fluid, Motion, NearMatrix, NearPattern, PairwiseResistance, side_by_side_mut,
+};
+use crate::space::Space;
 
 /// The spheres, contacts and what they do: all that the linear system is made of.
-pub(super) struct Linear<'a> {
-    pub(super) network: &'a PairwiseResistance,
-    pub(super) problem: &'a Problem,
+pub(super) struct Linear<'a, S: Fluid> {
+    pub(super) network: &'a PairwiseResistance<S>,
+    pub(super) problem: &'a Problem<S>,
     pub(super) states: &'a States,
-    pub(super) active: &'a Active,
+    pub(super) active: &'a Active<S>,
 }
 
-/// Candidate and row of a contact or friction row, numbered as stiffnesses are: candidates come first.
-pub(super) fn row_of(problem: &Problem, at: usize) -> (usize, &Row) {
+/// Candidate and row of a contact or friction row, numbered as stiffnesses are: candidates come first. Rows of slides are turned.
+pub(super) fn row_of<S: Space>(
+    problem: &Problem<S>,
+    states: &States,
+    at: usize,
+) -> (usize, Row<S>) {
     match at.checked_sub(problem.normal.len()) {
-        None => (at, &problem.normal[at].row),
-        Some(m) => (problem.tangential[m].contact, &problem.tangential[m].row),
+        None => (at, problem.normal[at].row),
+        Some(m) => {
+            let entry = &problem.tangential[m];
+            let turned = states
+                .slide(m)
+                .map(|slide| problem.turned_row(slide, m).row);
+            (entry.contact, turned.unwrap_or(entry.row))
+        }
     }
 }
 
 /// What the preconditioner is made of.
-pub(super) struct Preconditioner<'a> {
-    pub(super) pattern: &'a BlockPattern,
+pub(super) struct Preconditioner<'a, S: Fluid> {
+    pub(super) pattern: &'a NearPattern<S>,
     /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
-    pub(super) held: &'a mut BlockCholesky,
+    pub(super) held: &'a mut NearMatrix<S>,
     /// The near part of R, factored.
-    pub(super) near: &'a mut BlockCholesky,
+    pub(super) near: &'a mut NearMatrix<S>,
     /// Stiffness of each candidate, then of each row.
     pub(super) stiffness: &'a [f64],
     /// Forces on the spheres, `[3N]`.
@@ -37,21 +49,29 @@ pub(super) struct Preconditioner<'a> {
 }
 
 /// Workspace for v and v_N side by side, and for the forces of both.
-#[derive(Default)]
-pub(super) struct BothMotions {
-    velocities: Vec<Motion<2>>,
-    forces: Vec<Motion<2>>,
+pub(super) struct BothMotions<S: Fluid> {
+    velocities: Vec<Motion<S, 2>>,
+    forces: Vec<Motion<S, 2>>,
 }
 
-impl BothMotions {
-    /// The forces R v and R v_N.
-    pub(super) fn multiply(&mut self, network: &PairwiseResistance, v: &[f64], v_n: &[f64]) {
-        for both in [&mut self.velocities, &mut self.forces] {
-            both.resize(network.spheres(), [[0.0; 2]; 3]);
+impl<S: Fluid> Default for BothMotions<S> {
+    fn default() -> Self {
+        Self {
+            velocities: Vec::new(),
+            forces: Vec::new(),
         }
-        let parts = v.chunks_exact(3).zip(v_n.chunks_exact(3));
+    }
+}
+
+impl<S: Fluid> BothMotions<S> {
+    /// The forces R v and R v_N.
+    pub(super) fn multiply(&mut self, network: &PairwiseResistance<S>, v: &[f64], v_n: &[f64]) {
+        for both in [&mut self.velocities, &mut self.forces] {
+            both.resize(network.spheres(), S::each([0.0; 2]));
+        }
+        let parts = S::by_sphere(v).iter().zip(S::by_sphere(v_n));
         for (both, (v, v_n)) in self.velocities.iter_mut().zip(parts) {
-            for k in 0..3 {
+            for k in 0..S::MODES {
                 both[k] = [v[k], v_n[k]];
             }
         }
@@ -60,19 +80,19 @@ impl BothMotions {
 
     /// Puts the forces into vectors `[3N]`.
     pub(super) fn read(&self, y: &mut [f64], y_n: &mut [f64]) {
-        let parts = y.chunks_exact_mut(3).zip(y_n.chunks_exact_mut(3));
+        let parts = S::by_sphere_mut(y).iter_mut().zip(S::by_sphere_mut(y_n));
         for ((y, y_n), both) in parts.zip(&self.forces) {
-            for k in 0..3 {
+            for k in 0..S::MODES {
                 [y[k], y_n[k]] = both[k];
             }
         }
     }
 }
 
-impl Linear<'_> {
+impl<S: Fluid> Linear<'_, S> {
     /// Splits a vector into its parts: v, v_N, f, t.
     pub(super) fn split<'x>(&self, x: &'x [f64]) -> [&'x [f64]; 4] {
-        let n = 3 * self.network.spheres();
+        let n = S::MODES * self.network.spheres();
         let (v, rest) = x.split_at(n);
         let (v_n, rest) = rest.split_at(if self.problem.uses_frictionless_slip {
             n
@@ -85,7 +105,7 @@ impl Linear<'_> {
 
     /// The same, to write.
     pub(super) fn split_mut<'x>(&self, x: &'x mut [f64]) -> [&'x mut [f64]; 4] {
-        let n = 3 * self.network.spheres();
+        let n = S::MODES * self.network.spheres();
         let (v, rest) = x.split_at_mut(n);
         let (v_n, rest) = rest.split_at_mut(if self.problem.uses_frictionless_slip {
             n
@@ -97,7 +117,7 @@ impl Linear<'_> {
     }
 
     /// `y = A x` of the linear system; rows of velocities times [`WEIGHT`].
-    pub(super) fn apply(&self, x: &[f64], y: &mut [f64], both: &mut BothMotions) {
+    pub(super) fn apply(&self, x: &[f64], y: &mut [f64], both: &mut BothMotions<S>) {
         let [v, v_n, _, _] = self.split(x);
         let [y_v, y_n, y_f, y_t] = self.split_mut(y);
         if self.problem.uses_frictionless_slip {
@@ -106,7 +126,7 @@ impl Linear<'_> {
             both.read(y_v, y_n);
         } else {
             self.network.apply(v, y_v);
-            self.add_contacts(x, side_by_side_mut(y_v), y_f, y_t);
+            self.add_contacts(x, side_by_side_mut::<S>(y_v), y_f, y_t);
         }
     }
 
@@ -114,7 +134,7 @@ impl Linear<'_> {
     fn add_contacts<const L: usize>(
         &self,
         x: &[f64],
-        y: &mut [Motion<L>],
+        y: &mut [Motion<S, L>],
         y_f: &mut [f64],
         y_t: &mut [f64],
     ) {
@@ -157,7 +177,7 @@ impl Linear<'_> {
     }
 
     /// `z = P⁻¹ r`.
-    pub(super) fn precondition(&self, by: &mut Preconditioner<'_>, r: &[f64], z: &mut [f64]) {
+    pub(super) fn precondition(&self, by: &mut Preconditioner<'_, S>, r: &[f64], z: &mut [f64]) {
         let (pattern, work) = (by.pattern, &mut *by.work);
         let [r_v, r_n, r_f, r_t] = self.split(r);
         let [z_v, z_n, z_f, z_t] = self.split_mut(z);

@@ -1,0 +1,84 @@
+//! Shears a suspension and prints its viscosity: `suspension [spheres] [volume fraction] [law] [strain]`.
+
+use sd_core::{
+    Bulk, ContactLaws, ContactScheme, Hydrodynamics, LeadingOrder, NearFields, NormalLaw, Params,
+    Simulation, StiffnessUnit, TangentialLaw,
+};
+use std::error::Error;
+use std::io::Write as _;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let mut next = |usual: &str| arguments.next().unwrap_or_else(|| usual.into());
+    let spheres = next("200").parse()?;
+    let volume_fraction = next("0.5").parse()?;
+    let law = next("springs");
+    let strain: f64 = next("0.2").parse()?;
+    let springs = ContactLaws {
+        stiffness_unit: StiffnessUnit::Flow,
+        ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.0)
+    };
+    let rigid = ContactLaws {
+        tangential: TangentialLaw::Coulomb,
+        ..ContactLaws::PAPER
+    };
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    let near = Hydrodynamics::BallMelrose;
+    let (contact, hydrodynamics, roughness) = match law.as_str() {
+        "springs" => (ContactScheme::Laws(springs), lubrication, 0.0),
+        "hertz" => {
+            let hertz = ContactLaws {
+                normal: NormalLaw::Hertz,
+                ..springs
+            };
+            (ContactScheme::Laws(hertz), lubrication, 0.0)
+        }
+        "coulomb" => (ContactScheme::Laws(rigid), near, 0.01),
+        "rigid" => (ContactScheme::Rigid, near, 0.01),
+        "full" => (
+            ContactScheme::Laws(rigid),
+            Hydrodynamics::StokesianDynamics,
+            0.01,
+        ),
+        other => return Err(format!("no law {other}").into()),
+    };
+    let mut params = Params {
+        spheres,
+        area_fraction: 0.0,
+        volume_fraction: Some(volume_fraction),
+        roughness,
+        friction: 0.5,
+        shear_rate: f64::INFINITY,
+        hydrodynamics,
+        contact,
+        time_step: 0.005,
+        ..Params::UNWRITTEN
+    };
+    params.settle();
+    let mut suspension = Simulation::<Bulk>::new(&params, 1, &NearFields::default())?;
+    let mut out = std::io::stdout();
+    writeln!(
+        out,
+        "strain viscosity contacts slipping smallest-gap unconverged worst-friction systems"
+    )?;
+    while suspension.strain() < strain {
+        let sample = suspension.step()?;
+        let counters = suspension.counters();
+        if suspension.steps() % 10 == 0 {
+            writeln!(
+                out,
+                "{:.3} {:.4} {} {} {:.5} {}/{} {:.1e} {:.1e}",
+                suspension.strain(),
+                sample.viscosity,
+                sample.contacts,
+                sample.slipping,
+                sample.minimum_gap,
+                counters.unconverged_stages,
+                counters.stages,
+                counters.worst_friction_error,
+                counters.worst_residual,
+            )?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,237 @@
+//! The hydrodynamics of a suspension.
+//!
+//! Modes are ordered `(U, Ω, e)` in couplings and in products with the mobility; vectors of all
+//! spheres have the strains first.
+
+use super::fluid::{Both, FarMatrix, FarProduct, Fluid, NearTerm};
+use super::pairwise::Reach;
+use crate::error::Error;
+use crate::hydrodynamics::far_field::bulk::{DenseMobility, MobilityOperator, self_mobility};
+use crate::hydrodynamics::two_sphere::{Coupling, MODES, Modes, PairTerm};
+use crate::linalg::cholesky::skyline::SkylineCholesky;
+use crate::linalg::cholesky::trailing::trailing_inverse;
+use crate::linalg::dense::Matrix;
+use crate::space::Bulk;
+use crate::space::bulk::Strain;
+use crate::space::cell::Cell;
+use nalgebra::Vector3;
+
+impl Fluid for Bulk {
+    type Term = BulkTerm;
+    type Far = BulkFarMatrix;
+    type Operator = BulkFarProduct;
+    type PerAnyMode<T: Copy> = [T; MODES];
+    const TWISTS: bool = true;
+    const ENDS_AT_CUTOFF: bool = true;
+    /// The wave vector k = 0 is left out: there is no mean flow.
+    const DRIFTS: usize = 0;
+    /// With those of the layer the factor fills in: a Ball-Melrose instant of 1000 spheres at
+    /// φ = 0.45 takes 0.09 s in place of 0.035 s.
+    const REACHES: [Reach; 2] = [Reach {
+        needed: 2.02,
+        taken: 2.05,
+        ahead: 0.01,
+    }; 2];
+
+    #[inline(always)]
+    fn term(term: PairTerm, twist: [f64; 3]) -> BulkTerm {
+        BulkTerm(term.couplings(twist))
+    }
+
+    fn isolated(radius: f64) -> ([f64; 6], f64) {
+        let [velocity, rotation, strain] = isolated(radius);
+        let drag = std::array::from_fn(|k| if k < 3 { velocity } else { rotation });
+        (drag, strain)
+    }
+
+    fn far_drag(radius: f64) -> [f64; MODES] {
+        let [velocity, rotation, strain] = isolated(radius);
+        std::array::from_fn(|k| match k {
+            0..5 => strain,
+            5..8 => velocity,
+            _ => rotation,
+        })
+    }
+
+    #[inline(always)]
+    fn each_mode<T: Copy>(value: T) -> [T; MODES] {
+        [value; MODES]
+    }
+}
+
+/// Drag of an isolated sphere: 6πa, 8πa³, (20/3)πa³.
+fn isolated(radius: f64) -> [f64; 3] {
+    let own = self_mobility(radius);
+    [
+        own.force_velocity[0],
+        own.torque_rotation[0],
+        own.stress_strain[0],
+    ]
+    .map(f64::recip)
+}
+
+/// The blocks (i, i), (j, i) and (j, j) of a pair.
+#[derive(Debug, Clone, Copy)]
+pub struct BulkTerm([Coupling; 3]);
+
+impl BulkTerm {
+    /// Block (p, q).
+    #[inline(always)]
+    fn coupling(&self, p: usize, q: usize) -> Coupling {
+        match (p, q) {
+            (0, 1) => self.0[1].transposed(),
+            _ => self.0[p + q],
+        }
+    }
+
+    /// All modes of both spheres.
+    #[inline(always)]
+    fn apply(&self, n: &Vector3<f64>, x: &[Modes; 2]) -> [Modes; 2] {
+        let mut y = [[0.0; MODES]; 2];
+        let [own_i, coupling, own_j] = &self.0;
+        own_i.add(n, &x[0], &mut y[0]);
+        own_j.add(n, &x[1], &mut y[1]);
+        coupling.add(n, &x[0], &mut y[1]);
+        coupling.transposed().add(n, &x[1], &mut y[0]);
+        y
+    }
+}
+
+/// Velocities of a sphere in the background strain.
+fn in_strain(v: &[f64; 6], strain: &Strain) -> Modes {
+    std::array::from_fn(|k| if k < 6 { v[k] } else { -strain[k - 6] })
+}
+
+/// Place among `(U, Ω, e)` of a mode, strains first.
+fn mode(k: usize) -> usize {
+    (k + 6) % MODES
+}
+
+impl NearTerm<Bulk> for BulkTerm {
+    fn add(&mut self, other: &Self) {
+        for (own, other) in self.0.iter_mut().zip(&other.0) {
+            own.accumulate(other);
+        }
+    }
+
+    fn scaled(&self, factor: f64) -> Self {
+        Self(self.0.map(|coupling| coupling.scaled(factor)))
+    }
+
+    #[inline(always)]
+    fn block(&self, n: &Vector3<f64>, p: usize, q: usize) -> [f64; 36] {
+        let mut block = [0.0; 36];
+        block.copy_from_slice(self.coupling(p, q).force_matrix(n).as_flattened());
+        block
+    }
+
+    fn mode_block(&self, n: &Vector3<f64>, p: usize, q: usize) -> [[f64; MODES]; MODES] {
+        let matrix = self.coupling(p, q).matrix(n);
+        std::array::from_fn(|column| std::array::from_fn(|row| matrix[mode(column)][mode(row)]))
+    }
+
+    #[inline(always)]
+    fn background_forces(&self, n: &Vector3<f64>, strain: &Strain) -> Both<Bulk> {
+        let y = self.apply(n, &[in_strain(&[0.0; 6], strain); 2]);
+        y.map(|y| std::array::from_fn(|k| -y[k]))
+    }
+
+    #[inline(always)]
+    fn counterforces(
+        &self,
+        n: &Vector3<f64>,
+        v: &Both<Bulk>,
+        strain: &Strain,
+    ) -> (Both<Bulk>, [Strain; 2]) {
+        let y = self.apply(n, &[in_strain(&v[0], strain), in_strain(&v[1], strain)]);
+        let forces = y.map(|y| std::array::from_fn(|k| y[k]));
+        (forces, y.map(|y| -Strain::from_column_slice(&y[6..])))
+    }
+}
+
+/// The far field as a factored mobility.
+pub struct BulkFarMatrix {
+    mobility: DenseMobility,
+    /// M, then its factor.
+    factor: SkylineCholesky,
+    /// Scratch of the inverse of a block.
+    inverse: Matrix,
+}
+
+impl FarMatrix<Bulk> for BulkFarMatrix {
+    const TOLERANCE: f64 = DenseMobility::TOLERANCE;
+
+    fn new(cell: &Cell<Bulk>, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
+        Ok(Self {
+            mobility: DenseMobility::new(cell, radii, tolerance)?,
+            factor: SkylineCholesky::default(),
+            inverse: Matrix::default(),
+        })
+    }
+
+    fn fill(
+        &mut self,
+        cell: &Cell<Bulk>,
+        centres: &[Vector3<f64>],
+        matrix: &mut Matrix,
+    ) -> Result<(), Error> {
+        let n = centres.len();
+        let factor = &mut self.factor;
+        self.mobility.fill(cell, centres, factor.full_matrix())?;
+        factor.factor().map_err(|bad| Error::NotPositiveDefinite {
+            matrix: "far-field mobility",
+            pivot: bad.pivot,
+            sphere: bad
+                .pivot
+                .checked_sub(5 * n)
+                .map_or(bad.pivot / 5, |row| row / 6),
+        })?;
+        trailing_inverse(factor.lower(), 5 * n, &mut self.inverse, matrix);
+        Ok(())
+    }
+
+    fn apply(&self, x: &mut [f64]) {
+        self.factor.solve(x);
+    }
+
+    fn apply_for_forces(&self, x: &mut [f64]) {
+        self.factor.solve(x);
+    }
+}
+
+/// Products with the mobility.
+pub struct BulkFarProduct {
+    operator: MobilityOperator,
+    /// Modes of each sphere together, and what becomes of them.
+    modes: [Vec<Modes>; 2],
+}
+
+impl FarProduct<Bulk> for BulkFarProduct {
+    fn new(cell: &Cell<Bulk>, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
+        Ok(Self {
+            operator: MobilityOperator::new(cell, radii, tolerance)?,
+            modes: [(); 2].map(|()| vec![[0.0; MODES]; radii.len()]),
+        })
+    }
+
+    fn update(&mut self, cell: &Cell<Bulk>, centres: &[Vector3<f64>]) -> Result<(), Error> {
+        self.operator.update(cell, centres)
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) {
+        let [from, to] = &mut self.modes;
+        let n = from.len();
+        let motions = x.chunks_exact(MODES * n).zip(y.chunks_exact_mut(MODES * n));
+        for (x, y) in motions {
+            for (i, from) in from.iter_mut().enumerate() {
+                *from = std::array::from_fn(|k| x[DenseMobility::row(n, i, k)]);
+            }
+            self.operator.apply(from, to);
+            for (i, to) in to.iter().enumerate() {
+                for (k, to) in to.iter().enumerate() {
+                    y[DenseMobility::row(n, i, k)] = *to;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! What hydrodynamics has for a layer and for a suspension each.
+
+use super::pairwise::Reach;
+use crate::error::Error;
+use crate::hydrodynamics::two_sphere::PairTerm;
+use crate::linalg::dense::Matrix;
+use crate::space::cell::Cell;
+use crate::space::{Few, Space};
+
+/// A space with its hydrodynamics.
+pub trait Fluid: Space {
+    /// The resistance of one pair.
+    type Term: NearTerm<Self>;
+    /// The far field of all spheres in full matrices.
+    type Far: FarMatrix<Self>;
+    /// The same as products with the mobility.
+    type Operator: FarProduct<Self>;
+    /// Something of each mode of a sphere, strains first.
+    type PerAnyMode<T: Copy>: Few<T>;
+    /// Whether spheres twist about their line of centres.
+    const TWISTS: bool;
+    /// Whether pairs beyond the cutoff of leading-order lubrication, of which a sphere has many in
+    /// three dimensions, are left out of the list.
+    const ENDS_AT_CUTOFF: bool;
+    /// Directions in which the far field lets all spheres drift together.
+    const DRIFTS: usize;
+    /// Which pairs the near part has under Ball-Melrose and lubrication, and under an iterated far
+    /// field.
+    const REACHES: [Reach; 2];
+
+    /// The resistance of a pair; `twist`: entries (i, i), (i, j), (j, j) of X^C in mu·a³.
+    fn term(term: PairTerm, twist: [f64; 3]) -> Self::Term;
+
+    /// Drag of an isolated sphere on its velocities, and its stresslet over the rate of strain.
+    fn isolated(radius: f64) -> (Self::PerMode<f64>, f64);
+
+    /// The same for all modes, strains first, as the far field has it.
+    fn far_drag(radius: f64) -> Self::PerAnyMode<f64>;
+
+    /// A value for each mode.
+    fn each_mode<T: Copy>(value: T) -> Self::PerAnyMode<T>;
+}
+
+/// Forces and torques, or velocities, of two spheres.
+pub(crate) type Both<S> = [<S as Space>::PerMode<f64>; 2];
+/// Modes of one sphere from those of another, by columns; strains first.
+pub(crate) type ModeBlock<S> = <S as Fluid>::PerAnyMode<<S as Fluid>::PerAnyMode<f64>>;
+
+/// The resistance of one pair; n is the unit vector from i to j.
+pub trait NearTerm<S: Fluid>: Copy {
+    /// Adds another term of the same pair.
+    fn add(&mut self, other: &Self);
+
+    /// The same times a factor.
+    fn scaled(&self, factor: f64) -> Self;
+
+    /// Forces and torque on sphere p from the velocities of sphere q.
+    fn block(&self, n: &S::Vector, p: usize, q: usize) -> S::Block;
+
+    /// All modes of sphere p from those of q.
+    fn mode_block(&self, n: &S::Vector, p: usize, q: usize) -> ModeBlock<S>;
+
+    /// The forces with which the background strain drives both spheres.
+    fn background_forces(&self, n: &S::Vector, strain: &S::Strain) -> Both<S>;
+
+    /// Counterforces and stresslets for disturbances v in the background strain.
+    fn counterforces(
+        &self,
+        n: &S::Vector,
+        v: &Both<S>,
+        strain: &S::Strain,
+    ) -> (Both<S>, [S::Strain; 2]);
+}
+
+/// The far field in full matrices.
+pub trait FarMatrix<S: Fluid>: Sized {
+    /// Accuracy of the periodic sums unless said otherwise.
+    const TOLERANCE: f64;
+
+    /// Workspace for spheres in cells of the given sides.
+    ///
+    /// # Errors
+    /// A radius or tolerance out of range.
+    fn new(cell: &Cell<S>, radii: &[f64], tolerance: f64) -> Result<Self, Error>;
+
+    /// Fills in the far field's part of `R_FU`, its lower triangle.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`] for the far-field mobility.
+    fn fill(
+        &mut self,
+        cell: &Cell<S>,
+        centres: &[S::Vector],
+        matrix: &mut Matrix,
+    ) -> Result<(), Error>;
+
+    /// `x ← R_far x`, all modes of all spheres, strains first.
+    fn apply(&self, x: &mut [f64]);
+
+    /// The same for the forces and torques alone.
+    fn apply_for_forces(&self, x: &mut [f64]);
+}
+
+/// The mobility of the far field by its products.
+pub trait FarProduct<S: Fluid>: Sized {
+    /// Makes a plan for cells of the given sides.
+    ///
+    /// # Errors
+    /// A radius or tolerance out of range, or unbounded fluid.
+    fn new(cell: &Cell<S>, radii: &[f64], tolerance: f64) -> Result<Self, Error>;
+
+    /// Takes new positions.
+    ///
+    /// # Errors
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
+    fn update(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error>;
+
+    /// `y ← M x` for one motion or several, one after the other, each strains first.
+    fn apply(&mut self, x: &[f64], y: &mut [f64]);
+}

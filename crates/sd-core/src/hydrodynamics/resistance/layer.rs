@@ -1,0 +1,169 @@
+//! The hydrodynamics of a layer.
+
+use super::fluid::{Both, FarMatrix, FarProduct, Fluid, NearTerm};
+use super::isolated;
+use super::pairwise::Reach;
+use crate::error::Error;
+use crate::hydrodynamics::far_field::operator::FarOperator;
+use crate::hydrodynamics::far_field::unbounded::self_mobility;
+use crate::hydrodynamics::far_field::{FarField, FarResistance};
+use crate::hydrodynamics::two_sphere::{PairTerm, PairVector};
+use crate::linalg::dense::Matrix;
+use crate::space::Layer;
+use crate::space::cell::Cell;
+use crate::space::modes::Vec2;
+use nalgebra::Vector3;
+use std::f64::consts::PI;
+
+/// Drag, over that of free spheres, on a periodic layer that moves as a whole. The fluid gives it none, and a layer without
+/// pairs would be free to drift; forces add up to zero, so this small drag only sets that drift to zero.
+const UNIFORM_DRAG: f64 = 1e-9;
+
+impl Fluid for Layer {
+    type Term = PairTerm;
+    type Far = FarResistance;
+    type Operator = FarOperator;
+    type PerAnyMode<T: Copy> = [T; 6];
+    const TWISTS: bool = false;
+    const ENDS_AT_CUTOFF: bool = false;
+    const DRIFTS: usize = 2;
+    const REACHES: [Reach; 2] = [
+        // Pairs that touch or soon may: the factor is then small, and iterations on it are quick, if more of them.
+        Reach {
+            needed: 2.1,
+            taken: 2.2,
+            ahead: 0.08,
+        },
+        // First neighbours too: each iteration then gains a factor of about thirty.
+        Reach {
+            needed: 2.4,
+            taken: 2.7,
+            ahead: 0.08,
+        },
+    ];
+
+    #[inline(always)]
+    fn term(term: PairTerm, _: [f64; 3]) -> PairTerm {
+        term
+    }
+
+    fn isolated(radius: f64) -> ([f64; 3], f64) {
+        (isolated::drag(radius), isolated::stresslet(radius))
+    }
+
+    fn far_drag(radius: f64) -> [f64; 6] {
+        let single = self_mobility(radius);
+        std::array::from_fn(|k| single[(k + 3) % 6].recip())
+    }
+
+    #[inline(always)]
+    fn each_mode<T: Copy>(value: T) -> [T; 6] {
+        [value; 6]
+    }
+}
+
+/// `(U_x, U_y, Ω)` of both spheres in one vector.
+fn joined(both: &Both<Layer>) -> PairVector {
+    let mut vector = PairVector::zeros();
+    vector.as_mut_slice()[..3].copy_from_slice(&both[0]);
+    vector.as_mut_slice()[3..].copy_from_slice(&both[1]);
+    vector
+}
+
+/// The parts of such a vector.
+fn parted(vector: &PairVector) -> Both<Layer> {
+    [0, 3].map(|k| [vector[k], vector[k + 1], vector[k + 2]])
+}
+
+impl NearTerm<Layer> for PairTerm {
+    #[inline]
+    fn add(&mut self, other: &Self) {
+        Self::add(self, other);
+    }
+
+    #[inline]
+    fn scaled(&self, factor: f64) -> Self {
+        Self::scaled(self, factor)
+    }
+
+    #[inline(always)]
+    fn block(&self, n: &Vec2, p: usize, q: usize) -> [f64; 9] {
+        let mut block = [0.0; 9];
+        block.copy_from_slice(Self::block(self, *n, p, q).as_flattened());
+        block
+    }
+
+    #[inline]
+    fn mode_block(&self, n: &Vec2, p: usize, q: usize) -> [[f64; 6]; 6] {
+        Self::mode_block(self, *n, p, q)
+    }
+
+    fn background_forces(&self, n: &Vec2, strain: &Vector3<f64>) -> Both<Layer> {
+        parted(&self.force_from_strain(*n, strain, strain))
+    }
+
+    fn counterforces(
+        &self,
+        &n: &Vec2,
+        v: &Both<Layer>,
+        strain: &Vector3<f64>,
+    ) -> (Both<Layer>, [Vector3<f64>; 2]) {
+        let v = joined(v);
+        let force = self.force_velocity(n) * v - self.force_from_strain(n, strain, strain);
+        let s = self.stresslet_from_strain(n, strain, strain) - self.stresslet_from_velocity(n, &v);
+        let stresslets = [s.fixed_rows::<3>(0).into(), s.fixed_rows::<3>(3).into()];
+        (parted(&force), stresslets)
+    }
+}
+
+impl FarMatrix<Layer> for FarResistance {
+    const TOLERANCE: f64 = FarField::DEFAULT_TOLERANCE;
+
+    fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
+        Ok(Self::new(FarField::new(cell, radii, tolerance)?))
+    }
+
+    fn fill(&mut self, cell: &Cell, centres: &[Vec2], matrix: &mut Matrix) -> Result<(), Error> {
+        self.update(cell, centres, matrix)?;
+        if matches!(cell, Cell::Periodic { .. }) {
+            resist_uniform_motion(matrix);
+        }
+        Ok(())
+    }
+
+    fn apply(&self, x: &mut [f64]) {
+        Self::apply(self, x);
+    }
+
+    fn apply_for_forces(&self, x: &mut [f64]) {
+        Self::apply_for_forces(self, x);
+    }
+}
+
+/// Adds [`UNIFORM_DRAG`] to the lower triangle of R_FU, `[3N × 3N]`.
+fn resist_uniform_motion(matrix: &mut Matrix) {
+    let n = matrix.rows() / 3;
+    let drag = 6.0 * PI * UNIFORM_DRAG / n as f64;
+    for i in 0..n {
+        for m in 0..2 {
+            let column = matrix.column_mut(3 * i + m);
+            for entry in column[3 * i + m..].iter_mut().step_by(3) {
+                *entry += drag;
+            }
+        }
+    }
+}
+
+impl FarProduct<Layer> for FarOperator {
+    fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
+        Self::new(cell, radii, tolerance)
+    }
+
+    fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
+        Self::update(self, cell, centres)
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) {
+        Self::apply(self, x, y);
+    }
+}
