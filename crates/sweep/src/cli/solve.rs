@@ -1,6 +1,6 @@
 //! `sweep solve`.
 
-use super::{Output, read_limited};
+use super::{Output, read_input};
 use crate::api::Error;
 use crate::api::instant::{Answer, answer, read};
 use crate::exit;
@@ -25,7 +25,7 @@ pub(crate) struct Arguments {
 
 /// Solves and writes.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let bytes = read_limited(&arguments.file, INPUT_LIMIT)?;
+    let bytes = read_input(&arguments.file, INPUT_LIMIT)?;
     let (configuration, contact) = read(&arguments.file, &bytes)?;
     let answer = answer(&configuration, &contact)?;
     if output.json {
