@@ -7,8 +7,9 @@ use super::reader::{Located, Table, Values, nearest, of_axis, values, wrong_type
 use super::seeds::{SEEDS, Seeds};
 use crate::axes::{AXES, Axis, Unmade, Value, folded_params_of, params_of};
 use crate::case::Case;
+use crate::spaces::check_start;
 use sd_core::model::{Form, Refusal, StartLayer};
-use sd_core::{Params, start};
+use sd_core::Params;
 use std::ops;
 use std::path::Path;
 use toml::Spanned;
@@ -305,7 +306,7 @@ impl Grid {
         params: &Params,
         protocol: &Written,
     ) -> Result<(), Problem> {
-        let checked = params.validate().and_then(|()| start::check(params));
+        let checked = params.validate().and_then(|()| check_start(params));
         if let Err(error) = checked {
             return Err(match error {
                 sd_core::Error::Refused(refusal) => self.refused(combination, &refusal),
@@ -396,6 +397,8 @@ fn example(axis: &Axis) -> String {
     };
     let or = if axis.is_shear_rate() {
         ", or impose the stress: `shear_stress = [0.1, 1.0, 10.0]`"
+    } else if axis.is_fraction() {
+        ", or fill a volume: `volume_fraction = 0.45`"
     } else {
         ""
     };

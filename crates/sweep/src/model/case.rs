@@ -66,9 +66,13 @@ impl Case {
             Some(stress) => format!("σ*={stress}"),
             None => format!("Γ={}", p.shear_rate),
         };
+        let fraction = match p.volume_fraction {
+            Some(volume_fraction) => format!("φ={volume_fraction}"),
+            None => format!("c={}", p.area_fraction),
+        };
         // Each with how soon it is left out, the highest first.
         let mut words = vec![
-            (2, format!("c={}", p.area_fraction)),
+            (2, fraction),
             (1, format!("ν={}", p.friction)),
             (3, format!("h={}", p.roughness)),
             (0, shear),

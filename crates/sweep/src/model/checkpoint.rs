@@ -1,21 +1,22 @@
 //! The format of a checkpoint: versioned, checksummed, all that the rest of the run and its result need.
 
 use sd_core::simulation::Counters;
-use sd_core::{Sample, Snapshot};
+use crate::spaces::AnySnapshot;
+use sd_core::Sample;
 use serde::{Deserialize, Serialize};
 
 /// First bytes of every checkpoint.
 const MAGIC: [u8; 4] = *b"SWCP";
 /// Version of the format.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Bytes before the content: magic, version, checksum.
 const HEADER: usize = 4 + 4 + 32;
 
 /// A run as far as it has come.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// State of the layer.
-    pub snapshot: Snapshot,
+    /// State of the layer or suspension.
+    pub snapshot: AnySnapshot,
     /// Samples so far, with their steps.
     pub samples: Vec<(u64, Sample)>,
     /// Seconds of computing so far.
@@ -107,7 +108,7 @@ impl Checkpoint {
         };
         self.wall_time_s.is_finite()
             && self.cpu_time_s.is_finite()
-            && counters(&self.snapshot.counters)
+            && counters(self.snapshot.counters())
             && self
                 .samples
                 .iter()

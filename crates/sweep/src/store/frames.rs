@@ -3,17 +3,17 @@
 use super::claims::Claim;
 use super::digest::{Sealed, whole};
 use super::{Store, StoreError};
+use crate::spaces::AnyFrame;
 use crate::trajectory;
 use rusqlite::{Connection, Row};
-use sd_core::simulation::Frame;
 
 /// A kept frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StoredFrame {
     /// Its step.
     pub step: u64,
-    /// The layer.
-    pub frame: Frame,
+    /// The layer or suspension.
+    pub frame: AnyFrame,
 }
 
 /// The frames.
@@ -50,7 +50,7 @@ impl Store {
     pub(crate) fn keep_frames(
         &mut self,
         claim: &Claim,
-        frames: &[(u64, Frame)],
+        frames: &[(u64, AnyFrame)],
     ) -> Result<(), StoreError> {
         if frames.is_empty() {
             return Ok(());
@@ -59,7 +59,7 @@ impl Store {
             for (step, frame) in frames {
                 let data = trajectory::encode(frame)
                     .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
-                put(connection, claim.id, *step, frame.strain, data)?;
+                put(connection, claim.id, *step, frame.strain(), data)?;
             }
             Ok(())
         })

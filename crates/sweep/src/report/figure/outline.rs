@@ -15,7 +15,6 @@ const SLENDERNESS: f64 = 0.74;
 /// Dashes of lines without markers, which tell them apart in grey print.
 const DASHES: [Option<[f64; 2]>; 4] = [None, Some([4.0, 1.2]), Some([1.4, 1.0]), Some([8.0, 1.6])];
 /// What dashed lines are called.
-const DILUTE: &str = "dilute 1 + 5c/3";
 /// Room above and below the numbers of a logarithmic axis, over its length.
 const MARGIN: f64 = 0.05;
 /// Distance of bars of several curves at the same place, over the width of the axis.
@@ -124,7 +123,7 @@ impl Outline {
                 title: field.title.clone(),
                 curves: curves.collect(),
                 dashed: field.dilute.clone(),
-                dashed_label: (labelled == Some(place)).then_some(DILUTE),
+                dashed_label: (labelled == Some(place)).then_some(field.formula),
                 shaded,
                 x: x.clone(),
                 y: y.clone(),
