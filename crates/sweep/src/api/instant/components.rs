@@ -129,7 +129,9 @@ pub struct Strain {
     xx: f64,
     yy: f64,
     xy: f64,
+    #[serde(default)]
     xz: f64,
+    #[serde(default)]
     yz: f64,
 }
 

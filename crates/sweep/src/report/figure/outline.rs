@@ -112,6 +112,7 @@ impl Outline {
             .next()
             .filter(|first| discards().all(|d| (d - first).abs() < 1e-9) && *first > 0.0);
         let labelled = sketch.panels.iter().position(|p| !p.dilute.is_empty());
+        let formula = labelled.map_or("", |place| sketch.panels[place].formula);
         let panel = |(place, field): (usize, &Field)| {
             let lines: Vec<&Line> = sketch.lines.iter().filter(|l| l.panel == place).collect();
             let shifts = dodges(&lines, &x, look);
@@ -123,7 +124,7 @@ impl Outline {
                 title: field.title.clone(),
                 curves: curves.collect(),
                 dashed: field.dilute.clone(),
-                dashed_label: (labelled == Some(place)).then_some(field.formula),
+                dashed_label: (labelled == Some(place)).then_some(formula),
                 shaded,
                 x: x.clone(),
                 y: y.clone(),
@@ -138,7 +139,7 @@ impl Outline {
         let missing = has(|curve| !curve.missing.is_empty());
         let discards = has(|curve| curve.discard.is_some());
         let notes = [
-            (labelled.is_some(), DILUTE, None),
+            (labelled.is_some(), formula, None),
             (missing, "no result", Some(Marker::Cross)),
             (discards, "end of the strain discarded", Some(Marker::Bar)),
         ];
