@@ -16,7 +16,7 @@ use sd_core::cell::Cell;
 use sd_core::contact::ContactState;
 use sd_core::instant::{self, Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::model::Words;
-use sd_core::two_sphere::Scalars;
+use sd_core::two_sphere::{scalars, twist};
 use sd_core::{Bulk, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, StressComponents};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
@@ -364,11 +364,19 @@ impl Answer {
 }
 
 /// Resistance functions of two spheres by their published names: of a sphere's own motion, and of the other's.
-pub fn named_scalars(s: &Scalars) -> [(&'static str, [f64; 2]); 10] {
-    [
+///
+/// # Errors
+/// [`sd_core::Error::OutOfRange`] about the size ratio or the separation.
+pub fn named_scalars(
+    size_ratio: f64,
+    separation: f64,
+) -> Result<[(&'static str, [f64; 2]); 11], sd_core::Error> {
+    let s = scalars(size_ratio, separation)?;
+    Ok([
         ("XA", s.x_a),
         ("YA", s.y_a),
         ("YB", s.y_b),
+        ("XC", twist(size_ratio, separation)?),
         ("YC", s.y_c),
         ("XG", s.x_g),
         ("YG", s.y_g),
@@ -376,7 +384,7 @@ pub fn named_scalars(s: &Scalars) -> [(&'static str, [f64; 2]); 10] {
         ("XM", s.x_m),
         ("YM", s.y_m),
         ("ZM", s.z_m),
-    ]
+    ])
 }
 
 #[cfg(test)]

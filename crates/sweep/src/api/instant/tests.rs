@@ -1,3 +1,5 @@
+mod suspensions;
+
 use super::*;
 use proptest::prelude::*;
 
