@@ -76,6 +76,29 @@ pub(crate) fn snapshot(steps: u64) -> AnySnapshot {
     InSpace::Layer(layer)
 }
 
+/// A frame of a suspension of two spheres in contact, the first of them at that place.
+pub(crate) fn suspension(strain: f64, place: [f64; 3]) -> AnyFrame {
+    InSpace::Suspension(Frame {
+        strain,
+        side: 8.0,
+        offset: -2.0,
+        radii: vec![1.0, 1.0],
+        centres: vec![place, [3.5, 2.0, 0.5]],
+        orientations: vec![[0.8, 0.0, 0.6, 0.0], [1.0, 0.0, 0.0, 0.0]],
+        stresslets: vec![[1.0, -1.0, 20.5, 0.25, -0.5], [0.0, 0.5, 19.0, 0.0, 2.0]],
+        contacts: vec![FrameContact {
+            i: 0,
+            j: 1,
+            normal: [0.0, 0.6, 0.8],
+            gap: 0.0078125,
+            normal_force: 12.5,
+            tangential_force: [3.0, 0.0, -4.0].into(),
+            rolling_force: [0.0; 3].into(),
+            state: sd_core::contact::ContactState::Rolling,
+        }],
+    })
+}
+
 /// A frame of two spheres in contact.
 pub(crate) fn frame() -> AnyFrame {
     InSpace::Layer(Frame {

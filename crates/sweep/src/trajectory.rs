@@ -317,7 +317,7 @@ fn decode_in<S: Kept>(stored: &Stored) -> Option<Frame<S>> {
 mod tests {
     use super::*;
     use crate::data::write_csv;
-    use crate::test_support::frame;
+    use crate::test_support::{frame, suspension};
 
     #[test]
     fn frame_comes_back() {
@@ -327,6 +327,48 @@ mod tests {
         for length in 0..bytes.len() {
             assert_eq!(decode(&bytes[..length]), None, "torn at {length}");
         }
+    }
+
+    #[test]
+    fn frame_of_a_suspension_comes_back() {
+        let frame = suspension(0.5, [1.0, 2.0, 7.5]);
+        let bytes = encode(&frame).unwrap();
+        let back = decode(&bytes).unwrap();
+        let (InSpace::Suspension(frame), InSpace::Suspension(back)) = (frame, back) else {
+            panic!("no suspension");
+        };
+        assert_eq!((&back.centres, &back.stresslets), (&frame.centres, &frame.stresslets));
+        let contact = &back.contacts[0];
+        assert_eq!(contact.tangential_force, frame.contacts[0].tangential_force);
+        for (a, b) in back.orientations[0].iter().zip(frame.orientations[0]) {
+            assert!((a - b).abs() < 1e-7);
+        }
+        for length in 0..bytes.len() {
+            assert_eq!(decode(&bytes[..length]), None, "torn at {length}");
+        }
+    }
+
+    #[test]
+    fn tables_of_suspensions_have_vectors() {
+        let frame = suspension(0.5, [1.0, 2.0, 7.5]);
+        let mut contacts = Vec::new();
+        write_csv(&contact_table(&[(25, &frame)]), &mut contacts).unwrap();
+        assert_eq!(
+            String::from_utf8(contacts).unwrap(),
+            "step,strain,i,j,normal_x,normal_y,normal_z,gap,normal_force,tangential_force_x,tangential_force_y,tangential_force_z,\
+             rolling_force_x,rolling_force_y,rolling_force_z,state\n\
+             25,0.5,0,1,0,0.6,0.8,0.0078125,12.5,3,0,-4,0,0,0,rolling\n"
+        );
+        let mut spheres = Vec::new();
+        write_csv(&sphere_table(&[(25, &frame)]), &mut spheres).unwrap();
+        let spheres = String::from_utf8(spheres).unwrap();
+        assert!(
+            spheres.starts_with(
+                "step,strain,sphere,x,y,z,radius,orientation_w,orientation_x,orientation_y,orientation_z,\
+                 stresslet_xx,stresslet_yy,stresslet_xy,stresslet_xz,stresslet_yz\n25,0.5,0,1,2,7.5,1,0.8,0,0.6,0,1,-1,20.5,0.25,-0.5\n"
+            ),
+            "{spheres}"
+        );
     }
 
     #[test]

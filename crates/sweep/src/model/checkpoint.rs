@@ -120,7 +120,8 @@ impl Checkpoint {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
+    use crate::spaces::{AnySimulation, InSpace};
+    use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params};
     use std::sync::LazyLock;
 
     /// Bytes with a header that is right, so that the decoder itself is reached.
@@ -133,7 +134,7 @@ mod tests {
     }
 
     /// A small layer after a few steps, and its parameters.
-    static LAYER: LazyLock<(Params, Snapshot)> = LazyLock::new(|| {
+    static LAYER: LazyLock<(Params, AnySnapshot)> = LazyLock::new(|| {
         let params = Params {
             spheres: 16,
             area_fraction: 0.4,
@@ -147,8 +148,7 @@ mod tests {
             time_step: 0.005,
             ..Params::UNWRITTEN
         };
-        let mut layer =
-            Simulation::<sd_core::Layer>::new(&params, 3, &NearFields::default()).unwrap();
+        let mut layer = AnySimulation::new(&params, 3, &NearFields::default()).unwrap();
         for _ in 0..20 {
             layer.step().unwrap();
         }
@@ -192,7 +192,10 @@ mod tests {
             |c| c.samples[1].1.strain = f64::INFINITY,
             |c| c.samples[0].1.normal_velocity = f64::NAN,
             |c| c.samples[0].1.counters.worst_residual = f64::NAN,
-            |c| c.snapshot.counters.minimum_gap = f64::NAN,
+            |c| match &mut c.snapshot {
+                InSpace::Layer(layer) => layer.counters.minimum_gap = f64::NAN,
+                InSpace::Suspension(_) => unreachable!("a layer was made"),
+            },
         ];
         for forge in forge {
             let mut forged = checkpoint();
@@ -243,7 +246,7 @@ mod tests {
             let end = (at + cut).min(content.len());
             content.splice(at..end, put);
             if let Ok(found) = Checkpoint::decode(&with_true_checksum(&content))
-                && let Ok(mut run) = Simulation::from_snapshot(&layer.0, found.snapshot, &NearFields::default())
+                && let Ok(mut run) = AnySimulation::from_snapshot(&layer.0, found.snapshot, &NearFields::default())
             {
                 let _ = run.step();
             }

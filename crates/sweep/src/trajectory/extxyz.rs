@@ -159,9 +159,9 @@ fn velocity<S: Kept>(from: &Frame<S>, to: &Frame<S>, sphere: usize) -> [f64; 3] 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_support::{frame, params};
+    use crate::test_support::{frame, params, suspension};
 
-    fn lines(frames: &[(u64, &Frame)]) -> Vec<String> {
+    fn lines(frames: &[(u64, &AnyFrame)]) -> Vec<String> {
         let filmed = Filmed {
             params: params(),
             seed: 7,
@@ -197,7 +197,7 @@ mod tests {
     #[test]
     fn velocities_go_over_the_edges_of_the_cell() {
         let (side, time) = (8.0, 0.5);
-        let at = |strain: f64, centres: Vec<[f64; 2]>| Frame {
+        let at = |strain: f64, centres: Vec<[f64; 2]>| -> Frame { Frame {
             strain,
             side,
             offset: 0.25 + side * strain,
@@ -206,7 +206,7 @@ mod tests {
             stresslets: vec![[0.0; 3]; centres.len()],
             centres,
             ..Frame::default()
-        };
+        } };
         let from = at(0.0, vec![[7.0, 6.0], [3.0, 7.9], [1.0, 0.05]]);
         let offset = 0.25 + side * time;
         // The second goes up through the edge, the third down, both with a quarter beyond the flow.
@@ -224,6 +224,22 @@ mod tests {
             for (a, b) in found.into_iter().zip(wanted) {
                 assert!((a - b).abs() < 1e-12, "{sphere}: {found:?}");
             }
+        }
+    }
+
+    #[test]
+    fn suspensions_have_three_coordinates_and_quaternions_in_a_cell_periodic_along_z() {
+        let (first, second) = (suspension(0.5, [1.0, 2.0, 7.9]), suspension(1.0, [2.25, 2.5, 0.4]));
+        let lines = lines(&[(25, &first), (50, &second)]);
+        assert!(lines[1].starts_with("Lattice=\"8 0 0 -2 8 0 0 0 8\" Origin=\"0 0 0\""), "{}", lines[1]);
+        assert!(lines[1].contains("orientation:R:4:stresslet:R:5:"), "{}", lines[1]);
+        assert!(lines[1].contains("pbc=\"T T T\""), "{}", lines[1]);
+        // Half a strain at y = 2 carries it by 1; OVITO's order of a quaternion is x y z w.
+        let wanted = [1.0, 2.0, 7.9, 1.0, 1.0, 0.0, 0.6, 0.0, 0.8, 1.0, -1.0, 20.5, 0.25, -0.5, 1.0, 2.5, 1.0, 1.0];
+        let found: Vec<f64> = lines[2].split(' ').skip(1).map(|cell| cell.parse().unwrap()).collect();
+        assert_eq!(found.len(), wanted.len(), "{}", lines[2]);
+        for (found, wanted) in found.iter().zip(wanted) {
+            assert!((found - wanted).abs() < 1e-12, "{}", lines[2]);
         }
     }
 }
