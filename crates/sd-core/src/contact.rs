@@ -7,6 +7,12 @@
 //! rolling friction:    torques +a_ij F_r on i, −a_ij F_r on j,        u_r = a_ij (Ω_j − Ω_i)
 //! ```
 //!
+//! In a suspension slip, friction and rolling are vectors across the line of centres, with d any direction there:
+//!
+//! ```text
+//! u_d = d·(U_j − U_i) − (n × d)·(l_i Ω_i + l_j Ω_j)          u_r,d = a_ij (n × d)·(Ω_j − Ω_i);  twist about n is free
+//! ```
+//!
 //! Every law is entries of one problem, stated at the top of `contact/solve.rs`. [`laws`] says what a law comes to at a stage, [`solver`] chooses the pairs that
 //! take part, poses the problem and takes its solution. [`crate::procedure`] stays apart: it is a protocol, not a law.
 

@@ -1,7 +1,11 @@
-//! Stokesian Dynamics of a sheared layer of rough, frictional spheres.
+//! Stokesian Dynamics of sheared layers and suspensions of rough, frictional spheres.
 //!
 //! N spheres in the plane z = 0 of an unbounded viscous fluid, doubly periodic in the plane, under the shear flow
 //! `u∞ = y x̂`. Follows Townsend & Wilson, Phys. Fluids 29, 121607 (2017), "the paper"; its equations are cited as (n).
+//!
+//! A suspension fills a triply periodic cell instead, under the same flow. Both are one code, generic in the [`Space`]: [`Layer`], the
+//! default, or [`Bulk`]. Equations below are those of the layer, in which tensors and tangent planes are those of three dimensions for a
+//! suspension: friction is then a vector, its bound a disc.
 //!
 //! # Units and symbols
 //! Mean radius a, viscosity μ and shear rate are 1. x is the flow, y the gradient, z the vorticity.
@@ -28,7 +32,7 @@
 //! |t| ≤ ρ(f), z = D v + d − μ t = 0 inside         friction, z the slip beyond what the law allows      contact
 //! κ, μ, ρ                                          contact laws, a file each                            law
 //! R_FU v = R_FE E + F_external + Cᵀ f − Dᵀ t       the motion                                           stage
-//! η = 1 + (Σ S_xy + Σ contact stress)/V            the viscosity, V = 2 ⟨a⟩ A                           stress
+//! η = 1 + (Σ S_xy + Σ contact stress)/V            the viscosity, V = 2 ⟨a⟩ A or that of the cell       stress
 //! dx/dt = u∞ + v, dθ/dt = Ω                        fourth order in time                                 run::steppers
 //! ```
 //!
@@ -49,11 +53,11 @@
 //! model           what decides a run: every parameter and choice declared once, ranged, validated
 //! linalg          dense matrices, lu, cholesky (dense, recursive, tiled, skyline, sparse), conjugate_gradients, gmres, anderson:
 //!                 the only room that names the linear-algebra library
-//! space           what differs between a layer and a suspension; the sheared cell, pairs and lists of them, written once for both; the six
-//!                 planar modes of a sphere in a layer
+//! space           what differs between a layer and a suspension: vectors, modes, tangents, orientations, the flow; the sheared cell, pairs and
+//!                 lists of them, written once for both; the six planar modes of a sphere in a layer
 //! hydrodynamics   two_sphere: near field of a pair; far_field: mobility of all spheres; resistance: their sum, held dense, within a
-//!                 skyline or pair by pair; iterative: the far field put on top of Ball-Melrose by iteration, for many spheres; bulk: the
-//!                 same in three dimensions, eleven modes a sphere
+//!                 skyline or pair by pair; iterative: the far field put on top of Ball-Melrose by iteration, for many spheres.
+//!                 All generic in the space, but for the sums of the far field and its mobilities
 //! contact         forces between rough surfaces. laws: the entries of a law at a stage; solver: the pairs that take part; solve: the
 //!                 one contact problem, its states, and its dense and sparse linear algebra
 //! procedure       the paper's steps, apart from the laws

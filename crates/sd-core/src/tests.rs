@@ -1,3 +1,4 @@
 //! Tests of rooms together, above all of which they stand.
 
 mod iterated_far_field;
+mod lf_dem;

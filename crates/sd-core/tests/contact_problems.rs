@@ -4,6 +4,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "contact_problems/convex.rs"]
+mod convex;
+
 use sd_core::contact::Quality;
 use sd_core::{NearFields, Params, Simulation, Snapshot, TangentialLaw};
 use serde::Deserialize;
@@ -32,11 +35,16 @@ impl Recorded {
     }
 }
 
-/// Solves the problems of a law that are chosen.
-fn solve(law: &str, chosen: impl Fn(&Recorded) -> bool) {
+/// The states of a law.
+fn recorded(law: &str) -> Vec<Recorded> {
     let path = format!("../../tests/data/contact_problems/{law}.json");
     let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap();
-    let all: Vec<Recorded> = serde_json::from_str(&text).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+/// Solves the problems of a law that are chosen.
+fn solve(law: &str, chosen: impl Fn(&Recorded) -> bool) {
+    let all = recorded(law);
     let tables = NearFields::default();
     let mut solved = 0;
     for recorded in all.into_iter().filter(|recorded| chosen(recorded)) {

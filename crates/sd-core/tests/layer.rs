@@ -506,7 +506,8 @@ fn without_friction_the_rate_and_at_rate_zero_friction_change_no_bit() {
                 contact,
                 ..params()
             };
-            let mut simulation = Simulation::new(&params, 2, &NearFields::default()).unwrap();
+            let mut simulation: Simulation =
+                Simulation::new(&params, 2, &NearFields::default()).unwrap();
             let sample = |sample: Sample| Sample {
                 shear_rate: 0.0,
                 ..sample

@@ -18,12 +18,12 @@ pub(crate) use folded::WrittenPoints;
 
 use crate::axes::identity;
 use crate::case::{Case, CaseKey};
+use crate::system::files::read_whole;
 use error::Problem;
 use grid::Grid;
 use protocol::Written;
 use reader::{Table, wrong_type};
 use std::collections::{HashMap, HashSet};
-use std::io::Read as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -41,16 +41,7 @@ impl Campaign {
             path: path.to_owned(),
             source,
         };
-        let mut bytes = Vec::new();
-        std::fs::File::open(path)
-            .and_then(|file| file.take(FILE_LIMIT + 1).read_to_end(&mut bytes))
-            .map_err(unreadable)?;
-        if bytes.len() as u64 > FILE_LIMIT {
-            return Err(CampaignError::TooLarge {
-                path: path.to_owned(),
-                limit: FILE_LIMIT,
-            });
-        }
+        let bytes = read_whole(path, FILE_LIMIT).map_err(unreadable)?;
         if bytes.starts_with(b"SQLite format 3") {
             return Err(unreadable(std::io::Error::other(
                 "this is a store, and not a campaign file, which is a text such as sweeps/quickstart.toml",

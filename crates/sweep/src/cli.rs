@@ -27,6 +27,7 @@ mod verify;
 
 use crate::api::{Error, ErrorRenderer};
 use crate::case::PHYSICS_VERSION;
+use crate::system::files;
 use crate::text::visible::{TextOutput, Visible};
 use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
@@ -232,28 +233,16 @@ impl Cli {
 }
 
 /// Reads a file, or standard input for `-`, up to a limit.
-pub(crate) fn read_limited(path: &std::path::Path, limit: u64) -> Result<Vec<u8>, Error> {
-    use std::io::Read as _;
-    let mut bytes = Vec::new();
-    let result = if path.as_os_str() == "-" {
-        std::io::stdin()
-            .lock()
-            .take(limit + 1)
-            .read_to_end(&mut bytes)
+pub(crate) fn read_input(path: &std::path::Path, limit: u64) -> Result<Vec<u8>, Error> {
+    let read = if path.as_os_str() == "-" {
+        files::read_limited(std::io::stdin().lock(), limit)
     } else {
-        std::fs::File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut bytes))
+        files::read_whole(path, limit)
     };
-    result.map_err(|source| Error::Read {
+    read.map_err(|source| Error::Read {
         path: path.to_owned(),
         source,
-    })?;
-    if bytes.len() as u64 > limit {
-        return Err(Error::TooLarge {
-            path: path.to_owned(),
-            limit,
-        });
-    }
-    Ok(bytes)
+    })
 }
 
 #[cfg(test)]

@@ -11,6 +11,9 @@
 //! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count at any distance and are
 //! then exact under Stokesian Dynamics. Under lubrication they have terms up to its cutoff only. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
 //!
+//! The same holds in a suspension, whose spheres have eleven modes; X^C is added to the pair terms. Vectors are then `[6N]`, `(U, Ω)` sphere
+//! by sphere, where `[3N]` is said here of a layer. What differs is in [`fluid`]'s implementations for the two spaces.
+//!
 //! `R_FU` is held in one of three forms: full with the far field in it, within a skyline, or pair by pair without a factor.
 
 mod bulk;
@@ -168,12 +171,12 @@ impl<S: Fluid> Resistance<S> {
         if radii.is_empty() {
             return Err(Error::NoSpheres);
         }
-        cell.check_range(radii)?;
         let range = match hydrodynamics.leading_order() {
             Some(numbers) if S::ENDS_AT_CUTOFF => 2.0 + numbers.cutoff,
             _ if *cell == Cell::Unbounded && radii.len() == 2 => f64::INFINITY,
             _ => LUBRICATION_RANGE,
         };
+        cell.check_reach(radii, range)?;
         Ok(Self {
             radii: radii.to_vec(),
             near: NearTerms::new(hydrodynamics, radii, tables)?,

@@ -130,11 +130,16 @@ impl<S: Space> Cell<S> {
     /// # Errors
     /// [`Error::CellTooSmall`] names the side that is too short.
     pub fn check_range(&self, radii: &[f64]) -> Result<(), Error> {
+        self.check_reach(radii, LUBRICATION_RANGE)
+    }
+
+    /// The same within another range, in s'.
+    pub(crate) fn check_reach(&self, radii: &[f64], range: f64) -> Result<(), Error> {
         let Self::Periodic { sides, .. } = self else {
             return Ok(());
         };
         let largest = radii.iter().copied().fold(0.0, f64::max);
-        let needed = 2.0 * LUBRICATION_RANGE * largest;
+        let needed = 2.0 * range * largest;
         for (k, direction) in ['x', 'y', 'z'].into_iter().enumerate().take(S::DIMENSIONS) {
             if sides[k] < needed {
                 return Err(Error::CellTooSmall {

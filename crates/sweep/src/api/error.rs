@@ -59,14 +59,6 @@ pub enum Error {
         /// What the system said.
         source: io::Error,
     },
-    /// A file larger than any sensible input.
-    #[error("{} is larger than {limit} bytes, the most this input may have", path.display())]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// Largest size allowed.
-        limit: u64,
-    },
     /// JSON input that does not say what it should.
     #[error("{}:{line}:{column}: {message}", path.display())]
     Json {

@@ -27,14 +27,6 @@ pub enum CampaignError {
         /// What the system said.
         source: io::Error,
     },
-    /// A file larger than any sensible campaign.
-    #[error("{} is larger than {limit} bytes, the most a campaign file may have", path.display())]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// Largest size allowed.
-        limit: u64,
-    },
     /// A file that does not say what it should.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -217,7 +209,7 @@ impl Problem {
             }
             near
         });
-        let labels: Vec<_> = self
+        let mut labels: Vec<_> = self
             .labels
             .into_iter()
             .map(|(span, label)| {
@@ -232,6 +224,10 @@ impl Problem {
         let shown = labels
             .iter()
             .all(|label| neighbourhood_is_short(text, label.offset()));
+        if !shown {
+            // Without a text of its own it would be drawn into that of the first fault.
+            labels.clear();
+        }
         Fault {
             place: format!("{file}:{}:{}", line + 1, column + 1),
             message: self.message,

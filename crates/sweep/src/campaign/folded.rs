@@ -41,11 +41,18 @@ impl WrittenPoints {
             Some(DeValue::Table(_)) => written.into_iter().collect(),
             _ => Vec::new(),
         };
-        for grid in grids {
-            let DeValue::Table(entries) = grid.get_ref() else {
-                continue;
-            };
-            let grid = Grid::read(entries, grid.span(), &protocol, None, &mut problems);
+        let grids = grids.into_iter().filter_map(|grid| match grid.get_ref() {
+            DeValue::Table(entries) => Some((grid.span(), entries)),
+            _ => None,
+        });
+        let grids: Vec<Grid> = grids
+            .map(|(span, entries)| Grid::read(entries, span, &protocol, None, &mut problems))
+            .collect();
+        // Laying out a large campaign takes time, and most have no such point.
+        if !grids.iter().any(Grid::may_fold) {
+            return points;
+        }
+        for grid in &grids {
             grid.each_point(|as_written, settled| {
                 let next = points.places.len();
                 points.places.entry(identity(as_written)).or_insert(next);

@@ -1,19 +1,21 @@
 //! One `[[grid]]`: the product of its axes.
 
-use super::ends_of_runs;
+mod begins;
+
 use super::error::Problem;
 use super::protocol::Written;
-use super::reader::{Located, Table, Values, nearest, of_axis, values, wrong_type};
+use super::reader::{Located, Table, Values, nearest, of_axis, values};
 use super::seeds::{SEEDS, Seeds};
 use crate::axes::{AXES, Axis, Unmade, Value, folded_params_of, params_of};
 use crate::case::Case;
 use crate::spaces::check_start;
-use sd_core::model::{Form, Refusal, StartLayer};
+use begins::{Start, start_layer};
 use sd_core::Params;
+use sd_core::model::{Form, Refusal};
 use std::ops;
 use std::path::Path;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::DeTable;
 
 /// The key of the layer that runs begin with.
 const START: &str = "start";
@@ -223,6 +225,18 @@ impl Grid {
         problems.append(&mut new);
     }
 
+    /// Whether points may share their runs: there is a value without friction, or the lower plateau.
+    pub(super) fn may_fold(&self) -> bool {
+        let without = |axis: &Axis, value: Value| match axis.key {
+            "friction" | "shear_rate" => value == Value::Number(0.0),
+            "tangential" => value == Value::Word("none"),
+            _ => false,
+        };
+        let written = AXES.iter().zip(&self.axes);
+        let mut written = written.filter_map(|(axis, values)| Some((axis, values.as_ref()?)));
+        written.any(|(axis, values)| values.all.iter().any(|value| without(axis, value.value)))
+    }
+
     /// Calls for every point, without its start layer: its parameters as they are written, and settled.
     pub(super) fn each_point(&self, mut take: impl FnMut(&Params, &Params)) {
         self.each(|combination| {
@@ -408,100 +422,4 @@ fn example(axis: &Axis) -> String {
     } else {
         format!("{example} ({note}){or}")
     }
-}
-
-/// What the runs of a grid begin with.
-#[derive(Debug)]
-enum Start {
-    /// The layer of a file, all of them.
-    File(Box<StartLayer>),
-    /// The end of the run with the same seed at a point of another store; by seed.
-    Runs(Vec<(u64, Box<StartLayer>)>),
-}
-
-/// The layer of a file that is named, or the ends of the runs of a point.
-fn start_layer(
-    written: &Spanned<DeValue<'_>>,
-    folder: &Path,
-    problems: &mut Vec<Problem>,
-) -> Option<Located<Start>> {
-    let span = written.span();
-    let found = match written.get_ref() {
-        DeValue::String(name) => super::start::read(&folder.join(name.as_ref()))
-            .map(|layer| Start::File(Box::new(layer))),
-        DeValue::Table(entries) => {
-            let (store, point) = point_of(entries, &span, problems)?;
-            ends_of_runs::layers(&folder.join(store), folder, &point).map(|layers| {
-                let boxed = layers
-                    .into_iter()
-                    .map(|(seed, layer)| (seed, Box::new(layer)));
-                Start::Runs(boxed.collect())
-            })
-        }
-        _ => {
-            let allowed = "`start` is the name of a file, or { store = \"FILE\", point = { KEY = VALUE, .. } }";
-            problems.push(wrong_type(written, START, allowed));
-            return None;
-        }
-    };
-    match found {
-        Ok(value) => Some(Located { value, span }),
-        Err([message, allowed]) => {
-            problems.push(Problem::at(&span, message, allowed).labelled("begins here"));
-            None
-        }
-    }
-}
-
-/// A store, and values that tell one of its points; `None` if something is wrong with them.
-fn point_of<'t>(
-    entries: &'t DeTable<'t>,
-    span: &ops::Range<usize>,
-    problems: &mut Vec<Problem>,
-) -> Option<(&'t str, Vec<(&'static Axis, Value)>)> {
-    let before = problems.len();
-    let table = Table::new(entries, span.clone(), START, &["store", "point"], problems);
-    let store = match table
-        .get("store")
-        .map(|written| (written, written.get_ref()))
-    {
-        Some((_, DeValue::String(name))) => Some(name.as_ref()),
-        Some((written, _)) => {
-            problems.push(wrong_type(
-                written,
-                "store",
-                "`store` is the name of a file",
-            ));
-            None
-        }
-        None => {
-            problems.extend(table.missing("store", "\"results/first.sqlite\""));
-            None
-        }
-    };
-    let mut point = Vec::new();
-    match table
-        .get("point")
-        .map(|written| (written, written.get_ref()))
-    {
-        None => {}
-        Some((written, DeValue::Table(values))) => {
-            let known: Vec<&str> = AXES.iter().map(|axis| axis.key).collect();
-            let values_of = Table::new(values, written.span(), "point", &known, problems);
-            for axis in AXES.iter() {
-                match values_of.get(axis.key).map(|value| of_axis(value, axis)) {
-                    None => {}
-                    Some(Ok(value)) => point.push((axis, value)),
-                    Some(Err(problem)) => problems.push(problem),
-                }
-            }
-        }
-        Some((written, _)) => {
-            let allowed = "`point` is a table of values: { shear_stress = 1.0, friction = 0.5 }";
-            problems.push(wrong_type(written, "point", allowed));
-        }
-    }
-    (problems.len() == before)
-        .then(|| store.map(|store| (store, point)))
-        .flatten()
 }

@@ -1,5 +1,6 @@
 //! Layers that runs begin with, read from files: the last frame of an extended XYZ file, or JSON as `sweep solve` reads it.
 
+use crate::system::files::read_text;
 use sd_core::model::StartLayer;
 use serde::Deserialize;
 use std::path::Path;
@@ -29,11 +30,7 @@ pub(super) fn read(path: &Path) -> Result<StartLayer, [String; 2]> {
         ]
     };
     let unreadable = |error: std::io::Error| fault(format!("cannot be read: {error}"));
-    let size = std::fs::metadata(path).map_err(unreadable)?.len();
-    if size > SIZE_LIMIT {
-        return Err(fault(format!("is larger than {SIZE_LIMIT} bytes")));
-    }
-    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    let text = read_text(path, SIZE_LIMIT).map_err(unreadable)?;
     let layer = if text.trim_start().starts_with('{') {
         from_json(&text)
     } else {
@@ -54,8 +51,16 @@ struct Written {
 }
 
 fn from_json(text: &str) -> Result<StartLayer, String> {
-    let layer: Written =
-        serde_json::from_str(text).map_err(|error| format!("is not a layer: {error}"))?;
+    // Words of a file that is something else are nobody's business.
+    let layer: Written = serde_json::from_str(text).map_err(|error| {
+        let words = error.to_string();
+        if words.starts_with("missing field") {
+            format!("is not a layer: {words}")
+        } else {
+            let (line, column) = (error.line(), error.column());
+            format!("is not a layer: see line {line}, column {column}")
+        }
+    })?;
     let n = layer.centres.len();
     Ok(StartLayer {
         side: square(layer.cell)?,
@@ -95,12 +100,10 @@ fn last_frame(text: &str) -> Result<Frame<'_>, String> {
         if count.trim().is_empty() {
             continue;
         }
-        let n: usize = count.trim().parse().map_err(|_| {
-            format!(
-                "is no XYZ file: {:?} in line {line} is no number of spheres",
-                short(count)
-            )
-        })?;
+        let n: usize = count
+            .trim()
+            .parse()
+            .map_err(|_| format!("is no XYZ file: line {line} has no number of spheres"))?;
         let comment = lines.next().map_or("", |(_, comment)| comment);
         let spheres: Vec<(usize, &str)> = lines.by_ref().take(n).collect();
         if spheres.len() < n {
@@ -109,13 +112,6 @@ fn last_frame(text: &str) -> Result<Frame<'_>, String> {
         last = Some(Frame { comment, spheres });
     }
     last.ok_or_else(|| "is empty".to_owned())
-}
-
-/// At most the first 40 characters.
-fn short(text: &str) -> &str {
-    text.char_indices()
-        .nth(40)
-        .map_or(text, |(end, _)| &text[..end])
 }
 
 /// The value of a key in the second line of a frame.

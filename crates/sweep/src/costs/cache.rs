@@ -3,7 +3,7 @@
 //! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error.
 
 use super::Record;
-use crate::system::files::{cache_folder, folder_of, write_whole};
+use crate::system::files::{cache_folder, folder_of, read_text, write_whole};
 use crate::system::process::{Identity, build};
 use std::fs::File;
 use std::io::Write as _;
@@ -44,7 +44,7 @@ fn append(place: &Path, records: &[Record]) -> std::io::Result<()> {
     }
     std::fs::create_dir_all(folder_of(place))?;
     if std::fs::metadata(place).is_ok_and(|file| file.len() > LIMIT) {
-        let text = std::fs::read_to_string(place)?;
+        let text = read_text(place, u64::MAX)?;
         let lines: Vec<&str> = text.lines().collect();
         let kept = lines[lines.len() / 2..].join("\n") + "\n";
         write_whole(place, |file| file.write_all(kept.as_bytes()))?;
@@ -57,7 +57,7 @@ fn append(place: &Path, records: &[Record]) -> std::io::Result<()> {
 /// All runs kept, the oldest first. Lines that cannot be read are left out.
 pub(super) fn records() -> Vec<Record> {
     let text = place()
-        .and_then(|place| std::fs::read_to_string(place).ok())
+        .and_then(|place| read_text(&place, 2 * LIMIT).ok())
         .unwrap_or_default();
     text.lines()
         .filter_map(|line| serde_json::from_str(line).ok())

@@ -225,6 +225,11 @@ pub(super) fn selected_runs(
 
 /// The first of each run that several points share.
 fn each_once(runs: &[PointRun]) -> Vec<&PointRun> {
+    // Only runs of these parameters are shared, and most campaigns have none.
+    let is_shared = |run: &PointRun| run.params.friction == 0.0 || run.params.shear_rate == 0.0;
+    if !runs.iter().any(is_shared) {
+        return runs.iter().collect();
+    }
     let mut known = HashSet::new();
     runs.iter()
         .filter(|run| known.insert(run.key.as_str()))

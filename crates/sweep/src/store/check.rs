@@ -127,6 +127,15 @@ impl Damage {
         for case in orphaned {
             damage.add(Part::Run(case), "the process that computed it is not there");
         }
+        for table in OF_CASES {
+            let astray = format!(
+                "SELECT DISTINCT case_id FROM {table} WHERE case_id NOT IN (SELECT id FROM cases)"
+            );
+            let astray: Vec<i64> = connection.values(&astray, [])?;
+            for case in astray {
+                damage.add(Part::Run(case), "there is no such run");
+            }
+        }
         damage.unless_altered(rules::check(connection))?;
         Ok(damage)
     }

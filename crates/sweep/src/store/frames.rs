@@ -2,6 +2,7 @@
 
 use super::claims::Claim;
 use super::digest::{Sealed, whole};
+use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::spaces::AnyFrame;
 use crate::trajectory;
@@ -20,21 +21,21 @@ pub struct StoredFrame {
 pub(super) const SEALED: Sealed = Sealed {
     table: "frames",
     columns: "step, strain, data",
-    with_key: false,
+    with_key: true,
     words: "a frame of a run",
 };
 
-/// Writes a frame in place of any other of its step.
+/// Writes a frame of a case, by its number and its key, in place of any other of its step.
 pub(super) fn put(
     connection: &Connection,
-    case: i64,
+    (case, key): (i64, &str),
     step: u64,
     strain: f64,
     data: Vec<u8>,
 ) -> rusqlite::Result<()> {
     SEALED.put(
         connection,
-        None,
+        Some(key),
         &[whole(step), strain.into(), data.into()],
         &[("case_id", case.into())],
     )
@@ -59,7 +60,13 @@ impl Store {
             for (step, frame) in frames {
                 let data = trajectory::encode(frame)
                     .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
-                put(connection, claim.id, *step, frame.strain(), data)?;
+                put(
+                    connection,
+                    (claim.id, &claim.key),
+                    *step,
+                    frame.strain(),
+                    data,
+                )?;
             }
             Ok(())
         })
@@ -70,11 +77,14 @@ impl Store {
     /// # Errors
     /// [`StoreError::NoFrames`] if none are kept, trouble with the file, or an entry that cannot be read.
     pub fn frames(&self, key: &str, stride: usize) -> Result<Vec<StoredFrame>, StoreError> {
-        let of_case = "t.case_id = (SELECT id FROM cases WHERE key = ?1)
-             AND t.step < (SELECT steps FROM cases WHERE key = ?1) ORDER BY t.step";
+        let steps: Option<u64> = self.read(
+            self.connection
+                .value("SELECT steps FROM cases WHERE key = ?1", [key]),
+        )?;
         let row = |row: &Row<'_>| Ok((row.get(0)?, row.get(2)?));
-        let rows = SEALED.all(&self.connection, of_case, [key], row);
-        let rows: Vec<(u64, Vec<u8>)> = self.read(rows)?;
+        let rows = SEALED.all(&self.connection, "c.key = ?1 ORDER BY t.step", [key], row);
+        let mut rows: Vec<(u64, Vec<u8>)> = self.read(rows)?;
+        rows.retain(|(step, _)| steps.is_some_and(|steps| *step < steps));
         if rows.is_empty() {
             return Err(StoreError::NoFrames { key: key.into() });
         }

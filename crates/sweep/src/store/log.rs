@@ -9,6 +9,7 @@ use super::StoreError;
 use super::harden::harden;
 use super::place::{address, log_of};
 use super::statements::Statements;
+use crate::system::files::read_whole;
 use rusqlite::{Connection, OpenFlags};
 use std::path::Path;
 use std::time::Duration;
@@ -93,7 +94,7 @@ pub(super) fn is_there(path: &Path) -> bool {
 pub(super) fn check(path: &Path) -> Result<Option<u64>, StoreError> {
     let log = log_of(path);
     for _ in 0..LOOKS {
-        let Ok(bytes) = std::fs::read(&log) else {
+        let Ok(bytes) = read_whole(&log, u64::MAX) else {
             return Ok(None);
         };
         let mut marks = marks(&bytes);

@@ -185,10 +185,13 @@ pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
         let seeds = seeds(connection, point, &rule)?;
         let wanted = decide(&rule, &seeds).wanted;
         let fits = |(place, seed): (usize, &Seed)| seed.counts == (place < wanted);
-        Altered::unless(seeds.iter().enumerate().all(fits), WHICH_COUNT)?;
+        // All seeds that a point may get are there.
+        let are_all = seeds.len() == rule.at_most;
+        Altered::unless(are_all && seeds.iter().enumerate().all(fits), WHICH_COUNT)?;
     }
     let left_out = connection.has(
-        "SELECT 1 FROM cases WHERE counts != (position IS NOT NULL) AND rule IS NULL",
+        "SELECT 1 FROM cases WHERE CASE WHEN rule IS NULL THEN counts != (position IS NOT NULL)
+             ELSE rule NOT IN (SELECT number FROM rules) END",
         [],
     )?;
     Altered::unless(!left_out, WHICH_COUNT)

@@ -1,8 +1,9 @@
 //! Files that are there whole or not at all.
 
+use rustix::fs::OFlags;
 use std::fs::{File, Permissions};
-use std::io;
-use std::os::unix::fs::PermissionsExt as _;
+use std::io::{self, Read as _};
+use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
 
 /// The folder of the user's cache; `None` without a home.
@@ -26,6 +27,48 @@ pub(crate) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     PathBuf::from(name)
+}
+
+/// Reads a file whole. Every file that somebody names is read by this: nothing is waited for, and no memory is filled.
+///
+/// # Errors
+/// Those of the system; what is no regular file, such as a pipe or a device; more bytes than the limit.
+pub(crate) fn read_whole(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    // A pipe is opened at once, whether or not somebody writes into it.
+    let flags = OFlags::NONBLOCK.bits().cast_signed();
+    let file = File::options().read(true).custom_flags(flags).open(path)?;
+    let there = file.metadata()?;
+    if there.is_dir() {
+        return Err(io::ErrorKind::IsADirectory.into());
+    }
+    if !there.is_file() {
+        return Err(io::Error::other("it is a pipe or a device, and not a file"));
+    }
+    read_limited(file, limit)
+}
+
+/// Reads a file whole as text.
+///
+/// # Errors
+/// As [`read_whole`], and what is no UTF-8.
+pub(crate) fn read_text(path: &Path, limit: u64) -> io::Result<String> {
+    let bytes = read_whole(path, limit)?;
+    String::from_utf8(bytes).map_err(|error| io::Error::other(error.utf8_error()))
+}
+
+/// Reads up to so many bytes.
+///
+/// # Errors
+/// Those of the system, and more bytes than the limit.
+pub(crate) fn read_limited(from: impl io::Read, limit: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    from.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit {
+        let problem =
+            format!("it is larger than {limit} bytes, the most that such a file may have");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, problem));
+    }
+    Ok(bytes)
 }
 
 /// Writes a file under another name beside its own, syncs it, and gives it its name: whoever reads it never sees half of it, and

@@ -3,11 +3,14 @@
 //! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error, and a table read
 //! back is bit for bit the one that was solved.
 
-use crate::system::files::cache_folder;
+use crate::system::files::{cache_folder, read_whole};
 use sd_core::two_sphere::{NEAR_FIELD_VERSION, NearField};
 use sd_core::{Error, NearFields, Params, start};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+
+/// Largest file of a table, in bytes: they have two megabytes.
+const SIZE_LIMIT: u64 = 1 << 28;
 
 /// Size ratios, larger over smaller, that runs with these parameters need besides 1.
 ///
@@ -71,7 +74,7 @@ fn place_of(ratio: f64) -> Option<PathBuf> {
 
 /// Reads a table; `None` if it is not whole.
 fn read(place: &Path) -> Option<NearField> {
-    let bytes = std::fs::read(place).ok()?;
+    let bytes = read_whole(place, SIZE_LIMIT).ok()?;
     let (checksum, content) = bytes.split_first_chunk::<32>()?;
     (blake3::hash(content).as_bytes() == checksum)
         .then(|| postcard::from_bytes(content).ok())

@@ -1,7 +1,7 @@
 //! What comes from outside with bad intent or bad luck: pipes, hostile names, slow visitors, disks that cannot be written.
 
 use crate::harness::{
-    Computed, PATIENCE, Served, command, edit, ended, printed, program, run, send, until,
+    Computed, PATIENCE, Served, command, edit, ended, printed, program, run, send, until, words,
 };
 use rustix::process::Signal;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
@@ -78,6 +78,166 @@ fn pipes_and_devices_are_no_stores() {
     let merged = ends(at, &["merge", "results/small.sqlite", "pipe.sqlite"]);
     assert_eq!(merged.status.code(), Some(1), "{merged:?}");
     assert!(!at.join("new.sqlite").exists());
+}
+
+/// The message of a command that must refuse its input at once, without a panic and without filling the screen.
+fn refused_at_once(directory: &Path, arguments: &[&str]) -> String {
+    let output = ends(directory, arguments);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {output:?}");
+    let told = output.stderr.len();
+    assert!(told < 4096, "{arguments:?}: {told} bytes");
+    words(&output.stderr)
+}
+
+#[test]
+fn every_input_is_a_regular_file_of_limited_size_and_nothing_is_shown_of_another() {
+    let directory = directory();
+    let at = directory.path();
+    let pipe = Command::new("mkfifo").arg(at.join("pipe")).status();
+    assert!(pipe.unwrap().success());
+    // A file that holds a secret, and is none of those that are read.
+    std::fs::write(at.join("secret"), "root:$6$secret:20228\n").unwrap();
+    std::fs::write(at.join("secret.json"), r#"{"centres": "hushed"}"#).unwrap();
+    for (input, why) in [
+        ("/dev/zero", "and not a file"),
+        ("pipe", "and not a file"),
+        (".", "directory"),
+        ("secret", ""),
+        ("secret.json", ""),
+    ] {
+        let start = CAMPAIGN.replace("spheres = 20", &format!("start = \"{input}\""));
+        std::fs::write(at.join("start.toml"), start).unwrap();
+        for arguments in [
+            &["plan", "start.toml"][..],
+            &["plan", input],
+            &["run", "small.toml", "--shard", "0/2", "--slices", input],
+            &["solve", input],
+            &[
+                "report",
+                "small.toml",
+                "--figure",
+                "f.svg",
+                "--style",
+                input,
+            ],
+        ] {
+            let told = refused_at_once(at, arguments);
+            assert!(told.contains(why), "{arguments:?}: {told}");
+            // Files that the user gives as a campaign, a style or an instant are shown where they are wrong.
+            if arguments.contains(&"start.toml") || arguments.contains(&"--slices") {
+                assert!(!told.contains("$6$"), "{arguments:?}: {told}");
+                assert!(!told.contains("hushed"), "{arguments:?}: {told}");
+            }
+        }
+    }
+    std::fs::write(at.join("large.toml"), vec![b'#'; (1 << 20) + 1]).unwrap();
+    let told = refused_at_once(at, &["plan", "large.toml"]);
+    assert!(told.contains("larger than 1048576 bytes"), "{told}");
+}
+
+#[test]
+fn faults_in_lines_of_any_length_are_told_in_few_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let seeds: Vec<String> = (1..12_000).map(|seed| seed.to_string()).collect();
+    let seeds = format!("seeds = [{}, 1]", seeds.join(", "));
+    let long = "z".repeat(450_000);
+    for changed in [
+        CAMPAIGN.replace("seeds = 2", &seeds),
+        CAMPAIGN
+            .replace("seeds = 2", &seeds)
+            .replace("friction = 0.3", "friction = 20"),
+        CAMPAIGN.replace("friction = 0.3", &format!("friction = \"{long}\"")),
+        CAMPAIGN.replace("friction = 0.3", &format!("{long} = 0.3")),
+        CAMPAIGN.replace("[[grid]]", &format!("[{long}]\n[[grid]]")),
+        CAMPAIGN.replace("\"small\"", &format!("\"{long}\"")),
+        CAMPAIGN.replace(
+            "friction = 0.3",
+            &format!("friction = {}", "[".repeat(9000)),
+        ),
+        CAMPAIGN.replace(
+            "friction = 0.3",
+            &format!("friction = 0.3 # {long}\nfriction = 0.4"),
+        ),
+        CAMPAIGN.replace("friction = 0.3", &format!("friction = 0.3{long}")),
+        CAMPAIGN.replace("\"ball-melrose\"", &format!("[\"{long}\", \"{long}\"]")),
+    ] {
+        std::fs::write(at.join("c.toml"), changed).unwrap();
+        let told = refused_at_once(at, &["plan", "c.toml"]);
+        assert!(told.contains("c.toml:"), "{told}");
+    }
+}
+
+#[test]
+fn limit_on_the_size_of_files_is_a_full_disk() {
+    for kilobytes in [16, 64, 160] {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        std::fs::write(at.join("small.toml"), CAMPAIGN).unwrap();
+        let limit = format!("ulimit -f {kilobytes}; exec \"$0\" \"$@\"");
+        let output = Command::new("bash")
+            .args(["-c", &limit])
+            .arg(program(at).get_program())
+            .args(["run", "small.toml"])
+            .current_dir(at)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(3), "{kilobytes}: {output:?}");
+        let done = run(at, &["run", "small.toml"]);
+        assert_eq!(done.status.code(), Some(0), "{kilobytes}: {done:?}");
+    }
+}
+
+#[test]
+fn text_that_is_no_utf_8_is_damage_of_the_store() {
+    let directory = directory();
+    let at = directory.path();
+    // Unfinished, so that a run has something to do.
+    edit(
+        &at.join("results/small.sqlite"),
+        "DELETE FROM results WHERE case_id = 1; DELETE FROM ends WHERE case_id = 1; DELETE FROM samples WHERE case_id = 1;
+         UPDATE cases SET state = 'pending', steps_done = 0, samples_digest = NULL WHERE id = 1",
+    );
+    let whole = std::fs::read(at.join("results/small.sqlite")).unwrap();
+    for (table, column) in [
+        ("campaign", "text"),
+        ("campaign", "priority"),
+        ("processes", "host"),
+        ("points", "params"),
+        ("cases", "key"),
+        ("cases", "state"),
+        ("results", "doubts"),
+    ] {
+        let store = at.join("hurt.sqlite");
+        std::fs::write(&store, &whole).unwrap();
+        let connection = rusqlite::Connection::open(&store).unwrap();
+        connection
+            .execute_batch(&format!(
+                "PRAGMA ignore_check_constraints = ON; PRAGMA foreign_keys = OFF;
+                 UPDATE {table} SET {column} = CAST(x'ff41' AS TEXT) WHERE rowid = (SELECT max(rowid) FROM {table})"
+            ))
+            .unwrap();
+        drop(connection);
+        for arguments in [
+            &["report", "hurt.sqlite"][..],
+            &["status", "hurt.sqlite"],
+            &["show", "hurt.sqlite", "2"],
+        ] {
+            let code = ends(at, arguments).status.code();
+            assert!(
+                matches!(code, Some(0 | 3)),
+                "{table}.{column}: {arguments:?}: {code:?}"
+            );
+        }
+        let ran = ends(at, &["run", "small.toml", "--store", "hurt.sqlite"]);
+        assert_eq!(ran.status.code(), Some(0), "{table}.{column}: {ran:?}");
+        let checked = ends(at, &["check", "hurt.sqlite"]);
+        assert_eq!(
+            checked.status.code(),
+            Some(0),
+            "{table}.{column}: {checked:?}"
+        );
+    }
 }
 
 #[test]

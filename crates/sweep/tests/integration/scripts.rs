@@ -16,7 +16,19 @@ fn every_script_can_be_read() {
         if path.is_dir() {
             continue; // A package of Python, with tests of its own.
         }
-        let status = Command::new("bash").arg("-n").arg(&path).status();
+        let is_python = std::fs::read_to_string(&path)
+            .unwrap()
+            .starts_with("#!/usr/bin/env python3");
+        let mut reader = if is_python {
+            let mut python = Command::new("python3");
+            python.args(["-c", "import ast, sys; ast.parse(open(sys.argv[1]).read())"]);
+            python
+        } else {
+            let mut bash = Command::new("bash");
+            bash.arg("-n");
+            bash
+        };
+        let status = reader.arg(&path).status();
         assert!(status.unwrap().success(), "{}", path.display());
     }
 }

@@ -272,27 +272,57 @@ fn failed_run_leaves_a_state_that_solve_reads() {
 
 #[test]
 fn store_deleted_under_way_ends_with_3_and_leaves_nothing_behind() {
-    let directory = directory_with(QUICK);
-    let child = command(directory.path(), &["run", "small.toml", "--quiet"])
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    wait_for_steps(directory.path(), 8);
-    let store = directory.path().join("results/small.sqlite");
-    std::fs::remove_file(&store).unwrap();
-    let output = child.wait_with_output().unwrap();
-    let error = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(3), "{error}");
-    assert!(error.contains("deleted"), "{error}");
-    let left = std::fs::read_dir(directory.path().join("results")).unwrap();
-    assert_eq!(left.count(), 0);
-    assert_eq!(
-        run(directory.path(), &["run", "small.toml", "--quiet"])
-            .status
-            .code(),
-        Some(0)
-    );
+    // In its first moments, and with checkpoints.
+    for steps in [None, Some(0), Some(8)] {
+        let directory = directory_with(QUICK);
+        let child = command(directory.path(), &["run", "small.toml", "--quiet"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let store = directory.path().join("results/small.sqlite");
+        until("a store", || store.exists().then_some(()));
+        if let Some(steps) = steps {
+            wait_for_steps(directory.path(), steps);
+        }
+        std::fs::remove_file(&store).unwrap();
+        let output = child.wait_with_output().unwrap();
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(3), "{steps:?}: {error}");
+        assert!(error.contains("deleted"), "{error}");
+        let left = std::fs::read_dir(directory.path().join("results")).unwrap();
+        assert_eq!(left.count(), 0);
+        if steps == Some(8) {
+            let again = run(directory.path(), &["run", "small.toml", "--quiet"]);
+            assert_eq!(again.status.code(), Some(0));
+        }
+    }
+}
+
+#[test]
+fn store_that_lost_its_log_is_a_store_from_its_first_moment_and_says_so() {
+    for wait in [0, 30, 150] {
+        let directory = directory_with(PUBLISHED);
+        let store = directory.path().join("results/small.sqlite");
+        let mut child = start(directory.path());
+        until("a store", || store.exists().then_some(()));
+        std::thread::sleep(Duration::from_millis(wait));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        for end in ["-wal", "-shm"] {
+            let _ =
+                std::fs::remove_file(directory.path().join(format!("results/small.sqlite{end}")));
+        }
+        for (arguments, code) in [
+            (&["report", "small.toml"][..], 0),
+            (&["run", "small.toml", "--quiet", "--time-limit", "1s"], 4),
+        ] {
+            let said = run(directory.path(), arguments);
+            assert_eq!(said.status.code(), Some(code), "{said:?}");
+            let error = String::from_utf8_lossy(&said.stderr).into_owned();
+            assert!(error.contains("there is no log"), "{wait}: {error}");
+        }
+    }
 }
 
 #[test]

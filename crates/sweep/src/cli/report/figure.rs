@@ -9,8 +9,12 @@ use crate::report::{
     Units, draw, traces,
 };
 use crate::store::Store;
+use crate::system::files;
 use clap::ValueEnum as _;
 use std::path::{Path, PathBuf};
+
+/// Largest file of a style, in bytes.
+const STYLE_LIMIT: u64 = 1 << 20;
 
 /// What figure is drawn, and how.
 #[derive(Debug, clap::Args)]
@@ -122,7 +126,7 @@ impl FigureArguments {
         let mut style = match &self.style {
             None => Style::default(),
             Some(path) => {
-                let text = std::fs::read_to_string(path).map_err(|source| Error::Read {
+                let text = files::read_text(path, STYLE_LIMIT).map_err(|source| Error::Read {
                     path: path.clone(),
                     source,
                 })?;

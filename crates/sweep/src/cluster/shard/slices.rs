@@ -2,16 +2,18 @@
 
 use super::ShardError;
 use crate::store::OpenCase;
+use crate::system::files::read_text;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::fmt::Write as _;
-use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 
 /// First words of a file of slices, with the version of its format.
 const HEADER: &str = "sweep slices 1";
 /// Last line of a whole file of slices.
 const END: &str = "end";
+/// Largest file of slices, in bytes: the keys of 10^7 cases have 330 MB.
+const SIZE_LIMIT: u64 = 1 << 30;
 
 /// The cases of every task, in the order of work.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -92,17 +94,16 @@ impl Slices {
             path: path.to_owned(),
             reason,
         };
-        let file = std::fs::File::open(path).map_err(|error| match error.kind() {
+        let text = read_text(path, SIZE_LIMIT).map_err(|error| match error.kind() {
             std::io::ErrorKind::NotFound => ShardError::NoSlices {
                 path: path.to_owned(),
             },
             _ => broken(error.to_string()),
         })?;
-        let mut lines = BufReader::new(file).lines();
-        let mut next = || match lines.next() {
-            Some(Ok(line)) => Ok(line),
-            Some(Err(error)) => Err(broken(error.to_string())),
-            None => Err(broken("half-written: the last line is missing".into())),
+        let mut lines = text.lines();
+        let mut next = || {
+            let line = lines.next();
+            line.ok_or_else(|| broken("half-written: the last line is missing".into()))
         };
         let header = next()?;
         let words: Vec<&str> = header

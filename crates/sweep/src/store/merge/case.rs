@@ -323,7 +323,7 @@ impl Merging<'_> {
         };
         for (step, strain, data) in frames {
             if crate::trajectory::decode(&data).is_some() {
-                frames::put(self.connection, ours.id, step, strain, data)?;
+                frames::put(self.connection, (ours.id, &theirs.key), step, strain, data)?;
             }
         }
         Ok(())

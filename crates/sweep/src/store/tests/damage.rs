@@ -82,6 +82,44 @@ fn no_altered_value_of_what_is_shown_gets_into_a_table_and_a_run_computes_it_aga
     }
 }
 
+#[test]
+fn no_altered_frame_is_shown_or_merged() {
+    for change in [
+        "step = step + 1000",
+        "strain = strain + 1.0",
+        "data = zeroblob(9)",
+        "digest = digest + 1",
+        "case_id = (SELECT max(id) FROM cases)",
+    ] {
+        let directory = tempfile::tempdir().unwrap();
+        let mut store = open(directory.path());
+        store.register(1).unwrap();
+        let claims = [(); 4].map(|()| store.next().unwrap());
+        for claim in &claims[..2] {
+            let frames = [20, 40].map(|step| (step, crate::test_support::frame()));
+            store.keep_frames(claim, &frames).unwrap();
+            store.end(claim, &finished_as(claim, State::Done)).unwrap();
+        }
+        let keys = claims.each_ref().map(|claim| claim.key.clone());
+        store.leave().unwrap();
+        let path = store.path().to_owned();
+        drop(store);
+        alter(
+            &path,
+            &format!(
+                "UPDATE frames SET {change} WHERE step = 40 AND case_id = (SELECT min(case_id) FROM frames)"
+            ),
+        );
+        let shown = Store::open_read_only(&path).unwrap();
+        let refused = |key: &&String| {
+            let shown = shown.frames(key, 1);
+            matches!(shown, Err(StoreError::Damaged { .. }))
+        };
+        assert_eq!(keys.iter().filter(refused).count(), 1, "{change}");
+        assert!(!check(&path).unwrap().findings.is_empty(), "{change}");
+    }
+}
+
 /// Columns of a table.
 fn columns(table: &str) -> Vec<String> {
     let directory = tempfile::tempdir().unwrap();

@@ -261,3 +261,27 @@ fn precision_is_that_of_the_runs_that_are_averaged() {
     assert_eq!(precision(false), reached);
     assert!(precision(true) > 1.0);
 }
+
+#[test]
+fn no_case_changes_its_rule_without_a_word() {
+    for change in ["rule = 99", "rule = NULL", "rule = 1 - rule"] {
+        let directory = tempfile::tempdir().unwrap();
+        let store = precise(directory.path());
+        let path = store.path().to_owned();
+        drop(store);
+        let other = rusqlite::Connection::open(&path).unwrap();
+        let change =
+            format!("PRAGMA foreign_keys = OFF; UPDATE cases SET {change} WHERE position = 2");
+        other.execute_batch(&change).unwrap();
+        drop(other);
+        let shown = Store::open_read_only(&path).unwrap().point_runs();
+        assert!(
+            matches!(shown, Err(StoreError::Damaged { .. })),
+            "{change}: {shown:?}"
+        );
+        let mut store = Store::open(&path).unwrap();
+        assert!(!store.forget_damaged().unwrap().is_empty(), "{change}");
+        drop(store);
+        assert!(precise(directory.path()).point_runs().is_ok(), "{change}");
+    }
+}

@@ -1,7 +1,7 @@
 //! State diagrams.
 
 use super::words;
-use crate::harness::{Computed, refused, sweep};
+use crate::harness::{Computed, edit, refused, sweep};
 use std::path::Path;
 
 const CAMPAIGN: &str = r#"name = "diagram"
@@ -85,4 +85,22 @@ fn a_diagram_of_too_few_points_says_how_many_it_needs() {
         &["report", "s.sqlite", "--figure", "f.svg", "--x", "friction"],
     );
     assert!(error.contains("state-diagram"), "{error}");
+}
+
+#[test]
+fn lines_are_drawn_where_the_slope_passes_a_limit() {
+    let folder = COMPUTED.folder();
+    let at = folder.path();
+    let one = ["--where", "friction=0.6"];
+    assert!(!with(at, &one).contains("d ln η"));
+    // A thousand times the viscosity from Γ = 1 to 10: ln σ rises by 4 ln 10 and ln η by 3, a slope of 0.75 after one of 0.
+    edit(
+        &at.join("s.sqlite"),
+        "UPDATE results SET viscosity = CASE (SELECT p.shear_rate > 5 FROM cases c JOIN points p ON p.id = c.point
+             WHERE c.id = case_id) WHEN 1 THEN 5000.0 ELSE 5.0 END",
+    );
+    let steep = with(at, &one);
+    let said = words(&steep);
+    assert!(said.contains(&"d ln η/d ln σ = 0.5"), "{said:?}");
+    assert!(!said.contains(&"d ln η/d ln σ = 1"), "{said:?}");
 }

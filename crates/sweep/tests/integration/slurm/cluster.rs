@@ -1,7 +1,8 @@
 //! A cluster of stand-ins for Slurm's programs, and what the tests do with it.
 
-use crate::harness::{command, until, words};
+use crate::harness::{command, send, until, words};
 use rusqlite::types::Value;
+use rustix::process::Signal;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
@@ -201,29 +202,35 @@ impl Cluster {
         }
     }
 
-    /// Waits until the store a task works in has so many steps in its checkpoints.
-    pub(crate) fn wait_for_steps(&self, task: Task, steps: i64) {
+    /// Lets a task run for moments only until it has so many steps in its checkpoints, and leaves it stopped: however fast or busy
+    /// the machine is, it is then in the midst of its work.
+    pub(crate) fn hold_at_steps(&self, child: &Child, task: Task, steps: i64) {
         until("checkpoints", || {
-            let name = format!(
-                ".{}.{}.{}.{}.sqlite",
-                task.job, task.number, task.restart, task.node
-            );
-            let files = std::fs::read_dir(self.shards().join("work"));
-            let work = files
-                .into_iter()
-                .flatten()
-                .map(|file| file.unwrap().path())
-                .find(|path| path.display().to_string().ends_with(&name));
-            let found: i64 = work
-                .and_then(|path| rusqlite::Connection::open(path).ok())
-                .and_then(|store| {
-                    store.busy_timeout(Duration::from_secs(10)).ok()?;
-                    let query = "SELECT coalesce(sum(steps_done), 0) FROM cases";
-                    store.query_row(query, [], |row| row.get(0)).ok()
-                })
-                .unwrap_or(0);
-            (found >= steps).then_some(())
+            run_for_a_moment(child);
+            (self.steps_of(task) >= steps).then_some(())
         });
+    }
+
+    /// Steps in the checkpoints of a task's own store.
+    fn steps_of(&self, task: Task) -> i64 {
+        let name = format!(
+            ".{}.{}.{}.{}.sqlite",
+            task.job, task.number, task.restart, task.node
+        );
+        let files = std::fs::read_dir(self.shards().join("work"));
+        let work = files
+            .into_iter()
+            .flatten()
+            .map(|file| file.unwrap().path())
+            .find(|path| path.display().to_string().ends_with(&name));
+        work.and_then(|path| rusqlite::Connection::open(path).ok())
+            .and_then(|store| {
+                // A task that is stopped with the lock gives it back when it goes on.
+                store.busy_timeout(Duration::from_millis(100)).ok()?;
+                let query = "SELECT coalesce(sum(steps_done), 0) FROM cases";
+                store.query_row(query, [], |row| row.get(0)).ok()
+            })
+            .unwrap_or(0)
     }
 
     /// Cases under way in published shards.
@@ -273,6 +280,13 @@ impl Cluster {
         assert!(local.len() > 12);
         assert_eq!(merged, local);
     }
+}
+
+/// Lets a stopped process go on for some milliseconds.
+pub(crate) fn run_for_a_moment(child: &Child) {
+    send(child, Signal::CONT);
+    std::thread::sleep(Duration::from_millis(5));
+    send(child, Signal::STOP);
 }
 
 pub(crate) fn contains(text: &str, parts: &[&str]) {

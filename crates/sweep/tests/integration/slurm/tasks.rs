@@ -1,6 +1,6 @@
 //! Tasks: what they compute, how they stop, go on and are cancelled.
 
-use super::cluster::{Cluster, LONG, QUICK, Task, contains, long};
+use super::cluster::{Cluster, LONG, QUICK, Task, contains, long, run_for_a_moment};
 use crate::harness::{send, until, words};
 use rustix::process::Signal;
 use std::time::Duration;
@@ -53,14 +53,15 @@ fn tasks_compute_what_a_local_run_does() {
 
 #[test]
 fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
-    let cluster = Cluster::new(&long().replace(LONG, "strain = 16.0"));
+    let cluster = Cluster::new(&long().replace(LONG, "strain = 4.0"));
     let script = cluster.submit(&["--tasks", "1"]);
     let mut task = Task::FIRST;
     for (signal, code, node) in [(Signal::USR1, 138, "n2"), (Signal::TERM, 143, "n1")] {
         cluster.says("squeue", "COMPLETING|TimeLimit\n");
         let child = cluster.start(&script, task);
-        cluster.wait_for_steps(task, 8 + 400 * i64::from(task.restart));
+        cluster.hold_at_steps(&child, task, 8 + 200 * i64::from(task.restart));
         send(&child, signal);
+        send(&child, Signal::CONT);
         let output = child.wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(code), "{output:?}");
         contains(&words(&output.stderr), &["starts the task again"]);
@@ -71,8 +72,9 @@ fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
     // A plain scancel is not a wish for more.
     cluster.says("squeue", "COMPLETING|None\n");
     let child = cluster.start(&script, task);
-    cluster.wait_for_steps(task, 500);
+    cluster.hold_at_steps(&child, task, 400);
     send(&child, Signal::TERM);
+    send(&child, Signal::CONT);
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(143), "{output:?}");
     contains(&words(&output.stderr), &["cancelled"]);
@@ -93,22 +95,19 @@ fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
 
 #[test]
 fn killed_task_loses_no_more_than_since_it_published() {
-    let cluster = Cluster::new(&long().replace(LONG, "strain = 96.0"));
+    let cluster = Cluster::new(&long().replace(LONG, "strain = 24.0"));
     let script = cluster.submit(&["--tasks", "1", "--publish-every", "0"]);
     let mut task = Task::FIRST;
     let mut child = cluster.start(&script, task);
-    // Until a shard with a case under way is there for all to read. Copies come at intervals of real time, which a fast machine outruns
-    // unless the task is held in the midst of a case until the next one is due.
-    cluster.wait_for_steps(task, 8);
+    // Until a shard with a case under way is there for all to read. Copies come at intervals of real time, which pass while the task is
+    // held in the midst of a case.
+    cluster.hold_at_steps(&child, task, 8);
     until("a published shard", || {
-        if cluster.published_halves() > 0 {
-            return Some(());
-        }
-        send(&child, Signal::STOP);
-        std::thread::sleep(Duration::from_secs(2));
-        send(&child, Signal::CONT);
-        std::thread::sleep(Duration::from_millis(100));
-        None
+        std::thread::sleep(Duration::from_secs(1));
+        (0..20).find_map(|_| {
+            run_for_a_moment(&child);
+            (cluster.published_halves() > 0).then_some(())
+        })
     });
     child.kill().unwrap();
     child.wait().unwrap();
@@ -130,7 +129,7 @@ fn killed_task_loses_no_more_than_since_it_published() {
 
 #[test]
 fn task_that_runs_twice_at_once_does_no_harm() {
-    let cluster = Cluster::new(&QUICK.replace("strain = 0.3", "strain = 3.0"));
+    let cluster = Cluster::new(&QUICK.replace("strain = 0.3", "strain = 1.0"));
     let script = cluster.submit(&["--tasks", "1", "--publish-every", "0"]);
     let task = Task::FIRST;
     let twin = Task {
@@ -141,8 +140,7 @@ fn task_that_runs_twice_at_once_does_no_harm() {
     // Held in the midst of its first case until the others are done, so that it computes that case a second time on
     // however fast or busy a machine.
     let held = cluster.start(&script, twin);
-    cluster.wait_for_steps(twin, 8);
-    send(&held, Signal::STOP);
+    cluster.hold_at_steps(&held, twin, 8);
     // Even under one name.
     let others = [task, task].map(|task| cluster.start(&script, task));
     for child in others {
@@ -161,14 +159,13 @@ fn task_that_runs_twice_at_once_does_no_harm() {
 
 #[test]
 fn status_shows_tasks_and_slices_and_cancel_ends_them() {
-    let cluster = Cluster::new(&long().replace(LONG, "strain = 96.0"));
+    let cluster = Cluster::new(&long());
     let script = cluster.submit(&["--tasks", "2"]);
     cluster.says("squeue", "0|RUNNING|n1\n1|PENDING|\n");
     let task = Task::FIRST;
     let child = cluster.start(&script, task);
-    cluster.wait_for_steps(task, 40);
     // Held while it is looked at, or it would be done on a busy machine.
-    send(&child, Signal::STOP);
+    cluster.hold_at_steps(&child, task, 40);
     let status = cluster.json(&["status", "small.toml", "--json"]);
     let tasks = &status["jobs"][0]["tasks"];
     assert_eq!(status["jobs"][0]["job"], "4711");

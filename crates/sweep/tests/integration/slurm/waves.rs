@@ -52,7 +52,7 @@ fn waves_end_by_themselves_with_the_results_of_a_local_run() {
 
 #[test]
 fn lost_task_of_a_wave_is_submitted_again_before_the_rule_looks() {
-    let cluster = Cluster::new(&precise().replace("strain = 0.3", "strain = 1.0"));
+    let cluster = Cluster::new(&precise());
     let (script, cases, tasks) = next_wave(&cluster).unwrap();
     assert_eq!((cases, tasks), (6, 3));
     // One task ends well, one goes down with its node, one never begins.
@@ -61,7 +61,7 @@ fn lost_task_of_a_wave_is_submitted_again_before_the_rule_looks() {
     assert_eq!(done.status.code(), Some(0), "{done:?}");
     let two = Task { number: 1, ..one };
     let mut lost = cluster.start(&script, two);
-    cluster.wait_for_steps(two, 4);
+    cluster.hold_at_steps(&lost, two, 4);
     send(&lost, Signal::KILL);
     lost.wait().unwrap();
     cluster.says("job", "4712\n");

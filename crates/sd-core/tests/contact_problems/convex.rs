@@ -1,0 +1,265 @@
+//! The motion under contacts whose bounds of friction are given is the minimum of a convex function of the velocities. It is found here
+//! by an interior-point method of another library, with the bounds that the solution itself has:
+//!
+//! ```text
+//! minimise   vᵀ R v/2 − Fᵀ v + Σ ρ_k s_k          over v and s
+//! subject to C v + b ≥ 0,   |D_k v + d_k| ≤ s_k
+//! ```
+//!
+//! The two methods share the resistance, and nothing of the contact problem.
+
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::SupportedConeT::{NonnegativeConeT, SecondOrderConeT};
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver as _, SolverStatus};
+use sd_core::cell::Cell;
+use sd_core::contact::laws::{Laws, RESTITUTION};
+use sd_core::contact::memory::PairForces;
+use sd_core::contact::{Contact, ContactState};
+use sd_core::instant::{self, Configuration, ContactRequest};
+use sd_core::{Bulk, ImposedFlow as _, Layer, NearFields, Params, Resistance, Simulation, start};
+
+/// Weights of velocities, by number.
+type Weights = Vec<(usize, f64)>;
+
+/// What a contact reads off the velocities of all spheres.
+struct Rows {
+    normal: Weights,
+    /// Slip, along orthonormal directions, and that of the background.
+    slip: Vec<(Weights, f64)>,
+}
+
+/// A space with its rows, written out again.
+trait Read: start::Started {
+    fn rows(contact: &Contact<Self>) -> Rows;
+    fn cell(side: f64, offset: f64) -> Cell<Self>;
+}
+
+impl Read for Layer {
+    fn rows(contact: &Contact) -> Rows {
+        let (i, j, n) = (3 * contact.pair.i, 3 * contact.pair.j, contact.pair.normal);
+        let [l_i, l_j] = contact.levers;
+        Rows {
+            normal: vec![(i, -n.x), (i + 1, -n.y), (j, n.x), (j + 1, n.y)],
+            slip: vec![(
+                vec![
+                    (i, n.y),
+                    (i + 1, -n.x),
+                    (i + 2, -l_i),
+                    (j, -n.y),
+                    (j + 1, n.x),
+                    (j + 2, -l_j),
+                ],
+                contact.background_slip,
+            )],
+        }
+    }
+
+    fn cell(side: f64, offset: f64) -> Cell {
+        Cell::equal_sides(side, offset).unwrap()
+    }
+}
+
+impl Read for Bulk {
+    fn rows(contact: &Contact<Self>) -> Rows {
+        let (i, j, n) = (6 * contact.pair.i, 6 * contact.pair.j, contact.pair.normal);
+        let mut normal = Vec::new();
+        for k in 0..3 {
+            normal.extend([(i + k, -n[k]), (j + k, n[k])]);
+        }
+        let first = n.cross(&nalgebra::Vector3::ith(n.iamin(), 1.0)).normalize();
+        let slip = [first, n.cross(&first)].map(|d| {
+            let axis = n.cross(&d);
+            let mut weights = Vec::new();
+            for k in 0..3 {
+                weights.extend([(i + k, -d[k]), (j + k, d[k])]);
+                weights.push((i + 3 + k, -contact.levers[0] * axis[k]));
+                weights.push((j + 3 + k, -contact.levers[1] * axis[k]));
+            }
+            (weights, d.dot(&contact.background_slip))
+        });
+        Rows {
+            normal,
+            slip: slip.into(),
+        }
+    }
+
+    fn cell(side: f64, offset: f64) -> Cell<Self> {
+        Cell::equal_sides(side, offset).unwrap()
+    }
+}
+
+/// Solves the instant that a run has reached by both methods; the number of contacts that slide.
+fn compare<S: Read>(params: &Params, run: &Simulation<S>) -> usize {
+    let tables = NearFields::default();
+    let n = params.spheres;
+    let configuration = Configuration::<S> {
+        centres: run.centres().to_vec(),
+        radii: run.radii().to_vec(),
+        cell: S::cell(run.side(), run.offset_at(run.strain())),
+        hydrodynamics: params.hydrodynamics,
+        background: S::Background::simple_shear(params.direction),
+        forces: vec![S::Vector::default(); n],
+        torques: vec![S::Spin::default(); n],
+    };
+    let laws = Laws::new(params.contact.laws(), params.surface());
+    let request = ContactRequest::Laws {
+        laws,
+        lubrication_gap: 0.0,
+        time_span: params.time_step,
+        springs: PairForces::default(),
+        rolling_springs: PairForces::default(),
+    };
+    let found = instant::solve(&configuration, &request, &tables).unwrap();
+    let velocities = convex_minimum(&configuration, &laws, params.time_step, &found.contacts);
+    let expected: Vec<f64> = found
+        .disturbances
+        .iter()
+        .flat_map(|v| v.as_ref().to_vec())
+        .collect();
+    let largest = expected.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    for (at, (x, y)) in velocities.iter().zip(&expected).enumerate() {
+        let error = (x - y).abs() / largest;
+        assert!(error < 1e-6, "velocity {at}: {x} and {y}, of {largest}");
+    }
+    let slides = |c: &&Contact<S>| c.state == ContactState::Slipping;
+    found.contacts.iter().filter(slides).count()
+}
+
+/// The velocities at the minimum.
+fn convex_minimum<S: Read>(
+    configuration: &Configuration<S>,
+    laws: &Laws,
+    time_span: f64,
+    contacts: &[Contact<S>],
+) -> Vec<f64> {
+    let Configuration {
+        centres,
+        radii,
+        cell,
+        hydrodynamics,
+        background,
+        ..
+    } = configuration;
+    let mut resistance =
+        Resistance::new(*hydrodynamics, cell, radii, &NearFields::default()).unwrap();
+    resistance.update(cell, centres).unwrap();
+    let size = S::MODES * centres.len();
+    let (mut work, mut forces, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
+    let mut apply = |velocities: &[f64], strain: &S::Strain| {
+        resistance.apply(velocities, strain, &mut work, &mut forces, &mut stresslets);
+        forces.clone()
+    };
+    let drag = apply(&vec![0.0; size], &background.strain_components());
+    let sliding: Vec<&Contact<S>> = contacts
+        .iter()
+        .filter(|c| c.state != ContactState::Frictionless)
+        .collect();
+    let unknowns = size + sliding.len();
+    let mut quadratic = (Vec::new(), Vec::new(), Vec::new());
+    for column in 0..size {
+        let mut unit = vec![0.0; size];
+        unit[column] = 1.0;
+        let force = apply(&unit, &S::Strain::default());
+        for (row, &x) in force.iter().enumerate().take(column + 1) {
+            if x != 0.0 {
+                quadratic.0.push(row);
+                quadratic.1.push(column);
+                quadratic.2.push(x);
+            }
+        }
+    }
+    let p = CscMatrix::new_from_triplets(unknowns, unknowns, quadratic.0, quadratic.1, quadratic.2);
+    let mut q = drag;
+    q.extend(
+        sliding
+            .iter()
+            .map(|c| laws.surface.friction * c.normal_force),
+    );
+    let (mut rows, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut b, mut cones) = (Vec::new(), vec![NonnegativeConeT(contacts.len())]);
+    let mut put = |weights: &Weights, constant: f64, b: &mut Vec<f64>| {
+        for &(column, weight) in weights {
+            rows.push(b.len());
+            columns.push(column);
+            values.push(-weight);
+        }
+        b.push(constant);
+    };
+    for contact in contacts {
+        let overlap = laws.surface.roughness - contact.pair.gap;
+        let share = if overlap > 0.0 { RESTITUTION } else { 1.0 };
+        let parting = share * overlap / time_span;
+        let constant = contact.background_approach - parting;
+        put(&S::rows(contact).normal, constant, &mut b);
+    }
+    for (k, contact) in sliding.iter().enumerate() {
+        put(&vec![(size + k, 1.0)], 0.0, &mut b);
+        let slip = S::rows(contact).slip;
+        cones.push(SecondOrderConeT(1 + slip.len()));
+        for (weights, constant) in slip {
+            put(&weights, constant, &mut b);
+        }
+    }
+    let a = CscMatrix::new_from_triplets(b.len(), unknowns, rows, columns, values);
+    let settings = DefaultSettings {
+        verbose: false,
+        tol_gap_abs: 1e-10,
+        tol_gap_rel: 1e-10,
+        tol_feas: 1e-10,
+        ..DefaultSettings::default()
+    };
+    let mut solver = DefaultSolver::new(&p, &q, &a, &b, &cones, settings).unwrap();
+    solver.solve();
+    let status = solver.solution.status;
+    assert!(
+        matches!(status, SolverStatus::Solved | SolverStatus::AlmostSolved),
+        "{status:?}"
+    );
+    solver.solution.x[..size].to_vec()
+}
+
+#[test]
+fn recorded_layers_move_as_an_interior_point_method_finds() {
+    let (mut compared, mut slide) = (0, 0);
+    for recorded in super::recorded("rigid-coulomb") {
+        if recorded.flows() && recorded.params.spheres <= 100 {
+            let tables = NearFields::default();
+            let run =
+                Simulation::from_snapshot(&recorded.params, recorded.snapshot, &tables).unwrap();
+            slide += compare(&recorded.params, &run);
+            compared += 1;
+        }
+    }
+    assert!(
+        compared >= 8 && slide > 50,
+        "{compared} layers, {slide} contacts slide"
+    );
+}
+
+#[test]
+fn suspensions_with_friction_move_as_an_interior_point_method_finds() {
+    let mut slide = 0;
+    for (friction, seed) in [(0.3, 1), (1.0, 2)] {
+        let params = Params {
+            spheres: 64,
+            area_fraction: 0.0,
+            volume_fraction: Some(0.5),
+            friction,
+            roughness: 0.01,
+            shear_rate: f64::INFINITY,
+            time_step: 0.005,
+            contact: sd_core::ContactScheme::Laws(sd_core::ContactLaws {
+                tangential: sd_core::TangentialLaw::Coulomb,
+                ..sd_core::ContactLaws::PAPER
+            }),
+            hydrodynamics: sd_core::Hydrodynamics::BallMelrose,
+            ..Params::UNWRITTEN
+        };
+        let mut run = Simulation::<Bulk>::new(&params, seed, &NearFields::default()).unwrap();
+        for _ in 0..40 {
+            run.step().unwrap();
+        }
+        slide += compare(&params, &run);
+    }
+    assert!(slide > 5, "{slide} contacts slide");
+}

@@ -1,0 +1,227 @@
+//! Single instants.
+
+use super::{LUBRICATION, laws, params, rigid, sheared, springs, surface};
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use sd_core::bulk::Background;
+use sd_core::cell::Cell;
+use sd_core::contact::ContactState;
+use sd_core::contact::laws::Laws;
+use sd_core::contact::memory::PairForces;
+use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::modes::{Background as Planar, Vec2};
+use sd_core::{Bulk, ContactLaws, Hydrodynamics, Layer, NearFields, Space, TangentialLaw};
+
+fn request<S: Space>(
+    laws: &ContactLaws,
+    friction: f64,
+    springs: PairForces<S>,
+) -> ContactRequest<S> {
+    ContactRequest::Laws {
+        laws: Laws::new(laws, surface(friction)),
+        lubrication_gap: 1e-3,
+        time_span: 0.005,
+        springs,
+        rolling_springs: PairForces::default(),
+    }
+}
+
+/// Spheres in a plane: most of them touch, and they are pushed so that some slide and some stick.
+const PLACES: [[f64; 2]; 7] = [
+    [0.0, 0.0],
+    [2.005, 0.1],
+    [1.1, 1.68],
+    [3.1, 1.78],
+    [-0.9, 1.79],
+    [4.0, -0.02],
+    [2.1, 3.415],
+];
+const FORCES: [[f64; 2]; 7] = [
+    [30.0, 12.0],
+    [3.0, 20.0],
+    [-2.0, 1.0],
+    [-36.0, -25.0],
+    [16.0, -5.0],
+    [-40.0, 8.0],
+    [2.0, -30.0],
+];
+const TORQUES: [f64; 7] = [10.0, -7.0, 4.0, 9.0, -12.0, 3.0, -5.0];
+
+#[test]
+fn spheres_in_a_plane_touch_as_in_the_layer() {
+    for (name, choice) in laws() {
+        // In units of a critical load of 0 there are neither.
+        if choice.repulsion > 0.0 || choice.adhesion > 0.0 {
+            continue;
+        }
+        for hydrodynamics in [Hydrodynamics::BallMelrose, LUBRICATION] {
+            let stretched = choice.tangential == TangentialLaw::StickSlide;
+            let spring = |x: f64| if stretched { x } else { 0.0 };
+            let layer = solve(
+                &Configuration::<Layer> {
+                    centres: PLACES.map(Vec2::from).to_vec(),
+                    radii: vec![1.0; 7],
+                    cell: Cell::Unbounded,
+                    hydrodynamics,
+                    background: Planar::SHEAR,
+                    forces: FORCES.map(Vec2::from).to_vec(),
+                    torques: TORQUES.to_vec(),
+                },
+                &request(&choice, 0.3, PairForces(vec![(0, 1, spring(0.7))])),
+                &NearFields::default(),
+            )
+            .unwrap();
+            let flat = |x: [f64; 2]| Vector3::new(x[0], x[1], 0.0);
+            let across = flat(PLACES[1]).normalize();
+            let tangent = Vector3::new(-across.y, across.x, 0.0);
+            let springs = PairForces(vec![(0, 1, tangent * spring(0.7))]);
+            let suspension = solve(
+                &Configuration::<Bulk> {
+                    centres: PLACES.map(flat).to_vec(),
+                    radii: vec![1.0; 7],
+                    cell: Cell::Unbounded,
+                    hydrodynamics,
+                    background: Background::SHEAR,
+                    forces: FORCES.map(flat).to_vec(),
+                    torques: TORQUES.map(|t| Vector3::new(0.0, 0.0, t)).to_vec(),
+                },
+                &request(&choice, 0.3, springs),
+                &NearFields::default(),
+            )
+            .unwrap();
+            let what = format!("{name}, {hydrodynamics:?}");
+            let states = |state| layer.contacts.iter().filter(|c| c.state == state).count();
+            assert!(
+                states(ContactState::Slipping) + states(ContactState::Rolling) > 3,
+                "{what} is no test"
+            );
+            let close = |a: f64, b: f64, scale: f64| {
+                assert!((a - b).abs() < 1e-8 * scale, "{what}: {a} {b}");
+            };
+            for (v, w) in layer.disturbances.iter().zip(&suspension.disturbances) {
+                for (a, b) in [v[0], v[1], 0.0, 0.0, 0.0, v[2]].iter().zip(w) {
+                    close(*a, *b, 1.0);
+                }
+            }
+            assert_eq!(layer.contacts.len(), suspension.contacts.len());
+            for (c, d) in layer.contacts.iter().zip(&suspension.contacts) {
+                close(c.normal_force, d.normal_force, 30.0);
+                let n = c.pair.normal;
+                for (of_layer, found) in [
+                    (c.tangential_force, d.tangential_force),
+                    (c.rolling_force, d.rolling_force),
+                ] {
+                    let expected = Vector3::new(-n.y, n.x, 0.0) * of_layer;
+                    close((found - expected).amax(), 0.0, 30.0);
+                }
+                assert_eq!(c.state, d.state, "{what}");
+            }
+        }
+    }
+}
+
+/// Clusters of a suspension under shear, as they are, in unbounded fluid.
+fn cluster(laws: ContactLaws) -> (Configuration<Bulk>, PairForces<Bulk>) {
+    let suspension = sheared(&params(laws, LUBRICATION), 60);
+    let snapshot = suspension.snapshot();
+    let sd_core::simulation::SchemeMemory::Laws(memory) = &snapshot.memory else {
+        unreachable!()
+    };
+    let n = snapshot.radii.len();
+    let configuration = Configuration {
+        centres: suspension.centres().to_vec(),
+        radii: snapshot.radii.clone(),
+        cell: Cell::Unbounded,
+        hydrodynamics: LUBRICATION,
+        background: Background::SHEAR,
+        forces: vec![Vector3::zeros(); n],
+        torques: vec![Vector3::zeros(); n],
+    };
+    (configuration, memory.springs.forces.clone())
+}
+
+#[test]
+fn motion_and_contact_forces_turn_with_the_configuration() {
+    let turn = Rotation3::from_euler_angles(0.7, -1.1, 2.3);
+    for choice in [
+        springs(TangentialLaw::StickSlide),
+        rigid(TangentialLaw::Coulomb),
+        rigid(TangentialLaw::RollSlip),
+    ] {
+        let (configuration, stretched) = cluster(springs(TangentialLaw::StickSlide));
+        let stretched = if choice.tangential == TangentialLaw::StickSlide {
+            stretched
+        } else {
+            PairForces::default()
+        };
+        let mut turned = configuration.clone();
+        for x in &mut turned.centres {
+            *x = turn * *x;
+        }
+        let t = configuration.background.rate_of_strain;
+        let m = Matrix3::new(t.xx, t.xy, t.xz, t.xy, t.yy, t.yz, t.xz, t.yz, -t.xx - t.yy);
+        let m = turn.matrix() * m * turn.matrix().transpose();
+        let strain = &mut turned.background.rate_of_strain;
+        (strain.xx, strain.yy, strain.xy) = (m[(0, 0)], m[(1, 1)], m[(0, 1)]);
+        (strain.xz, strain.yz) = (m[(0, 2)], m[(1, 2)]);
+        turned.background.angular_velocity = turn * configuration.background.angular_velocity;
+        let along = stretched.0.iter().map(|&(i, j, t)| (i, j, turn * t));
+        let along = PairForces(along.collect());
+        let tables = NearFields::default();
+        let a = solve(&configuration, &request(&choice, 0.5, stretched), &tables).unwrap();
+        let b = solve(&turned, &request(&choice, 0.5, along), &tables).unwrap();
+        let slipping = a
+            .contacts
+            .iter()
+            .filter(|c| c.state == ContactState::Slipping);
+        assert!(slipping.count() > 10);
+        for (v, w) in a.disturbances.iter().zip(&b.disturbances) {
+            for first in [0, 3] {
+                let [v, w] = [v, w].map(|x| Vector3::from_column_slice(&x[first..first + 3]));
+                let error = (turn * v - w).amax();
+                assert!(error < 1e-8, "{choice:?}: {error:e}");
+            }
+        }
+        for (c, d) in a.contacts.iter().zip(&b.contacts) {
+            let error = (turn * c.tangential_force - d.tangential_force).amax();
+            assert!(error < 1e-6, "{choice:?}: {error:e}");
+        }
+    }
+}
+
+/// Checks that friction obeys Coulomb's law on a disc; how many contacts slip.
+fn check_disc(
+    solved: &SolvedConfiguration<Bulk>,
+    friction: f64,
+    stretch: impl Fn(usize) -> Vector3<f64>,
+) -> usize {
+    let mut slipping = 0;
+    for (k, c) in solved.contacts.iter().enumerate() {
+        let (bound, t) = (friction * c.normal_force, c.tangential_force);
+        assert!(t.norm() <= bound * (1.0 + 1e-12) + 1e-300);
+        assert!(t.dot(&c.pair.normal).abs() <= 1e-12 * bound.max(1e-300));
+        // What slides: the slip beyond the stretch that a spring takes.
+        let z = c.slip_velocity + stretch(k);
+        match c.state {
+            ContactState::Slipping => {
+                slipping += 1;
+                assert!((t.norm() / bound - 1.0).abs() < 1e-12);
+                let against = t.dot(&z) / (t.norm() * z.norm());
+                assert!(1.0 - against < 1e-12, "{against}");
+            }
+            ContactState::Rolling => assert!(z.norm() < 1e-8, "{:e}", z.norm()),
+            ContactState::Frictionless => assert_eq!(t.norm(), 0.0),
+        }
+    }
+    slipping
+}
+
+#[test]
+fn friction_opposes_slip_and_stays_within_its_disc() {
+    let (configuration, _) = cluster(springs(TangentialLaw::StickSlide));
+    for friction in [0.1, 0.5, 1.0] {
+        let choice = rigid(TangentialLaw::Coulomb);
+        let coulomb = request(&choice, friction, PairForces::default());
+        let solved = solve(&configuration, &coulomb, &NearFields::default()).unwrap();
+        assert!(check_disc(&solved, friction, |_| Vector3::zeros()) > 10);
+    }
+}

@@ -1,0 +1,124 @@
+//! Runs.
+
+use super::{LUBRICATION, laws, params, rigid, sheared, springs};
+use nalgebra::Vector3;
+use sd_core::{
+    Bulk, ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot, TangentialLaw,
+};
+
+/// A suspension continued from what its snapshot is as text.
+fn resumed(params: &Params, suspension: &Simulation<Bulk>) -> Simulation<Bulk> {
+    let text = serde_json::to_string(&suspension.snapshot()).unwrap();
+    let snapshot: Snapshot<Bulk> = serde_json::from_str(&text).unwrap();
+    Simulation::from_snapshot(params, snapshot, &NearFields::default()).unwrap()
+}
+
+#[test]
+fn interrupted_runs_have_the_same_bits_under_every_law() {
+    for (name, choice) in laws() {
+        let params = params(choice, Hydrodynamics::BallMelrose);
+        let mut run = sheared(&params, 30);
+        let mut other = resumed(&params, &run);
+        let mut contacts = 0;
+        for _ in 0..4 {
+            let [a, b] = [&mut run, &mut other].map(|run| run.step().unwrap());
+            assert_eq!(a, b, "{name}");
+            contacts += a.contacts;
+        }
+        assert!(contacts > 20, "{name}: {contacts} contacts are no test");
+        assert_eq!(run.snapshot(), other.snapshot(), "{name}");
+        assert_eq!(run.counters().unconverged_stages, 0, "{name}");
+    }
+}
+
+#[test]
+fn interrupted_runs_have_the_same_bits_under_a_far_field_and_an_imposed_stress() {
+    let full = params(
+        rigid(TangentialLaw::Coulomb),
+        Hydrodynamics::StokesianDynamics,
+    );
+    let stress = Params {
+        shear_rate: 0.0,
+        shear_stress: Some(2.0),
+        ..params(springs(TangentialLaw::StickSlide), LUBRICATION)
+    };
+    for params in [full, stress] {
+        let mut run = sheared(&params, 12);
+        let mut other = resumed(&params, &run);
+        for _ in 0..2 {
+            let [a, b] = [&mut run, &mut other].map(|run| run.step().unwrap());
+            assert_eq!(a, b);
+        }
+        assert_eq!(run.snapshot(), other.snapshot());
+    }
+}
+
+#[test]
+fn rigid_contacts_keep_their_gaps_and_friction_raises_the_viscosity() {
+    let run = |friction| {
+        let mut params = params(rigid(TangentialLaw::Coulomb), Hydrodynamics::BallMelrose);
+        params.friction = friction;
+        params.shear_rate = f64::INFINITY;
+        params.settle();
+        let mut suspension = sheared(&params, 80);
+        let viscosity: f64 = (0..40)
+            .map(|_| suspension.step().unwrap().viscosity / 40.0)
+            .sum();
+        assert!(suspension.counters().minimum_gap > 0.95 * params.roughness);
+        viscosity
+    };
+    let [without, with] = [0.0, 0.5].map(run);
+    assert!(with > 1.1 * without, "{without} {with}");
+}
+
+#[test]
+fn soft_steps_are_of_order_two() {
+    // From one state on; few contacts open or close in so short a time.
+    let params = params(springs(TangentialLaw::StickSlide), LUBRICATION);
+    let suspension = sheared(&params, 60);
+    let centres = |steps: u64| -> Vec<Vector3<f64>> {
+        let mut finer = params.clone();
+        finer.time_step = 0.005 / steps as f64;
+        let mut snapshot = suspension.snapshot();
+        snapshot.steps *= steps;
+        let mut run = Simulation::from_snapshot(&finer, snapshot, &NearFields::default()).unwrap();
+        for _ in 0..steps {
+            run.step().unwrap();
+        }
+        run.centres().to_vec()
+    };
+    let finest = centres(64);
+    let error = |steps| {
+        let pairs = centres(steps).into_iter().zip(finest.clone());
+        let mut errors: Vec<f64> = pairs.map(|(a, b)| (a - b).norm()).collect();
+        errors.sort_by(f64::total_cmp);
+        // The median: a contact that opens moves a few spheres.
+        errors[errors.len() / 2]
+    };
+    let order = (error(4) / error(8)).log2();
+    assert!(order > 1.7, "order {order}");
+}
+
+#[test]
+fn parameters_of_the_other_space_are_refused() {
+    let good = params(springs(TangentialLaw::StickSlide), LUBRICATION);
+    let refused = |change: &dyn Fn(&mut Params)| {
+        let mut bad = good.clone();
+        change(&mut bad);
+        let made = Simulation::<Bulk>::new(&bad, 1, &NearFields::default());
+        made.err().unwrap().to_string()
+    };
+    assert!(refused(&|p| p.volume_fraction = Some(0.7)).contains("volume_fraction"));
+    assert!(refused(&|p| p.area_fraction = 0.5).contains("area_fraction"));
+    assert!(refused(&|p| p.contact = ContactScheme::Procedure).contains("protocol of layers"));
+    assert!(refused(&|p| p.spheres = 30).contains("wide along"));
+    let layer = Params {
+        area_fraction: 0.5,
+        volume_fraction: None,
+        ..good.clone()
+    };
+    let made = Simulation::<Bulk>::new(&layer, 1, &NearFields::default());
+    assert!(made.err().unwrap().to_string().contains("volume_fraction"));
+    let made = Simulation::<sd_core::Layer>::new(&good, 1, &NearFields::default());
+    assert!(made.err().unwrap().to_string().contains("area_fraction"));
+}

@@ -1,0 +1,109 @@
+//! What the runs of a grid begin with, if not with the layers that their seeds make.
+
+use super::START;
+use crate::axes::{AXES, Axis, Value};
+use crate::campaign::error::Problem;
+use crate::campaign::reader::{Located, Table, of_axis, wrong_type};
+use crate::campaign::{ends_of_runs, start};
+use sd_core::model::StartLayer;
+use std::ops;
+use std::path::Path;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// What the runs of a grid begin with.
+#[derive(Debug)]
+pub(super) enum Start {
+    /// The layer of a file, all of them.
+    File(Box<StartLayer>),
+    /// The end of the run with the same seed at a point of another store; by seed.
+    Runs(Vec<(u64, Box<StartLayer>)>),
+}
+
+/// The layer of a file that is named, or the ends of the runs of a point.
+pub(super) fn start_layer(
+    written: &Spanned<DeValue<'_>>,
+    folder: &Path,
+    problems: &mut Vec<Problem>,
+) -> Option<Located<Start>> {
+    let span = written.span();
+    let found = match written.get_ref() {
+        DeValue::String(name) => {
+            start::read(&folder.join(name.as_ref())).map(|layer| Start::File(Box::new(layer)))
+        }
+        DeValue::Table(entries) => {
+            let (store, point) = point_of(entries, &span, problems)?;
+            ends_of_runs::layers(&folder.join(store), folder, &point).map(|layers| {
+                let boxed = layers
+                    .into_iter()
+                    .map(|(seed, layer)| (seed, Box::new(layer)));
+                Start::Runs(boxed.collect())
+            })
+        }
+        _ => {
+            let allowed = "`start` is the name of a file, or { store = \"FILE\", point = { KEY = VALUE, .. } }";
+            problems.push(wrong_type(written, START, allowed));
+            return None;
+        }
+    };
+    match found {
+        Ok(value) => Some(Located { value, span }),
+        Err([message, allowed]) => {
+            problems.push(Problem::at(&span, message, allowed).labelled("begins here"));
+            None
+        }
+    }
+}
+
+/// A store, and values that tell one of its points; `None` if something is wrong with them.
+fn point_of<'t>(
+    entries: &'t DeTable<'t>,
+    span: &ops::Range<usize>,
+    problems: &mut Vec<Problem>,
+) -> Option<(&'t str, Vec<(&'static Axis, Value)>)> {
+    let before = problems.len();
+    let table = Table::new(entries, span.clone(), START, &["store", "point"], problems);
+    let store = match table
+        .get("store")
+        .map(|written| (written, written.get_ref()))
+    {
+        Some((_, DeValue::String(name))) => Some(name.as_ref()),
+        Some((written, _)) => {
+            problems.push(wrong_type(
+                written,
+                "store",
+                "`store` is the name of a file",
+            ));
+            None
+        }
+        None => {
+            problems.extend(table.missing("store", "\"results/first.sqlite\""));
+            None
+        }
+    };
+    let mut point = Vec::new();
+    match table
+        .get("point")
+        .map(|written| (written, written.get_ref()))
+    {
+        None => {}
+        Some((written, DeValue::Table(values))) => {
+            let known: Vec<&str> = AXES.iter().map(|axis| axis.key).collect();
+            let values_of = Table::new(values, written.span(), "point", &known, problems);
+            for axis in AXES.iter() {
+                match values_of.get(axis.key).map(|value| of_axis(value, axis)) {
+                    None => {}
+                    Some(Ok(value)) => point.push((axis, value)),
+                    Some(Err(problem)) => problems.push(problem),
+                }
+            }
+        }
+        Some((written, _)) => {
+            let allowed = "`point` is a table of values: { shear_stress = 1.0, friction = 0.5 }";
+            problems.push(wrong_type(written, "point", allowed));
+        }
+    }
+    (problems.len() == before)
+        .then(|| store.map(|store| (store, point)))
+        .flatten()
+}
