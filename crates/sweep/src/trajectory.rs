@@ -271,7 +271,11 @@ fn decode_in<S: Kept>(stored: &Stored) -> Option<Frame<S>> {
     let touching = stored.contacts.len();
     let forces = rows(&stored.forces, S::DIMENSIONS + 2 + S::TANGENT, touching)?;
     let rolls = !stored.rolling.is_empty();
-    let rolling = rows(&stored.rolling, S::TANGENT, if rolls { touching } else { 0 })?;
+    let rolling = rows(
+        &stored.rolling,
+        S::TANGENT,
+        if rolls { touching } else { 0 },
+    )?;
     let contacts: Option<Vec<FrameContact<S>>> = stored
         .contacts
         .iter()
@@ -337,7 +341,10 @@ mod tests {
         let (InSpace::Suspension(frame), InSpace::Suspension(back)) = (frame, back) else {
             panic!("no suspension");
         };
-        assert_eq!((&back.centres, &back.stresslets), (&frame.centres, &frame.stresslets));
+        assert_eq!(
+            (&back.centres, &back.stresslets),
+            (&frame.centres, &frame.stresslets)
+        );
         let contact = &back.contacts[0];
         assert_eq!(contact.tangential_force, frame.contacts[0].tangential_force);
         for (a, b) in back.orientations[0].iter().zip(frame.orientations[0]) {

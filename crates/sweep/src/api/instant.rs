@@ -209,11 +209,9 @@ pub fn configuration<S: Written>(
         radii: input.radii.unwrap_or_else(|| vec![1.0; n]),
         cell,
         hydrodynamics,
-        background: input
-            .background
-            .map_or_else(S::shear, |flow| {
-                S::flow_of(flow.rate_of_strain, flow.angular_velocity)
-            }),
+        background: input.background.map_or_else(S::shear, |flow| {
+            S::flow_of(flow.rate_of_strain, flow.angular_velocity)
+        }),
         forces: input
             .forces
             .map_or_else(|| vec![S::Vector::default(); n], vectors),
@@ -238,9 +236,7 @@ pub(crate) fn answer(problem: &AnyProblem) -> Result<Answer, Error> {
     of_either!(problem, problem => answer_in(problem))
 }
 
-fn answer_in<S: Written + Kept>(
-    (configuration, contact): &Problem<S>,
-) -> Result<Answer, Error> {
+fn answer_in<S: Written + Kept>((configuration, contact): &Problem<S>) -> Result<Answer, Error> {
     let mut ratios = NearFields::ratios(&configuration.radii);
     if !configuration.hydrodynamics.needs_tables() {
         ratios.clear();

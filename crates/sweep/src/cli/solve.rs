@@ -55,9 +55,16 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
     }
     for (sphere, velocity) in instant.velocity_disturbance.iter().enumerate() {
         let turning = instant.angular_velocity_disturbance[sphere].numbers();
-        let stresslets = [&instant.stresslet_xx, &instant.stresslet_yy, &instant.stresslet_xy];
+        let stresslets = [
+            &instant.stresslet_xx,
+            &instant.stresslet_yy,
+            &instant.stresslet_xy,
+        ];
         let others = instant.stresslet_xz.iter().chain(&instant.stresslet_yz);
-        let stresslets = stresslets.into_iter().chain(others).map(|list| list[sphere]);
+        let stresslets = stresslets
+            .into_iter()
+            .chain(others)
+            .map(|list| list[sphere]);
         let numbers = velocity.iter().chain(turning).copied().chain(stresslets);
         spheres.add_row(std::iter::once(sphere.to_string()).chain(numbers.map(digits)));
     }
@@ -79,7 +86,11 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
             contacts.add_row([
                 c.i.to_string(),
                 c.j.to_string(),
-                c.image.iter().map(i32::to_string).collect::<Vec<_>>().join(" "),
+                c.image
+                    .iter()
+                    .map(i32::to_string)
+                    .collect::<Vec<_>>()
+                    .join(" "),
                 digits(c.gap),
                 digits(c.normal_force),
                 amount(&c.tangential_force),

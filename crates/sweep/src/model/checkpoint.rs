@@ -1,8 +1,8 @@
 //! The format of a checkpoint: versioned, checksummed, all that the rest of the run and its result need.
 
-use sd_core::simulation::Counters;
 use crate::spaces::AnySnapshot;
 use sd_core::Sample;
+use sd_core::simulation::Counters;
 use serde::{Deserialize, Serialize};
 
 /// First bytes of every checkpoint.
@@ -119,8 +119,8 @@ impl Checkpoint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
     use crate::spaces::{AnySimulation, InSpace};
+    use proptest::prelude::*;
     use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params};
     use std::sync::LazyLock;
 

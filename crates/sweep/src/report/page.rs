@@ -12,8 +12,8 @@ use super::states::{Flow, flows_of};
 use super::units::Units;
 use crate::axes::{self, AXES, Axis};
 use crate::campaign::Discard;
-use crate::statistics::ratio;
 use crate::spaces::of_either;
+use crate::statistics::ratio;
 use crate::store::{PointRun, Store};
 use crate::trajectory::{Kept, state_number};
 use sd_core::simulation::Frame;
@@ -283,8 +283,7 @@ fn histogram(trace: &[(f64, f64)], discard: f64) -> Option<Value> {
 pub fn movie(store: &Store, key: &str, frames: usize) -> Result<Value, ReportError> {
     let stored = usize::try_from(store.frame_count(key)?).unwrap_or(usize::MAX);
     let kept = store.frames(key, stored.div_ceil(frames.max(1)))?;
-    let (side, radii) =
-        of_either!(&kept[0].frame, first => (first.side, first.radii.as_slice()));
+    let (side, radii) = of_either!(&kept[0].frame, first => (first.side, first.radii.as_slice()));
     let alike = radii
         .windows(2)
         .all(|pair| pair[0].to_bits() == pair[1].to_bits());
@@ -332,7 +331,10 @@ fn picture<S: Kept>(frame: &Frame<S>) -> Value {
         .collect();
     let mut picture = json!({"strain": rounded(frame.strain), "offset": rounded(frame.offset), "x": places, "contacts": contacts});
     if S::DIMENSIONS > 2 {
-        let heights = frame.centres.iter().map(|x| rounded(x[2].rem_euclid(frame.side)));
+        let heights = frame
+            .centres
+            .iter()
+            .map(|x| rounded(x[2].rem_euclid(frame.side)));
         picture["z"] = heights.collect();
     }
     picture

@@ -4,12 +4,12 @@ use super::{Shared, panics};
 use crate::case::{Case, State};
 use crate::costs;
 use crate::model::replay::replay;
-use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
 use crate::spaces::{AnyFrame, AnySimulation, AnySnapshot, of_either};
+use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
 use crate::structure::{Network, observe};
 use crate::system::clock::{Clock, Spent};
-use sd_core::simulation::Flow;
 use sd_core::Sample;
+use sd_core::simulation::Flow;
 use std::time::{Duration, Instant};
 
 /// Computing time between checkpoints is at least this many times what the last one cost: under 1 % goes to them.

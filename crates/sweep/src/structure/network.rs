@@ -1,9 +1,9 @@
 //! The spheres of an instant and their loaded contacts.
 
+use sd_core::Space;
 use sd_core::cell::Cell;
 use sd_core::contact::ContactState;
 use sd_core::simulation::Frame;
-use sd_core::Space;
 
 /// Spheres in their sheared periodic cell, and their loaded contacts.
 #[derive(Debug, Clone)]

@@ -1,10 +1,10 @@
 //! Frames as extended XYZ, which OVITO and ASE read.
 
-use crate::axes::{AXES, Axis, Value};
 use super::{Kept, by_space};
+use crate::axes::{AXES, Axis, Value};
 use crate::spaces::AnyFrame;
-use sd_core::simulation::Frame;
 use sd_core::Params;
+use sd_core::simulation::Frame;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
@@ -197,16 +197,18 @@ mod tests {
     #[test]
     fn velocities_go_over_the_edges_of_the_cell() {
         let (side, time) = (8.0, 0.5);
-        let at = |strain: f64, centres: Vec<[f64; 2]>| -> Frame { Frame {
-            strain,
-            side,
-            offset: 0.25 + side * strain,
-            orientations: vec![0.0; centres.len()],
-            radii: vec![1.0; centres.len()],
-            stresslets: vec![[0.0; 3]; centres.len()],
-            centres,
-            ..Frame::default()
-        } };
+        let at = |strain: f64, centres: Vec<[f64; 2]>| -> Frame {
+            Frame {
+                strain,
+                side,
+                offset: 0.25 + side * strain,
+                orientations: vec![0.0; centres.len()],
+                radii: vec![1.0; centres.len()],
+                stresslets: vec![[0.0; 3]; centres.len()],
+                centres,
+                ..Frame::default()
+            }
+        };
         let from = at(0.0, vec![[7.0, 6.0], [3.0, 7.9], [1.0, 0.05]]);
         let offset = 0.25 + side * time;
         // The second goes up through the edge, the third down, both with a quarter beyond the flow.
@@ -229,14 +231,32 @@ mod tests {
 
     #[test]
     fn suspensions_have_three_coordinates_and_quaternions_in_a_cell_periodic_along_z() {
-        let (first, second) = (suspension(0.5, [1.0, 2.0, 7.9]), suspension(1.0, [2.25, 2.5, 0.4]));
+        let (first, second) = (
+            suspension(0.5, [1.0, 2.0, 7.9]),
+            suspension(1.0, [2.25, 2.5, 0.4]),
+        );
         let lines = lines(&[(25, &first), (50, &second)]);
-        assert!(lines[1].starts_with("Lattice=\"8 0 0 -2 8 0 0 0 8\" Origin=\"0 0 0\""), "{}", lines[1]);
-        assert!(lines[1].contains("orientation:R:4:stresslet:R:5:"), "{}", lines[1]);
+        assert!(
+            lines[1].starts_with("Lattice=\"8 0 0 -2 8 0 0 0 8\" Origin=\"0 0 0\""),
+            "{}",
+            lines[1]
+        );
+        assert!(
+            lines[1].contains("orientation:R:4:stresslet:R:5:"),
+            "{}",
+            lines[1]
+        );
         assert!(lines[1].contains("pbc=\"T T T\""), "{}", lines[1]);
         // Half a strain at y = 2 carries it by 1; OVITO's order of a quaternion is x y z w.
-        let wanted = [1.0, 2.0, 7.9, 1.0, 1.0, 0.0, 0.6, 0.0, 0.8, 1.0, -1.0, 20.5, 0.25, -0.5, 1.0, 2.5, 1.0, 1.0];
-        let found: Vec<f64> = lines[2].split(' ').skip(1).map(|cell| cell.parse().unwrap()).collect();
+        let wanted = [
+            1.0, 2.0, 7.9, 1.0, 1.0, 0.0, 0.6, 0.0, 0.8, 1.0, -1.0, 20.5, 0.25, -0.5, 1.0, 2.5,
+            1.0, 1.0,
+        ];
+        let found: Vec<f64> = lines[2]
+            .split(' ')
+            .skip(1)
+            .map(|cell| cell.parse().unwrap())
+            .collect();
         assert_eq!(found.len(), wanted.len(), "{}", lines[2]);
         for (found, wanted) in found.iter().zip(wanted) {
             assert!((found - wanted).abs() < 1e-12, "{}", lines[2]);

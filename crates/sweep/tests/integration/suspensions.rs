@@ -108,7 +108,8 @@ fn interrupted_suspensions_end_with_the_bits_of_undisturbed_ones() {
     );
     assert_eq!(one["points"].as_array().unwrap().len(), 1);
 
-    let frames = String::from_utf8(sweep(directory, &["export", "results/bulk.sqlite", "1"])).unwrap();
+    let frames =
+        String::from_utf8(sweep(directory, &["export", "results/bulk.sqlite", "1"])).unwrap();
     let lines: Vec<&str> = frames.lines().collect();
     assert_eq!(lines[0], "60");
     assert!(lines[1].contains("pbc=\"T T T\""), "{}", lines[1]);

@@ -19,7 +19,10 @@ impl<'de, const N: usize> Deserialize<'de> for Components<N> {
                 write!(f, "a vector of {N} components")
             }
 
-            fn visit_seq<A: SeqAccess<'de>>(self, mut numbers: A) -> Result<Components<N>, A::Error> {
+            fn visit_seq<A: SeqAccess<'de>>(
+                self,
+                mut numbers: A,
+            ) -> Result<Components<N>, A::Error> {
                 let mut all = [0.0; N];
                 let mut found = 0;
                 for number in &mut all {

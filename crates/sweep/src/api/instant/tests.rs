@@ -2,6 +2,7 @@ mod suspensions;
 
 use super::*;
 use proptest::prelude::*;
+use sd_core::modes::{Background, Vec2};
 
 fn message(text: &str) -> String {
     read_in::<Layer>(Path::new("in.json"), text.as_bytes())
@@ -217,7 +218,8 @@ fn spring_pair(springs: &str) -> String {
 fn springs_are_pairs_and_forces_and_those_of_older_failures_are_read_alike() {
     let friction = |springs: &str| {
         let text = spring_pair(springs);
-        let (configuration, contact) = read_in::<Layer>(Path::new("in.json"), text.as_bytes()).unwrap();
+        let (configuration, contact) =
+            read_in::<Layer>(Path::new("in.json"), text.as_bytes()).unwrap();
         let solved = solve(&configuration, &contact, &NearFields::default()).unwrap();
         solved.contacts[0].tangential_force
     };

@@ -1,7 +1,7 @@
 //! Memory and room on disk that runs take.
 
-use crate::trajectory;
 use crate::spaces::InSpace;
+use crate::trajectory;
 use sd_core::simulation::{Frame, FrameContact};
 use sd_core::{Bulk, Layer, Params, Space, memory_bytes};
 

@@ -80,10 +80,12 @@ fn no_suspension_begins_with_a_layer() {
     let directory = tempfile::tempdir().unwrap();
     let layer = r#"{"centres": [[1, 2], [5, 2]], "cell": [20, 20]}"#;
     std::fs::write(directory.path().join("layer.json"), layer).unwrap();
-    let text = suspension()
-        .replace("seeds = 4", "seeds = 1\nstart = \"layer.json\"");
+    let text = suspension().replace("seeds = 4", "seeds = 1\nstart = \"layer.json\"");
     let file = directory.path().join("bulk.toml");
     let error = crate::campaign::Campaign::parse(&file.display().to_string(), text).unwrap_err();
     let error = error.to_string();
-    assert!(error.contains(":11:9: `start` = a layer is no suspension"), "{error}");
+    assert!(
+        error.contains(":11:9: `start` = a layer is no suspension"),
+        "{error}"
+    );
 }

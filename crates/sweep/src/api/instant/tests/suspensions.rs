@@ -34,7 +34,10 @@ fn spheres_in_a_plane_move_as_those_of_a_layer() {
             "torques": [[0, 0, 0.5], [0, 0, -0.25], [0, 0, 1]], {rest}"#
         ));
         assert!(!layer.contacts.is_empty());
-        assert!(layer.contacts.iter().any(|c| c.normal_force > 0.1), "{hydrodynamics}");
+        assert!(
+            layer.contacts.iter().any(|c| c.normal_force > 0.1),
+            "{hydrodynamics}"
+        );
         for i in 0..3 {
             let [flat, full] = [&layer, &suspension].map(|s| &s.velocity_disturbance[i]);
             near(full[0], flat[0], hydrodynamics);
@@ -43,11 +46,31 @@ fn spheres_in_a_plane_move_as_those_of_a_layer() {
             let Amount::Vector(turning) = suspension.angular_velocity_disturbance[i] else {
                 panic!("no vector");
             };
-            near(turning[2], layer.angular_velocity_disturbance[i].numbers()[0], hydrodynamics);
-            near(suspension.stresslet_xx[i], layer.stresslet_xx[i], hydrodynamics);
-            near(suspension.stresslet_yy[i], layer.stresslet_yy[i], hydrodynamics);
-            near(suspension.stresslet_xy[i], layer.stresslet_xy[i], hydrodynamics);
-            near(suspension.stresslet_xz.as_ref().unwrap()[i], 0.0, hydrodynamics);
+            near(
+                turning[2],
+                layer.angular_velocity_disturbance[i].numbers()[0],
+                hydrodynamics,
+            );
+            near(
+                suspension.stresslet_xx[i],
+                layer.stresslet_xx[i],
+                hydrodynamics,
+            );
+            near(
+                suspension.stresslet_yy[i],
+                layer.stresslet_yy[i],
+                hydrodynamics,
+            );
+            near(
+                suspension.stresslet_xy[i],
+                layer.stresslet_xy[i],
+                hydrodynamics,
+            );
+            near(
+                suspension.stresslet_xz.as_ref().unwrap()[i],
+                0.0,
+                hydrodynamics,
+            );
         }
         for (full, flat) in suspension.contacts.iter().zip(&layer.contacts) {
             assert_eq!((full.i, full.j, full.normal.len()), (flat.i, flat.j, 3));
@@ -55,7 +78,11 @@ fn spheres_in_a_plane_move_as_those_of_a_layer() {
             // Along t = (−n_y, n_x).
             let [x, y, z]: [f64; 3] = full.tangential_force.numbers().try_into().unwrap();
             let along = x * -flat.normal[1] + y * flat.normal[0];
-            near(along.abs(), flat.tangential_force.numbers()[0].abs(), "friction");
+            near(
+                along.abs(),
+                flat.tangential_force.numbers()[0].abs(),
+                "friction",
+            );
             near(z, 0.0, "friction along z");
         }
     }
@@ -96,7 +123,12 @@ fn two_and_three_components_do_not_mix() {
         ),
     ] {
         let text = format!("{text}, \"hydrodynamics\": \"ball-melrose\"}}");
-        let error = read(Path::new("in.json"), text.as_bytes()).unwrap_err().to_string();
-        assert!(error.contains(place) && error.contains(said), "{text}: {error}");
+        let error = read(Path::new("in.json"), text.as_bytes())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains(place) && error.contains(said),
+            "{text}: {error}"
+        );
     }
 }
