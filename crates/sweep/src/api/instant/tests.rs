@@ -2,6 +2,7 @@ mod suspensions;
 
 use super::*;
 use proptest::prelude::*;
+use sd_core::modes::{Background, Vec2};
 
 fn message(text: &str) -> String {
     read_in::<Layer>(Path::new("in.json"), text.as_bytes())
