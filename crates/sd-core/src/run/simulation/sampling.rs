@@ -4,7 +4,7 @@
 //! the step: 3 % at 0.025. Where rigid contacts bear forces the middle of the step is sampled, whose forces are those that hold the
 //! gaps of the step's start over all of it: their mean. Other layers are sampled at the first stage.
 
-use super::step::INEXACT_FRICTION;
+use super::step::is_inexact;
 use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
 use crate::run::start::Started;
@@ -43,8 +43,7 @@ impl<S: Started> Simulation<S> {
         counters.stages += 1;
         let unconverged = matches!(quality.status, Status::InexactFriction | Status::Failed);
         counters.unconverged_stages += u64::from(unconverged);
-        let inexact = unconverged && quality.friction_error > INEXACT_FRICTION;
-        counters.inexact_stages += u64::from(inexact);
+        counters.inexact_stages += u64::from(is_inexact(quality));
         counters.jammed_stages += u64::from(quality.jammed());
         if !quality.jammed() {
             counters.worst_residual = counters.worst_residual.max(quality.residual);

@@ -12,13 +12,13 @@ use crate::space::cell::Cell;
 use crate::stage::Contact;
 
 impl<S: Started> Simulation<S> {
-    /// One right-hand side; whether its contact problem has no solution.
+    /// One right-hand side; how well its contact problem was solved.
     pub(super) fn stage(
         &mut self,
         stage: Stage,
         centres: &[S::Vector],
         velocities: &mut [f64],
-    ) -> Result<bool, Error> {
+    ) -> Result<Quality, Error> {
         let cell = self.cell_at(stage.time)?;
         if stage.number == 0 {
             // A run that is resumed here then has the same bits.
@@ -39,7 +39,7 @@ impl<S: Started> Simulation<S> {
                 u[k] = v[k] + flow[k];
             }
         }
-        Ok(quality.jammed())
+        Ok(quality)
     }
 
     /// Whether contacts bear forces at the stage solved last.

@@ -1,9 +1,9 @@
 //! A step of a run: in one piece, or in halves where spheres would come too near on the way.
 
 use super::sampling::Taken;
-use super::{Counters, Sample, SchemeMemory, Simulation};
-use crate::contact::ContactState;
+use super::{Sample, SchemeMemory, Simulation};
 use crate::contact::laws::Phase;
+use crate::contact::{ContactState, Quality, Status};
 use crate::error::Error;
 use crate::run::start::Started;
 use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
@@ -17,7 +17,7 @@ const MAX_HALVINGS_IN_DOUBT: u32 = 2;
 /// A gap of rigid contacts counts as too low below this share of the roughness height.
 const HELD_SHARE: f64 = 0.95;
 /// Friction counts as inexact above this share of the largest force.
-pub(super) const INEXACT_FRICTION: f64 = 1e-3;
+const INEXACT_FRICTION: f64 = 1e-3;
 
 /// What came of an attempt at a step.
 enum Attempt {
@@ -26,7 +26,10 @@ enum Attempt {
     /// The state has moved, but in a stage friction is inexact, or no motion is admissible.
     Doubtful,
     /// A gap is too low; the state has not moved.
-    LowGap,
+    LowGap {
+        /// Whether a stage has no admissible motion.
+        jammed: bool,
+    },
 }
 
 /// What becomes of the layer in a step.
@@ -97,7 +100,7 @@ impl<S: Started> Simulation<S> {
         self.before.copy_from(&state);
         let result = match &mut stepper {
             Stepper::RungeKutta(_) => self
-                .attempt(&mut stepper, &mut state, [time, dt], &mut taken)
+                .attempt(&mut stepper, &mut state, [time, dt], &mut taken, &mut false)
                 .map(|()| Advance::Moved),
             Stepper::Midpoint(method) => {
                 let part = Part {
@@ -166,17 +169,21 @@ impl<S: Started> Simulation<S> {
     }
 
     /// Moves the state by one step of `stepper`, sampled at its first stage.
+    ///
+    /// `jammed` is set where a stage has no admissible motion.
     fn attempt(
         &mut self,
         stepper: &mut Stepper<S>,
         state: &mut State<S>,
         [time, dt]: [f64; 2],
         taken: &mut Taken,
+        jammed: &mut bool,
     ) -> Result<(), Error> {
         stepper.step(state, time, dt, |stage, centres, velocities| {
-            let jammed = self.stage(stage, centres, velocities)?;
+            let quality = self.stage(stage, centres, velocities)?;
+            *jammed |= quality.jammed();
             if stage.number == 0 {
-                self.begin_sample(jammed, taken);
+                self.begin_sample(quality.jammed(), taken);
                 self.take_sample(&stage, centres, taken);
             }
             Ok(self.bearing())
@@ -192,15 +199,14 @@ impl<S: Started> Simulation<S> {
         taken: &mut Taken,
     ) -> Result<Advance, Error> {
         let (time, dt, drive) = (self.strain(), self.params.time_step, self.drive);
-        let jammed = self.counters.jammed_stages;
         self.remembered.copy_from(&self.memory);
-        let mut halvings = 0;
+        let (mut halvings, mut jammed) = (0, false);
         loop {
             let parts = 1_u32 << halvings;
             let part = dt / f64::from(parts);
             let moved = (0..parts).try_for_each(|k| {
                 let start = time + f64::from(k) * part;
-                self.attempt(stepper, state, [start, part], taken)
+                self.attempt(stepper, state, [start, part], taken, &mut jammed)
             });
             let end = self.cell_at(time + dt)?;
             let checked = moved.and_then(|()| {
@@ -216,7 +222,7 @@ impl<S: Started> Simulation<S> {
             self.memory.copy_from(&self.remembered);
             let overlaps = matches!(error, Error::Overlap { .. });
             // Smaller steps do not help where no motion is admissible.
-            let jams = self.counters.jammed_stages > jammed || self.is_held();
+            let jams = jammed || self.is_held();
             if overlaps && jams && taken.sample.is_some() {
                 return Ok(Advance::Blocked);
             }
@@ -241,14 +247,14 @@ impl<S: Started> Simulation<S> {
     ) -> Result<Advance, Error> {
         let (before, counters) = (*taken, self.counters);
         let attempt = self.attempt_rigid(method, state, part, taken)?;
-        let jammed = self.counters.jammed_stages > counters.jammed_stages;
         let halvings = match attempt {
             Attempt::Moved => return Ok(Advance::Moved),
-            Attempt::LowGap if !jammed => MAX_HALVINGS,
-            Attempt::LowGap | Attempt::Doubtful => MAX_HALVINGS_IN_DOUBT,
+            Attempt::LowGap { jammed: false } => MAX_HALVINGS,
+            Attempt::LowGap { jammed: true } | Attempt::Doubtful => MAX_HALVINGS_IN_DOUBT,
         };
+        let has_moved = matches!(attempt, Attempt::Doubtful);
         if part.halvings < halvings {
-            if !matches!(attempt, Attempt::LowGap) {
+            if has_moved {
                 method.undo(state);
             }
             *taken = before;
@@ -260,15 +266,15 @@ impl<S: Started> Simulation<S> {
             }
             return Ok(Advance::Moved);
         }
-        if !matches!(attempt, Attempt::LowGap) {
+        if has_moved {
             return Ok(Advance::Moved);
         }
         *taken = before;
         let mut held = HELD_SHARE * self.params.roughness;
         method.first_stage_alone(state, part.time, part.dt, |stage, centres, velocities| {
-            let jammed = self.stage(stage, centres, velocities)?;
+            let quality = self.stage(stage, centres, velocities)?;
             held = self.stage.closest().map_or(held, |pair| held.min(pair.gap));
-            self.begin_sample(jammed, taken);
+            self.begin_sample(quality.jammed(), taken);
             self.take_sample(&stage, centres, taken);
             Ok::<_, Error>(self.bearing())
         })?;
@@ -289,11 +295,12 @@ impl<S: Started> Simulation<S> {
         part: Part,
         taken: &mut Taken,
     ) -> Result<Attempt, Error> {
-        let doubtful = |counters: &Counters| counters.inexact_stages + counters.jammed_stages;
-        let before = doubtful(&self.counters);
+        let (mut jammed, mut inexact) = (false, false);
         let mut held = HELD_SHARE * self.params.roughness;
         let moved = method.step(state, part.time, part.dt, |stage, centres, velocities| {
-            let jammed = self.stage(stage, centres, velocities)?;
+            let quality = self.stage(stage, centres, velocities)?;
+            jammed |= quality.jammed();
+            inexact |= is_inexact(quality);
             let closest = self.stage.closest();
             if stage.number == 0 {
                 held = closest.map_or(held, |pair| held.min(pair.gap));
@@ -301,7 +308,7 @@ impl<S: Started> Simulation<S> {
             if is_low(held, closest) {
                 return Err(Stop::LowGap);
             }
-            self.begin_sample(jammed, taken);
+            self.begin_sample(quality.jammed(), taken);
             let bearing = self.bearing();
             if bearing == Bearing::Free || stage.phase == Phase::Middle {
                 self.take_sample(&stage, centres, taken);
@@ -310,16 +317,16 @@ impl<S: Started> Simulation<S> {
         });
         match moved {
             Err(Stop::Failed(error)) => return Err(error),
-            Err(Stop::LowGap) => return Ok(Attempt::LowGap),
+            Err(Stop::LowGap) => return Ok(Attempt::LowGap { jammed }),
             Ok(()) => {}
         }
         let end = self.cell_at(part.time + part.dt)?;
         let closest = self.stage.resistance.closest_at(&end, &state.centres);
         if is_low(held, closest.as_ref()) {
             method.undo(state);
-            return Ok(Attempt::LowGap);
+            return Ok(Attempt::LowGap { jammed });
         }
-        Ok(if doubtful(&self.counters) > before {
+        Ok(if jammed || inexact {
             Attempt::Doubtful
         } else {
             Attempt::Moved
@@ -347,6 +354,12 @@ impl<S: Started> Simulation<S> {
             }
         }
     }
+}
+
+/// Whether friction is inexact in a stage.
+pub(super) fn is_inexact(quality: Quality) -> bool {
+    matches!(quality.status, Status::InexactFriction | Status::Failed)
+        && quality.friction_error > INEXACT_FRICTION
 }
 
 /// Whether a gap is too low.
