@@ -48,7 +48,13 @@ fn what_is_no_suspension_is_refused_at_its_line_with_a_remedy() {
             "roughness = 0.01",
             "roughness = 0.4",
             "6:25: `volume_fraction` = 0.45 is denser than any suspension",
-            "at most 0.429 at this roughness",
+            "at most 0.373 at this roughness",
+        ),
+        (
+            "[0.3, 0.45]",
+            "[0.3, 0.64]",
+            "6:25: `volume_fraction` = 0.64 is denser than any suspension",
+            "at most 0.635 at this roughness",
         ),
         (
             "spheres = 90",

@@ -6,6 +6,9 @@ use sd_core::{Bulk, Error, Params};
 
 /// Volume fraction of the densest lattice, π/√18.
 const CLOSEST: f64 = 0.740_480_489_693_061;
+/// Volume fraction that equal spheres at random do not exceed: random close packing has 0.64. A hundred with a roughness of 0.01 were
+/// packed at 0.62, and not at 0.63.
+const CLOSEST_AT_RANDOM: f64 = 0.645;
 
 /// Refuses spheres that no cell holds without contact, and cells narrower than the near field.
 pub(super) fn check(params: &Params) -> Result<(), Error> {
@@ -21,7 +24,12 @@ pub(super) fn check(params: &Params) -> Result<(), Error> {
     };
     // Spheres with the roughness around them.
     let growth = (1.0 + 0.5 * params.roughness).powi(3);
-    let most = CLOSEST / growth;
+    let closest = if params.size_ratio == 1.0 {
+        CLOSEST_AT_RANDOM
+    } else {
+        CLOSEST
+    };
+    let most = closest / growth;
     if volume_fraction > most {
         return refuse(
             "volume_fraction",
@@ -31,7 +39,7 @@ pub(super) fn check(params: &Params) -> Result<(), Error> {
                 params.roughness
             ),
             format!(
-                "at most {most:.3} at this roughness, and about 0.60 for equal spheres at random"
+                "at most {most:.3} at this roughness; two sizes, as of `size_ratio` = 1.4, are packed somewhat denser"
             ),
             "roughness",
         );
