@@ -60,23 +60,37 @@ fn find_numpy(py: Python<'_>) -> PyResult<Option<String>> {
     Ok(None)
 }
 
-/// Reads an array `(N, 2)`, whatever its strides.
-pub(crate) fn pairs(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
+/// Reads an array `(N, D)`, whatever its strides.
+pub(crate) fn vectors<const D: usize>(
+    name: &str,
+    given: &Bound<'_, PyAny>,
+) -> PyResult<Vec<[f64; D]>> {
     let rows = |array: ArrayView2<'_, f64>| {
         let rows = array.rows().into_iter();
-        rows.map(|row| [row[0], row[1]]).collect()
+        rows.map(|row| std::array::from_fn(|k| row[k])).collect()
     };
-    let array = with_numbers(name, given, "(N, 2)")?;
+    let shape = format!("(N, {D})");
+    let array = with_numbers(name, given, &shape)?;
     match array.cast::<PyArray2<f64>>() {
         Ok(array) => {
             let array = array.try_readonly()?;
             match array.as_array() {
-                view if view.ncols() == 2 => Ok(rows(view)),
-                _ => Err(wrong_shape(name, array.as_any(), "(N, 2)")),
+                view if view.ncols() == D => Ok(rows(view)),
+                _ => Err(wrong_shape(name, array.as_any(), &shape)),
             }
         }
-        Err(_) => Err(wrong_shape(name, &array, "(N, 2)")),
+        Err(_) => Err(wrong_shape(name, &array, &shape)),
     }
+}
+
+/// Whether an array has three columns.
+///
+/// # Errors
+/// `TypeError` or `ValueError` if it is no array of numbers.
+pub(crate) fn has_three_columns(name: &str, given: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let array = with_numbers(name, given, "(N, 2)")?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    Ok(matches!(shape[..], [_, 3]))
 }
 
 /// Reads an array `(N,)`, whatever its strides.
@@ -132,6 +146,12 @@ pub(crate) fn of_pairs(
     let n = rows.len();
     let flat: Vec<f64> = rows.flatten().collect();
     Ok(PyArray1::from_vec(py, flat).reshape([n, 2])?.unbind())
+}
+
+/// An array `(N, D)` of rows that lie one after the other.
+pub(crate) fn of_rows(py: Python<'_>, rows: Vec<f64>, width: usize) -> PyResult<Py<PyArray2<f64>>> {
+    let n = rows.len() / width;
+    Ok(PyArray1::from_vec(py, rows).reshape([n, width])?.unbind())
 }
 
 /// An array `(N,)`.

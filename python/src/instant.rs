@@ -1,18 +1,18 @@
 //! One instant of one configuration.
 
-use crate::arrays::{Records, need_numpy, numbers, of_numbers, of_pairs, pairs};
+use crate::arrays::{Records, has_three_columns, need_numpy, numbers, of_numbers, of_rows, vectors};
 use crate::errors::raise;
 use crate::values;
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sd_core::contact::Contact;
-use sd_core::{NearFields, StressComponents, instant};
+use sd_core::contact::{Contact, ContactState};
+use sd_core::{Bulk, Layer, NearFields, StressComponents, instant};
 use serde::Deserialize as _;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
-use sweep::api::{InputError, InstantInput, configuration};
+use sweep::api::{Components, InputError, InstantInput, Written, configuration};
 
 /// Most size ratios whose tables are kept.
 const MOST_TABLES: usize = 100;
@@ -47,12 +47,12 @@ pub(crate) fn tables_of(py: Python<'_>, radii: &[f64]) -> PyResult<NearFields> {
 /// Motion, stresslets and contacts of a configuration. Units: radius a, viscosity mu and shear rate are 1.
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Solution {
-    /// Velocities minus the background flow at the own centre: array [N, 2].
+    /// Velocities minus the background flow at the own centre: array [N, 2], of a suspension [N, 3].
     #[pyo3(get)]
     velocity_disturbance: Py<PyArray2<f64>>,
-    /// Angular velocities minus that of the background: array [N].
+    /// Angular velocities minus that of the background: array [N], of a suspension [N, 3].
     #[pyo3(get)]
-    angular_velocity_disturbance: Py<PyArray1<f64>>,
+    angular_velocity_disturbance: Py<PyAny>,
     /// xx of the stresslets: array [N].
     #[pyo3(get)]
     stresslet_xx: Py<PyArray1<f64>>,
@@ -62,6 +62,12 @@ pub(crate) struct Solution {
     /// xy of the stresslets: array [N].
     #[pyo3(get)]
     stresslet_xy: Py<PyArray1<f64>>,
+    /// xz of the stresslets of a suspension: array [N]; None of a layer.
+    #[pyo3(get)]
+    stresslet_xz: Option<Py<PyArray1<f64>>>,
+    /// The same, yz.
+    #[pyo3(get)]
+    stresslet_yz: Option<Py<PyArray1<f64>>>,
     /// Relative viscosity in full; None in unbounded fluid, as are the next two.
     #[pyo3(get)]
     viscosity: Option<f64>,
@@ -75,7 +81,8 @@ pub(crate) struct Solution {
     /// Seconds the computation itself took, without what came before and after it.
     #[pyo3(get)]
     computing_time_s: f64,
-    contacts: Vec<Contact>,
+    dimensions: usize,
+    contacts: Vec<Touching>,
 }
 
 #[pymethods]
@@ -106,44 +113,47 @@ impl Solution {
     }
 
     /// All candidate pairs, force 0 included: structured array with i, j, image [2], gap, normal [2], normal_force, tangential_force,
-    /// normal_velocity, slip_velocity, rolling_force, rolling_velocity, state.
+    /// normal_velocity, slip_velocity, rolling_force, rolling_velocity, state. In a suspension vectors have three components, and so have
+    /// forces and velocities across the line of centres.
     #[getter]
     fn contacts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let mut records = Records::default();
         for contact in &self.contacts {
-            records.sphere(contact.pair.i);
-            records.sphere(contact.pair.j);
-            records.whole(contact.pair.image[0].into());
-            records.whole(contact.pair.image[1].into());
-            for number in [
-                contact.pair.gap,
-                contact.pair.normal.x,
-                contact.pair.normal.y,
-                contact.normal_force,
-                contact.tangential_force,
-                contact.normal_velocity,
-                contact.slip_velocity,
-                contact.rolling_force,
-                contact.rolling_velocity,
-            ] {
-                records.number(number);
+            for sphere in contact.spheres {
+                records.sphere(sphere);
+            }
+            for image in &contact.image {
+                records.whole(*image);
+            }
+            let pair = std::iter::once(&contact.gap).chain(&contact.normal);
+            let numbers = pair
+                .chain([&contact.normal_force])
+                .chain(&contact.tangential_force)
+                .chain([&contact.normal_velocity])
+                .chain(&contact.slip_velocity)
+                .chain(&contact.rolling_force)
+                .chain(&contact.rolling_velocity);
+            for number in numbers {
+                records.number(*number);
             }
             records.state(contact.state);
         }
+        let vector = self.dimensions;
+        let across = if vector == 2 { 1 } else { vector };
         records.array(
             py,
             &[
                 ("i", "i8", 1),
                 ("j", "i8", 1),
-                ("image", "i8", 2),
+                ("image", "i8", vector),
                 ("gap", "f8", 1),
-                ("normal", "f8", 2),
+                ("normal", "f8", vector),
                 ("normal_force", "f8", 1),
-                ("tangential_force", "f8", 1),
+                ("tangential_force", "f8", across),
                 ("normal_velocity", "f8", 1),
-                ("slip_velocity", "f8", 1),
-                ("rolling_force", "f8", 1),
-                ("rolling_velocity", "f8", 1),
+                ("slip_velocity", "f8", across),
+                ("rolling_force", "f8", across),
+                ("rolling_velocity", "f8", across),
                 ("state", "U12", 1),
             ],
         )
@@ -170,6 +180,8 @@ impl Solution {
 /// Parameters
 /// ----------
 /// centres : array [N, 2]
+///     Of a suspension [N, 3], as are `forces` and `torques`; `cell` then has three sides, and `background` is written as for
+///     `sweep solve`.
 /// radii : array [N], optional
 ///     1 each.
 /// cell : (float, float), optional
@@ -233,13 +245,88 @@ pub(crate) fn solve(
     written
         .entry("hydrodynamics")
         .or_insert_with(|| "stokesian-dynamics".into());
+    let given = Given {
+        written,
+        centres,
+        radii,
+        forces,
+        torques,
+    };
+    if has_three_columns("centres", centres)? {
+        solve_in::<Bulk>(py, given)
+    } else {
+        solve_in::<Layer>(py, given)
+    }
+}
+
+/// What a configuration is made of: what a file would have, and arrays.
+struct Given<'g, 'py> {
+    written: toml::Table,
+    centres: &'g Bound<'py, PyAny>,
+    radii: Option<&'g Bound<'py, PyAny>>,
+    forces: Option<&'g Bound<'py, PyAny>>,
+    torques: Option<&'g Bound<'py, PyAny>>,
+}
+
+/// A space whose configurations come as arrays.
+trait Arrays: Written {
+    /// Reads vectors.
+    fn vectors(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Self::Components>>;
+
+    /// Reads torques.
+    fn spins(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Self::Turning>>;
+
+    /// The numbers of a vector across a line of centres.
+    fn across(tangent: &Self::Tangent) -> Vec<f64>;
+}
+
+impl Arrays for Layer {
+    fn vectors(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Components<2>>> {
+        Ok(vectors(name, given)?.into_iter().map(Components).collect())
+    }
+
+    fn spins(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+        numbers(name, given)
+    }
+
+    fn across(tangent: &f64) -> Vec<f64> {
+        vec![*tangent]
+    }
+}
+
+impl Arrays for Bulk {
+    fn vectors(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Components<3>>> {
+        Ok(vectors(name, given)?.into_iter().map(Components).collect())
+    }
+
+    fn spins(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Components<3>>> {
+        <Self as Arrays>::vectors(name, given)
+    }
+
+    fn across(tangent: &Self::Tangent) -> Vec<f64> {
+        tangent.as_slice().to_vec()
+    }
+}
+
+fn solve_in<S: Arrays>(py: Python<'_>, given: Given<'_, '_>) -> PyResult<Solution> {
+    let Given {
+        mut written,
+        centres,
+        radii,
+        forces,
+        torques,
+    } = given;
     // Read as arrays below.
     written.insert("centres".into(), toml::Value::Array(Vec::new()));
-    let mut input = InstantInput::deserialize(written).map_err(|error| unreadable(&error))?;
-    input.centres = pairs("centres", centres)?;
+    let mut input: InstantInput<S> = InstantInput::deserialize(written).map_err(|error| unreadable(&error))?;
+    input.centres = S::vectors("centres", centres)?;
     input.radii = radii.map(|given| numbers("radii", given)).transpose()?;
-    input.forces = forces.map(|given| pairs("forces", given)).transpose()?;
-    input.torques = torques.map(|given| numbers("torques", given)).transpose()?;
+    input.forces = forces
+        .map(|given| S::vectors("forces", given))
+        .transpose()?;
+    input.torques = torques
+        .map(|given| S::spins("torques", given))
+        .transpose()?;
     let (configuration, request) = configuration(input).map_err(|error| match error {
         InputError::Physics(error) => raise(error),
         other => PyValueError::new_err(other.to_string()),
@@ -255,21 +342,68 @@ pub(crate) fn solve(
         (solved, begun.elapsed().as_secs_f64())
     });
     let solved = solved.map_err(raise)?;
-    let stresslets = || (0..solved.stresslets.len()).map(|i| solved.stresslet(i));
+    let tensors: Vec<S::Tensor> = solved.stresslets.iter().map(S::tensor).collect();
+    let column = |place: usize| of_numbers(py, tensors.iter().map(|s| s[place]));
+    let suspended = |place: usize| (S::STRAINS > place).then(|| column(place));
+    let moves = solved.disturbances.iter();
+    let moves = moves.flat_map(|v| S::point(&S::translation(v)).as_ref().to_vec());
+    let turns = solved.disturbances.iter();
+    let turns = turns.flat_map(|v| S::turning(&S::rotation(v)));
+    let turns: Vec<f64> = turns.collect();
     let stress = solved.stress.as_ref();
     Ok(Solution {
-        velocity_disturbance: of_pairs(py, solved.disturbances.iter().map(|v| [v[0], v[1]]))?,
-        angular_velocity_disturbance: of_numbers(py, solved.disturbances.iter().map(|v| v[2])),
-        stresslet_xx: of_numbers(py, stresslets().map(|s| s.0)),
-        stresslet_yy: of_numbers(py, stresslets().map(|s| s.1)),
-        stresslet_xy: of_numbers(py, stresslets().map(|s| s.2)),
+        velocity_disturbance: of_rows(py, moves.collect(), S::DIMENSIONS)?,
+        angular_velocity_disturbance: match S::DIMENSIONS {
+            2 => of_numbers(py, turns).into_any(),
+            width => of_rows(py, turns, width)?.into_any(),
+        },
+        stresslet_xx: column(0),
+        stresslet_yy: column(1),
+        stresslet_xy: column(2),
+        stresslet_xz: suspended(3),
+        stresslet_yz: suspended(4),
         viscosity: stress.map(|s| s.viscosity),
         viscosity_stresslet: stress.map(|s| s.viscosity_stresslet),
         dissipation: stress.map(|s| s.dissipation),
         stress: stress.map(|s| s.components),
         computing_time_s,
-        contacts: solved.contacts,
+        dimensions: S::DIMENSIONS,
+        contacts: solved.contacts.iter().map(Touching::of).collect(),
     })
+}
+
+/// A candidate pair, its vectors as so many numbers as the space has.
+struct Touching {
+    spheres: [usize; 2],
+    image: Vec<i64>,
+    gap: f64,
+    normal: Vec<f64>,
+    normal_force: f64,
+    tangential_force: Vec<f64>,
+    normal_velocity: f64,
+    slip_velocity: Vec<f64>,
+    rolling_force: Vec<f64>,
+    rolling_velocity: Vec<f64>,
+    state: ContactState,
+}
+
+impl Touching {
+    fn of<S: Arrays>(contact: &Contact<S>) -> Self {
+        let pair = &contact.pair;
+        Self {
+            spheres: [pair.i, pair.j],
+            image: (0..S::DIMENSIONS).map(|k| pair.image[k].into()).collect(),
+            gap: pair.gap,
+            normal: S::point(&pair.normal).as_ref().to_vec(),
+            normal_force: contact.normal_force,
+            tangential_force: S::across(&contact.tangential_force),
+            normal_velocity: contact.normal_velocity,
+            slip_velocity: S::across(&contact.slip_velocity),
+            rolling_force: S::across(&contact.rolling_force),
+            rolling_velocity: S::across(&contact.rolling_velocity),
+            state: contact.state,
+        }
+    }
 }
 
 /// The exception for keywords that say something else than they should.

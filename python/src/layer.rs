@@ -18,6 +18,7 @@ use std::time::Instant;
 use sweep::axes::AXES;
 use sweep::data::is_of_network;
 use sweep::report::sample_fields;
+use sweep::spaces::InSpace;
 use sweep::store::Checkpoint;
 use toml::Table;
 
@@ -214,8 +215,11 @@ impl Layer {
         let params = one_case(&values::dict("params", params)?, 0)?;
         let checkpoint = Checkpoint::decode(&values::bytes("snapshot", snapshot)?)
             .map_err(|damage| PyValueError::new_err(format!("snapshot: {damage}")))?;
+        let InSpace::Layer(of_layer) = checkpoint.snapshot else {
+            return Err(PyValueError::new_err("snapshot: of a suspension, and this is a layer"));
+        };
         Self::of(py, params, None, move |params, tables| {
-            Simulation::from_snapshot(params, checkpoint.snapshot, tables)
+            Simulation::from_snapshot(params, of_layer, tables)
         })
         .map_err(|error| {
             // A snapshot that does not fit is a bad argument.
@@ -414,7 +418,7 @@ impl Layer {
     /// All that the next step needs, as bytes with a checksum, for `Layer.from_snapshot`.
     fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let checkpoint = Checkpoint {
-            snapshot: py.detach(|| self.run().layer.snapshot()),
+            snapshot: InSpace::Layer(py.detach(|| self.run().layer.snapshot())),
             samples: Vec::new(),
             wall_time_s: 0.0,
             cpu_time_s: 0.0,

@@ -6,7 +6,6 @@ use crate::values;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
-use sd_core::simulation::Frame;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use sweep::axes::{AXES, Axis};
@@ -14,6 +13,7 @@ use sweep::campaign::Campaign;
 use sweep::report::{
     Drawing, Kind, Look, Report, Selection, StructureReport, outline, point_table, sample_table, traces,
 };
+use sweep::spaces::AnyFrame;
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
 use sweep::trajectory::{contact_table, sphere_table};
 
@@ -277,7 +277,7 @@ impl Store {
     }
 }
 
-fn with_steps(frames: &[StoredFrame]) -> Vec<(u64, &Frame)> {
+fn with_steps(frames: &[StoredFrame]) -> Vec<(u64, &AnyFrame)> {
     frames.iter().map(|kept| (kept.step, &kept.frame)).collect()
 }
 

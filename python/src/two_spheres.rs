@@ -26,7 +26,7 @@ pub(crate) const LOOK: Duration = Duration::from_millis(50);
 /// Returns
 /// -------
 /// dict
-///     For each of XA, YA, YB, YC, XG, YG, YH, XM, YM, ZM an array of shape ``(..., 2)``: the shape of `separation`, and the function of
+///     For each of XA, YA, YB, XC, YC, XG, YG, YH, XM, YM, ZM an array of shape ``(..., 2)``: the shape of `separation`, and the function of
 ///     the sphere's own motion (11) and of the other's (12). A in 6 pi mu a1; B, G in 4 pi mu a1^2; C, H in 8 pi mu a1^3; M in
 ///     (20/3) pi mu a1^3.
 #[pyfunction]
@@ -44,11 +44,11 @@ pub(crate) fn scalars<'py>(
     let separations: Vec<f64> = flat.as_array().iter().copied().collect();
     let mut values = Vec::with_capacity(separations.len());
     for separation in separations {
-        let found = py.detach(|| sd_core::two_sphere::scalars(size_ratio, separation));
-        values.push(named_scalars(&found.map_err(raise)?));
+        let found = py.detach(|| named_scalars(size_ratio, separation));
+        values.push(found.map_err(raise)?);
         py.check_signals()?;
     }
-    let names = named_scalars(&sd_core::two_sphere::scalars(1.0, 3.0).map_err(raise)?);
+    let names = named_scalars(1.0, 3.0).map_err(raise)?;
     let answer = PyDict::new(py);
     for (place, (name, _)) in names.iter().enumerate() {
         let column: Vec<f64> = values.iter().flat_map(|of_all| of_all[place].1).collect();

@@ -55,7 +55,7 @@ def test_what_is_given_stays_as_it_is():
 
 BAD = [
     (dict(centres=np.zeros(3)), ValueError, ["centres", "(3,)", "(N, 2)"]),
-    (dict(centres=np.zeros((2, 3))), ValueError, ["centres", "(2, 3)", "(N, 2)"]),
+    (dict(centres=np.zeros((2, 4))), ValueError, ["centres", "(2, 4)", "(N, 2)"]),
     (dict(centres=np.zeros((2, 2, 2))), ValueError, ["centres", "(2, 2, 2)", "(N, 2)"]),
     (dict(centres=[[0, 0], [1]]), ValueError, ["centres", "(N, 2)"]),
     (dict(centres=CENTRES.astype(complex)), TypeError, ["centres", "complex128", "float64"]),
@@ -185,3 +185,33 @@ for call in [
     said = done.stdout.splitlines()
     assert done.returncode == 0 and len(said) == 4, done.stderr
     assert all(words in line and "pip install" in line for line in said), said
+
+
+def test_a_suspension_has_three_columns():
+    rng = np.random.default_rng(3)
+    flat = np.array([[0.0, 0.0], [2.2, 0.5], [-1.0, 2.4]])
+    forces = rng.normal(size=(3, 2))
+    deep = np.column_stack([flat, np.zeros(3)])
+    layer = sl.solve(flat, hydrodynamics="ball-melrose", forces=forces)
+    solid = sl.solve(
+        deep,
+        hydrodynamics="ball-melrose",
+        forces=np.column_stack([forces, np.zeros(3)]),
+    )
+    assert solid.velocity_disturbance.shape == (3, 3)
+    assert solid.angular_velocity_disturbance.shape == (3, 3)
+    # In unbounded fluid spheres in a plane stay in it.
+    np.testing.assert_allclose(
+        solid.velocity_disturbance[:, :2], layer.velocity_disturbance, atol=1e-9
+    )
+    np.testing.assert_allclose(solid.velocity_disturbance[:, 2], 0, atol=1e-12)
+    np.testing.assert_allclose(
+        solid.angular_velocity_disturbance[:, 2],
+        layer.angular_velocity_disturbance,
+        atol=1e-9,
+    )
+    assert layer.stresslet_xz is None
+    np.testing.assert_allclose(solid.stresslet_xz, 0, atol=1e-12)
+    assert solid.contacts["normal"].shape[1:] == (3,)
+    with pytest.raises(ValueError, match=r"\(N, 3\)"):
+        sl.solve(deep, hydrodynamics="ball-melrose", forces=forces)

@@ -12,7 +12,9 @@ pub(crate) mod task;
 
 pub use error::Error;
 pub use explain::ErrorRenderer;
-pub use instant::{Input as InstantInput, InputError, configuration, named_scalars};
+pub use instant::{
+    Components, Input as InstantInput, InputError, Written, configuration, named_scalars,
+};
 pub use plan::{Plan, plan};
 
 use crate::campaign::{Campaign, Order, Priority};

@@ -22,6 +22,8 @@ pub(crate) const NEAR: f64 = 0.6;
 pub(crate) const COMPARABLE: f64 = 1.0;
 /// Area fraction that no layer of discs exceeds by much.
 const CLOSEST: f64 = 0.86;
+/// Volume fraction that no random suspension of spheres exceeds by much.
+const CLOSEST_SPHERES: f64 = 0.66;
 /// Distance below which runs count as of one place.
 const CORE: f64 = 0.05;
 /// Points measured that are looked at, at most: the latest ones.
@@ -188,10 +190,14 @@ fn numbers_apart(key: &str, a: f64, b: f64) -> f64 {
     if a == b {
         return 0.0;
     }
-    let room = |area_fraction: f64| (CLOSEST - area_fraction).max(0.01);
+    // Contacts, and the work they make, grow fast where little room is left.
+    let of_room = |closest: f64| {
+        let room = |fraction: f64| (closest - fraction).max(0.01);
+        (room(a) / room(b)).ln().abs() / 0.25
+    };
     match key {
-        // Contacts, and the work they make, grow fast with it.
-        "area_fraction" => (room(a) / room(b)).ln().abs() / 0.25,
+        "area_fraction" => of_room(CLOSEST),
+        "volume_fraction" => of_room(CLOSEST_SPHERES),
         _ if a > 0.0 && b > 0.0 && a.is_finite() && b.is_finite() && key != "shear_rate" => {
             (a / b).ln().abs() / 0.7
         }

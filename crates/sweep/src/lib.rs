@@ -51,7 +51,7 @@ pub mod trajectory;
 mod test_support;
 
 pub use api::Error;
-pub use model::{axes, case, protocol};
+pub use model::{axes, case, protocol, spaces};
 pub use statistics::doubt;
 pub use system::{disk, exit, tables};
 pub use text::format;

@@ -9,4 +9,5 @@ pub(crate) mod order;
 pub mod protocol;
 pub(crate) mod replay;
 pub(crate) mod sampled;
+pub mod spaces;
 pub(crate) mod stresses;

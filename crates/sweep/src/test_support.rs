@@ -1,5 +1,6 @@
 //! Made-up samples and snapshots for the tests of what stands around the physics.
 
+use crate::spaces::{AnyFrame, AnySnapshot, InSpace};
 use sd_core::simulation::{Counters, Frame, FrameContact, SNAPSHOT_VERSION};
 use sd_core::{ContactScheme, Hydrodynamics, Params, Sample, Snapshot, StressComponents};
 
@@ -59,8 +60,8 @@ pub(crate) fn sample(strain: f64) -> Sample {
 }
 
 /// A plausible snapshot after so many steps.
-pub(crate) fn snapshot(steps: u64) -> Snapshot {
-    serde_json::from_value(serde_json::json!({
+pub(crate) fn snapshot(steps: u64) -> AnySnapshot {
+    let layer: Snapshot = serde_json::from_value(serde_json::json!({
         "version": SNAPSHOT_VERSION,
         "steps": steps,
         "centres": [[0.1, 0.2], [3.0, 0.3]],
@@ -71,12 +72,36 @@ pub(crate) fn snapshot(steps: u64) -> Snapshot {
             "springs": [[0, 1, -0.5]], "rolling_springs": [[0, 1, 0.25]]}},
         "counters": counters(),
     }))
-    .unwrap()
+    .unwrap();
+    InSpace::Layer(layer)
+}
+
+/// A frame of a suspension of two spheres in contact, the first of them at that place.
+pub(crate) fn suspension(strain: f64, place: [f64; 3]) -> AnyFrame {
+    InSpace::Suspension(Frame {
+        strain,
+        side: 8.0,
+        offset: -2.0,
+        radii: vec![1.0, 1.0],
+        centres: vec![place, [3.5, 2.0, 0.5]],
+        orientations: vec![[0.8, 0.0, 0.6, 0.0], [1.0, 0.0, 0.0, 0.0]],
+        stresslets: vec![[1.0, -1.0, 20.5, 0.25, -0.5], [0.0, 0.5, 19.0, 0.0, 2.0]],
+        contacts: vec![FrameContact {
+            i: 0,
+            j: 1,
+            normal: [0.0, 0.6, 0.8],
+            gap: 0.0078125,
+            normal_force: 12.5,
+            tangential_force: [3.0, 0.0, -4.0].into(),
+            rolling_force: [0.0; 3].into(),
+            state: sd_core::contact::ContactState::Rolling,
+        }],
+    })
 }
 
 /// A frame of two spheres in contact.
-pub(crate) fn frame() -> Frame {
-    Frame {
+pub(crate) fn frame() -> AnyFrame {
+    InSpace::Layer(Frame {
         strain: 0.5,
         side: 8.0,
         offset: -2.0,
@@ -94,5 +119,5 @@ pub(crate) fn frame() -> Frame {
             rolling_force: 0.5,
             state: sd_core::contact::ContactState::Slipping,
         }],
-    }
+    })
 }

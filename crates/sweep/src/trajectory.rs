@@ -11,12 +11,16 @@ pub(crate) use bonds::write_bonds;
 pub(crate) use extxyz::{Filmed, write_extxyz};
 pub use tables::{contact_table, sphere_table};
 
+use crate::spaces::{AnyFrame, InSpace};
 use sd_core::contact::ContactState;
 use sd_core::simulation::{Frame, FrameContact};
+use sd_core::{Bulk, Layer, Space};
 use serde::{Deserialize, Serialize};
 
-/// First byte of a stored frame.
-const VERSION: u8 = 1;
+/// First byte of a stored frame of a layer.
+const LAYER: u8 = 2;
+/// The same of a suspension.
+const SUSPENSION: u8 = 3;
 
 /// A frame as it is stored.
 #[derive(Serialize, Deserialize)]
@@ -27,12 +31,106 @@ struct Stored {
     offset: f32,
     /// Radii; a single one if all are equal.
     radii: Vec<f32>,
-    /// x, y, orientation, and the stresslet's xx, yy, xy of each sphere.
-    spheres: Vec<[f32; 6]>,
-    /// i, j, state, and normal x and y, gap, normal and tangential force of each contact.
-    contacts: Vec<(u32, u32, u8, [f32; 5])>,
+    /// Of each sphere its centre, its orientation, its stresslet.
+    spheres: Vec<f32>,
+    /// i, j, state of each contact.
+    contacts: Vec<(u32, u32, u8)>,
+    /// Of each contact its normal, gap, normal force, tangential force.
+    forces: Vec<f32>,
     /// Quasi-force of rolling friction of each contact; none without such friction.
     rolling: Vec<f32>,
+}
+
+/// A space whose frames are kept: its orientations and tangents as numbers.
+pub(crate) trait Kept: Space {
+    /// First byte of its stored frames.
+    const VERSION: u8;
+    /// Numbers of an orientation.
+    const ORIENTATION: usize;
+    /// Numbers of a vector across a line of centres.
+    const TANGENT: usize;
+
+    /// The numbers of an orientation.
+    fn orientation(orientation: &Self::Orientation) -> &[f64];
+
+    /// The orientation of so many numbers.
+    fn orientation_of(numbers: &[f64]) -> Self::Orientation;
+
+    /// The numbers of a vector across a line of centres.
+    fn across(tangent: &Self::Tangent) -> &[f64];
+
+    /// The vector of so many numbers.
+    fn tangent_of(numbers: &[f64]) -> Self::Tangent;
+
+    /// How much of a force acts across a line of centres: with a sign where there is one direction, else its size.
+    fn amount(tangent: &Self::Tangent) -> f64;
+
+    /// The angle in the plane of flow and gradient of a line that lay along the flow at strain 0.
+    fn angle(orientation: &Self::Orientation) -> f64;
+}
+
+impl Kept for Layer {
+    const VERSION: u8 = LAYER;
+    const ORIENTATION: usize = 1;
+    const TANGENT: usize = 1;
+
+    fn orientation(orientation: &f64) -> &[f64] {
+        std::slice::from_ref(orientation)
+    }
+
+    fn orientation_of(numbers: &[f64]) -> f64 {
+        numbers[0]
+    }
+
+    fn across(tangent: &f64) -> &[f64] {
+        std::slice::from_ref(tangent)
+    }
+
+    fn tangent_of(numbers: &[f64]) -> f64 {
+        numbers[0]
+    }
+
+    fn amount(tangent: &f64) -> f64 {
+        *tangent
+    }
+
+    fn angle(orientation: &f64) -> f64 {
+        *orientation
+    }
+}
+
+impl Kept for Bulk {
+    const VERSION: u8 = SUSPENSION;
+    const ORIENTATION: usize = 4;
+    const TANGENT: usize = 3;
+
+    fn orientation(orientation: &Self::Orientation) -> &[f64] {
+        orientation
+    }
+
+    fn orientation_of(numbers: &[f64]) -> Self::Orientation {
+        std::array::from_fn(|k| numbers[k])
+    }
+
+    fn across(tangent: &Self::Tangent) -> &[f64] {
+        tangent.as_slice()
+    }
+
+    fn tangent_of(numbers: &[f64]) -> Self::Tangent {
+        let mut tangent = Self::Tangent::default();
+        for (place, number) in numbers.iter().enumerate() {
+            tangent[place] = *number;
+        }
+        tangent
+    }
+
+    fn amount(tangent: &Self::Tangent) -> f64 {
+        Self::tangent_dot(tangent, tangent).sqrt()
+    }
+
+    fn angle([w, x, y, z]: &Self::Orientation) -> f64 {
+        (2.0 * (x * y + w * z)).atan2(1.0 - 2.0 * (y * y + z * z))
+    }
 }
 
 /// Names of the states, by their stored number.
@@ -57,7 +155,14 @@ fn single(value: f64) -> f32 {
 ///
 /// # Errors
 /// Those of the encoder, which is given nothing it cannot encode.
-pub fn encode(frame: &Frame) -> Result<Vec<u8>, postcard::Error> {
+pub fn encode(frame: &AnyFrame) -> Result<Vec<u8>, postcard::Error> {
+    match frame {
+        InSpace::Layer(frame) => encode_in(frame),
+        InSpace::Suspension(frame) => encode_in(frame),
+    }
+}
+
+fn encode_in<S: Kept>(frame: &Frame<S>) -> Result<Vec<u8>, postcard::Error> {
     let alike = frame
         .radii
         .windows(2)
@@ -68,73 +173,125 @@ pub fn encode(frame: &Frame) -> Result<Vec<u8>, postcard::Error> {
         frame.radii.len()
     }];
     let number = |sphere: usize| u32::try_from(sphere).unwrap_or(u32::MAX);
+    let spheres = frame
+        .centres
+        .iter()
+        .zip(&frame.orientations)
+        .zip(&frame.stresslets);
+    let contacts = &frame.contacts;
+    let rolls = contacts
+        .iter()
+        .any(|c| c.rolling_force != S::Tangent::default());
     let stored = Stored {
         strain: frame.strain,
         side: single(frame.side),
         offset: single(frame.offset),
         radii: radii.iter().copied().map(single).collect(),
-        spheres: frame
-            .centres
-            .iter()
-            .zip(&frame.orientations)
-            .zip(&frame.stresslets)
-            .map(|((x, angle), s)| [x[0], x[1], *angle, s[0], s[1], s[2]].map(single))
-            .collect(),
-        contacts: frame
-            .contacts
-            .iter()
-            .map(|c| {
-                let numbers = [
-                    c.normal[0],
-                    c.normal[1],
-                    c.gap,
-                    c.normal_force,
-                    c.tangential_force,
-                ];
-                (
-                    number(c.i),
-                    number(c.j),
-                    state_number(c.state),
-                    numbers.map(single),
-                )
+        spheres: spheres
+            .flat_map(|((x, orientation), stresslet)| {
+                [x.as_ref(), S::orientation(orientation), stresslet.as_ref()]
             })
+            .flatten()
+            .copied()
+            .map(single)
             .collect(),
-        rolling: if frame.contacts.iter().any(|c| c.rolling_force != 0.0) {
-            let forces = frame.contacts.iter().map(|c| c.rolling_force);
-            forces.map(single).collect()
-        } else {
-            Vec::new()
-        },
+        contacts: contacts
+            .iter()
+            .map(|c| (number(c.i), number(c.j), state_number(c.state)))
+            .collect(),
+        forces: contacts
+            .iter()
+            .flat_map(|c| {
+                let along = c.normal.as_ref().iter().copied();
+                let across = S::across(&c.tangential_force).iter().copied();
+                along.chain([c.gap, c.normal_force]).chain(across)
+            })
+            .map(single)
+            .collect(),
+        rolling: contacts
+            .iter()
+            .filter(|_| rolls)
+            .flat_map(|c| S::across(&c.rolling_force))
+            .copied()
+            .map(single)
+            .collect(),
     };
-    postcard::to_extend(&stored, vec![VERSION])
+    postcard::to_extend(&stored, vec![S::VERSION])
 }
 
 /// A frame from bytes; `None` if they are none of this version.
-pub fn decode(bytes: &[u8]) -> Option<Frame> {
-    let (&VERSION, content) = bytes.split_first()? else {
-        return None;
-    };
+pub fn decode(bytes: &[u8]) -> Option<AnyFrame> {
+    let (version, content) = bytes.split_first()?;
     let stored: Stored = postcard::from_bytes(content).ok()?;
-    let n = stored.spheres.len();
+    match *version {
+        LAYER => decode_in(&stored).map(InSpace::Layer),
+        SUSPENSION => decode_in(&stored).map(InSpace::Suspension),
+        _ => None,
+    }
+}
+
+/// Frames with their steps.
+type Frames<'f, S> = Vec<(u64, &'f Frame<S>)>;
+
+/// Those of layers, and those of suspensions. A run stays in its space: one of the two is empty.
+fn by_space<'f>(frames: &[(u64, &'f AnyFrame)]) -> (Frames<'f, Layer>, Frames<'f, Bulk>) {
+    let (mut layers, mut suspensions) = (Vec::new(), Vec::new());
+    for (step, frame) in frames {
+        match frame {
+            InSpace::Layer(frame) => layers.push((*step, frame)),
+            InSpace::Suspension(frame) => suspensions.push((*step, frame)),
+        }
+    }
+    (layers, suspensions)
+}
+
+/// Numbers in rows of that length; `None` where there are not so many rows.
+fn rows(numbers: &[f32], length: usize, count: usize) -> Option<Vec<Vec<f64>>> {
+    let is_whole = Some(numbers.len()) == length.checked_mul(count);
+    let row = |row: &[f32]| row.iter().copied().map(f64::from).collect();
+    is_whole.then(|| numbers.chunks_exact(length).map(row).collect())
+}
+
+/// A vector of so many numbers.
+fn few<T: Default + AsMut<[f64]>>(numbers: &[f64]) -> T {
+    let mut all = T::default();
+    all.as_mut().copy_from_slice(numbers);
+    all
+}
+
+fn decode_in<S: Kept>(stored: &Stored) -> Option<Frame<S>> {
+    let oriented = S::DIMENSIONS + S::ORIENTATION;
+    let of_sphere = oriented + S::STRAINS;
+    let n = stored.spheres.len() / of_sphere;
+    let spheres = rows(&stored.spheres, of_sphere, n)?;
     let radii: Vec<f64> = match stored.radii.as_slice() {
         [one] => vec![f64::from(*one); n],
         all => all.iter().copied().map(f64::from).collect(),
     };
-    let column = |place: usize| stored.spheres.iter().map(move |s| f64::from(s[place]));
-    let contacts: Option<Vec<FrameContact>> = stored
+    let touching = stored.contacts.len();
+    let forces = rows(&stored.forces, S::DIMENSIONS + 2 + S::TANGENT, touching)?;
+    let rolls = !stored.rolling.is_empty();
+    let rolling = rows(
+        &stored.rolling,
+        S::TANGENT,
+        if rolls { touching } else { 0 },
+    )?;
+    let contacts: Option<Vec<FrameContact<S>>> = stored
         .contacts
         .iter()
+        .zip(&forces)
         .enumerate()
-        .map(|(k, (i, j, state, numbers))| {
-            let [nx, ny, gap, normal_force, tangential_force] = numbers.map(f64::from);
+        .map(|(k, ((i, j, state), numbers))| {
+            let (normal, rest) = numbers.split_at(S::DIMENSIONS);
+            let rolling_force = rolling.get(k).map(|force| S::tangent_of(force));
             Some(FrameContact {
                 i: usize::try_from(*i).ok().filter(|i| *i < n)?,
                 j: usize::try_from(*j).ok().filter(|j| *j < n)?,
-                normal: [nx, ny],
-                gap,
-                normal_force,
-                tangential_force,
-                rolling_force: stored.rolling.get(k).copied().map_or(0.0, f64::from),
+                normal: few(normal),
+                gap: rest[0],
+                normal_force: rest[1],
+                tangential_force: S::tangent_of(&rest[2..]),
+                rolling_force: rolling_force.unwrap_or_default(),
                 state: match state {
                     0 => ContactState::Frictionless,
                     1 => ContactState::Rolling,
@@ -148,13 +305,12 @@ pub fn decode(bytes: &[u8]) -> Option<Frame> {
         strain: stored.strain,
         side: f64::from(stored.side),
         offset: f64::from(stored.offset),
-        centres: column(0).zip(column(1)).map(|(x, y)| [x, y]).collect(),
-        orientations: column(2).collect(),
-        stresslets: column(3)
-            .zip(column(4))
-            .zip(column(5))
-            .map(|((xx, yy), xy)| [xx, yy, xy])
+        centres: spheres.iter().map(|s| few(&s[..S::DIMENSIONS])).collect(),
+        orientations: spheres
+            .iter()
+            .map(|s| S::orientation_of(&s[S::DIMENSIONS..oriented]))
             .collect(),
+        stresslets: spheres.iter().map(|s| few(&s[oriented..])).collect(),
         contacts: contacts?,
         radii,
     };
@@ -165,7 +321,7 @@ pub fn decode(bytes: &[u8]) -> Option<Frame> {
 mod tests {
     use super::*;
     use crate::data::write_csv;
-    use crate::test_support::frame;
+    use crate::test_support::{frame, suspension};
 
     #[test]
     fn frame_comes_back() {
@@ -175,6 +331,51 @@ mod tests {
         for length in 0..bytes.len() {
             assert_eq!(decode(&bytes[..length]), None, "torn at {length}");
         }
+    }
+
+    #[test]
+    fn frame_of_a_suspension_comes_back() {
+        let frame = suspension(0.5, [1.0, 2.0, 7.5]);
+        let bytes = encode(&frame).unwrap();
+        let back = decode(&bytes).unwrap();
+        let (InSpace::Suspension(frame), InSpace::Suspension(back)) = (frame, back) else {
+            panic!("no suspension");
+        };
+        assert_eq!(
+            (&back.centres, &back.stresslets),
+            (&frame.centres, &frame.stresslets)
+        );
+        let contact = &back.contacts[0];
+        assert_eq!(contact.tangential_force, frame.contacts[0].tangential_force);
+        for (a, b) in back.orientations[0].iter().zip(frame.orientations[0]) {
+            assert!((a - b).abs() < 1e-7);
+        }
+        for length in 0..bytes.len() {
+            assert_eq!(decode(&bytes[..length]), None, "torn at {length}");
+        }
+    }
+
+    #[test]
+    fn tables_of_suspensions_have_vectors() {
+        let frame = suspension(0.5, [1.0, 2.0, 7.5]);
+        let mut contacts = Vec::new();
+        write_csv(&contact_table(&[(25, &frame)]), &mut contacts).unwrap();
+        assert_eq!(
+            String::from_utf8(contacts).unwrap(),
+            "step,strain,i,j,normal_x,normal_y,normal_z,gap,normal_force,tangential_force_x,tangential_force_y,tangential_force_z,\
+             rolling_force_x,rolling_force_y,rolling_force_z,state\n\
+             25,0.5,0,1,0,0.6,0.8,0.0078125,12.5,3,0,-4,0,0,0,rolling\n"
+        );
+        let mut spheres = Vec::new();
+        write_csv(&sphere_table(&[(25, &frame)]), &mut spheres).unwrap();
+        let spheres = String::from_utf8(spheres).unwrap();
+        assert!(
+            spheres.starts_with(
+                "step,strain,sphere,x,y,z,radius,orientation_w,orientation_x,orientation_y,orientation_z,\
+                 stresslet_xx,stresslet_yy,stresslet_xy,stresslet_xz,stresslet_yz\n25,0.5,0,1,2,7.5,1,0.8,0,0.6,0,1,-1,20.5,0.25,-0.5\n"
+            ),
+            "{spheres}"
+        );
     }
 
     #[test]

@@ -1,17 +1,23 @@
 //! One instant of one configuration: what `sweep solve` and Python read, and what they answer.
 
+mod components;
 mod contact;
 
+pub(crate) use self::components::Amount;
+pub use self::components::{Components, Written};
+
+use self::components::FirstCentre;
 use self::contact::Contact;
 use super::Error;
+use crate::spaces::{InSpace, of_either};
 use crate::tables;
+use crate::trajectory::Kept;
 use sd_core::cell::Cell;
 use sd_core::contact::ContactState;
 use sd_core::instant::{self, Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::model::Words;
-use sd_core::modes::{Background, Vec2};
-use sd_core::two_sphere::Scalars;
-use sd_core::{Hydrodynamics, LeadingOrder, NearFields, Params, StressComponents};
+use sd_core::two_sphere::{scalars, twist};
+use sd_core::{Bulk, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, StressComponents};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -21,14 +27,14 @@ const RADIUS_LIMIT: usize = 10;
 
 /// A configuration as it is written, in JSON or by another program. Lengths in sphere radii, forces in mu·a²·rate.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Input {
+#[serde(deny_unknown_fields, bound = "")]
+pub struct Input<S: Written = Layer> {
     /// Centres.
-    pub centres: Vec<[f64; 2]>,
+    pub centres: Vec<S::Components>,
     /// Radii, default 1.
     pub radii: Option<Vec<f64>>,
     /// Cell sides; none: unbounded.
-    cell: Option<[f64; 2]>,
+    cell: Option<S::Components>,
     /// Offset of the cell.
     offset: Option<f64>,
     /// Hydrodynamics, by its word.
@@ -37,13 +43,13 @@ pub struct Input {
     /// Numbers of leading-order lubrication, default the usual ones.
     lubrication: Option<LeadingOrder>,
     /// Imposed flow, default simple shear.
-    background: Option<Flow>,
+    background: Option<Flow<S>>,
     /// External forces, default 0.
-    pub forces: Option<Vec<[f64; 2]>>,
+    pub forces: Option<Vec<S::Components>>,
     /// External torques, default 0.
-    pub torques: Option<Vec<f64>>,
+    pub torques: Option<Vec<S::Turning>>,
     /// Contact problem, default none.
-    contact: Option<Contact>,
+    contact: Option<Contact<S>>,
 }
 
 /// A choice by its word.
@@ -80,32 +86,37 @@ pub enum InputError {
 
 /// Imposed flow as it is written.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Flow {
+#[serde(deny_unknown_fields, bound = "")]
+struct Flow<S: Written> {
     /// Rate of strain.
-    rate_of_strain: Strain,
+    rate_of_strain: S::Rates,
     /// Angular velocity.
-    angular_velocity: f64,
+    angular_velocity: S::Turning,
 }
 
-/// Rate of strain as it is written.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Strain {
-    /// xx.
-    xx: f64,
-    /// yy.
-    yy: f64,
-    /// xy.
-    xy: f64,
-}
+/// A configuration and its contact problem.
+type Problem<S> = (Configuration<S>, ContactRequest<S>);
 
-/// Reads the input strictly.
+/// The same of a layer or a suspension.
+pub(crate) type AnyProblem = InSpace<Problem<Layer>, Problem<Bulk>>;
+
+/// Reads the input strictly; the first of its centres says whether it is a layer or a suspension.
 ///
 /// # Errors
 /// What is wrong with it, and where.
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<(Configuration, ContactRequest), Error> {
-    let input: Input = serde_json::from_slice(bytes).map_err(|error| {
+pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<AnyProblem, Error> {
+    // What cannot be read here is refused below.
+    let first = serde_json::from_slice::<FirstCentre>(bytes);
+    Ok(if first.is_ok_and(|first| first.is_suspended()) {
+        InSpace::Suspension(read_in(path, bytes)?)
+    } else {
+        InSpace::Layer(read_in(path, bytes)?)
+    })
+}
+
+/// Reads the input of one space.
+fn read_in<S: Written>(path: &Path, bytes: &[u8]) -> Result<Problem<S>, Error> {
+    let input: Input<S> = serde_json::from_slice(bytes).map_err(|error| {
         // The message of serde ends with the place, which we put in front.
         let text = error.to_string();
         let message = text
@@ -132,7 +143,9 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<(Configuration, ContactR
 ///
 /// # Errors
 /// Lists of other lengths, more spheres or radii than can be computed, values without meaning or out of range.
-pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), InputError> {
+pub fn configuration<S: Written>(
+    input: Input<S>,
+) -> Result<(Configuration<S>, ContactRequest<S>), InputError> {
     let refuse = |field, message: &str| {
         Err(InputError::Value {
             field,
@@ -177,7 +190,7 @@ pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), In
         }
     }
     let cell = match (input.cell, input.offset) {
-        (Some([x, y]), offset) => Cell::periodic(Vec2::new(x, y), offset.unwrap_or(0.0))?,
+        (Some(sides), offset) => Cell::periodic(S::vector_of(sides), offset.unwrap_or(0.0))?,
         (None, None) => Cell::Unbounded,
         (None, Some(_)) => return refuse("offset", "has no meaning without `cell`"),
     };
@@ -188,22 +201,24 @@ pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), In
             Err((field, message)) => return refuse(field, &message),
         },
     };
-    let vectors = |list: Vec<[f64; 2]>| list.into_iter().map(Vec2::from).collect::<Vec<_>>();
+    let vectors = |list: Vec<S::Components>| -> Vec<S::Vector> {
+        list.into_iter().map(S::vector_of).collect()
+    };
     let configuration = Configuration {
         centres: vectors(input.centres),
         radii: input.radii.unwrap_or_else(|| vec![1.0; n]),
         cell,
         hydrodynamics,
-        background: input
-            .background
-            .map_or(Background::SHEAR, |flow| Background {
-                xx: flow.rate_of_strain.xx,
-                yy: flow.rate_of_strain.yy,
-                xy: flow.rate_of_strain.xy,
-                angular_velocity: flow.angular_velocity,
-            }),
-        forces: input.forces.map_or_else(|| vec![Vec2::zeros(); n], vectors),
-        torques: input.torques.unwrap_or_else(|| vec![0.0; n]),
+        background: input.background.map_or_else(S::shear, |flow| {
+            S::flow_of(flow.rate_of_strain, flow.angular_velocity)
+        }),
+        forces: input
+            .forces
+            .map_or_else(|| vec![S::Vector::default(); n], vectors),
+        torques: input.torques.map_or_else(
+            || vec![S::Spin::default(); n],
+            |list| list.into_iter().map(S::spin_of).collect(),
+        ),
     };
     let most = instant::method(&configuration, &contact).most_spheres(hydrodynamics);
     if n > most {
@@ -217,10 +232,11 @@ pub fn configuration(input: Input) -> Result<(Configuration, ContactRequest), In
 }
 
 /// Solves an instant; near-field tables that it needs are made.
-pub(crate) fn answer(
-    configuration: &Configuration,
-    contact: &ContactRequest,
-) -> Result<Answer, Error> {
+pub(crate) fn answer(problem: &AnyProblem) -> Result<Answer, Error> {
+    of_either!(problem, problem => answer_in(problem))
+}
+
+fn answer_in<S: Written + Kept>((configuration, contact): &Problem<S>) -> Result<Answer, Error> {
     let mut ratios = NearFields::ratios(&configuration.radii);
     if !configuration.hydrodynamics.needs_tables() {
         ratios.clear();
@@ -230,22 +246,28 @@ pub(crate) fn answer(
     } else {
         NearFields::default()
     };
-    Ok(Answer::from(&solve(configuration, contact, &tables)?))
+    Ok(Answer::of(&solve(configuration, contact, &tables)?))
 }
 
 /// The answer as it is written; its names are a promise.
 #[derive(Serialize)]
 pub(crate) struct Answer {
     /// Velocities minus the background at the own centre.
-    pub(crate) velocity_disturbance: Vec<[f64; 2]>,
+    pub(crate) velocity_disturbance: Vec<Vec<f64>>,
     /// Angular velocities minus the background's.
-    pub(crate) angular_velocity_disturbance: Vec<f64>,
+    pub(crate) angular_velocity_disturbance: Vec<Amount>,
     /// Stresslets, xx.
     pub(crate) stresslet_xx: Vec<f64>,
     /// Stresslets, yy.
     pub(crate) stresslet_yy: Vec<f64>,
     /// Stresslets, xy.
     pub(crate) stresslet_xy: Vec<f64>,
+    /// Stresslets of a suspension, xz.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) stresslet_xz: Option<Vec<f64>>,
+    /// The same, yz.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) stresslet_yz: Option<Vec<f64>>,
     /// Viscosity in full; `null` in unbounded fluid, as the next two.
     pub(crate) viscosity: Option<f64>,
     /// Viscosity from the stresslets alone.
@@ -270,39 +292,44 @@ pub(crate) struct Pair {
     /// Second sphere.
     pub(crate) j: usize,
     /// Image of the second.
-    pub(crate) image: [i32; 2],
+    pub(crate) image: Vec<i32>,
     /// Gap.
     pub(crate) gap: f64,
     /// Unit vector from the first to the second.
-    pub(crate) normal: [f64; 2],
+    pub(crate) normal: Vec<f64>,
     /// Normal force.
     pub(crate) normal_force: f64,
     /// Tangential force.
-    pub(crate) tangential_force: f64,
+    pub(crate) tangential_force: Amount,
     /// Velocity along the normal in the final motion.
     pub(crate) normal_velocity: f64,
     /// Slip in the final motion.
-    pub(crate) slip_velocity: f64,
+    pub(crate) slip_velocity: Amount,
     /// Quasi-force of rolling friction.
-    pub(crate) rolling_force: f64,
+    pub(crate) rolling_force: Amount,
     /// Rolling velocity in the final motion.
-    pub(crate) rolling_velocity: f64,
+    pub(crate) rolling_velocity: Amount,
     /// What the contact does.
     pub(crate) state: ContactState,
 }
 
-impl From<&SolvedConfiguration> for Answer {
-    fn from(instant: &SolvedConfiguration) -> Self {
-        let stresslets: Vec<_> = (0..instant.stresslets.len())
-            .map(|sphere| instant.stresslet(sphere))
-            .collect();
+impl Answer {
+    fn of<S: Written + Kept>(instant: &SolvedConfiguration<S>) -> Self {
+        let stresslets: Vec<S::Tensor> = instant.stresslets.iter().map(S::tensor).collect();
+        let column = |place: usize| -> Vec<f64> { stresslets.iter().map(|s| s[place]).collect() };
+        let suspended = |place: usize| (S::STRAINS > place).then(|| column(place));
+        let moved = |v: &S::PerMode<f64>| S::point(&S::translation(v)).as_ref().to_vec();
+        let turned = |v: &S::PerMode<f64>| Amount::of(&S::turning(&S::rotation(v)));
+        let across = |tangent: &S::Tangent| Amount::of(S::across(tangent));
         let stress = instant.stress.as_ref();
         Self {
-            velocity_disturbance: instant.disturbances.iter().map(|v| [v[0], v[1]]).collect(),
-            angular_velocity_disturbance: instant.disturbances.iter().map(|v| v[2]).collect(),
-            stresslet_xx: stresslets.iter().map(|s| s.0).collect(),
-            stresslet_yy: stresslets.iter().map(|s| s.1).collect(),
-            stresslet_xy: stresslets.iter().map(|s| s.2).collect(),
+            velocity_disturbance: instant.disturbances.iter().map(moved).collect(),
+            angular_velocity_disturbance: instant.disturbances.iter().map(turned).collect(),
+            stresslet_xx: column(0),
+            stresslet_yy: column(1),
+            stresslet_xy: column(2),
+            stresslet_xz: suspended(3),
+            stresslet_yz: suspended(4),
             viscosity: stress.map(|s| s.viscosity),
             viscosity_stresslet: stress.map(|s| s.viscosity_stresslet),
             dissipation: stress.map(|s| s.dissipation),
@@ -316,15 +343,15 @@ impl From<&SolvedConfiguration> for Answer {
                 .map(|contact| Pair {
                     i: contact.pair.i,
                     j: contact.pair.j,
-                    image: contact.pair.image,
+                    image: (0..S::DIMENSIONS).map(|k| contact.pair.image[k]).collect(),
                     gap: contact.pair.gap,
-                    normal: [contact.pair.normal.x, contact.pair.normal.y],
+                    normal: S::point(&contact.pair.normal).as_ref().to_vec(),
                     normal_force: contact.normal_force,
-                    tangential_force: contact.tangential_force,
+                    tangential_force: across(&contact.tangential_force),
                     normal_velocity: contact.normal_velocity,
-                    slip_velocity: contact.slip_velocity,
-                    rolling_force: contact.rolling_force,
-                    rolling_velocity: contact.rolling_velocity,
+                    slip_velocity: across(&contact.slip_velocity),
+                    rolling_force: across(&contact.rolling_force),
+                    rolling_velocity: across(&contact.rolling_velocity),
                     state: contact.state,
                 })
                 .collect(),
@@ -333,11 +360,19 @@ impl From<&SolvedConfiguration> for Answer {
 }
 
 /// Resistance functions of two spheres by their published names: of a sphere's own motion, and of the other's.
-pub fn named_scalars(s: &Scalars) -> [(&'static str, [f64; 2]); 10] {
-    [
+///
+/// # Errors
+/// [`sd_core::Error::OutOfRange`] about the size ratio or the separation.
+pub fn named_scalars(
+    size_ratio: f64,
+    separation: f64,
+) -> Result<[(&'static str, [f64; 2]); 11], sd_core::Error> {
+    let s = scalars(size_ratio, separation)?;
+    Ok([
         ("XA", s.x_a),
         ("YA", s.y_a),
         ("YB", s.y_b),
+        ("XC", twist(size_ratio, separation)?),
         ("YC", s.y_c),
         ("XG", s.x_g),
         ("YG", s.y_g),
@@ -345,7 +380,7 @@ pub fn named_scalars(s: &Scalars) -> [(&'static str, [f64; 2]); 10] {
         ("XM", s.x_m),
         ("YM", s.y_m),
         ("ZM", s.z_m),
-    ]
+    ])
 }
 
 #[cfg(test)]

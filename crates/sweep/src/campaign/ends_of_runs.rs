@@ -2,6 +2,7 @@
 
 use crate::axes::{AXES, Axis, Tag, Value, identity};
 use crate::model::checkpoint::Checkpoint;
+use crate::spaces::InSpace;
 use crate::store::{LastState as Run, Store};
 use sd_core::Params;
 use sd_core::model::StartLayer;
@@ -82,9 +83,17 @@ pub(super) fn layers(
     runs.iter()
         .map(|run| match Checkpoint::decode(&run.state) {
             Ok(end) => {
-                let layer = end.snapshot.layer(&run.params);
-                let origin = Some(origin(&run.params, end.snapshot.steps));
-                Ok((run.seed, StartLayer { origin, ..layer }))
+                let origin = Some(origin(&run.params, end.snapshot.steps()));
+                match end.snapshot {
+                    InSpace::Layer(end) => {
+                        let layer = end.layer(&run.params);
+                        Ok((run.seed, StartLayer { origin, ..layer }))
+                    }
+                    InSpace::Suspension(_) => Err([
+                        format!("the runs of that point of {} are suspensions, and runs begin with layers only", store.display()),
+                        "a point with an `area_fraction`, or no `start`".to_owned(),
+                    ]),
+                }
             }
             Err(damage) => Err([
                 format!(

@@ -8,9 +8,10 @@ use super::reader::{Located, Table, Values, nearest, of_axis, values};
 use super::seeds::{SEEDS, Seeds};
 use crate::axes::{AXES, Axis, Unmade, Value, folded_params_of, params_of};
 use crate::case::Case;
+use crate::spaces::check_start;
 use begins::{Start, start_layer};
+use sd_core::Params;
 use sd_core::model::{Form, Refusal};
-use sd_core::{Params, start};
 use std::ops;
 use std::path::Path;
 use toml::Spanned;
@@ -319,7 +320,7 @@ impl Grid {
         params: &Params,
         protocol: &Written,
     ) -> Result<(), Problem> {
-        let checked = params.validate().and_then(|()| start::check(params));
+        let checked = params.validate().and_then(|()| check_start(params));
         if let Err(error) = checked {
             return Err(match error {
                 sd_core::Error::Refused(refusal) => self.refused(combination, &refusal),
@@ -410,6 +411,8 @@ fn example(axis: &Axis) -> String {
     };
     let or = if axis.is_shear_rate() {
         ", or impose the stress: `shear_stress = [0.1, 1.0, 10.0]`"
+    } else if axis.is_fraction() {
+        ", or fill a volume: `volume_fraction = 0.45`"
     } else {
         ""
     };

@@ -91,7 +91,9 @@ fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&st
     let written = shortened(written);
     let mut allowed = format!("keys of {name}: {}", known.join(", "));
     if ["dimension", "dimensions", "dim"].contains(&written) {
-        allowed = format!("a layer is chosen by its `area_fraction`; {allowed}");
+        allowed = format!(
+            "a layer is chosen by its `area_fraction`, a suspension by its `volume_fraction`; {allowed}"
+        );
     }
     let meant = nearest(written, known.iter().copied()).map(|name| format!("`{name}`"));
     Problem::at(span, format!("unknown key `{written}` in {name}"), allowed)

@@ -206,6 +206,7 @@ fn from_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spaces::{AnyFrame, InSpace};
     use crate::trajectory::{Filmed, write_extxyz};
     use sd_core::simulation::Frame as Kept;
 
@@ -230,12 +231,13 @@ mod tests {
     }
 
     fn export(frames: &[Kept], text: &mut Vec<u8>) {
+        let frames: Vec<InSpace<Kept, _>> = frames.iter().cloned().map(InSpace::Layer).collect();
         let filmed = Filmed {
             params: crate::test_support::params(),
             seed: 1,
             key: "3f9a".into(),
         };
-        let frames: Vec<(u64, &Kept)> = frames.iter().map(|frame| (1, frame)).collect();
+        let frames: Vec<(u64, &AnyFrame)> = frames.iter().map(|frame| (1, frame)).collect();
         write_extxyz(&frames, &filmed, text).unwrap();
     }
 

@@ -1,4 +1,5 @@
 mod hostile;
+mod suspensions;
 
 use super::*;
 use crate::axes::Axis;
@@ -259,7 +260,7 @@ fn names_that_are_used_elsewhere_lead_to_those_of_the_file() {
         (
             "area_fraction = [0.693]",
             "phi = 0.6",
-            "did you mean `area_fraction`?",
+            "did you mean `volume_fraction`?",
         ),
         (
             "shear_rate = [0, 0.1, inf]",

@@ -5,10 +5,10 @@ use super::place::{StoreArguments, positive};
 use crate::api::Error;
 use crate::data::write_csv;
 use crate::exit;
+use crate::spaces::AnyFrame;
 use crate::store::{Store, StoredFrame};
 use crate::system::files::write_whole;
 use crate::trajectory::{Filmed, contact_table, sphere_table, write_bonds, write_extxyz};
-use sd_core::simulation::Frame;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -103,7 +103,7 @@ fn spheres(
 }
 
 /// The frames as tables have them.
-fn with_steps(frames: &[StoredFrame]) -> Vec<(u64, &Frame)> {
+fn with_steps(frames: &[StoredFrame]) -> Vec<(u64, &AnyFrame)> {
     frames.iter().map(|kept| (kept.step, &kept.frame)).collect()
 }
 

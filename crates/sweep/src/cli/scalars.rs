@@ -3,7 +3,6 @@
 use super::Output;
 use crate::api::{Error, named_scalars};
 use crate::exit;
-use sd_core::two_sphere::scalars;
 use serde_json::json;
 
 /// Print the resistance functions of two spheres
@@ -22,7 +21,7 @@ pub(crate) struct Arguments {
 
 /// Writes the functions.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let named = named_scalars(&scalars(arguments.size_ratio, arguments.separation)?);
+    let named = named_scalars(arguments.size_ratio, arguments.separation)?;
     if output.json {
         let mut object = json!({
             "size_ratio": arguments.size_ratio,

@@ -2,7 +2,7 @@
 
 use super::{Output, read_input};
 use crate::api::Error;
-use crate::api::instant::{Answer, answer, read};
+use crate::api::instant::{Amount, Answer, answer, read};
 use crate::exit;
 use crate::text::format::significant;
 use sd_core::contact::ContactState;
@@ -26,8 +26,7 @@ pub(crate) struct Arguments {
 /// Solves and writes.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let bytes = read_input(&arguments.file, INPUT_LIMIT)?;
-    let (configuration, contact) = read(&arguments.file, &bytes)?;
-    let answer = answer(&configuration, &contact)?;
+    let answer = answer(&read(&arguments.file, &bytes)?)?;
     if output.json {
         output.json(&answer)?;
     } else {
@@ -39,19 +38,35 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 /// Writes tables of spheres and contacts.
 fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
     let digits = |value: f64| significant(value, 6);
+    // The size, where it is a vector.
+    let amount = |amount: &Amount| match amount {
+        Amount::Number(number) => digits(*number),
+        Amount::Vector(vector) => digits(vector.iter().map(|x| x * x).sum::<f64>().sqrt()),
+    };
+    let is_layer = instant.stresslet_xz.is_none();
     let mut spheres = crate::report::table(output.width);
-    spheres.set_header(["sphere", "u_x", "u_y", "ω", "S_xx", "S_yy", "S_xy"]);
-    for (sphere, velocity) in instant.velocity_disturbance.iter().enumerate() {
-        let of = |list: &[f64]| list.get(sphere).map_or_else(String::new, |v| digits(*v));
-        spheres.add_row([
-            sphere.to_string(),
-            digits(velocity[0]),
-            digits(velocity[1]),
-            of(&instant.angular_velocity_disturbance),
-            of(&instant.stresslet_xx),
-            of(&instant.stresslet_yy),
-            of(&instant.stresslet_xy),
+    if is_layer {
+        spheres.set_header(["sphere", "u_x", "u_y", "ω", "S_xx", "S_yy", "S_xy"]);
+    } else {
+        spheres.set_header([
+            "sphere", "u_x", "u_y", "u_z", "ω_x", "ω_y", "ω_z", "S_xx", "S_yy", "S_xy", "S_xz",
+            "S_yz",
         ]);
+    }
+    for (sphere, velocity) in instant.velocity_disturbance.iter().enumerate() {
+        let turning = instant.angular_velocity_disturbance[sphere].numbers();
+        let stresslets = [
+            &instant.stresslet_xx,
+            &instant.stresslet_yy,
+            &instant.stresslet_xy,
+        ];
+        let others = instant.stresslet_xz.iter().chain(&instant.stresslet_yz);
+        let stresslets = stresslets
+            .into_iter()
+            .chain(others)
+            .map(|list| list[sphere]);
+        let numbers = velocity.iter().chain(turning).copied().chain(stresslets);
+        spheres.add_row(std::iter::once(sphere.to_string()).chain(numbers.map(digits)));
     }
     writeln!(output.out, "{}", crate::report::whole(spheres))?;
     if !instant.contacts.is_empty() {
@@ -71,12 +86,16 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
             contacts.add_row([
                 c.i.to_string(),
                 c.j.to_string(),
-                format!("{} {}", c.image[0], c.image[1]),
+                c.image
+                    .iter()
+                    .map(i32::to_string)
+                    .collect::<Vec<_>>()
+                    .join(" "),
                 digits(c.gap),
                 digits(c.normal_force),
-                digits(c.tangential_force),
+                amount(&c.tangential_force),
                 digits(c.normal_velocity),
-                digits(c.slip_velocity),
+                amount(&c.slip_velocity),
                 match c.state {
                     ContactState::Frictionless => "frictionless",
                     ContactState::Rolling => "rolling",

@@ -2,9 +2,10 @@
 
 use super::{Costs, NEAR, Record, distance, values};
 use crate::case::{Case, step_cost};
+use crate::spaces::AnySimulation;
 use crate::system::clock::Clock;
 use crate::tables;
-use sd_core::{Error, NearFields, Params, Simulation};
+use sd_core::{Error, NearFields, Params};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -181,7 +182,7 @@ impl ShortRun {
     }
 
     /// A layer with contacts, as near to [`LEAD_IN`] as there is time for, which is sheared on in the steps of the case.
-    fn lead_in(&self, tables: &NearFields, time: Duration) -> Result<Simulation, Error> {
+    fn lead_in(&self, tables: &NearFields, time: Duration) -> Result<AnySimulation, Error> {
         let begun = Instant::now();
         let (case, seed) = (&self.case, self.seed);
         let params = &case.params;
@@ -192,17 +193,17 @@ impl ShortRun {
             time_step: f64::from(factor) * params.time_step,
             ..params.clone()
         };
-        let mut layer = Simulation::<sd_core::Layer>::new(&coarse, seed, tables)?;
+        let mut layer = AnySimulation::new(&coarse, seed, tables)?;
         while layer.strain() < strain && begun.elapsed() < time {
             if self.measured(|| layer.step()).is_err() {
                 // Such steps are too long for it.
-                return Simulation::<sd_core::Layer>::new(params, seed, tables);
+                return AnySimulation::new(params, seed, tables);
             }
         }
         let mut there = layer.snapshot();
         // Strain is counted in steps.
-        there.steps *= u64::from(factor);
-        Simulation::from_snapshot(params, there, tables)
+        *there.steps_mut() *= u64::from(factor);
+        AnySimulation::from_snapshot(params, there, tables)
     }
 }
 

@@ -1,7 +1,9 @@
 //! The axes of a campaign: what tells its points apart, and everything that a file may vary but the seeds.
 //!
-//! Each is made from the declaration of its parameter in [`sd_core::model::PARAMETERS`]. The campaign file, keys of cases, columns
+//! Each is made from the declaration of its parameter in [`sd_core::model::PARAMETERS`], or beside them in [`volume_fraction`]. The campaign file, keys of cases, columns
 //! and views of the store, tables, figures, pages and selections all go by this one list.
+
+mod volume_fraction;
 
 use sd_core::Params;
 use sd_core::model::{Form, PARAMETERS, Parameter, Refusal};
@@ -19,13 +21,12 @@ pub static AXES: LazyLock<Vec<Axis>> = LazyLock::new(|| {
     let declared = PARAMETERS.iter();
     #[cfg(test)]
     let declared = tests::ONE_MORE.iter().chain(declared);
-    declared.map(Axis).collect()
+    volume_fraction::among(declared).map(Axis).collect()
 });
 
 /// Names that axes have elsewhere, besides their symbols.
-const OTHER_NAMES: [(&str, &str); 9] = [
-    ("phi", "area_fraction"),
-    ("φ", "area_fraction"),
+const OTHER_NAMES: [(&str, &str); 8] = [
+    ("phi", "volume_fraction"),
     ("nu", "friction"),
     ("mu", "friction"),
     ("Gamma", "shear_rate"),
@@ -160,15 +161,25 @@ impl Axis {
         self.is_shear_rate() || self.is_shear_stress()
     }
 
+    /// Whether it says how much of the space is filled: of an area or of a volume.
+    pub fn is_fraction(&self) -> bool {
+        ["area_fraction", "volume_fraction"].contains(&self.key)
+    }
+
+    /// Whether a point has it or another axis in its place: a rate or a stress, an area fraction or a volume fraction.
+    pub fn is_alternative(&self) -> bool {
+        self.is_of_shear() || self.is_fraction()
+    }
+
     /// Whether a table of these parameters names it.
     pub fn matters<'p>(&self, params: impl Iterator<Item = &'p Params>) -> bool {
         let mut params = params;
-        params.any(self.is_shown)
+        params.any(|p| (self.is_shown)(p) && !volume_fraction::is_of_layers(self.key, p))
     }
 
     /// Whether it says anything about a point.
     pub fn means_something(&self, params: &Params) -> bool {
-        (self.has_meaning)(params)
+        (self.has_meaning)(params) && !volume_fraction::is_of_layers(self.key, params)
     }
 
     /// Whether some of these parameters have another value on it than the others, where it has a meaning.

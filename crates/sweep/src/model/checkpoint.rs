@@ -1,21 +1,22 @@
 //! The format of a checkpoint: versioned, checksummed, all that the rest of the run and its result need.
 
+use crate::spaces::AnySnapshot;
+use sd_core::Sample;
 use sd_core::simulation::Counters;
-use sd_core::{Sample, Snapshot};
 use serde::{Deserialize, Serialize};
 
 /// First bytes of every checkpoint.
 const MAGIC: [u8; 4] = *b"SWCP";
 /// Version of the format.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Bytes before the content: magic, version, checksum.
 const HEADER: usize = 4 + 4 + 32;
 
 /// A run as far as it has come.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// State of the layer.
-    pub snapshot: Snapshot,
+    /// State of the layer or suspension.
+    pub snapshot: AnySnapshot,
     /// Samples so far, with their steps.
     pub samples: Vec<(u64, Sample)>,
     /// Seconds of computing so far.
@@ -107,7 +108,7 @@ impl Checkpoint {
         };
         self.wall_time_s.is_finite()
             && self.cpu_time_s.is_finite()
-            && counters(&self.snapshot.counters)
+            && counters(self.snapshot.counters())
             && self
                 .samples
                 .iter()
@@ -118,8 +119,9 @@ impl Checkpoint {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spaces::{AnySimulation, InSpace};
     use proptest::prelude::*;
-    use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation};
+    use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params};
     use std::sync::LazyLock;
 
     /// Bytes with a header that is right, so that the decoder itself is reached.
@@ -132,7 +134,7 @@ mod tests {
     }
 
     /// A small layer after a few steps, and its parameters.
-    static LAYER: LazyLock<(Params, Snapshot)> = LazyLock::new(|| {
+    static LAYER: LazyLock<(Params, AnySnapshot)> = LazyLock::new(|| {
         let params = Params {
             spheres: 16,
             area_fraction: 0.4,
@@ -146,8 +148,7 @@ mod tests {
             time_step: 0.005,
             ..Params::UNWRITTEN
         };
-        let mut layer =
-            Simulation::<sd_core::Layer>::new(&params, 3, &NearFields::default()).unwrap();
+        let mut layer = AnySimulation::new(&params, 3, &NearFields::default()).unwrap();
         for _ in 0..20 {
             layer.step().unwrap();
         }
@@ -191,7 +192,10 @@ mod tests {
             |c| c.samples[1].1.strain = f64::INFINITY,
             |c| c.samples[0].1.normal_velocity = f64::NAN,
             |c| c.samples[0].1.counters.worst_residual = f64::NAN,
-            |c| c.snapshot.counters.minimum_gap = f64::NAN,
+            |c| match &mut c.snapshot {
+                InSpace::Layer(layer) => layer.counters.minimum_gap = f64::NAN,
+                InSpace::Suspension(_) => unreachable!("a layer was made"),
+            },
         ];
         for forge in forge {
             let mut forged = checkpoint();
@@ -242,7 +246,7 @@ mod tests {
             let end = (at + cut).min(content.len());
             content.splice(at..end, put);
             if let Ok(found) = Checkpoint::decode(&with_true_checksum(&content))
-                && let Ok(mut run) = Simulation::from_snapshot(&layer.0, found.snapshot, &NearFields::default())
+                && let Ok(mut run) = AnySimulation::from_snapshot(&layer.0, found.snapshot, &NearFields::default())
             {
                 let _ = run.step();
             }

@@ -1,12 +1,17 @@
 //! The state of a run as `sweep solve` reads it: what is kept of a failure, so that it can be looked into by itself.
 
+use crate::spaces::{AnySnapshot, of_either};
 use sd_core::contact::springs::GAMMA;
 use sd_core::simulation::SchemeMemory;
-use sd_core::{ContactScheme, Params, Snapshot};
+use sd_core::{ContactScheme, Params, Snapshot, Space};
 use serde_json::json;
 
-/// The input of `sweep solve` for one state of a layer.
-pub(crate) fn replay(p: &Params, snapshot: &Snapshot) -> String {
+/// The input of `sweep solve` for one state of a layer or a suspension.
+pub(crate) fn replay(p: &Params, snapshot: &AnySnapshot) -> String {
+    of_either!(snapshot, snapshot => replay_in(p, snapshot))
+}
+
+fn replay_in<S: Space>(p: &Params, snapshot: &Snapshot<S>) -> String {
     let load = snapshot.critical_load.unwrap_or(p.critical_load());
     // At Γ = 0 the load is infinite, which JSON cannot say; without friction it does not matter.
     let (friction, load) = if load.is_finite() {
@@ -41,14 +46,22 @@ pub(crate) fn replay(p: &Params, snapshot: &Snapshot) -> String {
     }
     let at_start = p.start.as_ref().map_or(0.0, |start| start.offset);
     let strain = snapshot.steps as f64 * p.time_step;
+    let spin = -0.5 * p.direction;
+    let mut rate_of_strain = json!({"xx": 0.0, "yy": 0.0, "xy": 0.5 * p.direction});
+    let mut angular_velocity = json!(spin);
+    if S::DIMENSIONS > 2 {
+        rate_of_strain["xz"] = json!(0.0);
+        rate_of_strain["yz"] = json!(0.0);
+        angular_velocity = json!([0.0, 0.0, spin]);
+    }
     json!({
         "centres": snapshot.centres,
         "radii": snapshot.radii,
-        "cell": [snapshot.side, snapshot.side],
+        "cell": vec![snapshot.side; S::DIMENSIONS],
         "offset": at_start + p.direction * strain * snapshot.side,
         "background": {
-            "rate_of_strain": {"xx": 0.0, "yy": 0.0, "xy": 0.5 * p.direction},
-            "angular_velocity": -0.5 * p.direction,
+            "rate_of_strain": rate_of_strain,
+            "angular_velocity": angular_velocity,
         },
         "hydrodynamics": p.hydrodynamics,
         "contact": contact,

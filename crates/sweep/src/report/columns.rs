@@ -223,6 +223,9 @@ impl Column {
             // What is not imposed follows from the other.
             Content::Axis(axis) if axis.is_shear_rate() => point.shear_rate()?,
             Content::Axis(axis) if axis.is_shear_stress() => point.params.shear_stress?,
+            Content::Axis(axis) if axis.is_fraction() && !axis.means_something(&point.params) => {
+                return None;
+            }
             Content::Axis(axis) => return Some(axis.value(&point.params)),
             Content::Count(_) => return Some(Value::Count(count(measured) as u64)),
             _ => measured,

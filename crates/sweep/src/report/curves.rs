@@ -132,7 +132,7 @@ pub(super) fn labels(all: &[(&str, &Params)], shared: Shared<'_>) -> Vec<Label> 
             let own = differing
                 .iter()
                 .zip(&words)
-                .filter(|(axis, _)| !axis.is_of_shear() || axis.means_something(params));
+                .filter(|(axis, _)| !axis.is_alternative() || axis.means_something(params));
             let name = several.then(|| (*campaign).to_owned());
             let mut words: Vec<String> = name
                 .into_iter()

@@ -45,7 +45,7 @@ use sd_core::Params;
 /// What a figure shows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Kind {
-    /// Viscosity with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges, the dilute limit 1 + 5c/3 dashed.
+    /// Viscosity with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges, the dilute limit dashed: 1 + 5c/3, or 1 + 5φ/2 of a suspension.
     #[default]
     Viscosity,
     /// Pairs in contact, activated, rolling and slipping, per sphere.
@@ -93,7 +93,7 @@ pub struct Drawing {
     /// The figure's horizontal axis, by its key in the campaign file or its symbol [default: the shear rate where it varies; for contacts the friction]
     #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true)]
     pub along: Option<&'static Axis>,
-    /// Horizontal axis of a state diagram [default: area_fraction]
+    /// Horizontal axis of a state diagram [default: area_fraction, volume_fraction of suspensions]
     #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true, hide_short_help = true)]
     pub x: Option<&'static Axis>,
     /// Vertical axis of a state diagram: shear_stress or shear_rate [default: what is imposed]

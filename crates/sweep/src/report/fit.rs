@@ -60,7 +60,7 @@ impl FitReport {
         let data: Vec<Datum> = points
             .into_iter()
             .map(|(params, runs)| Datum {
-                fraction: params.area_fraction,
+                fraction: params.volume_fraction.unwrap_or(params.area_fraction),
                 stress: stress(&params, &runs),
                 runs,
             })
@@ -129,8 +129,9 @@ impl FitReport {
             .rows()
             .zip(&self.params)
             .map(|([fraction, stress, viscosity, fitted, residual], params)| {
+                let key = fraction_key(params);
                 json!({
-                    "area_fraction": fraction, "shear_stress": number(stress),
+                    key: fraction, "shear_stress": number(stress),
                     "shear_rate": params.shear_stress.is_none().then(|| number(params.shear_rate)),
                     "viscosity": viscosity, "fitted": number(fitted), "residual": residual,
                 })
@@ -186,6 +187,15 @@ fn stress(params: &Params, runs: &[f64]) -> f64 {
     })
 }
 
+/// Key of the fraction that these spheres fill.
+fn fraction_key(params: &Params) -> &'static str {
+    if params.volume_fraction.is_some() {
+        "volume_fraction"
+    } else {
+        "area_fraction"
+    }
+}
+
 fn refused(message: String) -> ReportError {
     ReportError::argument("FILE", message)
 }
@@ -194,8 +204,14 @@ fn refused(message: String) -> ReportError {
 fn check(params: &[Params]) -> Result<(), ReportError> {
     let rubbing = || params.iter().filter(|params| params.friction > 0.0);
     let mut named = Vec::new();
+    if params
+        .windows(2)
+        .any(|pair| fraction_key(&pair[0]) != fraction_key(&pair[1]))
+    {
+        named.push("some are layers, others suspensions".to_owned());
+    }
     for axis in AXES.iter() {
-        let is_fitted = axis.is_of_shear() || axis.key == "area_fraction" || axis.key == "spheres";
+        let is_fitted = axis.is_of_shear() || axis.is_fraction() || axis.key == "spheres";
         if is_fitted || !axis.varies(rubbing()) {
             continue;
         }

@@ -12,9 +12,11 @@ use super::states::{Flow, flows_of};
 use super::units::Units;
 use crate::axes::{self, AXES, Axis};
 use crate::campaign::Discard;
+use crate::spaces::of_either;
 use crate::statistics::ratio;
-use crate::store::{PointRun, Store, StoredFrame};
-use crate::trajectory::state_number;
+use crate::store::{PointRun, Store};
+use crate::trajectory::{Kept, state_number};
+use sd_core::simulation::Frame;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, HashMap};
@@ -281,52 +283,61 @@ fn histogram(trace: &[(f64, f64)], discard: f64) -> Option<Value> {
 pub fn movie(store: &Store, key: &str, frames: usize) -> Result<Value, ReportError> {
     let stored = usize::try_from(store.frame_count(key)?).unwrap_or(usize::MAX);
     let kept = store.frames(key, stored.div_ceil(frames.max(1)))?;
-    let first = &kept[0].frame;
-    let radii = &first.radii;
+    let (side, radii) = of_either!(&kept[0].frame, first => (first.side, first.radii.as_slice()));
     let alike = radii
         .windows(2)
         .all(|pair| pair[0].to_bits() == pair[1].to_bits());
     // The typical strong force, so that a single spike does not make all others invisible.
     let mut forces: Vec<f64> = kept
         .iter()
-        .flat_map(|kept| &kept.frame.contacts)
-        .map(|contact| contact.normal_force)
+        .flat_map(|kept| -> Vec<f64> {
+            of_either!(&kept.frame, frame => frame.contacts.iter().map(|c| c.normal_force).collect())
+        })
         .collect();
     forces.sort_by(f64::total_cmp);
     let strong = forces.get(forces.len() * 95 / 100).copied().unwrap_or(1.0);
     Ok(json!({
-        "side": rounded(first.side),
+        "side": rounded(side),
         "radii": radii[..if alike { radii.len().min(1) } else { radii.len() }],
         "force": rounded(strong.max(1e-3)),
-        "frames": kept.iter().map(picture).collect::<Vec<_>>(),
+        "frames": kept
+            .iter()
+            .map(|kept| of_either!(&kept.frame, frame => picture(frame)))
+            .collect::<Vec<_>>(),
     }))
 }
 
-/// One frame of a movie.
-fn picture(kept: &StoredFrame) -> Value {
-    let frame = &kept.frame;
+/// One frame of a movie: a suspension is seen along the vorticity, with the height of each sphere towards the eye.
+fn picture<S: Kept>(frame: &Frame<S>) -> Value {
     let places: Vec<f64> = frame
         .centres
         .iter()
         .zip(&frame.orientations)
-        .flat_map(|([x, y], angle)| [rounded(*x), rounded(*y), rounded(*angle)])
+        .flat_map(|(x, orientation)| [x[0], x[1], S::angle(orientation)].map(rounded))
         .collect();
     let contacts: Vec<Value> = frame
         .contacts
         .iter()
         .map(|c| {
-            let [nx, ny] = c.normal.map(rounded);
             json!([
                 c.i,
                 c.j,
                 state_number(c.state),
-                nx,
-                ny,
+                rounded(c.normal[0]),
+                rounded(c.normal[1]),
                 rounded(c.normal_force)
             ])
         })
         .collect();
-    json!({"strain": rounded(frame.strain), "offset": rounded(frame.offset), "x": places, "contacts": contacts})
+    let mut picture = json!({"strain": rounded(frame.strain), "offset": rounded(frame.offset), "x": places, "contacts": contacts});
+    if S::DIMENSIONS > 2 {
+        let heights = frame
+            .centres
+            .iter()
+            .map(|x| rounded(x[2].rem_euclid(frame.side)));
+        picture["z"] = heights.collect();
+    }
+    picture
 }
 
 /// To three decimals, as much as can be seen.

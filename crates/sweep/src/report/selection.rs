@@ -238,7 +238,7 @@ mod tests {
             shear_rate,
             ..params()
         };
-        for key in ["area_fraction", "c", "phi", "φ"] {
+        for key in ["area_fraction", "c"] {
             let some = selection(&[&format!("{key}=0.6..0.7")]).unwrap();
             assert_eq!(some.to_string(), "area_fraction = 0.6..0.7");
             let has = [0.59, 0.6, 0.65, 0.7, 0.71].map(|c| some.has(&at(c, 1.0)));
@@ -248,6 +248,8 @@ mod tests {
         let has = [0.0, 0.5, 1.0, f64::INFINITY].map(|rate| some.has(&at(0.6, rate)));
         assert_eq!(has, [true, false, true, true]);
         for (symbol, key) in [
+            ("φ", "volume_fraction"),
+            ("phi", "volume_fraction"),
             ("ν", "friction"),
             ("nu", "friction"),
             ("h", "roughness"),

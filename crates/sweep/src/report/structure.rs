@@ -13,6 +13,7 @@ use crate::axes::{AXES, Axis};
 use crate::campaign::Discard;
 use crate::case::State;
 use crate::format::Uncertain;
+use crate::spaces::of_either;
 use crate::store::{PointRun, Store};
 use crate::structure::{Band, Curve, Network, RunStructure, Structure};
 use sd_core::Params;
@@ -230,13 +231,15 @@ fn of_run(
     let mut sums: Option<RunStructure> = None;
     for kept in store.frames(&run.key, 1)? {
         // Strains are sums of steps.
-        if kept.frame.strain < discard - 1e-9 {
+        if kept.frame.strain() < discard - 1e-9 {
             continue;
         }
-        let network = Network::try_from(&kept.frame)
-            .map_err(|error| ReportError::argument("FILE", error.to_string()))?;
-        sums.get_or_insert_with(|| RunStructure::new(&network))
-            .add(&network);
+        of_either!(&kept.frame, frame => {
+            let network = Network::try_from(frame)
+                .map_err(|error| ReportError::argument("FILE", error.to_string()))?;
+            sums.get_or_insert_with(|| RunStructure::new(&network))
+                .add(&network);
+        });
     }
     Ok(sums)
 }

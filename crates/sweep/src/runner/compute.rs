@@ -4,11 +4,12 @@ use super::{Shared, panics};
 use crate::case::{Case, State};
 use crate::costs;
 use crate::model::replay::replay;
+use crate::spaces::{AnyFrame, AnySimulation, AnySnapshot, of_either};
 use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
 use crate::structure::{Network, observe};
 use crate::system::clock::{Clock, Spent};
-use sd_core::simulation::{Flow, Frame};
-use sd_core::{Sample, Simulation, Snapshot};
+use sd_core::Sample;
+use sd_core::simulation::Flow;
 use std::time::{Duration, Instant};
 
 /// Computing time between checkpoints is at least this many times what the last one cost: under 1 % goes to them.
@@ -23,9 +24,9 @@ const LEAST_WALL_LIMIT: Duration = Duration::from_mins(30);
 #[derive(Default)]
 struct Run {
     /// The layer, once it is made.
-    simulation: Option<Simulation>,
+    simulation: Option<AnySimulation>,
     /// The layer before the step under way: a panic may leave the simulation in pieces.
-    before: Option<Snapshot>,
+    before: Option<AnySnapshot>,
     record: Record,
 }
 
@@ -38,7 +39,7 @@ struct Record {
     /// Times it went on from a checkpoint.
     resumed: u32,
     /// Frames not in the store yet. They are written before the checkpoint that follows them.
-    frames: Vec<(u64, Frame)>,
+    frames: Vec<(u64, AnyFrame)>,
 }
 
 enum End {
@@ -107,19 +108,19 @@ impl End {
 impl Run {
     /// Steps done.
     fn steps(&self) -> u64 {
-        self.simulation.as_ref().map_or(0, Simulation::steps)
+        self.simulation.as_ref().map_or(0, AnySimulation::steps)
     }
 
     /// The last whole state of the layer.
-    fn last_state(&self) -> Option<Snapshot> {
-        let now = || self.simulation.as_ref().map(Simulation::snapshot);
+    fn last_state(&self) -> Option<AnySnapshot> {
+        let now = || self.simulation.as_ref().map(AnySimulation::snapshot);
         self.before.clone().or_else(now)
     }
 }
 
 impl Record {
     /// Bytes of the checkpoint of a run.
-    fn checkpoint(&self, simulation: &Simulation, spent: Spent) -> Vec<u8> {
+    fn checkpoint(&self, simulation: &AnySimulation, spent: Spent) -> Vec<u8> {
         let checkpoint = Checkpoint {
             snapshot: simulation.snapshot(),
             samples: self.samples.clone(),
@@ -264,7 +265,7 @@ impl Shared<'_> {
         for checkpoint in &claim.checkpoints {
             let refused = match checkpoint {
                 Ok(good) => {
-                    match Simulation::from_snapshot(
+                    match AnySimulation::from_snapshot(
                         &claim.case.params,
                         good.snapshot.clone(),
                         self.tables,
@@ -272,7 +273,7 @@ impl Shared<'_> {
                         Ok(simulation) => {
                             tracing::info!(
                                 case = claim.key,
-                                steps = good.snapshot.steps,
+                                steps = good.snapshot.steps(),
                                 "resumed"
                             );
                             return Ok(Run {
@@ -317,7 +318,7 @@ impl Shared<'_> {
         let (case, record) = (&claim.case, &mut run.record);
         let simulation = match &mut run.simulation {
             Some(simulation) => simulation,
-            none => match Simulation::<sd_core::Layer>::new(&case.params, case.seed, self.tables) {
+            none => match AnySimulation::new(&case.params, case.seed, self.tables) {
                 Ok(simulation) => none.insert(simulation),
                 Err(error) => return Ok(End::of(error)),
             },
@@ -344,8 +345,9 @@ impl Shared<'_> {
             let outcome = if sampled && (self.options.trajectory || observes) {
                 simulation.step_with_frame().map(|(mut sample, frame)| {
                     if observes {
-                        let network = Network::try_from(&frame).ok();
-                        sample.network = network.map(|network| observe(&network));
+                        sample.network = of_either!(&frame, frame => {
+                            Network::try_from(frame).ok().map(|network| observe(&network))
+                        });
                     }
                     if self.options.trajectory {
                         record.frames.push((step, frame));

@@ -133,6 +133,6 @@ pub(super) fn end_to_go_on_from(
         Err(damage) => return Ok(Some(Err(damage))),
     };
     end.samples = samples::of(connection, case)?;
-    end.samples.retain(|(step, _)| *step < end.snapshot.steps);
+    end.samples.retain(|(step, _)| *step < end.snapshot.steps());
     Ok(Some(Ok(end)))
 }

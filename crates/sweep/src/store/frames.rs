@@ -4,17 +4,17 @@ use super::claims::Claim;
 use super::digest::{Sealed, whole};
 use super::statements::Statements;
 use super::{Store, StoreError};
+use crate::spaces::AnyFrame;
 use crate::trajectory;
 use rusqlite::{Connection, Row};
-use sd_core::simulation::Frame;
 
 /// A kept frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StoredFrame {
     /// Its step.
     pub step: u64,
-    /// The layer.
-    pub frame: Frame,
+    /// The layer or suspension.
+    pub frame: AnyFrame,
 }
 
 /// The frames.
@@ -51,7 +51,7 @@ impl Store {
     pub(crate) fn keep_frames(
         &mut self,
         claim: &Claim,
-        frames: &[(u64, Frame)],
+        frames: &[(u64, AnyFrame)],
     ) -> Result<(), StoreError> {
         if frames.is_empty() {
             return Ok(());
@@ -64,7 +64,7 @@ impl Store {
                     connection,
                     (claim.id, &claim.key),
                     *step,
-                    frame.strain,
+                    frame.strain(),
                     data,
                 )?;
             }

@@ -105,8 +105,8 @@ pub(super) fn axis_columns(before: &str) -> String {
 /// What these columns hold.
 pub(super) fn axis_cells(params: &Params) -> impl Iterator<Item = Value> {
     AXES.iter().map(|axis| match axis.value(params) {
-        // Either the rate is imposed or the stress.
-        _ if axis.is_of_shear() && !axis.means_something(params) => Value::Null,
+        // Either the rate is imposed or the stress, and either an area is filled or a volume.
+        _ if axis.is_alternative() && !axis.means_something(params) => Value::Null,
         AxisValue::Word(word) => Value::Text(word.into()),
         AxisValue::Count(count) => super::digest::whole(count),
         AxisValue::Number(number) => Value::Real(number),

@@ -199,7 +199,7 @@ fn dead_owner_loses_its_case_and_the_next_goes_on_from_its_checkpoint() {
     let steps: Vec<u64> = taken
         .checkpoints
         .iter()
-        .map(|c| c.as_ref().unwrap().snapshot.steps)
+        .map(|c| c.as_ref().unwrap().snapshot.steps())
         .collect();
     assert_eq!(steps, [60, 40], "two generations, the newest first");
     // What the old owner still writes does not count.
@@ -230,7 +230,7 @@ fn torn_checkpoint_falls_back_to_the_one_before() {
     store.release([&claim]).unwrap();
     let again = store.next().unwrap();
     assert_eq!(again.checkpoints[0], Err(Damage::Checksum));
-    assert_eq!(again.checkpoints[1].as_ref().unwrap().snapshot.steps, 20);
+    assert_eq!(again.checkpoints[1].as_ref().unwrap().snapshot.steps(), 20);
 }
 
 #[test]

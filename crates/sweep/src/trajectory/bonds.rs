@@ -1,44 +1,49 @@
 //! Contacts as bonds between spheres, in a file of their own: extended XYZ has none.
 
-use super::state_number;
+use super::{Kept, state_number};
+use crate::spaces::{AnyFrame, of_either};
 use sd_core::simulation::Frame;
 use std::io::{self, Write};
 
 /// Writes the contacts of frames, each with its step, as the dump of local data that LAMMPS writes and OVITO loads as bonds: numbers of
-/// both spheres from 1, normal and tangential force and the quasi-force of rolling friction in mu·a²·rate, gap in a, and 1 frictionless,
-/// 2 rolling, 3 slipping.
-pub(crate) fn write_bonds(frames: &[(u64, &Frame)], out: &mut dyn Write) -> io::Result<()> {
+/// both spheres from 1, normal and tangential force and the quasi-force of rolling friction in mu·a²·rate, of a suspension the sizes of
+/// the last two, gap in a, and 1 frictionless, 2 rolling, 3 slipping.
+pub(crate) fn write_bonds(frames: &[(u64, &AnyFrame)], out: &mut dyn Write) -> io::Result<()> {
     for (step, frame) in frames {
-        let height = frame.radii.iter().copied().fold(1.0, f64::max);
-        let (side, tilt) = (frame.side, frame.offset);
-        writeln!(out, "ITEM: TIMESTEP\n{step}")?;
-        writeln!(out, "ITEM: NUMBER OF ENTRIES\n{}", frame.contacts.len())?;
-        // LAMMPS names the ends of the box around the tilted cell.
-        writeln!(out, "ITEM: BOX BOUNDS xy xz yz pp pp ff")?;
+        of_either!(frame, frame => write_frame(*step, frame, out))?;
+    }
+    Ok(())
+}
+
+fn write_frame<S: Kept>(step: u64, frame: &Frame<S>, out: &mut dyn Write) -> io::Result<()> {
+    let (side, tilt) = (frame.side, frame.offset);
+    writeln!(out, "ITEM: TIMESTEP\n{step}")?;
+    writeln!(out, "ITEM: NUMBER OF ENTRIES\n{}", frame.contacts.len())?;
+    let height = frame.radii.iter().copied().fold(1.0, f64::max);
+    let (ends, low, high) = match S::DIMENSIONS {
+        2 => ("ff", -height, height),
+        _ => ("pp", 0.0, side),
+    };
+    // LAMMPS names the ends of the box around the tilted cell.
+    writeln!(out, "ITEM: BOX BOUNDS xy xz yz pp pp {ends}")?;
+    let (left, right) = (tilt.min(0.0), side + tilt.max(0.0));
+    writeln!(out, "{left} {right} {tilt}\n0 {side} 0\n{low} {high} 0")?;
+    writeln!(
+        out,
+        "ITEM: ENTRIES first second normal_force tangential_force rolling_force gap state"
+    )?;
+    for contact in &frame.contacts {
         writeln!(
             out,
-            "{} {} {tilt}\n0 {side} 0\n{} {height} 0",
-            tilt.min(0.0),
-            side + tilt.max(0.0),
-            -height
+            "{} {} {} {} {} {} {}",
+            contact.i + 1,
+            contact.j + 1,
+            contact.normal_force,
+            S::amount(&contact.tangential_force),
+            S::amount(&contact.rolling_force),
+            contact.gap,
+            state_number(contact.state) + 1
         )?;
-        writeln!(
-            out,
-            "ITEM: ENTRIES first second normal_force tangential_force rolling_force gap state"
-        )?;
-        for contact in &frame.contacts {
-            writeln!(
-                out,
-                "{} {} {} {} {} {} {}",
-                contact.i + 1,
-                contact.j + 1,
-                contact.normal_force,
-                contact.tangential_force,
-                contact.rolling_force,
-                contact.gap,
-                state_number(contact.state) + 1
-            )?;
-        }
     }
     Ok(())
 }

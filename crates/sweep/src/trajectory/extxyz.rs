@@ -1,6 +1,8 @@
 //! Frames as extended XYZ, which OVITO and ASE read.
 
+use super::{Kept, by_space};
 use crate::axes::{AXES, Axis, Value};
+use crate::spaces::AnyFrame;
 use sd_core::Params;
 use sd_core::simulation::Frame;
 use std::fmt::Write as _;
@@ -20,10 +22,20 @@ pub(crate) struct Filmed {
 /// Writes frames, each with its step, as extended XYZ: the cell with its shear and what the run is, then a line per sphere.
 ///
 /// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are quaternions about z. Spheres of the
-/// smallest radius are of the species S, larger ones of the species L. Velocities are means over the strain to the next frame, of the last
+/// smallest radius are of the species S, larger ones of the species L. A suspension fills a cell that is periodic along z too. Velocities are means over the strain to the next frame, of the last
 /// frame over that from the one before; a single frame has none.
 pub(crate) fn write_extxyz(
-    frames: &[(u64, &Frame)],
+    frames: &[(u64, &AnyFrame)],
+    filmed: &Filmed,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let (layers, suspensions) = by_space(frames);
+    write_frames(&layers, filmed, out)?;
+    write_frames(&suspensions, filmed, out)
+}
+
+fn write_frames<S: Kept>(
+    frames: &[(u64, &Frame<S>)],
     filmed: &Filmed,
     out: &mut dyn Write,
 ) -> io::Result<()> {
@@ -54,10 +66,10 @@ fn about(filmed: &Filmed) -> String {
     words
 }
 
-fn write_frame(
-    frame: &Frame,
+fn write_frame<S: Kept>(
+    frame: &Frame<S>,
     step: u64,
-    pair: Option<[&Frame; 2]>,
+    pair: Option<[&Frame<S>; 2]>,
     about: &str,
     out: &mut dyn Write,
 ) -> io::Result<()> {
@@ -66,48 +78,72 @@ fn write_frame(
         touching[contact.i] += 1;
         touching[contact.j] += 1;
     }
-    let height = 2.0 * frame.radii.iter().copied().fold(1.0, f64::max);
+    let is_layer = S::DIMENSIONS == 2;
+    let (side, offset) = (frame.side, frame.offset);
+    let (height, bottom) = if is_layer {
+        let height = 2.0 * frame.radii.iter().copied().fold(1.0, f64::max);
+        (height, -0.5 * height)
+    } else {
+        (side, 0.0)
+    };
+    let angle = if is_layer { ":angle:R:1" } else { "" };
     let smallest = frame.radii.iter().copied().fold(f64::INFINITY, f64::min);
     let velocities = if pair.is_some() { ":velo:R:3" } else { "" };
     writeln!(out, "{}", frame.centres.len())?;
     writeln!(
         out,
-        "Lattice=\"{side} 0 0 {offset} {side} 0 0 0 {height}\" Origin=\"0 0 {}\" \
-         Properties=species:S:1:pos:R:3:id:I:1:radius:R:1:orientation:R:4:angle:R:1:stresslet:R:3:contacts:I:1{velocities} \
-         pbc=\"T T F\" strain={} step={step}{about}",
-        -0.5 * height,
+        "Lattice=\"{side} 0 0 {offset} {side} 0 0 0 {height}\" Origin=\"0 0 {bottom}\" \
+         Properties=species:S:1:pos:R:3:id:I:1:radius:R:1:orientation:R:4{angle}:stresslet:R:{}:contacts:I:1{velocities} \
+         pbc=\"T T {}\" strain={} step={step}{about}",
+        S::STRAINS,
+        if is_layer { "F" } else { "T" },
         frame.strain,
-        side = frame.side,
-        offset = frame.offset,
     )?;
-    for (number, [x, y]) in frame.centres.iter().enumerate() {
-        let angle = frame.orientations[number];
-        let (sine, cosine) = (0.5 * angle).sin_cos();
-        let [xx, yy, xy] = frame.stresslets[number];
+    for (number, centre) in frame.centres.iter().enumerate() {
         let radius = frame.radii[number];
         let species = if radius > smallest { 'L' } else { 'S' };
-        write!(
-            out,
-            "{species} {x} {y} 0 {} {radius} 0 0 {sine} {cosine} {angle} {xx} {yy} {xy} {}",
-            number + 1,
-            touching[number]
-        )?;
+        write!(out, "{species}")?;
+        write_all(&in_space(centre.as_ref()), out)?;
+        write!(out, " {} {radius}", number + 1)?;
+        match S::orientation(&frame.orientations[number]) {
+            &[w, x, y, z] => write_all(&[x, y, z, w], out)?,
+            angles => {
+                for angle in angles {
+                    let (sine, cosine) = (0.5 * angle).sin_cos();
+                    write_all(&[0.0, 0.0, sine, cosine, *angle], out)?;
+                }
+            }
+        }
+        write_all(frame.stresslets[number].as_ref(), out)?;
+        write!(out, " {}", touching[number])?;
         if let Some([from, to]) = pair {
-            let [u, v] = velocity(from, to, number);
-            write!(out, " {u} {v} 0")?;
+            write_all(&velocity(from, to, number), out)?;
         }
         writeln!(out)?;
     }
     Ok(())
 }
 
+/// Writes numbers, a space before each.
+fn write_all(numbers: &[f64], out: &mut dyn Write) -> io::Result<()> {
+    numbers
+        .iter()
+        .try_for_each(|number| write!(out, " {number}"))
+}
+
+/// A point of a layer lies at z = 0.
+fn in_space(point: &[f64]) -> [f64; 3] {
+    [point[0], point[1], point.get(2).copied().unwrap_or(0.0)]
+}
+
 /// The mean velocity of a sphere between two frames, in a·rate.
 ///
 /// A sphere that left the cell came in again as one of its images; the images of the later frame tell where it went, since they move with
 /// the flow.
-fn velocity(from: &Frame, to: &Frame, sphere: usize) -> [f64; 2] {
+fn velocity<S: Kept>(from: &Frame<S>, to: &Frame<S>, sphere: usize) -> [f64; 3] {
     let time = to.strain - from.strain;
-    let ([x, y], [end_x, end_y]) = (from.centres[sphere], to.centres[sphere]);
+    let [x, y, z] = in_space(from.centres[sphere].as_ref());
+    let [end_x, end_y, end_z] = in_space(to.centres[sphere].as_ref());
     let side = to.side;
     // Where the flow alone would bring it.
     let carried = time * y;
@@ -115,15 +151,17 @@ fn velocity(from: &Frame, to: &Frame, sphere: usize) -> [f64; 2] {
     let rise = end_y - y - rows * side;
     let along = end_x - x - carried - rows * to.offset;
     let along = along - (along / side).round() * side + carried;
-    [along / time, rise / time]
+    let across = end_z - z;
+    let across = across - (across / side).round() * side;
+    [along / time, rise / time, across / time]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_support::{frame, params};
+    use crate::test_support::{frame, params, suspension};
 
-    fn lines(frames: &[(u64, &Frame)]) -> Vec<String> {
+    fn lines(frames: &[(u64, &AnyFrame)]) -> Vec<String> {
         let filmed = Filmed {
             params: params(),
             seed: 7,
@@ -159,15 +197,17 @@ mod tests {
     #[test]
     fn velocities_go_over_the_edges_of_the_cell() {
         let (side, time) = (8.0, 0.5);
-        let at = |strain: f64, centres: Vec<[f64; 2]>| Frame {
-            strain,
-            side,
-            offset: 0.25 + side * strain,
-            orientations: vec![0.0; centres.len()],
-            radii: vec![1.0; centres.len()],
-            stresslets: vec![[0.0; 3]; centres.len()],
-            centres,
-            ..Frame::default()
+        let at = |strain: f64, centres: Vec<[f64; 2]>| -> Frame {
+            Frame {
+                strain,
+                side,
+                offset: 0.25 + side * strain,
+                orientations: vec![0.0; centres.len()],
+                radii: vec![1.0; centres.len()],
+                stresslets: vec![[0.0; 3]; centres.len()],
+                centres,
+                ..Frame::default()
+            }
         };
         let from = at(0.0, vec![[7.0, 6.0], [3.0, 7.9], [1.0, 0.05]]);
         let offset = 0.25 + side * time;
@@ -186,6 +226,40 @@ mod tests {
             for (a, b) in found.into_iter().zip(wanted) {
                 assert!((a - b).abs() < 1e-12, "{sphere}: {found:?}");
             }
+        }
+    }
+
+    #[test]
+    fn suspensions_have_three_coordinates_and_quaternions_in_a_cell_periodic_along_z() {
+        let (first, second) = (
+            suspension(0.5, [1.0, 2.0, 7.9]),
+            suspension(1.0, [2.25, 2.5, 0.4]),
+        );
+        let lines = lines(&[(25, &first), (50, &second)]);
+        assert!(
+            lines[1].starts_with("Lattice=\"8 0 0 -2 8 0 0 0 8\" Origin=\"0 0 0\""),
+            "{}",
+            lines[1]
+        );
+        assert!(
+            lines[1].contains("orientation:R:4:stresslet:R:5:"),
+            "{}",
+            lines[1]
+        );
+        assert!(lines[1].contains("pbc=\"T T T\""), "{}", lines[1]);
+        // Half a strain at y = 2 carries it by 1; OVITO's order of a quaternion is x y z w.
+        let wanted = [
+            1.0, 2.0, 7.9, 1.0, 1.0, 0.0, 0.6, 0.0, 0.8, 1.0, -1.0, 20.5, 0.25, -0.5, 1.0, 2.5,
+            1.0, 1.0,
+        ];
+        let found: Vec<f64> = lines[2]
+            .split(' ')
+            .skip(1)
+            .map(|cell| cell.parse().unwrap())
+            .collect();
+        assert_eq!(found.len(), wanted.len(), "{}", lines[2]);
+        for (found, wanted) in found.iter().zip(wanted) {
+            assert!((found - wanted).abs() < 1e-12, "{}", lines[2]);
         }
     }
 }

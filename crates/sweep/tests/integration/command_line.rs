@@ -309,9 +309,15 @@ fn scalars_print_one_object_as_promised() {
         .success();
     let object: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
     assert_eq!(object["s_prime"], 3.0);
-    for name in ["XA", "YA", "YB", "YC", "XG", "YG", "YH", "XM", "YM", "ZM"] {
+    for name in [
+        "XA", "YA", "YB", "XC", "YC", "XG", "YG", "YH", "XM", "YM", "ZM",
+    ] {
         assert_eq!(object[name].as_array().unwrap().len(), 2, "{name}");
     }
+    // Far apart X11C is 1 + (a/r)^6 and X12C −(a/r)³, here r = 3 a.
+    let x_c = |k: usize| object["XC"][k].as_f64().unwrap();
+    assert!((x_c(0) - 1.0 - 3.0_f64.powi(-6)).abs() < 1e-3, "{}", x_c(0));
+    assert!((x_c(1) + 3.0_f64.powi(-3)).abs() < 1e-3, "{}", x_c(1));
 }
 
 #[test]

@@ -24,5 +24,6 @@ mod report;
 mod scripts;
 mod slurm;
 mod structure;
+mod suspensions;
 mod trouble;
 mod versions;

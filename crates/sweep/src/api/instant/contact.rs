@@ -4,7 +4,7 @@ use sd_core::contact::Surface;
 use sd_core::contact::laws::Laws;
 use sd_core::contact::memory::PairForces;
 use sd_core::instant::ContactRequest;
-use sd_core::{ContactLaws, Hydrodynamics};
+use sd_core::{ContactLaws, Hydrodynamics, Space};
 use serde::Deserialize;
 
 /// Most pairs listed.
@@ -29,8 +29,8 @@ enum Scheme {
 /// Contact problem as it is written. Which values belong to which scheme is checked afterwards: an enum tagged by
 /// `scheme` would let unknown keys of `none` pass.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Contact {
+#[serde(deny_unknown_fields, bound = "")]
+pub(super) struct Contact<S: Space> {
     /// Which one.
     scheme: Scheme,
     /// Pairs of `listed`.
@@ -46,36 +46,36 @@ pub(super) struct Contact {
     /// The laws, in units of the critical load.
     laws: Option<ContactLaws>,
     /// Pairs, and the forces of their tangential springs.
-    springs: Option<Vec<Spring>>,
+    springs: Option<Vec<Spring<S::Tangent>>>,
     /// The same of rolling friction.
-    rolling_springs: Option<Vec<Spring>>,
+    rolling_springs: Option<Vec<Spring<S::Tangent>>>,
 }
 
 /// A tangential spring as it is written.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(untagged, expecting = "a spring is [i, j, force]")]
-enum Spring {
+enum Spring<T> {
     /// Spheres and force.
-    Force((u32, u32, f64)),
+    Force((u32, u32, T)),
     /// The same as failures up to physics 3 have it, with the normal force, which is found anew.
-    WithNormalForce((u32, u32, f64, f64)),
+    WithNormalForce((u32, u32, f64, T)),
 }
 
-impl Spring {
+impl<T> Spring<T> {
     /// Spheres and force.
-    fn entry(self) -> (u32, u32, f64) {
+    fn entry(self) -> (u32, u32, T) {
         match self {
             Self::Force((i, j, force)) | Self::WithNormalForce((i, j, _, force)) => (i, j, force),
         }
     }
 }
 
-impl Contact {
+impl<S: Space> Contact<S> {
     /// The contact problem, or the value that does not belong to it and what is allowed.
     pub(super) fn request(
         self,
         hydrodynamics: Hydrodynamics,
-    ) -> Result<ContactRequest, (&'static str, String)> {
+    ) -> Result<ContactRequest<S>, (&'static str, String)> {
         let scheme = self.scheme;
         let stray = |names: &[(&'static str, bool)]| {
             names
@@ -138,6 +138,14 @@ impl Contact {
                 };
                 if scheme == Scheme::Procedure {
                     stray(&span)?;
+                    if S::DIMENSIONS > 2 {
+                        return Err((
+                            "contact.scheme",
+                            "\"procedure\" is a protocol of layers, whose steps the paper states for spheres in a plane: \"rigid\" or \
+                             \"laws\" in a suspension"
+                                .into(),
+                        ));
+                    }
                     return Ok(ContactRequest::Procedure { surface });
                 }
                 let time_span = self.time_span.unwrap_or(0.005);
@@ -161,7 +169,7 @@ impl Contact {
         surface: Surface,
         hydrodynamics: Hydrodynamics,
         time_span: f64,
-    ) -> Result<ContactRequest, (&'static str, String)> {
+    ) -> Result<ContactRequest<S>, (&'static str, String)> {
         let laws = self
             .laws
             .ok_or(("contact.laws", "scheme laws needs it".into()))?;
@@ -178,10 +186,10 @@ impl Contact {
 }
 
 /// The forces of springs, ordered by pair.
-fn forces(
+fn forces<S: Space>(
     name: &'static str,
-    springs: Option<Vec<Spring>>,
-) -> Result<PairForces, (&'static str, String)> {
+    springs: Option<Vec<Spring<S::Tangent>>>,
+) -> Result<PairForces<S>, (&'static str, String)> {
     let springs = springs.unwrap_or_default();
     if springs.len() > PAIR_LIMIT {
         return Err((name, format!("at most {PAIR_LIMIT} pairs")));

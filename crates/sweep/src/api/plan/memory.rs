@@ -1,8 +1,9 @@
 //! Memory and room on disk that runs take.
 
+use crate::spaces::InSpace;
 use crate::trajectory;
 use sd_core::simulation::{Frame, FrameContact};
-use sd_core::{Params, memory_bytes};
+use sd_core::{Bulk, Layer, Params, Space, memory_bytes};
 
 /// Bytes a thread takes besides the layer it computes: its stack, samples, checkpoints on their way to the store; measured.
 const THREAD_BYTES: f64 = 1.0e6;
@@ -26,35 +27,37 @@ pub(super) fn run_bytes(params: &Params) -> f64 {
     memory_bytes(params) + THREAD_BYTES
 }
 
-/// Bytes of a stored frame of a layer with one contact for every sphere.
+/// Bytes of a stored frame with one contact for every sphere.
 pub(super) fn frame_bytes(params: &Params) -> f64 {
+    let frame = if params.volume_fraction.is_some() {
+        InSpace::Suspension(some_frame::<Bulk>(params))
+    } else {
+        InSpace::Layer(some_frame::<Layer>(params))
+    };
+    // Such frames always have an encoding.
+    trajectory::encode(&frame).map_or(0.0, |bytes| bytes.len() as f64)
+}
+
+/// A frame as long as those of a run.
+fn some_frame<S: Space>(params: &Params) -> Frame<S> {
     let n = params.spheres;
     let contact = |i: usize| FrameContact {
         i,
         j: i,
-        normal: [0.6, 0.8],
+        normal: S::Point::default(),
         gap: 0.01,
         normal_force: 1.0,
-        tangential_force: 0.1,
-        rolling_force: 0.0,
+        tangential_force: S::Tangent::default(),
+        rolling_force: S::Tangent::default(),
         state: sd_core::contact::ContactState::Rolling,
     };
-    let frame = Frame {
-        radii: (0..n)
-            .map(|i| {
-                if params.size_ratio > 1.0 {
-                    i as f64
-                } else {
-                    1.0
-                }
-            })
-            .collect(),
-        centres: vec![[0.1; 2]; n],
-        orientations: vec![0.1; n],
-        stresslets: vec![[0.1; 3]; n],
+    let mixed = params.size_ratio > 1.0;
+    Frame {
+        radii: (0..n).map(|i| if mixed { i as f64 } else { 1.0 }).collect(),
+        centres: vec![S::Point::default(); n],
+        orientations: vec![S::UPRIGHT; n],
+        stresslets: vec![S::Tensor::default(); n],
         contacts: (0..n).map(contact).collect(),
         ..Frame::default()
-    };
-    // Frames of such layers always have an encoding.
-    trajectory::encode(&frame).map_or(0.0, |bytes| bytes.len() as f64)
+    }
 }

@@ -2,7 +2,8 @@
 
 use crate::axes::Value;
 use crate::format::significant;
-use sd_core::{Params, start};
+use crate::spaces::try_start;
+use sd_core::Params;
 use std::collections::HashSet;
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -24,9 +25,9 @@ impl Tried {
             Some(Ok(())) => None,
             Some(Err(reason)) => Some(reason.clone()),
             None => Some(format!(
-                "no start of {} spheres at area fraction {} was made within {} s: such layers may be too dense to start",
+                "no start of {} spheres at {} was made within {} s: they may be too dense to start",
                 self.params.spheres,
-                self.params.area_fraction,
+                fraction(&self.params),
                 significant(TIME.as_secs_f64(), 2)
             )),
         }
@@ -43,11 +44,20 @@ impl Tried {
     }
 }
 
-/// What the start layer of a seed depends on.
-fn of_start(params: &Params) -> [u64; 5] {
+/// The fraction that the spheres fill, in words.
+fn fraction(params: &Params) -> String {
+    match params.volume_fraction {
+        Some(volume_fraction) => format!("volume fraction {volume_fraction}"),
+        None => format!("area fraction {}", params.area_fraction),
+    }
+}
+
+/// What the start of a seed depends on.
+fn of_start(params: &Params) -> [u64; 6] {
     [
         params.spheres as u64,
         params.area_fraction.to_bits(),
+        params.volume_fraction.unwrap_or(0.0).to_bits(),
         params.roughness.to_bits(),
         params.size_ratio.to_bits(),
         params.large_fraction.to_bits(),
@@ -68,7 +78,11 @@ pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<
         .filter(|(params, _)| params.start.is_none() && known.insert(of_start(params)))
         .map(|(params, seed)| (params.clone(), seed))
         .collect();
-    let covered = |p: &Params| p.area_fraction * (1.0 + 0.5 * p.roughness).powi(2);
+    let grown = |p: &Params| 1.0 + 0.5 * p.roughness;
+    let covered = |p: &Params| match p.volume_fraction {
+        Some(volume_fraction) => volume_fraction * grown(p).powi(3),
+        None => p.area_fraction * grown(p).powi(2),
+    };
     all.sort_by(|(a, _), (b, _)| Value::Number(covered(b)).order(&Value::Number(covered(a))));
     let shared = Arc::new((
         Mutex::new(Shared {
@@ -89,7 +103,7 @@ pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<
                 && let Some(place) = { lock(&shared.0).waiting.pop_front() }
             {
                 let (params, seed) = &all[place];
-                let made = start::layer(params, *seed).map(|_| ());
+                let made = try_start(params, *seed);
                 let mut state = lock(&shared.0);
                 state.outcomes[place] = Some(made.map_err(|error| error.to_string()));
                 state.left -= 1;

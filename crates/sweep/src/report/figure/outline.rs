@@ -15,7 +15,6 @@ const SLENDERNESS: f64 = 0.74;
 /// Dashes of lines without markers, which tell them apart in grey print.
 const DASHES: [Option<[f64; 2]>; 4] = [None, Some([4.0, 1.2]), Some([1.4, 1.0]), Some([8.0, 1.6])];
 /// What dashed lines are called.
-const DILUTE: &str = "dilute 1 + 5c/3";
 /// Room above and below the numbers of a logarithmic axis, over its length.
 const MARGIN: f64 = 0.05;
 /// Distance of bars of several curves at the same place, over the width of the axis.
@@ -113,6 +112,7 @@ impl Outline {
             .next()
             .filter(|first| discards().all(|d| (d - first).abs() < 1e-9) && *first > 0.0);
         let labelled = sketch.panels.iter().position(|p| !p.dilute.is_empty());
+        let formula = labelled.map_or("", |place| sketch.panels[place].formula);
         let panel = |(place, field): (usize, &Field)| {
             let lines: Vec<&Line> = sketch.lines.iter().filter(|l| l.panel == place).collect();
             let shifts = dodges(&lines, &x, look);
@@ -124,7 +124,7 @@ impl Outline {
                 title: field.title.clone(),
                 curves: curves.collect(),
                 dashed: field.dilute.clone(),
-                dashed_label: (labelled == Some(place)).then_some(DILUTE),
+                dashed_label: (labelled == Some(place)).then_some(formula),
                 shaded,
                 x: x.clone(),
                 y: y.clone(),
@@ -139,7 +139,7 @@ impl Outline {
         let missing = has(|curve| !curve.missing.is_empty());
         let discards = has(|curve| curve.discard.is_some());
         let notes = [
-            (labelled.is_some(), DILUTE, None),
+            (labelled.is_some(), formula, None),
             (missing, "no result", Some(Marker::Cross)),
             (discards, "end of the strain discarded", Some(Marker::Bar)),
         ];

@@ -83,6 +83,8 @@ pub(super) struct Field {
     pub(super) title: String,
     /// Dilute limits.
     pub(super) dilute: Vec<f64>,
+    /// What they are, in words.
+    pub(super) formula: &'static str,
 }
 
 /// What a figure is made of.
@@ -202,7 +204,7 @@ fn drafted<'r>(
         _ => draft.of_points(measured),
     };
     if matches!(drawing.kind, Kind::Trace | Kind::Viscosity)
-        && !(drawing.kind == Kind::Viscosity && draft.along.key == "area_fraction")
+        && !(drawing.kind == Kind::Viscosity && draft.along.is_fraction())
     {
         draft.add_dilute(&mut sketch, traces, drawing.kind);
     }

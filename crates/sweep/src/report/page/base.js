@@ -28,6 +28,10 @@ const draw = (tag, attributes = {}, text) => build(document.createElementNS(NS, 
 const on = (point, axis) => axis === 'shear_rate' && point.shear_stress != null ? null : point[axis];
 const values = axis => [...new Set(data.points.map(p => on(p, axis)))];
 const varying = () => AXES.filter(axis => values(axis).length > 1);
+/* The share of the space that spheres fill: of an area or of a volume. */
+const is_fraction = axis => axis === 'area_fraction' || axis === 'volume_fraction';
+const fraction = () => data.points.some(p => p.volume_fraction) ? 'volume_fraction' : 'area_fraction';
+const dilute = point => point.volume_fraction ? 1 + 5 * point.volume_fraction / 2 : 1 + 5 * point.area_fraction / 3;
 const dark = window.matchMedia('(prefers-color-scheme: dark)');
 const narrow = () => window.matchMedia('(max-width: 40rem)').matches;
 const ink = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();

@@ -88,7 +88,7 @@ function plot_curves(view) {
   }
   const ends = points.flatMap(p => [p.y - (p.half ?? 0), p.y + (p.half ?? 0), p.y]);
   const is_viscosity = view === 'curve' && $('quantity').value.startsWith('viscosity');
-  const dilutes = is_viscosity && along !== 'area_fraction' ? [...new Set(points.map(p => data.viscosity_factor * (1 + 5 * p.point.area_fraction / 3)))] : [];
+  const dilutes = is_viscosity && !is_fraction(along) ? [...new Set(points.map(p => data.viscosity_factor * dilute(p.point)))] : [];
   const positive = ends.concat(dilutes).filter(v => v > 0);
   const y = log ? { log, low: Math.max(Math.min(...positive) * .9, Math.min(...points.map(p => p.y)) / 10), high: Math.max(...positive) * 1.1 } : (() => {
     const low = Math.min(...points.map(p => p.y)) < 0 ? Math.min(...ends) : 0, high = Math.max(0, ...ends, ...dilutes);
@@ -99,7 +99,7 @@ function plot_curves(view) {
   const { X, Y, left, right, top, bottom } = frame(svg, width, height, x, y, [AXIS[along].label, label]);
   dilutes.forEach((d, n) => {
     svg.append(draw('line', { class: 'dilute', x1: left, x2: right, y1: Y(d), y2: Y(d) }));
-    if (!n) svg.append(draw('text', { class: 'aside', x: right - 4, y: Y(d) + (bottom - Y(d) > 22 ? 14 : -5), 'text-anchor': 'end' }, 'dilute 1 + 5c/3'));
+    if (!n) svg.append(draw('text', { class: 'aside', x: right - 4, y: Y(d) + (bottom - Y(d) > 22 ? 14 : -5), 'text-anchor': 'end' }, points.some(p => p.point.volume_fraction) ? 'dilute 1 + 5φ/2' : 'dilute 1 + 5c/3'));
   });
   for (const e of x.edges) svg.append(draw('line', { class: 'edge', x1: X(e), x2: X(e), y1: top, y2: bottom }));
   const bands = $('bands').checked;

@@ -5,7 +5,7 @@ function choose(index, quietly) {
   chosen = index;
   const point = data.points[index];
   $('runs').hidden = false;
-  $('point').textContent = name_of(point, varying().length ? varying() : ['area_fraction', 'shear_rate']);
+  $('point').textContent = name_of(point, varying().length ? varying() : [fraction(), 'shear_rate']);
   const runs = data.runs.filter(run => run.point === index);
   const traced = runs.filter(run => run.trace.length > 1);
   const svg = $('trace');
@@ -78,7 +78,9 @@ function measure(kind, n, radius) {
   if (kind === 'spin') {
     /* Turning per strain until the next picture, from the one before at the end. */
     const [a, b] = at + 1 < movie.frames.length ? [f, movie.frames[at + 1]] : [movie.frames[at - 1] ?? f, f], time = b.strain - a.strain || 1;
-    for (let i = 0; i < n; i++) numbers[i] = (b.x[3 * i + 2] - a.x[3 * i + 2]) / time;
+    /* Of a suspension only the direction of a mark is known, not how often it went round. */
+    const turned = angle => f.z ? angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI)) : angle;
+    for (let i = 0; i < n; i++) numbers[i] = turned(b.x[3 * i + 2] - a.x[3 * i + 2]) / time;
   } else for (const [i, j, , , , force] of f.contacts) {
     numbers[i] += kind === 'contacts' ? 1 : force / (2 * Math.PI * radius(i));
     numbers[j] += kind === 'contacts' ? 1 : force / (2 * Math.PI * radius(j));
@@ -118,7 +120,10 @@ function picture() {
   $('meaning').textContent = kind ? `${MEASURES[kind]}: ${show(+low.toPrecision(2))} dark to ${show(+high.toPrecision(2))} light` : '';
   const paper = ink('--paper'), soft = ink('--soft');
   pen.lineWidth = .06;
-  for (let i = 0; i < n; i++) {
+  /* A suspension is seen along the vorticity: the nearest spheres last. */
+  const order = Array.from({ length: n }, (_, i) => i);
+  if (f.z) order.sort((i, j) => f.z[i] - f.z[j]);
+  for (const i of order) {
     const [x, y] = wrap(f.x[3 * i], f.x[3 * i + 1]), angle = f.x[3 * i + 2], a = radius(i), part = kind ? (numbers[i] - low) / (high - low) : 0;
     images(x, y, a, (px, py) => {
       pen.beginPath(); pen.arc(px, py, a, 0, 7); pen.fillStyle = kind ? heat(part) : paper; pen.fill(); pen.strokeStyle = soft; pen.stroke();
@@ -136,7 +141,7 @@ function picture() {
   $('scrub').value = at;
   $('scrub').setAttribute('aria-valuetext', `strain ${f.strain.toFixed(2)}`);
   const of_state = number => f.contacts.filter(contact => contact[2] === number).length;
-  canvas.setAttribute('aria-label', `the layer at a strain of ${f.strain.toFixed(2)}: ${n} spheres and ${f.contacts.length} contacts, of which ${of_state(0)} frictionless, ${of_state(1)} rolling, ${of_state(2)} slipping`);
+  canvas.setAttribute('aria-label', `the ${f.z ? 'suspension, seen along the vorticity,' : 'layer'} at a strain of ${f.strain.toFixed(2)}: ${n} spheres and ${f.contacts.length} contacts, of which ${of_state(0)} frictionless, ${of_state(1)} rolling, ${of_state(2)} slipping`);
   $('strain').textContent = `${f.strain.toFixed(2)}, ${f.contacts.length} contacts`;
   cursor();
 }

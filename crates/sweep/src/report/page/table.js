@@ -5,7 +5,7 @@ function columns() {
   const axes = varying(), c = data.cases;
   const of_axis = a => [a, heading_of(a), p => value_of(a, on(p, a))];
   const of_quantity = q => [q, QUANTITIES[q], p => with_half(p[q], p[q + '_ci95'] ?? null)];
-  const first = (axes.length ? axes : ['area_fraction', 'shear_rate']).map(of_axis);
+  const first = (axes.length ? axes : [fraction(), 'shear_rate']).map(of_axis);
   const counts = ['seeds', 'jammed', 'failed', 'doubtful'].map(k => [k, k === 'seeds' ? 'runs' : k, p => p[k]]);
   const rest = Object.keys(QUANTITIES).filter(q => q !== 'viscosity').map(of_quantity);
   const others = AXES.filter(a => !first.some(f => f[0] === a)).map(of_axis);

@@ -394,7 +394,7 @@ impl Theirs {
             .all(|(number, (step, _))| *step == number * stride);
         let last = end.state.as_deref().map(Checkpoint::decode);
         match last {
-            Some(Ok(last)) if last.snapshot.steps == end.steps => {}
+            Some(Ok(last)) if last.snapshot.steps() == end.steps => {}
             // The run cannot go on from it, but its result stands.
             _ => end.state = None,
         }
@@ -412,7 +412,7 @@ impl Theirs {
             |row| Ok(row.try_into()),
         )?;
         let whole = |mut kept: Kept| {
-            kept.1 = Checkpoint::decode(&kept.3).ok()?.snapshot.steps;
+            kept.1 = Checkpoint::decode(&kept.3).ok()?.snapshot.steps();
             matches!(kept.0, 0 | 1).then_some(kept)
         };
         Ok(found.into_iter().flatten().filter_map(whole).collect())

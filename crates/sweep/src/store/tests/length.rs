@@ -42,14 +42,14 @@ fn finished_run_goes_on_from_its_last_state_when_more_strain_is_asked_for() {
     let [Ok(from)] = claim.checkpoints.as_slice() else {
         panic!("{:?}", claim.checkpoints);
     };
-    assert_eq!(from.snapshot.steps, 200);
+    assert_eq!(from.snapshot.steps(), 200);
     assert_eq!(from.samples, finished(State::Done).samples);
     // On its way on it is interrupted, and begins from its checkpoint.
     store.keep(&claim, 240, &checkpoint(240)).unwrap();
     store.release([&claim]).unwrap();
     let claim = store.next().unwrap();
     let steps = claim.checkpoints.iter().flatten();
-    let steps: Vec<u64> = steps.map(|found| found.snapshot.steps).collect();
+    let steps: Vec<u64> = steps.map(|found| found.snapshot.steps()).collect();
     assert_eq!(steps, [240, 200]);
 }
 
@@ -152,7 +152,7 @@ fn a_run_that_fails_on_its_way_on_keeps_its_beginning() {
     }
     let claim = store.next().unwrap();
     let from = claim.checkpoints[0].as_ref().unwrap();
-    assert_eq!((from.snapshot.steps, from.samples.len()), (200, 50));
+    assert_eq!((from.snapshot.steps(), from.samples.len()), (200, 50));
     store.release([&claim]).unwrap();
     store.take_in(&campaign(CAMPAIGN)).unwrap();
     assert_eq!(format!("{:?}", run(&store, &key)), whole);
@@ -169,5 +169,5 @@ fn what_is_to_go_on_is_merged_with_its_last_state() {
     assert_eq!(new.counts().unwrap().pending, 4);
     let claim = new.next().unwrap();
     assert_eq!(claim.key, key);
-    assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps, 200);
+    assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps(), 200);
 }

@@ -142,12 +142,12 @@ fn merged_checkpoint_is_gone_on_from() {
     store.merge(&[path], false).unwrap();
     store.register(1).unwrap();
     let claim = store.next().unwrap();
-    assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps, 40);
+    assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps(), 40);
     let claim = store.next().unwrap();
     let steps: Vec<u64> = claim
         .checkpoints
         .iter()
-        .map(|found| found.as_ref().unwrap().snapshot.steps)
+        .map(|found| found.as_ref().unwrap().snapshot.steps())
         .collect();
     assert_eq!(steps, [16, 8]);
 }

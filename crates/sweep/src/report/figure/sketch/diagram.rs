@@ -32,7 +32,12 @@ pub(in crate::report::figure) fn axes(
         "shear_rate"
     };
     let y = drawing.y.unwrap_or(of_key(usual));
-    let x = drawing.x.unwrap_or(of_key("area_fraction"));
+    let mut points = reports.iter().flat_map(|report| &report.points);
+    let usual = match points.next().map(|point| &point.params) {
+        Some(params) if params.volume_fraction.is_some() => "volume_fraction",
+        _ => "area_fraction",
+    };
+    let x = drawing.x.unwrap_or(of_key(usual));
     if !y.is_of_shear() {
         return Err(ReportError::argument(
             "--y",

@@ -12,6 +12,7 @@ use crate::report::points::{Point, Report};
 use crate::report::starts::Starts;
 use crate::report::units::At;
 use crate::report::units::Units;
+use crate::spaces::dilute_viscosity;
 use sd_core::Params;
 
 /// What reports are drawn as.
@@ -202,7 +203,7 @@ impl<'r> Draft<'r> {
         };
         let field = |field| Field {
             title: title(field),
-            dilute: Vec::new(),
+            ..Field::default()
         };
         Sketch {
             lines,
@@ -355,7 +356,7 @@ impl<'r> Draft<'r> {
         }
     }
 
-    /// Adds the dilute limit 1 + 5c/3 of every area fraction to its panel.
+    /// Adds the dilute limit of every fraction to its panel.
     pub(super) fn add_dilute(&self, sketch: &mut Sketch, traces: &[Trace], kind: Kind) {
         let params: Vec<&Params> = if kind == Kind::Trace {
             traces.iter().map(|trace| &trace.params).collect()
@@ -364,10 +365,16 @@ impl<'r> Draft<'r> {
         };
         let factor = self.units.viscosity_factor();
         for params in params {
-            let height = factor * (1.0 + 5.0 * params.area_fraction / 3.0);
-            let known = &mut sketch.panels[self.panel(params)].dilute;
-            if !known.iter().any(|h| (h - height).abs() < 1e-9 * height) {
-                known.push(height);
+            let (limit, formula) = dilute_viscosity(params);
+            let height = factor * limit;
+            let panel = &mut sketch.panels[self.panel(params)];
+            if !panel
+                .dilute
+                .iter()
+                .any(|h| (h - height).abs() < 1e-9 * height)
+            {
+                panel.dilute.push(height);
+                panel.formula = formula;
             }
         }
     }
@@ -439,6 +446,7 @@ fn default_axis(reports: &[Report], kind: Kind) -> &'static Axis {
         "shear_stress",
         "shear_rate",
         "area_fraction",
+        "volume_fraction",
         "friction",
     ];
     let numeric = AXES.iter().filter(|axis| axis.is_numeric());

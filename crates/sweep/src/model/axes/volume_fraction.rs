@@ -1,0 +1,66 @@
+//! The volume fraction, which a suspension has in place of the area fraction of a layer.
+
+use sd_core::Params;
+use sd_core::model::{Form, Number, Parameter, Quantity, Range};
+
+/// Key of the fraction that layers have.
+const OF_LAYERS: &str = "area_fraction";
+
+/// φ. Which fractions can be packed depends on the sizes, the roughness and the number of spheres: see [`crate::model::spaces::check_start`].
+static QUANTITY: Quantity = Quantity {
+    key: "volume_fraction",
+    symbol: "φ",
+    unit: "1",
+    meaning: "volume fraction φ",
+    range: Range::from_to(0.01, 0.64),
+    note: "",
+    example: "0.45",
+    logarithmic: false,
+};
+
+/// Its axis, 0 in a layer.
+static PARAMETER: Parameter = Parameter {
+    key: QUANTITY.key,
+    symbol: QUANTITY.symbol,
+    unit: QUANTITY.unit,
+    meaning: QUANTITY.meaning,
+    example: QUANTITY.example,
+    has_meaning: is_suspension,
+    needs: None,
+    is_shown: is_suspension,
+    form: Form::Number(Number {
+        quantity: &QUANTITY,
+        whole: false,
+        default: None,
+        get: |p| p.volume_fraction.unwrap_or(0.0),
+        put: |p, value| {
+            p.volume_fraction = (value > 0.0).then_some(value);
+            if is_suspension(p) {
+                // Unless one is written, which is refused.
+                p.area_fraction = 0.0;
+            }
+        },
+        without: Some(0.0),
+        is_of_laws: false,
+    }),
+};
+
+/// Whether the spheres fill a fluid.
+fn is_suspension(params: &Params) -> bool {
+    params.volume_fraction.is_some()
+}
+
+/// The parameters with it where it belongs: beside the fraction of layers.
+pub(super) fn among(
+    declared: impl Iterator<Item = &'static Parameter>,
+) -> impl Iterator<Item = &'static Parameter> {
+    declared.flat_map(|parameter| {
+        let beside = (parameter.key == OF_LAYERS).then_some(&PARAMETER);
+        std::iter::once(parameter).chain(beside)
+    })
+}
+
+/// Whether this is a fraction that the spheres do not have: of an area in a suspension.
+pub(super) fn is_of_layers(key: &str, params: &Params) -> bool {
+    key == OF_LAYERS && is_suspension(params)
+}

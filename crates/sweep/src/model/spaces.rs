@@ -1,0 +1,178 @@
+//! Layers and suspensions under one name: the one place where the parameters of a run choose the space it is computed in.
+
+use sd_core::simulation::{Counters, Flow, Frame};
+use sd_core::start::Started;
+use sd_core::{Bulk, Error, Layer, NearFields, Params, Sample, Simulation, Snapshot, start};
+use serde::{Deserialize, Serialize};
+
+mod fits;
+
+/// What there is of a layer, or the same of a suspension.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum InSpace<L, B> {
+    /// Of spheres in a plane.
+    Layer(L),
+    /// Of spheres that fill a fluid.
+    Suspension(B),
+}
+
+/// A run.
+pub(crate) type AnySimulation = InSpace<Box<Simulation<Layer>>, Box<Simulation<Bulk>>>;
+/// All that a run needs to go on.
+pub type AnySnapshot = InSpace<Snapshot<Layer>, Snapshot<Bulk>>;
+/// Spheres and contacts at one instant.
+pub type AnyFrame = InSpace<Frame<Layer>, Frame<Bulk>>;
+
+/// The same expression of either.
+macro_rules! of_either {
+    ($either:expr, $one:ident => $result:expr) => {
+        match $either {
+            $crate::model::spaces::InSpace::Layer($one) => $result,
+            $crate::model::spaces::InSpace::Suspension($one) => $result,
+        }
+    };
+}
+pub(crate) use of_either;
+
+/// Refuses a start that cannot be, by what is known without making it; one that passes may still fail to pack.
+///
+/// # Errors
+/// [`Error::Refused`] about a value, with what is allowed.
+pub(crate) fn check_start(params: &Params) -> Result<(), Error> {
+    if params.volume_fraction.is_some() {
+        fits::check(params)
+    } else {
+        start::check(params)
+    }
+}
+
+/// The dilute limit of the viscosity, and the formula it has there: Einstein's in a suspension, and in a layer that of its volume,
+/// `2 ⟨a⟩ A` for equal spheres.
+pub(crate) fn dilute_viscosity(params: &Params) -> (f64, &'static str) {
+    match params.volume_fraction {
+        Some(volume_fraction) => (1.0 + 2.5 * volume_fraction, "dilute 1 + 5φ/2"),
+        None => (1.0 + 5.0 * params.area_fraction / 3.0, "dilute 1 + 5c/3"),
+    }
+}
+
+/// Makes the start of a seed, and drops it.
+///
+/// # Errors
+/// Why there is none.
+pub(crate) fn try_start(params: &Params, seed: u64) -> Result<(), Error> {
+    if params.volume_fraction.is_some() {
+        Bulk::start(params, seed).map(|_| ())
+    } else {
+        Layer::start(params, seed).map(|_| ())
+    }
+}
+
+impl AnySimulation {
+    /// Starts a run from what the seed makes.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::new`].
+    pub(crate) fn new(params: &Params, seed: u64, tables: &NearFields) -> Result<Self, Error> {
+        Ok(if params.volume_fraction.is_some() {
+            Self::Suspension(Box::new(Simulation::new(params, seed, tables)?))
+        } else {
+            Self::Layer(Box::new(Simulation::new(params, seed, tables)?))
+        })
+    }
+
+    /// Continues a run.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::from_snapshot`].
+    pub(crate) fn from_snapshot(
+        params: &Params,
+        snapshot: AnySnapshot,
+        tables: &NearFields,
+    ) -> Result<Self, Error> {
+        Ok(match snapshot {
+            InSpace::Layer(of) => {
+                Self::Layer(Box::new(Simulation::from_snapshot(params, of, tables)?))
+            }
+            InSpace::Suspension(of) => {
+                Self::Suspension(Box::new(Simulation::from_snapshot(params, of, tables)?))
+            }
+        })
+    }
+
+    /// All that the next step needs.
+    pub(crate) fn snapshot(&self) -> AnySnapshot {
+        match self {
+            Self::Layer(run) => InSpace::Layer(run.snapshot()),
+            Self::Suspension(run) => InSpace::Suspension(run.snapshot()),
+        }
+    }
+
+    /// Makes a step.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::step`].
+    pub(crate) fn step(&mut self) -> Result<Sample, Error> {
+        of_either!(self, run => run.step())
+    }
+
+    /// As [`AnySimulation::step`], and returns the frame of the sample too.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::step`].
+    pub(crate) fn step_with_frame(&mut self) -> Result<(Sample, AnyFrame), Error> {
+        Ok(match self {
+            Self::Layer(run) => {
+                let (sample, frame) = run.step_with_frame()?;
+                (sample, InSpace::Layer(frame))
+            }
+            Self::Suspension(run) => {
+                let (sample, frame) = run.step_with_frame()?;
+                (sample, InSpace::Suspension(frame))
+            }
+        })
+    }
+
+    /// Steps done.
+    pub(crate) fn steps(&self) -> u64 {
+        of_either!(self, run => run.steps())
+    }
+
+    /// Strain reached.
+    pub(crate) fn strain(&self) -> f64 {
+        of_either!(self, run => run.strain())
+    }
+
+    /// Whether it still flows.
+    pub(crate) fn flow(&self) -> Flow {
+        of_either!(self, run => run.flow())
+    }
+
+    /// Counters so far.
+    pub(crate) fn counters(&self) -> &Counters {
+        of_either!(self, run => run.counters())
+    }
+}
+
+impl AnySnapshot {
+    /// Steps done.
+    pub fn steps(&self) -> u64 {
+        of_either!(self, of => of.steps)
+    }
+
+    /// The steps, to count them in other steps.
+    pub(crate) fn steps_mut(&mut self) -> &mut u64 {
+        of_either!(self, of => &mut of.steps)
+    }
+
+    /// Counters.
+    pub(crate) fn counters(&self) -> &Counters {
+        of_either!(self, of => &of.counters)
+    }
+}
+
+impl AnyFrame {
+    /// Strain.
+    pub fn strain(&self) -> f64 {
+        of_either!(self, frame => frame.strain)
+    }
+}
