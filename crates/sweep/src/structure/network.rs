@@ -1,9 +1,9 @@
 //! The spheres of an instant and their loaded contacts.
 
+use sd_core::Space;
 use sd_core::cell::Cell;
 use sd_core::contact::ContactState;
 use sd_core::simulation::Frame;
-use sd_core::{Layer, Space};
 
 /// Spheres in their sheared periodic cell, and their loaded contacts.
 #[derive(Debug, Clone)]
@@ -68,7 +68,7 @@ impl<S: Space> Network<S> {
                     separation,
                     image,
                     normal_force,
-                    tangential_force: tangential_force.abs(),
+                    tangential_force,
                     state,
                 }
             })
@@ -105,15 +105,18 @@ impl<S: Space> Network<S> {
     }
 }
 
-/// A kept frame of a layer.
-impl TryFrom<&Frame> for Network<Layer> {
+/// A frame of a run.
+impl<S: Space> TryFrom<&Frame<S>> for Network<S> {
     type Error = sd_core::Error;
 
-    fn try_from(frame: &Frame) -> Result<Self, Self::Error> {
+    fn try_from(frame: &Frame<S>) -> Result<Self, Self::Error> {
         let cell = Cell::equal_sides(frame.side, frame.offset)?;
-        let centres = frame.centres.iter().map(|x| [x[0], x[1]].into()).collect();
+        let centres = frame.centres.iter().map(S::vector).collect();
         let contacts = frame.contacts.iter().filter(|c| c.normal_force > 0.0);
-        let pairs = contacts.map(|c| (c.i, c.j, c.normal_force, c.tangential_force, c.state));
+        let pairs = contacts.map(|c| {
+            let friction = S::tangent_dot(&c.tangential_force, &c.tangential_force).sqrt();
+            (c.i, c.j, c.normal_force, friction, c.state)
+        });
         Ok(Self::new(cell, centres, frame.radii.clone(), pairs))
     }
 }
