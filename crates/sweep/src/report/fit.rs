@@ -120,8 +120,8 @@ impl FitReport {
         let parameters: serde_json::Map<String, Json> = self
             .parameters()
             .map(|(name, value, interval)| {
-                let end = |k: usize| interval.map(|interval| interval[k]);
-                let entry = json!({"value": value, "low": end(0), "high": end(1)});
+                let end = |k: usize| interval.map(|interval| number(interval[k]));
+                let entry = json!({"value": number(value), "low": end(0), "high": end(1)});
                 (name.to_owned(), entry)
             })
             .collect();

@@ -68,7 +68,7 @@ impl<S: Space> Network<S> {
                     separation,
                     image,
                     normal_force,
-                    tangential_force: tangential_force.abs(),
+                    tangential_force,
                     state,
                 }
             })
@@ -105,7 +105,7 @@ impl<S: Space> Network<S> {
     }
 }
 
-/// A kept frame.
+/// A frame of a run.
 impl<S: Space> TryFrom<&Frame<S>> for Network<S> {
     type Error = sd_core::Error;
 
@@ -113,9 +113,8 @@ impl<S: Space> TryFrom<&Frame<S>> for Network<S> {
         let cell = Cell::equal_sides(frame.side, frame.offset)?;
         let centres = frame.centres.iter().map(S::vector).collect();
         let contacts = frame.contacts.iter().filter(|c| c.normal_force > 0.0);
-        let size = |force: &S::Tangent| S::tangent_dot(force, force).sqrt();
         let pairs = contacts.map(|c| {
-            let friction = size(&c.tangential_force);
+            let friction = S::tangent_dot(&c.tangential_force, &c.tangential_force).sqrt();
             (c.i, c.j, c.normal_force, friction, c.state)
         });
         Ok(Self::new(cell, centres, frame.radii.clone(), pairs))
