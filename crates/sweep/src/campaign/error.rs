@@ -14,6 +14,8 @@ const FARTHEST: usize = 15;
 
 /// Most faults of one file that are shown.
 const MOST_SHOWN: usize = 20;
+/// Longest sentence about a fault, in characters: values of any length stand in some.
+const LONGEST_SENTENCE: usize = 1000;
 
 /// Why there is no campaign.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -230,8 +232,8 @@ impl Problem {
         }
         Fault {
             place: format!("{file}:{}:{}", line + 1, column + 1),
-            message: self.message,
-            allowed,
+            message: shortened(self.message),
+            allowed: shortened(allowed),
             about: *self.about,
             labels,
             source_code: shown
@@ -239,6 +241,15 @@ impl Problem {
             others: Vec::new(),
         }
     }
+}
+
+/// A sentence up to its longest length.
+fn shortened(mut sentence: String) -> String {
+    if let Some((end, _)) = sentence.char_indices().nth(LONGEST_SENTENCE) {
+        sentence.truncate(end);
+        sentence.push('…');
+    }
+    sentence
 }
 
 /// The part of a span on its first line.
