@@ -9,6 +9,7 @@ use sd_core::{NearFields, Simulation};
 use std::time::{Duration, Instant};
 use sweep::campaign::Campaign;
 use sweep::campaign::Order;
+use sweep::spaces::AnySnapshot;
 use sweep::store::{Checkpoint, Store};
 
 /// A run of the published size under each hydrodynamics.
@@ -50,7 +51,7 @@ fn checkpoint(criterion: &mut Criterion) {
             Simulation::<sd_core::Layer>::new(p, 1, &NearFields::default()).expect("a layer");
         let sample = layer.step().expect("a step");
         let record = Checkpoint {
-            snapshot: layer.snapshot(),
+            snapshot: AnySnapshot::Layer(layer.snapshot()),
             samples: (0..claim.case.steps / claim.case.sample_stride)
                 .map(|number| (number * claim.case.sample_stride, sample))
                 .collect(),

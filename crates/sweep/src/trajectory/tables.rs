@@ -58,18 +58,16 @@ const STRESSLET: &str = "mu a^3 rate";
 
 /// Columns of the stresslets that layers and suspensions have.
 fn stresslet_columns<S: Kept>() -> Vec<FrameColumn<S>> {
-    let of = |place: usize| {
-        let cells: [fn(u64, &Frame<S>, usize) -> Value; 3] = [
-            |_, f, i| Value::Number(f.stresslets[i][0]),
-            |_, f, i| Value::Number(f.stresslets[i][1]),
-            |_, f, i| Value::Number(f.stresslets[i][2]),
-        ];
-        cells[place]
-    };
     vec![
-        number("stresslet_xx", STRESSLET, of(0)),
-        number("stresslet_yy", STRESSLET, of(1)),
-        number("stresslet_xy", STRESSLET, of(2)),
+        number("stresslet_xx", STRESSLET, |_, f, i| {
+            Value::Number(f.stresslets[i][0])
+        }),
+        number("stresslet_yy", STRESSLET, |_, f, i| {
+            Value::Number(f.stresslets[i][1])
+        }),
+        number("stresslet_xy", STRESSLET, |_, f, i| {
+            Value::Number(f.stresslets[i][2])
+        }),
     ]
 }
 
