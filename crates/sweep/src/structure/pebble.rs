@@ -190,7 +190,7 @@ mod tests {
             still.iter().all(|&k| {
                 (0..FREEDOMS).all(|place| {
                     let of = |sphere: usize| vectors[(k, FREEDOMS * sphere + place)];
-                    (of(i) - of(j)).abs() < 1e-5
+                    (of(i) - of(j)).abs() < 1e-9
                 })
             })
         };
