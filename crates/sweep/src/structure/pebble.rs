@@ -159,7 +159,7 @@ impl PebbleGame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{DMatrix, SymmetricEigen};
+    use nalgebra::DMatrix;
     use proptest::prelude::*;
 
     /// Rigid clusters and rank by the null space of the matrix of bars at random places: bar k between bodies i and j along a line
@@ -167,7 +167,9 @@ mod tests {
     fn by_rank(spheres: usize, constraints: &[(usize, usize)], seed: u64) -> (usize, Vec<usize>) {
         use rand::{RngExt as _, SeedableRng as _};
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        let mut matrix = DMatrix::<f64>::zeros(constraints.len(), FREEDOMS * spheres);
+        // As many rows as columns at least, so that the decomposition has every vector of the null space.
+        let columns = FREEDOMS * spheres;
+        let mut matrix = DMatrix::<f64>::zeros(constraints.len().max(columns), columns);
         for (row, &(i, j)) in constraints.iter().enumerate() {
             let (angle, arm): (f64, f64) = (
                 random.random_range(0.0..std::f64::consts::TAU),
@@ -178,15 +180,17 @@ mod tests {
                 matrix[(row, FREEDOMS * j + place)] = -value;
             }
         }
-        let eigen = SymmetricEigen::new(matrix.transpose() * &matrix);
-        let still: Vec<usize> = (0..FREEDOMS * spheres)
-            .filter(|&k| eigen.eigenvalues[k].abs() < 1e-9)
+        let svd = matrix.svd(false, true);
+        let vectors = svd.v_t.unwrap();
+        // Random bars have singular values of any smallness, and rounding leaves 1e-14.
+        let still: Vec<usize> = (0..columns)
+            .filter(|&k| svd.singular_values[k] < 1e-10)
             .collect();
         let moves_as = |i: usize, j: usize| {
             still.iter().all(|&k| {
                 (0..FREEDOMS).all(|place| {
-                    let of = |sphere: usize| eigen.eigenvectors[(FREEDOMS * sphere + place, k)];
-                    (of(i) - of(j)).abs() < 1e-5
+                    let of = |sphere: usize| vectors[(k, FREEDOMS * sphere + place)];
+                    (of(i) - of(j)).abs() < 1e-9
                 })
             })
         };
@@ -203,7 +207,7 @@ mod tests {
             }
             clusters += 1;
         }
-        (FREEDOMS * spheres - still.len(), cluster_of)
+        (columns - still.len(), cluster_of)
     }
 
     fn sticking(pairs: &[(usize, usize)]) -> Vec<(usize, usize)> {
