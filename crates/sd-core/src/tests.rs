@@ -1,4 +1,3 @@
 //! Tests of rooms together, above all of which they stand.
 
 mod iterated_far_field;
-mod lf_dem;

@@ -71,12 +71,10 @@ fn laws() -> Vec<(&'static str, ContactLaws)> {
 
 /// A small dense suspension of two sizes.
 fn params(laws: ContactLaws, hydrodynamics: Hydrodynamics) -> Params {
-    // Spheres that weld together jam far earlier than others.
-    let welds = laws.tangential == TangentialLaw::StickRotate;
     let mut params = Params {
         spheres: 120,
         area_fraction: 0.0,
-        volume_fraction: Some(if welds { 0.35 } else { 0.5 }),
+        volume_fraction: Some(0.5),
         roughness: 0.01,
         friction: 0.5,
         shear_rate: 20.0,

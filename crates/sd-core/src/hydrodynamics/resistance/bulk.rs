@@ -84,14 +84,6 @@ impl BulkTerm {
         }
     }
 
-    /// Takes the resistance to velocities along the line of centres from another term.
-    #[cfg(test)]
-    pub(crate) fn take_squeeze(&mut self, other: &Self) {
-        for (own, other) in self.0.iter_mut().zip(&other.0) {
-            own.force_velocity[0] = other.force_velocity[0];
-        }
-    }
-
     /// All modes of both spheres.
     #[inline(always)]
     fn apply(&self, n: &Vector3<f64>, x: &[Modes; 2]) -> [Modes; 2] {
