@@ -14,7 +14,9 @@ fn has(run: &Run, wanted: &[(&'static Axis, Value)]) -> bool {
     for (axis, value) in wanted {
         match (axis.key, value) {
             ("friction", Value::Number(friction)) => meant.friction = *friction,
-            ("shear_rate", Value::Number(rate)) => meant.shear_rate = *rate,
+            ("shear_rate", Value::Number(rate)) if meant.shear_stress.is_none() => {
+                meant.shear_rate = *rate;
+            }
             _ if axis.value(&run.params).tag() != value.tag() => return false,
             _ => {}
         }

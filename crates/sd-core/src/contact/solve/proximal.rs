@@ -33,6 +33,8 @@ const MAX_PROBLEMS: u32 = 60;
 const FIRST_SOFTNESS: f64 = 1e-4;
 /// The largest ε: contacts are then softer than the motions of their spheres by far. The sequence starts over from the first.
 const MAX_SOFTNESS: f64 = 1.0;
+/// Residual, in a·rate, and friction error from which on a solution may be final.
+const EXACT: f64 = 1e-8;
 /// By what ε changes from one problem to the next.
 const SOFTENING: f64 = 10.0;
 /// Largest coefficient of a bound that is held: an infinite one is no bound with a load, and 0 without.
@@ -104,6 +106,19 @@ impl<S: Space> ProblemSolver<S> {
                 outcome.status = outcome.violation.status();
             }
         }
+        if outcome.status == Status::Solved {
+            // Its active set is that of the problem itself, which Newton's method then solves as exactly as any.
+            self.start.copy_from(&self.forces);
+            self.read_states(problem);
+            let (converged, more) = self.newton(problem, system, activation, refine);
+            systems += more;
+            if converged {
+                outcome = self.accept(problem, system, systems);
+            } else {
+                self.forces.copy_from(&self.start);
+                system.measure(problem, &mut self.forces);
+            }
+        }
         Outcome { systems, ..outcome }
     }
 
@@ -167,7 +182,8 @@ impl<S: Space> ProblemSolver<S> {
             let error = violation.residual.max(violation.friction_error);
             let gives_up = count == MAX_PROBLEMS || !solved && softness >= MAX_SOFTNESS;
             // A solution is final once the next problem does not make it better.
-            let is_final = status == Status::Solved && !failed && error >= before || is_unbounded;
+            let is_exact = status == Status::Solved && error < EXACT;
+            let is_final = is_exact && !failed && error >= before || is_unbounded;
             before = error;
             if is_final || gives_up {
                 self.softer = softer;

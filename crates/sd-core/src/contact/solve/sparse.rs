@@ -41,8 +41,14 @@ const WEIGHT: f64 = 30.0;
 const GAIN: f64 = 1e-3;
 /// Residual that is small enough, over the norm of all forces.
 const ROUNDING: f64 = 1e-11;
+/// Velocity, in a·rate, below which it is small enough however large the forces are, unless it is lost in rounding.
+const SLOW: f64 = 1e-9;
+/// Residual that is rounding, over the norm of all forces.
+const LEAST_ROUNDING: f64 = 1e-14;
 /// Most iterations of one call.
 const MOST_ITERATIONS: usize = 40;
+/// Calls for the motion under given forces, whose residual is measured by it.
+const MOST_CALLS: u32 = 8;
 /// Iterations of a call beyond which a factor of other states is made anew.
 const PATIENT: usize = 4;
 /// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
@@ -291,7 +297,12 @@ impl<S: Fluid> System<S> for OnNetwork<'_, S> {
         };
         exchange(self.system);
         let mut none = std::mem::take(&mut self.system.none);
-        let _ = self.solve(problem, &open, true, &mut none);
+        for _ in 0..MOST_CALLS {
+            let roundoff = self.solve(problem, &open, true, &mut none);
+            if roundoff.is_none_or(|roundoff| roundoff.exact) {
+                break;
+            }
+        }
         exchange(self.system);
         (self.system.open, self.system.none) = (open, none);
         self.read(problem, forces);
@@ -376,7 +387,11 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
             + LEAST_FORCE * LEAST_FORCE;
         // Forces that contacts exchange among themselves, however large, are none of what an iteration from outside is wrong by.
         let driven = square(&system.applied[0]).sqrt() + LEAST_FORCE;
-        let floor = (ROUNDING * size.sqrt()).max(self.enough * driven);
+        let size = size.sqrt();
+        let floor = (ROUNDING * size)
+            .min(WEIGHT * SLOW)
+            .max(LEAST_ROUNDING * size)
+            .max(self.enough * driven);
         let before = square(&system.residual).sqrt();
         let goal = if last {
             floor

@@ -64,11 +64,7 @@ pub struct TangentialSpring<T = f64> {
 
 impl<T> TangentialSpring<T>
 where
-    T: Copy
-        + Add<Output = T>
-        + Sub<Output = T>
-        + Mul<f64, Output = T>
-        + Div<f64, Output = T>,
+    T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f64, Output = T> + Div<f64, Output = T>,
 {
     /// The same with both forces changed alike.
     #[must_use]

@@ -72,7 +72,7 @@ fn what_is_no_suspension_is_refused_at_its_line_with_a_remedy() {
             "volume_fraction = [0.3, 0.45]",
             "",
             "[[grid]] has no `area_fraction`",
-            "`volume_fraction`",
+            "`volume_fraction = 0.45`",
         ),
     ] {
         let error = complaint(&suspension().replace(from, to));
