@@ -124,7 +124,8 @@ impl Campaign {
             None => Table::new(),
         };
         let text = text_of(&name, protocol, grids)?;
-        let campaign = sweep::campaign::Campaign::parse("campaign", text).map_err(raise_without_place)?;
+        let campaign =
+            sweep::campaign::Campaign::parse("campaign", text).map_err(raise_without_place)?;
         let file = std::path::absolute(format!("{name}.toml"))?;
         Ok(Self(sweep::campaign::Campaign { file, ..campaign }))
     }

@@ -1,8 +1,8 @@
 //! Errors of the program as exceptions of Python, with the same words.
 
-use pyo3::prelude::*;
 use pyo3::create_exception;
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
 use std::io::ErrorKind;
 use sweep::api::ErrorRenderer;
 use sweep::campaign::CampaignError;
@@ -37,7 +37,10 @@ pub(crate) fn raise_without_place(error: CampaignError) -> PyErr {
     match error {
         CampaignError::Faulty(fault) => {
             let words = fault.words();
-            with_attributes(PyValueError::new_err(words), &Error::from(CampaignError::Faulty(fault)))
+            with_attributes(
+                PyValueError::new_err(words),
+                &Error::from(CampaignError::Faulty(fault)),
+            )
         }
         other => raise(other),
     }
@@ -53,17 +56,28 @@ fn with_attributes(exception: PyErr, error: &Error) -> PyErr {
             own(fault.allowed()),
             fault.suggestion().map(str::to_owned),
         ],
-        Error::Physics(sd_core::Error::Refused(refusal)) => {
-            [own(refusal.key), own(&refusal.value), own(&refusal.allowed), None]
-        }
-        Error::Report(ReportError::Argument { argument, message }) => {
-            [own(argument.trim_start_matches('-')), None, own(message), None]
-        }
+        Error::Physics(sd_core::Error::Refused(refusal)) => [
+            own(refusal.key),
+            own(&refusal.value),
+            own(&refusal.allowed),
+            None,
+        ],
+        Error::Report(ReportError::Argument { argument, message }) => [
+            own(argument.trim_start_matches('-')),
+            None,
+            own(message),
+            None,
+        ],
         _ => [None, None, None, None],
     };
     Python::attach(|py| {
         let instance = exception.value(py);
-        for (name, text) in [("key", key), ("value", value), ("allowed", allowed), ("suggestion", suggestion)] {
+        for (name, text) in [
+            ("key", key),
+            ("value", value),
+            ("allowed", allowed),
+            ("suggestion", suggestion),
+        ] {
             // Exceptions of Python take attributes; one that does not is still the error.
             let _ = instance.setattr(name, text);
         }

@@ -1,6 +1,8 @@
 //! One instant of one configuration.
 
-use crate::arrays::{Records, has_three_columns, need_numpy, numbers, of_numbers, of_rows, vectors};
+use crate::arrays::{
+    Records, has_three_columns, need_numpy, numbers, of_numbers, of_rows, vectors,
+};
 use crate::errors::raise;
 use crate::values;
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
@@ -318,7 +320,8 @@ fn solve_in<S: Arrays>(py: Python<'_>, given: Given<'_, '_>) -> PyResult<Solutio
     } = given;
     // Read as arrays below.
     written.insert("centres".into(), toml::Value::Array(Vec::new()));
-    let mut input: InstantInput<S> = InstantInput::deserialize(written).map_err(|error| unreadable(&error))?;
+    let mut input: InstantInput<S> =
+        InstantInput::deserialize(written).map_err(|error| unreadable(&error))?;
     input.centres = S::vectors("centres", centres)?;
     input.radii = radii.map(|given| numbers("radii", given)).transpose()?;
     input.forces = forces

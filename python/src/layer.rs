@@ -216,7 +216,9 @@ impl Layer {
         let checkpoint = Checkpoint::decode(&values::bytes("snapshot", snapshot)?)
             .map_err(|damage| PyValueError::new_err(format!("snapshot: {damage}")))?;
         let InSpace::Layer(of_layer) = checkpoint.snapshot else {
-            return Err(PyValueError::new_err("snapshot: of a suspension, and this is a layer"));
+            return Err(PyValueError::new_err(
+                "snapshot: of a suspension, and this is a layer",
+            ));
         };
         Self::of(py, params, None, move |params, tables| {
             Simulation::from_snapshot(params, of_layer, tables)

@@ -11,7 +11,8 @@ use std::path::PathBuf;
 use sweep::axes::{AXES, Axis};
 use sweep::campaign::Campaign;
 use sweep::report::{
-    Drawing, Kind, Look, Report, Selection, StructureReport, outline, point_table, sample_table, traces,
+    Drawing, Kind, Look, Report, Selection, StructureReport, outline, point_table, sample_table,
+    traces,
 };
 use sweep::spaces::AnyFrame;
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};

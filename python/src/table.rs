@@ -174,7 +174,9 @@ impl Table {
         let fields = self.0.schema_ref().fields();
         let mut html = String::from("<table><thead><tr>");
         for field in fields {
-            let about = ["meaning", "unit"].iter().filter_map(|key| field.metadata().get(*key));
+            let about = ["meaning", "unit"]
+                .iter()
+                .filter_map(|key| field.metadata().get(*key));
             let about: Vec<&str> = about.map(String::as_str).collect();
             let (title, name) = (escaped(&about.join(", ")), escaped(field.name()));
             let _ = write!(html, "<th title=\"{title}\">{name}</th>");
@@ -195,7 +197,11 @@ impl Table {
             }
             html.push_str("</tr>");
         }
-        let _ = write!(html, "</tbody></table><p>{rows} rows × {} columns</p>", fields.len());
+        let _ = write!(
+            html,
+            "</tbody></table><p>{rows} rows × {} columns</p>",
+            fields.len()
+        );
         html
     }
 

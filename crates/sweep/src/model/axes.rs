@@ -1,6 +1,6 @@
 //! The axes of a campaign: what tells its points apart, and everything that a file may vary but the seeds.
 //!
-//! Each is made from the declaration of its parameter in [`sd_core::model::PARAMETERS`], or beside them in [`volume_fraction`]. The campaign file, keys of cases, columns
+//! Each is made from the declaration of its parameter in [`sd_core::model::PARAMETERS`], or beside them in `volume_fraction`. The campaign file, keys of cases, columns
 //! and views of the store, tables, figures, pages and selections all go by this one list.
 
 mod volume_fraction;
