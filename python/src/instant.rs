@@ -310,7 +310,12 @@ impl Arrays for Bulk {
     }
 }
 
-fn solve_in<S: Arrays>(py: Python<'_>, given: Given<'_, '_>) -> PyResult<Solution> {
+fn solve_in<S: Arrays>(py: Python<'_>, given: Given<'_, '_>) -> PyResult<Solution>
+where
+    instant::Configuration<S>: Sync,
+    instant::ContactRequest<S>: Sync,
+    instant::SolvedConfiguration<S>: Send,
+{
     let Given {
         mut written,
         centres,

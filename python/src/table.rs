@@ -176,7 +176,7 @@ impl Table {
         for field in fields {
             let about = ["meaning", "unit"]
                 .iter()
-                .filter_map(|key| field.metadata().get(*key));
+                .filter_map(|key| field.metadata().get(key));
             let about: Vec<&str> = about.map(String::as_str).collect();
             let (title, name) = (escaped(&about.join(", ")), escaped(field.name()));
             let _ = write!(html, "<th title=\"{title}\">{name}</th>");
