@@ -212,14 +212,18 @@ impl<'r> Shared<'r> {
                     self.computing.fetch_sub(1, Ordering::AcqRel);
                     result
                 }
-                Ok(_) => match self.store().anything_left() {
-                    Ok(true) => {
-                        std::thread::sleep(TICK * 2);
-                        Ok(())
+                Ok(_) => {
+                    // A statement of its own: the guard of a `match` would keep the store from all others while this thread sleeps.
+                    let left = self.store().anything_left();
+                    match left {
+                        Ok(true) => {
+                            std::thread::sleep(TICK * 2);
+                            Ok(())
+                        }
+                        Ok(false) => return,
+                        Err(error) => Err(error),
                     }
-                    Ok(false) => return,
-                    Err(error) => Err(error),
-                },
+                }
                 Err(error) => Err(error),
             };
             if let Err(error) = result {
@@ -347,7 +351,8 @@ impl<'r> Shared<'r> {
 
     /// Says for which processes all threads wait.
     fn say_what_is_waited_for(&self) -> Result<(), StoreError> {
-        for process in self.store().processes()? {
+        let processes = self.store().processes()?;
+        for process in processes {
             self.progress.note(&format!(
                 "waiting for {} runs of process {} on {}, last heard of {} ago; they go on here once it is gone",
                 process.running,
