@@ -41,13 +41,11 @@ pub struct PairwiseResistance<S: Fluid = Layer> {
     /// Pairs of the pattern, ordered.
     pattern_pairs: Vec<PairKey>,
     pattern: NearPattern<S>,
-    /// Whether the pattern was made for positions of these spheres; before the first ones it has no pair.
-    has_positions: bool,
     reach: Reach,
 }
 
 impl<S: Fluid> PairwiseResistance<S> {
-    /// A resistance without blocks yet, with the pattern of the given pairs; if there are none, the first positions make the pattern.
+    /// A resistance without blocks yet, with the pattern of the given pairs.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -62,7 +60,6 @@ impl<S: Fluid> PairwiseResistance<S> {
             numbers: Vec::new(),
             pattern_pairs: pattern_pairs.to_vec(),
             pattern: NearPattern::new(spheres, pattern_pairs)?,
-            has_positions: !pattern_pairs.is_empty(),
             reach,
         })
     }
@@ -112,12 +109,13 @@ impl<S: Fluid> PairwiseResistance<S> {
             pair.distance < 0.5 * limit * (radii[pair.i] + radii[pair.j])
         };
         let Reach { needed, taken, .. } = self.reach;
-        if !self.number(pairs, |pair| closer(pair, needed)) || !self.has_positions {
+        // A pattern without a pair is made again each time: a snapshot does not tell it from none.
+        let serves = self.number(pairs, |pair| closer(pair, needed));
+        if !serves || self.pattern_pairs.is_empty() {
             let near = pairs.iter().filter(|pair| closer(pair, taken));
             self.pattern_pairs.clear();
             self.pattern_pairs.extend(near.map(Neighbours::key));
             self.pattern = NearPattern::new(radii.len(), &self.pattern_pairs)?;
-            self.has_positions = true;
             self.number(pairs, |_| false);
         }
         Ok(())
