@@ -3,7 +3,7 @@
 use super::{LUBRICATION, params, rigid, sheared, springs};
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot,
-    TangentialLaw,
+    StiffnessUnit, TangentialLaw,
 };
 
 /// A suspension continued from what its snapshot is as text.
@@ -114,4 +114,38 @@ fn interrupted_runs_have_the_same_bits_before_any_pair_is_near() {
     }
     assert!(!run.snapshot().near_pairs.is_empty());
     assert_eq!(run.snapshot(), other.snapshot());
+}
+
+#[test]
+fn soft_steps_are_of_order_two() {
+    // Leading-order lubrication ends at its cutoff, and velocities jump where a pair crosses it: of that model no step is of order two.
+    let laws = ContactLaws {
+        stiffness_unit: StiffnessUnit::Flow,
+        ..ContactLaws::linear_spring(100.0, TangentialLaw::StickSlide, 0.01)
+    };
+    let mut params = params(laws, Hydrodynamics::BallMelrose);
+    params.shear_rate = f64::INFINITY;
+    params.settle();
+    let suspension = sheared(&params, 60);
+    let centres = |steps: u64| {
+        let mut finer = params.clone();
+        finer.time_step /= steps as f64;
+        let mut snapshot = suspension.snapshot();
+        snapshot.steps *= steps;
+        let mut run = Simulation::from_snapshot(&finer, snapshot, &NearFields::default()).unwrap();
+        for _ in 0..steps {
+            run.step().unwrap();
+        }
+        run.centres().to_vec()
+    };
+    let finest = centres(64);
+    let error = |steps| {
+        let pairs = centres(steps).into_iter().zip(&finest);
+        let mut errors: Vec<f64> = pairs.map(|(a, b)| (a - b).norm()).collect();
+        errors.sort_by(f64::total_cmp);
+        // The median: a contact that opens within a step moves a few spheres.
+        errors[errors.len() / 2]
+    };
+    let order = (error(1) / error(4)).log2() / 2.0;
+    assert!((order - 2.0).abs() < 0.2, "order {order}");
 }
