@@ -130,7 +130,7 @@ def test_errors_have_the_words_of_the_command():
         (lambda: sl.Layer({}, 1), ValueError, ["area_fraction"]),
         (lambda: sl.Layer({**PARAMS, "friction": -1}, 1), ValueError, ["friction", "-1", "0 to 10"]),
         (lambda: sl.Layer({**PARAMS, "friction": math.nan}, 1), ValueError, ["friction", "nan"]),
-        (lambda: sl.Layer({**PARAMS, "friction": "much"}, 1), ValueError, ["friction", "much"]),
+        (lambda: sl.Layer({**PARAMS, "friction": "much"}, 1), ValueError, ["friction", "number"]),
         (lambda: sl.Layer({**PARAMS, "friction": [0.1, 0.2]}, 1), ValueError, ["friction", "one"]),
         (lambda: sl.Layer({**PARAMS, "fricton": 0.1}, 1), ValueError, ["fricton", "friction"]),
         (lambda: sl.Layer({**PARAMS, "friction": object()}, 1), TypeError, ["friction", "object"]),

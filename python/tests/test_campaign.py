@@ -255,7 +255,7 @@ def test_runs_of_another_store_are_reused(store, tmp_path):
         (lambda: sl.Campaign("a"), ValueError, ["grid"]),
         (lambda: sl.Campaign(), TypeError, ["name"]),
         (lambda: sl.Campaign.from_toml("nowhere.toml"), FileNotFoundError, ["nowhere.toml"]),
-        (lambda: sl.Campaign.from_toml(os.devnull), ValueError, ["name"]),
+        (lambda: sl.Campaign.from_toml(os.devnull), ValueError, [os.devnull, "device"]),
         (lambda: sl.Store("nowhere.sqlite"), FileNotFoundError, ["nowhere.sqlite"]),
         (lambda: sl.Store(__file__), ValueError, ["test_campaign.py"]),
         (lambda: sl.Store(3), TypeError, ["path"]),
