@@ -10,7 +10,7 @@ use crate::cluster::{
     slurm::{Slurm, TimeLimit},
 };
 use crate::exit;
-use crate::format::{bytes, duration, parse_duration, parse_positive_duration};
+use crate::format::{bytes, counted, duration, parse_duration, parse_positive_duration};
 use clap::ValueEnum;
 use serde::Serialize;
 use std::num::NonZeroUsize;
@@ -64,7 +64,7 @@ pub(crate) struct Arguments {
     /// Tasks at work at a time, at most
     #[arg(long, value_name = "N", value_parser = positive)]
     throttle: Option<NonZeroUsize>,
-    /// Time limit of a task, as for sbatch: minutes, HH:MM:SS or D-HH [default: the site's]
+    /// Time limit of a task, as 90m or 12h, or as for sbatch: minutes, HH:MM:SS or D-HH [default: the site's]
     #[arg(long, value_name = "TIME")]
     time: Option<TimeLimit>,
     /// Partition of the cluster
@@ -186,9 +186,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     if let Some(name) = &submitted.name {
         writeln!(
             output.out,
-            "job {name}: {} open cases in {} tasks; logs in {}",
-            submitted.cases,
-            job.tasks,
+            "job {name}: {} in {}; logs in {}",
+            counted(submitted.cases, "open case"),
+            counted(job.tasks, "task"),
             job.plan_folder.display()
         )?;
     } else {
@@ -282,11 +282,10 @@ fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
 fn forecast(campaign: &Campaign, submitted: &Submitted, output: &Output<'_>) {
     let job = &submitted.job;
     output.note(&format!(
-        "{} cases in {} tasks of {} workers: about {} of computing per task, {} of memory each, if nodes are as fast as this \
-         machine",
-        submitted.cases,
-        job.tasks,
-        job.workers,
+        "{} in {} of {}: about {} of computing per task, {} of memory each, if nodes are as fast as this machine",
+        counted(submitted.cases, "case"),
+        counted(job.tasks, "task"),
+        counted(job.workers, "worker"),
         duration(submitted.cpu_s / (job.tasks * job.workers) as f64),
         bytes(submitted.memory_bytes)
     ));

@@ -1,6 +1,7 @@
 //! Slurm: one array job, submitted with `sbatch` alone. No accounting database is asked for anything.
 
 use super::{ActiveTask, Job, Requeue, SchedulerError, quoted_path};
+use crate::format::parse_duration;
 use crate::store::TaskName;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -46,8 +47,15 @@ impl std::str::FromStr for TimeLimit {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong =
-            || "write minutes, HH:MM:SS, D-HH or D-HH:MM:SS, as in 90, 12:00:00 or 2-12".to_owned();
+        let wrong = || {
+            "write a time such as 90m or 12h, or as for sbatch: minutes, HH:MM:SS, D-HH or D-HH:MM:SS".to_owned()
+        };
+        if text.ends_with(|c: char| c.is_ascii_alphabetic()) {
+            let time = parse_duration(text).map_err(|_| wrong())?;
+            let seconds = time.as_secs();
+            let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
+            return format!("{hours}:{minutes:02}:{:02}", seconds % 60).parse();
+        }
         let (days, rest) = match text.split_once('-') {
             Some((days, rest)) => (Some(days.parse::<u32>().map_err(|_| wrong())?), rest),
             None => (None, text),
@@ -358,9 +366,12 @@ mod tests {
             ("2-12", 216_000),
             ("1-0:30", 88200),
             ("0-00:00:10", 10),
+            ("90m", 5400),
+            ("1day 2h 5s", 93605),
         ] {
             let limit: TimeLimit = text.parse().unwrap();
             assert_eq!(limit.time.as_secs(), seconds, "{text}");
+            assert!(!limit.text.contains(char::is_alphabetic), "{text}");
         }
         for text in [
             "",
@@ -369,7 +380,8 @@ mod tests {
             "1:2:3:4",
             "-1",
             "1-",
-            "1 day",
+            "0s",
+            "1 fortnight",
             "90\n#SBATCH",
         ] {
             assert!(text.parse::<TimeLimit>().is_err(), "{text:?}");

@@ -1,6 +1,7 @@
 //! Numbers, durations and bytes as text.
 
 use std::borrow::Cow;
+use std::fmt::Display;
 use std::time::Duration;
 
 /// A number to so many significant digits, with an exponent where that is shorter.
@@ -240,6 +241,12 @@ pub fn wrapped(text: &str, width: Option<u16>) -> String {
         all.push('\n');
     }
     all
+}
+
+/// A number of things, as in "1 task" and "2 tasks".
+pub(crate) fn counted<N: Display + From<u8> + PartialEq>(number: N, thing: &str) -> String {
+    let plural = if number == N::from(1) { "" } else { "s" };
+    format!("{number} {thing}{plural}")
 }
 
 /// Reads a time such as `90s`, `15m`, `2h` or `1h 30m`; a bare number is seconds.

@@ -2,6 +2,7 @@
 
 use super::{Field, Form, Height, Line, Measured, Sketch, Spot};
 use crate::axes::{AXES, Axis, identity};
+use crate::format::counted;
 use crate::report::axis_words::AxisWords;
 use crate::report::curves::{Curve, Label, Shared, curves, labels};
 use crate::report::error::ReportError;
@@ -388,8 +389,8 @@ impl<'r> Draft<'r> {
             } else {
                 "left out"
             };
-            let runs = if number == 1 { "run" } else { "runs" };
-            sketch.x = format!("{} ({number} doubtful {runs} {what})", sketch.x);
+            let runs = counted(number, "doubtful run");
+            sketch.x = format!("{} ({runs} {what})", sketch.x);
         }
     }
 
