@@ -18,6 +18,14 @@ const CHEAP: u64 = 64 << 20;
 /// Selects the size of a file, as it says itself, in bytes.
 pub(super) const SIZE: &str =
     "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
+/// Indices of some cases, and of which. `SQLite` looks whether an index has all of its rows, and not whether it has more.
+const PARTIAL: [(&str, &str); 5] = [
+    ("queue", "state = 'pending' AND counts"),
+    ("expensive", "state = 'pending' AND counts"),
+    ("running", "state = 'running'"),
+    ("orphans", "NOT counts"),
+    ("cases_of_rule", "rule IS NOT NULL"),
+];
 /// Tables with what was computed of a case.
 pub(super) const OF_CASES: [&str; 6] = [
     "samples",
@@ -257,6 +265,15 @@ fn structure(connection: &Connection) -> rusqlite::Result<Vec<String>> {
     let mut found: Vec<String> = connection.values("PRAGMA main.integrity_check(20)", [])?;
     // Values that no column of ours can have are found by other means.
     found.retain(|line| line != "ok" && !line.contains("CHECK constraint"));
+    for (index, which) in PARTIAL {
+        let entries = |how: &str| {
+            let count = format!("SELECT count(*) FROM cases {how} WHERE {which}");
+            connection.one(&count, [], |row| row.get::<_, i64>(0))
+        };
+        if entries(&format!("INDEXED BY {index}"))? != entries("NOT INDEXED")? {
+            found.push(format!("the index {index} has other cases"));
+        }
+    }
     Ok(found)
 }
 

@@ -120,6 +120,36 @@ fn no_altered_frame_is_shown_or_merged() {
     }
 }
 
+#[test]
+fn index_with_more_than_its_cases_is_found_and_made_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let store = ended(directory.path());
+    let path = store.path().to_owned();
+    let page = |index: &str| {
+        let root = "SELECT rootpage FROM sqlite_schema WHERE name = ?1";
+        let root: usize = store
+            .connection
+            .query_row(root, [index], |row| row.get(0))
+            .unwrap();
+        (root - 1) * 4096..root * 4096
+    };
+    let (from, to) = (page("cases_of_point"), page("running"));
+    drop(store);
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes.copy_within(from, to.start);
+    std::fs::write(&path, bytes).unwrap();
+    let found = check(&path).unwrap().findings;
+    assert!(
+        found.iter().any(|finding| finding.what.contains("running")),
+        "{found:?}"
+    );
+    let mut store = Store::open(&path).unwrap();
+    assert!(!store.forget_damaged().unwrap().is_empty());
+    drop(store);
+    assert!(check(&path).unwrap().findings.is_empty());
+    assert!(Store::open(&path).unwrap().processes().unwrap().is_empty());
+}
+
 /// Columns of a table.
 fn columns(table: &str) -> Vec<String> {
     let directory = tempfile::tempdir().unwrap();
