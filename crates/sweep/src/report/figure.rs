@@ -3,7 +3,7 @@
 //! ```text
 //! sketch      points of reports as lines of panels
 //! outline     the same with colours, ends and ticks of axes: all that another program needs to draw it
-//! layout      the outline as paths and texts on a page
+//! layout      the outline, or a picture of the plane of shear, as paths and texts on a page
 //! svg, png, pdf   the page as a file that names its origin
 //! graph       paths that are no results of a campaign
 //! chart       a trace in characters, for the terminal
@@ -29,9 +29,10 @@ mod svg;
 pub(crate) use chart::chart;
 pub(crate) use graph::{FitCurve, draw_fit};
 pub use graph::{Graph, draw_graphs};
+pub(super) use layout::{Key, Mark, Picture};
 use look::axis_among;
 pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
-use origin::Origin;
+pub(super) use origin::Origin;
 pub use outline::Outline;
 
 use super::error::ReportError;
@@ -39,7 +40,9 @@ use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::axes::{Axis, identity};
 use crate::store::Store;
-use palette::{Colour, ORDERED_CURVES};
+use palette::ORDERED_CURVES;
+pub(super) use palette::{COLOURS, Colour};
+use scene::Page;
 use sd_core::Params;
 
 /// What a figure shows.
@@ -191,7 +194,8 @@ pub fn draw(
 ) -> Result<Vec<u8>, ReportError> {
     let sketch = sketch::sketch(reports, traces, drawing, true)?;
     let outline = Outline::of(&sketch, &drawing.look)?;
-    file(&outline, &drawing.look.style, format, &Origin::of(reports))
+    let page = layout::page(&outline);
+    file(&page, drawing.look.style.dpi, format, &Origin::of(reports))
 }
 
 /// The same figure, to be drawn by another program: in one panel unless several are asked for.
@@ -212,29 +216,29 @@ pub(super) fn origin_of(report: &Report) -> String {
     Origin::of(std::slice::from_ref(report)).text
 }
 
-/// Writes a figure as a file.
-fn file(
-    outline: &Outline,
-    style: &Style,
-    format: Format,
+/// Writes a picture of the plane of shear as a file.
+pub(super) fn draw_picture(
+    picture: &Picture,
     origin: &Origin,
+    format: Format,
 ) -> Result<Vec<u8>, ReportError> {
-    let page = layout::page(outline);
+    let page = layout::picture(picture)?;
+    file(&page, Style::default().dpi, format, origin)
+}
+
+/// Writes a page as a file.
+fn file(page: &Page, dpi: u32, format: Format, origin: &Origin) -> Result<Vec<u8>, ReportError> {
     match format {
-        Format::Svg => Ok(svg::write(&page, origin)),
-        Format::Pdf => pdf::write(&page, origin).map_err(refused),
-        Format::Png => png::write(&page, style.dpi, origin).map_err(refused),
+        Format::Svg => Ok(svg::write(page, origin)),
+        Format::Pdf => pdf::write(page, origin).map_err(refused),
+        Format::Png => png::write(page, dpi, origin).map_err(refused),
     }
 }
 
 /// What the page draws curves with, besides its colours: markers, the first for the first curve, and colours of rising lightness.
 pub(super) fn page_look() -> serde_json::Value {
     // The page's map goes on to the yellow that is lost on paper: its cells have a ground of their own.
-    let heat: Vec<Colour> = palette::MAP
-        .into_iter()
-        .chain([palette::LIGHTEST])
-        .collect();
-    serde_json::json!({"markers": palette::MARKERS, "heat": heat})
+    serde_json::json!({"markers": palette::MARKERS, "heat": palette::HEAT})
 }
 
 /// The colours of curves, on light and on dark ground.

@@ -112,7 +112,7 @@ impl FigureArguments {
         }
         Ok(Some(Asked {
             path,
-            format: format_of(path)?,
+            format: format_of("--figure", path)?,
             cases: &self.case,
             drawing: Drawing {
                 look: self.look()?,
@@ -183,12 +183,12 @@ pub(super) fn write(
 }
 
 /// The format a figure's file name asks for.
-pub(crate) fn format_of(path: &Path) -> Result<Format, Error> {
+pub(crate) fn format_of(argument: &'static str, path: &Path) -> Result<Format, Error> {
     let ending = path.extension().and_then(|ending| ending.to_str());
     ending
         .and_then(|ending| Format::from_str(ending, true).ok())
         .ok_or_else(|| Error::Argument {
-            argument: "--figure",
+            argument,
             message: format!(
                 "a name that ends with .svg, .pdf or .png, not {}",
                 path.display()
