@@ -39,11 +39,13 @@ use super::error::ReportError;
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::axes::{Axis, identity};
-use crate::store::Store;
+use crate::statistics::Estimate;
+use crate::store::{PointRun, Store};
 use palette::ORDERED_CURVES;
 pub(super) use palette::{COLOURS, Colour};
 use scene::Page;
 use sd_core::Params;
+use std::collections::{BTreeMap, HashMap};
 
 /// What a figure shows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -53,7 +55,7 @@ pub enum Kind {
     Viscosity,
     /// Pairs in contact, activated, rolling and slipping, per sphere.
     Contacts,
-    /// Viscosity in time, one run per point.
+    /// Viscosity against the strain since the start, mean over the finished runs of a point with the 95 % Student interval over runs as a band.
     Trace,
     /// First normal stress difference with 95 % intervals.
     NormalStress,
@@ -118,23 +120,26 @@ pub enum Format {
     Png,
 }
 
-/// One run in time.
+/// A run in time, or the mean over runs of a point.
 #[derive(Debug)]
 pub struct Trace {
     /// Its campaign.
     campaign: String,
     /// Its parameters.
     params: Params,
-    /// Its seed.
-    seed: u64,
-    /// Strain discarded.
+    /// Its seed, of one run.
+    seed: Option<u64>,
+    /// How many runs there are at each strain.
+    runs: usize,
+    /// Strain discarded from all its runs.
     discard: Option<f64>,
-    /// Strain and viscosity.
-    points: Vec<(f64, f64)>,
+    /// Strain since the start, and viscosity.
+    points: Vec<(f64, Estimate)>,
 }
 
-/// Traces of runs of the points selected: those of the `cases`, each named by its number in the campaign file or by the beginning
-/// of its key, or else the first with samples of each point. One more than a figure holds at most.
+/// Traces of the points selected: the `cases`, each named by its number in the campaign file or by the beginning of its key, or else for each
+/// point the mean over its runs that averages count, at the strains at which all of them have a sample. While none of these is finished,
+/// its first run with samples stands in. One more than a figure holds at most.
 ///
 /// # Errors
 /// Trouble with the store; [`crate::store::StoreError::Case`] on a name that is not that of one selected run.
@@ -157,29 +162,86 @@ pub fn traces(
         crate::campaign::Discard::Strain(strain) => Some(strain),
         crate::campaign::Discard::Auto => None,
     };
-    let mut all: Vec<Trace> = Vec::new();
-    for run in runs {
-        let wanted = if keys.is_empty() {
-            let point = identity(&run.params);
-            !all.iter().any(|known| identity(&known.params) == point)
-        } else {
-            keys.contains(&run.key)
-        };
-        if !wanted || all.len() > ORDERED_CURVES {
-            continue;
+    let mut groups: Vec<Vec<&PointRun>> = Vec::new();
+    if keys.is_empty() {
+        let mut places = HashMap::new();
+        for run in &runs {
+            let place = *places.entry(identity(&run.params)).or_insert(groups.len());
+            if place == groups.len() {
+                groups.push(Vec::new());
+            }
+            groups[place].push(run);
         }
-        let points = store.trace(&run.key)?;
-        if !points.is_empty() {
-            all.push(Trace {
-                campaign: campaign.clone(),
-                params: (*run.params).clone(),
-                seed: run.seed,
-                discard: run.discard.or(usual),
-                points,
-            });
+    } else {
+        groups.extend(
+            runs.iter()
+                .filter(|run| keys.contains(&run.key))
+                .map(|run| vec![run]),
+        );
+    }
+    let mut all: Vec<Trace> = Vec::new();
+    for group in groups {
+        let averaged: Vec<&PointRun> = if keys.is_empty() {
+            group
+                .iter()
+                .copied()
+                .filter(|run| selection.averages(run))
+                .collect()
+        } else {
+            Vec::new()
+        };
+        let mut traces = Vec::new();
+        for run in if averaged.is_empty() {
+            &group
+        } else {
+            &averaged
+        } {
+            let trace = store.trace(&run.key)?;
+            if !trace.is_empty() {
+                traces.push((run, trace));
+            }
+            if averaged.is_empty() && !traces.is_empty() {
+                break;
+            }
+        }
+        let discards = traces.iter().map(|(run, _)| run.discard.or(usual));
+        let discard = discards.reduce(|a, b| a.zip(b).map(|(a, b)| a.max(b)));
+        let Some((first, _)) = traces.first() else {
+            continue;
+        };
+        all.push(Trace {
+            campaign: campaign.clone(),
+            params: (*first.params).clone(),
+            seed: averaged.is_empty().then_some(first.seed),
+            runs: traces.len(),
+            discard: discard.flatten(),
+            points: mean_trace(traces.into_iter().map(|(_, trace)| trace)),
+        });
+        if all.len() > ORDERED_CURVES {
+            break;
         }
     }
     Ok(all)
+}
+
+/// The mean of traces at the strains that all of them have.
+fn mean_trace(traces: impl Iterator<Item = Vec<(f64, f64)>>) -> Vec<(f64, Estimate)> {
+    let mut at: BTreeMap<u64, (f64, Vec<f64>)> = BTreeMap::new();
+    let mut number = 0;
+    for trace in traces {
+        number += 1;
+        for (strain, viscosity) in trace {
+            // Strains are sums of steps: those of the same step are the same.
+            let (_, values) = at.entry(strain.to_bits()).or_insert((strain, Vec::new()));
+            values.push(viscosity);
+        }
+    }
+    let whole = at
+        .into_values()
+        .filter(|(_, values)| values.len() == number);
+    whole
+        .filter_map(|(strain, values)| Some((strain, Estimate::of(&values)?)))
+        .collect()
 }
 
 /// Draws a figure: of reports, or of traces.
@@ -249,4 +311,22 @@ pub(super) fn curve_colours() -> [&'static [Colour]; 2] {
 /// The error about the figure.
 fn refused(message: impl Into<String>) -> ReportError {
     ReportError::argument("--figure", message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::mean_trace;
+
+    #[test]
+    fn traces_are_averaged_at_the_strains_that_all_runs_have() {
+        let long = vec![(0.1, 1.0), (0.2, 4.0), (0.3, 5.0)];
+        let gap = vec![(0.1, 3.0), (0.3, 7.0)];
+        let mean = mean_trace([long.clone(), gap].into_iter());
+        let means: Vec<(f64, f64)> = mean.iter().map(|(strain, e)| (*strain, e.mean)).collect();
+        assert_eq!(means, [(0.1, 2.0), (0.3, 6.0)]);
+        // t(0.975, 1) = 12.7062, and the standard error of 1 and 3 is 1.
+        assert!((mean[0].1.ci95.unwrap() - 12.7062).abs() < 1e-4);
+        let alone = mean_trace(std::iter::once(long));
+        assert!(alone.len() == 3 && alone.iter().all(|(_, e)| e.ci95.is_none()));
+    }
 }

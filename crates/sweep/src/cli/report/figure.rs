@@ -25,7 +25,7 @@ pub(crate) struct FigureArguments {
     pub(super) figure: Option<PathBuf>,
     #[command(flatten)]
     drawing: Drawing,
-    /// Runs of a trace, each by its number in the campaign file or the beginning of its key [default: the first run of each point]
+    /// Runs of a trace, each by its number in the campaign file or the beginning of its key [default: the mean over the finished runs of each point]
     #[arg(long, value_name = "KEY", requires = "figure", hide_short_help = true)]
     case: Vec<String>,
     /// Width of the figure, such as 85mm, 180mm or 3.35in [default: 85mm, and 180mm with panels]
