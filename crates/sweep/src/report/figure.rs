@@ -38,14 +38,15 @@ pub use outline::Outline;
 use super::error::ReportError;
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
-use crate::axes::{Axis, identity};
+use crate::axes::{Axis, Identity, identity};
 use crate::statistics::Estimate;
 use crate::store::{PointRun, Store};
 use palette::ORDERED_CURVES;
 pub(super) use palette::{COLOURS, Colour};
 use scene::Page;
 use sd_core::Params;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
+use std::path::Path;
 
 /// What a figure shows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -120,6 +121,24 @@ pub enum Format {
     Png,
 }
 
+impl Format {
+    /// The format that the name of a file asks for.
+    ///
+    /// # Errors
+    /// In words, on another ending.
+    pub fn of_file(path: &Path) -> Result<Self, String> {
+        let ending = path.extension().and_then(|ending| ending.to_str());
+        let found =
+            ending.and_then(|ending| <Self as clap::ValueEnum>::from_str(ending, true).ok());
+        found.ok_or_else(|| {
+            format!(
+                "a name that ends with .svg, .pdf or .png, not {}",
+                path.display()
+            )
+        })
+    }
+}
+
 /// A run in time, or the mean over runs of a point.
 #[derive(Debug)]
 pub struct Trace {
@@ -162,59 +181,50 @@ pub fn traces(
         crate::campaign::Discard::Strain(strain) => Some(strain),
         crate::campaign::Discard::Auto => None,
     };
-    let mut groups: Vec<Vec<&PointRun>> = Vec::new();
-    if keys.is_empty() {
-        let mut places = HashMap::new();
-        for run in &runs {
-            let place = *places.entry(identity(&run.params)).or_insert(groups.len());
-            if place == groups.len() {
-                groups.push(Vec::new());
-            }
-            groups[place].push(run);
+    // Runs of a point, or the cases one by one.
+    let mut groups: Vec<(Option<Identity>, Vec<&PointRun>)> = Vec::new();
+    for run in &runs {
+        let point = keys.is_empty().then(|| identity(&run.params));
+        match groups
+            .iter_mut()
+            .rev()
+            .find(|(known, _)| known.is_some() && *known == point)
+        {
+            Some((_, group)) => group.push(run),
+            None if keys.is_empty() || keys.contains(&run.key) => groups.push((point, vec![run])),
+            None => {}
         }
-    } else {
-        groups.extend(
-            runs.iter()
-                .filter(|run| keys.contains(&run.key))
-                .map(|run| vec![run]),
-        );
     }
     let mut all: Vec<Trace> = Vec::new();
-    for group in groups {
-        let averaged: Vec<&PointRun> = if keys.is_empty() {
-            group
-                .iter()
-                .copied()
-                .filter(|run| selection.averages(run))
-                .collect()
-        } else {
-            Vec::new()
-        };
+    for (point, group) in groups {
+        let is_counted = |run: &&&PointRun| point.is_some() && selection.averages(run);
+        let counted = group.iter().filter(is_counted).count();
         let mut traces = Vec::new();
-        for run in if averaged.is_empty() {
-            &group
-        } else {
-            &averaged
-        } {
-            let trace = store.trace(&run.key)?;
+        for run in group {
+            let is_meant = if counted > 0 {
+                selection.averages(run)
+            } else {
+                traces.is_empty()
+            };
+            let trace = if is_meant {
+                store.trace(&run.key)?
+            } else {
+                Vec::new()
+            };
             if !trace.is_empty() {
                 traces.push((run, trace));
             }
-            if averaged.is_empty() && !traces.is_empty() {
-                break;
-            }
         }
-        let discards = traces.iter().map(|(run, _)| run.discard.or(usual));
-        let discard = discards.reduce(|a, b| a.zip(b).map(|(a, b)| a.max(b)));
         let Some((first, _)) = traces.first() else {
             continue;
         };
+        let discards = traces.iter().map(|(run, _)| run.discard.or(usual));
         all.push(Trace {
             campaign: campaign.clone(),
             params: (*first.params).clone(),
-            seed: averaged.is_empty().then_some(first.seed),
+            seed: (counted == 0).then_some(first.seed),
             runs: traces.len(),
-            discard: discard.flatten(),
+            discard: discards.flatten().reduce(f64::max),
             points: mean_trace(traces.into_iter().map(|(_, trace)| trace)),
         });
         if all.len() > ORDERED_CURVES {

@@ -77,21 +77,22 @@ pub fn draw_spheres(
     let frames = store.frames(&story.key, 1)?;
     let frames: Vec<_> = frames.iter().map(|kept| (kept.step, &kept.frame)).collect();
     let (layers, suspensions) = by_space(&frames);
+    let caption = caption(store, &story)?;
     let drawn = if layers.is_empty() {
-        drawn(&suspensions, view)?
+        drawn(&suspensions, view, caption)?
     } else {
-        drawn(&layers, view)?
+        drawn(&layers, view, caption)?
     };
     let campaign = store.campaign_name()?;
-    let picture = Picture {
-        caption: caption(store, &story, &drawn)?,
-        ..drawn.picture
-    };
     let mut origin = vec![format!("campaign {campaign}"), format!("key {}", story.key)];
     let program = story.origin.as_ref().map(Made::program);
     origin.extend(program.map(|program| format!("computed by {program}")));
     Ok(SpherePicture {
-        file: draw_picture(&picture, &Origin::of_lines(&campaign, &origin), format)?,
+        file: draw_picture(
+            &drawn.picture,
+            &Origin::of_lines(&campaign, &origin),
+            format,
+        )?,
         key: story.key,
         strain: drawn.strain,
         spheres: drawn.spheres,
@@ -99,34 +100,33 @@ pub fn draw_spheres(
     })
 }
 
-/// A picture without its caption.
+/// A picture, and what is on it.
 struct Drawn {
     picture: Picture,
     strain: f64,
     spheres: usize,
     contacts: usize,
-    slab: Option<Range>,
 }
 
-/// What a picture is of: the run with its parameters, and the strain.
-fn caption(store: &Store, story: &Story, drawn: &Drawn) -> Result<Vec<String>, ReportError> {
-    let starts = Starts::of_store(store)?;
-    let name = store.campaign_name()?;
+/// Which run a picture is of.
+fn caption(store: &Store, story: &Story) -> Result<Vec<String>, ReportError> {
     let case = story.number.map_or_else(
         || format!("case {}", &story.key[..8]),
         |number| format!("case {number}"),
     );
-    let mut caption = vec![name, case, format!("strain {:.2}", drawn.strain)];
-    if let Some(Range { low, high }) = drawn.slab {
-        caption.push(format!("z / a from {low} to {high}"));
-    }
+    let starts = Starts::of_store(store)?;
+    let mut caption = vec![store.campaign_name()?, case];
     caption.extend(all_named(&story.params, Units::default(), &starts));
     caption.push(format!("seed {}", story.seed));
     Ok(caption)
 }
 
 /// Draws one of the frames of a run.
-fn drawn<S: Kept>(frames: &[(u64, &Frame<S>)], view: SphereView) -> Result<Drawn, ReportError> {
+fn drawn<S: Kept>(
+    frames: &[(u64, &Frame<S>)],
+    view: SphereView,
+    mut caption: Vec<String>,
+) -> Result<Drawn, ReportError> {
     let frames: Vec<&Frame<S>> = frames.iter().map(|(_, frame)| *frame).collect();
     let place = nearest(&frames, view.strain)?;
     let frame = frames[place];
@@ -144,46 +144,47 @@ fn drawn<S: Kept>(frames: &[(u64, &Frame<S>)], view: SphereView) -> Result<Drawn
     // Spheres from behind; those of a layer are beside each other, and their lines on all of them.
     let mut order: Vec<usize> = (0..centres.len()).filter(|sphere| shown[*sphere]).collect();
     order.sort_by(|a, b| depth(*a).total_cmp(&depth(*b)));
-    let largest = network
-        .links
-        .iter()
-        .map(|link| link.normal_force)
-        .fold(0.0, f64::max);
-    // Of each sphere half of the line of each of its contacts: what sets lines off, then the lines.
-    let mut spokes: Vec<[Vec<Mark>; 2]> = vec![<[Vec<Mark>; 2]>::default(); centres.len()];
+    let forces = network.links.iter().map(|link| link.normal_force);
+    let largest = forces.fold(0.0, f64::max);
+    // Of each sphere half of the line of each of its contacts.
+    let mut halves = vec![Vec::new(); centres.len()];
     for link in &network.links {
         let r = network.radii[link.i] + network.radii[link.j];
         let strokes = strokes(link.is_frictional(), WIDEST * link.normal_force / largest);
         for (sphere, sign) in [(link.i, 1.0), (link.j, -1.0)] {
-            let reach = sign * network.radii[sphere] / r;
-            let from = [centres[sphere][0], centres[sphere][1]];
-            let ends = [from, [0, 1].map(|k| from[k] + reach * link.separation[k])];
-            for (marks, (colour, width)) in spokes[sphere].iter_mut().zip(strokes) {
-                marks.push(Mark::Line {
-                    ends,
-                    width,
-                    colour,
+            let part = sign * network.radii[sphere] / r;
+            let reach = [0, 1].map(|k| part * link.separation[k]);
+            halves[sphere].push((reach, strokes));
+        }
+    }
+    // Spheres, what sets lines off, lines; in depth the lines of a sphere lie on it, and all is in the first of these.
+    let mut marks = <[Vec<Mark>; 3]>::default();
+    for sphere in order {
+        let (place, radius) = (&centres[sphere], network.radii[sphere]);
+        for centre in images(frame, [place[0], place[1]], radius) {
+            marks[0].push(Mark::Sphere {
+                centre,
+                radius,
+                colour: colours[sphere],
+                is_shaded: is_deep,
+            });
+            for (number, place) in if is_deep { [0, 0] } else { [1, 2] }
+                .into_iter()
+                .enumerate()
+            {
+                marks[place].extend(halves[sphere].iter().map(|(reach, strokes)| Mark::Line {
+                    ends: [centre, [centre[0] + reach[0], centre[1] + reach[1]]],
+                    width: strokes[number].1,
+                    colour: strokes[number].0,
                     // In depth what sets a line off ends with its sphere.
-                    is_round: !is_deep || colour == strokes[1].0,
-                });
+                    is_round: !is_deep || number == 1,
+                }));
             }
         }
     }
-    let mut marks = <[Vec<Mark>; 3]>::default();
-    for sphere in order {
-        let disc = Mark::Sphere {
-            centre: [centres[sphere][0], centres[sphere][1]],
-            radius: network.radii[sphere],
-            colour: colours[sphere],
-            is_shaded: is_deep,
-        };
-        for image in images(frame, &disc) {
-            marks[0].push(moved(&disc, image));
-            for (number, lines) in spokes[sphere].iter().enumerate() {
-                let lines = lines.iter().map(|mark| moved(mark, image));
-                marks[if is_deep { 0 } else { number + 1 }].extend(lines);
-            }
-        }
+    caption.push(format!("strain {:.2}", frame.strain));
+    if let Some(Range { low, high }) = view.slab {
+        caption.push(format!("z / a from {low} to {high}"));
     }
     let linked = |link: &&Link<S>| shown[link.i] && shown[link.j];
     Ok(Drawn {
@@ -192,12 +193,11 @@ fn drawn<S: Kept>(frames: &[(u64, &Frame<S>)], view: SphereView) -> Result<Drawn
             marks: marks.into_iter().flatten().collect(),
             key,
             lines: explained(largest),
-            caption: Vec::new(),
+            caption,
         },
         strain: frame.strain,
         spheres: shown.iter().filter(|shown| **shown).count(),
         contacts: network.links.iter().filter(linked).count(),
-        slab: view.slab,
     })
 }
 
@@ -294,36 +294,13 @@ fn in_slab<S: Kept>(
     Ok(shown)
 }
 
-/// How far the images of a sphere that are seen in the cell are from it.
-fn images<S: Kept>(frame: &Frame<S>, sphere: &Mark) -> Vec<[f64; 2]> {
-    let Mark::Sphere {
-        centre: [x, y],
-        radius,
-        ..
-    } = sphere
-    else {
-        return Vec::new();
-    };
-    let rows = -1..=1;
-    let all = rows.flat_map(|row| (-2..=2).map(move |column| (f64::from(row), f64::from(column))));
-    let all = all.map(|(row, column)| [column * frame.side + row * frame.offset, row * frame.side]);
-    let reaches = |place: f64| (-radius..=frame.side + radius).contains(&place);
-    all.filter(|[along, up]| reaches(x + along) && reaches(y + up))
-        .collect()
-}
-
-/// A mark somewhere else.
-fn moved(mark: &Mark, [along, up]: [f64; 2]) -> Mark {
-    let mut mark = mark.clone();
-    let places: &mut [[f64; 2]] = match &mut mark {
-        Mark::Sphere { centre, .. } => std::slice::from_mut(centre),
-        Mark::Line { ends, .. } => ends,
-        Mark::Area { corners, .. } => corners,
-    };
-    for [x, y] in places {
-        (*x, *y) = (*x + along, *y + up);
-    }
-    mark
+/// The images of a sphere that are seen in the cell.
+fn images<S: Kept>(frame: &Frame<S>, [x, y]: [f64; 2], radius: f64) -> Vec<[f64; 2]> {
+    let (side, offset) = (frame.side, frame.offset);
+    let cells = (-1..=1).flat_map(|row| (-2..=2).map(move |column| [column, row].map(f64::from)));
+    let all = cells.map(|[column, row]| [x + column * side + row * offset, y + row * side]);
+    let is_seen = |centre: &[f64; 2]| centre.iter().all(|x| (-radius..=side + radius).contains(x));
+    all.filter(is_seen).collect()
 }
 
 /// The colours of the spheres of a frame, and what they mean.
@@ -462,7 +439,7 @@ mod tests {
     }
 
     fn of<S: Kept>(frame: &Frame<S>, view: SphereView) -> Result<Drawn, ReportError> {
-        drawn(&[(1, frame)], view)
+        drawn(&[(1, frame)], view, Vec::new())
     }
 
     /// Centres and colours of the spheres, as far as they lie in the cell.

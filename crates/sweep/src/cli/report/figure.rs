@@ -10,7 +10,6 @@ use crate::report::{
 };
 use crate::store::Store;
 use crate::system::files;
-use clap::ValueEnum as _;
 use std::path::{Path, PathBuf};
 
 /// Largest file of a style, in bytes.
@@ -184,14 +183,5 @@ pub(super) fn write(
 
 /// The format a figure's file name asks for.
 pub(crate) fn format_of(argument: &'static str, path: &Path) -> Result<Format, Error> {
-    let ending = path.extension().and_then(|ending| ending.to_str());
-    ending
-        .and_then(|ending| Format::from_str(ending, true).ok())
-        .ok_or_else(|| Error::Argument {
-            argument,
-            message: format!(
-                "a name that ends with .svg, .pdf or .png, not {}",
-                path.display()
-            ),
-        })
+    Format::of_file(path).map_err(|message| Error::Argument { argument, message })
 }
