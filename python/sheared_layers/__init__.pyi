@@ -218,6 +218,15 @@ class Store:
     def structure(
         self, case: str | int | None = None, *, where: Mapping[str, Any] | None = None
     ) -> list[dict[str, Any]]: ...
+    def draw(
+        self,
+        case: str | int,
+        path: _File,
+        *,
+        strain: float | None = None,
+        colour: str = "pressure",
+        slab: tuple[float, float] | None = None,
+    ) -> None: ...
     def plot(
         self,
         kind: str = "viscosity",

@@ -78,8 +78,12 @@ def _draw_curve(ax, curve):
             "markeredgewidth": 0.8 * curve["width"],
         }
     if marker is None:
-        # A run in time: one piece, unless a sample has no viscosity.
+        # A run in time, or the mean of several: one piece, unless a sample has no viscosity.
         for number, (first, last) in enumerate(curve["pieces"]):
+            if curve["has_band"]:
+                piece = list(zip(places, heights, below, above))[first : last + 1]
+                ends = [[y - down for _, y, down, _ in piece], [y + up for _, y, _, up in piece]]
+                ax.fill_between([x for x, *_ in piece], *ends, color=colour, alpha=0.22, linewidth=0)
             label = style.pop("label", None) if number == 0 else None
             ax.plot(places[first : last + 1], heights[first : last + 1], label=label, **style)
         return

@@ -11,8 +11,8 @@ use std::path::PathBuf;
 use sweep::axes::{AXES, Axis};
 use sweep::campaign::Campaign;
 use sweep::report::{
-    Drawing, Kind, Look, Report, Selection, StructureReport, outline, point_table, sample_table,
-    traces,
+    Drawing, Format, Kind, Look, Report, Selection, SphereView, StructureReport, draw_spheres,
+    outline, point_table, sample_table, traces,
 };
 use sweep::spaces::AnyFrame;
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
@@ -203,6 +203,50 @@ impl Store {
             Ok(StructureReport::of(store, &selection, case.as_deref())?.json())
         })?;
         values::answer(py, &found["points"])
+    }
+
+    /// Draw the spheres of a run at a kept strain into a file, as `sweep draw` does. Frames are kept by ``run(trajectory=True)``.
+    ///
+    /// Parameters
+    /// ----------
+    /// case : str or int
+    ///     The beginning of its key, or its number in the campaign file, from 1.
+    /// path : str or path
+    ///     The file, whose name ends with .svg, .pdf or .png.
+    /// strain : float, optional
+    ///     The strain, of which the nearest kept frame is drawn; the last frame.
+    /// colour : str
+    ///     What spheres are coloured by: "pressure", "contacts", "spin" or "cluster".
+    /// slab : (float, float), optional
+    ///     Of a suspension only the spheres whose centres have z in this range, in a.
+    #[pyo3(
+        signature = (case, path, *, strain=None, colour=None, slab=None),
+        text_signature = "($self, case, path, *, strain=None, colour='pressure', slab=None)"
+    )]
+    fn draw(
+        &self,
+        py: Python<'_>,
+        case: &Bound<'_, PyAny>,
+        path: &Bound<'_, PyAny>,
+        strain: Option<&Bound<'_, PyAny>>,
+        colour: Option<&Bound<'_, PyAny>>,
+        slab: Option<(f64, f64)>,
+    ) -> PyResult<()> {
+        let refused = |name, message| PyValueError::new_err(format!("{name}: {message}"));
+        let (case, path) = (name_of(case)?, values::file("path", path)?);
+        let format = Format::of_file(&path).map_err(|message| refused("path", message))?;
+        let slab = slab.map(|(from, to)| format!("{from}..{to}").parse());
+        let view = SphereView {
+            strain: strain
+                .map(|strain| values::number("strain", strain))
+                .transpose()?,
+            colour: word("colour", colour)?,
+            slab: slab
+                .transpose()
+                .map_err(|message| refused("slab", message))?,
+        };
+        let picture = self.read(py, |store| Ok(draw_spheres(store, &case, view, format)?))?;
+        Ok(std::fs::write(path, picture.file)?)
     }
 
     /// Draw the results with matplotlib, with the look of `sweep report --figure`.

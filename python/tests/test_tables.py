@@ -54,6 +54,25 @@ def test_structure_is_that_of_the_command(store):
         store.structure(1, where={"shear_rate": math.inf})
 
 
+def test_pictures_are_those_of_the_command(store, tmp_path):
+    from conftest import command
+
+    here, there = tmp_path / "here.svg", tmp_path / "there.svg"
+    store.draw(1, here, strain=0.2, colour="cluster")
+    command("draw", store.path, "1", "--strain", "0.2", "--colour", "cluster", "--out", there)
+    assert here.read_bytes() == there.read_bytes()
+    for wrong, parts in [
+        ({"strain": 9.0}, "frames are kept"),
+        ({"colour": "force"}, "pressure"),
+        ({"slab": (0, 1)}, "no depth"),
+        ({"slab": (1, 0)}, "slab"),
+    ]:
+        with pytest.raises(ValueError, match=parts):
+            store.draw(1, here, **wrong)
+    with pytest.raises(ValueError, match=r"\.svg, \.pdf or \.png"):
+        store.draw(1, tmp_path / "here.gif")
+
+
 def test_what_to_pandas_lacks_is_named(store, monkeypatch):
     import sys
 
@@ -183,6 +202,8 @@ def test_a_plot_shows_what_the_figure_shows(store, tmp_path):
     _, mine = pyplot.subplots()
     for kind in ["contacts", "trace", "normal-stress", "approach-velocity"]:
         assert store.plot(kind, ax=mine, along=None) is mine
+    # The means over the seeds of both points have bands, single runs have none.
+    assert [len(store.plot("trace", cases=cases).collections) for cases in [None, ["1"]]] == [2, 0]
     pyplot.close("all")
 
 

@@ -4,6 +4,7 @@ mod cancel;
 mod check;
 mod completions;
 mod convert;
+mod draw;
 mod export;
 mod fit;
 mod man;
@@ -100,6 +101,7 @@ enum Command {
     Convert(convert::Arguments),
     Show(show::Arguments),
     Export(export::Arguments),
+    Draw(draw::Arguments),
     Serve(serve::Arguments),
     Replay(replay::Arguments),
     Prune(prune::Arguments),
@@ -165,6 +167,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Convert(arguments) => convert::execute(&arguments, &mut output),
         Command::Show(arguments) => show::execute(&arguments, &mut output),
         Command::Export(arguments) => export::execute(&arguments, &mut output),
+        Command::Draw(arguments) => draw::execute(&arguments, &mut output),
         Command::Serve(arguments) => serve::execute(&arguments, &mut output),
         Command::Replay(arguments) => replay::execute(&arguments, &mut output),
         Command::Prune(arguments) => prune::execute(&arguments, &mut output),

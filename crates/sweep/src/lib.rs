@@ -26,6 +26,7 @@
 //! api::complete                       the cases of a store computed: with runner::{Stop, Progress, Options}
 //! store::StoreSource                  opened for reading, for report::Report, Store::samples, Store::frames, Store::runs
 //! report::outline                     a figure, to be drawn elsewhere
+//! report::draw_spheres                a picture of a kept frame
 //! data::DataColumn                    what tables are made of
 //! Error, api::ErrorRenderer           the same words, and the kind of trouble by its exit code
 //! ```

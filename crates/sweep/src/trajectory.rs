@@ -67,6 +67,9 @@ pub(crate) trait Kept: Space {
 
     /// The angle in the plane of flow and gradient of a line that lay along the flow at strain 0.
     fn angle(orientation: &Self::Orientation) -> f64;
+
+    /// The vorticity component of the rotation from one orientation to another, of a suspension of the one by less than half a turn.
+    fn turned_by(from: &Self::Orientation, to: &Self::Orientation) -> f64;
 }
 
 impl Kept for Layer {
@@ -96,6 +99,10 @@ impl Kept for Layer {
 
     fn angle(orientation: &f64) -> f64 {
         *orientation
+    }
+
+    fn turned_by(from: &f64, to: &f64) -> f64 {
+        to - from
     }
 }
 
@@ -130,6 +137,21 @@ impl Kept for Bulk {
 
     fn angle([w, x, y, z]: &Self::Orientation) -> f64 {
         (2.0 * (x * y + w * z)).atan2(1.0 - 2.0 * (y * y + z * z))
+    }
+
+    fn turned_by([a, b, c, d]: &Self::Orientation, [w, x, y, z]: &Self::Orientation) -> f64 {
+        // The product of the second and the inverse of the first.
+        let cosine = w * a + x * b + y * c + z * d;
+        let vector = [
+            x * a - w * b - y * d + z * c,
+            y * a - w * c - z * b + x * d,
+            z * a - w * d - x * c + y * b,
+        ];
+        let sine = vector.iter().map(|part| part * part).sum::<f64>().sqrt();
+        let half = sine.atan2(cosine.abs());
+        // Of a small angle the sine itself.
+        let ratio = if sine > 0.0 { half / sine } else { 1.0 };
+        2.0 * ratio * vector[2] * cosine.signum()
     }
 }
 
@@ -231,10 +253,12 @@ pub fn decode(bytes: &[u8]) -> Option<AnyFrame> {
 }
 
 /// Frames with their steps.
-type Frames<'f, S> = Vec<(u64, &'f Frame<S>)>;
+pub(crate) type Frames<'f, S> = Vec<(u64, &'f Frame<S>)>;
 
 /// Those of layers, and those of suspensions. A run stays in its space: one of the two is empty.
-fn by_space<'f>(frames: &[(u64, &'f AnyFrame)]) -> (Frames<'f, Layer>, Frames<'f, Bulk>) {
+pub(crate) fn by_space<'f>(
+    frames: &[(u64, &'f AnyFrame)],
+) -> (Frames<'f, Layer>, Frames<'f, Bulk>) {
     let (mut layers, mut suspensions) = (Vec::new(), Vec::new());
     for (step, frame) in frames {
         match frame {

@@ -43,7 +43,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let selection = Selection::parse(&arguments.selection)?;
     let files = [("--csv", &arguments.csv), ("--figure", &arguments.figure)];
     refuse_two_answers(&files, output)?;
-    let format = arguments.figure.as_deref().map(format_of).transpose()?;
+    let format = arguments.figure.as_deref();
+    let format = format.map(|path| format_of("--figure", path)).transpose()?;
     let store = arguments.place.open(output)?;
     let report = FitReport::of(&store, &selection, arguments.replicates as usize)?;
     if let (Some(path), Some(format)) = (&arguments.figure, format) {

@@ -84,7 +84,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         start: arguments.start,
         time_step: arguments.time_step,
     };
-    let format = arguments.figure.as_deref().map(format_of).transpose()?;
+    let format = arguments.figure.as_deref();
+    let format = format.map(|path| format_of("--figure", path)).transpose()?;
     let passed = pass(&passing, &tables)?;
     if let (Some(path), Some(format)) = (&arguments.figure, format) {
         let path_of = |x: usize| passed.path.iter().map(|row| [row[x], row[x + 1]]).collect();

@@ -62,7 +62,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         ("--figure", &arguments.figure),
     ];
     refuse_two_answers(&files, output)?;
-    let format = arguments.figure.as_deref().map(format_of).transpose()?;
+    let format = arguments.figure.as_deref();
+    let format = format.map(|path| format_of("--figure", path)).transpose()?;
     let store = arguments.place.open(output)?;
     let report = StructureReport::of(&store, &selection, arguments.case.as_deref())?;
     if let Some(path) = &arguments.csv {

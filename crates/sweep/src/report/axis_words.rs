@@ -3,7 +3,7 @@
 use super::figure::log_axis::power_of_ten;
 use super::starts::Starts;
 use super::units::{At, Units};
-use crate::axes::{Axis, Kind, Value};
+use crate::axes::{AXES, Axis, Kind, Value};
 use crate::format::{Digits, Uncertain};
 use sd_core::Params;
 
@@ -83,6 +83,14 @@ impl<'a> AxisWords<'a> {
             self.value(params)
         }
     }
+}
+
+/// The values of some parameters on all axes that mean something to them, as captions have them.
+pub(super) fn all_named(params: &Params, units: Units, starts: &Starts) -> Vec<String> {
+    let alone = || std::iter::once(params);
+    let axes = AXES.iter().filter(|axis| axis.matters(alone()));
+    axes.map(|axis| AxisWords::of(axis, units, starts, alone()).named(params))
+        .collect()
 }
 
 /// A number as a multiple of a power of ten, if it has one.

@@ -3,7 +3,7 @@
 //! ```text
 //! sketch      points of reports as lines of panels
 //! outline     the same with colours, ends and ticks of axes: all that another program needs to draw it
-//! layout      the outline as paths and texts on a page
+//! layout      the outline, or a picture of the plane of shear, as paths and texts on a page
 //! svg, png, pdf   the page as a file that names its origin
 //! graph       paths that are no results of a campaign
 //! chart       a trace in characters, for the terminal
@@ -29,18 +29,24 @@ mod svg;
 pub(crate) use chart::chart;
 pub(crate) use graph::{FitCurve, draw_fit};
 pub use graph::{Graph, draw_graphs};
+pub(super) use layout::{Key, Mark, Picture};
 use look::axis_among;
 pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
-use origin::Origin;
+pub(super) use origin::Origin;
 pub use outline::Outline;
 
 use super::error::ReportError;
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
-use crate::axes::{Axis, identity};
-use crate::store::Store;
-use palette::{Colour, ORDERED_CURVES};
+use crate::axes::{Axis, Identity, identity};
+use crate::statistics::Estimate;
+use crate::store::{PointRun, Store};
+use palette::ORDERED_CURVES;
+pub(super) use palette::{COLOURS, Colour};
+use scene::Page;
 use sd_core::Params;
+use std::collections::BTreeMap;
+use std::path::Path;
 
 /// What a figure shows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -50,7 +56,7 @@ pub enum Kind {
     Viscosity,
     /// Pairs in contact, activated, rolling and slipping, per sphere.
     Contacts,
-    /// Viscosity in time, one run per point.
+    /// Viscosity against the strain since the start, mean over the finished runs of a point with the 95 % Student interval over runs as a band.
     Trace,
     /// First normal stress difference with 95 % intervals.
     NormalStress,
@@ -115,23 +121,44 @@ pub enum Format {
     Png,
 }
 
-/// One run in time.
+impl Format {
+    /// The format that the name of a file asks for.
+    ///
+    /// # Errors
+    /// In words, on another ending.
+    pub fn of_file(path: &Path) -> Result<Self, String> {
+        let ending = path.extension().and_then(|ending| ending.to_str());
+        let found =
+            ending.and_then(|ending| <Self as clap::ValueEnum>::from_str(ending, true).ok());
+        found.ok_or_else(|| {
+            format!(
+                "a name that ends with .svg, .pdf or .png, not {}",
+                path.display()
+            )
+        })
+    }
+}
+
+/// A run in time, or the mean over runs of a point.
 #[derive(Debug)]
 pub struct Trace {
     /// Its campaign.
     campaign: String,
     /// Its parameters.
     params: Params,
-    /// Its seed.
-    seed: u64,
-    /// Strain discarded.
+    /// Its seed, of one run.
+    seed: Option<u64>,
+    /// How many runs there are at each strain.
+    runs: usize,
+    /// Strain discarded from all its runs.
     discard: Option<f64>,
-    /// Strain and viscosity.
-    points: Vec<(f64, f64)>,
+    /// Strain since the start, and viscosity.
+    points: Vec<(f64, Estimate)>,
 }
 
-/// Traces of runs of the points selected: those of the `cases`, each named by its number in the campaign file or by the beginning
-/// of its key, or else the first with samples of each point. One more than a figure holds at most.
+/// Traces of the points selected: the `cases`, each named by its number in the campaign file or by the beginning of its key, or else for each
+/// point the mean over its runs that averages count, at the strains at which all of them have a sample. While none of these is finished,
+/// its first run with samples stands in. One more than a figure holds at most.
 ///
 /// # Errors
 /// Trouble with the store; [`crate::store::StoreError::Case`] on a name that is not that of one selected run.
@@ -154,29 +181,77 @@ pub fn traces(
         crate::campaign::Discard::Strain(strain) => Some(strain),
         crate::campaign::Discard::Auto => None,
     };
-    let mut all: Vec<Trace> = Vec::new();
-    for run in runs {
-        let wanted = if keys.is_empty() {
-            let point = identity(&run.params);
-            !all.iter().any(|known| identity(&known.params) == point)
-        } else {
-            keys.contains(&run.key)
-        };
-        if !wanted || all.len() > ORDERED_CURVES {
-            continue;
+    // Runs of a point, or the cases one by one.
+    let mut groups: Vec<(Option<Identity>, Vec<&PointRun>)> = Vec::new();
+    for run in &runs {
+        let point = keys.is_empty().then(|| identity(&run.params));
+        match groups
+            .iter_mut()
+            .rev()
+            .find(|(known, _)| known.is_some() && *known == point)
+        {
+            Some((_, group)) => group.push(run),
+            None if keys.is_empty() || keys.contains(&run.key) => groups.push((point, vec![run])),
+            None => {}
         }
-        let points = store.trace(&run.key)?;
-        if !points.is_empty() {
-            all.push(Trace {
-                campaign: campaign.clone(),
-                params: (*run.params).clone(),
-                seed: run.seed,
-                discard: run.discard.or(usual),
-                points,
-            });
+    }
+    let mut all: Vec<Trace> = Vec::new();
+    for (point, group) in groups {
+        let is_counted = |run: &&&PointRun| point.is_some() && selection.averages(run);
+        let counted = group.iter().filter(is_counted).count();
+        let mut traces = Vec::new();
+        for run in group {
+            let is_meant = if counted > 0 {
+                selection.averages(run)
+            } else {
+                traces.is_empty()
+            };
+            let trace = if is_meant {
+                store.trace(&run.key)?
+            } else {
+                Vec::new()
+            };
+            if !trace.is_empty() {
+                traces.push((run, trace));
+            }
+        }
+        let Some((first, _)) = traces.first() else {
+            continue;
+        };
+        let discards = traces.iter().map(|(run, _)| run.discard.or(usual));
+        all.push(Trace {
+            campaign: campaign.clone(),
+            params: (*first.params).clone(),
+            seed: (counted == 0).then_some(first.seed),
+            runs: traces.len(),
+            discard: discards.flatten().reduce(f64::max),
+            points: mean_trace(traces.into_iter().map(|(_, trace)| trace)),
+        });
+        if all.len() > ORDERED_CURVES {
+            break;
         }
     }
     Ok(all)
+}
+
+/// The mean of traces at the strains that all of them have.
+fn mean_trace(traces: impl Iterator<Item = Vec<(f64, f64)>>) -> Vec<(f64, Estimate)> {
+    let mut at: BTreeMap<u64, (f64, Vec<f64>)> = BTreeMap::new();
+    let mut number = 0;
+    for trace in traces {
+        number += 1;
+        for (strain, viscosity) in trace {
+            // Strains are sums of steps: those of the same step are the same.
+            let (_, values) = at.entry(strain.to_bits()).or_insert((strain, Vec::new()));
+            values.push(viscosity);
+        }
+    }
+    let whole = at
+        .into_values()
+        .filter(|(_, values)| values.len() == number);
+    whole
+        .filter_map(|(strain, values)| Some((strain, Estimate::of(&values)?)))
+        .collect()
 }
 
 /// Draws a figure: of reports, or of traces.
@@ -191,7 +266,8 @@ pub fn draw(
 ) -> Result<Vec<u8>, ReportError> {
     let sketch = sketch::sketch(reports, traces, drawing, true)?;
     let outline = Outline::of(&sketch, &drawing.look)?;
-    file(&outline, &drawing.look.style, format, &Origin::of(reports))
+    let page = layout::page(&outline);
+    file(&page, drawing.look.style.dpi, format, &Origin::of(reports))
 }
 
 /// The same figure, to be drawn by another program: in one panel unless several are asked for.
@@ -212,29 +288,29 @@ pub(super) fn origin_of(report: &Report) -> String {
     Origin::of(std::slice::from_ref(report)).text
 }
 
-/// Writes a figure as a file.
-fn file(
-    outline: &Outline,
-    style: &Style,
-    format: Format,
+/// Writes a picture of the plane of shear as a file.
+pub(super) fn draw_picture(
+    picture: &Picture,
     origin: &Origin,
+    format: Format,
 ) -> Result<Vec<u8>, ReportError> {
-    let page = layout::page(outline);
+    let page = layout::picture(picture)?;
+    file(&page, Style::default().dpi, format, origin)
+}
+
+/// Writes a page as a file.
+fn file(page: &Page, dpi: u32, format: Format, origin: &Origin) -> Result<Vec<u8>, ReportError> {
     match format {
-        Format::Svg => Ok(svg::write(&page, origin)),
-        Format::Pdf => pdf::write(&page, origin).map_err(refused),
-        Format::Png => png::write(&page, style.dpi, origin).map_err(refused),
+        Format::Svg => Ok(svg::write(page, origin)),
+        Format::Pdf => pdf::write(page, origin).map_err(refused),
+        Format::Png => png::write(page, dpi, origin).map_err(refused),
     }
 }
 
 /// What the page draws curves with, besides its colours: markers, the first for the first curve, and colours of rising lightness.
 pub(super) fn page_look() -> serde_json::Value {
     // The page's map goes on to the yellow that is lost on paper: its cells have a ground of their own.
-    let heat: Vec<Colour> = palette::MAP
-        .into_iter()
-        .chain([palette::LIGHTEST])
-        .collect();
-    serde_json::json!({"markers": palette::MARKERS, "heat": heat})
+    serde_json::json!({"markers": palette::MARKERS, "heat": palette::HEAT})
 }
 
 /// The colours of curves, on light and on dark ground.
@@ -245,4 +321,22 @@ pub(super) fn curve_colours() -> [&'static [Colour]; 2] {
 /// The error about the figure.
 fn refused(message: impl Into<String>) -> ReportError {
     ReportError::argument("--figure", message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::mean_trace;
+
+    #[test]
+    fn traces_are_averaged_at_the_strains_that_all_runs_have() {
+        let long = vec![(0.1, 1.0), (0.2, 4.0), (0.3, 5.0)];
+        let gap = vec![(0.1, 3.0), (0.3, 7.0)];
+        let mean = mean_trace([long.clone(), gap].into_iter());
+        let means: Vec<(f64, f64)> = mean.iter().map(|(strain, e)| (*strain, e.mean)).collect();
+        assert_eq!(means, [(0.1, 2.0), (0.3, 6.0)]);
+        // t(0.975, 1) = 12.7062, and the standard error of 1 and 3 is 1.
+        assert!((mean[0].1.ci95.unwrap() - 12.7062).abs() < 1e-4);
+        let alone = mean_trace(std::iter::once(long));
+        assert!(alone.len() == 3 && alone.iter().all(|(_, e)| e.ci95.is_none()));
+    }
 }

@@ -162,9 +162,8 @@ impl Report {
         let protocol = store.protocol()?;
         let mut points = Vec::with_capacity(groups.len());
         for all in groups {
-            let is_averaged =
-                |run: &PointRun| run.is_sound() || (selection.with_doubtful && run.is_doubtful());
-            let averaged = all.iter().copied().filter(|run| is_averaged(run)).collect();
+            let averaged = all.iter().copied();
+            let averaged = averaged.filter(|run| selection.averages(run)).collect();
             let mut settled = Params::clone(&all[0].params);
             settled.settle();
             let rule = rules.get(&identity(&settled)).copied();

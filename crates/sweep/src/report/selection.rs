@@ -3,7 +3,7 @@
 use super::error::ReportError;
 use super::units::Units;
 use crate::axes::{AXES, Axis, Value};
-use crate::store::Store;
+use crate::store::{PointRun, Store};
 use sd_core::Params;
 use std::fmt;
 
@@ -75,6 +75,11 @@ impl Selection {
             with_doubtful,
             ..self
         }
+    }
+
+    /// Whether averages count a run.
+    pub(super) fn averages(&self, run: &PointRun) -> bool {
+        run.is_sound() || (self.with_doubtful && run.is_doubtful())
     }
 
     /// Whether all points are meant.

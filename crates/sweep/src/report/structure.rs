@@ -2,17 +2,17 @@
 
 mod data;
 
-use super::axis_words::AxisWords;
+use super::axis_words::{AxisWords, all_named};
 use super::curves::{Shared, labels};
 use super::error::ReportError;
-use super::figure::{Format, draw_graphs};
+use super::figure::{Colour, Format, Key, Mark, Origin, Picture, draw_graphs, draw_picture};
 use super::points::Report;
 use super::selection::Selection;
 use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
 use crate::axes::{AXES, Axis};
 use crate::campaign::Discard;
 use crate::case::State;
-use crate::format::Uncertain;
+use crate::format::{Uncertain, count};
 use crate::spaces::of_either;
 use crate::store::{PointRun, Store};
 use crate::structure::{Band, Curve, Network, RunStructure, Structure};
@@ -34,6 +34,8 @@ pub enum StructureKind {
     /// g(r), from the distances of g(r, θ), each over 0.05 a.
     #[default]
     PairDistribution,
+    /// g(r, θ) of one point in the plane of flow and gradient.
+    PairMap,
     /// Share of contacts by the angle of their normals from the flow towards the gradient.
     ContactAngle,
     /// The same, each contact counting as its normal force.
@@ -58,6 +60,9 @@ const USUAL: [(&str, &str, u8); 9] = [
     ("rattlers", "rattlers", 3),
     ("sticking", "sticking", 3),
 ];
+
+/// Share of the bins of a map that lie beyond the upper end of its scale: contact stands out too far.
+const MAP_BEYOND: f64 = 0.02;
 
 /// A whole number of a structure: name, meaning, and where it is.
 type Count = (&'static str, &'static str, fn(&Structure) -> u64);
@@ -197,6 +202,9 @@ impl StructureReport {
     /// # Errors
     /// [`ReportError::Argument`] if there are more points than a figure holds.
     pub fn draw(&self, kind: StructureKind, format: Format) -> Result<Vec<u8>, ReportError> {
+        if kind == StructureKind::PairMap {
+            return self.draw_map(format);
+        }
         let all: Vec<(&str, &Params)> = self
             .params()
             .map(|params| (self.report.campaign.as_str(), params))
@@ -216,6 +224,81 @@ impl StructureReport {
             graphs.push((label.words.as_str(), places));
         }
         draw_graphs(&graphs, axes, format)
+    }
+
+    /// Draws g(r, θ) of the only point around a sphere, which it shows twice: a pair has two opposite angles.
+    fn draw_map(&self, format: Format) -> Result<Vec<u8>, ReportError> {
+        let [(place, structure)] = self.points.as_slice() else {
+            let keys: Vec<&str> = self.axes().iter().map(|axis| axis.key).collect();
+            let message = format!(
+                "a map shows one point, and here are {}, which differ in {}: choose one with --where KEY=VALUE",
+                self.points.len(),
+                keys.join(", ")
+            );
+            return Err(ReportError::argument("--kind", message));
+        };
+        let (report, params) = (&self.report, &self.report.points[*place].params);
+        let (distances, angles, rows) = &structure.with_angle;
+        let mut sorted: Vec<f64> = rows.iter().flatten().copied().collect();
+        sorted.sort_by(f64::total_cmp);
+        let beyond = count(MAP_BEYOND * sorted.len() as f64);
+        let high = sorted
+            .iter()
+            .rev()
+            .nth(beyond)
+            .copied()
+            .unwrap_or(0.0)
+            .max(1.0);
+        let edges = edges(distances);
+        let half_turn = 0.5 * std::f64::consts::PI / angles.len() as f64;
+        let mut marks = vec![Mark::Sphere {
+            centre: [0.0; 2],
+            radius: 1.0,
+            colour: Colour::WHITE,
+            is_shaded: false,
+        }];
+        for (ring, row) in edges.windows(2).zip(rows) {
+            for (angle, g) in angles.iter().zip(row) {
+                for turn in [0.0, std::f64::consts::PI] {
+                    let at = |r: f64, side: f64| {
+                        let (sin, cos) = (angle + turn + side * half_turn).sin_cos();
+                        [r * cos, r * sin]
+                    };
+                    let [near, far] = [ring[0], ring[1]];
+                    marks.push(Mark::Area {
+                        corners: vec![
+                            at(near, -1.0),
+                            at(far, -1.0),
+                            at(far, 0.0),
+                            at(far, 1.0),
+                            at(near, 1.0),
+                            at(near, 0.0),
+                        ],
+                        colour: Colour::heat(g / high),
+                    });
+                }
+            }
+        }
+        let reach = edges.last().copied().unwrap_or(1.0);
+        let mut caption = vec![report.campaign.clone()];
+        caption.extend(all_named(params, report.units, &report.starts));
+        caption.push(format!(
+            "{} frames of {} runs",
+            structure.frames, structure.runs
+        ));
+        let picture = Picture {
+            ends: [-reach, reach],
+            marks,
+            key: Key::Numbers {
+                label: "g(r, θ)".into(),
+                ends: [0.0, high],
+                is_open: [false, true],
+            },
+            lines: Vec::new(),
+            caption,
+        };
+        let origin = Origin::of(std::slice::from_ref(report));
+        draw_picture(&picture, &origin, format)
     }
 }
 
@@ -244,6 +327,19 @@ fn of_run(
     Ok(sums)
 }
 
+/// The edges of bins with these middles, of which neighbours are nearly alike.
+fn edges(middles: &[f64]) -> Vec<f64> {
+    let mut edges: Vec<f64> = middles
+        .windows(2)
+        .map(|pair| 0.5 * (pair[0] + pair[1]))
+        .collect();
+    if let (Some(&first), Some(&last)) = (edges.first(), edges.last()) {
+        edges.insert(0, 2.0 * middles[0] - first);
+        edges.push(2.0 * middles[middles.len() - 1] - last);
+    }
+    edges
+}
+
 /// A curve of a figure: the names of both axes, and its places.
 fn graph(structure: &Structure, kind: StructureKind) -> ([&'static str; 2], Vec<[f64; 2]>) {
     let of = |curve: &Curve| {
@@ -253,6 +349,8 @@ fn graph(structure: &Structure, kind: StructureKind) -> ([&'static str; 2], Vec<
             .collect()
     };
     match kind {
+        // Which is no curve.
+        StructureKind::PairMap => (["", ""], Vec::new()),
         StructureKind::PairDistribution => {
             let (r, angles, rows) = &structure.with_angle;
             let mean = |row: &Vec<f64>| row.iter().sum::<f64>() / angles.len() as f64;

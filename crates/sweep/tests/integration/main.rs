@@ -14,6 +14,7 @@ mod browser;
 mod campaign;
 mod command_line;
 mod documentation;
+mod draw;
 mod fit;
 mod folded;
 mod harness;

@@ -140,6 +140,31 @@ fn tables_files_and_figures_have_the_same_numbers() {
         );
         assert_eq!(read("f.svg").matches("Γ = ").count(), 2, "{kind}");
     }
+    let map = [
+        "structure",
+        "s.sqlite",
+        "--figure",
+        "f.svg",
+        "--kind",
+        "pair-map",
+    ];
+    sweep(at, &[&map[..], &["--where", "shear_rate=inf"]].concat());
+    for part in [
+        "g(r, θ)",
+        "Γ = ∞",
+        "8 frames of 2 runs",
+        "campaign structure",
+    ] {
+        assert!(read("f.svg").contains(part), "{part}");
+    }
+    // Both halves of every bin, and what g(r, θ) is around.
+    let bins = point["g_r_theta"]["g"].as_array().unwrap().len() * 36;
+    let areas = read("f.svg").matches("stroke-width=\"0.2\"").count();
+    assert_eq!(areas, 2 * bins);
+    let error = refused(at, &map);
+    for part in ["--kind", "are 2", "shear_rate", "--where"] {
+        assert!(error.contains(part), "{error}");
+    }
     let one = json(
         at,
         &["structure", "s.sqlite", "3", "--where", "shear_rate=inf"],

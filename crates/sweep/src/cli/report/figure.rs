@@ -10,7 +10,6 @@ use crate::report::{
 };
 use crate::store::Store;
 use crate::system::files;
-use clap::ValueEnum as _;
 use std::path::{Path, PathBuf};
 
 /// Largest file of a style, in bytes.
@@ -25,7 +24,7 @@ pub(crate) struct FigureArguments {
     pub(super) figure: Option<PathBuf>,
     #[command(flatten)]
     drawing: Drawing,
-    /// Runs of a trace, each by its number in the campaign file or the beginning of its key [default: the first run of each point]
+    /// Runs of a trace, each by its number in the campaign file or the beginning of its key [default: the mean over the finished runs of each point]
     #[arg(long, value_name = "KEY", requires = "figure", hide_short_help = true)]
     case: Vec<String>,
     /// Width of the figure, such as 85mm, 180mm or 3.35in [default: 85mm, and 180mm with panels]
@@ -112,7 +111,7 @@ impl FigureArguments {
         }
         Ok(Some(Asked {
             path,
-            format: format_of(path)?,
+            format: format_of("--figure", path)?,
             cases: &self.case,
             drawing: Drawing {
                 look: self.look()?,
@@ -183,15 +182,6 @@ pub(super) fn write(
 }
 
 /// The format a figure's file name asks for.
-pub(crate) fn format_of(path: &Path) -> Result<Format, Error> {
-    let ending = path.extension().and_then(|ending| ending.to_str());
-    ending
-        .and_then(|ending| Format::from_str(ending, true).ok())
-        .ok_or_else(|| Error::Argument {
-            argument: "--figure",
-            message: format!(
-                "a name that ends with .svg, .pdf or .png, not {}",
-                path.display()
-            ),
-        })
+pub(crate) fn format_of(argument: &'static str, path: &Path) -> Result<Format, Error> {
+    Format::of_file(path).map_err(|message| Error::Argument { argument, message })
 }

@@ -5,7 +5,7 @@ use super::look::Look;
 use super::origin::Origin;
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::sketch::{Field, Form, Height, Line, Sketch, Spot};
-use super::{Format, Outline, file, refused};
+use super::{Format, Outline, file, layout, refused};
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
 
@@ -43,7 +43,8 @@ pub fn draw_graphs(
     };
     let look = Look::default();
     let outline = Outline::of(&sketch, &look)?;
-    file(&outline, &look.style, format, &Origin::of(&[]))
+    let page = layout::page(&outline);
+    file(&page, look.style.dpi, format, &Origin::of(&[]))
 }
 
 /// Data and what was fitted to them: its entry in the legend, the number that it is ordered by, and the places of both.
@@ -112,5 +113,6 @@ pub(crate) fn draw_fit(
     };
     let look = Look::default();
     let outline = Outline::of(&sketch, &look)?;
-    file(&outline, &look.style, format, &Origin::of(&[]))
+    let page = layout::page(&outline);
+    file(&page, look.style.dpi, format, &Origin::of(&[]))
 }

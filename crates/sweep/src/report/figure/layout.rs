@@ -1,6 +1,10 @@
 //! An outline as shapes on a page.
 
+mod picture;
 mod words;
+
+pub(super) use picture::page as picture;
+pub(in crate::report) use picture::{Key, Mark, Picture};
 
 use super::font;
 use super::legend::Legend;

@@ -180,8 +180,8 @@ impl Style {
 /// The ends of an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
-    pub(super) low: f64,
-    pub(super) high: f64,
+    pub(in crate::report) low: f64,
+    pub(in crate::report) high: f64,
 }
 
 impl FromStr for Range {

@@ -7,7 +7,7 @@ const KEY: usize = 16;
 
 /// Where a figure comes from.
 #[derive(Debug)]
-pub(super) struct Origin {
+pub(in crate::report) struct Origin {
     /// One line.
     pub(super) title: String,
     /// All of it, a line each: campaigns, programs that computed them, runs by their keys.
@@ -19,9 +19,9 @@ pub(super) const PROGRAM: &str = concat!("sweep ", env!("CARGO_PKG_VERSION"));
 
 impl Origin {
     /// The origin of what is made of reports.
-    pub(super) fn of(reports: &[Report]) -> Self {
+    pub(in crate::report) fn of(reports: &[Report]) -> Self {
         let names: Vec<&str> = reports.iter().map(|r| r.campaign.as_str()).collect();
-        let mut lines = vec![format!("drawn by {PROGRAM}")];
+        let mut lines = Vec::new();
         for report in reports {
             lines.push(format!("campaign {}", report.campaign));
             if !report.selection.is_everything() {
@@ -32,12 +32,19 @@ impl Origin {
             let keys = report.keys.iter().map(|key| key.get(..KEY).unwrap_or(key));
             lines.push(format!("keys {}", keys.collect::<Vec<_>>().join(" ")));
         }
+        let title = match names.as_slice() {
+            [] => "two spheres that pass".into(),
+            names => names.join(", "),
+        };
+        Self::of_lines(&title, &lines)
+    }
+
+    /// What is drawn here, with a title and these lines.
+    pub(in crate::report) fn of_lines(title: &str, lines: &[String]) -> Self {
+        let program = [format!("drawn by {PROGRAM}")];
         Self {
-            title: match names.as_slice() {
-                [] => "two spheres that pass".into(),
-                names => names.join(", "),
-            },
-            text: lines.join("\n") + "\n",
+            title: title.to_owned(),
+            text: [&program, lines].concat().join("\n") + "\n",
         }
     }
 }

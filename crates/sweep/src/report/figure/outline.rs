@@ -153,6 +153,9 @@ impl Outline {
             dashes: marker.is_none().then_some([4.5, 3.0]),
             ..Curve::default()
         });
+        let notes = band_note(&sketch.lines, look, tick_size)
+            .into_iter()
+            .chain(notes);
         let mut outline = Self {
             notes: notes.collect(),
             width,
@@ -187,6 +190,29 @@ impl Outline {
         entries.extend(&self.notes);
         entries
     }
+}
+
+/// What bands in time are, if there are any.
+fn band_note(lines: &[Line], look: &Look, size: f64) -> Option<Curve> {
+    let has_band = |line: &&Line| {
+        let mut heights = line.points.iter().filter_map(|spot| spot.y);
+        line.form == Form::Trace && heights.any(|height| height.interval.is_some())
+    };
+    let mut banded = lines.iter().filter(has_band).map(|line| line.runs);
+    let first = banded
+        .next()
+        .filter(|_| look.style.intervals != Intervals::None)?;
+    let number = if banded.all(|runs| runs == first) {
+        format!("{first} ")
+    } else {
+        String::new()
+    };
+    Some(Curve {
+        label: format!("mean of {number}runs, 95 % interval"),
+        colour: Colour::PALE,
+        width: 0.35 * size,
+        ..Curve::default()
+    })
 }
 
 /// The vertical axis of all panels.
@@ -327,8 +353,10 @@ impl Curve {
             first < last && !matches!(line.form, Form::Crosses | Form::Points)
         });
         let interval = |point: &(f64, f64, f64, f64)| point.2 > 0.0 || point.3 > 0.0;
-        let has_intervals = line.form == Form::Curve && points.iter().any(interval);
-        let is_band = style.intervals == Intervals::Bands;
+        let has_intervals =
+            matches!(line.form, Form::Curve | Form::Trace) && points.iter().any(interval);
+        // In time there are too many points for bars.
+        let is_band = style.intervals == Intervals::Bands || line.form == Form::Trace;
         Self {
             label: line.label.words.clone(),
             colour: match (line.form, ordered) {

@@ -12,7 +12,7 @@ pub(super) const CURVES: usize = 8;
 pub(super) const ORDERED_CURVES: usize = 32;
 
 /// Colours of curves, the first for the first.
-pub(super) const COLOURS: [Colour; CURVES] = [
+pub(in crate::report) const COLOURS: [Colour; CURVES] = [
     Colour(0x0072b2),
     Colour(0xd55e00),
     Colour(0x000000),
@@ -59,8 +59,16 @@ pub(super) const MAP: [Colour; 8] = [
     Colour(0x6ccd5a),
 ];
 
-/// What the map goes on to where a colour need not be seen on white.
-pub(super) const LIGHTEST: Colour = Colour(0xfde725);
+/// The map with the yellow end of viridis, where a colour need not be seen on white.
+pub(super) const HEAT: [Colour; 9] = {
+    let mut all = [Colour(0xfde725); 9];
+    let mut place = 0;
+    while place < MAP.len() {
+        all[place] = MAP[place];
+        place += 1;
+    }
+    all
+};
 
 /// A colour, 0xRRGGBB.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
@@ -69,24 +77,39 @@ pub struct Colour(pub(super) u32);
 
 impl Colour {
     /// For axes and words.
-    pub(super) const INK: Self = Self(0x1a1a1a);
+    pub(in crate::report) const INK: Self = Self(0x1a1a1a);
     /// For lines that are no curves.
-    pub(super) const GREY: Self = Self(0x555555);
+    pub(in crate::report) const GREY: Self = Self(0x555555);
     /// For breaks of an axis.
     pub(super) const PALE: Self = Self(0xbbbbbb);
     /// For what lies behind everything.
     pub(super) const SHADE: Self = Self(0xebebeb);
-    pub(super) const WHITE: Self = Self(0xffffff);
+    /// For paper.
+    pub(in crate::report) const WHITE: Self = Self(0xffffff);
 
     /// The colour of the curve `place` of `number` that have an order.
     pub(super) fn ordered(place: usize, number: usize) -> Self {
-        let along = place as f64 / (number - 1).max(1) as f64 * (MAP.len() - 1) as f64;
-        let below = (0..MAP.len() - 1)
+        Self::along(&MAP, place as f64 / (number - 1).max(1) as f64)
+    }
+
+    /// The colour of a number on a scale, 0 at its lower end and 1 at its upper one, beyond which it stays the same.
+    pub(in crate::report) fn heat(part: f64) -> Self {
+        Self::along(&HEAT, part.clamp(0.0, 1.0))
+    }
+
+    /// The colour so far along a map, from 0 to 1.
+    fn along(map: &[Self], part: f64) -> Self {
+        let along = part * (map.len() - 1) as f64;
+        let below = (0..map.len() - 1)
             .rev()
             .find(|index| *index as f64 <= along)
             .unwrap_or(0);
-        let part = along - below as f64;
-        let [low, high] = [MAP[below].channels(), MAP[below + 1].channels()];
+        map[below].mixed(map[below + 1], along - below as f64)
+    }
+
+    /// A colour between two, 0 for the first and 1 for the second.
+    pub(super) fn mixed(self, other: Self, part: f64) -> Self {
+        let [low, high] = [self.channels(), other.channels()];
         let mixed = |channel: usize| {
             let [a, b] = [f64::from(low[channel]), f64::from(high[channel])];
             #[expect(

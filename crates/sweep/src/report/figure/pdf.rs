@@ -4,7 +4,9 @@ use super::font;
 use super::origin::{Origin, PROGRAM};
 use super::palette::Colour;
 use super::scene::{Page, Place, Shape, Stroke, Text, single};
-use pdf_writer::types::{CidFontType, FontFlags, LineJoinStyle, SystemInfo, UnicodeCmap};
+use pdf_writer::types::{
+    CidFontType, FontFlags, LineCapStyle, LineJoinStyle, SystemInfo, UnicodeCmap,
+};
 use pdf_writer::{Content, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
 use std::collections::BTreeMap;
 use subsetter::GlyphRemapper;
@@ -144,6 +146,9 @@ impl Writer {
         self.content.set_stroke_rgb(red, green, blue);
         self.content.set_line_width(single(stroke.width));
         self.content.set_line_join(LineJoinStyle::RoundJoin);
+        if stroke.is_round {
+            self.content.set_line_cap(LineCapStyle::RoundCap);
+        }
         if let Some(dashes) = stroke.dashes {
             self.content.set_dash_pattern(dashes.map(single), 0.0);
         }

@@ -8,7 +8,8 @@ use super::scale::count;
 use super::scene::{Page, Shape, Stroke, Text, corners, polygon, single};
 use png::{BitDepth, ColorType, Encoder, PixelDimensions, Unit};
 use tiny_skia::{
-    Color, FillRule, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, StrokeDash, Transform,
+    Color, FillRule, LineCap, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, StrokeDash,
+    Transform,
 };
 use ttf_parser::OutlineBuilder;
 
@@ -86,6 +87,11 @@ fn line(stroke: &Stroke) -> tiny_skia::Stroke {
     tiny_skia::Stroke {
         width: single(stroke.width),
         line_join: LineJoin::Round,
+        line_cap: if stroke.is_round {
+            LineCap::Round
+        } else {
+            LineCap::Butt
+        },
         dash: dashes.and_then(|lengths| StrokeDash::new(lengths, 0.0)),
         ..tiny_skia::Stroke::default()
     }

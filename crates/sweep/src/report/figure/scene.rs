@@ -43,6 +43,8 @@ pub(super) struct Stroke {
     pub(super) width: f64,
     /// Lengths of a dash and of the gap after it; `None` for a solid line.
     pub(super) dashes: Option<[f64; 2]>,
+    /// Whether its ends are half discs, in place of straight ones.
+    pub(super) is_round: bool,
 }
 
 /// A line of text.
@@ -71,6 +73,14 @@ impl Stroke {
             colour,
             width,
             dashes: None,
+            is_round: false,
+        }
+    }
+
+    pub(super) fn rounded(self) -> Self {
+        Self {
+            is_round: true,
+            ..self
         }
     }
 
@@ -102,6 +112,20 @@ impl Shape {
             path: polygon(corners)?,
             fill: Some((colour, opacity)),
             stroke: None,
+        })
+    }
+
+    /// A disc.
+    pub(super) fn disc(
+        place: Place,
+        radius: f64,
+        fill: Colour,
+        stroke: Option<Stroke>,
+    ) -> Option<Self> {
+        Some(Self::Path {
+            path: placed(circle()?, place, radius)?,
+            fill: Some((fill, 1.0)),
+            stroke,
         })
     }
 
@@ -224,10 +248,16 @@ impl Text {
     }
 }
 
+/// A path around the origin, so much larger at a place.
+fn placed(path: Path, [x, y]: Place, size: f64) -> Option<Path> {
+    let [x, y, size] = [x, y, size].map(single);
+    path.transform(Transform::from_translate(x, y).pre_scale(size, size))
+}
+
 /// A marker of a radius at a place.
 pub(super) fn marker(
     kind: Marker,
-    [x, y]: Place,
+    place: Place,
     radius: f64,
     colour: Colour,
     width: f64,
@@ -258,10 +288,8 @@ pub(super) fn marker(
         ),
         Marker::Bar => (through([[0.0, -2.0], [0.0, 2.0]]).finish(), None),
     };
-    let [x, y, radius] = [x, y, radius].map(single);
-    let placed = Transform::from_translate(x, y).pre_scale(radius, radius);
     Some(Shape::Path {
-        path: path?.transform(placed)?,
+        path: placed(path?, place, radius)?,
         fill: fill.map(|colour| (colour, 1.0)),
         stroke: Some(Stroke::solid(colour, width)),
     })

@@ -61,6 +61,8 @@ pub(super) struct Line {
     pub(super) panel: usize,
     /// Strain discarded, of a run in time.
     pub(super) discard: Option<f64>,
+    /// Runs that a line in time is the mean of.
+    pub(super) runs: usize,
 }
 
 impl Line {
@@ -72,6 +74,7 @@ impl Line {
             form,
             panel,
             discard: None,
+            runs: 0,
         }
     }
 }

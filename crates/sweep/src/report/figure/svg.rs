@@ -67,6 +67,9 @@ fn element(number: usize, shape: &Shape) -> String {
             if let Some(stroke) = stroke {
                 let (colour, width) = (stroke.colour, rounded(stroke.width));
                 let _ = write!(text, " stroke=\"{colour}\" stroke-width=\"{width}\"");
+                if stroke.is_round {
+                    text.push_str(" stroke-linecap=\"round\"");
+                }
                 if let Some([dash, gap]) = stroke.dashes {
                     let _ = write!(text, " stroke-dasharray=\"{dash} {gap}\"");
                 }

@@ -82,12 +82,12 @@ function measure(kind, n, radius) {
     const turned = angle => f.z ? angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI)) : angle;
     for (let i = 0; i < n; i++) numbers[i] = turned(b.x[3 * i + 2] - a.x[3 * i + 2]) / time;
   } else for (const [i, j, , , , force] of f.contacts) {
-    numbers[i] += kind === 'contacts' ? 1 : force / (2 * Math.PI * radius(i));
-    numbers[j] += kind === 'contacts' ? 1 : force / (2 * Math.PI * radius(j));
+    numbers[i] += kind === 'contacts' ? 1 : force / (4 * Math.PI * radius(i) ** 2);
+    numbers[j] += kind === 'contacts' ? 1 : force / (4 * Math.PI * radius(j) ** 2);
   }
   return numbers;
 }
-const MEASURES = { pressure: 'force of contacts over the girth of a sphere, in μ a rate', contacts: 'contacts of a sphere', spin: 'turning per strain' };
+const MEASURES = { pressure: 'force of contacts over the surface of a sphere, in μ rate', contacts: 'contacts of a sphere', spin: 'turning per strain' };
 /* The ends of the colours: the same for all pictures, so that they can be compared. */
 function ends_of(kind, n, radius) {
   movie.ends ??= {};

@@ -206,6 +206,38 @@ fn runs_of_a_trace_are_named_by_number_or_key() {
 }
 
 #[test]
+fn traces_are_means_over_seeds_with_their_intervals() {
+    let folder = SMALL.folder();
+    let at = folder.path();
+    let trace = |more: &[&str]| figure(at, &[&["--kind", "trace"], more].concat());
+    let band = "fill-opacity=\"0.22\"";
+    let one = trace(&["--where", "ν=0.3", "--where", "shear_rate=inf"]);
+    assert!(
+        words(&one).contains(&"mean of 2 runs, 95 % interval"),
+        "{:?}",
+        words(&one)
+    );
+    assert_eq!(one.matches(band).count(), 1);
+    let several = trace(&["--where", "ν=0.3"]);
+    assert_eq!(several.matches(band).count(), 3);
+    for word in ["Γ = 0", "Γ = 1", "Γ = ∞"] {
+        assert_eq!(words(&several).iter().filter(|w| **w == word).count(), 1);
+    }
+    let bare = trace(&["--where", "shear_rate=inf", "--intervals", "none"]);
+    assert!(!bare.contains(band) && !bare.contains("95 %"));
+    // One run has no interval, and is named by its seed.
+    let run = trace(&["--case", "3"]);
+    assert!(
+        !run.contains(band) && run.contains("seed 1"),
+        "{:?}",
+        words(&run)
+    );
+    let none = ["report", "s.sqlite", "--figure", "f.svg", "--kind", "trace"];
+    let error = refused(at, &[&none[..], &["--where", "ν=0.9"]].concat());
+    assert!(error.contains("--where"), "{error}");
+}
+
+#[test]
 fn symbols_of_tables_name_axes_and_columns() {
     let folder = SMALL.folder();
     let at = folder.path();

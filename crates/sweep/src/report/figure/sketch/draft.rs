@@ -14,6 +14,7 @@ use crate::report::starts::Starts;
 use crate::report::units::At;
 use crate::report::units::Units;
 use crate::spaces::dilute_viscosity;
+use crate::statistics::Estimate;
 use sd_core::Params;
 
 /// What reports are drawn as.
@@ -312,7 +313,7 @@ impl<'r> Draft<'r> {
         self.sketch(lines, "pairs per sphere".into())
     }
 
-    /// Runs in time.
+    /// Runs in time, or means over them.
     pub(super) fn in_time(&self, traces: &[Trace]) -> Sketch {
         let labelled: Vec<(&str, &Params)> = traces
             .iter()
@@ -330,20 +331,26 @@ impl<'r> Draft<'r> {
                 other.campaign == trace.campaign
                     && identity(&other.params) == identity(&trace.params)
             };
-            if traces.iter().filter(same).count() > 1 {
+            if let Some(seed) = trace.seed {
                 let comma = if label.words.is_empty() { "" } else { ", " };
-                label.words = format!("{}{comma}seed {}", label.words, trace.seed);
-                label.number = None;
+                label.words = format!("{}{comma}seed {seed}", label.words);
+                if traces.iter().filter(same).count() > 1 {
+                    label.number = None;
+                }
             }
             let factor = self.units.viscosity_factor();
-            let spot = |&(x, y): &(f64, f64)| Spot {
+            let spot = |&(x, estimate): &(f64, Estimate)| Spot {
                 x,
-                y: y.is_finite().then(|| Height::bare(factor * y)),
+                y: estimate.mean.is_finite().then(|| Height {
+                    value: factor * estimate.mean,
+                    interval: estimate.ci95.map(|half| [factor * half; 2]),
+                }),
             };
             let panel = self.panel(&trace.params);
             let spots = trace.points.iter().map(spot).collect();
             Line {
                 discard: trace.discard,
+                runs: trace.runs,
                 ..Line::new(label, spots, Form::Trace, panel)
             }
         });

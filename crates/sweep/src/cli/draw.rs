@@ -1,0 +1,76 @@
+//! `sweep draw`.
+
+use super::Output;
+use super::place::StoreArguments;
+use super::report::figure::format_of;
+use super::report::save;
+use super::tables::refuse_two_answers;
+use crate::api::Error;
+use crate::exit;
+use crate::format::significant;
+use crate::report::{Format, Range, SphereColour, SphereView, draw_spheres};
+use std::path::{Path, PathBuf};
+
+/// Draw the spheres of one run at a kept strain, with the forces of their contacts
+///
+/// Frames are kept by `sweep run --trajectory`. Lines from centre to centre are contacts: their width follows the normal force. A suspension is seen
+/// along the vorticity, the nearest spheres in front. Reads only.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep draw sweeps/quickstart.toml 1 --strain 3.2 --out layer.svg\n  \
+                  sweep draw results/quickstart.sqlite 3f9a --colour cluster --out layer.png\n  \
+                  sweep draw suspension.sqlite 1 --slab 0..4 --out slab.pdf"
+)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    place: StoreArguments,
+    /// The run: the beginning of its key, or its number in the campaign file, from 1
+    case: String,
+    /// The strain, of which the nearest kept frame is drawn [default: the last frame]
+    #[arg(long, value_name = "STRAIN")]
+    strain: Option<f64>,
+    /// What spheres are coloured by
+    #[arg(long, value_enum, default_value_t)]
+    colour: SphereColour,
+    /// Of a suspension only the spheres whose centres have z in this range, in a
+    #[arg(long, value_name = "FROM..TO")]
+    slab: Option<Range>,
+    /// Where to draw: FILE.svg, FILE.pdf or FILE.png; without it SVG goes to standard output
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+/// Writes the picture.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let path = arguments.out.as_deref().unwrap_or(Path::new("-"));
+    refuse_two_answers(&[("--out", &Some(path.to_owned()))], output)?;
+    let to_file = path.as_os_str() != "-";
+    let format = if to_file {
+        format_of("--out", path)?
+    } else {
+        Format::Svg
+    };
+    let store = arguments.place.open(output)?;
+    let view = SphereView {
+        strain: arguments.strain,
+        colour: arguments.colour,
+        slab: arguments.slab,
+    };
+    let picture = draw_spheres(&store, &arguments.case, view, format)?;
+    save(path, &picture.file, output)?;
+    if output.json {
+        output.json(&serde_json::json!({
+            "key": picture.key, "strain": picture.strain, "spheres": picture.spheres, "contacts": picture.contacts
+        }))?;
+    } else if to_file {
+        writeln!(
+            output.out,
+            "{} spheres and {} contacts of case {} at strain {}",
+            picture.spheres,
+            picture.contacts,
+            picture.key,
+            significant(picture.strain, 4)
+        )?;
+    }
+    Ok(exit::DONE)
+}

@@ -1,0 +1,326 @@
+//! A square of the plane of flow and gradient, with a key to its colours beside it and a caption below.
+
+use super::{AXIS, Frame, Grid, TICK};
+use crate::report::error::ReportError;
+use crate::report::figure::font;
+use crate::report::figure::look::{Look, Range};
+use crate::report::figure::outline::Outline;
+use crate::report::figure::palette::Colour;
+use crate::report::figure::scale::{Scale, extent};
+use crate::report::figure::scene::{Anchor, Page, Place, Shape, Stroke, Text, corners, polygon};
+use crate::report::figure::sketch::{Field, Sketch};
+
+/// Width of the colours of a key over the size of its letters.
+const BAR: f64 = 1.2;
+/// Height of a class of a key, and of a line of the caption.
+const ROW: f64 = 1.35;
+/// Length of a sample of a line.
+const SAMPLE: f64 = 2.6;
+/// Stripes of a scale.
+const STRIPES: usize = 96;
+/// Discs that a shaded sphere is made of.
+const SHADES: usize = 16;
+/// Width of the rims of spheres.
+const RIM: f64 = 0.3;
+/// Width of lines at least.
+const THINNEST: f64 = 0.2;
+
+/// Something in the plane: flow to the right, gradient upwards, lengths in a.
+#[derive(Debug, Clone)]
+pub(in crate::report) enum Mark {
+    /// A sphere, as a disc or with light on it.
+    Sphere {
+        centre: [f64; 2],
+        radius: f64,
+        colour: Colour,
+        is_shaded: bool,
+    },
+    /// A line, with round ends or straight ones.
+    Line {
+        ends: [[f64; 2]; 2],
+        width: f64,
+        colour: Colour,
+        is_round: bool,
+    },
+    /// A polygon.
+    Area {
+        corners: Vec<[f64; 2]>,
+        colour: Colour,
+    },
+}
+
+/// What the colours are.
+#[derive(Debug)]
+pub(in crate::report) enum Key {
+    /// Numbers between two ends, as [`Colour::heat`] has them; beyond an open end there are more, of the colour of that end.
+    Numbers {
+        label: String,
+        ends: [f64; 2],
+        is_open: [bool; 2],
+    },
+    /// Kinds, the first on top.
+    Kinds {
+        label: String,
+        kinds: Vec<(Colour, String)>,
+    },
+}
+
+/// All of a picture.
+#[derive(Debug)]
+pub(in crate::report) struct Picture {
+    /// Ends of both axes, in a.
+    pub(in crate::report) ends: [f64; 2],
+    /// The first behind all others.
+    pub(in crate::report) marks: Vec<Mark>,
+    pub(in crate::report) key: Key,
+    /// Lines that are explained: colours and widths in a, drawn over each other, and words.
+    pub(in crate::report) lines: Vec<(Vec<(Colour, f64)>, String)>,
+    /// What it is of, in pieces that are not broken.
+    pub(in crate::report) caption: Vec<String>,
+}
+
+/// The page of a picture.
+pub(in crate::report::figure) fn page(picture: &Picture) -> Result<Page, ReportError> {
+    let [low, high] = picture.ends;
+    let range = Some(Range { low, high });
+    let look = Look {
+        x_range: range,
+        y_range: range,
+        ..Look::default()
+    };
+    let sketch = Sketch {
+        panels: vec![Field::default()],
+        x: "x / a".into(),
+        y: "y / a".into(),
+        ..Sketch::default()
+    };
+    let outline = Outline::of(&sketch, &look)?;
+    let (label, size) = (outline.label_size, outline.tick_size);
+    let grid = Grid::of(&outline, outline.width - picture.key.width(size));
+    let [[left, top], [right, _]] = grid.corners(0);
+    let square = [[left, top], [right, top + right - left]];
+    let frame = Frame {
+        outline: &outline,
+        panel: &outline.panels[0],
+        corners: square,
+    };
+    let per_a = (right - left) / (high - low);
+    let inside = picture
+        .marks
+        .iter()
+        .flat_map(|mark| frame.mark(mark, per_a));
+    let mut shapes = vec![Shape::Within(square, inside.collect())];
+    shapes.extend(frame.axes());
+    shapes.extend(frame.words(true, true));
+    shapes.extend(picture.key.draw(square, size));
+    let mut y = square[1][1] + 1.4 * size + 1.35 * label + 0.4 * size;
+    let (start, end) = (0.5 * size, outline.width - 0.5 * size);
+    let mut x = start;
+    for (strokes, words) in &picture.lines {
+        let length = (SAMPLE + 0.5) * size + font::width(words, size);
+        if x > start && x + length > end {
+            (x, y) = (start, y + ROW * size);
+        }
+        let middle = y + 0.5 * ROW * size;
+        // The widest is as long as the words expect, its round ends included.
+        let widest = strokes
+            .iter()
+            .map(|(_, width)| 0.5 * width * per_a)
+            .fold(0.0, f64::max);
+        let ends = [[x + widest, middle], [x + SAMPLE * size - widest, middle]];
+        for (colour, width) in strokes {
+            let stroke = Stroke::solid(*colour, width * per_a).rounded();
+            shapes.extend(Shape::line(ends, stroke));
+        }
+        let place = [x + (SAMPLE + 0.5) * size, middle + 0.36 * size];
+        shapes.extend(Text::new(place, words, size, Anchor::Start).shapes());
+        x += length + 1.2 * size;
+    }
+    if !picture.lines.is_empty() {
+        y += (ROW + 0.3) * size;
+    }
+    for words in wrapped(&picture.caption, end - start, size) {
+        y += ROW * size;
+        shapes.extend(Text::new([start, y - 0.3 * size], &words, size, Anchor::Start).shapes());
+    }
+    Ok(Page {
+        width: outline.width,
+        height: y + 0.5 * size,
+        shapes,
+    })
+}
+
+/// Pieces as lines of at most that width, as far as they fit.
+fn wrapped(pieces: &[String], width: f64, size: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for (place, piece) in pieces.iter().enumerate() {
+        let comma = if place + 1 < pieces.len() { "," } else { "" };
+        let piece = format!("{piece}{comma}");
+        match lines.last_mut() {
+            Some(last) if font::width(&format!("{last} {piece}"), size) <= width => {
+                last.push(' ');
+                last.push_str(&piece);
+            }
+            _ => lines.push(piece),
+        }
+    }
+    lines
+}
+
+impl Frame<'_> {
+    /// A mark on the page, on which a is so long.
+    fn mark(&self, mark: &Mark, per_a: f64) -> Vec<Shape> {
+        let at = |&[x, y]: &[f64; 2]| [self.x(x), self.y(y)];
+        match mark {
+            Mark::Line {
+                ends,
+                width,
+                colour,
+                is_round,
+            } => {
+                let stroke = Stroke {
+                    is_round: *is_round,
+                    ..Stroke::solid(*colour, (width * per_a).max(THINNEST))
+                };
+                Shape::line(ends.each_ref().map(at), stroke)
+                    .into_iter()
+                    .collect()
+            }
+            Mark::Area { corners, colour } => {
+                let path = polygon(corners.iter().map(at));
+                // Neighbours meet without a seam.
+                let stroke = Some(Stroke::solid(*colour, 0.2));
+                let fill = Some((*colour, 1.0));
+                let shape = path.map(|path| Shape::Path { path, fill, stroke });
+                shape.into_iter().collect()
+            }
+            Mark::Sphere {
+                centre,
+                radius,
+                colour,
+                is_shaded,
+            } => {
+                let ([x, y], radius) = (at(centre), radius * per_a);
+                let rim = Some(Stroke::solid(Colour::INK, RIM));
+                if !is_shaded {
+                    return Shape::disc([x, y], radius, *colour, rim)
+                        .into_iter()
+                        .collect();
+                }
+                let shade = |number: usize| {
+                    let part = number as f64 / (SHADES - 1) as f64;
+                    let colour = if part < 0.5 {
+                        colour.mixed(Colour::INK, 0.4 * (1.0 - 2.0 * part))
+                    } else {
+                        colour.mixed(Colour::WHITE, 0.45 * (2.0 * part - 1.0))
+                    };
+                    let shift = 0.42 * part * radius;
+                    let radius = (1.0 - 0.88 * part) * radius;
+                    let rim = rim.filter(|_| number == 0);
+                    Shape::disc([x - shift, y - shift], radius, colour, rim)
+                };
+                (0..SHADES).filter_map(shade).collect()
+            }
+        }
+    }
+}
+
+/// The scale of numbers between these ends.
+fn scale([low, high]: [f64; 2]) -> Scale {
+    Scale::linear(String::new(), low, high)
+}
+
+impl Key {
+    /// What is written beside its colours.
+    fn words(&self) -> Vec<String> {
+        match self {
+            Self::Numbers { ends, .. } => {
+                let ticks = scale(*ends).ticks.into_iter();
+                ticks.map(|(_, words)| words).collect()
+            }
+            Self::Kinds { kinds, .. } => kinds.iter().map(|(_, words)| words.clone()).collect(),
+        }
+    }
+
+    /// The width of its words.
+    fn widest(&self, size: f64) -> f64 {
+        let [_, widest] = extent(self.words().iter().map(|words| font::width(words, size)));
+        widest.max(0.0)
+    }
+
+    /// The width it takes beside the axes.
+    fn width(&self, size: f64) -> f64 {
+        (BAR + 2.4) * size + self.widest(size)
+    }
+
+    /// Draws it beside the axes, in letters of a size.
+    fn draw(&self, [[_, top], [right, bottom]]: [Place; 2], size: f64) -> Vec<Shape> {
+        let from = right + size;
+        let to = from + BAR * size;
+        let ink = Stroke::solid(Colour::INK, AXIS);
+        let boxed = |ends: [Place; 2]| {
+            polygon(corners(ends)).map(|path| Shape::Path {
+                path,
+                fill: None,
+                stroke: Some(ink),
+            })
+        };
+        let mut shapes = Vec::new();
+        let mut texts = Vec::new();
+        let mut write = |words: &str, y: f64| {
+            let place = [to + 0.5 * size, y + 0.36 * size];
+            texts.push(Text::new(place, words, size, Anchor::Start));
+        };
+        let label = match self {
+            Self::Numbers {
+                label,
+                ends,
+                is_open,
+            } => {
+                let scale = scale(*ends);
+                let at = |part: f64| bottom + part * (top - bottom);
+                // Each is painted over the one before, so that nothing shows between them.
+                for stripe in 0..STRIPES {
+                    let part = |shift: f64| (stripe as f64 + shift) / STRIPES as f64;
+                    let ends = [[from, top], [to, at(part(0.0))]];
+                    shapes.extend(Shape::filled(corners(ends), Colour::heat(part(0.5)), 1.0));
+                }
+                // An open end points to what is beyond it.
+                for (is_open, part, y, tip) in [
+                    (is_open[0], 0.0, bottom, bottom + 0.6 * size),
+                    (is_open[1], 1.0, top, top - 0.6 * size),
+                ] {
+                    let path = polygon([[from, y], [0.5 * (from + to), tip], [to, y]]);
+                    shapes.extend(path.filter(|_| is_open).map(|path| Shape::Path {
+                        path,
+                        fill: Some((Colour::heat(part), 1.0)),
+                        stroke: Some(ink),
+                    }));
+                }
+                shapes.extend(boxed([[from, top], [to, bottom]]));
+                for (place, words) in &scale.ticks {
+                    let y = at(scale.part(*place));
+                    shapes.extend(Shape::line([[to - TICK, y], [to, y]], ink));
+                    write(words, y);
+                }
+                label
+            }
+            Self::Kinds { label, kinds } => {
+                for (number, (colour, words)) in kinds.iter().enumerate() {
+                    let y = top + ROW * size * number as f64;
+                    let ends = [[from, y], [to, y + size]];
+                    shapes.extend(Shape::filled(corners(ends), *colour, 1.0));
+                    shapes.extend(boxed(ends));
+                    write(words, y + 0.5 * size);
+                }
+                label
+            }
+        };
+        let room = bottom - top;
+        let fitting = size * (room / font::width(label, size)).min(1.0);
+        let place = [to + self.widest(size) + 1.9 * size, 0.5 * (top + bottom)];
+        texts.push(Text::new(place, label, fitting, Anchor::Middle).upright());
+        shapes.extend(texts.into_iter().flat_map(Text::shapes));
+        shapes
+    }
+}

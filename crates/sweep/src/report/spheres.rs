@@ -1,0 +1,639 @@
+//! Pictures of the spheres of a run at a kept strain.
+
+use super::axis_words::all_named;
+use super::error::ReportError;
+use super::figure::{COLOURS, Colour, Format, Key, Mark, Origin, Picture, Range, draw_picture};
+use super::starts::Starts;
+use super::units::Units;
+use crate::format::{count, significant};
+use crate::store::{Origin as Made, Store, Story};
+use crate::structure::{Link, Network, clusters};
+use crate::trajectory::{Kept, by_space};
+use sd_core::simulation::Frame;
+use std::f64::consts::PI;
+
+/// Width of the line of the largest force, and of what sets lines off from the spheres on each side, in a.
+const WIDEST: f64 = 0.35;
+const CASING: f64 = 0.04;
+/// Clusters that have a colour of their own, the largest first: black is that of the lines.
+const CLUSTERS: [Colour; 7] = [
+    COLOURS[0], COLOURS[1], COLOURS[3], COLOURS[5], COLOURS[6], COLOURS[4], COLOURS[7],
+];
+/// Share of the numbers that lie beyond an open end of a scale: single spheres near jamming bear many times what others do.
+const BEYOND: f64 = 0.02;
+
+/// What spheres are coloured by.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum SphereColour {
+    /// Normal forces of its contacts over the surface of the sphere.
+    #[default]
+    Pressure,
+    /// Contacts of the sphere.
+    Contacts,
+    /// Angular velocity along the vorticity: what it turns per strain until the next kept frame.
+    Spin,
+    /// Cluster of frictional contacts.
+    Cluster,
+}
+
+/// What a picture shows of a run.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SphereView {
+    /// The strain, of which the nearest kept frame is drawn; the last frame.
+    pub strain: Option<f64>,
+    /// What spheres are coloured by.
+    pub colour: SphereColour,
+    /// Of a suspension, spheres whose centres have their vorticity coordinate in this range alone, in a.
+    pub slab: Option<Range>,
+}
+
+/// A picture, and what is on it.
+#[derive(Debug)]
+pub struct SpherePicture {
+    /// The file.
+    pub file: Vec<u8>,
+    /// The key of the run.
+    pub key: String,
+    /// The strain of the frame.
+    pub strain: f64,
+    /// Spheres, without images.
+    pub spheres: usize,
+    /// Contacts between any of its spheres.
+    pub contacts: usize,
+}
+
+/// Draws the spheres of a case, named by the beginning of its key or its number.
+///
+/// # Errors
+/// Trouble with the store, [`crate::store::StoreError::NoFrames`] without kept frames; [`ReportError::Argument`] on a strain outside the
+/// frames, and on a slab without spheres.
+pub fn draw_spheres(
+    store: &Store,
+    case: &str,
+    view: SphereView,
+    format: Format,
+) -> Result<SpherePicture, ReportError> {
+    let story = store.story(case)?;
+    let frames = store.frames(&story.key, 1)?;
+    let frames: Vec<_> = frames.iter().map(|kept| (kept.step, &kept.frame)).collect();
+    let (layers, suspensions) = by_space(&frames);
+    let caption = caption(store, &story)?;
+    let drawn = if layers.is_empty() {
+        drawn(&suspensions, view, caption)?
+    } else {
+        drawn(&layers, view, caption)?
+    };
+    let campaign = store.campaign_name()?;
+    let mut origin = vec![format!("campaign {campaign}"), format!("key {}", story.key)];
+    let program = story.origin.as_ref().map(Made::program);
+    origin.extend(program.map(|program| format!("computed by {program}")));
+    Ok(SpherePicture {
+        file: draw_picture(
+            &drawn.picture,
+            &Origin::of_lines(&campaign, &origin),
+            format,
+        )?,
+        key: story.key,
+        strain: drawn.strain,
+        spheres: drawn.spheres,
+        contacts: drawn.contacts,
+    })
+}
+
+/// A picture, and what is on it.
+struct Drawn {
+    picture: Picture,
+    strain: f64,
+    spheres: usize,
+    contacts: usize,
+}
+
+/// Which run a picture is of.
+fn caption(store: &Store, story: &Story) -> Result<Vec<String>, ReportError> {
+    let case = story.number.map_or_else(
+        || format!("case {}", &story.key[..8]),
+        |number| format!("case {number}"),
+    );
+    let starts = Starts::of_store(store)?;
+    let mut caption = vec![store.campaign_name()?, case];
+    caption.extend(all_named(&story.params, Units::default(), &starts));
+    caption.push(format!("seed {}", story.seed));
+    Ok(caption)
+}
+
+/// Draws one of the frames of a run.
+fn drawn<S: Kept>(
+    frames: &[(u64, &Frame<S>)],
+    view: SphereView,
+    mut caption: Vec<String>,
+) -> Result<Drawn, ReportError> {
+    let frames: Vec<&Frame<S>> = frames.iter().map(|(_, frame)| *frame).collect();
+    let place = nearest(&frames, view.strain)?;
+    let frame = frames[place];
+    let network = Network::try_from(frame)
+        .map_err(|error| ReportError::argument("FILE", error.to_string()))?;
+    let (colours, key) = coloured(&frames, place, &network, view.colour)?;
+    let centres: Vec<S::Vector> = network
+        .centres
+        .iter()
+        .map(|x| network.cell.wrap(*x))
+        .collect();
+    let is_deep = S::DIMENSIONS > 2;
+    let depth = |sphere: usize| if is_deep { centres[sphere][2] } else { 0.0 };
+    let shown = in_slab::<S>(&centres, view.slab, frame.side)?;
+    // Spheres from behind; those of a layer are beside each other, and their lines on all of them.
+    let mut order: Vec<usize> = (0..centres.len()).filter(|sphere| shown[*sphere]).collect();
+    order.sort_by(|a, b| depth(*a).total_cmp(&depth(*b)));
+    let forces = network.links.iter().map(|link| link.normal_force);
+    let largest = forces.fold(0.0, f64::max);
+    // Of each sphere half of the line of each of its contacts.
+    let mut halves = vec![Vec::new(); centres.len()];
+    for link in &network.links {
+        let r = network.radii[link.i] + network.radii[link.j];
+        let strokes = strokes(link.is_frictional(), WIDEST * link.normal_force / largest);
+        for (sphere, sign) in [(link.i, 1.0), (link.j, -1.0)] {
+            let part = sign * network.radii[sphere] / r;
+            let reach = [0, 1].map(|k| part * link.separation[k]);
+            halves[sphere].push((reach, strokes));
+        }
+    }
+    // Spheres, what sets lines off, lines; in depth the lines of a sphere lie on it, and all is in the first of these.
+    let mut marks = <[Vec<Mark>; 3]>::default();
+    for sphere in order {
+        let (place, radius) = (&centres[sphere], network.radii[sphere]);
+        for centre in images(frame, [place[0], place[1]], radius) {
+            marks[0].push(Mark::Sphere {
+                centre,
+                radius,
+                colour: colours[sphere],
+                is_shaded: is_deep,
+            });
+            for (number, place) in if is_deep { [0, 0] } else { [1, 2] }
+                .into_iter()
+                .enumerate()
+            {
+                marks[place].extend(halves[sphere].iter().map(|(reach, strokes)| Mark::Line {
+                    ends: [centre, [centre[0] + reach[0], centre[1] + reach[1]]],
+                    width: strokes[number].1,
+                    colour: strokes[number].0,
+                    // In depth what sets a line off ends with its sphere.
+                    is_round: !is_deep || number == 1,
+                }));
+            }
+        }
+    }
+    caption.push(format!("strain {:.2}", frame.strain));
+    if let Some(Range { low, high }) = view.slab {
+        caption.push(format!("z / a from {low} to {high}"));
+    }
+    let linked = |link: &&Link<S>| shown[link.i] && shown[link.j];
+    Ok(Drawn {
+        picture: Picture {
+            ends: [0.0, frame.side],
+            marks: marks.into_iter().flatten().collect(),
+            key,
+            lines: explained(largest),
+            caption,
+        },
+        strain: frame.strain,
+        spheres: shown.iter().filter(|shown| **shown).count(),
+        contacts: network.links.iter().filter(linked).count(),
+    })
+}
+
+/// The line of a contact on what sets it off: colours and widths, in a.
+fn strokes(is_frictional: bool, width: f64) -> [(Colour, f64); 2] {
+    let colours = if is_frictional {
+        [Colour::WHITE, Colour::INK]
+    } else {
+        [Colour::INK, Colour::WHITE]
+    };
+    [(colours[0], width + 2.0 * CASING), (colours[1], width)]
+}
+
+/// What lines mean.
+fn explained(largest: f64) -> Vec<(Vec<(Colour, f64)>, String)> {
+    if largest <= 0.0 {
+        return Vec::new();
+    }
+    // A round force that is not larger than the largest.
+    let power = 10.0_f64.powf(largest.log10().floor());
+    let mut factors = [5.0, 2.0, 1.0].into_iter().map(|factor| factor * power);
+    let round = factors.find(|force| *force <= largest).unwrap_or(largest);
+    let width = WIDEST * round / largest;
+    let force = format!(
+        "frictional contact, normal force {} μa² rate",
+        significant(round, 1)
+    );
+    vec![
+        (strokes(true, width).to_vec(), force),
+        (
+            strokes(false, 2.0 * CASING).to_vec(),
+            "frictionless contact".into(),
+        ),
+    ]
+}
+
+/// The frame nearest to a strain, or the last.
+fn nearest<S: Kept>(frames: &[&Frame<S>], strain: Option<f64>) -> Result<usize, ReportError> {
+    let last = frames.len() - 1;
+    let Some(strain) = strain else {
+        return Ok(last);
+    };
+    let [from, to] = [frames[0].strain, frames[last].strain];
+    // A run of strain 3 has its last sample a little before.
+    let room = (to - from) / last.max(1) as f64 + 1e-3;
+    if !(from - room..=to + room).contains(&strain) {
+        let kept = if last == 0 {
+            format!(
+                "the only frame kept is that of strain {}",
+                significant(from, 4)
+            )
+        } else {
+            let [from, to] = [from, to].map(|strain| significant(strain, 4));
+            format!(
+                "{} frames are kept, of strains from {from} to {to}",
+                last + 1
+            )
+        };
+        return Err(ReportError::argument(
+            "--strain",
+            format!("{strain} is outside the run: {kept}"),
+        ));
+    }
+    let distance = |place: &usize| (frames[*place].strain - strain).abs();
+    let places = 0..frames.len();
+    Ok(places
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .unwrap_or(last))
+}
+
+/// Which spheres have their centres in a slab.
+fn in_slab<S: Kept>(
+    centres: &[S::Vector],
+    slab: Option<Range>,
+    side: f64,
+) -> Result<Vec<bool>, ReportError> {
+    let Some(Range { low, high }) = slab else {
+        return Ok(vec![true; centres.len()]);
+    };
+    let refused = |message| Err(ReportError::argument("--slab", message));
+    if S::DIMENSIONS < 3 {
+        return refused("a layer has no depth: slabs are cut from suspensions".to_owned());
+    }
+    let shown: Vec<bool> = centres
+        .iter()
+        .map(|x| (low..=high).contains(&x[2]))
+        .collect();
+    if !shown.contains(&true) {
+        let side = significant(side, 4);
+        return refused(format!(
+            "no sphere has its centre between z = {low} and {high}: z goes from 0 to {side}, in a"
+        ));
+    }
+    Ok(shown)
+}
+
+/// The images of a sphere that are seen in the cell.
+fn images<S: Kept>(frame: &Frame<S>, [x, y]: [f64; 2], radius: f64) -> Vec<[f64; 2]> {
+    let (side, offset) = (frame.side, frame.offset);
+    let cells = (-1..=1).flat_map(|row| (-2..=2).map(move |column| [column, row].map(f64::from)));
+    let all = cells.map(|[column, row]| [x + column * side + row * offset, y + row * side]);
+    let is_seen = |centre: &[f64; 2]| centre.iter().all(|x| (-radius..=side + radius).contains(x));
+    all.filter(is_seen).collect()
+}
+
+/// The colours of the spheres of a frame, and what they mean.
+fn coloured<S: Kept>(
+    frames: &[&Frame<S>],
+    place: usize,
+    network: &Network<S>,
+    colour: SphereColour,
+) -> Result<(Vec<Colour>, Key), ReportError> {
+    Ok(match colour {
+        SphereColour::Pressure => {
+            let label = "pressure of contacts Σf/(4πa²) (μ rate)";
+            numbered(&pressures(network), true, label)
+        }
+        SphereColour::Spin => {
+            // The last frame has the spin of the one before.
+            let first = place.min(frames.len().saturating_sub(2));
+            let Some([from, to]) = frames.get(first..first + 2) else {
+                let message =
+                    "spin is what spheres turn until the next kept frame, and only one is kept";
+                return Err(ReportError::argument("--colour", message));
+            };
+            numbered(&spins(from, to), false, "spin along the vorticity (rate)")
+        }
+        SphereColour::Contacts => {
+            let contacts = contacts(network);
+            let most = contacts.iter().copied().max().unwrap_or(0);
+            let colour = |number: usize| Colour::heat(number as f64 / most.max(1) as f64);
+            let kinds = (0..=most).map(|number| (colour(number), number.to_string()));
+            let key = Key::Kinds {
+                label: "contacts of a sphere".into(),
+                kinds: kinds.rev().collect(),
+            };
+            (contacts.into_iter().map(colour).collect(), key)
+        }
+        SphereColour::Cluster => clustered(network),
+    })
+}
+
+/// Colours of numbers on a scale, which nearly all of them lie on.
+fn numbered(numbers: &[f64], from_zero: bool, label: &str) -> (Vec<Colour>, Key) {
+    let mut sorted = numbers.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let beyond = count(BEYOND * sorted.len() as f64);
+    let end = |place: usize| sorted.get(place).copied().unwrap_or(0.0);
+    let low = if from_zero { 0.0 } else { end(beyond) };
+    let high = end((sorted.len() - 1).saturating_sub(beyond));
+    let high = if high > low { high } else { low + 1.0 };
+    let colour = |number: &f64| Colour::heat((number - low) / (high - low));
+    let key = Key::Numbers {
+        label: label.to_owned(),
+        ends: [low, high],
+        is_open: [end(0) < low, end(sorted.len() - 1) > high],
+    };
+    (numbers.iter().map(colour).collect(), key)
+}
+
+/// The normal forces of the contacts of each sphere over its surface, in mu·rate.
+///
+/// ```text
+/// p_i = Σ f/(4π a_i²) = −(1/3) trace(Σ S^C)/(4π a_i³/3)      (each contact a_i from the centre)
+/// ```
+fn pressures<S: Kept>(network: &Network<S>) -> Vec<f64> {
+    let mut pressures = vec![0.0; network.spheres()];
+    for link in &network.links {
+        for sphere in [link.i, link.j] {
+            pressures[sphere] += link.normal_force / (4.0 * PI * network.radii[sphere].powi(2));
+        }
+    }
+    pressures
+}
+
+/// The contacts of each sphere.
+fn contacts<S: Kept>(network: &Network<S>) -> Vec<usize> {
+    let mut contacts = vec![0; network.spheres()];
+    for link in &network.links {
+        contacts[link.i] += 1;
+        contacts[link.j] += 1;
+    }
+    contacts
+}
+
+/// What each sphere turns per strain about the vorticity from one frame to another, in rates.
+fn spins<S: Kept>(from: &Frame<S>, to: &Frame<S>) -> Vec<f64> {
+    let strain = to.strain - from.strain;
+    let pairs = from.orientations.iter().zip(&to.orientations);
+    pairs
+        .map(|(from, to)| S::turned_by(from, to) / strain)
+        .collect()
+}
+
+/// Colours of the largest clusters of frictional contacts.
+fn clustered<S: Kept>(network: &Network<S>) -> (Vec<Colour>, Key) {
+    let found = clusters(network, network.frictional());
+    let mut largest: Vec<usize> = (0..found.sizes.len())
+        .filter(|n| found.sizes[*n] > 1)
+        .collect();
+    largest.sort_by_key(|cluster| std::cmp::Reverse(found.sizes[*cluster]));
+    let colour = |cluster: &usize| match largest.iter().position(|known| known == cluster) {
+        Some(place) => CLUSTERS.get(place).copied().unwrap_or(Colour::GREY),
+        None => Colour::WHITE,
+    };
+    let mut kinds: Vec<(Colour, String)> = largest
+        .iter()
+        .take(CLUSTERS.len())
+        .map(|cluster| (colour(cluster), found.sizes[*cluster].to_string()))
+        .collect();
+    if let Some(next) = largest.get(CLUSTERS.len()) {
+        kinds.push((Colour::GREY, format!("≤ {}", found.sizes[*next])));
+    }
+    kinds.push((Colour::WHITE, "none".into()));
+    let label = "spheres of a cluster of frictional contacts".into();
+    let colours = found.of_sphere.iter().map(colour).collect();
+    (colours, Key::Kinds { label, kinds })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spaces::InSpace;
+    use crate::test_support;
+    use sd_core::{Bulk, Layer, Space};
+
+    fn layer() -> Frame<Layer> {
+        let InSpace::Layer(frame) = test_support::frame() else {
+            panic!("no layer");
+        };
+        frame
+    }
+
+    fn suspension(z: f64) -> Frame<Bulk> {
+        let InSpace::Suspension(frame) = test_support::suspension(0.5, [1.0, 2.0, z]) else {
+            panic!("no suspension");
+        };
+        frame
+    }
+
+    fn of<S: Kept>(frame: &Frame<S>, view: SphereView) -> Result<Drawn, ReportError> {
+        drawn(&[(1, frame)], view, Vec::new())
+    }
+
+    /// Centres and colours of the spheres, as far as they lie in the cell.
+    fn spheres(drawn: &Drawn) -> Vec<([f64; 2], Colour)> {
+        let sphere = |mark: &Mark| match mark {
+            Mark::Sphere { centre, colour, .. } => Some((*centre, *colour)),
+            _ => None,
+        };
+        let within =
+            |(centre, _): &([f64; 2], Colour)| centre.iter().all(|x| (0.0..8.0).contains(x));
+        drawn
+            .picture
+            .marks
+            .iter()
+            .filter_map(sphere)
+            .filter(within)
+            .collect()
+    }
+
+    #[test]
+    fn pressures_of_spheres_sum_to_the_trace_of_the_contact_stress() {
+        let frame = layer();
+        let network = Network::try_from(&frame).unwrap();
+        let pressures = pressures(&network);
+        assert!((pressures[0] - 12.5 / (4.0 * PI)).abs() < 1e-14);
+        let volumes = network.radii.iter().map(|a| 4.0 / 3.0 * PI * a.powi(3));
+        let sum: f64 = volumes.zip(&pressures).map(|(volume, p)| volume * p).sum();
+        // One third of r f, with r = 1 + 1.5.
+        assert!((sum - 2.5 * 12.5 / 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn spins_are_turns_about_the_vorticity_per_strain() {
+        let (from, mut to) = (layer(), layer());
+        (to.strain, to.orientations) = (0.75, vec![-0.125, 0.0]);
+        assert_eq!(spins(&from, &to), [-0.5, 1.0]);
+        let (from, mut to) = (suspension(1.0), suspension(1.0));
+        to.strain = 1.0;
+        let rotation = [0.3, -0.2, -1.0];
+        let turned = |orientation: &[f64; 4]| Bulk::turned(orientation, &rotation.into());
+        to.orientations = from.orientations.iter().map(turned).collect();
+        for spin in spins(&from, &to) {
+            assert!((spin + 2.0).abs() < 1e-12, "{spin}");
+        }
+        // The same orientation has two quaternions.
+        to.orientations = to
+            .orientations
+            .iter()
+            .map(|q| q.map(|part| -part))
+            .collect();
+        assert!((spins(&from, &to)[1] + 2.0).abs() < 1e-12);
+        assert!(spins(&from, &from.clone()).iter().all(|spin| spin.is_nan()));
+        let view = SphereView {
+            colour: SphereColour::Spin,
+            ..SphereView::default()
+        };
+        let error = of(&layer(), view).err().unwrap().to_string();
+        assert!(
+            error.contains("--colour") && error.contains("only one"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn lines_are_as_wide_as_forces_are_large_and_reach_from_centre_to_centre() {
+        let mut frame = layer();
+        frame.centres.push([1.0, 4.0]);
+        frame.radii.push(1.0);
+        frame.orientations.push(0.0);
+        frame.stresslets.push([0.0; 3]);
+        let first = frame.contacts[0];
+        frame.contacts.push(sd_core::simulation::FrameContact {
+            j: 2,
+            normal: [0.0, 1.0],
+            normal_force: 0.25 * first.normal_force,
+            ..first
+        });
+        let drawn = of(&frame, SphereView::default()).unwrap();
+        assert_eq!((drawn.spheres, drawn.contacts), (3, 2));
+        let lines: Vec<([[f64; 2]; 2], f64)> = drawn
+            .picture
+            .marks
+            .iter()
+            .filter_map(|mark| match mark {
+                Mark::Line {
+                    ends,
+                    width,
+                    colour,
+                    ..
+                } if *colour == Colour::INK => Some((*ends, *width)),
+                _ => None,
+            })
+            .collect();
+        let width = |end: [f64; 2]| {
+            let found = lines.iter().find(|(ends, _)| {
+                let apart = |k: usize| (ends[1][k] - end[k]).abs() < 1e-12 && ends[0] == [1.0, 2.0];
+                apart(0) && apart(1)
+            });
+            found.unwrap().1
+        };
+        // Where the radii divide the lines of centres.
+        assert_eq!(width([2.0, 2.0]), WIDEST);
+        assert_eq!(width([1.0, 3.0]), 0.25 * WIDEST);
+    }
+
+    #[test]
+    fn what_is_nearer_hides_what_is_behind_and_slabs_leave_the_rest_out() {
+        for (z, last) in [(7.5, [1.0, 2.0]), (0.25, [3.5, 2.0])] {
+            let drawn = of(&suspension(z), SphereView::default()).unwrap();
+            assert_eq!(spheres(&drawn).last().unwrap().0, last, "{z}");
+        }
+        let slab = |text: &str| SphereView {
+            slab: Some(text.parse().unwrap()),
+            ..SphereView::default()
+        };
+        let half = of(&suspension(7.5), slab("0..4")).unwrap();
+        assert_eq!((half.spheres, half.contacts), (1, 0));
+        assert_eq!(spheres(&half)[0].0, [3.5, 2.0]);
+        let refused = |error: Option<ReportError>| error.unwrap().to_string();
+        let error = refused(of(&suspension(7.5), slab("2..4")).err());
+        assert!(error.contains("z goes from 0 to 8"), "{error}");
+        let error = refused(of(&layer(), slab("2..4")).err());
+        assert!(error.contains("a layer has no depth"), "{error}");
+    }
+
+    #[test]
+    fn spheres_at_the_border_are_seen_on_both_sides_of_the_sheared_cell() {
+        let mut frame = layer();
+        frame.centres = vec![[0.5, 0.25], [4.0, 4.0]];
+        let drawn = of(&frame, SphereView::default()).unwrap();
+        let shown = |wanted: [f64; 2]| {
+            let is_there =
+                |mark: &Mark| matches!(mark, Mark::Sphere { centre, .. } if *centre == wanted);
+            drawn.picture.marks.iter().any(is_there)
+        };
+        // The image above is shifted by the offset of −2.
+        for centre in [[0.5, 0.25], [8.5, 0.25], [6.5, 8.25]] {
+            assert!(shown(centre), "{centre:?}");
+        }
+        assert!(!shown([-1.5, 8.25]) && !shown([0.5, 8.25]));
+    }
+
+    #[test]
+    fn clusters_have_colours_of_their_own_and_contacts_are_counted() {
+        let mut frame = layer();
+        frame.centres.push([1.0, 6.0]);
+        frame.radii.push(1.0);
+        frame.orientations.push(0.0);
+        frame.stresslets.push([0.0; 3]);
+        let colours = |colour| {
+            let view = SphereView {
+                colour,
+                ..SphereView::default()
+            };
+            let drawn = of(&frame, view).unwrap();
+            let found: Vec<Colour> = spheres(&drawn)
+                .into_iter()
+                .map(|(_, colour)| colour)
+                .collect();
+            let Key::Kinds { kinds, .. } = drawn.picture.key else {
+                panic!("no kinds");
+            };
+            (found, kinds)
+        };
+        let (clusters, kinds) = colours(SphereColour::Cluster);
+        assert_eq!(clusters, [CLUSTERS[0], CLUSTERS[0], Colour::WHITE]);
+        assert_eq!(
+            kinds
+                .iter()
+                .map(|(_, words)| words.as_str())
+                .collect::<Vec<_>>(),
+            ["2", "none"]
+        );
+        let (contacts, kinds) = colours(SphereColour::Contacts);
+        assert_eq!(
+            contacts,
+            [Colour::heat(1.0), Colour::heat(1.0), Colour::heat(0.0)]
+        );
+        assert_eq!(kinds.len(), 2);
+    }
+
+    #[test]
+    fn the_nearest_strain_is_drawn_and_one_outside_is_refused() {
+        let frames = [0.5, 1.0, 1.5].map(|strain| Frame { strain, ..layer() });
+        let frames: Vec<&Frame<Layer>> = frames.iter().collect();
+        for (strain, place) in [(None, 2), (Some(0.7), 0), (Some(1.2), 1), (Some(2.0), 2)] {
+            assert_eq!(nearest(&frames, strain).unwrap(), place);
+        }
+        for strain in [-0.1, 2.1, f64::NAN] {
+            let error = nearest(&frames, Some(strain)).unwrap_err().to_string();
+            assert!(
+                error.contains("3 frames are kept, of strains from 0.5000 to 1.500"),
+                "{error}"
+            );
+        }
+    }
+}
