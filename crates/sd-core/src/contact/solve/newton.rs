@@ -4,8 +4,8 @@
 //! is linear. Each iteration solves the linear problem of the present active set and changes what
 //! the solution contradicts (Alart & Curnier, Comput. Methods Appl. Mech. Eng. 92, 353 (1991);
 //! primal-dual active set: Hintermüller, Ito & Kunisch, SIAM J. Optim. 13, 865 (2002)). Started from
-//! the active set of the stage before it mostly takes two to eight systems. It converges locally
-//! and superlinearly, and can cycle far from a solution: then [`super::proximal`] takes over.
+//! the active set of the stage before it mostly takes two to eight systems. On which contacts friction is active is part of the active
+//! set. It converges locally and superlinearly, and can cycle far from a solution: then [`super::proximal`] takes over.
 
 use super::ProblemSolver;
 use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, Slide, System};
@@ -13,7 +13,8 @@ use crate::space::Space;
 
 /// Iterations at most.
 const MAX_SYSTEMS: u32 = 60;
-/// Iterations without fewer changes of the active set than ever before after which it has failed.
+/// Iterations without fewer changes of the active set than ever before after which it has failed. With 8 in its place layers of 1000 that flow
+/// take 4 % fewer linear systems, and layers of 100 at c = 0.76, ν = 1 a third more time.
 const PATIENCE: u32 = 4;
 
 /// Angle by which a slip may turn once more: as the error of the next system goes with its square.
@@ -59,9 +60,18 @@ impl<S: Space> ProblemSolver<S> {
             };
             let refined = refine(problem, &self.forces);
             let (changed, turn) = self.update_states(problem, system, roundoff);
-            let changes = refined + changed;
+            let activated = if activation.updates {
+                self.update_activation(problem, system, activation, roundoff.force)
+            } else {
+                0
+            };
+            let contradicted = refined + changed;
+            let changes = contradicted + activated;
             last = changes == 0 && turn < NEARLY_TURNED;
-            if changes > 0 || turn > 0.0 {
+            if contradicted == 0 && activated > 0 {
+                // That is another problem.
+                (fewest, stalled, least_turn) = (usize::MAX, 0, f64::INFINITY);
+            } else if changes > 0 || turn > 0.0 {
                 let fewer = changes < fewest || changes == 0 && turn < TURNING * least_turn;
                 stalled = if fewer { 0 } else { stalled + 1 };
                 fewest = fewest.min(changes);
@@ -69,19 +79,9 @@ impl<S: Space> ProblemSolver<S> {
                 if stalled == PATIENCE {
                     return (false, count);
                 }
-                continue;
-            }
-            if !roundoff.exact {
-                continue;
-            }
-            if !activation.updates
-                || self.update_activation(problem, activation, roundoff.force) == 0
-            {
+            } else if roundoff.exact {
                 return (true, count);
             }
-            // That is another problem.
-            (fewest, stalled, last) = (usize::MAX, 0, false);
-            least_turn = f64::INFINITY;
         }
         (false, MAX_SYSTEMS)
     }
@@ -129,30 +129,58 @@ impl<S: Space> ProblemSolver<S> {
     pub(super) fn update_activation(
         &mut self,
         problem: &mut Problem<S>,
+        system: &impl System<S>,
         activation: FrictionActivation,
         roundoff: f64,
     ) -> usize {
         let mut changes = 0;
-        for (m, row) in problem.tangential.iter_mut().enumerate() {
-            let excess = self.forces.normal[row.contact] - activation.critical_load;
+        for (k, rows) in problem.tangential.chunks_exact_mut(S::TANGENTS).enumerate() {
+            let row = rows[0];
+            let load = self.forces.normal[row.contact];
+            let excess = load - activation.critical_load;
             let active = excess > 0.0;
             let closed = self.states.closed[row.contact];
             let keeps = closed && (excess.abs() <= roundoff || row.was_deactivated && !active);
             if row.active == active || keeps {
                 continue;
             }
-            row.active = active;
+            for row in &mut *rows {
+                row.active = active;
+                row.was_deactivated |= closed && !active;
+            }
             if closed {
-                row.was_deactivated |= !active;
                 changes += 1;
-                self.states.friction[m] = if active {
-                    FrictionState::Stick
+                if active {
+                    let own = system.mobility(row.contact) + row.compliance;
+                    self.begin_friction(k, own, rows[0].bound(load));
                 } else {
-                    FrictionState::Inactive
-                };
+                    let m = S::TANGENTS * k;
+                    self.states.friction[m..m + S::TANGENTS].fill(FrictionState::Inactive);
+                }
             }
         }
         changes
+    }
+
+    /// Lets friction `k` begin to act: it slips where friction at its bound does not halt the contact, and sticks elsewhere.
+    ///
+    /// `own`: mobility and compliance of the contact.
+    fn begin_friction(&mut self, k: usize, own: f64, bound: f64) {
+        let m = S::TANGENTS * k;
+        let slip = &S::by_slip(&self.forces.slip)[k];
+        let speed = slip.as_ref().iter().fold(0.0_f64, |sum, z| sum.hypot(*z));
+        let state = if bound <= 0.0 || speed <= own * bound {
+            FrictionState::Stick
+        } else if let [z] = slip.as_ref() {
+            FrictionState::slipping(*z)
+        } else {
+            self.states.slides[k] = Slide {
+                direction: [0, 1].map(|d| slip.as_ref()[d] / speed),
+                compliance: speed / bound - own,
+            };
+            FrictionState::SlipPositive
+        };
+        self.states.friction[m..m + S::TANGENTS].fill(state);
     }
 }
 

@@ -164,7 +164,7 @@ impl<S: Space> ProblemSolver<S> {
             if solved {
                 self.forces.project_onto_bounds(&softer);
                 if failed && first.updates {
-                    self.update_activation(problem, first, 0.0);
+                    self.update_activation(problem, system, first, 0.0);
                 }
             } else {
                 self.forces.copy_from(&self.about);

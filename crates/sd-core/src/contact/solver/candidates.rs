@@ -6,8 +6,9 @@ use super::super::pair::Contact;
 use super::{ContactSolver, StageInput};
 use crate::hydrodynamics::resistance::Fluid;
 
-/// Approach velocity, in a·rate, at which a pair that would touch within the stage is a candidate from the first.
-const LIKELY_APPROACH: f64 = 1.0;
+/// Approach velocity, in a·rate, at which a pair that would touch within the stage is a candidate from the first. With 1 in its place more
+/// pairs are found to close when all is solved, and layers of 1000 take 14 % more linear systems.
+const LIKELY_APPROACH: f64 = 3.0;
 
 impl<S: Fluid> ContactSolver<S> {
     /// The first candidates: pairs that bore forces in the stage before, and those that are near.
