@@ -8,7 +8,7 @@
 use sd_core::start::Started;
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, Layer, LeadingOrder,
-    NearFields, NormalLaw, Params, Simulation, StiffnessUnit, TangentialLaw,
+    NearFields, NormalLaw, Params, Simulation, StiffnessUnit, TangentialLaw, memory_bytes,
 };
 
 /// A layer in which spheres touch.
@@ -175,5 +175,37 @@ fn steps_of_suspensions_that_keep_their_pattern_allocate_nothing_under_every_law
     for contact in laws.chain([ContactScheme::Rigid]) {
         let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
         check_pairwise::<Bulk>(&suspension(lubrication, contact));
+    }
+}
+
+#[test]
+fn suspensions_take_no_more_memory_than_is_estimated_and_not_far_less() {
+    let coulomb = ContactScheme::Laws(other_laws()[0]);
+    let springs = ContactScheme::Laws(ContactLaws::linear_spring(
+        1e4,
+        TangentialLaw::StickSlide,
+        0.01,
+    ));
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    for (spheres, hydrodynamics, contact, steps) in [
+        (200, lubrication, springs, 100),
+        (200, Hydrodynamics::BallMelrose, coulomb, 60),
+        (200, Hydrodynamics::StokesianDynamics, coulomb, 4),
+    ] {
+        let params = Params {
+            spheres,
+            ..suspension(hydrodynamics, contact)
+        };
+        let tables = NearFields::default();
+        // Tables are shared between runs.
+        drop(Simulation::<Bulk>::new(&params, 3, &tables).unwrap());
+        let info = allocation_counter::measure(|| {
+            let mut run = Simulation::<Bulk>::new(&params, 3, &tables).unwrap();
+            while run.steps() < steps {
+                run.step().unwrap();
+            }
+        });
+        let share = info.bytes_max as f64 / memory_bytes(&params);
+        assert!((0.3..1.0).contains(&share), "{hydrodynamics:?}: {share}");
     }
 }
