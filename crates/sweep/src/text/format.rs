@@ -244,7 +244,7 @@ pub fn wrapped(text: &str, width: Option<u16>) -> String {
 }
 
 /// A number of things, as in "1 task" and "2 tasks".
-pub(crate) fn counted<N: Display + From<u8> + PartialEq>(number: N, thing: &str) -> String {
+pub(crate) fn counted<N: Copy + Display + From<u8> + PartialEq>(number: N, thing: &str) -> String {
     let plural = if number == N::from(1) { "" } else { "s" };
     format!("{number} {thing}{plural}")
 }
