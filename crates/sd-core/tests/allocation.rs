@@ -1,26 +1,22 @@
-//! Steps of a run that has settled allocate nothing.
+//! Steps of a run that has settled allocate nothing, unless they make a new pattern of sparse matrices.
 //!
-//! Buffers are reserved for as many pairs and contacts as a layer can have. The first steps are left out: until friction acts
+//! Buffers of dense matrices are reserved for as many pairs and contacts as a layer can have. The first steps are left out: until friction acts
 //! some of the products that size the workspace of the matrix multiplication have not been called yet.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use sd_core::start::Started;
 use sd_core::{
-    ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, LeadingOrder, NearFields, NormalLaw,
-    Params, Simulation, StiffnessUnit, TangentialLaw,
+    Bulk, ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, Layer, LeadingOrder,
+    NearFields, NormalLaw, Params, Simulation, StiffnessUnit, TangentialLaw, memory_bytes,
 };
 
-/// Allocations in 200 steps after the first ones.
-fn allocations(
-    spheres: usize,
-    hydrodynamics: Hydrodynamics,
-    contact: ContactScheme,
-    steps: u64,
-) -> u64 {
+/// A layer in which spheres touch.
+fn layer(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> Params {
     // Spheres that weld together jam far earlier than others.
     let welds = contact.laws().tangential == TangentialLaw::StickRotate;
-    let params = Params {
-        spheres,
+    Params {
+        spheres: 40,
         area_fraction: if welds { 0.5 } else { 0.65 },
         roughness: 0.01,
         friction: 0.3,
@@ -31,10 +27,30 @@ fn allocations(
         contact,
         time_step: 0.005,
         ..Params::UNWRITTEN
+    }
+}
+
+/// A suspension in which they do.
+fn suspension(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> Params {
+    let welds = contact.laws().tangential == TangentialLaw::StickRotate;
+    let mut params = Params {
+        spheres: 80,
+        area_fraction: 0.0,
+        volume_fraction: Some(if welds { 0.4 } else { 0.5 }),
+        friction: 0.5,
+        shear_rate: 20.0,
+        size_ratio: 1.2,
+        ..layer(hydrodynamics, contact)
     };
-    let mut simulation =
-        Simulation::<sd_core::Layer>::new(&params, 3, &NearFields::default()).unwrap();
-    while simulation.steps() < steps {
+    params.settle();
+    params
+}
+
+/// Allocations in 150 steps of a layer after the first ones.
+fn allocations(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> u64 {
+    let params = layer(hydrodynamics, contact);
+    let mut simulation = Simulation::<Layer>::new(&params, 3, &NearFields::default()).unwrap();
+    while simulation.steps() < 40 {
         simulation.step().unwrap();
     }
     let mut contacts = 0;
@@ -85,13 +101,13 @@ fn other_laws() -> Vec<ContactLaws> {
 fn steps_of_settled_runs_allocate_nothing() {
     for hydrodynamics in [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics] {
         for contact in [ContactScheme::Rigid, ContactScheme::Procedure] {
-            let count = allocations(40, hydrodynamics, contact, 40);
+            let count = allocations(hydrodynamics, contact);
             assert_eq!(count, 0, "{hydrodynamics:?}, {contact:?}");
         }
     }
     // The procedure lets spheres overlap sooner under it.
     let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
-    assert_eq!(allocations(40, lubrication, ContactScheme::Rigid, 40), 0);
+    assert_eq!(allocations(lubrication, ContactScheme::Rigid), 0);
 }
 
 #[test]
@@ -103,17 +119,93 @@ fn springs_with_lubrication_allocate_nothing() {
         ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01)
     };
     let hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
-    assert_eq!(
-        allocations(40, hydrodynamics, ContactScheme::Laws(laws), 40),
-        0
-    );
+    assert_eq!(allocations(hydrodynamics, ContactScheme::Laws(laws)), 0);
 }
 
 #[test]
 fn other_laws_allocate_nothing() {
     for laws in other_laws() {
         let contact = ContactScheme::Laws(laws);
-        let count = allocations(40, Hydrodynamics::BallMelrose, contact, 40);
+        let count = allocations(Hydrodynamics::BallMelrose, contact);
         assert_eq!(count, 0, "{laws:?}");
+    }
+}
+
+/// Checks the steps of a run whose resistance is held pair by pair. A step allocates only where it makes a new pattern of near pairs, or
+/// has more pairs or contacts than any before.
+fn check_pairwise<S: Started>(params: &Params) {
+    let mut simulation = Simulation::<S>::new(params, 3, &NearFields::default()).unwrap();
+    while simulation.steps() < 60 {
+        simulation.step().unwrap();
+    }
+    let (mut contacts, mut kept) = (0, Vec::new());
+    for _ in 0..25 {
+        let pattern = simulation.snapshot().near_pairs;
+        assert!(!pattern.is_empty());
+        let info = allocation_counter::measure(|| {
+            contacts += simulation.step().unwrap().contacts;
+        });
+        if simulation.snapshot().near_pairs == pattern {
+            kept.push(info.count_total);
+        }
+    }
+    assert!(contacts > 100, "{contacts} contacts are no test");
+    let allocating = kept.iter().filter(|&&count| count > 0).count();
+    assert!(
+        kept.len() >= 15 && 3 * allocating <= kept.len(),
+        "{:?}: {kept:?}",
+        params.contact
+    );
+}
+
+#[test]
+fn steps_that_keep_their_pattern_allocate_nothing() {
+    let mut large = layer(Hydrodynamics::BallMelrose, ContactScheme::Rigid);
+    large.spheres = 130;
+    check_pairwise::<Layer>(&large);
+    let coulomb = ContactScheme::Laws(other_laws()[0]);
+    for hydrodynamics in [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics] {
+        check_pairwise::<Bulk>(&suspension(hydrodynamics, coulomb));
+    }
+}
+
+#[test]
+fn steps_of_suspensions_that_keep_their_pattern_allocate_nothing_under_every_law() {
+    let laws = other_laws().into_iter().map(ContactScheme::Laws);
+    for contact in laws.chain([ContactScheme::Rigid]) {
+        let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+        check_pairwise::<Bulk>(&suspension(lubrication, contact));
+    }
+}
+
+#[test]
+fn suspensions_take_no_more_memory_than_is_estimated_and_not_far_less() {
+    let coulomb = ContactScheme::Laws(other_laws()[0]);
+    let springs = ContactScheme::Laws(ContactLaws::linear_spring(
+        1e4,
+        TangentialLaw::StickSlide,
+        0.01,
+    ));
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    for (spheres, hydrodynamics, contact, steps) in [
+        (200, lubrication, springs, 100),
+        (200, Hydrodynamics::BallMelrose, coulomb, 60),
+        (200, Hydrodynamics::StokesianDynamics, coulomb, 4),
+    ] {
+        let params = Params {
+            spheres,
+            ..suspension(hydrodynamics, contact)
+        };
+        let tables = NearFields::default();
+        // Tables are shared between runs.
+        drop(Simulation::<Bulk>::new(&params, 3, &tables).unwrap());
+        let info = allocation_counter::measure(|| {
+            let mut run = Simulation::<Bulk>::new(&params, 3, &tables).unwrap();
+            while run.steps() < steps {
+                run.step().unwrap();
+            }
+        });
+        let share = info.bytes_max as f64 / memory_bytes(&params);
+        assert!((0.3..1.0).contains(&share), "{hydrodynamics:?}: {share}");
     }
 }

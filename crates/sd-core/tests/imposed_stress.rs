@@ -211,26 +211,6 @@ fn instant(params: &Params, snapshot: &Snapshot, sample: &Sample) -> f64 {
 }
 
 #[test]
-fn interrupted_run_has_the_same_bits() {
-    for contact in schemes() {
-        let params = params(contact);
-        let (_, mut whole) = run(&params, 6, 60);
-        let text = serde_json::to_string(&whole.snapshot()).unwrap();
-        let snapshot: Snapshot = serde_json::from_str(&text).unwrap();
-        let mut resumed =
-            Simulation::from_snapshot(&params, snapshot, &NearFields::default()).unwrap();
-        for _ in 0..20 {
-            assert_eq!(
-                whole.step().unwrap(),
-                resumed.step().unwrap(),
-                "{contact:?}"
-            );
-        }
-        assert_eq!(whole.snapshot(), resumed.snapshot(), "{contact:?}");
-    }
-}
-
-#[test]
 fn low_and_high_stress_are_the_plateaus() {
     for contact in [
         ContactScheme::Rigid,

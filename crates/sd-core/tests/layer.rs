@@ -263,41 +263,6 @@ fn sample_of_a_coarse_step_is_the_mean_of_fine_ones() {
 }
 
 #[test]
-fn resumed_run_has_the_same_bits() {
-    for (contact, hydrodynamics, size_ratio) in [
-        (ContactScheme::Rigid, Hydrodynamics::BallMelrose, 1.0),
-        (ContactScheme::Procedure, Hydrodynamics::BallMelrose, 1.0),
-        (ContactScheme::Rigid, Hydrodynamics::StokesianDynamics, 1.0),
-        (
-            ContactScheme::Procedure,
-            Hydrodynamics::StokesianDynamics,
-            1.0,
-        ),
-        (ContactScheme::Rigid, Hydrodynamics::BallMelrose, 1.4),
-    ] {
-        let params = Params {
-            contact,
-            hydrodynamics,
-            size_ratio,
-            area_fraction: 0.65,
-            ..params()
-        };
-        let tables = NearFields::default();
-        let mut whole = Simulation::<sd_core::Layer>::new(&params, 5, &tables).unwrap();
-        for _ in 0..37 {
-            whole.step().unwrap();
-        }
-        let text = serde_json::to_string(&whole.snapshot()).unwrap();
-        let restored = serde_json::from_str(&text).unwrap();
-        let mut resumed = Simulation::from_snapshot(&params, restored, &tables).unwrap();
-        for _ in 0..23 {
-            assert_eq!(whole.step().unwrap(), resumed.step().unwrap());
-        }
-        assert_eq!(whole.snapshot(), resumed.snapshot());
-    }
-}
-
-#[test]
 fn snapshot_of_other_parameters_is_refused() {
     let (_, snapshot) = run(&params(), 1, 1);
     let other = Params {

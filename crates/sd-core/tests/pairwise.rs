@@ -428,31 +428,6 @@ fn a_run_with_an_iterated_far_field_resumed_has_the_same_bits() {
 }
 
 #[test]
-fn a_run_resumed_has_the_same_bits_under_every_law() {
-    let tables = NearFields::default();
-    for chosen in all_laws() {
-        let welds = chosen.tangential == TangentialLaw::StickRotate;
-        let params = Params {
-            contact: ContactScheme::Laws(chosen),
-            time_step: 0.005,
-            ..params(PAIRWISE, if welds { 0.55 } else { 0.68 }, 0.3)
-        };
-        let mut whole = Simulation::<sd_core::Layer>::new(&params, 2, &tables).unwrap();
-        for _ in 0..20 {
-            whole.step().unwrap();
-        }
-        let stored = serde_json::to_string(&whole.snapshot()).unwrap();
-        let snapshot: Snapshot = serde_json::from_str(&stored).unwrap();
-        assert!(!snapshot.near_pairs.is_empty());
-        let mut rest = Simulation::from_snapshot(&params, snapshot, &tables).unwrap();
-        for _ in 0..4 {
-            assert_eq!(whole.step().unwrap(), rest.step().unwrap(), "{chosen:?}");
-        }
-        assert_eq!(whole.snapshot(), rest.snapshot(), "{chosen:?}");
-    }
-}
-
-#[test]
 fn a_layer_too_large_for_matrices_of_contacts_moves_as_the_factored_one_and_resumes_to_the_bit() {
     let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
     let tables = NearFields::default();

@@ -2,6 +2,7 @@
 
 mod layers;
 mod spheres;
+mod suspensions;
 
 use crate::error::Error;
 use serde::Serialize;
@@ -62,7 +63,7 @@ impl Check {
     }
 }
 
-/// All checks, in the order of the chain from two spheres to a layer.
+/// All checks, in the order of the chain from two spheres to layers and suspensions.
 ///
 /// # Errors
 /// A computation that could not be finished at all.
@@ -75,6 +76,9 @@ pub fn checks() -> Result<Vec<Check>, Error> {
     layers::ewald(&mut all)?;
     layers::frictional_layer(&mut all)?;
     layers::reversibility(&mut all)?;
+    suspensions::twisting_pair(&mut all)?;
+    suspensions::cubic_lattice(&mut all)?;
+    suspensions::frictional_suspension(&mut all)?;
     spheres::figure_8(&mut all)?;
     Ok(all)
 }

@@ -145,7 +145,8 @@ impl Method {
 /// ```text
 /// dense:    R_FU (3N)², columns of the contacts 3N × P, their products 3/4 P²; under Stokesian Dynamics besides M (6N)² and
 ///           two more matrices (3N)²
-/// pairwise: pairs, two sparse factors, their pattern, vectors of the iteration: 32 kB per sphere; an iterated far field 32 kB more
+/// pairwise: pairs, two sparse factors, their pattern, vectors of the iteration: 32 kB per sphere; an iterated far field 32 kB more;
+///           112 and 80 kB in a suspension, whose spheres have twice the velocities and twice the neighbours
 /// ```
 ///
 /// with K ≈ 1.5 N candidates and P = 2 K forces, or 3 K where a contact halts two motions.
@@ -157,9 +158,14 @@ pub fn memory_bytes(params: &Params) -> f64 {
         }
         ContactScheme::Rigid | ContactScheme::Procedure => 1,
     };
+    let [pairwise, iterated] = if params.volume_fraction.is_some() {
+        [112.0, 80.0]
+    } else {
+        [32.0, 32.0]
+    };
     match Method::of(params) {
-        Method::Pairwise => 32768.0 * n,
-        Method::Iterated => 65536.0 * n,
+        Method::Pairwise => 1024.0 * pairwise * n,
+        Method::Iterated => 1024.0 * (pairwise + iterated) * n,
         Method::Dense => {
             // Over N and N².
             let forces = 1.5 * (1 + motions) as f64;

@@ -1,90 +1,18 @@
 //! Small layers under shear.
 
+use crate::schemes::{rigid, schemes, spring};
 use sd_core::cell::Cell;
 use sd_core::contact::Quality;
 use sd_core::instant::{Configuration, ContactRequest, solve};
 use sd_core::modes::{Background, Vec2};
-use sd_core::simulation::SchemeMemory;
 use sd_core::{
     ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
-    Simulation, Snapshot, TangentialLaw,
+    Simulation, TangentialLaw,
 };
 
 /// The layer of these tests.
 fn params(contact: ContactScheme) -> Params {
     crate::common::small_layer(contact, Hydrodynamics::BallMelrose)
-}
-
-fn spring(stiffness: f64, tangential: TangentialLaw) -> ContactScheme {
-    ContactScheme::Laws(ContactLaws::linear_spring(stiffness, tangential, 0.01))
-}
-
-fn rigid(tangential: TangentialLaw) -> ContactScheme {
-    ContactScheme::Laws(ContactLaws {
-        tangential,
-        ..ContactLaws::PAPER
-    })
-}
-
-fn schemes() -> Vec<ContactScheme> {
-    let hertz = |tangential| {
-        ContactScheme::Laws(ContactLaws {
-            normal: NormalLaw::Hertz,
-            dashpot: 1.0,
-            onset: FrictionOnset::Reduced,
-            ..ContactLaws::linear_spring(1e5, tangential, 0.01)
-        })
-    };
-    let repelling = |normal, stiffness, tangential| {
-        ContactScheme::Laws(ContactLaws {
-            normal,
-            stiffness,
-            repulsion: 1.0,
-            repulsion_length: 0.02,
-            ..ContactLaws::linear_spring(1e4, tangential, 0.01)
-        })
-    };
-    let at_every_contact = || {
-        ContactScheme::Laws(ContactLaws {
-            onset: FrictionOnset::Contact,
-            repulsion: 1.0,
-            repulsion_length: 0.02,
-            ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01)
-        })
-    };
-    let with = |contact: ContactScheme, rolling_friction, adhesion| {
-        ContactScheme::Laws(ContactLaws {
-            rolling_friction,
-            adhesion,
-            ..*contact.laws()
-        })
-    };
-    vec![
-        rigid(TangentialLaw::Coulomb),
-        rigid(TangentialLaw::StickRotate),
-        with(rigid(TangentialLaw::Coulomb), 0.1, 0.0),
-        with(rigid(TangentialLaw::Coulomb), 0.0, 2.0),
-        with(rigid(TangentialLaw::RollSlip), 0.0, 2.0),
-        with(rigid(TangentialLaw::Coulomb), 0.1, 1.0),
-        with(spring(1e4, TangentialLaw::StickSlide), 0.1, 0.0),
-        with(spring(1e4, TangentialLaw::StickSlide), 0.1, 1.0),
-        with(spring(1e4, TangentialLaw::Coulomb), 0.1, 0.0),
-        with(hertz(TangentialLaw::StickSlide), 0.1, 1.0),
-        spring(1e4, TangentialLaw::RollSlip),
-        spring(1e4, TangentialLaw::StickSlide),
-        spring(1e4, TangentialLaw::Coulomb),
-        spring(1e4, TangentialLaw::StickRotate),
-        hertz(TangentialLaw::RollSlip),
-        hertz(TangentialLaw::StickSlide),
-        repelling(
-            NormalLaw::ExponentialRepulsion,
-            f64::INFINITY,
-            TangentialLaw::RollSlip,
-        ),
-        repelling(NormalLaw::LinearSpring, 1e4, TangentialLaw::StickSlide),
-        at_every_contact(),
-        repelling(NormalLaw::Rigid, f64::INFINITY, TangentialLaw::Coulomb),
-    ]
 }
 
 fn run(params: &Params, seed: u64, steps: u64) -> Simulation {
@@ -138,36 +66,6 @@ fn layers_keep_their_laws_under_every_choice() {
         let alone = laws.normal == NormalLaw::ExponentialRepulsion;
         assert_eq!(touching == 0, alone, "{contact:?}");
         assert_eq!(rubbing == 0, alone, "{contact:?}");
-    }
-}
-
-#[test]
-fn resumed_run_has_the_same_bits_under_every_choice() {
-    for contact in schemes() {
-        let params = params(contact);
-        let tables = NearFields::default();
-        let mut whole = run(&params, 5, 60);
-        let text = serde_json::to_string(&whole.snapshot()).unwrap();
-        let restored: Snapshot = serde_json::from_str(&text).unwrap();
-        let mut resumed = Simulation::from_snapshot(&params, restored, &tables).unwrap();
-        for _ in 0..20 {
-            assert_eq!(whole.step().unwrap(), resumed.step().unwrap());
-        }
-        assert_eq!(whole.snapshot(), resumed.snapshot());
-        let SchemeMemory::Laws(memory) = whole.snapshot().memory else {
-            panic!("a run under laws");
-        };
-        let remembers = memory.warm_start.forces.iter().any(|f| f.3 != 0.0);
-        assert_eq!(
-            remembers,
-            contact.laws().normal != NormalLaw::ExponentialRepulsion
-        );
-        let stretched = memory.springs.forces.0.iter().any(|f| f.2 != 0.0);
-        assert_eq!(stretched, contact.laws().tangential.has_spring());
-        let rolls = contact.laws().rolling_friction > 0.0;
-        let turned = |forces: &[(u32, u32, f64)]| forces.iter().any(|f| f.2 != 0.0);
-        assert_eq!(turned(&memory.warm_start.rolling.0), rolls);
-        assert_eq!(turned(&memory.rolling_springs.forces.0), rolls && stretched);
     }
 }
 

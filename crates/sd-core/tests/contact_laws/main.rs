@@ -9,6 +9,8 @@ mod layers;
 mod pressed_pair;
 mod pushed_pair;
 mod rolling_pair;
+#[path = "../common/schemes.rs"]
+mod schemes;
 
 use sd_core::cell::Cell;
 use sd_core::contact::Surface;

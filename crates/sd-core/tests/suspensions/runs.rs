@@ -14,49 +14,6 @@ fn resumed(params: &Params, suspension: &Simulation<Bulk>) -> Simulation<Bulk> {
 }
 
 #[test]
-fn interrupted_runs_have_the_same_bits_under_rigid_laws() {
-    for (name, choice) in [
-        ("roll-slip", ContactLaws::PAPER),
-        ("coulomb", rigid(TangentialLaw::Coulomb)),
-    ] {
-        let params = params(choice, Hydrodynamics::BallMelrose);
-        let mut run = sheared(&params, 30);
-        let mut other = resumed(&params, &run);
-        let mut contacts = 0;
-        for _ in 0..4 {
-            let [a, b] = [&mut run, &mut other].map(|run| run.step().unwrap());
-            assert_eq!(a, b, "{name}");
-            contacts += a.contacts;
-        }
-        assert!(contacts > 5, "{name}: {contacts} contacts are no test");
-        assert_eq!(run.snapshot(), other.snapshot(), "{name}");
-        assert_eq!(run.counters().unconverged_stages, 0, "{name}");
-    }
-}
-
-#[test]
-fn interrupted_runs_have_the_same_bits_under_a_far_field_and_an_imposed_stress() {
-    let full = params(
-        rigid(TangentialLaw::Coulomb),
-        Hydrodynamics::StokesianDynamics,
-    );
-    let stress = Params {
-        shear_rate: 0.0,
-        shear_stress: Some(2.0),
-        ..params(springs(TangentialLaw::StickSlide), LUBRICATION)
-    };
-    for params in [full, stress] {
-        let mut run = sheared(&params, 12);
-        let mut other = resumed(&params, &run);
-        for _ in 0..2 {
-            let [a, b] = [&mut run, &mut other].map(|run| run.step().unwrap());
-            assert_eq!(a, b);
-        }
-        assert_eq!(run.snapshot(), other.snapshot());
-    }
-}
-
-#[test]
 fn rigid_contacts_keep_their_gaps_and_friction_raises_the_viscosity() {
     let run = |friction| {
         let mut params = params(rigid(TangentialLaw::Coulomb), Hydrodynamics::BallMelrose);

@@ -19,7 +19,19 @@ hydrodynamics = "ball-melrose"
 
 #[test]
 fn points_that_share_their_runs_are_computed_once_and_reported_as_written() {
-    let folder = folder("folded.toml", CAMPAIGN);
+    check_folding(CAMPAIGN);
+}
+
+#[test]
+fn points_of_suspensions_do_so_too() {
+    let suspension = CAMPAIGN
+        .replace("area_fraction = 0.7", "volume_fraction = 0.5")
+        .replace("spheres = 30", "spheres = 62");
+    check_folding(&suspension);
+}
+
+fn check_folding(campaign: &str) {
+    let folder = folder("folded.toml", campaign);
     let at = folder.path();
     let plan = json(at, &["plan", "folded.toml"]);
     assert_eq!((&plan["cases"], &plan["folded"]), (&6.into(), &6.into()));

@@ -1,6 +1,6 @@
 //! Suspensions in a campaign: from the file to the report, interrupted and taken up again.
 
-use crate::harness::{command, folder, send, spawn};
+use crate::harness::{command, folder, refused, send, spawn};
 use assert_cmd::Command;
 use rustix::process::Signal;
 use std::path::Path;
@@ -124,4 +124,69 @@ fn interrupted_suspensions_end_with_the_bits_of_undisturbed_ones() {
     assert_eq!(last.len(), 3 + 1 + 1 + 4 + 5 + 1 + 3);
     let quaternion: f64 = last[5..9].iter().map(|x| x * x).sum();
     assert!((quaternion - 1.0).abs() < 1e-6, "{quaternion}");
+}
+
+#[test]
+fn what_is_no_suspension_is_refused_at_its_line_and_nothing_is_written() {
+    for (from, to, place, remedy) in [
+        (
+            "friction = 0.5",
+            "friction = 0.5\narea_fraction = 0.6",
+            "bulk.toml:9:17",
+            "either of the two: a layer or a suspension",
+        ),
+        (
+            "[0.3, 0.45]",
+            "[0.3, 0.7]",
+            "bulk.toml:7:25",
+            "from 0.01 to 0.64",
+        ),
+        (
+            "[0.3, 0.45]",
+            "[0.3, 0.64]",
+            "bulk.toml:7:25",
+            "at most 0.635 at this roughness",
+        ),
+        (
+            "spheres = 60",
+            "spheres = 20",
+            "bulk.toml:12:11",
+            "at least",
+        ),
+        (
+            "tangential = \"coulomb\"\ncontact = \"rigid\"",
+            "contact = \"procedure\"",
+            "bulk.toml:14:11",
+            "\"rigid\" or a law",
+        ),
+    ] {
+        let folder = folder("bulk.toml", &CAMPAIGN.replacen(from, to, 1));
+        let at = folder.path();
+        for command in ["plan", "run"] {
+            let error = refused(at, &[command, "bulk.toml"]);
+            assert!(error.contains(place), "{to}: {error}");
+            assert!(error.contains(remedy), "{to}: {error}");
+        }
+        let written: Vec<_> = std::fs::read_dir(at)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name())
+            .collect();
+        assert_eq!(written, ["bulk.toml"], "{to}");
+    }
+}
+
+#[test]
+fn centres_and_cell_of_other_spaces_are_refused() {
+    for (centres, cell) in [
+        ("[[0, 0], [3, 0]]", "[20, 20, 20]"),
+        ("[[0, 0, 0], [3, 0, 0]]", "[20, 20]"),
+    ] {
+        let text = format!(
+            "{{\"centres\": {centres},\n\"cell\": {cell},\n\"hydrodynamics\": \"ball-melrose\"}}"
+        );
+        let folder = folder("in.json", &text);
+        let error = refused(folder.path(), &["solve", "in.json"]);
+        assert!(error.contains("in.json:2:"), "{error}");
+        assert!(error.contains("give all vectors"), "{error}");
+    }
 }

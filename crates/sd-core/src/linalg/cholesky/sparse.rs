@@ -238,7 +238,7 @@ impl BlockCholesky {
         self.factor.resize(pattern.symbolic.len_val(), 0.0);
         let needed = numeric::scratch(&pattern.nodes);
         let held = self.scratch.as_ref().map_or(0, |memory| memory.len());
-        if held < needed.unaligned_bytes_required() {
+        if held < needed.size_bytes() {
             self.scratch = Some(MemBuffer::new(needed));
         }
     }

@@ -52,6 +52,20 @@ fn tasks_compute_what_a_local_run_does() {
 }
 
 #[test]
+fn tasks_compute_suspensions_as_a_local_run_does() {
+    let suspensions = QUICK
+        .replace("area_fraction = 0.6", "volume_fraction = 0.45")
+        .replace("seeds = 3", "seeds = 2")
+        .replace("spheres = 30", "spheres = 60");
+    let cluster = Cluster::new(&suspensions);
+    let script = cluster.submit(&["--tasks", "3"]);
+    cluster.run_all(&script, 4711, 3);
+    let text = cluster.ok(&["merge", "small.toml"]);
+    contains(&text, &["4 new results", "4 of 4 cases are done"]);
+    cluster.equals_local_run();
+}
+
+#[test]
 fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
     let cluster = Cluster::new(&long().replace(LONG, "strain = 4.0"));
     let script = cluster.submit(&["--tasks", "1"]);

@@ -1,0 +1,237 @@
+//! Runs that are interrupted and go on from their snapshots, in layers and suspensions, under every contact law: they have the bits of
+//! those that are not.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+#[path = "common/mod.rs"]
+mod common;
+#[path = "common/schemes.rs"]
+mod schemes;
+
+use schemes::{rigid, schemes, spring};
+use sd_core::contact::ContactMemory;
+use sd_core::procedure::ContactList;
+use sd_core::simulation::{Counters, SchemeMemory};
+use sd_core::start::Started;
+use sd_core::{
+    Bulk, ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, Layer, LeadingOrder,
+    NearFields, NormalLaw, Params, Simulation, Snapshot, Space, StiffnessUnit, TangentialLaw,
+};
+
+const FULL: Hydrodynamics = Hydrodynamics::StokesianDynamics;
+const NEAR: Hydrodynamics = Hydrodynamics::BallMelrose;
+const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+
+/// The paper's law, an onset of friction that others do not have, and the rest.
+fn all_schemes() -> Vec<ContactScheme> {
+    let reduced = ContactLaws {
+        onset: FrictionOnset::Reduced,
+        ..*rigid(TangentialLaw::Coulomb).laws()
+    };
+    let first = [ContactScheme::Rigid, ContactScheme::Laws(reduced)];
+    first.into_iter().chain(schemes()).collect()
+}
+
+/// A small layer, or a larger one of which matrices are sparse.
+fn layer(spheres: usize, contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
+    let mut params = Params {
+        spheres,
+        ..common::small_layer(contact, hydrodynamics)
+    };
+    params.settle();
+    params
+}
+
+/// The smallest dense suspension of two sizes.
+fn suspension(contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
+    let volume_fraction = if contact.laws().tangential == TangentialLaw::StickRotate {
+        // Spheres that weld together jam far earlier than others.
+        0.4
+    } else if hydrodynamics == FULL {
+        0.45
+    } else {
+        0.5
+    };
+    let mut params = Params {
+        spheres: 80,
+        area_fraction: 0.0,
+        volume_fraction: Some(volume_fraction),
+        roughness: 0.01,
+        friction: 0.5,
+        shear_rate: 20.0,
+        size_ratio: 1.2,
+        large_fraction: 0.5,
+        hydrodynamics,
+        contact,
+        time_step: 0.005,
+        ..Params::UNWRITTEN
+    };
+    params.settle();
+    params
+}
+
+/// What a run with these parameters may begin with: sheared until spheres touch, under springs and lubrication, which cost least.
+fn sheared<S: Started>(params: &Params) -> Snapshot<S> {
+    let springs = ContactLaws {
+        stiffness_unit: StiffnessUnit::Flow,
+        ..*spring(1e4, TangentialLaw::Coulomb).laws()
+    };
+    let mut cheap = Params {
+        contact: ContactScheme::Laws(springs),
+        hydrodynamics: LUBRICATION,
+        shear_rate: 20.0,
+        shear_stress: None,
+        ..params.clone()
+    };
+    cheap.settle();
+    let mut run = Simulation::<S>::new(&cheap, 5, &NearFields::default()).unwrap();
+    for _ in 0..80 {
+        run.step().unwrap();
+    }
+    Snapshot {
+        memory: SchemeMemory::Laws(ContactMemory::default()),
+        near_pairs: Vec::new(),
+        counters: Counters::default(),
+        ..run.snapshot()
+    }
+}
+
+/// A run that goes on from what its snapshot is as text.
+fn resumed<S: Started>(params: &Params, run: &Simulation<S>, tables: &NearFields) -> Simulation<S> {
+    let snapshot: Snapshot<S> = serde_json::from_str(&text(&run.snapshot())).unwrap();
+    Simulation::from_snapshot(params, snapshot, tables).unwrap()
+}
+
+/// All numbers, to the bit.
+fn text(what: &impl serde::Serialize) -> String {
+    serde_json::to_string(what).unwrap()
+}
+
+/// Goes on from a start, once at a stretch and once interrupted twice.
+fn check<S: Started>(params: &Params, start: &Snapshot<S>, tables: &NearFields) {
+    let what = format!("{:?}, {:?}", params.hydrodynamics, params.contact);
+    let mut start = start.clone();
+    if params.contact == ContactScheme::Procedure {
+        start.memory = SchemeMemory::Procedure {
+            listed: ContactList::default(),
+            velocities: Vec::new(),
+        };
+    }
+    let mut whole = Simulation::from_snapshot(params, start, tables).unwrap();
+    for _ in 0..5 {
+        whole.step().unwrap();
+    }
+    let mut parts = resumed(params, &whole, tables);
+    for step in 0..2 {
+        if step == 1 {
+            parts = resumed(params, &parts, tables);
+        }
+        let samples = [&mut whole, &mut parts].map(|run| text(&run.step().unwrap()));
+        assert_eq!(samples[0], samples[1], "{what}");
+    }
+    let snapshot = whole.snapshot();
+    assert_eq!(text(&snapshot), text(&parts.snapshot()), "{what}");
+    if let SchemeMemory::Laws(memory) = &snapshot.memory {
+        assert_eq!(snapshot.counters.unconverged_stages, 0, "{what}");
+        check_memory(memory, params.contact.laws(), &what);
+    }
+}
+
+/// Without this much to remember the test is none.
+fn check_memory<S: Space>(memory: &ContactMemory<S>, laws: &ContactLaws, what: &str) {
+    let none = S::Tangent::default();
+    let any = |list: &[(u32, u32, S::Tangent)]| list.iter().any(|force| force.2 != none);
+    let forces = &memory.warm_start.forces;
+    let touches = laws.normal != NormalLaw::ExponentialRepulsion;
+    assert_eq!(forces.iter().any(|f| f.3 != none), touches, "{what}");
+    assert_eq!(
+        forces.iter().filter(|f| f.2 > 0.0).count() > 5,
+        touches,
+        "{what}"
+    );
+    let (has_spring, rolls) = (laws.tangential.has_spring(), laws.rolling_friction > 0.0);
+    assert_eq!(any(&memory.springs.forces.0), has_spring, "{what}");
+    assert_eq!(any(&memory.warm_start.rolling.0), rolls, "{what}");
+    let turned = any(&memory.rolling_springs.forces.0);
+    assert_eq!(turned, rolls && has_spring, "{what}");
+}
+
+/// Checks all laws.
+fn check_all<S: Started>(
+    schemes: Vec<ContactScheme>,
+    hydrodynamics: &[Hydrodynamics],
+    make: impl Fn(ContactScheme, Hydrodynamics) -> Params,
+) {
+    let tables = NearFields::default();
+    // Spheres that weld together begin with a start of their own.
+    let mut starts: Vec<Snapshot<S>> = Vec::new();
+    for contact in schemes {
+        for &hydrodynamics in hydrodynamics {
+            let params = make(contact, hydrodynamics);
+            let (_, side) = S::radii_and_side(&params).unwrap();
+            let known = starts.iter().position(|start| start.side == side);
+            let number = known.unwrap_or_else(|| {
+                starts.push(sheared(&params));
+                starts.len() - 1
+            });
+            check(&params, &starts[number], &tables);
+        }
+    }
+}
+
+#[test]
+fn layers_go_on_with_the_same_bits() {
+    let mut schemes = all_schemes();
+    schemes.push(ContactScheme::Procedure);
+    check_all::<Layer>(
+        schemes,
+        &[FULL, NEAR, LUBRICATION],
+        |contact, hydrodynamics| layer(40, contact, hydrodynamics),
+    );
+}
+
+#[test]
+fn layers_of_sparse_matrices_go_on_with_the_same_bits() {
+    check_all::<Layer>(
+        all_schemes(),
+        &[FULL, NEAR, LUBRICATION],
+        |contact, hydrodynamics| layer(130, contact, hydrodynamics),
+    );
+}
+
+#[test]
+fn suspensions_go_on_with_the_same_bits() {
+    check_all::<Bulk>(all_schemes(), &[NEAR, LUBRICATION], suspension);
+}
+
+#[test]
+fn suspensions_in_full_stokesian_dynamics_go_on_with_the_same_bits() {
+    check_all::<Bulk>(all_schemes(), &[FULL], suspension);
+}
+
+/// The same under an imposed stress.
+fn under_stress(params: Params) -> Params {
+    Params {
+        shear_rate: 0.0,
+        shear_stress: Some(3.0),
+        ..params
+    }
+}
+
+#[test]
+fn layers_under_an_imposed_stress_go_on_with_the_same_bits() {
+    let mut schemes = all_schemes();
+    schemes.push(ContactScheme::Procedure);
+    check_all::<Layer>(schemes, &[NEAR], |contact, hydrodynamics| {
+        under_stress(layer(40, contact, hydrodynamics))
+    });
+}
+
+#[test]
+fn suspensions_under_an_imposed_stress_go_on_with_the_same_bits() {
+    check_all::<Bulk>(
+        all_schemes(),
+        &[NEAR, LUBRICATION],
+        |contact, hydrodynamics| under_stress(suspension(contact, hydrodynamics)),
+    );
+}
