@@ -367,7 +367,7 @@ fn soft_layers_that_give_way_at_once_are_moved_in_shorter_steps() {
         time_step: 0.02,
         ..params(ContactScheme::Laws(springs))
     };
-    let (_, simulation) = run(&params, 5, 30);
+    let (_, simulation) = run(&params, 6, 30);
     let stages = simulation.counters().stages;
     assert!(stages > 60, "{stages} stages: no step was halved");
 }

@@ -300,7 +300,7 @@ pub(crate) fn contains(text: &str, parts: &[&str]) {
     }
 }
 
-pub(crate) const LONG: &str = "strain = 12.0";
+pub(crate) const LONG: &str = "strain = 40.0";
 
 pub(crate) fn long() -> String {
     QUICK
