@@ -167,18 +167,15 @@ impl<S: Space> ProblemSolver<S> {
     /// `own`: mobility and compliance of the contact.
     fn begin_friction(&mut self, k: usize, own: f64, bound: f64) {
         let m = S::TANGENTS * k;
-        let slip = &S::by_slip(&self.forces.slip)[k];
-        let speed = slip.as_ref().iter().fold(0.0_f64, |sum, z| sum.hypot(*z));
-        let state = if bound <= 0.0 || speed <= own * bound {
-            FrictionState::Stick
-        } else if let [z] = slip.as_ref() {
-            FrictionState::slipping(*z)
-        } else {
-            self.states.slides[k] = Slide {
-                direction: [0, 1].map(|d| slip.as_ref()[d] / speed),
-                compliance: speed / bound - own,
-            };
-            FrictionState::SlipPositive
+        let slip = S::by_slip(&self.forces.slip)[k].as_ref();
+        let trial = slip.iter().fold(0.0_f64, |sum, z| sum.hypot(*z)) / own;
+        let state = match *slip {
+            _ if bound <= 0.0 || trial <= bound => FrictionState::Stick,
+            [x, y] => {
+                self.states.slides[k] = Slide::under([x / own, y / own], trial, bound, own);
+                FrictionState::SlipPositive
+            }
+            _ => FrictionState::slipping(slip[0]),
         };
         self.states.friction[m..m + S::TANGENTS].fill(state);
     }
@@ -255,12 +252,7 @@ fn next_slide<S: Space>(
         return (Stick, 0.0);
     }
     let before = *slide;
-    slide.direction = trial.map(|trial| trial / length);
-    slide.compliance = if bound > 0.0 {
-        own * ((length - bound) / bound).max(0.0)
-    } else {
-        f64::INFINITY
-    };
+    *slide = Slide::under(trial, length, bound, own);
     if state != SlipPositive {
         return (SlipPositive, 0.0);
     }

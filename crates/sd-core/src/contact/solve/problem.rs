@@ -215,6 +215,18 @@ impl Slide {
         compliance: 0.0,
     };
 
+    /// The slide of a trial force p whose `length` is above the bound ρ ≥ 0; `own` is G.
+    pub(crate) fn under([x, y]: [f64; 2], length: f64, bound: f64, own: f64) -> Self {
+        Self {
+            direction: [x / length, y / length],
+            compliance: if bound > 0.0 {
+                own * ((length - bound) / bound).max(0.0)
+            } else {
+                f64::INFINITY
+            },
+        }
+    }
+
     /// Components along d and e of a vector by components along the rows.
     pub(crate) fn turned(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [c, s] = self.direction;
