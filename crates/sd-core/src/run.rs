@@ -1,6 +1,7 @@
 //! A run: its first layer, its steps in time, the simulation of them, and the instants and pairs that check it.
 
 mod balance;
+pub mod compiled;
 pub mod instant;
 pub mod pair;
 pub mod simulation;

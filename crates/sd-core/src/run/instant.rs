@@ -1,5 +1,6 @@
 //! One instant of one configuration: velocities, stresslets, contact forces.
 
+use super::compiled::Compiled;
 use crate::contact::laws::{Laws, Span};
 use crate::contact::memory::PairForces;
 use crate::contact::springs::Springs;
@@ -227,21 +228,16 @@ pub fn method<S: Space>(configuration: &Configuration<S>, request: &ContactReque
 ///
 /// # Errors
 /// Bad lengths, radii, overlaps, a cell too small, pairs out of range, an indefinite matrix.
-pub fn solve<S: Fluid>(
+pub fn solve<S: Compiled>(
     configuration: &Configuration<S>,
     request: &ContactRequest<S>,
     tables: &NearFields,
 ) -> Result<SolvedConfiguration<S>, Error> {
-    solve_with(
-        method(configuration, request),
-        configuration,
-        request,
-        tables,
-    )
+    S::solve(configuration, request, tables)
 }
 
 /// The same, computed in a given way.
-fn solve_with<S: Fluid>(
+pub(super) fn solve_with<S: Fluid>(
     method: Method,
     configuration: &Configuration<S>,
     request: &ContactRequest<S>,

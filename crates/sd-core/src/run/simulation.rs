@@ -105,6 +105,15 @@ impl<S: Started> Simulation<S> {
     /// [`Error::Snapshot`] if it does not fit the parameters.
     pub fn from_snapshot(
         params: &Params,
+        snapshot: Snapshot<S>,
+        tables: &NearFields,
+    ) -> Result<Self, Error> {
+        S::continue_run(params, snapshot, tables)
+    }
+
+    /// [`Simulation::from_snapshot`], compiled with its caller.
+    pub(super) fn continued(
+        params: &Params,
         mut snapshot: Snapshot<S>,
         tables: &NearFields,
     ) -> Result<Self, Error> {

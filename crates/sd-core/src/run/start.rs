@@ -7,8 +7,8 @@ pub mod suspension;
 
 pub use given::fit;
 
+use super::compiled::Compiled;
 use crate::error::Error;
-use crate::hydrodynamics::resistance::Fluid;
 use crate::model::{Params, Refusal, StartLayer, Words as _};
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
@@ -27,7 +27,7 @@ const DISCS: Density = Density {
 };
 
 /// A space in which runs can be made.
-pub trait Started: Fluid {
+pub trait Started: Compiled {
     /// Refuses parameters of the other space.
     ///
     /// # Errors

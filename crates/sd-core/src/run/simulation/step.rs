@@ -93,6 +93,11 @@ impl<S: Started> Simulation<S> {
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
     pub fn step(&mut self) -> Result<Sample, Error> {
+        S::step(self)
+    }
+
+    /// [`Simulation::step`], compiled with its caller.
+    pub(in crate::run) fn advance(&mut self) -> Result<Sample, Error> {
         let (time, dt) = (self.strain(), self.params.time_step);
         let mut taken = Taken::at(time);
         let mut stepper = std::mem::take(&mut self.stepper);

@@ -1,6 +1,7 @@
 //! Vectors as they are written: two components in a layer, three in a suspension.
 
-use sd_core::{Bulk, Fluid, Layer, Space, bulk, modes};
+use sd_core::compiled::Compiled;
+use sd_core::{Bulk, Layer, Space, bulk, modes};
 use serde::de::{DeserializeOwned, Error, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt;
@@ -92,7 +93,7 @@ impl Amount {
 }
 
 /// A space whose configurations can be written.
-pub trait Written: Fluid {
+pub trait Written: Compiled {
     /// A vector.
     type Components: DeserializeOwned + fmt::Debug;
     /// An angular velocity or a torque.
