@@ -1,7 +1,7 @@
 //! The model of Wyart and Cates fitted to a campaign.
 
 use super::error::ReportError;
-use super::figure::{FitCurve, Format, draw_fit};
+use super::figure::{FitCurve, Format, Origin, draw_fit};
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::axes::{AXES, Tag, Value, identity};
@@ -23,6 +23,8 @@ const DRAWN: usize = 120;
 #[derive(Debug)]
 pub struct FitReport {
     campaign: String,
+    /// Where its figure says it comes from.
+    origin: Origin,
     data: Vec<Datum>,
     /// Of each point.
     params: Vec<Params>,
@@ -70,6 +72,7 @@ impl FitReport {
             refused("no parameters of the model describe these points: a viscosity that falls with the stress has none".into())
         })?;
         Ok(Self {
+            origin: Origin::of(std::slice::from_ref(&report)),
             campaign: report.campaign,
             data,
             params,
@@ -175,6 +178,7 @@ impl FitReport {
             &curves.collect::<Vec<_>>(),
             ["shear stress σ* (F_crit/a²)", "relative viscosity η"],
             format,
+            &self.origin,
         )
     }
 }

@@ -75,6 +75,8 @@ fn parameters_have_intervals_and_residuals_are_those_of_the_points() {
     );
     let figure = std::fs::read_to_string(at.join("f.svg")).unwrap();
     assert_eq!(figure.matches("c = 0.").count(), 3);
+    assert!(figure.contains("<title>fit</title>"), "{figure}");
+    assert!(figure.contains("campaign fit"), "{figure}");
     let rows = std::fs::read_to_string(at.join("r.csv")).unwrap();
     assert_eq!(rows.lines().count(), 16);
 }
