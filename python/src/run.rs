@@ -34,7 +34,7 @@ pub(crate) struct Run {
     besides: Table,
     seed: Option<u64>,
     tables: NearFields,
-    run: Mutex<Box<dyn Steps>>,
+    inner: Mutex<Box<dyn Steps>>,
     /// Steps done as of the arrays below.
     steps: AtomicU64,
     /// Seconds the steps took, as bits.
@@ -290,7 +290,7 @@ impl Run {
             besides,
             seed,
             tables,
-            run: Mutex::new(run),
+            inner: Mutex::new(run),
         })
     }
 
@@ -341,7 +341,7 @@ impl Run {
 
     /// The run, for as long as the guard lives. Not to be asked for while attached to the interpreter: another thread may have it.
     fn run(&self) -> MutexGuard<'_, Box<dyn Steps>> {
-        self.run.lock().unwrap_or_else(PoisonError::into_inner)
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Writes where the spheres are into the arrays, unless another thread has done more steps since.
