@@ -1,6 +1,6 @@
 """Stokesian Dynamics of sheared layers of rough, frictional spheres.
 
-Physics: `scalars`, `solve`, `pair`, `Layer`. Campaigns: `Campaign`, `Store`, `Table`.
+Physics: `scalars`, `solve`, `pair`, `Layer`, `Suspension`. Campaigns: `Campaign`, `Store`, `Table`.
 Units everywhere: mean sphere radius a, viscosity mu and shear rate are 1.
 """
 
@@ -8,10 +8,12 @@ from ._core import (
     Campaign,
     Layer,
     Passed,
+    Run,
     SimulationError,
     Solution,
     Store,
     StoreError,
+    Suspension,
     Table,
     pair,
     scalars,
@@ -23,10 +25,12 @@ __all__ = [
     "Campaign",
     "Layer",
     "Passed",
+    "Run",
     "SimulationError",
     "Solution",
     "Store",
     "StoreError",
+    "Suspension",
     "Table",
     "pair",
     "scalars",

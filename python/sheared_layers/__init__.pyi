@@ -17,10 +17,12 @@ __all__ = [
     "Campaign",
     "Layer",
     "Passed",
+    "Run",
     "SimulationError",
     "Solution",
     "Store",
     "StoreError",
+    "Suspension",
     "Table",
     "pair",
     "scalars",
@@ -111,13 +113,9 @@ class Passed:
     @property
     def path(self) -> _Numbers: ...
 
-@final
-class Layer:
-    """A layer of rough spheres under shear."""
+class Run:
+    """What `Layer` and `Suspension` have in common: rough spheres under shear, step by step."""
 
-    def __new__(cls, params: Mapping[str, Any], seed: int) -> Layer: ...
-    @staticmethod
-    def from_snapshot(params: Mapping[str, Any], snapshot: bytes) -> Layer: ...
     @property
     def params(self) -> dict[str, Any]: ...
     @property
@@ -147,6 +145,22 @@ class Layer:
     def sample(self) -> dict[str, float]: ...
     def snapshot(self) -> bytes: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Layer(Run):
+    """A layer of rough spheres under shear."""
+
+    def __new__(cls, params: Mapping[str, Any], seed: int) -> Layer: ...
+    @staticmethod
+    def from_snapshot(params: Mapping[str, Any], snapshot: bytes) -> Layer: ...
+
+@final
+class Suspension(Run):
+    """A suspension of rough spheres under shear."""
+
+    def __new__(cls, params: Mapping[str, Any], seed: int) -> Suspension: ...
+    @staticmethod
+    def from_snapshot(params: Mapping[str, Any], snapshot: bytes) -> Suspension: ...
 
 @final
 class Table:

@@ -138,16 +138,6 @@ fn wrong_shape(name: &str, array: &Bound<'_, PyAny>, shape: &str) -> PyErr {
     PyValueError::new_err(format!("{name}: expected shape {shape}, got {found}"))
 }
 
-/// An array `(N, 2)`.
-pub(crate) fn of_pairs(
-    py: Python<'_>,
-    rows: impl ExactSizeIterator<Item = [f64; 2]>,
-) -> PyResult<Py<PyArray2<f64>>> {
-    let n = rows.len();
-    let flat: Vec<f64> = rows.flatten().collect();
-    Ok(PyArray1::from_vec(py, flat).reshape([n, 2])?.unbind())
-}
-
 /// An array `(N, D)` of rows that lie one after the other.
 pub(crate) fn of_rows(py: Python<'_>, rows: Vec<f64>, width: usize) -> PyResult<Py<PyArray2<f64>>> {
     let n = rows.len() / width;

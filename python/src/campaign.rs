@@ -39,7 +39,7 @@ const INTERRUPT: i32 = 2;
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Campaign(sweep::campaign::Campaign);
 
-/// The parameters of the one layer that a dictionary describes, read as the grid of a campaign file is, and what it says besides the axes.
+/// The parameters of the one run that a dictionary describes, read as the grid of a campaign file is, and what it says besides the axes.
 pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Params, Table)> {
     let mut grid = values::table(params)?;
     let besides = grid.iter().filter(|(key, _)| Axis::of_key(key).is_none());
@@ -48,13 +48,13 @@ pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Param
         .collect();
     if grid.contains_key("seeds") {
         return Err(PyTypeError::new_err(
-            "params: `seeds` came: the seed of a layer is an argument of its own",
+            "params: `seeds` came: the seed of a run is an argument of its own",
         ));
     }
     let several = grid.iter().find(|(_, value)| value.is_array());
     if let Some((key, _)) = several {
         return Err(PyValueError::new_err(format!(
-            "params: `{key}` has several values: a layer has one; several are a campaign"
+            "params: `{key}` has several values: a run has one; several are a campaign"
         )));
     }
     let mut protocol = Table::new();
@@ -76,7 +76,7 @@ pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Param
     match campaign.cases.as_slice() {
         [(_, case)] => Ok((case.params.clone(), besides)),
         cases => Err(PyValueError::new_err(format!(
-            "params: {} layers: one is wanted",
+            "params: {} runs: one is wanted",
             cases.len()
         ))),
     }

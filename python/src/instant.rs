@@ -271,7 +271,7 @@ struct Given<'g, 'py> {
 }
 
 /// A space whose configurations come as arrays.
-trait Arrays: Written {
+pub(crate) trait Arrays: Written {
     /// Reads vectors.
     fn vectors(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Self::Components>>;
 

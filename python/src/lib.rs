@@ -8,7 +8,7 @@
 //! arrays      numpy arrays in and out, structured ones for contacts
 //! two_spheres scalars, pair
 //! instant     solve
-//! layer       a layer under shear, step by step
+//! run         a layer or a suspension under shear, step by step
 //! table       a table of the program as Arrow
 //! campaign    campaigns: plan, run
 //! store       stores: points, runs, samples, frames, outlines of figures
@@ -18,7 +18,7 @@ mod arrays;
 mod campaign;
 mod errors;
 mod instant;
-mod layer;
+mod run;
 mod store;
 mod table;
 mod two_spheres;
@@ -34,7 +34,7 @@ mod _core {
     #[pymodule_export]
     use crate::instant::{Solution, solve};
     #[pymodule_export]
-    use crate::layer::Layer;
+    use crate::run::{Layer, Run, Suspension};
     #[pymodule_export]
     use crate::store::Store;
     #[pymodule_export]

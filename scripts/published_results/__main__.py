@@ -14,7 +14,7 @@ import sys
 
 import pandas as pd
 
-from . import campaigns, figures, quotes, reports, tables, thickening
+from . import campaigns, figures, jamming, quotes, reports, tables, thickening
 from .place import RESULTS, Wrong, physics_of_the_program
 
 PAGE = RESULTS / "README.md"
@@ -23,8 +23,9 @@ BY_HAND = ["| File | Made by | With | Physics |"]
 
 
 def write_tables():
-    # The effects come first, since tables and a figure show them.
+    # Effects and fits come first, since tables and figures show them.
     (RESULTS / thickening.EFFECTS).write_text(thickening.as_csv(thickening.effects(thickening.read())), encoding="utf-8")
+    jamming.make()
     figures.make()
     PAGE.write_text(tables.with_tables(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
 
@@ -36,6 +37,8 @@ def faults():
         pd.testing.assert_frame_equal(there, made, check_dtype=False, rtol=1e-9)
     except AssertionError as error:
         yield f"{thickening.EFFECTS} is not what the runs give: {error}"
+    if jamming.is_outdated():
+        yield f"{jamming.FITS} is not what {jamming.PLATEAUS} gives"
     for name in figures.outdated():
         yield f"{name} shows other numbers than its files have"
     page = PAGE.read_text(encoding="utf-8")
@@ -53,6 +56,9 @@ def faults():
 def check():
     present = physics_of_the_program()
     for name in campaigns.CAMPAIGNS:
+        if not reports.is_made(name):
+            print(f"{name}: not made yet")
+            continue
         report = reports.Report(name)
         if report.physics != [present]:
             print(f"{name}: stale, made by physics {' and '.join(map(str, report.physics))}, while the program has {present}")

@@ -2,7 +2,7 @@
 
 import shutil
 
-from . import pairs
+from . import lattices, pairs
 from .place import RESULTS, sweep
 
 
@@ -60,11 +60,28 @@ CAMPAIGNS = {
     ],
     "flow-curve": list(_of_laws()),
     "quickstart": [figure()],
+    "suspension": [figure("--along", "volume_fraction")],
+    # Its figure is made with the tables.
+    "suspension-plateaus": [],
+    "suspension-field-model": [figure("--along", "friction", "--panels", "spheres")],
+    "suspension-random": [figure("--along", "volume_fraction")],
 }
 # Runs of the same cases are shared.
 REUSES = {"figure-14": "figure-13", "figure-15": "figure-13"}
 # Campaigns of which every run by itself is published too.
 OF_EVERY_RUN = ["cause-of-thickening", "cause-of-thickening-full", "time-step"]
+# Campaigns whose network of frictional contacts is published too, in a file NAME-network.csv.
+OF_NETWORKS = ["figure-14", "flow-curve"]
+NETWORK = ["viscosity", "frictional_coordination", "largest_cluster", "percolating_x", "percolating_y", "core_fraction"]
+# Fits of the model of Wyart and Cates by suffix: what is chosen of a campaign. Parameters are in NAME-fit.json, residuals in NAME-fit.csv.
+FITS = {
+    "figure-14": {"-fit": ["area_fraction=0.57..0.75"]},
+    # From where the repulsion no longer counts; the first range of it and friction 1.
+    "published-2d": {
+        "-fit": ["friction=1", "repulsion_length=0.0441", "stiffness=5348", "lubrication_regularisation=0.001", "spheres=200", "shear_stress=0.03..inf"]
+    },
+    "flow-curve": {"-springs-fit": ["tangential=stick-slide"], "-rigid-fit": ["tangential=coulomb"]},
+}
 # Two spheres that pass each other: `sweep pair`, by suffix.
 PASSING = {
     "a": ["--no-contact"],
@@ -74,7 +91,19 @@ PASSING = {
     "half": ["--roughness", "0.05", "--friction", "0.5", "--size-ratio", "0.5"],
     "tenth": ["--roughness", "0.05", "--friction", "0.5", "--size-ratio", "0.1"],
 }
-NAMES = [*CAMPAIGNS, "figure-08"]
+NAMES = [*CAMPAIGNS, "figure-08", "lattices"]
+
+
+def _fit(campaign, name, wanted):
+    """Fits the model of Wyart and Cates; where no parameters describe the points, which the program says, there is no such file."""
+    where = [word for value in wanted for word in ["--where", value]]
+    files = [RESULTS / f"{name}.{ending}" for ending in ["svg", "csv", "json"]]
+    for file in files:
+        file.unlink(missing_ok=True)
+    figure, residuals, parameters = files
+    sweep("fit", campaign, "--quiet", *where, "--figure", figure, "--csv", residuals, "--json", output=parameters, may_fail=[2])
+    if not parameters.stat().st_size:
+        parameters.unlink()
 
 
 def make(name):
@@ -83,6 +112,9 @@ def make(name):
         for suffix, options in PASSING.items():
             file = RESULTS / f"figure-08-{suffix}"
             sweep("pair", "--figure", f"{file}.svg", *options, output=f"{file}.txt")
+        return
+    if name == "lattices":
+        lattices.make()
         return
     campaign = f"sweeps/{name}.toml"
     reuse = ["--reuse", f"results/{REUSES[name]}.sqlite"] if name in REUSES else []
@@ -95,5 +127,9 @@ def make(name):
         sweep("report", campaign, "--quiet", "--runs", RESULTS / f"{name}-runs.csv")
     for suffix, options in CAMPAIGNS[name]:
         sweep("report", campaign, "--quiet", "--figure", RESULTS / f"{name}{suffix}.svg", *options)
+    if name in OF_NETWORKS:
+        sweep("report", campaign, "--quiet", "--csv", RESULTS / f"{name}-network.csv", "--columns", ",".join(NETWORK))
+    for suffix, wanted in FITS.get(name, {}).items():
+        _fit(campaign, f"{name}{suffix}", wanted)
     if name == "time-step":
         (RESULTS / "time-step-pairs.md").write_text(pairs.page(RESULTS / "time-step-runs.csv"), encoding="utf-8")

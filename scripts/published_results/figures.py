@@ -1,11 +1,13 @@
-"""The two figures that are made of several files. Each names in its description the digest of what it shows."""
+"""The figures that are not drawn by `sweep`. Each names in its description the digest of what it shows."""
 
 import hashlib
 import math
 
 import matplotlib
+import numpy as np
 import pandas as pd
 
+from . import jamming, lattices
 from .place import RESULTS
 from .thickening import EFFECTS
 from .units import PublishedUnits
@@ -41,18 +43,19 @@ def digest(files, folder=RESULTS):
     return f"{', '.join(files)}: sha256 {hashlib.sha256(content).hexdigest()}"
 
 
-def _write(name, files, panels, draw, x, y, scale="linear"):
-    """Panels of the same axes, at most three side by side, each drawn by a function of its axes; one legend above them."""
-    wide = min(3, len(panels))
+def _write(name, files, panels, draw, x, y, scale="linear", xscale=None, share=True, wide=3):
+    """Panels of the same axes, at most `wide` side by side, each drawn by a function of its axes; one legend above them. `share` says which of
+    them have the same range in y: all, or with "col" those above each other."""
+    wide = min(wide, len(panels))
     high = math.ceil(len(panels) / wide)
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(
-            high, wide, figsize=(7.2, 0.9 + 2.2 * high), sharex=True, sharey=True, squeeze=False, layout="constrained"
+            high, wide, figsize=(7.2, 0.9 + 2.2 * high), sharex=True, sharey=share, squeeze=False, layout="constrained"
         )
         axes = list(axes.flat)
         for ax, (title, panel) in zip(axes, panels.items()):
+            ax.set(title=title, xscale=xscale or scale, yscale=scale)
             draw(ax, panel)
-            ax.set(title=title, xscale=scale, yscale=scale)
             ax.tick_params(labelbottom=True)
         for ax in axes[len(panels) :]:
             ax.remove()
@@ -109,17 +112,123 @@ def beside():
     _write("published-2d-beside.svg", files, panels, draw, "their stress 6π σ'", "their viscosity η'", scale="log")
 
 
+def of_lattices():
+    """Drag and viscosities of cubic lattices, and the far field alone."""
+    points = pd.read_csv(RESULTS / lattices.FILE)
+    # Nearer to contact a simple cubic lattice hides all others.
+    points = points[(points["lattice"] != "SC") | (points["volume_fraction"] < 0.5)]
+
+    def draw(ax, quantity):
+        for (name, lattice), colour, marker in zip(points.groupby("lattice", sort=False), COLOURS[1:], MARKERS):
+            style = {"color": colour, "linewidth": 1, "markersize": 4}
+            ax.plot(lattice["volume_fraction"], lattice[quantity], marker=marker, label=name, **style)
+            ax.plot(lattice["volume_fraction"], lattice[f"{quantity}_far_field"], linestyle=":", label="far field alone", **style | {"color": "grey"})
+        if quantity == "drag":
+            exact = points.dropna(subset=["drag_exact"])
+            style = {"color": COLOURS[0], "marker": "+", "linestyle": "", "label": "SC, Zick & Homsy"}
+            ax.plot(exact["volume_fraction"], exact["drag_exact"], **style)
+
+    panels = {
+        "drag over 6π μ a U": "drag",
+        "η, strain along the axes": "viscosity_along_axes",
+        "η, strain across them": "viscosity_across_axes",
+    }
+    _write("lattices.svg", [lattices.FILE], panels, draw, "volume fraction φ", "", "log", "linear")
+
+
+def plateaus():
+    """Viscosity against volume fraction, a panel for each friction; what is fitted to springs as lines, where that jams dashed, and where
+    published fits do dotted."""
+    points, fits = (pd.read_csv(RESULTS / file) for file in [jamming.PLATEAUS, jamming.FITS])
+    lines = {
+        "lubrication, k = 1e4": "hydrodynamics == 'lubrication' and stiffness == 1e4",
+        "lubrication, k = 1e5": "hydrodynamics == 'lubrication' and stiffness == 1e5",
+        "Ball-Melrose, rigid": "hydrodynamics == 'ball-melrose'",
+        "full, rigid": "hydrodynamics == 'stokesian-dynamics'",
+    }
+
+    def draw(ax, friction):
+        for (label, wanted), colour, marker in zip(lines.items(), COLOURS[1:], MARKERS):
+            shown, fit = (table.query(f"friction == {friction} and {wanted}") for table in [points, fits])
+            style = {"color": colour, "marker": marker, "markersize": 4, "linestyle": "", "capsize": 2, "label": label}
+            ax.errorbar(shown["volume_fraction"], shown["viscosity"], shown["viscosity_ci95"], **style)
+            for _, row in fit.iterrows():
+                phi = np.linspace(shown["volume_fraction"].min(), shown["volume_fraction"].max(), 60)
+                ax.plot(phi, jamming.viscosity(phi, row["alpha"], row["phi_j"]), color=colour, linewidth=0.8)
+                ax.axvline(row["phi_j"], color=colour, linewidth=0.8, linestyle="--")
+        if friction in jamming.PUBLISHED:
+            ax.axvline(jamming.PUBLISHED[friction], color=COLOURS[0], linewidth=1, linestyle=":", label="φ_J of Mari et al.")
+
+    panels = {f"ν = {friction:g}": friction for friction in sorted(points["friction"].unique())}
+    files = [jamming.PLATEAUS, jamming.FITS]
+    _write("suspension-plateaus.svg", files, panels, draw, "volume fraction φ", "relative viscosity η", "log", "linear")
+
+
+def _network(name, along, x, groups):
+    """The viscosity over its lowest value beside the growth of the largest frictional cluster, a row of panels for each group of points."""
+    file = f"{name}-network.csv"
+    points = pd.read_csv(RESULTS / file).dropna(subset=["viscosity", "largest_cluster"])
+    fractions = sorted(points["area_fraction"].unique())
+    colours = dict(zip(fractions, plt.colormaps["viridis"](np.linspace(0, 0.9, len(fractions)))))
+    # The plateaus of rates 0 and infinity stand beside the others.
+    finite = points[along][(points[along] > 0) & np.isfinite(points[along])]
+    ends = {0.0: finite.min() / 10, math.inf: finite.max() * 10}
+    words_of_ends = dict(zip(ends.values(), ["0", "∞"]))
+    points["place"] = points[along].replace(ends)
+
+    def draw(ax, panel):
+        wanted, is_rise = panel
+        for c, curve in points.query(wanted).groupby("area_fraction"):
+            curve = curve.sort_values("place")
+            height = curve["viscosity"] / curve["viscosity"].iloc[0] if is_rise else curve["largest_cluster"]
+            ax.plot(curve["place"], height, color=colours[c], marker="o", markersize=3, linewidth=1, label=f"c = {c:g}")
+        if is_rise:
+            ax.set_yscale("log")
+        if not set(points[along]).isdisjoint(ends):
+            places = sorted(points["place"].unique())
+            ax.set_xticks(places, [words_of_ends.get(at, f"{at:g}") for at in places])
+            ax.xaxis.minorticks_off()
+
+    words = {"η over its lowest": True, "share in the largest cluster": False}
+    panels = {f"{title}{word}": (wanted, is_rise) for title, wanted in groups.items() for word, is_rise in words.items()}
+    _write(f"{name}-network.svg", [file], panels, draw, x, "", "linear", "log", "col", 2)
+
+
+def network_of_flow_curve():
+    """Against the imposed stress, for both laws that stick."""
+    laws = {"springs, ": "contact == 'linear-spring'", "rigid, ": "contact == 'rigid'"}
+    _network("flow-curve", "shear_stress", "shear stress σ* (F_crit/a²)", laws)
+
+
+def network_of_figure_14():
+    """Against the rate, for every area fraction that has a transition."""
+    _network("figure-14", "shear_rate", "shear rate Γ", {"": "area_fraction > 0.5"})
+
+
 FIGURES = {
     "cause-of-thickening.svg": (thickening, [EFFECTS]),
     "published-2d-beside.svg": (beside, ["published-2d.csv", "published-2d.reference.csv"]),
+    "lattices.svg": (of_lattices, [lattices.FILE]),
+    "suspension-plateaus.svg": (plateaus, [jamming.PLATEAUS, jamming.FITS]),
+    "flow-curve-network.svg": (network_of_flow_curve, ["flow-curve-network.csv"]),
+    "figure-14-network.svg": (network_of_figure_14, ["figure-14-network.csv"]),
 }
 
 
+def _made():
+    """The figures of files that were made, with these files."""
+    return {name: found for name, found in FIGURES.items() if all((RESULTS / file).exists() for file in found[1])}
+
+
 def make():
-    for draw, _ in FIGURES.values():
+    for draw, _ in _made().values():
         draw()
 
 
 def outdated():
     """Figures that show other numbers than the files have now."""
-    return [name for name, (_, files) in FIGURES.items() if digest(files) not in (RESULTS / name).read_text(encoding="utf-8")]
+
+    def shows(name, files):
+        return (RESULTS / name).exists() and digest(files) in (RESULTS / name).read_text(encoding="utf-8")
+
+    return [name for name, (_, files) in _made().items() if not shows(name, files)]

@@ -12,10 +12,15 @@ from .units import PublishedUnits
 
 # Share by which a value may differ from the one that has a label.
 NEAR = 0.15
-COUNTS = ["seeds", "jammed", "failed", "doubtful", "jammed_stages", "spheres", "starts"]
+COUNTS = ["seeds", "jammed", "failed", "doubtful", "jammed_stages", "spheres", "starts", "points"]
+# Numbers of others in our files, which keep the digits that they gave.
+OF_OTHERS = ["drag_exact", "phi_j_published"]
+# Ending of what is shown with one standard error.
+OF_ERROR = "_se"
 # What columns are called; axes by their symbols.
 SYMBOLS = {
     "area_fraction": "c",
+    "volume_fraction": "φ",
     "friction": "ν",
     "shear_rate": "Γ",
     "shear_stress": "σ*",
@@ -27,7 +32,6 @@ SYMBOLS = {
     "repulsion_length": "l",
     "lubrication_regularisation": "δ",
     "viscosity": "η",
-    "viscosity_se": "η ± one standard error",
     "published_viscosity": "η'",
     "viscosity_median": "median η",
     "viscosity_stresslet": "η_S",
@@ -39,6 +43,18 @@ SYMBOLS = {
     "mean_approach_velocity": "approach velocity",
     "unconverged_fraction": "unconverged",
     "overlap": "largest overlap",
+    "n1": "N1",
+    "n2": "N2",
+    "phi_j": "φ_J",
+    "phi_j_published": "φ_J, published",
+    "alpha": "α",
+    "drag_far_field": "far field alone",
+    "drag_exact": "Zick & Homsy",
+    "viscosity_along_axes": "η, strain along the axes",
+    "viscosity_along_axes_far_field": "far field alone",
+    "viscosity_across_axes": "η, strain across them",
+    "viscosity_across_axes_far_field": "far field alone",
+    "slope_exact": "exact",
     "published_stress": "6π σ'",
     "rise": "ln(η above / η below)",
 }
@@ -46,6 +62,8 @@ SYMBOLS = {
 
 def symbol(column):
     """What a column is called."""
+    if column.endswith(OF_ERROR):
+        return f"{symbol(column.removesuffix(OF_ERROR))} ± one standard error"
     return SYMBOLS.get(column, column.replace("_", " "))
 
 
@@ -98,25 +116,25 @@ class Shown:
 
     def columns(self):
         """The columns that the file must have."""
-        stand_ins = {"viscosity_se": "viscosity", "published_viscosity": "area_fraction"}
-        return [stand_ins.get(self.quantity, self.quantity)] + ([self.beside] if self.beside else [])
+        column = "area_fraction" if self.quantity == "published_viscosity" else self.quantity.removesuffix(OF_ERROR)
+        return [column] + ([self.beside] if self.beside else [])
 
     def value(self, row):
         """The number, and half its interval."""
-        viscosity, half = number(row, "viscosity"), number(row, "viscosity_ci95")
-        if self.quantity not in row:
-            if self.quantity == "viscosity_se":
-                return viscosity, half / student.ppf(0.975, number(row, "seeds") - 1)
-            if self.quantity == "published_viscosity":
-                units = PublishedUnits(*(number(row, name) for name in ["area_fraction", "size_ratio", "large_fraction"]))
-                return units.viscosity(viscosity), units.difference(half)
+        if self.quantity.endswith(OF_ERROR):
+            column = self.quantity.removesuffix(OF_ERROR)
+            return number(row, column), number(row, f"{column}_ci95") / student.ppf(0.975, number(row, "seeds") - 1)
+        if self.quantity == "published_viscosity" and self.quantity not in row:
+            units = PublishedUnits(*(number(row, name) for name in ["area_fraction", "size_ratio", "large_fraction"]))
+            return units.viscosity(number(row, "viscosity")), units.difference(number(row, "viscosity_ci95"))
         scale = 100 if self.percent else 1
         return scale * number(row, self.quantity), scale * number(row, f"{self.quantity}_ci95")
 
     def as_written(self, row):
         """A number of others with its digits."""
-        name, error = ("viscosity", row.get("viscosity_se")) if self.quantity == "viscosity_se" else (self.quantity, "")
-        return f"{row[name]} ± {error}" if error else row[name]
+        column = self.quantity.removesuffix(OF_ERROR)
+        error = row.get(self.quantity) if self.quantity.endswith(OF_ERROR) else ""
+        return f"{row[column]} ± {error}" if error else row[column]
 
     def cell(self, row):
         value, half = self.value(row)
@@ -124,7 +142,7 @@ class Shown:
             text = "–"
         elif not math.isnan(half):
             text = interval(value, half)
-        elif self.quantity in COUNTS:
+        elif self.quantity in COUNTS + OF_OTHERS:
             text = plain(value)
         else:
             text = significant(value, 3 if self.percent else 4)

@@ -9,8 +9,13 @@ import re
 from .campaigns import CAMPAIGNS
 from .place import RESULTS, Wrong, physics_of_the_program
 
-_TIME = re.compile(r"^computed in (.*?) of processor time", re.MULTILINE)
+_TIME = re.compile(r"^computed in (.*?) of (?:processor|CPU) time", re.MULTILINE)
 _MADE_BY = re.compile(r"\(physics (\d+), build ([0-9a-f]+)\)")
+
+
+def is_made(name):
+    """Whether a campaign has its report."""
+    return (RESULTS / f"{name}.txt").exists()
 
 
 class Report:
@@ -36,7 +41,7 @@ def table_of_campaigns():
     present = physics_of_the_program()
     lines = [["campaign", "made by", "processor time", "physics", "build"]]
     for name in CAMPAIGNS:
-        if (RESULTS / f"{name}.txt").exists():
+        if is_made(name):
             report = Report(name)
             lines.append([name, f"`scripts/published {name}`", report.time, *report.cells(present)])
     return lines

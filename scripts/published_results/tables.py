@@ -7,7 +7,7 @@ A table of results/published/README.md stands between two comments, of which the
 
 - `rows`: columns of the file that name a row; `columns`: the one whose values stand side by side, if there is one.
 - `cells`: what is shown, with half its 95 % interval if the file has one. `NAME (OTHER)` puts the other number into brackets, `NAME %` is
-  a share in per cent. Besides the columns of the file there are `viscosity_se` (± one standard error in place of the interval) and
+  a share in per cent. Besides the columns of the file there are `NAME_se` (± one standard error in place of the interval) and
   `published_viscosity` (in the units of published soft-sphere simulations, as `sweep convert` has it).
 - `where`: only rows with these values, `friction=0.3|1`.
 - `change`: `inf over 0` adds how much more, in per cent, each of `cells` is at one value of `columns` than at another.
@@ -15,11 +15,12 @@ A table of results/published/README.md stands between two comments, of which the
   then calls them by another name.
 
 Numbers of others stand in NAME.reference.csv, and keep the digits that they gave. Instead of a CSV file a table can be pairs of spheres
-as `sweep pair` tells of them (`<!-- table: figure-08-a.txt, figure-08-b.txt -->`), or the list of the campaigns, with what each took and
-what made it, as NAME.txt has them (`<!-- table: campaigns -->`).
+as `sweep pair` tells of them (`<!-- table: figure-08-a.txt, figure-08-b.txt -->`), fits side by side as `sweep fit` gives them
+(`<!-- table: flow-curve-rigid-fit.json -->`), or the list of the campaigns, with what each took and what made it, as NAME.txt has them
+(`<!-- table: campaigns -->`). A table of files that were not made yet is left out.
 """
 
-from . import passing, reports
+from . import fits, passing, reports
 from .pivot import Pivot
 from .place import RESULTS, Wrong
 
@@ -35,12 +36,18 @@ def markdown(lines):
 
 
 def _lines(parts, folder):
-    files = parts[0].split(", ")
+    """The lines of a table; None where a file of it was not made yet."""
     if parts[0] == "campaigns":
         return reports.table_of_campaigns()
-    if files[0].endswith(".txt"):
-        return passing.table(folder, files)
-    return Pivot.parse(parts[1:]).table(folder / f"{parts[0]}.csv")
+    files = parts[0].split(", ")
+    pivot = None
+    if not files[0].endswith((".txt", ".json")):
+        pivot, files = Pivot.parse(parts[1:]), [f"{parts[0]}.csv"]
+    if not all((folder / file).exists() for file in files):
+        return None
+    if pivot:
+        return pivot.table(folder / files[0])
+    return (passing if files[0].endswith(".txt") else fits).table(folder, files)
 
 
 def with_tables(page, folder=RESULTS):
@@ -54,7 +61,7 @@ def with_tables(page, folder=RESULTS):
             table = _lines(line.removeprefix(BEGIN).removesuffix("-->").strip().split(" | "), folder)
         except Wrong as error:
             raise Wrong(f"{line}\n{error}") from error
-        made += [markdown(table), END]
+        made += [markdown(table), END] if table else [END]
         if END not in lines:
             raise Wrong(f"{line}\nhas no {END}")
     return "\n".join(made) + "\n"

@@ -1,3 +1,5 @@
+import json
+
 import pytest
 
 from published_results.place import Wrong
@@ -44,6 +46,21 @@ def test_rows_and_columns_are_those_asked_for(made):
 def test_one_standard_error_is_that_of_students_interval(made):
     # 0.25 over 2.365, for 8 runs.
     assert made("rows: friction, shear_rate | cells: viscosity_se | where: seeds=8")[2] == "| 0.1 | 0 | 7.00 ± 0.11 |"
+
+
+def test_a_table_of_files_that_are_not_there_is_left_out(tmp_path):
+    page = f"{BEGIN}other | rows: friction | cells: viscosity -->\n| a |\n{END}\n{BEGIN}a-fit.json, b-fit.json -->\n{END}\n"
+    assert with_tables(page, tmp_path) == page.replace("| a |\n", "")
+
+
+def test_fits_stand_side_by_side(tmp_path):
+    names = ["c_0", "c_m", "sigma_c", "beta", "prefactor"]
+    for file, low, high in [("a", None, None), ("b", 0.5, "inf")]:
+        parameters = {name: {"value": 0.8, "low": low, "high": high} for name in names}
+        (tmp_path / f"{file}-fit.json").write_text(json.dumps({"parameters": parameters, "points": [1, 2], "rms": 0.1}))
+    lines = with_tables(f"{BEGIN}a-fit.json, b-fit.json -->\n{END}\n", tmp_path).splitlines()
+    assert lines[1:4] == ["|  | a | b |", "| --- | --- | --- |", "| c_0 | 0.8000 | 0.8000 (0.5000 to inf) |"]
+    assert lines[-3:-1] == ["| points | 2 | 2 |", "| root mean square of ln(η/fit) | 0.10 | 0.10 |"]
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     if let Some(path) = &arguments.csv {
         let heads = [
-            "area_fraction",
+            report.fraction()[0],
             "shear_stress",
             "viscosity",
             "fitted",
@@ -84,7 +84,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     lines.push(crate::report::whole(table));
     let mut table = crate::report::table(output.width);
-    table.set_header(["c", "σ*", "viscosity", "fit", "ln ratio"]);
+    table.set_header([report.fraction()[1], "σ*", "viscosity", "fit", "ln ratio"]);
     for [fraction, stress, viscosity, fitted, residual] in report.rows() {
         table.add_row([
             short(fraction, 6),

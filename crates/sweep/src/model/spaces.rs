@@ -55,6 +55,18 @@ pub(crate) fn dilute_viscosity(params: &Params) -> (f64, &'static str) {
     }
 }
 
+/// Radii of the spheres and side of the cell, in a: what is known without packing.
+///
+/// # Errors
+/// [`Error::CellTooSmall`].
+pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
+    if params.volume_fraction.is_some() {
+        Bulk::radii_and_side(params)
+    } else {
+        Layer::radii_and_side(params)
+    }
+}
+
 /// Makes the start of a seed, and drops it.
 ///
 /// # Errors

@@ -27,7 +27,7 @@ mod sketch;
 mod svg;
 
 pub(crate) use chart::chart;
-pub(crate) use graph::{FitCurve, draw_fit};
+pub(super) use graph::{FitCurve, draw_fit, draw_graphs_of};
 pub use graph::{Graph, draw_graphs};
 pub(super) use layout::{Key, Mark, Picture};
 use look::axis_among;

@@ -1,7 +1,7 @@
 //! The model of Wyart and Cates fitted to a campaign.
 
 use super::error::ReportError;
-use super::figure::{FitCurve, Format, draw_fit};
+use super::figure::{FitCurve, Format, Origin, draw_fit};
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::axes::{AXES, Tag, Value, identity};
@@ -23,6 +23,8 @@ const DRAWN: usize = 120;
 #[derive(Debug)]
 pub struct FitReport {
     campaign: String,
+    /// Where its figure says it comes from.
+    origin: Origin,
     data: Vec<Datum>,
     /// Of each point.
     params: Vec<Params>,
@@ -70,6 +72,7 @@ impl FitReport {
             refused("no parameters of the model describe these points: a viscosity that falls with the stress has none".into())
         })?;
         Ok(Self {
+            origin: Origin::of(std::slice::from_ref(&report)),
             campaign: report.campaign,
             data,
             params,
@@ -89,11 +92,18 @@ impl FitReport {
         (squares / self.fit.residuals.len() as f64).sqrt()
     }
 
+    /// Key and symbol of the fractions: of area, or of volume.
+    pub fn fraction(&self) -> [&'static str; 2] {
+        let key = self.params.first().map_or("area_fraction", fraction_key);
+        [key, if key == "volume_fraction" { "φ" } else { "c" }]
+    }
+
     /// Name of the campaign, points, runs, replicates.
     pub fn summary(&self) -> String {
         format!(
-            "{}: η = A (1 − c/c_J)⁻², c_J = f c_m + (1 − f) c_0, f = exp(−(σ_c/σ)^β), to {} points of {} runs",
+            "{}: η = A (1 − {}/c_J)⁻², c_J = f c_m + (1 − f) c_0, f = exp(−(σ_c/σ)^β), to {} points of {} runs",
             self.campaign,
+            self.fraction()[1],
             self.data.len(),
             self.data
                 .iter()
@@ -102,7 +112,7 @@ impl FitReport {
         )
     }
 
-    /// Fraction, stress, viscosity, that of the fit, and the residual of every point.
+    /// Fraction, of area or of volume, stress, viscosity, that of the fit, and the residual of every point.
     pub fn rows(&self) -> impl Iterator<Item = [f64; 5]> {
         self.data
             .iter()
@@ -163,7 +173,7 @@ impl FitReport {
             data.sort_by(|a, b| a[0].total_cmp(&b[0]));
             let drawn = (0..=DRAWN).map(|k| (low + (high - low) * k as f64 / DRAWN as f64).exp());
             FitCurve {
-                label: format!("c = {fraction}"),
+                label: format!("{} = {fraction}", self.fraction()[1]),
                 number: fraction,
                 data,
                 fit: drawn
@@ -175,6 +185,7 @@ impl FitReport {
             &curves.collect::<Vec<_>>(),
             ["shear stress σ* (F_crit/a²)", "relative viscosity η"],
             format,
+            &self.origin,
         )
     }
 }

@@ -5,7 +5,7 @@ mod data;
 use super::axis_words::{AxisWords, all_named};
 use super::curves::{Shared, labels};
 use super::error::ReportError;
-use super::figure::{Colour, Format, Key, Mark, Origin, Picture, draw_graphs, draw_picture};
+use super::figure::{Colour, Format, Key, Mark, Origin, Picture, draw_graphs_of, draw_picture};
 use super::points::Report;
 use super::selection::Selection;
 use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
@@ -223,7 +223,8 @@ impl StructureReport {
             axes = names;
             graphs.push((label.words.as_str(), places));
         }
-        draw_graphs(&graphs, axes, format)
+        let origin = Origin::of(std::slice::from_ref(&self.report));
+        draw_graphs_of(&graphs, axes, format, &origin)
     }
 
     /// Draws g(r, θ) of the only point around a sphere, which it shows twice: a pair has two opposite angles.

@@ -3,9 +3,10 @@
 //! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error, and a table read
 //! back is bit for bit the one that was solved.
 
+use crate::spaces::radii_and_side;
 use crate::system::files::{cache_folder, read_whole};
 use sd_core::two_sphere::{NEAR_FIELD_VERSION, NearField};
-use sd_core::{Error, NearFields, Params, start};
+use sd_core::{Error, NearFields, Params};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -28,7 +29,7 @@ pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, 
         if !seen.insert(kind) {
             continue;
         }
-        for ratio in NearFields::ratios(&start::radii_and_side(p)?.0) {
+        for ratio in NearFields::ratios(&radii_and_side(p)?.0) {
             // Up to rounding, as the solver looks for them.
             if !all
                 .iter()
@@ -97,6 +98,31 @@ fn write(place: &Path, table: &NearField) -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sd_core::Hydrodynamics;
+
+    #[test]
+    fn two_sizes_need_their_ratio_in_layers_and_suspensions() {
+        let layer = Params {
+            size_ratio: 1.4,
+            large_fraction: 0.25,
+            spheres: 200,
+            area_fraction: 0.5,
+            hydrodynamics: Hydrodynamics::BallMelrose,
+            ..Params::UNWRITTEN
+        };
+        let suspension = Params {
+            area_fraction: 0.0,
+            volume_fraction: Some(0.4),
+            ..layer.clone()
+        };
+        for params in [layer, suspension] {
+            let found = ratios(std::iter::once(&params)).unwrap();
+            assert!(
+                matches!(found[..], [ratio] if (ratio - 1.4).abs() < 1e-12),
+                "{found:?}"
+            );
+        }
+    }
 
     #[test]
     fn table_read_back_is_the_one_solved() {

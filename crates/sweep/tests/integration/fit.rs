@@ -75,8 +75,52 @@ fn parameters_have_intervals_and_residuals_are_those_of_the_points() {
     );
     let figure = std::fs::read_to_string(at.join("f.svg")).unwrap();
     assert_eq!(figure.matches("c = 0.").count(), 3);
+    assert!(figure.contains("<title>fit</title>"), "{figure}");
+    assert!(figure.contains("campaign fit"), "{figure}");
     let rows = std::fs::read_to_string(at.join("r.csv")).unwrap();
     assert_eq!(rows.lines().count(), 16);
+}
+
+#[test]
+fn suspensions_are_fitted_by_their_volume_fraction() {
+    let computed = Computed::new(
+        r#"name = "bulk"
+[protocol]
+time_step = 0.02
+strain = 0.3
+discard = 0.1
+[[grid]]
+volume_fraction = [0.35, 0.45, 0.5]
+friction = 1.0
+roughness = 0.01
+shear_rate = [0, 1, inf]
+seeds = 1
+spheres = 64
+hydrodynamics = "lubrication"
+tangential = "coulomb"
+"#,
+        &[],
+    );
+    let folder = computed.folder();
+    let at = folder.path();
+    let fit = json(at, &["fit", "s.sqlite"]);
+    assert_eq!(fit["points"][0]["volume_fraction"], 0.35);
+    let [c_0, c_m] = ["c_0", "c_m"].map(|name| fit["parameters"][name]["value"].as_f64().unwrap());
+    assert!(0.5 < c_m && c_m < c_0 && c_0 < 0.7, "{c_0} {c_m}");
+    // One run a point has no intervals.
+    assert!(fit["parameters"]["c_0"]["low"].is_null());
+    let text = sweep(at, &["fit", "s.sqlite"]);
+    assert!(
+        text.contains("A (1 − φ/c_J)") && text.contains(" φ "),
+        "{text}"
+    );
+    sweep(
+        at,
+        &["fit", "s.sqlite", "--figure", "f.svg", "--csv", "r.csv"],
+    );
+    let read = |file: &str| std::fs::read_to_string(at.join(file)).unwrap();
+    assert_eq!(read("f.svg").matches("φ = 0.").count(), 3);
+    assert!(read("r.csv").starts_with("volume_fraction,"));
 }
 
 #[test]

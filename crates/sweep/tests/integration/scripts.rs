@@ -91,12 +91,15 @@ fn the_python_package_is_compiled_as_the_program_is() {
 }
 
 #[test]
-fn every_campaign_has_its_published_results() {
+fn every_campaign_can_be_read_and_has_its_published_results() {
     let sweeps = scripts().join("../sweeps");
     let published =
         std::fs::read_to_string(scripts().join("published_results/campaigns.py")).unwrap();
     for entry in std::fs::read_dir(sweeps).unwrap() {
-        let name = entry.unwrap().file_name().into_string().unwrap();
+        let entry = entry.unwrap();
+        let read = sweep::campaign::Campaign::read(&entry.path());
+        assert!(read.is_ok(), "{:?}", read.err());
+        let name = entry.file_name().into_string().unwrap();
         let name = name.strip_suffix(".toml").unwrap_or_default();
         assert!(published.contains(&format!("\"{name}\"")), "{name}");
     }

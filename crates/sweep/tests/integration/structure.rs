@@ -139,6 +139,7 @@ fn tables_files_and_figures_have_the_same_numbers() {
             &["structure", "s.sqlite", "--figure", "f.svg", "--kind", kind],
         );
         assert_eq!(read("f.svg").matches("Γ = ").count(), 2, "{kind}");
+        assert!(read("f.svg").contains("<title>structure</title>"), "{kind}");
     }
     let map = [
         "structure",

@@ -12,14 +12,25 @@ use crate::report::error::ReportError;
 /// A path: its entry in the legend and its places.
 pub type Graph<'a> = (&'a str, Vec<[f64; 2]>);
 
-/// Draws paths between axes of these names.
+/// Draws paths of no campaign between axes of these names, with this title in the metadata of the file.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw.
 pub fn draw_graphs(
     graphs: &[Graph<'_>],
+    axes: [&str; 2],
+    format: Format,
+    title: &str,
+) -> Result<Vec<u8>, ReportError> {
+    draw_graphs_of(graphs, axes, format, &Origin::of_lines(title, &[]))
+}
+
+/// The same of a campaign.
+pub(in crate::report) fn draw_graphs_of(
+    graphs: &[Graph<'_>],
     [x, y]: [&str; 2],
     format: Format,
+    origin: &Origin,
 ) -> Result<Vec<u8>, ReportError> {
     let spot = |&[x, y]: &[f64; 2]| Spot {
         x,
@@ -44,26 +55,27 @@ pub fn draw_graphs(
     let look = Look::default();
     let outline = Outline::of(&sketch, &look)?;
     let page = layout::page(&outline);
-    file(&page, look.style.dpi, format, &Origin::of(&[]))
+    file(&page, look.style.dpi, format, origin)
 }
 
 /// Data and what was fitted to them: its entry in the legend, the number that it is ordered by, and the places of both.
 #[derive(Debug)]
-pub(crate) struct FitCurve {
-    pub(crate) label: String,
-    pub(crate) number: f64,
-    pub(crate) data: Vec<[f64; 2]>,
-    pub(crate) fit: Vec<[f64; 2]>,
+pub(in crate::report) struct FitCurve {
+    pub(in crate::report) label: String,
+    pub(in crate::report) number: f64,
+    pub(in crate::report) data: Vec<[f64; 2]>,
+    pub(in crate::report) fit: Vec<[f64; 2]>,
 }
 
 /// Draws data as markers and fits as lines against a logarithmic axis, whose ends may be 0 and infinity.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there are more curves than can be told apart.
-pub(crate) fn draw_fit(
+pub(in crate::report) fn draw_fit(
     curves: &[FitCurve],
     [x, y]: [&str; 2],
     format: Format,
+    origin: &Origin,
 ) -> Result<Vec<u8>, ReportError> {
     if curves.len() > ORDERED_CURVES {
         return Err(refused(format!(
@@ -114,5 +126,5 @@ pub(crate) fn draw_fit(
     let look = Look::default();
     let outline = Outline::of(&sketch, &look)?;
     let page = layout::page(&outline);
-    file(&page, look.style.dpi, format, &Origin::of(&[]))
+    file(&page, look.style.dpi, format, origin)
 }

@@ -32,11 +32,7 @@ impl Origin {
             let keys = report.keys.iter().map(|key| key.get(..KEY).unwrap_or(key));
             lines.push(format!("keys {}", keys.collect::<Vec<_>>().join(" ")));
         }
-        let title = match names.as_slice() {
-            [] => "two spheres that pass".into(),
-            names => names.join(", "),
-        };
-        Self::of_lines(&title, &lines)
+        Self::of_lines(&names.join(", "), &lines)
     }
 
     /// What is drawn here, with a title and these lines.

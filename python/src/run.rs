@@ -1,0 +1,679 @@
+//! A layer or a suspension under shear, step by step.
+
+use crate::arrays::{Records, need_numpy, of_numbers, of_rows};
+use crate::campaign::one_case;
+use crate::errors::{SimulationError, raise};
+use crate::instant::{Arrays, tables_of};
+use crate::values;
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyBytes, PyDict, PyString};
+use sd_core::simulation::{Flow, Frame};
+use sd_core::start::Started;
+use sd_core::{Bulk, Error, NearFields, Params, Sample, Simulation, Snapshot};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+use sweep::axes::AXES;
+use sweep::data::is_of_network;
+use sweep::report::sample_fields;
+use sweep::spaces::{AnySnapshot, InSpace};
+use sweep::store::Checkpoint;
+use toml::Table;
+
+/// What `Layer` and `Suspension` have in common: rough spheres under shear, step by step.
+///
+/// All it shows belongs to the strain it has reached. Units: mean radius a, viscosity mu and shear rate are 1. A run may be used by
+/// several threads: each step is done by one of them, while the others compute on.
+#[pyclass(frozen, subclass, module = "sheared_layers")]
+pub(crate) struct Run {
+    params: Params,
+    /// What the dictionary it was made of says besides.
+    besides: Table,
+    seed: Option<u64>,
+    tables: NearFields,
+    inner: Mutex<Box<dyn Steps>>,
+    /// Steps done as of the arrays below.
+    steps: AtomicU64,
+    /// Seconds the steps took, as bits.
+    computing_time_s: AtomicU64,
+    centres: Py<PyArray1<f64>>,
+    angles: Py<PyArray1<f64>>,
+    /// What users see of these: the same memory, read only.
+    positions: Py<PyAny>,
+    orientations: Py<PyAny>,
+}
+
+/// A layer of rough spheres under shear.
+///
+/// Parameters
+/// ----------
+/// params : dict
+///     What a `[[grid]]` of a campaign file has, one value each: `area_fraction`, `roughness`, `friction`, `shear_rate`, `spheres`,
+///     `hydrodynamics`, `contact`, `time_step`, ...
+/// seed : int
+///     Seed of the start layer. The same parameters and seed give the same bits as a run of a campaign.
+#[pyclass(frozen, extends = Run, module = "sheared_layers")]
+pub(crate) struct Layer;
+
+/// A suspension of rough spheres under shear: flow along x, its gradient along y, in a cubic cell.
+///
+/// Parameters
+/// ----------
+/// params : dict
+///     As of a `Layer`, with `volume_fraction` in place of `area_fraction`.
+/// seed : int
+///     Seed of the start. The same parameters and seed give the same bits as a run of a campaign.
+#[pyclass(frozen, extends = Run, module = "sheared_layers")]
+pub(crate) struct Suspension;
+
+/// What a run is made of again.
+type Made<'py> = (Bound<'py, PyDict>, Bound<'py, PyBytes>);
+
+/// A run in either space.
+trait Steps: Send {
+    /// Does a step.
+    fn step(&mut self) -> Result<Sample, Error>;
+
+    /// What the next step measures.
+    fn sample(&mut self, params: &Params, tables: &NearFields) -> Result<Sample, Error>;
+
+    /// The pairs in contact, as records of [`Steps::fields`].
+    fn contacts(&mut self, params: &Params, tables: &NearFields) -> Result<Records, Error>;
+
+    /// Stresslets, one after the other.
+    fn stresslets(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<f64>, Error>;
+
+    fn place(&self) -> Place;
+    fn side(&self) -> f64;
+    fn radii(&self) -> &[f64];
+    fn flow(&self) -> Flow;
+    fn snapshot(&self) -> AnySnapshot;
+
+    /// Numbers of a centre, an orientation, a stresslet and a tangential force.
+    fn widths(&self) -> [usize; 4];
+}
+
+/// A space in which runs are stepped.
+trait Stepped: Started + Arrays {
+    /// The numbers of an orientation.
+    fn angles(orientation: &Self::Orientation) -> &[f64];
+
+    /// A snapshot of either space.
+    fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot;
+
+    /// The snapshot, if it is of this space.
+    fn unwrapped(snapshot: AnySnapshot) -> Result<Snapshot<Self>, &'static str>;
+}
+
+impl Stepped for sd_core::Layer {
+    fn angles(orientation: &f64) -> &[f64] {
+        std::slice::from_ref(orientation)
+    }
+
+    fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot {
+        InSpace::Layer(snapshot)
+    }
+
+    fn unwrapped(snapshot: AnySnapshot) -> Result<Snapshot<Self>, &'static str> {
+        match snapshot {
+            InSpace::Layer(snapshot) => Ok(snapshot),
+            InSpace::Suspension(_) => Err("snapshot: of a suspension, and this is a layer"),
+        }
+    }
+}
+
+impl Stepped for Bulk {
+    fn angles(orientation: &[f64; 4]) -> &[f64] {
+        orientation
+    }
+
+    fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot {
+        InSpace::Suspension(snapshot)
+    }
+
+    fn unwrapped(snapshot: AnySnapshot) -> Result<Snapshot<Self>, &'static str> {
+        match snapshot {
+            InSpace::Suspension(snapshot) => Ok(snapshot),
+            InSpace::Layer(_) => Err("snapshot: of a layer, and this is a suspension"),
+        }
+    }
+}
+
+/// A run of one space.
+struct RunIn<S: Stepped> {
+    run: Simulation<S>,
+    /// The next step, done on a copy by whoever wanted to know what it measures.
+    ahead: Option<Box<Ahead<S>>>,
+}
+
+/// A step done in advance.
+struct Ahead<S: Stepped> {
+    run: Simulation<S>,
+    sample: Sample,
+    frame: Frame<S>,
+}
+
+/// Where the spheres are after so many steps.
+struct Place {
+    steps: u64,
+    centres: Vec<f64>,
+    angles: Vec<f64>,
+}
+
+impl<S: Stepped> RunIn<S> {
+    /// What the next step measures.
+    fn look(&mut self, params: &Params, tables: &NearFields) -> Result<&Ahead<S>, Error> {
+        let ahead = if let Some(ahead) = self.ahead.take() {
+            ahead
+        } else {
+            // A run restored from a snapshot goes on with the same bits.
+            let mut run = Simulation::from_snapshot(params, self.run.snapshot(), tables)?;
+            let (sample, frame) = run.step_with_frame()?;
+            Box::new(Ahead { run, sample, frame })
+        };
+        Ok(self.ahead.insert(ahead))
+    }
+}
+
+impl<S: Stepped> Steps for RunIn<S>
+where
+    Simulation<S>: Send,
+    Frame<S>: Send,
+{
+    fn step(&mut self) -> Result<Sample, Error> {
+        match self.ahead.take() {
+            Some(ahead) => {
+                self.run = ahead.run;
+                Ok(ahead.sample)
+            }
+            None => self.run.step(),
+        }
+    }
+
+    fn sample(&mut self, params: &Params, tables: &NearFields) -> Result<Sample, Error> {
+        Ok(self.look(params, tables)?.sample)
+    }
+
+    fn contacts(&mut self, params: &Params, tables: &NearFields) -> Result<Records, Error> {
+        let mut records = Records::default();
+        for contact in &self.look(params, tables)?.frame.contacts {
+            records.sphere(contact.i);
+            records.sphere(contact.j);
+            let across = S::across(&contact.tangential_force);
+            let numbers = contact.normal.as_ref().iter().copied();
+            for number in numbers
+                .chain([contact.gap, contact.normal_force])
+                .chain(across)
+            {
+                records.number(number);
+            }
+            records.state(contact.state);
+        }
+        Ok(records)
+    }
+
+    fn stresslets(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<f64>, Error> {
+        let stresslets = self.look(params, tables)?.frame.stresslets.iter();
+        Ok(stresslets.flat_map(|s| s.as_ref().to_vec()).collect())
+    }
+
+    fn place(&self) -> Place {
+        let centres = self.run.centres().iter().map(S::point);
+        let angles = self.run.orientations().iter().flat_map(S::angles);
+        Place {
+            steps: self.run.steps(),
+            centres: centres.flat_map(|x| x.as_ref().to_vec()).collect(),
+            angles: angles.copied().collect(),
+        }
+    }
+
+    fn side(&self) -> f64 {
+        self.run.side()
+    }
+
+    fn radii(&self) -> &[f64] {
+        self.run.radii()
+    }
+
+    fn flow(&self) -> Flow {
+        self.run.flow()
+    }
+
+    fn snapshot(&self) -> AnySnapshot {
+        S::wrapped(self.run.snapshot())
+    }
+
+    fn widths(&self) -> [usize; 4] {
+        let across = S::across(&S::Tangent::default()).len();
+        [
+            S::DIMENSIONS,
+            S::angles(&S::UPRIGHT).len(),
+            S::STRAINS,
+            across,
+        ]
+    }
+}
+
+impl Run {
+    fn of<S: Stepped>(
+        py: Python<'_>,
+        (params, besides): (Params, Table),
+        seed: Option<u64>,
+        make: impl Send + FnOnce(&Params, &NearFields) -> Result<Simulation<S>, Error>,
+    ) -> PyResult<Self>
+    where
+        Simulation<S>: Send,
+        Frame<S>: Send,
+    {
+        need_numpy(py)?;
+        S::check(&params).map_err(raise)?;
+        let tables = if params.hydrodynamics.needs_tables() {
+            tables_of(py, &S::radii_and_side(&params).map_err(raise)?.0)?
+        } else {
+            NearFields::default()
+        };
+        let run = py.detach(|| make(&params, &tables)).map_err(raise)?;
+        let run: Box<dyn Steps> = Box::new(RunIn { run, ahead: None });
+        let (place, [of_centre, of_orientation, ..]) = (run.place(), run.widths());
+        let (centres, angles) = (of_numbers(py, place.centres), of_numbers(py, place.angles));
+        Ok(Self {
+            steps: AtomicU64::new(place.steps),
+            computing_time_s: AtomicU64::new(0.0_f64.to_bits()),
+            positions: read_only(centres.bind(py), of_centre)?,
+            orientations: read_only(angles.bind(py), of_orientation)?,
+            centres,
+            angles,
+            params,
+            besides,
+            seed,
+            tables,
+            inner: Mutex::new(run),
+        })
+    }
+
+    /// From parameters and a seed.
+    fn begin<S: Stepped>(
+        py: Python<'_>,
+        params: &Bound<'_, PyAny>,
+        seed: &Bound<'_, PyAny>,
+    ) -> PyResult<Self>
+    where
+        Simulation<S>: Send,
+        Frame<S>: Send,
+    {
+        let seed = values::count("seed", seed)?;
+        let params = one_case(&values::dict("params", params)?, seed)?;
+        Self::of(py, params, Some(seed), |params, tables| {
+            Simulation::<S>::new(params, seed, tables)
+        })
+    }
+
+    /// From a snapshot.
+    fn restored<S: Stepped>(
+        py: Python<'_>,
+        params: &Bound<'_, PyAny>,
+        snapshot: &Bound<'_, PyAny>,
+    ) -> PyResult<Self>
+    where
+        Simulation<S>: Send,
+        Snapshot<S>: Send,
+        Frame<S>: Send,
+    {
+        let params = one_case(&values::dict("params", params)?, 0)?;
+        let checkpoint = Checkpoint::decode(&values::bytes("snapshot", snapshot)?)
+            .map_err(|damage| PyValueError::new_err(format!("snapshot: {damage}")))?;
+        let snapshot = S::unwrapped(checkpoint.snapshot).map_err(PyValueError::new_err)?;
+        Self::of(py, params, None, move |params, tables| {
+            Simulation::from_snapshot(params, snapshot, tables)
+        })
+        .map_err(|error| {
+            // A snapshot that does not fit is a bad argument.
+            if error.is_instance_of::<SimulationError>(py) {
+                PyValueError::new_err(error.value(py).to_string())
+            } else {
+                error
+            }
+        })
+    }
+
+    /// The run, for as long as the guard lives. Not to be asked for while attached to the interpreter: another thread may have it.
+    fn run(&self) -> MutexGuard<'_, Box<dyn Steps>> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Writes where the spheres are into the arrays, unless another thread has done more steps since.
+    fn show(&self, py: Python<'_>, place: &Place) -> PyResult<()> {
+        if place.steps <= self.steps.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        self.steps.store(place.steps, Ordering::Relaxed);
+        let centres = self.centres.bind(py);
+        (centres.try_readwrite()?.as_slice_mut()?).copy_from_slice(&place.centres);
+        let angles = self.angles.bind(py);
+        (angles.try_readwrite()?.as_slice_mut()?).copy_from_slice(&place.angles);
+        Ok(())
+    }
+
+    fn one_step(&self, py: Python<'_>) -> PyResult<Sample> {
+        let (sample, place, took) = py.detach(|| {
+            let mut run = self.run();
+            let begun = Instant::now();
+            let sample = run.step();
+            (sample, run.place(), begun.elapsed().as_secs_f64())
+        });
+        // Written by threads that are attached to the interpreter, one at a time.
+        let so_far = self.computing_time_s();
+        (self.computing_time_s).store((so_far + took).to_bits(), Ordering::Relaxed);
+        let sample = sample.map_err(raise)?;
+        self.show(py, &place)?;
+        Ok(sample)
+    }
+}
+
+#[pymethods]
+impl Layer {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        params: &Bound<'_, PyAny>,
+        seed: &Bound<'_, PyAny>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let run = Run::begin::<sd_core::Layer>(py, params, seed)?;
+        Ok(PyClassInitializer::from(run).add_subclass(Self))
+    }
+
+    /// The layer that a snapshot was taken of; it goes on with the same bits.
+    ///
+    /// Parameters
+    /// ----------
+    /// params : dict
+    ///     The same as of the layer that the snapshot was taken of.
+    /// snapshot : bytes
+    ///     What `snapshot()` gave.
+    #[staticmethod]
+    fn from_snapshot(
+        py: Python<'_>,
+        params: &Bound<'_, PyAny>,
+        snapshot: &Bound<'_, PyAny>,
+    ) -> PyResult<Py<Self>> {
+        let run = Run::restored::<sd_core::Layer>(py, params, snapshot)?;
+        Py::new(py, PyClassInitializer::from(run).add_subclass(Self))
+    }
+}
+
+#[pymethods]
+impl Suspension {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        params: &Bound<'_, PyAny>,
+        seed: &Bound<'_, PyAny>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let run = Run::begin::<Bulk>(py, params, seed)?;
+        Ok(PyClassInitializer::from(run).add_subclass(Self))
+    }
+
+    /// The suspension that a snapshot was taken of; it goes on with the same bits.
+    ///
+    /// Parameters
+    /// ----------
+    /// params : dict
+    ///     The same as of the suspension that the snapshot was taken of.
+    /// snapshot : bytes
+    ///     What `snapshot()` gave.
+    #[staticmethod]
+    fn from_snapshot(
+        py: Python<'_>,
+        params: &Bound<'_, PyAny>,
+        snapshot: &Bound<'_, PyAny>,
+    ) -> PyResult<Py<Self>> {
+        let run = Run::restored::<Bulk>(py, params, snapshot)?;
+        Py::new(py, PyClassInitializer::from(run).add_subclass(Self))
+    }
+}
+
+#[pymethods]
+impl Run {
+    /// Parameters: a dict of all that mean something.
+    #[getter]
+    fn params<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        // A layer that was given is no value of a grid; a snapshot holds what has become of it.
+        for axis in AXES
+            .iter()
+            .filter(|axis| axis.key != "start" && axis.means_something(&self.params))
+        {
+            all.set_item(axis.key, values::of_axis(py, axis.value(&self.params))?)?;
+        }
+        for (key, value) in &self.besides {
+            all.set_item(key, values::answer(py, value)?)?;
+        }
+        Ok(all)
+    }
+
+    /// Seed of the start; None of a run made from a snapshot.
+    #[getter]
+    fn seed(&self) -> Option<u64> {
+        self.seed
+    }
+
+    /// Steps done.
+    #[getter]
+    fn steps(&self) -> u64 {
+        self.steps.load(Ordering::Relaxed)
+    }
+
+    /// Strain reached.
+    #[getter]
+    fn strain(&self) -> f64 {
+        self.steps() as f64 * self.params.time_step
+    }
+
+    /// Seconds the steps themselves took, without what came before and after each.
+    #[getter]
+    fn computing_time_s(&self) -> f64 {
+        f64::from_bits(self.computing_time_s.load(Ordering::Relaxed))
+    }
+
+    /// Side of the square or cubic cell.
+    #[getter]
+    fn side(&self, py: Python<'_>) -> f64 {
+        py.detach(|| self.run().side())
+    }
+
+    /// Radii: array [N].
+    #[getter]
+    fn radii(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
+        let radii = py.detach(|| self.run().radii().to_vec());
+        of_numbers(py, radii)
+    }
+
+    /// Centres: array [N, 2], of a suspension [N, 3], the run's own and never copied. It changes with every step and cannot be written to.
+    #[getter]
+    fn positions(&self, py: Python<'_>) -> Py<PyAny> {
+        self.positions.clone_ref(py)
+    }
+
+    /// Orientations in radians: array [N]; of a suspension quaternions, the real part first: array [N, 4]. The run's own, as `positions` is.
+    #[getter]
+    fn orientations(&self, py: Python<'_>) -> Py<PyAny> {
+        self.orientations.clone_ref(py)
+    }
+
+    /// "flowing", or "jammed" once it stayed so for a strain of 0.1.
+    #[getter]
+    fn flow(&self, py: Python<'_>) -> &'static str {
+        match py.detach(|| self.run().flow()) {
+            Flow::Flowing => "flowing",
+            Flow::Jammed => "jammed",
+        }
+    }
+
+    /// Do one step of `time_step`.
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    ///     What was measured in it: `strain`, `viscosity`, `n1`, `n2`, `particle_pressure`, the stresses by their causes such as
+    ///     `shear_normal_contact`, `contacts`, ...: the columns of `Store.samples`.
+    fn step<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let sample = self.one_step(py)?;
+        dict_of(py, &sample)
+    }
+
+    /// Shear by a strain: as many steps as it takes.
+    ///
+    /// Ctrl-C stops it after the step under way; the run keeps what was done.
+    ///
+    /// Parameters
+    /// ----------
+    /// strain : float
+    ///     A whole number of steps.
+    /// every : int
+    ///     Steps from one sample to the next.
+    ///
+    /// Returns
+    /// -------
+    /// list of dict
+    ///     Samples, as `step` gives them.
+    #[pyo3(signature = (strain, *, every=None), text_signature = "($self, strain, *, every=1)")]
+    fn shear<'py>(
+        &self,
+        py: Python<'py>,
+        strain: &Bound<'py, PyAny>,
+        every: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let (strain, every) = (values::number("strain", strain)?, values::stride(every)?);
+        let steps = (strain / self.params.time_step).round();
+        let off = (strain - steps * self.params.time_step).abs() > 1e-6 * self.params.time_step;
+        if !(0.0..=1e9).contains(&steps) || off {
+            return Err(PyValueError::new_err(format!(
+                "strain: {strain} came: not negative, and a whole number of steps of {}",
+                self.params.time_step
+            )));
+        }
+        let mut samples = Vec::new();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "checked above"
+        )]
+        let steps = steps as usize;
+        for step in 0..steps {
+            let sample = self.one_step(py)?;
+            if step % every == 0 {
+                samples.push(dict_of(py, &sample)?);
+            }
+            py.check_signals()?;
+        }
+        Ok(samples)
+    }
+
+    /// What the next step measures, as `step` gives it: of the spheres as they are, or where rigid contacts bear forces half a step ahead. What it computes serves
+    /// that step.
+    fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let sample = py.detach(|| self.run().sample(&self.params, &self.tables));
+        dict_of(py, &sample.map_err(raise)?)
+    }
+
+    /// The pairs in contact as they are now: structured array with i, j, normal [2], gap, normal_force, tangential_force, state
+    /// ("frictionless", "rolling", "slipping"); normal and tangential_force of a suspension are vectors [3].
+    #[getter]
+    fn contacts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let (records, [of_normal, .., across]) = py.detach(|| {
+            let mut run = self.run();
+            (run.contacts(&self.params, &self.tables), run.widths())
+        });
+        records.map_err(raise)?.array(
+            py,
+            &[
+                ("i", "i8", 1),
+                ("j", "i8", 1),
+                ("normal", "f8", of_normal),
+                ("gap", "f8", 1),
+                ("normal_force", "f8", 1),
+                ("tangential_force", "f8", across),
+                ("state", "U12", 1),
+            ],
+        )
+    }
+
+    /// Stresslets as they are now: array [N, 3] of xx, yy, xy; of a suspension [N, 5], and xz, yz.
+    #[getter]
+    fn stresslets(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        let (flat, [_, _, of_stresslet, _]) = py.detach(|| {
+            let mut run = self.run();
+            (run.stresslets(&self.params, &self.tables), run.widths())
+        });
+        of_rows(py, flat.map_err(raise)?, of_stresslet)
+    }
+
+    /// All that the next step needs, as bytes with a checksum, for `from_snapshot`.
+    fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let checkpoint = Checkpoint {
+            snapshot: py.detach(|| self.run().snapshot()),
+            samples: Vec::new(),
+            wall_time_s: 0.0,
+            cpu_time_s: 0.0,
+            resumed: 0,
+        };
+        let bytes = checkpoint
+            .encode()
+            .map_err(|error| PyValueError::new_err(error.to_string()))?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    /// For pickle and copy.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Made<'py>)> {
+        let py = slf.py();
+        let make = slf.get_type().getattr("from_snapshot")?;
+        let run = slf.get();
+        Ok((make, (run.params(py)?, run.snapshot(py)?)))
+    }
+
+    fn __repr__(&self) -> String {
+        let (p, strain) = (&self.params, self.strain());
+        match p.volume_fraction {
+            Some(phi) => format!(
+                "Suspension({} spheres, φ = {phi}, strain {strain:.4})",
+                p.spheres
+            ),
+            None => format!(
+                "Layer({} spheres, c = {}, strain {strain:.4})",
+                p.spheres, p.area_fraction
+            ),
+        }
+    }
+}
+
+/// A view of an array with so many numbers in a row, which cannot be written to.
+fn read_only(array: &Bound<'_, PyArray1<f64>>, width: usize) -> PyResult<Py<PyAny>> {
+    let view = if width == 1 {
+        array.call_method0("view")?
+    } else {
+        array.call_method1("reshape", ((-1, width),))?
+    };
+    view.getattr("flags")?.setattr("writeable", false)?;
+    Ok(view.unbind())
+}
+
+/// A sample by the names that the store has.
+fn dict_of<'py>(py: Python<'py>, sample: &Sample) -> PyResult<Bound<'py, PyDict>> {
+    /// The keys, made once: they are the same for every sample.
+    static KEYS: PyOnceLock<Vec<Py<PyString>>> = PyOnceLock::new();
+    let mut fields = sample_fields(sample);
+    // A run that is stepped by hand does not look at its network.
+    fields.retain(|field| !is_of_network(field));
+    let keys = KEYS.get_or_init(py, || {
+        let names = fields.iter().map(|field| field.name);
+        names.map(|name| PyString::new(py, name).unbind()).collect()
+    });
+    let dict = PyDict::new(py);
+    for (key, field) in keys.iter().zip(fields) {
+        dict.set_item(key, values::of_axis(py, field.value)?)?;
+    }
+    Ok(dict)
+}
