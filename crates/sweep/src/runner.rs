@@ -12,10 +12,11 @@ pub use stop::{Reason, Stop};
 
 use crate::campaign::{Campaign, Protocol};
 use crate::store::{Claim, Store, StoreError};
+use crate::system::lock;
 use crate::tables;
 use sd_core::NearFields;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 /// Time from one look at signals and bars to the next.
@@ -153,24 +154,13 @@ fn run_in(
         }
         shared.supervise(&waiting);
     });
-    let is_well = shared
-        .trouble
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
-        .is_none();
+    let is_well = lock(&shared.trouble).is_none();
     if is_well && let Err(error) = shared.look_around() {
         shared.give_up(error);
     }
     progress.end();
-    let trouble = shared
-        .trouble
-        .into_inner()
-        .unwrap_or_else(PoisonError::into_inner);
-    let store = shared
-        .store
-        .into_inner()
-        .unwrap_or_else(PoisonError::into_inner);
-    let left = store.leave();
+    let trouble = lock(&shared.trouble).take();
+    let left = shared.store().leave();
     match trouble.or(left.err()) {
         Some(trouble) => Err(trouble.into()),
         None => Ok(()),
@@ -180,25 +170,17 @@ fn run_in(
 impl<'r> Shared<'r> {
     /// The store, for as long as the guard lives. A panic elsewhere leaves it whole: transactions roll back.
     fn store(&self) -> MutexGuard<'_, &'r mut Store> {
-        self.store.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.store)
     }
 
     /// Keeps the first trouble, which ends the run.
     fn give_up(&self, error: StoreError) {
-        self.trouble
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .get_or_insert(error);
+        lock(&self.trouble).get_or_insert(error);
     }
 
     /// Whether the threads are to stop.
     fn stopping(&self) -> bool {
-        self.stop.reason().is_some()
-            || self
-                .trouble
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .is_some()
+        self.stop.reason().is_some() || lock(&self.trouble).is_some()
     }
 
     /// One thread: batch after batch, most of one case.
@@ -279,10 +261,7 @@ impl<'r> Shared<'r> {
         let (mut busy, mut patience) = (Instant::now(), WAIT_UNTOLD);
         while self.working.load(Ordering::Acquire) > 0 {
             std::thread::sleep(TICK);
-            let told = waiting
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .take();
+            let told = lock(waiting).take();
             if let Some(text) = told {
                 self.progress.note(&text);
             }

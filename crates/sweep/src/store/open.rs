@@ -9,9 +9,10 @@ use super::processes::{self, Registered, TaskName};
 use super::request::Request;
 use super::schema;
 use super::statements::Statements;
+use crate::system::lock;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Pages of a store that are kept in memory, in KiB: enough to go through the results of 100 000 runs several times.
 const CACHE: i32 = 64 << 10;
@@ -192,9 +193,7 @@ impl Store {
                         self.path.display()
                     );
                     if self.process.is_some() {
-                        let mut waiting =
-                            self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-                        *waiting = Some(text);
+                        *lock(&self.waiting) = Some(text);
                     } else {
                         tracing::warn!("{text}");
                     }
