@@ -79,47 +79,33 @@ pub(crate) struct Arguments {
     /// Keep the layer at every sampled strain, for `sweep export` and movies; finished cases are not computed again for it
     #[arg(long)]
     trajectory: bool,
+    #[command(flatten)]
+    cluster: ClusterArguments,
+}
+
+/// One task of a cluster, and where it works.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "One task of a cluster")]
+#[group(requires = "shard")]
+pub(crate) struct ClusterArguments {
     /// One task of a cluster: compute slice I, from 0, of N in a store of its own, and publish it among the shards. TERM and
     /// USR1 checkpoint, publish, and have Slurm start the task again if work is left
-    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = part, help_heading = "One task of a cluster", hide_short_help = true)]
+    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = part, hide_short_help = true)]
     shard: Option<Part>,
     /// The slices, as `sweep submit` wrote them [default: all cases of the file, cut here]
-    #[arg(
-        long,
-        value_name = "FILE",
-        requires = "shard",
-        help_heading = "One task of a cluster",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "FILE", hide_short_help = true)]
     slices: Option<PathBuf>,
     /// Folder shards are published in [default: NAME.shards beside the store]
-    #[arg(
-        long,
-        value_name = "DIR",
-        requires = "shard",
-        help_heading = "One task of a cluster",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "DIR", hide_short_help = true)]
     shards: Option<PathBuf>,
     /// Disk of this machine to work on [default: SLURM_TMPDIR, or else the folder of shards]
-    #[arg(
-        long,
-        value_name = "DIR",
-        requires = "shard",
-        help_heading = "One task of a cluster",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "DIR", hide_short_help = true)]
     scratch: Option<PathBuf>,
     /// Time between publications, as 90s or 2m: what a crashed machine loses at most
-    #[arg(long, value_name = "TIME", default_value = "60s", requires = "shard", value_parser = parse_duration, help_heading = "One task of a cluster", hide_short_help = true)]
+    #[arg(long, value_name = "TIME", default_value = "60s", value_parser = parse_duration, hide_short_help = true)]
     publish_every: Duration,
     /// Go on from shards another build of sweep computed; their bits may differ
-    #[arg(
-        long,
-        requires = "shard",
-        help_heading = "One task of a cluster",
-        hide_short_help = true
-    )]
+    #[arg(long, hide_short_help = true)]
     allow_mixed_versions: bool,
 }
 
@@ -196,7 +182,7 @@ fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
 fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
     let workers = workers_or_all(arguments.workers);
-    if let Some(part) = arguments.shard {
+    if let Some(part) = arguments.cluster.shard {
         return run_shard(arguments, part, campaign, workers, output);
     }
     let refused = |message| Error::Argument {
@@ -333,12 +319,12 @@ fn run_shard(
     let options = task::Options {
         task: part.task,
         tasks: part.tasks,
-        slices: arguments.slices.as_deref(),
-        shards: arguments.shards.as_deref(),
-        scratch: arguments.scratch.as_deref(),
-        publish_every: arguments.publish_every,
+        slices: arguments.cluster.slices.as_deref(),
+        shards: arguments.cluster.shards.as_deref(),
+        scratch: arguments.cluster.scratch.as_deref(),
+        publish_every: arguments.cluster.publish_every,
         retry_failed: arguments.retry_failed,
-        allow_mixed_versions: arguments.allow_mixed_versions,
+        allow_mixed_versions: arguments.cluster.allow_mixed_versions,
         note: &note,
     };
     let style = style(arguments, output);
