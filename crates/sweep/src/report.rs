@@ -9,7 +9,6 @@ mod figure;
 mod fit;
 mod json;
 mod page;
-mod parquet;
 mod points;
 mod runs;
 mod selection;
@@ -34,7 +33,6 @@ pub use figure::{
 pub use fit::FitReport;
 pub use json::write as write_json;
 pub use page::{PageHost, data, movie, page};
-pub(crate) use parquet::parquet;
 pub use points::{Point, Report};
 pub use runs::{TableFormat, sample_fields, sample_table};
 pub use selection::{Excerpt, Selection};

@@ -7,10 +7,11 @@ use super::Output;
 use super::place::StoreArguments;
 use super::tables::{TableArguments, refuse_two_answers};
 use crate::api::Error;
+use crate::data::write_parquet;
 use crate::exit;
 use crate::format::wrapped;
 use crate::report::{
-    Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, page, parquet,
+    Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, page, point_table,
     write_csv, write_json, write_latex, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
@@ -151,7 +152,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let shape = arguments.tables.shape();
     let tables: [(&Option<PathBuf>, Writer<'_>); 4] = [
         (&arguments.files.csv, &|bytes| write_csv(&report, bytes)),
-        (&arguments.files.parquet, &|bytes| parquet(&report, bytes)),
+        (&arguments.files.parquet, &|bytes| {
+            let table = point_table(&report);
+            Ok(write_parquet(&table, "points", &report.campaign, bytes)?)
+        }),
         (&arguments.files.markdown, &|bytes| {
             write_markdown(&report, bytes)
         }),

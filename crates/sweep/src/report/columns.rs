@@ -5,7 +5,7 @@ use super::figure::scale::count;
 use super::points::{Point, Report, Runs};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::case::State;
-use crate::data::{Cells, DataColumn, Word};
+use crate::data::{DataColumn, Word};
 use crate::model::networks::NETWORK;
 use crate::model::stresses::STRESSES;
 use crate::statistics::{Estimate, mean, ratio};
@@ -308,15 +308,11 @@ pub(super) fn point_row(point: &Point) -> serde_json::Map<String, serde_json::Va
 /// The points as a table, with the columns that were chosen or all, in the units of the report.
 pub fn point_table(report: &Report) -> Vec<DataColumn> {
     let table = |column: &'static Column| {
-        let mut cells = Cells::with_capacity(column.kind(), report.points.len());
-        for point in &report.points {
-            cells.push(column.shown(report, point));
-        }
+        let points = report.points.iter();
+        let cells = points.map(|point| column.shown(report, point));
         DataColumn {
-            name: column.name.clone(),
             unit: column.unit_in(report),
-            meaning: column.meaning,
-            cells,
+            ..DataColumn::of(column.name.clone(), column.kind(), column.meaning, cells)
         }
     };
     report.columns.all().into_iter().map(table).collect()

@@ -42,12 +42,12 @@ impl<'f, S: Kept> FrameTable<'f, S> {
         kind: Kind,
         cell: impl Fn(u64, &'f Frame<S>, usize) -> Value,
     ) {
-        let mut column = DataColumn::named(name, kind, self.rows.len());
-        column.unit = unit;
-        for (step, frame, row) in &self.rows {
-            column.cells.push(Some(cell(*step, frame, *row)));
-        }
-        self.columns.push(column);
+        let rows = self.rows.iter();
+        let cells = rows.map(|(step, frame, row)| Some(cell(*step, frame, *row)));
+        self.columns.push(DataColumn {
+            unit,
+            ..DataColumn::of(name, kind, "", cells)
+        });
     }
 
     /// A column for each of several numbers.
