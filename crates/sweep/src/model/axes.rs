@@ -8,6 +8,7 @@ mod volume_fraction;
 use sd_core::Params;
 use sd_core::model::{Form, PARAMETERS, Parameter, Refusal};
 use serde::{Serialize, Serializer};
+use std::collections::HashSet;
 use std::fmt;
 use std::ops::Deref;
 use std::sync::LazyLock;
@@ -187,6 +188,13 @@ impl Axis {
         let mut params = params.filter(|p| self.means_something(p));
         let first = params.next().map(|p| self.value(p));
         params.any(|p| Some(self.value(p)) != first)
+    }
+
+    /// The values of some parameters on it, each once, in the order of their first use.
+    pub(crate) fn distinct<'p>(&self, params: impl Iterator<Item = &'p Params>) -> Vec<Value> {
+        let mut seen = HashSet::new();
+        let values = params.map(|p| self.value(p));
+        values.filter(|value| seen.insert(value.tag())).collect()
     }
 }
 
