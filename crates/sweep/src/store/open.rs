@@ -1,14 +1,13 @@
 //! An open store: its connection, its files, its transactions.
 
 use super::StoreError;
-use super::harden::harden;
 use super::lock::{WAITS, WAITS_UNTOLD, is_stopping, wait_for_lock};
 use super::log::{self, Mark};
 use super::place::{self, FileIdentity, Files};
 use super::processes::{self, Registered, TaskName};
 use super::request::Request;
 use super::schema;
-use super::statements::Statements;
+use super::statements::{Statements, harden};
 use crate::system::lock;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
 use std::path::{Path, PathBuf};

@@ -72,6 +72,15 @@ pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
     connection.execute_batch(&indices.join("\n"))
 }
 
+/// Names of the indices of some cases, each with the condition that these meet.
+pub(super) fn partial_indices() -> impl Iterator<Item = (&'static str, &'static str)> {
+    STATEMENTS.lines().filter_map(|line| {
+        let index = line.strip_prefix("CREATE INDEX IF NOT EXISTS ")?;
+        let (name, of) = index.split_once(" ON cases ")?;
+        Some((name, of.split_once(" WHERE ")?.1.trim_end_matches(';')))
+    })
+}
+
 /// Lets a connection that only reads change some tables for itself.
 pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
     for statement in statements().split_inclusive(";\n") {
