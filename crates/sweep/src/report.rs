@@ -22,6 +22,7 @@ mod text;
 mod tidy;
 mod units;
 
+pub use crate::model::sampled::sample_fields;
 pub use columns::{Columns, point_table};
 pub use error::ReportError;
 pub use failures::FailureGroup;
@@ -34,7 +35,7 @@ pub use fit::FitReport;
 pub use json::write as write_json;
 pub use page::{PageHost, data, movie, page};
 pub use points::{Point, Report};
-pub use runs::{TableFormat, sample_fields, sample_table};
+pub use runs::{TableFormat, sample_table};
 pub use selection::{Excerpt, Selection};
 pub(crate) use sheet::write_latex;
 pub(crate) use sheet::{Head, Sheet, SheetColumn, room};

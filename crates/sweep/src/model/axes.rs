@@ -99,11 +99,7 @@ impl Axis {
 
     /// Its place on a line; not a number for words.
     pub fn number(&self, params: &Params) -> f64 {
-        match self.value(params) {
-            Value::Word(_) => f64::NAN,
-            Value::Count(count) => count as f64,
-            Value::Number(number) => number,
-        }
+        self.value(params).number()
     }
 
     /// Its label on a figure.
@@ -205,6 +201,15 @@ impl Value {
             Self::Word(_) => Kind::Word,
             Self::Count(_) => Kind::Count,
             Self::Number(_) => Kind::Number,
+        }
+    }
+
+    /// As a number; words are none.
+    pub(crate) fn number(self) -> f64 {
+        match self {
+            Self::Word(_) => f64::NAN,
+            Self::Count(count) => count as f64,
+            Self::Number(number) => number,
         }
     }
 
