@@ -43,7 +43,7 @@ pub use sheet::{NumberFormat, Shape};
 pub use spheres::{SphereColour, SpherePicture, SphereView, draw_spheres};
 pub(crate) use starts::Starts;
 pub use structure::{StructureKind, StructureReport};
+pub(crate) use text::table;
 pub use text::write as write_text;
-pub(crate) use text::{table, whole};
 pub(crate) use tidy::{write_csv, write_markdown, write_units};
 pub use units::Units;

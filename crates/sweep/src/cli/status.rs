@@ -8,7 +8,7 @@ use crate::api::Error;
 use crate::cluster::shard;
 use crate::exit;
 use crate::format::duration;
-use crate::report::FailureGroup;
+use crate::report::{FailureGroup, table};
 use crate::statistics::Verdict;
 use crate::store::{Counts, Disagreement, FailureLine, PointState, ProcessLine, Store, StoreError};
 use serde::Serialize;
@@ -52,9 +52,9 @@ fn write_text(
     output: &mut Output<'_>,
 ) -> Result<(), Error> {
     let (c, file) = (&status.cases, arguments.place.file.display());
-    let mut table = crate::report::table(output.width);
-    table.set_header(["cases", "done", "jammed", "failed", "running", "pending"]);
-    table.add_row([c.total(), c.done, c.jammed, c.failed, c.running, c.pending]);
+    let heads = ["cases", "done", "jammed", "failed", "running", "pending"];
+    let row = [c.total(), c.done, c.jammed, c.failed, c.running, c.pending];
+    let table = table(output.width, heads, [row]);
     let out = &mut *output.out;
     writeln!(
         out,
@@ -103,7 +103,7 @@ fn write_text(
             status.orphans
         )?;
     }
-    writeln!(out, "{}", crate::report::whole(table))?;
+    writeln!(out, "{table}")?;
     for process in &status.processes {
         writeln!(
             out,

@@ -2,6 +2,7 @@
 
 use crate::api::Error;
 use crate::cluster::{ActiveTask, Scheduler, shard};
+use crate::report::table;
 use crate::store::{SliceState, Store, Submission};
 use serde::Serialize;
 use std::io::Write;
@@ -38,19 +39,9 @@ pub(super) fn write(
         if open.is_empty() {
             continue;
         }
-        let mut table = crate::report::table(width);
-        table.set_header([
-            "task",
-            "state",
-            "node",
-            "restarts",
-            "cases",
-            "ended",
-            "work",
-            "published",
-        ]);
-        for task in open.iter().take(ROWS) {
-            table.add_row([
+        let heads = "task state node restarts cases ended work published".split(' ');
+        let rows = open.iter().take(ROWS).map(|task| {
+            [
                 task.number.to_string(),
                 task.state.clone(),
                 task.node.clone(),
@@ -62,9 +53,9 @@ pub(super) fn write(
                     || "–".into(),
                     |s| format!("{} ago", crate::format::duration(s)),
                 ),
-            ]);
-        }
-        writeln!(out, "{}", crate::report::whole(table))?;
+            ]
+        });
+        writeln!(out, "{}", table(width, heads, rows))?;
         if open.len() > ROWS {
             writeln!(out, "and {} more tasks", open.len() - ROWS)?;
         }
