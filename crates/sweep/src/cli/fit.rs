@@ -73,16 +73,13 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         return Ok(exit::DONE);
     }
     let mut lines = vec![report.summary()];
-    let rows = report
-        .parameters()
-        .into_iter()
-        .map(|(name, value, interval)| {
-            let interval = interval.map_or_else(
-                || "–".to_owned(),
-                |[low, high]| format!("{} to {}", significant(low, 4), significant(high, 4)),
-            );
-            [name.to_owned(), significant(value, 4), interval]
-        });
+    let rows = report.parameters().map(|(name, value, interval)| {
+        let interval = interval.map_or_else(
+            || "–".to_owned(),
+            |[low, high]| format!("{} to {}", significant(low, 4), significant(high, 4)),
+        );
+        [name.to_owned(), significant(value, 4), interval]
+    });
     let heads = ["parameter", "value", "95 % interval"];
     lines.push(table(output.width, heads, rows));
     let rows = report
