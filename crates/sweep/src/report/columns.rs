@@ -36,8 +36,8 @@ enum Content {
     Count(fn(&Runs<'_>) -> u64),
     /// Numbers; `None` where there is none.
     Number(fn(&Runs<'_>) -> Option<f64>),
-    /// The mean over runs of a number that they have, or of the number of a sample of this place in [`sampled::means`]. The half width of its 95 %
-    /// interval is in the next column, `NAME_ci95`.
+    /// The mean over runs of a number that they have, or of the number of a sample of this place in [`sampled::means`]. The half width
+    /// of its 95 % interval is in the next column, `NAME_ci95`.
     Mean(fn(&PointRun, usize) -> Option<f64>, usize),
     /// That half width.
     Interval,
