@@ -1,14 +1,9 @@
 //! What the command line and the Python package call alike: work on a campaign and its store, without arguments or output.
 
-pub(crate) mod cancel;
 mod error;
 mod explain;
 pub(crate) mod instant;
-pub(crate) mod merge;
 pub(crate) mod plan;
-pub(crate) mod status;
-pub(crate) mod submit;
-pub(crate) mod task;
 
 pub use error::Error;
 pub use explain::ErrorRenderer;

@@ -123,7 +123,15 @@ fn parse(text: &str, folder: &Path, problems: &mut Vec<Problem>) -> (String, Pro
         problems.extend(top.missing("name", "\"my-campaign\""));
         String::new()
     };
-    let protocol = match top
+    let protocol = protocol_of(&top, first_line, problems);
+    let grids = grids(&top, problems);
+    let laid_out = lay_out(&grids, &protocol, folder, problems);
+    (name, protocol.protocol, laid_out)
+}
+
+/// The protocol; without one the default, whose place is the first line.
+fn protocol_of(top: &Table<'_>, first_line: Range<usize>, problems: &mut Vec<Problem>) -> Written {
+    match top
         .get("protocol")
         .map(|written| (written, written.get_ref()))
     {
@@ -135,10 +143,7 @@ fn parse(text: &str, folder: &Path, problems: &mut Vec<Problem>) -> (String, Pro
             problems.push(wrong_type(written, "protocol", "write a table: [protocol]"));
             Written::default_at(written.span())
         }
-    };
-    let grids = grids(&top, problems);
-    let laid_out = lay_out(&grids, &protocol, folder, problems);
-    (name, protocol.protocol, laid_out)
+    }
 }
 
 /// What to write instead of what is no TOML.

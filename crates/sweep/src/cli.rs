@@ -126,16 +126,21 @@ pub(crate) struct Output<'o> {
 impl Output<'_> {
     /// Says something on standard error, unless the user wants none of it.
     pub(crate) fn note(&self, text: &str) {
-        if !self.quiet {
-            // Standard error may be closed.
-            let _ = writeln!(crate::text::visible::stderr(), "{text}");
-        }
+        note(self.quiet, text);
     }
 
     /// Writes a value as one line of JSON.
     pub(crate) fn json(&mut self, value: &impl Serialize) -> std::io::Result<()> {
         serde_json::to_writer(&mut *self.out, value)?;
         writeln!(self.out)
+    }
+}
+
+/// Says something on standard error, unless the user wants none of it.
+fn note(quiet: bool, text: &str) {
+    if !quiet {
+        // Standard error may be closed.
+        let _ = writeln!(crate::text::visible::stderr(), "{text}");
     }
 }
 

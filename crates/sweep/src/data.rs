@@ -6,8 +6,8 @@ mod parquet;
 pub use crate::model::sampled::{Field, fields, is_of_network};
 pub use parquet::ParquetFile;
 
-use crate::axes::{Kind, Value};
-use sd_core::Sample;
+use crate::axes::{Axis, Kind, Value};
+use sd_core::{Params, Sample};
 use std::borrow::Cow;
 use std::io::{self, Write};
 
@@ -133,6 +133,43 @@ impl DataColumn {
             cells: Cells::with_capacity(kind, rows),
         }
     }
+
+    /// A column of these cells, without a unit.
+    pub(crate) fn of(
+        name: impl Into<Word>,
+        kind: Kind,
+        meaning: &'static str,
+        cells: impl Iterator<Item = Option<Value>>,
+    ) -> Self {
+        let mut column = Self {
+            unit: "1",
+            meaning,
+            ..Self::named(name, kind, cells.size_hint().0)
+        };
+        cells.for_each(|cell| column.cells.push(cell));
+        column
+    }
+
+    /// The values of some parameters on an axis.
+    pub(crate) fn of_axis<'p>(axis: &Axis, params: impl Iterator<Item = &'p Params>) -> Self {
+        let cells = params.map(|params| Some(axis.value(params)));
+        Self {
+            unit: axis.unit,
+            ..Self::of(axis.key, axis.kind(), axis.meaning, cells)
+        }
+    }
+}
+
+/// Writes a table of a campaign as a Parquet file.
+pub(crate) fn write_parquet(
+    table: &[DataColumn],
+    name: &str,
+    campaign: &str,
+    out: &mut Vec<u8>,
+) -> io::Result<()> {
+    let mut file = ParquetFile::begin(out, name, table, &[("campaign", campaign)])?;
+    file.append(table)?;
+    file.finish()
 }
 
 /// Writes a table as comma-separated values: a header row of names, then a row each, with nothing where there is nothing.

@@ -12,10 +12,11 @@ pub use stop::{Reason, Stop};
 
 use crate::campaign::{Campaign, Protocol};
 use crate::store::{Claim, Store, StoreError};
+use crate::system::lock;
 use crate::tables;
 use sd_core::NearFields;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 /// Time from one look at signals and bars to the next.
@@ -71,9 +72,6 @@ struct Shared<'r> {
     options: Options<'r>,
     /// Near fields of unequal spheres.
     tables: &'r NearFields,
-    /// The signal, once there was one.
-    stop: &'r Stop,
-    progress: &'r Progress,
     /// The first trouble with the store: all stop.
     trouble: Mutex<Option<StoreError>>,
     working: AtomicUsize,
@@ -127,7 +125,7 @@ fn run_in(
     tables: &NearFields,
     options: Options<'_>,
 ) -> Result<(), RunnerError> {
-    let Options { stop, progress, .. } = options;
+    let progress = options.progress;
     store.register(options.workers)?;
     store.release_dead()?;
     progress.begin(&store.work()?);
@@ -137,8 +135,6 @@ fn run_in(
         protocol,
         options,
         tables,
-        stop,
-        progress,
         trouble: Mutex::new(None),
         working: AtomicUsize::new(options.workers),
         computing: AtomicUsize::new(0),
@@ -153,24 +149,13 @@ fn run_in(
         }
         shared.supervise(&waiting);
     });
-    let is_well = shared
-        .trouble
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
-        .is_none();
+    let is_well = lock(&shared.trouble).is_none();
     if is_well && let Err(error) = shared.look_around() {
         shared.give_up(error);
     }
     progress.end();
-    let trouble = shared
-        .trouble
-        .into_inner()
-        .unwrap_or_else(PoisonError::into_inner);
-    let store = shared
-        .store
-        .into_inner()
-        .unwrap_or_else(PoisonError::into_inner);
-    let left = store.leave();
+    let trouble = lock(&shared.trouble).take();
+    let left = shared.store().leave();
     match trouble.or(left.err()) {
         Some(trouble) => Err(trouble.into()),
         None => Ok(()),
@@ -180,25 +165,17 @@ fn run_in(
 impl<'r> Shared<'r> {
     /// The store, for as long as the guard lives. A panic elsewhere leaves it whole: transactions roll back.
     fn store(&self) -> MutexGuard<'_, &'r mut Store> {
-        self.store.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.store)
     }
 
     /// Keeps the first trouble, which ends the run.
     fn give_up(&self, error: StoreError) {
-        self.trouble
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .get_or_insert(error);
+        lock(&self.trouble).get_or_insert(error);
     }
 
     /// Whether the threads are to stop.
     fn stopping(&self) -> bool {
-        self.stop.reason().is_some()
-            || self
-                .trouble
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .is_some()
+        self.options.stop.reason().is_some() || lock(&self.trouble).is_some()
     }
 
     /// One thread: batch after batch, most of one case.
@@ -263,7 +240,7 @@ impl<'r> Shared<'r> {
     fn unless_lost(&self, error: StoreError) -> Result<(), StoreError> {
         match error {
             StoreError::ClaimLost { .. } => {
-                self.progress.note(&error.to_string());
+                self.options.progress.note(&error.to_string());
                 Ok(())
             }
             error => Err(error),
@@ -273,18 +250,15 @@ impl<'r> Shared<'r> {
     /// Watches over the threads from the one that started them.
     fn supervise(&self, waiting: &Mutex<Option<String>>) {
         let (mut looked, mut beaten) = (Instant::now(), Instant::now());
-        let mut look = self.progress.every().unwrap_or(LOOK);
+        let mut look = self.options.progress.every().unwrap_or(LOOK);
         let mut stopped: Option<Instant> = None;
         // When at least one thread computed last, and how long after that the user is told what is waited for.
         let (mut busy, mut patience) = (Instant::now(), WAIT_UNTOLD);
         while self.working.load(Ordering::Acquire) > 0 {
             std::thread::sleep(TICK);
-            let told = waiting
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .take();
+            let told = lock(waiting).take();
             if let Some(text) = told {
-                self.progress.note(&text);
+                self.options.progress.note(&text);
             }
             // A worker may wait for the lock of the file and hold the store as long; what is due is done after that.
             if beaten.elapsed() >= HEARTBEAT
@@ -305,7 +279,7 @@ impl<'r> Shared<'r> {
                 }
                 look = look.max(looked.elapsed() * LOOK_SHARE);
                 if let Some(observer) = self.options.observer {
-                    observer.look(self.progress);
+                    observer.look(self.options.progress);
                 }
             }
             if self.computing.load(Ordering::Acquire) > 0 {
@@ -316,11 +290,11 @@ impl<'r> Shared<'r> {
                     self.give_up(error);
                 }
             }
-            self.progress.draw();
-            if let Some(reason) = self.stop.reason() {
+            self.options.progress.draw();
+            if let Some(reason) = self.options.stop.reason() {
                 let since = *stopped.get_or_insert_with(|| {
                     // A task with a observer publishes first, whatever else it is told.
-                    self.progress.note(match reason {
+                    self.options.progress.note(match reason {
                         Reason::TimeLimit => "the time is up: stopping at the next step",
                         Reason::Signal(_) if self.options.observer.is_some() => {
                             "stopping at the next step"
@@ -331,8 +305,9 @@ impl<'r> Shared<'r> {
                     });
                     Instant::now()
                 });
-                if since.elapsed() > GRACE && self.stop.may_abandon() {
-                    self.progress
+                if since.elapsed() > GRACE && self.options.stop.may_abandon() {
+                    self.options
+                        .progress
                         .note("a step takes too long: its case goes on from its last checkpoint");
                     // Given back here, so that what the abandoned threads may still write no longer counts.
                     if let Ok(mut store) = self.store.try_lock() {
@@ -341,7 +316,7 @@ impl<'r> Shared<'r> {
                     if let (Some(observer), Reason::Signal(signal)) =
                         (self.options.observer, reason)
                     {
-                        observer.before_abort(signal, self.progress);
+                        observer.before_abort(signal, self.options.progress);
                     }
                     Stop::exit(reason);
                 }
@@ -353,7 +328,7 @@ impl<'r> Shared<'r> {
     fn say_what_is_waited_for(&self) -> Result<(), StoreError> {
         let processes = self.store().processes()?;
         for process in processes {
-            self.progress.note(&format!(
+            self.options.progress.note(&format!(
                 "waiting for {} runs of process {} on {}, last heard of {} ago; they go on here once it is gone",
                 process.running,
                 process.pid,
@@ -369,14 +344,14 @@ impl<'r> Shared<'r> {
         let mut store = self.store();
         let freed = store.release_dead()?;
         if freed > 0 {
-            self.progress.note(&format!(
+            self.options.progress.note(&format!(
                 "{freed} cases of a process that is gone go on from their last checkpoints"
             ));
         }
         store.check_campaign()?;
-        self.progress.see(&store.work()?);
+        self.options.progress.see(&store.work()?);
         // While the store is held no other case can end: whoever reads of one before this finds it counted here.
-        self.progress.tell_standing();
+        self.options.progress.tell_standing();
         Ok(())
     }
 }

@@ -8,8 +8,7 @@ pub mod wyart_cates;
 pub use steady::{Drift, Steadiness, correlation_samples, mser_5};
 pub use stopping::{Decision, Measure, Outcome, Precision, Verdict, relative_half_width};
 
-use crate::model::networks::{NETWORK, NETWORK_COUNT};
-use crate::model::stresses::{COUNT, STRESSES};
+use crate::model::sampled::{self, MEANS};
 use sd_core::Sample;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::cell::RefCell;
@@ -140,10 +139,9 @@ pub struct Averages {
     pub viscosity_stresslet: Option<Distribution>,
     /// First normal stress difference.
     pub normal_stress_difference: Option<f64>,
-    /// Components and parts of the stress, in the order of [`STRESSES`].
-    pub(crate) stresses: [Option<f64>; COUNT],
-    /// Numbers of the network of contacts, over the samples that have them, in the order of [`NETWORK`].
-    pub(crate) network: [Option<f64>; NETWORK_COUNT],
+    /// Components and parts of the stress, and numbers of the network of contacts over the samples that have them, in the order of
+    /// [`sampled::means`].
+    pub(crate) means: [Option<f64>; MEANS],
     /// Dissipation.
     pub dissipation: Option<f64>,
     /// Contacts, summed over the samples.
@@ -169,20 +167,22 @@ impl Averages {
         let values = |quantity: fn(&Sample) -> f64| -> Vec<f64> {
             kept.iter().map(|sample| quantity(sample)).collect()
         };
+        let mut means = [None; MEANS];
+        for (of_number, number) in means.iter_mut().zip(sampled::means()) {
+            let values = kept.iter().map(|sample| number.value(sample).number());
+            let mut values: Vec<f64> = values.collect();
+            if number.is_of_network() {
+                values.retain(|value| !value.is_nan());
+            }
+            *of_number = mean(&values);
+        }
         let sum = |count: fn(&Sample) -> u32| kept.iter().map(|s| u64::from(count(s))).sum();
         Self {
             samples: kept.len() as u64,
             viscosity: Distribution::of(values(|s| s.viscosity)),
             viscosity_stresslet: Distribution::of(values(|s| s.viscosity_stresslet)),
             normal_stress_difference: mean(&values(|s| s.normal_stress_difference)),
-            stresses: STRESSES.each_ref().map(|column| {
-                let values: Vec<f64> = kept.iter().map(|sample| column.read(sample)).collect();
-                mean(&values)
-            }),
-            network: NETWORK.each_ref().map(|column| {
-                let values = kept.iter().map(|sample| column.read(sample));
-                mean(&values.filter(|value| !value.is_nan()).collect::<Vec<_>>())
-            }),
+            means,
             dissipation: mean(&values(|s| s.dissipation)),
             contacts: sum(|s| s.contacts),
             activated: sum(|s| s.activated),

@@ -16,6 +16,7 @@ use scatter::Sum;
 use sd_core::Params;
 use sd_core::model::Words as _;
 use serde::{Serialize, Serializer};
+use serde_json::json;
 use std::collections::{HashMap, HashSet};
 use std::time::Instant;
 use work::Work;
@@ -294,17 +295,15 @@ fn kinds(
 /// Axes with all their values in the order of their first use, without those that say nothing of these cases.
 fn axes(campaign: &Campaign) -> Vec<Values> {
     let params = || campaign.cases.iter().map(|(_, case)| &case.params);
-    let different = |all: &mut dyn Iterator<Item = serde_json::Value>| {
-        let mut seen = HashSet::new();
-        all.filter(|value| seen.insert(value.to_string())).collect()
-    };
-    let seeds = different(&mut campaign.cases.iter().map(|(_, case)| case.seed.into()));
+    let mut seen = HashSet::new();
+    let seeds = campaign.cases.iter().map(|(_, case)| case.seed);
+    let seeds = seeds.filter(|seed| seen.insert(*seed)).map(Into::into);
     AXES.iter()
         .filter(|axis| axis.matters(params()))
         .map(|axis| {
-            let mut values = params().map(|p| serde_json::json!(axis.value(p)));
-            (axis.key, different(&mut values))
+            let values = axis.distinct(params()).into_iter();
+            (axis.key, values.map(|value| json!(value)).collect())
         })
-        .chain([("seeds", seeds)])
+        .chain([("seeds", seeds.collect())])
         .collect()
 }

@@ -112,13 +112,9 @@ pub(super) fn layers(
 /// What runs have on the axes that a point is told by, the values of each in the order of the runs.
 fn there_are(runs: &[Run], wanted: &[(&'static Axis, Value)]) -> String {
     let values = wanted.iter().map(|(axis, _)| {
-        let mut all: Vec<String> = Vec::new();
-        for run in runs.iter().filter(|run| axis.means_something(&run.params)) {
-            let value = axis.value(&run.params).to_string();
-            if !all.contains(&value) {
-                all.push(value);
-            }
-        }
+        let params = runs.iter().map(|run| &run.params);
+        let all = axis.distinct(params.filter(|params| axis.means_something(params)));
+        let all: Vec<String> = all.iter().map(Value::to_string).collect();
         if all.is_empty() {
             format!("no `{}`", axis.key)
         } else {

@@ -4,11 +4,12 @@
 //! looks for three points.
 
 use super::grid::Grid;
-use super::protocol::Written;
+use super::reader::Table;
+use super::{grids, protocol_of};
 use crate::axes::{Identity, identity};
 use sd_core::Params;
 use std::collections::HashMap;
-use toml::de::{DeTable, DeValue};
+use toml::de::DeTable;
 
 /// The points of a file as it writes them.
 #[derive(Debug, Default)]
@@ -27,25 +28,10 @@ impl WrittenPoints {
             return points;
         };
         let mut problems = Vec::new();
-        let protocol = match document
-            .get_ref()
-            .get("protocol")
-            .map(|written| (written.span(), written.get_ref()))
-        {
-            Some((span, DeValue::Table(entries))) => Written::read(entries, span, &mut problems),
-            _ => Written::default_at(0..0),
-        };
-        let written = document.get_ref().get("grid");
-        let grids = match written.map(toml::Spanned::get_ref) {
-            Some(DeValue::Array(grids)) => grids.iter().collect(),
-            Some(DeValue::Table(_)) => written.into_iter().collect(),
-            _ => Vec::new(),
-        };
-        let grids = grids.into_iter().filter_map(|grid| match grid.get_ref() {
-            DeValue::Table(entries) => Some((grid.span(), entries)),
-            _ => None,
-        });
-        let grids: Vec<Grid> = grids
+        let top = Table::new(document.get_ref(), 0..0, "the campaign", &[], &mut problems);
+        let protocol = protocol_of(&top, 0..0, &mut problems);
+        let tables = grids(&top, &mut problems).into_iter();
+        let grids: Vec<Grid> = tables
             .map(|(span, entries)| Grid::read(entries, span, &protocol, None, &mut problems))
             .collect();
         // Laying out a large campaign takes time, and most have no such point.

@@ -165,10 +165,7 @@ impl Grid {
             if new.len() > ENOUGH {
                 return;
             }
-            let values: Vec<Option<Value>> = combination
-                .iter()
-                .map(|written| written.map(|written| written.value))
-                .collect();
+            let values = values_of(combination);
             let (params, given) = match folded_params_of(&values) {
                 Ok(made) => made,
                 Err(unmade) => {
@@ -240,10 +237,7 @@ impl Grid {
     /// Calls for every point, without its start layer: its parameters as they are written, and settled.
     pub(super) fn each_point(&self, mut take: impl FnMut(&Params, &Params)) {
         self.each(|combination| {
-            let values: Vec<Option<Value>> = combination
-                .iter()
-                .map(|written| written.map(|written| written.value))
-                .collect();
+            let values = values_of(combination);
             if let Ok((params, given)) = folded_params_of(&values) {
                 take(given.as_ref().unwrap_or(&params), &params);
             }
@@ -395,6 +389,12 @@ fn choice_that_needs<'g>(
             };
             (!needed).then_some((choice.key, &written.span))
         })
+}
+
+/// The values of a combination.
+fn values_of(combination: &Combination<'_>) -> Vec<Option<Value>> {
+    let written = combination.iter();
+    written.map(|written| Some((*written)?.value)).collect()
 }
 
 /// Where the value of an axis is written, if it is.

@@ -1,10 +1,11 @@
 //! Reads and checks the `[protocol]` table.
 
 use super::error::Problem;
-use super::reader::{Located, Table, Values, number, of_axis, values, word, wrong_type};
+use super::reader::{Table, Values, number, of_axis, values, word, wrong_type};
 use crate::axes::Axis;
 use crate::protocol::{Discard, Protocol};
 use sd_core::model::Range;
+use std::collections::HashMap;
 use std::ops;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -42,30 +43,23 @@ fn observes_network(written: &Spanned<DeValue<'_>>, problems: &mut Vec<Problem>)
     !known.is_empty()
 }
 
-/// A protocol and the places its values were written at; those of the table for values not written.
+/// A protocol and the places its values were written at.
 pub(super) struct Written {
     pub(super) protocol: Protocol,
     time_step: Option<Values>,
     /// The table, or the first line where there is none.
     table: ops::Range<usize>,
-    strain: ops::Range<usize>,
-    discard: ops::Range<usize>,
-    checkpoint_every: ops::Range<usize>,
-    sample_every: ops::Range<usize>,
+    places: HashMap<&'static str, ops::Range<usize>>,
 }
 
 impl Written {
     /// The default protocol; problems about it point at `table`.
     pub(super) fn default_at(table: ops::Range<usize>) -> Self {
-        let place = || table.clone();
         Self {
             protocol: Protocol::default(),
             time_step: None,
-            strain: place(),
-            discard: place(),
-            checkpoint_every: place(),
-            sample_every: place(),
             table,
+            places: HashMap::new(),
         }
     }
 
@@ -86,52 +80,35 @@ impl Written {
         let table = Table::new(entries, span.clone(), "[protocol]", &known, problems);
         let before = problems.len();
         let preset = Protocol::default();
-        let mut read = |key: &str, default: f64, range: &Range| {
-            let place = |span| Located {
-                value: default,
-                span,
-            };
+        let mut places = HashMap::new();
+        let mut read = |key: &'static str, default: f64, range: &Range| {
             let Some(written) = table.get(key) else {
-                return place(table.span.clone());
+                return default;
             };
+            places.insert(key, written.span());
             let or = if key == "discard" {
                 ", or \"auto\""
             } else {
                 ""
             };
-            match number(written, key, range, &format!("{range} (a strain){or}")) {
-                Ok(value) => Located {
-                    value,
-                    span: written.span(),
-                },
-                Err(problem) => {
-                    problems.push(problem);
-                    place(written.span())
-                }
-            }
+            let read = number(written, key, range, &format!("{range} (a strain){or}"));
+            read.unwrap_or_else(|problem| {
+                problems.push(problem);
+                default
+            })
         };
         let strain = read("strain", preset.strain, &LENGTH);
         let auto = table.get("discard").filter(
             |written| matches!(written.get_ref(), DeValue::String(word) if word.as_ref() == "auto"),
         );
-        let discard = if let Some(written) = auto {
-            Located {
-                value: Discard::Auto,
-                span: written.span(),
-            }
-        } else {
-            let usual = match preset.discard {
-                Discard::Strain(strain) => strain,
-                Discard::Auto => 0.0,
-            };
-            let read = read("discard", usual, &DISCARDED);
-            Located {
-                value: Discard::Strain(read.value),
-                span: read.span,
-            }
+        let discard = match preset.discard {
+            _ if auto.is_some() => Discard::Auto,
+            Discard::Strain(usual) => Discard::Strain(read("discard", usual, &DISCARDED)),
+            Discard::Auto => Discard::Strain(read("discard", 0.0, &DISCARDED)),
         };
-        let checkpoint = read("checkpoint_every", preset.checkpoint_every, &LENGTH);
-        let sample = read("sample_every", preset.sample_every, &LENGTH);
+        let checkpoint_every = read("checkpoint_every", preset.checkpoint_every, &LENGTH);
+        let sample_every = read("sample_every", preset.sample_every, &LENGTH);
+        places.extend(auto.map(|written| ("discard", written.span())));
         let time_step = table.get(TIME_STEP).and_then(|written| {
             let axis = Axis::of_key(TIME_STEP)?;
             values(written, TIME_STEP, problems, |value| of_axis(value, axis))
@@ -141,23 +118,25 @@ impl Written {
             .is_some_and(|written| observes_network(written, problems));
         let written = Self {
             protocol: Protocol {
-                strain: strain.value,
-                discard: discard.value,
-                checkpoint_every: checkpoint.value,
-                sample_every: sample.value,
+                strain,
+                discard,
+                checkpoint_every,
+                sample_every,
                 observes_network,
             },
             time_step,
             table: span,
-            strain: strain.span,
-            discard: discard.span,
-            checkpoint_every: checkpoint.span,
-            sample_every: sample.span,
+            places,
         };
         if problems.len() == before {
             written.check_averages(problems);
         }
         written
+    }
+
+    /// Where a value is written, or the table.
+    fn place(&self, key: &str) -> &ops::Range<usize> {
+        self.places.get(key).unwrap_or(&self.table)
     }
 
     /// Values of an axis for grids that have none of their own.
@@ -179,20 +158,17 @@ impl Written {
         let steps = p.strain / time_step;
         if steps > STEP_LIMIT {
             return Err(Problem::at(
-                &self.strain,
+                self.place("strain"),
                 format!("a run of {steps:.3e} steps"),
                 format!("at most {STEP_LIMIT:e} steps: a shorter strain or a longer step"),
             )
             .also(place, "the time step"));
         }
         let whole = format!("a whole number of time steps, {time_step} each");
-        for (key, value, span) in [
-            ("strain", p.strain, &self.strain),
-            ("sample_every", p.sample_every, &self.sample_every),
-        ] {
+        for (key, value) in [("strain", p.strain), ("sample_every", p.sample_every)] {
             if in_steps.whole_steps(value).is_none_or(|n| n == 0) {
                 return Err(Problem::at(
-                    span,
+                    self.place(key),
                     format!("`{key}` = {value} is not {whole}"),
                     format!("`{key}` is {whole}"),
                 )
@@ -201,7 +177,7 @@ impl Written {
         }
         if p.checkpoint_every < time_step {
             return Err(Problem::at(
-                &self.checkpoint_every,
+                self.place("checkpoint_every"),
                 format!(
                     "`checkpoint_every` = {} is less than a step",
                     p.checkpoint_every
@@ -211,7 +187,7 @@ impl Written {
         }
         if in_steps.steps() / in_steps.sample_stride() > SAMPLE_LIMIT {
             return Err(Problem::at(
-                &self.sample_every,
+                self.place("sample_every"),
                 "too many samples in a run",
                 format!("at most {SAMPLE_LIMIT}: sample less often"),
             ));
@@ -226,11 +202,11 @@ impl Written {
         if p.discard == Discard::Auto && samples < LEAST_SAMPLES {
             problems.push(
                 Problem::at(
-                    &self.discard,
+                    self.place("discard"),
                     format!("`discard` = \"auto\" cannot judge {samples:.0} samples of a run"),
                     format!("at least {LEAST_SAMPLES}: sample more often, or write a strain"),
                 )
-                .also(&self.sample_every, "how often is sampled"),
+                .also(self.place("sample_every"), "how often is sampled"),
             );
         }
         // At most half is picked.
@@ -241,18 +217,18 @@ impl Written {
         if discard >= p.strain {
             problems.push(
                 Problem::at(
-                    &self.discard,
+                    self.place("discard"),
                     format!(
                         "`discard` = {discard} leaves nothing of a run of strain {}",
                         p.strain
                     ),
                     format!("`discard` is from 0 to below {}, or \"auto\"", p.strain),
                 )
-                .also(&self.strain, "the length of a run"),
+                .also(self.place("strain"), "the length of a run"),
             );
         } else if p.sample_every > p.strain - discard {
             problems.push(Problem::at(
-                &self.sample_every,
+                self.place("sample_every"),
                 format!(
                     "`sample_every` = {} may leave no sample after the strain discarded",
                     p.sample_every

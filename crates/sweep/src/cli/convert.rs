@@ -6,7 +6,7 @@ use crate::api::Error;
 use crate::axes::{AXES, Axis};
 use crate::exit;
 use crate::format::significant;
-use crate::report::{Point, Report, Selection};
+use crate::report::{Point, Report, Selection, table};
 use sd_core::model::PublishedUnits;
 use serde::Serialize;
 
@@ -89,14 +89,13 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             axis.is_shear_rate() || axis.varies(report.points.iter().map(|point| &point.params))
         })
         .collect();
-    let mut table = crate::report::table(output.width);
     let axes = varied.iter().map(|axis| axis.symbol.to_owned());
     let theirs = ["runs", "Γ'", "σ'", "η'"].map(str::to_owned);
-    table.set_header(axes.chain(theirs));
+    let heads: Vec<String> = axes.chain(theirs).collect();
     let number = |value: Option<f64>, digits| {
         value.map_or_else(|| "–".into(), |value| significant(value, digits))
     };
-    for (point, converted) in report.points.iter().zip(&points) {
+    let rows = report.points.iter().zip(&points).map(|(point, converted)| {
         let mut viscosity = number(converted.published_viscosity, 4);
         if let Some(width) = converted.published_viscosity_ci95 {
             viscosity = format!("{viscosity} ± {}", significant(width, 2));
@@ -106,16 +105,18 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             None if axis.is_shear_stress() => "–".into(),
             _ => axis.value(&point.params).to_string(),
         });
-        table.add_row(axes.chain([
+        let theirs = [
             converted.seeds.to_string(),
             number(converted.published_shear_rate, 4),
             number(converted.published_shear_stress, 4),
             viscosity,
-        ]));
-    }
+        ];
+        axes.chain(theirs).collect::<Vec<_>>()
+    });
+    let table = table(output.width, heads, rows);
     let out = &mut *output.out;
     writeln!(out, "{}", report.campaign)?;
-    writeln!(out, "{}", crate::report::whole(table))?;
+    writeln!(out, "{table}")?;
     writeln!(
         out,
         "Γ': rate, 6π μ a_s² × rate / F_crit; σ': shear stress, in F_crit/a_s² (papers often give 6π σ' = η' Γ'); η': viscosity of a layer one\n\

@@ -9,7 +9,7 @@ use crate::api::Error;
 use crate::data::csv_rows;
 use crate::exit;
 use crate::format::{short, significant, wrapped};
-use crate::report::{FitReport, Selection};
+use crate::report::{FitReport, Selection, table};
 use std::path::PathBuf;
 
 /// Fit the model of Wyart and Cates to the viscosities of a campaign
@@ -73,28 +73,28 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         return Ok(exit::DONE);
     }
     let mut lines = vec![report.summary()];
-    let mut table = crate::report::table(output.width);
-    table.set_header(["parameter", "value", "95 % interval"]);
-    for (name, value, interval) in report.parameters() {
+    let rows = report.parameters().map(|(name, value, interval)| {
         let interval = interval.map_or_else(
             || "–".to_owned(),
             |[low, high]| format!("{} to {}", significant(low, 4), significant(high, 4)),
         );
-        table.add_row([name.to_owned(), significant(value, 4), interval]);
-    }
-    lines.push(crate::report::whole(table));
-    let mut table = crate::report::table(output.width);
-    table.set_header([report.fraction()[1], "σ*", "viscosity", "fit", "ln ratio"]);
-    for [fraction, stress, viscosity, fitted, residual] in report.rows() {
-        table.add_row([
-            short(fraction, 6),
-            significant(stress, 3),
-            significant(viscosity, 4),
-            significant(fitted, 4),
-            format!("{residual:+.3}"),
-        ]);
-    }
-    lines.push(crate::report::whole(table));
+        [name.to_owned(), significant(value, 4), interval]
+    });
+    let heads = ["parameter", "value", "95 % interval"];
+    lines.push(table(output.width, heads, rows));
+    let rows = report
+        .rows()
+        .map(|[fraction, stress, viscosity, fitted, residual]| {
+            [
+                short(fraction, 6),
+                significant(stress, 3),
+                significant(viscosity, 4),
+                significant(fitted, 4),
+                format!("{residual:+.3}"),
+            ]
+        });
+    let heads = [report.fraction()[1], "σ*", "viscosity", "fit", "ln ratio"];
+    lines.push(table(output.width, heads, rows));
     lines.push(format!(
         "root mean square of ln(viscosity/fit): {}; intervals say how runs scatter, and not how well the model describes them",
         significant(report.rms(), 2)

@@ -6,7 +6,7 @@ use super::report::save;
 use crate::api::Error;
 use crate::exit;
 use crate::format::significant;
-use crate::report::draw_graphs;
+use crate::report::{draw_graphs, table};
 use crate::tables;
 use sd_core::NearFields;
 use sd_core::pair::{Passing, pass};
@@ -97,21 +97,16 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         output.json(&passed)?;
         return Ok(exit::DONE);
     }
-    let mut table = crate::report::table(output.width);
-    table.set_header(["quantity", "first sphere", "second sphere"]);
-    let [first, second] = passed.rotation_degrees;
-    table.add_row([
-        "rotation in degrees".into(),
-        significant(first, 6),
-        significant(second, 6),
-    ]);
     let last = passed.path.last().copied().unwrap_or_default();
-    table.add_row([
-        "offset at the end".into(),
-        significant(passed.final_offset, 6),
-        significant(last[5], 6),
-    ]);
-    writeln!(output.out, "{}", crate::report::whole(table))?;
+    let rows = [
+        ("rotation in degrees", passed.rotation_degrees),
+        ("offset at the end", [passed.final_offset, last[5]]),
+    ];
+    let rows = rows.map(|(name, [first, second])| {
+        [name.into(), significant(first, 6), significant(second, 6)]
+    });
+    let heads = ["quantity", "first sphere", "second sphere"];
+    writeln!(output.out, "{}", table(output.width, heads, rows))?;
     writeln!(
         output.out,
         "smallest gap {}, time {}, {} points of the path (--json prints them)",

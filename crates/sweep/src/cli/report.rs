@@ -7,10 +7,11 @@ use super::Output;
 use super::place::StoreArguments;
 use super::tables::{TableArguments, refuse_two_answers};
 use crate::api::Error;
+use crate::data::write_parquet;
 use crate::exit;
 use crate::format::wrapped;
 use crate::report::{
-    Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, page, parquet,
+    Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, page, point_table,
     write_csv, write_json, write_latex, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
@@ -56,39 +57,8 @@ pub(crate) struct Arguments {
     /// Average runs with doubtful numbers too; they are counted in any case
     #[arg(long, help_heading = "Points", hide_short_help = true)]
     with_doubtful: bool,
-    /// Write a tidy table, one row per point, `-` for standard output; units go to FILE.units.csv beside it
-    #[arg(long, value_name = "FILE", help_heading = "Files")]
-    csv: Option<PathBuf>,
-    /// Write the same table as Parquet, with units in its metadata
-    #[arg(
-        long,
-        value_name = "FILE",
-        help_heading = "Files",
-        hide_short_help = true
-    )]
-    parquet: Option<PathBuf>,
-    /// Write every run on a line of its own: FILE.csv or FILE.parquet, with units as for points
-    #[arg(long, value_name = "FILE", help_heading = "Files")]
-    runs: Option<PathBuf>,
-    /// Write every sample of every run on a line of its own: FILE.csv or FILE.parquet
-    #[arg(
-        long,
-        value_name = "FILE",
-        help_heading = "Files",
-        hide_short_help = true
-    )]
-    samples: Option<PathBuf>,
-    /// Write a Markdown table, `-` for standard output
-    #[arg(
-        long,
-        value_name = "FILE",
-        help_heading = "Files",
-        hide_short_help = true
-    )]
-    markdown: Option<PathBuf>,
-    /// Write one self-contained page with interactive curves, traces and movies
-    #[arg(long, value_name = "FILE.html", help_heading = "Files")]
-    page: Option<PathBuf>,
+    #[command(flatten)]
+    files: Files,
     /// Physical units for tables, figures and the page, for spheres of radius a in a fluid of viscosity mu, with the critical load f_crit
     /// or without: a=1um,mu=1mPas,f_crit=10pN
     #[arg(
@@ -104,13 +74,40 @@ pub(crate) struct Arguments {
     drawn: FigureArguments,
 }
 
+/// Files that are written.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Files")]
+struct Files {
+    /// Write a tidy table, one row per point, `-` for standard output; units go to FILE.units.csv beside it
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Write the same table as Parquet, with units in its metadata
+    #[arg(long, value_name = "FILE", hide_short_help = true)]
+    parquet: Option<PathBuf>,
+    /// Write every run on a line of its own: FILE.csv or FILE.parquet, with units as for points
+    #[arg(long, value_name = "FILE")]
+    runs: Option<PathBuf>,
+    /// Write every sample of every run on a line of its own: FILE.csv or FILE.parquet
+    #[arg(long, value_name = "FILE", hide_short_help = true)]
+    samples: Option<PathBuf>,
+    /// Write a Markdown table, `-` for standard output
+    #[arg(long, value_name = "FILE", hide_short_help = true)]
+    markdown: Option<PathBuf>,
+    /// Write one self-contained page with interactive curves, traces and movies
+    #[arg(long, value_name = "FILE.html")]
+    page: Option<PathBuf>,
+}
+
 /// Writes a table.
 type Writer<'w> = &'w dyn Fn(&mut Vec<u8>) -> Result<(), ReportError>;
 
 /// Writes the report.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let asked = arguments.drawn.asked()?;
-    let one_by_one = one_by_one::asked(arguments.runs.as_deref(), arguments.samples.as_deref())?;
+    let one_by_one = one_by_one::asked(
+        arguments.files.runs.as_deref(),
+        arguments.files.samples.as_deref(),
+    )?;
     let selection = Selection::parse(&arguments.selection)?.with_doubtful(arguments.with_doubtful);
     let columns = Columns::named(&arguments.tables.columns)?;
     let units = match &arguments.units {
@@ -118,14 +115,14 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         None => Units::default(),
     };
     let files = [
-        ("--csv", &arguments.csv),
-        ("--parquet", &arguments.parquet),
-        ("--markdown", &arguments.markdown),
+        ("--csv", &arguments.files.csv),
+        ("--parquet", &arguments.files.parquet),
+        ("--markdown", &arguments.files.markdown),
         ("--latex", &arguments.tables.latex),
-        ("--runs", &arguments.runs),
-        ("--samples", &arguments.samples),
+        ("--runs", &arguments.files.runs),
+        ("--samples", &arguments.files.samples),
         ("--figure", &arguments.drawn.figure),
-        ("--page", &arguments.page),
+        ("--page", &arguments.files.page),
     ];
     refuse_two_answers(&files, output)?;
     if asked.is_none() && !arguments.more.is_empty() {
@@ -154,9 +151,14 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     let shape = arguments.tables.shape();
     let tables: [(&Option<PathBuf>, Writer<'_>); 4] = [
-        (&arguments.csv, &|bytes| write_csv(&report, bytes)),
-        (&arguments.parquet, &|bytes| parquet(&report, bytes)),
-        (&arguments.markdown, &|bytes| write_markdown(&report, bytes)),
+        (&arguments.files.csv, &|bytes| write_csv(&report, bytes)),
+        (&arguments.files.parquet, &|bytes| {
+            let table = point_table(&report);
+            Ok(write_parquet(&table, "points", &report.campaign, bytes)?)
+        }),
+        (&arguments.files.markdown, &|bytes| {
+            write_markdown(&report, bytes)
+        }),
         (&arguments.tables.latex, &|bytes| {
             write_latex(&report, shape, bytes)
         }),
@@ -170,6 +172,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
     }
     if let Some(path) = arguments
+        .files
         .csv
         .as_ref()
         .filter(|path| path.as_os_str() != "-")
@@ -187,7 +190,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         one_by_one::write(*rows, path, *format, excerpt, output)?;
         files = true;
     }
-    if let Some(path) = &arguments.page {
+    if let Some(path) = &arguments.files.page {
         let page = page(excerpt, PageHost::File)?;
         save(path, page.as_bytes(), output)?;
         files = true;

@@ -1,16 +1,17 @@
 //! `sweep run`.
 
+mod task;
+
 use super::Output;
 use super::place::{say_warning, store_of, workers, workers_or_all};
-use crate::api::{Beginning, Begun, Error, begin, complete, task};
+use crate::api::{Beginning, Begun, Error, begin, complete};
 use crate::campaign::{Campaign, Priority};
 use crate::disk::network_file_system;
 use crate::exit;
 use crate::format::{bytes, parse_duration, parse_positive_duration};
 use crate::runner::{Options, Progress, Reason, RunObserver, Stop, Style};
 use crate::store::{Adoption, Counts, Finding, Inventory, Merged, Store};
-use serde::Serialize;
-use std::io::{IsTerminal, Write as _};
+use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -79,47 +80,33 @@ pub(crate) struct Arguments {
     /// Keep the layer at every sampled strain, for `sweep export` and movies; finished cases are not computed again for it
     #[arg(long)]
     trajectory: bool,
+    #[command(flatten)]
+    cluster: ClusterArguments,
+}
+
+/// One task of a cluster, and where it works.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "One task of a cluster")]
+#[group(requires = "shard")]
+pub(crate) struct ClusterArguments {
     /// One task of a cluster: compute slice I, from 0, of N in a store of its own, and publish it among the shards. TERM and
     /// USR1 checkpoint, publish, and have Slurm start the task again if work is left
-    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = part, help_heading = "One task of a cluster", hide_short_help = true)]
+    #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = part, hide_short_help = true)]
     shard: Option<Part>,
     /// The slices, as `sweep submit` wrote them [default: all cases of the file, cut here]
-    #[arg(
-        long,
-        value_name = "FILE",
-        requires = "shard",
-        help_heading = "One task of a cluster",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "FILE", hide_short_help = true)]
     slices: Option<PathBuf>,
     /// Folder shards are published in [default: NAME.shards beside the store]
-    #[arg(
-        long,
-        value_name = "DIR",
-        requires = "shard",
-        help_heading = "One task of a cluster",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "DIR", hide_short_help = true)]
     shards: Option<PathBuf>,
     /// Disk of this machine to work on [default: SLURM_TMPDIR, or else the folder of shards]
-    #[arg(
-        long,
-        value_name = "DIR",
-        requires = "shard",
-        help_heading = "One task of a cluster",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "DIR", hide_short_help = true)]
     scratch: Option<PathBuf>,
     /// Time between publications, as 90s or 2m: what a crashed machine loses at most
-    #[arg(long, value_name = "TIME", default_value = "60s", requires = "shard", value_parser = parse_duration, help_heading = "One task of a cluster", hide_short_help = true)]
+    #[arg(long, value_name = "TIME", default_value = "60s", value_parser = parse_duration, hide_short_help = true)]
     publish_every: Duration,
     /// Go on from shards another build of sweep computed; their bits may differ
-    #[arg(
-        long,
-        requires = "shard",
-        help_heading = "One task of a cluster",
-        hide_short_help = true
-    )]
+    #[arg(long, hide_short_help = true)]
     allow_mixed_versions: bool,
 }
 
@@ -195,9 +182,8 @@ fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
 /// Computes what is lacking, and prints the report.
 fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
-    let workers = workers_or_all(arguments.workers);
-    if let Some(part) = arguments.shard {
-        return run_shard(arguments, part, campaign, workers, output);
+    if let Some(part) = arguments.cluster.shard {
+        return task::run(arguments, part, campaign, output);
     }
     let refused = |message| Error::Argument {
         argument: "--priority",
@@ -237,12 +223,7 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     say_what_was_damaged(&damaged, style);
     say_what_is_there(&campaign, &path, adoption, style);
     say_what_was_taken(taken, style);
-    let conditions = Conditions {
-        workers,
-        stop: &stop,
-        observer: None,
-    };
-    let counts = compute(arguments, &campaign, &mut store, conditions, style)?;
+    let counts = compute(arguments, &campaign, &mut store, (&stop, None), style)?;
     let is_over = counts.pending + counts.running == 0;
     let code = match stop.reason() {
         // Nothing was left when the time was up.
@@ -314,68 +295,15 @@ fn say_what_was_taken(taken: Option<Merged>, style: Style) {
     }
 }
 
-/// Computes one slice of a campaign, and says how far it is.
-fn run_shard(
-    arguments: &Arguments,
-    part: Part,
-    mut campaign: Campaign,
-    workers: usize,
-    output: &mut Output<'_>,
-) -> Result<u8, Error> {
-    let stop = Stop::for_a_task()?;
-    let quiet = output.quiet;
-    let note = move |text: &str| {
-        if !quiet {
-            // Standard error may be closed.
-            let _ = writeln!(crate::text::visible::stderr(), "{text}");
-        }
-    };
-    let options = task::Options {
-        task: part.task,
-        tasks: part.tasks,
-        slices: arguments.slices.as_deref(),
-        shards: arguments.shards.as_deref(),
-        scratch: arguments.scratch.as_deref(),
-        publish_every: arguments.publish_every,
-        retry_failed: arguments.retry_failed,
-        allow_mixed_versions: arguments.allow_mixed_versions,
-        note: &note,
-    };
-    let style = style(arguments, output);
-    task::run_task(
-        &mut campaign,
-        &options,
-        &stop,
-        |campaign, store, observer| {
-            let conditions = Conditions {
-                workers,
-                stop: &stop,
-                observer: Some(observer),
-            };
-            compute(arguments, campaign, store, conditions, style)
-        },
-        |counts, shard| answer(part, counts, shard, output),
-    )
-}
-
-/// Under what conditions a campaign is computed.
-#[derive(Clone, Copy)]
-struct Conditions<'c> {
-    /// Cases at a time.
-    workers: usize,
-    stop: &'c Stop,
-    observer: Option<&'c dyn RunObserver>,
-}
-
 /// Computes the cases of a store. Says how they stand then.
 fn compute(
     arguments: &Arguments,
     campaign: &Campaign,
     store: &mut Store,
-    conditions: Conditions<'_>,
+    (stop, observer): (&Stop, Option<&dyn RunObserver>),
     style: Style,
 ) -> Result<Counts, Error> {
-    let threads = conditions.workers;
+    let threads = workers_or_all(arguments.workers);
     let workers = threads.min(campaign.cases.len());
     let progress = Progress::new(style, workers, Box::new(std::io::stderr()));
     let options = Options {
@@ -383,45 +311,9 @@ fn compute(
         threads,
         wall_limit: arguments.max_wall_time,
         trajectory: arguments.trajectory,
-        observer: conditions.observer,
-        stop: conditions.stop,
+        observer,
+        stop,
         progress: &progress,
     };
     complete(store, campaign, options)
-}
-
-/// What is said at the end of a task.
-#[derive(Serialize)]
-struct Answer<'a> {
-    task: usize,
-    tasks: usize,
-    shard: &'a Path,
-    /// Cases of the slice by state.
-    #[serde(rename = "cases")]
-    counts: Counts,
-}
-
-/// Says how far the slice is.
-fn answer(part: Part, counts: Counts, shard: &Path, output: &mut Output<'_>) -> Result<(), Error> {
-    let left = counts.pending + counts.running;
-    if output.json {
-        output.json(&Answer {
-            task: part.task,
-            tasks: part.tasks,
-            shard,
-            counts,
-        })?;
-        return Ok(output.out.flush()?);
-    }
-    writeln!(
-        output.out,
-        "task {} of {}: {} cases done, {} jammed, {} failed, {left} left: {}",
-        part.task,
-        part.tasks,
-        counts.done,
-        counts.jammed,
-        counts.failed,
-        shard.display()
-    )?;
-    Ok(output.out.flush()?)
 }

@@ -3,6 +3,7 @@
 use super::Output;
 use crate::api::{Error, named_scalars};
 use crate::exit;
+use crate::report::table;
 use serde_json::json;
 
 /// Print the resistance functions of two spheres
@@ -33,11 +34,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         output.json(&object)?;
         return Ok(exit::DONE);
     }
-    let mut table = crate::report::table(output.width);
-    table.set_header(["function", "11", "12"]);
-    for (name, [own, other]) in named {
-        table.add_row([name.into(), format!("{own:.12e}"), format!("{other:.12e}")]);
-    }
-    writeln!(output.out, "{}", crate::report::whole(table))?;
+    let rows = named
+        .map(|(name, [own, other])| [name.into(), format!("{own:.12e}"), format!("{other:.12e}")]);
+    let table = table(output.width, ["function", "11", "12"], rows);
+    writeln!(output.out, "{table}")?;
     Ok(exit::DONE)
 }

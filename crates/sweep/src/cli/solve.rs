@@ -4,6 +4,7 @@ use super::{Output, read_input};
 use crate::api::Error;
 use crate::api::instant::{Amount, Answer, answer, read};
 use crate::exit;
+use crate::report::table;
 use crate::text::format::significant;
 use sd_core::contact::ContactState;
 use std::path::PathBuf;
@@ -44,16 +45,13 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
         Amount::Vector(vector) => digits(vector.iter().map(|x| x * x).sum::<f64>().sqrt()),
     };
     let is_layer = instant.stresslet_xz.is_none();
-    let mut spheres = crate::report::table(output.width);
-    if is_layer {
-        spheres.set_header(["sphere", "u_x", "u_y", "ω", "S_xx", "S_yy", "S_xy"]);
+    let heads = if is_layer {
+        "sphere u_x u_y ω S_xx S_yy S_xy"
     } else {
-        spheres.set_header([
-            "sphere", "u_x", "u_y", "u_z", "ω_x", "ω_y", "ω_z", "S_xx", "S_yy", "S_xy", "S_xz",
-            "S_yz",
-        ]);
-    }
-    for (sphere, velocity) in instant.velocity_disturbance.iter().enumerate() {
+        "sphere u_x u_y u_z ω_x ω_y ω_z S_xx S_yy S_xy S_xz S_yz"
+    };
+    let velocities = instant.velocity_disturbance.iter().enumerate();
+    let rows = velocities.map(|(sphere, velocity)| {
         let turning = instant.angular_velocity_disturbance[sphere].numbers();
         let stresslets = [
             &instant.stresslet_xx,
@@ -66,12 +64,13 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
             .chain(others)
             .map(|list| list[sphere]);
         let numbers = velocity.iter().chain(turning).copied().chain(stresslets);
-        spheres.add_row(std::iter::once(sphere.to_string()).chain(numbers.map(digits)));
-    }
-    writeln!(output.out, "{}", crate::report::whole(spheres))?;
+        let row = std::iter::once(sphere.to_string()).chain(numbers.map(digits));
+        row.collect::<Vec<_>>()
+    });
+    let spheres = table(output.width, heads.split(' '), rows);
+    writeln!(output.out, "{spheres}")?;
     if !instant.contacts.is_empty() {
-        let mut contacts = crate::report::table(output.width);
-        contacts.set_header([
+        let heads = [
             "i",
             "j",
             "image",
@@ -81,16 +80,13 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
             "normal velocity",
             "slip velocity",
             "state",
-        ]);
-        for c in &instant.contacts {
-            contacts.add_row([
+        ];
+        let rows = instant.contacts.iter().map(|c| {
+            let image: Vec<String> = c.image.iter().map(i32::to_string).collect();
+            [
                 c.i.to_string(),
                 c.j.to_string(),
-                c.image
-                    .iter()
-                    .map(i32::to_string)
-                    .collect::<Vec<_>>()
-                    .join(" "),
+                image.join(" "),
                 digits(c.gap),
                 digits(c.normal_force),
                 amount(&c.tangential_force),
@@ -102,9 +98,9 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
                     ContactState::Slipping => "slipping",
                 }
                 .into(),
-            ]);
-        }
-        writeln!(output.out, "{}", crate::report::whole(contacts))?;
+            ]
+        });
+        writeln!(output.out, "{}", table(output.width, heads, rows))?;
     }
     for (name, value) in [
         ("viscosity", instant.viscosity),

@@ -6,7 +6,7 @@ use super::report::figure::format_of;
 use super::report::save;
 use super::tables::refuse_two_answers;
 use crate::api::Error;
-use crate::data::{DataColumn, ParquetFile, write_csv};
+use crate::data::{DataColumn, write_csv, write_parquet};
 use crate::exit;
 use crate::format::wrapped;
 use crate::report::{Selection, Shape, StructureKind, StructureReport};
@@ -111,11 +111,7 @@ fn write_table(
 ) -> Result<(), Error> {
     let mut bytes = Vec::new();
     if is_parquet {
-        let campaign = store.campaign_name()?;
-        let about = [("campaign", campaign.as_str())];
-        let mut file = ParquetFile::begin(&mut bytes, "structure", table, &about)?;
-        file.append(table)?;
-        file.finish()?;
+        write_parquet(table, "structure", &store.campaign_name()?, &mut bytes)?;
     } else {
         write_csv(table, &mut bytes)?;
     }

@@ -1,9 +1,11 @@
 //! `sweep submit`.
 
+mod folder;
+mod hand_over;
+
 use super::Output;
 use super::place::{positive, store_of, workers};
 use crate::api::Error;
-use crate::api::submit::{Options, Submitted, submit};
 use crate::campaign::Campaign;
 use crate::cluster::{
     Scheduler, SchedulerError, quoted,
@@ -12,6 +14,7 @@ use crate::cluster::{
 use crate::exit;
 use crate::format::{bytes, counted, duration, parse_duration, parse_positive_duration};
 use clap::ValueEnum;
+use hand_over::{Submitted, submit};
 use serde::Serialize;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -139,26 +142,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let campaign = Campaign::read(&arguments.campaign)?;
     let scheduler = scheduler(arguments)?;
     let path = store_of(&campaign, arguments.store.as_deref())?;
-    let submitted = submit(
-        &campaign,
-        &path,
-        &Options {
-            scheduler: &scheduler,
-            tasks: arguments.tasks.map(NonZeroUsize::get),
-            workers: arguments.workers_per_task.get(),
-            throttle: arguments.throttle.map(NonZeroUsize::get),
-            time_s: arguments
-                .time
-                .as_ref()
-                .map(|limit| limit.time.as_secs_f64()),
-            run_arguments: run_arguments(arguments)?,
-            retry_failed: arguments.retry_failed,
-            allow_mixed_versions: arguments.allow_mixed_versions,
-            again: arguments.again,
-            dry_run: arguments.dry_run,
-            note: &|text| output.note(text),
-        },
-    )?;
+    let submitted = submit(arguments, &scheduler, &campaign, &path, output)?;
     let Some(submitted) = submitted else {
         if output.json {
             output.json(&Answer::default())?;

@@ -3,6 +3,8 @@
 use super::Output;
 use crate::api::Error;
 use crate::exit;
+use crate::format::significant;
+use crate::report::table;
 use sd_core::verify::{Check, checks};
 use serde_json::json;
 
@@ -26,18 +28,17 @@ pub(crate) fn execute(_: &Arguments, output: &mut Output<'_>) -> Result<u8, Erro
             .collect();
         output.json(&json!({ "checks": rows, "failed": failed }))?;
     } else {
-        let mut table = crate::report::table(output.width);
-        table.set_header(["quantity", "ours", "known", "source", ""]);
-        for check in &checks {
-            table.add_row([
+        let rows = checks.iter().map(|check| {
+            [
                 check.quantity.clone(),
-                format!("{:.9}", Number(check.value)),
+                number(check.value, 9),
                 known(check),
                 check.source.into(),
                 if check.passes() { "pass" } else { "FAIL" }.into(),
-            ]);
-        }
-        writeln!(output.out, "{}", crate::report::whole(table))?;
+            ]
+        });
+        let heads = ["quantity", "ours", "known", "source", ""];
+        writeln!(output.out, "{}", table(output.width, heads, rows))?;
         writeln!(output.out, "{} checks, {failed} failed", checks.len())?;
     }
     Ok(if failed == 0 {
@@ -53,32 +54,21 @@ fn known(check: &Check) -> String {
     if least == f64::MIN_POSITIVE {
         "above 0".into()
     } else if most == f64::INFINITY {
-        format!("at least {:.3}", Number(least))
+        format!("at least {}", number(least, 3))
     } else if least == 0.0 {
-        format!("at most {:.3}", Number(most))
+        format!("at most {}", number(most, 3))
     } else {
         let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
-        format!("{:.9} ± {:.1}", Number(middle), Number(half))
+        format!("{} ± {}", number(middle, 9), number(half, 1))
     }
 }
 
-/// A number in plain form if that is legible, else in powers of ten; the precision counts significant digits.
-struct Number(f64);
-
-impl std::fmt::Display for Number {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let digits = f.precision().unwrap_or(6);
-        let magnitude = self.0.abs();
-        if magnitude == 0.0 {
-            write!(f, "0")
-        } else if (1e-3..1e6).contains(&magnitude) {
-            write!(
-                f,
-                "{}",
-                crate::format::significant(self.0, i32::try_from(digits).unwrap_or(6))
-            )
-        } else {
-            write!(f, "{:.*e}", digits.min(3) - 1, self.0)
-        }
+/// A number to so many significant digits, in plain form if that is legible, else in powers of ten.
+fn number(value: f64, digits: i32) -> String {
+    if value == 0.0 || (1e-3..1e6).contains(&value.abs()) {
+        significant(value, digits)
+    } else {
+        let decimals = usize::try_from(digits.min(3) - 1).unwrap_or(0);
+        format!("{value:.decimals$e}")
     }
 }

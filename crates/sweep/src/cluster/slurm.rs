@@ -101,9 +101,7 @@ impl Slurm {
             .map_or(1200, |limit| limit.time.as_secs());
         (limit / 10).clamp(60, 300)
     }
-}
 
-impl Slurm {
     /// The script of an array job.
     pub(super) fn script(&self, job: &Job) -> Result<String, SchedulerError> {
         let mut script = String::from("#!/bin/sh\n");

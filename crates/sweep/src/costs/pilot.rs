@@ -4,9 +4,10 @@ use super::{Costs, NEAR, Record, distance, values};
 use crate::case::{Case, step_cost};
 use crate::spaces::AnySimulation;
 use crate::system::clock::Clock;
+use crate::system::lock;
 use crate::tables;
 use sd_core::{Error, NearFields, Params};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 /// Time by the wall that all of them together take at most.
@@ -113,8 +114,7 @@ impl ShortRun {
     }
 
     fn progress(&self) -> MutexGuard<'_, Progress> {
-        let progress = self.progress.lock();
-        progress.unwrap_or_else(PoisonError::into_inner)
+        lock(&self.progress)
     }
 
     /// What it has told so far.

@@ -8,6 +8,7 @@ mod volume_fraction;
 use sd_core::Params;
 use sd_core::model::{Form, PARAMETERS, Parameter, Refusal};
 use serde::{Serialize, Serializer};
+use std::collections::HashSet;
 use std::fmt;
 use std::ops::Deref;
 use std::sync::LazyLock;
@@ -98,11 +99,7 @@ impl Axis {
 
     /// Its place on a line; not a number for words.
     pub fn number(&self, params: &Params) -> f64 {
-        match self.value(params) {
-            Value::Word(_) => f64::NAN,
-            Value::Count(count) => count as f64,
-            Value::Number(number) => number,
-        }
+        self.value(params).number()
     }
 
     /// Its label on a figure.
@@ -188,6 +185,13 @@ impl Axis {
         let first = params.next().map(|p| self.value(p));
         params.any(|p| Some(self.value(p)) != first)
     }
+
+    /// The values of some parameters on it, each once, in the order of their first use.
+    pub(crate) fn distinct<'p>(&self, params: impl Iterator<Item = &'p Params>) -> Vec<Value> {
+        let mut seen = HashSet::new();
+        let values = params.map(|p| self.value(p));
+        values.filter(|value| seen.insert(value.tag())).collect()
+    }
 }
 
 impl Value {
@@ -197,6 +201,15 @@ impl Value {
             Self::Word(_) => Kind::Word,
             Self::Count(_) => Kind::Count,
             Self::Number(_) => Kind::Number,
+        }
+    }
+
+    /// As a number; words are none.
+    pub(crate) fn number(self) -> f64 {
+        match self {
+            Self::Word(_) => f64::NAN,
+            Self::Count(count) => count as f64,
+            Self::Number(number) => number,
         }
     }
 

@@ -125,6 +125,15 @@ pub(crate) fn step_cost(params: &Params) -> f64 {
     }
 }
 
+/// The same parameters for every shear rate, or every stress where that is imposed.
+pub(crate) fn without_shear(params: &Params) -> Params {
+    Params {
+        shear_rate: 0.0,
+        shear_stress: params.shear_stress.map(|_| 1.0),
+        ..params.clone()
+    }
+}
+
 /// Name of a case: 128 bits of a BLAKE3 hash, written as 32 hexadecimal digits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CaseKey([u8; 16]);

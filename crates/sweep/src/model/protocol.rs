@@ -22,45 +22,13 @@ pub struct Protocol {
 
 /// What is left out at the start of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(from = "WrittenDiscard", into = "WrittenDiscard")]
+#[serde(rename_all = "lowercase")]
 pub enum Discard {
-    /// Samples before this strain; in [0, strain).
-    Strain(f64),
     /// As much as MSER-5 picks at each point: see [`crate::statistics::mser_5`].
     Auto,
-}
-
-/// The same as it is written: a number or a word.
-#[derive(Serialize, Deserialize)]
-#[serde(untagged)]
-enum WrittenDiscard {
+    /// Samples before this strain; in [0, strain).
+    #[serde(untagged)]
     Strain(f64),
-    Word(AutoWord),
-}
-
-/// The word of [`Discard::Auto`].
-#[derive(Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum AutoWord {
-    Auto,
-}
-
-impl From<WrittenDiscard> for Discard {
-    fn from(written: WrittenDiscard) -> Self {
-        match written {
-            WrittenDiscard::Strain(strain) => Self::Strain(strain),
-            WrittenDiscard::Word(AutoWord::Auto) => Self::Auto,
-        }
-    }
-}
-
-impl From<Discard> for WrittenDiscard {
-    fn from(discard: Discard) -> Self {
-        match discard {
-            Discard::Strain(strain) => Self::Strain(strain),
-            Discard::Auto => Self::Word(AutoWord::Auto),
-        }
-    }
 }
 
 impl Default for Protocol {

@@ -5,12 +5,10 @@ use super::figure::scale::count;
 use super::points::{Point, Report, Runs};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::case::State;
-use crate::data::{Cells, DataColumn, Word};
-use crate::model::networks::NETWORK;
-use crate::model::stresses::STRESSES;
+use crate::data::{DataColumn, Word};
+use crate::model::sampled;
 use crate::statistics::{Estimate, mean, ratio};
 use crate::store::PointRun;
-use crate::structure::meaning_of;
 use std::sync::LazyLock;
 
 /// A column: a name for machines, a unit, a meaning, and a cell for every point.
@@ -38,14 +36,14 @@ enum Content {
     Count(fn(&Runs<'_>) -> u64),
     /// Numbers; `None` where there is none.
     Number(fn(&Runs<'_>) -> Option<f64>),
-    /// The mean over runs of a number that they have, or of the stress of this place in [`STRESSES`]. The half width of its 95 %
-    /// interval is in the next column, `NAME_ci95`.
+    /// The mean over runs of a number that they have, or of the number of a sample of this place in [`sampled::means`]. The half width
+    /// of its 95 % interval is in the next column, `NAME_ci95`.
     Mean(fn(&PointRun, usize) -> Option<f64>, usize),
     /// That half width.
     Interval,
 }
 
-/// What was measured, without the stresses.
+/// What was measured, without the means of numbers of samples.
 #[rustfmt::skip]
 #[expect(clippy::redundant_closure_for_method_calls, reason = "a method is one of runs of one lifetime")]
 const MEASURED: [(&str, &str, &str, &str, Content); 29] = {
@@ -86,14 +84,10 @@ const MEASURED: [(&str, &str, &str, &str, Content); 29] = {
 /// All columns.
 pub(super) static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
     let axis = |axis: &'static Axis| (axis.key, axis.unit, axis.meaning, "", Content::Axis(axis));
-    let stresses = STRESSES.iter().enumerate().map(|(place, stress)| {
-        let mean = Content::Mean(|run, place| run.stresses[place], place);
-        (stress.name, "mu rate", stress.meaning, stress.meaning, mean)
-    });
-    let network = NETWORK.iter().enumerate().map(|(place, column)| {
-        let mean = Content::Mean(|run, place| run.network[place], place);
-        let meaning = meaning_of(column.name);
-        (column.name, "1", meaning, meaning, mean)
+    let means = sampled::means().enumerate().map(|(place, number)| {
+        let mean = Content::Mean(|run, place| run.means[place], place);
+        let meaning = number.meaning();
+        (number.name, number.unit, meaning, meaning, mean)
     });
     let mut all: Vec<Column> = Vec::new();
     let mut add = |name: Word, unit, meaning, label, content| {
@@ -107,12 +101,7 @@ pub(super) static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
             place,
         });
     };
-    for (name, unit, meaning, label, content) in AXES
-        .iter()
-        .map(axis)
-        .chain(MEASURED)
-        .chain(stresses)
-        .chain(network)
+    for (name, unit, meaning, label, content) in AXES.iter().map(axis).chain(MEASURED).chain(means)
     {
         add(name.into(), unit, meaning, label, content);
         if matches!(content, Content::Mean(..)) {
@@ -270,21 +259,14 @@ impl Column {
 
     /// Whether tables for people leave it out unless it is asked for.
     pub(super) fn is_detail(&self) -> bool {
-        let of_stress = |name| STRESSES.iter().find(|stress| stress.name == name);
+        let mean_of = |name| sampled::means().find(|number| number.name == name);
         match self.content {
-            _ if self.is_of_network() => true,
             Content::Mean(..) => {
-                of_stress(&self.name).is_some_and(|stress| stress.is_part() || stress.name == "n1")
+                mean_of(&self.name).is_some_and(|mean| !mean.is_sum() || mean.name == "n1")
             }
-            Content::Interval => of_stress(&COLUMNS[self.place - 1].name).is_some(),
+            Content::Interval => mean_of(&COLUMNS[self.place - 1].name).is_some(),
             _ => false,
         }
-    }
-
-    /// Whether it is of the network of contacts, which most campaigns do not observe.
-    fn is_of_network(&self) -> bool {
-        let name = self.name.trim_end_matches("_ci95");
-        NETWORK.iter().any(|column| column.name == name)
     }
 
     /// The column with the half width of its interval, if there is one.
@@ -308,15 +290,11 @@ pub(super) fn point_row(point: &Point) -> serde_json::Map<String, serde_json::Va
 /// The points as a table, with the columns that were chosen or all, in the units of the report.
 pub fn point_table(report: &Report) -> Vec<DataColumn> {
     let table = |column: &'static Column| {
-        let mut cells = Cells::with_capacity(column.kind(), report.points.len());
-        for point in &report.points {
-            cells.push(column.shown(report, point));
-        }
+        let points = report.points.iter();
+        let cells = points.map(|point| column.shown(report, point));
         DataColumn {
-            name: column.name.clone(),
             unit: column.unit_in(report),
-            meaning: column.meaning,
-            cells,
+            ..DataColumn::of(column.name.clone(), column.kind(), column.meaning, cells)
         }
     };
     report.columns.all().into_iter().map(table).collect()

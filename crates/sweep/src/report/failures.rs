@@ -1,7 +1,7 @@
 //! Failures that are alike, told once.
 
+use crate::case::without_shear;
 use crate::store::FailureLine;
-use sd_core::Params;
 
 /// Runs that failed in the same way: with the same message and the same parameters but for the shear rate and the seed.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,7 +21,7 @@ impl FailureGroup {
         for failure in failures {
             let alike = |group: &&mut Self| {
                 group.first.failed.error == failure.failed.error
-                    && same_but_shear_rate(&group.first.params, &failure.params)
+                    && without_shear(&group.first.params) == without_shear(&failure.params)
             };
             let params = &failure.params;
             let shear_rate = params.shear_stress.unwrap_or(params.shear_rate);
@@ -64,24 +64,12 @@ impl FailureGroup {
     }
 }
 
-/// Whether two runs differ in their shear rates, or in the stresses imposed, at most.
-fn same_but_shear_rate(one: &Params, other: &Params) -> bool {
-    let other = Params {
-        shear_rate: one.shear_rate,
-        shear_stress: match (one.shear_stress, other.shear_stress) {
-            (Some(stress), Some(_)) => Some(stress),
-            (_, different) => different,
-        },
-        ..other.clone()
-    };
-    *one == other
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::store::Attempt;
     use crate::test_support::params;
+    use sd_core::Params;
 
     #[test]
     fn failures_that_are_the_same_for_every_shear_rate_are_one() {

@@ -18,7 +18,7 @@ pub(super) mod log_axis;
 mod look;
 mod origin;
 mod outline;
-mod palette;
+pub(super) mod palette;
 mod pdf;
 mod png;
 pub(super) mod scale;
@@ -45,6 +45,7 @@ use palette::ORDERED_CURVES;
 pub(super) use palette::{COLOURS, Colour};
 use scene::Page;
 use sd_core::Params;
+use sketch::Sketch;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -265,9 +266,7 @@ pub fn draw(
     format: Format,
 ) -> Result<Vec<u8>, ReportError> {
     let sketch = sketch::sketch(reports, traces, drawing, true)?;
-    let outline = Outline::of(&sketch, &drawing.look)?;
-    let page = layout::page(&outline);
-    file(&page, drawing.look.style.dpi, format, &Origin::of(reports))
+    drawn(&sketch, &drawing.look, &Origin::of(reports), format)
 }
 
 /// The same figure, to be drawn by another program: in one panel unless several are asked for.
@@ -283,9 +282,15 @@ pub fn outline(
     Outline::of(&sketch, &drawing.look)
 }
 
-/// Where what is made of a report comes from, a line each: its campaign, what computed it, the keys of its runs.
-pub(super) fn origin_of(report: &Report) -> String {
-    Origin::of(std::slice::from_ref(report)).text
+/// Draws a sketch.
+fn drawn(
+    sketch: &Sketch,
+    look: &Look,
+    origin: &Origin,
+    format: Format,
+) -> Result<Vec<u8>, ReportError> {
+    let page = layout::page(&Outline::of(sketch, look)?);
+    file(&page, look.style.dpi, format, origin)
 }
 
 /// Writes a picture of the plane of shear as a file.
@@ -305,17 +310,6 @@ fn file(page: &Page, dpi: u32, format: Format, origin: &Origin) -> Result<Vec<u8
         Format::Pdf => pdf::write(page, origin).map_err(refused),
         Format::Png => png::write(page, dpi, origin).map_err(refused),
     }
-}
-
-/// What the page draws curves with, besides its colours: markers, the first for the first curve, and colours of rising lightness.
-pub(super) fn page_look() -> serde_json::Value {
-    // The page's map goes on to the yellow that is lost on paper: its cells have a ground of their own.
-    serde_json::json!({"markers": palette::MARKERS, "heat": palette::HEAT})
-}
-
-/// The colours of curves, on light and on dark ground.
-pub(super) fn curve_colours() -> [&'static [Colour]; 2] {
-    [&palette::COLOURS, &palette::COLOURS_ON_DARK]
 }
 
 /// The error about the figure.

@@ -5,7 +5,7 @@
 
 use super::columns::{COLUMNS, Column};
 use super::error::ReportError;
-use super::figure::{curve_colours, page_look};
+use super::figure::palette::{COLOURS, COLOURS_ON_DARK, Colour, HEAT, MARKERS};
 use super::points::{Point, Report};
 use super::selection::Excerpt;
 use super::states::{Flow, flows_of};
@@ -129,16 +129,14 @@ pub fn page(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
 
 /// The style, with the colours of curves.
 fn style() -> String {
-    let list = |colours: &mut dyn Iterator<Item = String>| {
-        let each = colours
-            .enumerate()
-            .map(|(n, colour)| format!("--c{n}: {colour};"));
+    let list = |colours: &[Colour]| {
+        let each = colours.iter().enumerate();
+        let each = each.map(|(n, colour)| format!("--c{n}: {colour};"));
         each.collect::<Vec<_>>().join(" ")
     };
-    let [light, dark] = curve_colours();
     STYLE
-        .replace("@LIGHT@", &list(&mut light.iter().map(ToString::to_string)))
-        .replace("@DARK@", &list(&mut dark.iter().map(ToString::to_string)))
+        .replace("@LIGHT@", &list(&COLOURS))
+        .replace("@DARK@", &list(&COLOURS_ON_DARK))
 }
 
 /// JSON that cannot end the element it stands in.
@@ -162,18 +160,14 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
     } = excerpt;
     let (report, all, points) = Report::with_runs(store, selection)?;
     let report = Report { units, ..report };
-    let work_done = if selection.is_everything() {
+    // The time left is that of the whole campaign.
+    let (work_done, eta_s) = if selection.is_everything() {
         let work = store.work()?;
-        ratio(work.done, work.total).unwrap_or(1.0)
+        (ratio(work.done, work.total), store.time_left(&work)?)
     } else {
         let c = &report.counts;
-        ratio((c.done + c.jammed + c.failed) as f64, c.total() as f64).unwrap_or(1.0)
-    };
-    // The time left is that of the whole campaign.
-    let eta_s = if selection.is_everything() {
-        store.time_left(&store.work()?)?
-    } else {
-        None
+        let ended = c.done + c.jammed + c.failed;
+        (ratio(ended as f64, c.total() as f64), None)
     };
     let factor = units.viscosity_factor();
     let points_each = (TRACE_POINTS / all.len().max(1)).clamp(12, 240);
@@ -210,7 +204,7 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         // Whether a server can be asked for news.
         "live": host == PageHost::Server,
         "campaign": report.campaign, "selection": selection.to_string(), "text": store.campaign_text()?,
-        "discard": report.discard, "cases": report.counts, "work_done": work_done, "eta_s": eta_s,
+        "discard": report.discard, "cases": report.counts, "work_done": work_done.unwrap_or(1.0), "eta_s": eta_s,
         "axes": AXES.iter().map(|axis| axis_data(&report, axis)).collect::<Vec<_>>(),
         "quantities": COLUMNS.iter().filter(|column| !column.label.is_empty()).map(|column| quantity_data(units, column)).collect::<Vec<_>>(),
         // How each point flows, as a state diagram has it.
@@ -223,7 +217,9 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         },
         // Movies by key; `true` for one that the server has.
         "runs": runs, "movies": movies, "failures": failures, "provenance": report.provenance,
-        "histogram_bin": BIN, "look": page_look(),
+        "histogram_bin": BIN,
+        // The page's map goes on to the yellow that is lost on paper: its cells have a ground of their own.
+        "look": {"markers": MARKERS, "heat": HEAT},
     });
     let document = Data {
         points: report

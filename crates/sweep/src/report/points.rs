@@ -81,8 +81,6 @@ pub struct Point {
     pub precision: Option<f64>,
     /// What is asked for, and what its rule says; `None` where the file says how many seeds.
     pub rule: Option<(Precision, Decision)>,
-    /// Whether the runs drift.
-    pub drift: Option<Drift>,
     /// What to do about runs that are not steady.
     pub advice: Option<String>,
     /// What was measured, by column; not a number where nothing was.
@@ -139,13 +137,7 @@ impl Report {
         let mut counts = Counts::default();
         let doubtful = once.iter().filter(|run| run.is_doubtful()).count() as u64;
         for run in &once {
-            *match run.state {
-                State::Pending => &mut counts.pending,
-                State::Running => &mut counts.running,
-                State::Done => &mut counts.done,
-                State::Jammed => &mut counts.jammed,
-                State::Failed => &mut counts.failed,
-            } += 1;
+            *counts.of(run.state) += 1;
         }
         for run in &runs {
             // Runs of a point come one after the other.
@@ -172,10 +164,8 @@ impl Report {
                 averaged,
                 rule,
             };
-            let drift = runs.drift();
             points.push(Point {
-                advice: steady::advice(store, drift, &runs.averaged, &protocol)?,
-                drift,
+                advice: steady::advice(store, runs.drift(), &runs.averaged, &protocol)?,
                 ..Point::of(&runs)
             });
         }
@@ -349,7 +339,6 @@ impl Point {
             seeds_wanted: seeds,
             precision: None,
             rule: None,
-            drift: None,
             advice: None,
             measured: Box::default(),
         }
@@ -366,7 +355,6 @@ impl Point {
             seeds_wanted: runs.wanted(),
             precision: runs.precision(),
             rule: runs.rule,
-            drift: None,
             advice: None,
             measured: measure(runs),
         }

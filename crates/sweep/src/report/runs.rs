@@ -8,10 +8,10 @@ use super::selection::Excerpt;
 use super::units::{At, Units};
 use crate::axes::{AXES, Axis, Kind, Value};
 use crate::data::csv_rows;
-use crate::data::{Cells, DataColumn, Field, ParquetFile, fields, numbered, write_csv_rows};
-use crate::model::stresses::STRESSES;
+use crate::data::{Cells, DataColumn, ParquetFile, numbered, write_csv_rows};
+use crate::model::sampled::sample_fields;
 use crate::store::PointRun;
-use meanings::{OF_RUNS, OF_SAMPLES, explain};
+use meanings::{explain_of_runs, explain_of_samples};
 use sd_core::Sample;
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -54,7 +54,7 @@ impl Excerpt<'_> {
         let places: Vec<At> = places.into_iter().flatten().collect();
         for column in &mut table {
             column.cells.keep(&is_wanted);
-            explain(column, OF_RUNS);
+            explain_of_runs(column);
             convert(column, self.units, |row| places[row]);
         }
         Ok(table)
@@ -209,7 +209,7 @@ fn table_of(
     table.append(&mut values);
     table.append(&mut sample_table(sampled)?);
     for column in &mut table {
-        explain(column, OF_SAMPLES);
+        explain_of_samples(column);
         convert(column, units, |row| match run {
             // The rate of every sample is its own.
             Some((run, _)) => At::new(&run.params, Some(sampled[row].1.shear_rate)),
@@ -219,22 +219,6 @@ fn table_of(
     Ok(table)
 }
 
-/// What a sample holds, and the components of the stress whose parts it holds, under the names of the columns of samples.
-pub fn sample_fields(sample: &Sample) -> Vec<Field> {
-    let mut all = fields(sample);
-    let totals = STRESSES.iter().filter(|column| !column.is_part());
-    let totals = totals.map(|column| Field {
-        name: column.name,
-        value: Value::Number(column.read(sample)),
-    });
-    let before = all
-        .iter()
-        .position(|field| field.name == "normal_stress_difference");
-    let place = before.map_or(all.len(), |place| place + 1);
-    all.splice(place..place, totals);
-    all
-}
-
 /// Samples as columns, of the fields of [`sample_fields`].
 ///
 /// # Errors
@@ -242,7 +226,7 @@ pub fn sample_fields(sample: &Sample) -> Vec<Field> {
 pub fn sample_table(sampled: &[(u64, Sample)]) -> Result<Vec<DataColumn>, ReportError> {
     let mut table = numbered(sampled, sample_fields);
     for column in &mut table {
-        explain(column, OF_SAMPLES);
+        explain_of_samples(column);
     }
     Ok(table)
 }

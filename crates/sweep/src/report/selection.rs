@@ -105,12 +105,7 @@ impl Selection {
                 if params.iter().any(|p| wanted.is(axis.value(p))) {
                     continue;
                 }
-                let mut there: Vec<Value> = Vec::new();
-                for value in params.iter().map(|p| axis.value(p)) {
-                    if !there.contains(&value) {
-                        there.push(value);
-                    }
-                }
+                let mut there = axis.distinct(params.iter().copied());
                 if there.is_empty() {
                     return Err(refused("the campaign has no points"));
                 }

@@ -5,7 +5,7 @@ mod points;
 
 pub(crate) use latex::write_latex;
 
-use super::text::table;
+use super::text::styled;
 use crate::format::Uncertain;
 use comfy_table::CellAlignment;
 
@@ -203,7 +203,7 @@ fn width(columns: &[SheetColumn], gap: usize) -> usize {
 
 /// Columns as lines of text.
 fn lines(columns: &[&SheetColumn], gap: usize) -> String {
-    let mut table = table(None);
+    let mut table = styled(None);
     table.set_header(columns.iter().map(|column| column.head.heading.as_str()));
     let rows = columns.first().map_or(0, |column| column.words.len());
     for row in 0..rows {

@@ -8,12 +8,12 @@ use super::points::Report;
 use super::sheet::{NumberFormat, Shape, Sheet};
 use crate::campaign::Discard;
 use crate::format::duration;
-use comfy_table::{ColumnConstraint, ContentArrangement, LineStyle, Table, Width, presets};
+use comfy_table::{ColumnConstraint, ContentArrangement, LineStyle, Row, Table, Width, presets};
 use notes::notes;
 use std::io::Write;
 
-/// A table in the style of the program; `width` is that of the terminal.
-pub(crate) fn table(width: Option<u16>) -> Table {
+/// An empty table in the style of the program; `width` is that of the terminal.
+pub(super) fn styled(width: Option<u16>) -> Table {
     let mut table = Table::new();
     table
         .load_style(presets::UTF8_HORIZONTAL_ONLY.row_separator(LineStyle::none()))
@@ -23,8 +23,16 @@ pub(crate) fn table(width: Option<u16>) -> Table {
     table
 }
 
-/// The table as text, in which no word and no number is split over lines: rather is it wider than the terminal.
-pub(crate) fn whole(mut table: Table) -> String {
+/// A table for a terminal of this width as text, in which no word and no number is split over lines: rather is it wider than the
+/// terminal.
+pub(crate) fn table<R: Into<Row>>(
+    width: Option<u16>,
+    heads: impl Into<Row>,
+    rows: impl IntoIterator<Item = R>,
+) -> String {
+    let mut table = styled(width);
+    table.set_header(heads);
+    table.add_rows(rows);
     let mut longest: Vec<usize> = Vec::new();
     let rows = table.header().into_iter().chain(table.row_iter());
     for row in rows {

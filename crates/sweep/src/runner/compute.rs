@@ -144,7 +144,7 @@ impl Shared<'_> {
         tracing::info!(case = claim.key, "claimed");
         let mut run = self.resume(claim)?;
         let clock = self.clock();
-        self.progress.start_case(worker, claim, run.steps());
+        self.options.progress.start_case(worker, claim, run.steps());
         let outcome = panics::catch(|| self.simulate(worker, claim, &mut run, &clock));
         let spent = run.record.before + clock.spent();
         let frames = std::mem::take(&mut run.record.frames);
@@ -163,7 +163,7 @@ impl Shared<'_> {
                 self.fail(claim, &run, format!("panic: {message}"), None),
             ),
         };
-        self.progress.end_case(worker, result.is_ok());
+        self.options.progress.end_case(worker, result.is_ok());
         if matches!(result, Ok(None) | Err(_)) {
             self.tell_end(claim, state, steps, spent.cpu_s);
         }
@@ -173,7 +173,7 @@ impl Shared<'_> {
     /// Says that a case ended.
     fn tell_end(&self, claim: &Claim, state: &str, steps: u64, cpu_s: f64) {
         tracing::info!(case = claim.key, state, steps, cpu_s, "finished");
-        self.progress.ended(claim, state, steps, cpu_s);
+        self.options.progress.ended(claim, state, steps, cpu_s);
     }
 
     /// What is kept of a run that came to its end.
@@ -218,9 +218,9 @@ impl Shared<'_> {
         costs::record(&records);
         for ((claim, finished), owned) in runs.into_iter().zip(owned) {
             if !owned {
-                self.progress.note(&claim.lost().to_string());
+                self.options.progress.note(&claim.lost().to_string());
             } else if finished.state == State::Jammed {
-                self.progress.note(&format!(
+                self.options.progress.note(&format!(
                     "jammed at strain {:.3}: {}",
                     finished.steps as f64 * claim.case.params.time_step,
                     claim.case.label()
@@ -295,7 +295,7 @@ impl Shared<'_> {
                 }
                 Err(damage) => damage.to_string(),
             };
-            self.progress.note(&format!(
+            self.options.progress.note(&format!(
                 "a checkpoint of {} cannot be used ({refused}): going on from the one before",
                 claim.case.label()
             ));
@@ -368,7 +368,8 @@ impl Shared<'_> {
             if sampled {
                 record.samples.push((step, sample));
             }
-            self.progress
+            self.options
+                .progress
                 .step(worker, simulation.steps(), sample.viscosity);
             if record.before.wall_s + clock.wall_s() > limit.seconds {
                 return Ok(End::Failed(limit.message(), None));
@@ -397,7 +398,7 @@ impl Shared<'_> {
         message: String,
         error: Option<&sd_core::Error>,
     ) -> Result<Option<Finished>, StoreError> {
-        self.progress.failed(&claim.case, &message);
+        self.options.progress.failed(&claim.case, &message);
         let (pair, gap) = error.map_or((None, None), culprit);
         let step = match error {
             Some(sd_core::Error::Step { step, .. }) => *step,

@@ -2,30 +2,27 @@
 
 mod bars;
 mod event;
+mod overall;
 
-use crate::case::{Case, State, step_cost};
+use crate::case::{Case, State, step_cost, without_shear};
 use crate::store::{Claim, Counts, Work};
+use crate::system::lock;
 use crate::text::visible::visible;
 use bars::{bar_width, line, room, terminal_width};
 use clap::ValueEnum;
+use event::UnderWay;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use overall::Overall;
 use sd_core::Params;
-use std::collections::VecDeque;
 use std::io::Write;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 /// Parts the overall bar is divided into.
 const PARTS: u64 = 10_000;
-/// Work of this last time is what the rest is estimated from.
-const WINDOW: Duration = Duration::from_mins(5);
 /// Time from lines of JSON to the next.
 const JSON_EVERY: Duration = Duration::from_secs(1);
-/// Time from one line in a log to the next at most; the first come sooner, so that whoever looks on sees that it moves.
-const LOG_EVERY: Duration = Duration::from_mins(1);
-/// Time until the first line in a log.
-const LOG_FIRST: Duration = Duration::from_secs(2);
 
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -89,34 +86,10 @@ struct Told {
 /// Progress of one worker. Its thread writes numbers only; the supervising thread draws.
 struct Worker {
     bar: ProgressBar,
-    /// Its case, for lines of JSON.
-    case: Mutex<Option<event::Case>>,
-    /// Its case, for bars.
-    drawn: Mutex<Option<Case>>,
+    case: Mutex<Option<UnderWay>>,
     /// Steps of its case done.
     steps: AtomicU64,
-    /// Estimated cost of a step, as bits.
-    step_cost: AtomicU64,
     viscosity: AtomicU64,
-    /// Time step in strain, as bits.
-    time_step: AtomicU64,
-}
-
-/// Progress of the campaign in units of estimated cost.
-struct Overall {
-    total: f64,
-    /// What the store knows to be done, but for the cases under way here.
-    stored: f64,
-    /// Cases ended here since the store was asked.
-    since: f64,
-    /// The most that was ever shown: a bar does not go back.
-    shown: f64,
-    counts: Counts,
-    /// How far it was when.
-    history: VecDeque<(Instant, f64)>,
-    /// When it began, and how long after that the next line in the log is due.
-    begun: Instant,
-    due: Duration,
 }
 
 impl Progress {
@@ -144,11 +117,8 @@ impl Progress {
                 Worker {
                     bar,
                     case: Mutex::new(None),
-                    drawn: Mutex::new(None),
                     steps: AtomicU64::new(0),
-                    step_cost: AtomicU64::new(0),
                     viscosity: AtomicU64::new(0),
-                    time_step: AtomicU64::new(0),
                 }
             })
             .collect();
@@ -157,16 +127,7 @@ impl Progress {
             bars,
             overall,
             workers,
-            campaign: Mutex::new(Overall {
-                total: 0.0,
-                stored: 0.0,
-                since: 0.0,
-                shown: 0.0,
-                counts: Counts::default(),
-                history: VecDeque::new(),
-                begun: Instant::now(),
-                due: LOG_FIRST,
-            }),
+            campaign: Mutex::new(Overall::new()),
             told: Mutex::new(Vec::new()),
             log: Mutex::new(log),
         }
@@ -176,7 +137,9 @@ impl Progress {
     pub(super) fn begin(&self, work: &Work) {
         let counts = work.counts;
         let done = work.done + work.given_up;
-        self.campaign().history.push_back((Instant::now(), done));
+        lock(&self.campaign)
+            .history
+            .push_back((Instant::now(), done));
         self.see(work);
         let left = counts.pending + counts.running;
         if self.style == Style::Lines && left > 0 {
@@ -190,7 +153,7 @@ impl Progress {
 
     /// What the store says about all processes together. There may be more to do than before, where a precision is asked for.
     pub(super) fn see(&self, work: &Work) {
-        let mut campaign = self.campaign();
+        let mut campaign = lock(&self.campaign);
         campaign.total = work.total;
         campaign.stored = work.done + work.given_up;
         campaign.since = 0.0;
@@ -199,22 +162,15 @@ impl Progress {
 
     /// A worker begins a case that is so many steps on.
     pub(super) fn start_case(&self, worker: usize, claim: &Claim, steps: u64) {
-        let case = &claim.case;
         let Some(worker) = self.workers.get(worker) else {
             return;
         };
         worker.steps.store(steps, Ordering::Relaxed);
-        let put = |place: &AtomicU64, value: f64| place.store(value.to_bits(), Ordering::Relaxed);
-        put(&worker.step_cost, step_cost(&case.params));
-        put(&worker.time_step, case.params.time_step);
-        put(&worker.viscosity, f64::NAN);
-        if self.style == Style::Json {
-            let mut place = worker.case.lock().unwrap_or_else(PoisonError::into_inner);
-            *place = Some(event::Case::of(claim, steps));
-        }
+        let unknown = f64::NAN.to_bits();
+        worker.viscosity.store(unknown, Ordering::Relaxed);
         worker.bar.reset();
-        worker.bar.set_length(case.steps);
-        *worker.drawn() = Some(case.clone());
+        worker.bar.set_length(claim.case.steps);
+        *lock(&worker.case) = Some(UnderWay::of(claim, steps));
     }
 
     /// A worker did a step.
@@ -231,13 +187,12 @@ impl Progress {
     pub(super) fn end_case(&self, worker: usize, kept: bool) {
         if let Some(worker) = self.workers.get(worker) {
             let cost = worker.cost();
+            *lock(&worker.case) = None;
             worker.steps.store(0, Ordering::Relaxed);
-            *worker.case.lock().unwrap_or_else(PoisonError::into_inner) = None;
-            *worker.drawn() = None;
             worker.bar.set_message("");
             worker.bar.set_position(0);
             if kept {
-                self.campaign().since += cost;
+                lock(&self.campaign).since += cost;
             }
         }
     }
@@ -246,15 +201,15 @@ impl Progress {
     pub(super) fn draw(&self) {
         let room = room();
         for worker in &self.workers {
-            let steps = worker.steps.load(Ordering::Relaxed);
-            let get = |place: &AtomicU64| f64::from_bits(place.load(Ordering::Relaxed));
-            let (viscosity, time_step) = (get(&worker.viscosity), get(&worker.time_step));
+            let (steps, viscosity) = worker.now();
             worker.bar.set_position(steps);
             if self.style == Style::Bars
-                && let Some(case) = worker.drawn().as_ref()
+                && let Some(case) = lock(&worker.case).as_ref()
             {
-                let strain = steps as f64 * time_step;
-                worker.bar.set_message(line(case, strain, viscosity, room));
+                let strain = steps as f64 * case.case.params.time_step;
+                worker
+                    .bar
+                    .set_message(line(&case.case, strain, viscosity, room));
             }
         }
         let message = {
@@ -264,25 +219,14 @@ impl Progress {
             campaign.message()
         };
         self.overall.set_message(message.clone());
-        if self.style == Style::Lines {
-            let due = {
-                let mut campaign = self.campaign();
-                let elapsed = campaign.begun.elapsed();
-                let due = elapsed >= campaign.due;
-                if due {
-                    campaign.due = elapsed + elapsed.min(LOG_EVERY);
-                }
-                due
-            };
-            if due {
-                self.line(&message);
-            }
+        if self.style == Style::Lines && lock(&self.campaign).is_due() {
+            self.line(&message);
         }
     }
 
     /// How far the campaign is, as it was last drawn.
     pub fn standing(&self) -> Standing {
-        let campaign = self.campaign();
+        let campaign = lock(&self.campaign);
         Standing {
             fraction: campaign.fraction(),
             counts: campaign.counts,
@@ -292,32 +236,22 @@ impl Progress {
 
     /// A case failed. Of those that fail in the same way whatever their shear rate only the first is told.
     pub(super) fn failed(&self, case: &Case, message: &str) {
-        let alike = Params {
-            shear_rate: 0.0,
-            shear_stress: case.params.shear_stress.map(|_| 1.0),
-            ..case.params.clone()
-        };
-        let is_new = {
-            let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-            let known = told
-                .iter_mut()
-                .find(|known| known.params == alike && known.message == message);
-            if let Some(known) = known {
+        let alike = without_shear(&case.params);
+        {
+            let mut told = lock(&self.told);
+            let mut all = told.iter_mut();
+            if let Some(known) = all.find(|t| t.params == alike && t.message == message) {
                 known.more += 1;
-                false
-            } else {
-                told.push(Told {
-                    params: alike,
-                    message: message.to_owned(),
-                    label: case.label(),
-                    more: 0,
-                });
-                true
+                return;
             }
-        };
-        if is_new {
-            self.note(&format!("failed: {}: {message}", case.label()));
+            told.push(Told {
+                params: alike,
+                message: message.to_owned(),
+                label: case.label(),
+                more: 0,
+            });
         }
+        self.note(&format!("failed: {}: {message}", case.label()));
     }
 
     /// Something the user should know, above the bars or in the log.
@@ -338,7 +272,7 @@ impl Progress {
     /// A case ended, in this state, after so many steps and seconds of processor.
     pub(super) fn ended(&self, claim: &Claim, state: &str, steps: u64, cpu_time_s: f64) {
         if let Some(state) = State::of(state) {
-            self.campaign().counts.end(state);
+            lock(&self.campaign).counts.end(state);
         }
         if self.style == Style::Json {
             self.line(&event::ended(claim, state, steps, cpu_time_s));
@@ -356,10 +290,8 @@ impl Progress {
             return;
         }
         for worker in &self.workers {
-            let steps = worker.steps.load(Ordering::Relaxed);
-            let viscosity = f64::from_bits(worker.viscosity.load(Ordering::Relaxed));
-            let case = worker.case.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(case) = case.as_ref() {
+            let (steps, viscosity) = worker.now();
+            if let Some(case) = lock(&worker.case).as_ref() {
                 self.line(&case.line(steps, viscosity));
             }
         }
@@ -373,7 +305,7 @@ impl Progress {
 
     /// Takes the bars away, and says how many failures were not told.
     pub(super) fn end(&self) {
-        let told = std::mem::take(&mut *self.told.lock().unwrap_or_else(PoisonError::into_inner));
+        let told = std::mem::take(&mut *lock(&self.told));
         for told in told.iter().filter(|told| told.more > 0) {
             self.note(&format!(
                 "{} more runs failed as did {}",
@@ -385,102 +317,39 @@ impl Progress {
         }
         self.overall.finish_and_clear();
         if self.style == Style::Lines {
-            let message = self.campaign().message();
+            let message = lock(&self.campaign).message();
             self.line(&message);
         }
     }
 
     /// Writes a line; a log that cannot be written is no reason to stop computing.
     fn line(&self, text: &str) {
-        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
-        let _ = writeln!(log, "{text}");
+        let _ = writeln!(lock(&self.log), "{text}");
     }
 
     /// Progress of the campaign, with what is done until now.
-    fn advanced(&self) -> std::sync::MutexGuard<'_, Overall> {
+    fn advanced(&self) -> MutexGuard<'_, Overall> {
         let here: f64 = self.workers.iter().map(Worker::cost).sum();
-        let mut campaign = self.campaign();
+        let mut campaign = lock(&self.campaign);
         let done = campaign.stored + campaign.since + here;
         campaign.advance(done);
         campaign
     }
-
-    /// Progress of the campaign.
-    fn campaign(&self) -> std::sync::MutexGuard<'_, Overall> {
-        self.campaign.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 impl Worker {
-    /// Its case, for bars.
-    fn drawn(&self) -> std::sync::MutexGuard<'_, Option<Case>> {
-        self.drawn.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Steps of its case so far, and the viscosity at the last of them.
+    fn now(&self) -> (u64, f64) {
+        let viscosity = self.viscosity.load(Ordering::Relaxed);
+        let steps = self.steps.load(Ordering::Relaxed);
+        (steps, f64::from_bits(viscosity))
     }
 
     /// Estimated cost of the steps of its case so far.
     fn cost(&self) -> f64 {
-        let steps = self.steps.load(Ordering::Relaxed);
-        steps as f64 * f64::from_bits(self.step_cost.load(Ordering::Relaxed))
-    }
-}
-
-impl Overall {
-    /// Takes note of how far it is.
-    fn advance(&mut self, done: f64) {
-        self.shown = self.shown.max(done.min(self.total));
-        let now = Instant::now();
-        let fresh = self
-            .history
-            .back()
-            .is_some_and(|(at, _)| now.duration_since(*at) < Duration::from_secs(1));
-        if !fresh {
-            self.history.push_back((now, self.shown));
-        }
-        while self.history.len() > 2
-            && self
-                .history
-                .front()
-                .is_some_and(|(at, _)| now.duration_since(*at) > WINDOW)
-        {
-            self.history.pop_front();
-        }
-    }
-
-    fn fraction(&self) -> f64 {
-        if self.total > 0.0 {
-            (self.shown / self.total).clamp(0.0, 1.0)
-        } else {
-            1.0
-        }
-    }
-
-    /// Time left at the rate of the last minutes.
-    fn left(&self) -> Option<Duration> {
-        let (since, before) = *self.history.front()?;
-        let (now, done) = *self.history.back()?;
-        let rate = (done - before) / now.duration_since(since).as_secs_f64();
-        let left = (self.total - self.shown) / rate;
-        (rate > 0.0 && left.is_finite())
-            .then(|| Duration::try_from_secs_f64(left.max(0.0)).ok())
-            .flatten()
-    }
-
-    fn message(&self) -> String {
-        let c = &self.counts;
-        let mut words = format!("{} of {} cases", c.done + c.jammed + c.failed, c.total());
-        for (number, word) in [(c.jammed, "jammed"), (c.failed, "failed")] {
-            if number > 0 {
-                words = format!("{words}, {number} {word}");
-            }
-        }
-        let is_open = c.pending + c.running > 0;
-        match self.left().filter(|_| is_open) {
-            Some(left) => format!(
-                "{words}, {} left",
-                crate::format::duration(left.as_secs_f64())
-            ),
-            None => words,
-        }
+        let case = lock(&self.case);
+        let each = case.as_ref().map(|case| step_cost(&case.case.params));
+        each.unwrap_or(0.0) * self.steps.load(Ordering::Relaxed) as f64
     }
 }
 

@@ -1,14 +1,13 @@
 //! Taking a campaign file into its store.
 
 use super::digest::{self, Altered, Sealed};
-use super::harden::harden;
 use super::inventory::Adoption;
 use super::log::{self, Mark};
 use super::place;
 use super::processes::{self, AtWork};
 use super::request::Request;
 use super::schema::{self, axis_cells, axis_columns};
-use super::statements::Statements;
+use super::statements::{Statements, harden};
 use super::{Store, StoreError, rules, settle, states};
 use crate::axes::AXES;
 use crate::model::campaign::Campaign;

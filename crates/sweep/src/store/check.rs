@@ -3,7 +3,7 @@
 use super::campaign;
 use super::digest::{Altered, altered, reseal};
 use super::log::Mark;
-use super::schema::axis_columns;
+use super::schema::{self, axis_columns};
 use super::statements::Statements;
 use super::{
     Store, StoreError, ends, failures, frames, points, processes, results, rules, samples, states,
@@ -18,14 +18,6 @@ const CHEAP: u64 = 64 << 20;
 /// Selects the size of a file, as it says itself, in bytes.
 pub(super) const SIZE: &str =
     "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
-/// Indices of some cases, and of which. `SQLite` looks whether an index has all of its rows, and not whether it has more.
-const PARTIAL: [(&str, &str); 5] = [
-    ("queue", "state = 'pending' AND counts"),
-    ("expensive", "state = 'pending' AND counts"),
-    ("running", "state = 'running'"),
-    ("orphans", "NOT counts"),
-    ("cases_of_rule", "rule IS NOT NULL"),
-];
 /// Tables with what was computed of a case.
 pub(super) const OF_CASES: [&str; 6] = [
     "samples",
@@ -265,7 +257,8 @@ fn structure(connection: &Connection) -> rusqlite::Result<Vec<String>> {
     let mut found: Vec<String> = connection.values("PRAGMA main.integrity_check(20)", [])?;
     // Values that no column of ours can have are found by other means.
     found.retain(|line| line != "ok" && !line.contains("CHECK constraint"));
-    for (index, which) in PARTIAL {
+    // SQLite looks whether an index of some cases has all of its rows, and not whether it has more.
+    for (index, which) in schema::partial_indices() {
         let entries = |how: &str| {
             let count = format!("SELECT count(*) FROM cases {how} WHERE {which}");
             connection.one(&count, [], |row| row.get::<_, i64>(0))

@@ -6,9 +6,8 @@
 //! the file and go on from the number that the file has. The marks are found as plain bytes: nothing of the log is parsed.
 
 use super::StoreError;
-use super::harden::harden;
 use super::place::{address, log_of};
-use super::statements::Statements;
+use super::statements::{Statements, harden};
 use crate::system::files::read_whole;
 use rusqlite::{Connection, OpenFlags};
 use std::path::Path;

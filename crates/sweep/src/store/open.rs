@@ -1,17 +1,17 @@
 //! An open store: its connection, its files, its transactions.
 
 use super::StoreError;
-use super::harden::harden;
 use super::lock::{WAITS, WAITS_UNTOLD, is_stopping, wait_for_lock};
 use super::log::{self, Mark};
 use super::place::{self, FileIdentity, Files};
 use super::processes::{self, Registered, TaskName};
 use super::request::Request;
 use super::schema;
-use super::statements::Statements;
+use super::statements::{Statements, harden};
+use crate::system::lock;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Pages of a store that are kept in memory, in KiB: enough to go through the results of 100 000 runs several times.
 const CACHE: i32 = 64 << 10;
@@ -192,9 +192,7 @@ impl Store {
                         self.path.display()
                     );
                     if self.process.is_some() {
-                        let mut waiting =
-                            self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-                        *waiting = Some(text);
+                        *lock(&self.waiting) = Some(text);
                     } else {
                         tracing::warn!("{text}");
                     }

@@ -7,8 +7,7 @@ use super::statements::Statements;
 use super::{Store, StoreError, campaign, request, rules};
 use crate::case::{CaseKey, State};
 use crate::doubt::Doubt;
-use crate::model::networks::{self, NETWORK_COUNT};
-use crate::model::stresses::{self, COUNT, STRESSES};
+use crate::model::sampled::{self, MEANS, Number};
 use crate::protocol::Protocol;
 use crate::statistics::Steadiness;
 use rusqlite::types::{Value, ValueRef};
@@ -38,10 +37,9 @@ pub struct PointRun {
     pub viscosity_stresslet: Option<f64>,
     /// Mean first normal stress difference.
     pub normal_stress_difference: Option<f64>,
-    /// Means of the components and parts of the stress, in the order of [`STRESSES`].
-    pub(crate) stresses: [Option<f64>; COUNT],
-    /// Means of the numbers of the network of contacts, where they were observed.
-    pub(crate) network: [Option<f64>; NETWORK_COUNT],
+    /// Means of the components and parts of the stress, and of the numbers of the network of contacts where they were observed, in
+    /// the order of [`sampled::means`].
+    pub(crate) means: [Option<f64>; MEANS],
     /// Samples averaged.
     pub samples: u64,
     /// Sum of contacts over them.
@@ -105,9 +103,8 @@ fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
         "r.viscosity, r.viscosity_median, r.viscosity_stresslet, r.samples, r.contacts, r.activated, r.rolling, r.approach,
          r.minimum_gap, r.stages, r.unconverged_stages, r.worst_residual, r.wall_time_s, r.normal_stress_difference,
          r.jammed_stages, r.doubts, r.cpu_time_s, r.discard_step, r.viscosity_part_1, r.viscosity_part_2,
-         r.viscosity_part_3, r.viscosity_part_4, r.viscosity_variance, r.viscosity_correlation, r.inexact_stages, {}, {}, {}",
-        stresses::names(STRESSES.iter(), "r."),
-        networks::names("r."),
+         r.viscosity_part_3, r.viscosity_part_4, r.viscosity_variance, r.viscosity_correlation, r.inexact_stages, {}, {}",
+        sampled::listed(Number::has_mean, "r.", ""),
         *COVERED
     );
     let mut runs = Vec::new();
@@ -243,13 +240,12 @@ impl KnownPoint {
     }
 }
 
-/// First column of the stresses in a row of [`point_runs`].
-const OF_STRESSES: usize = 37;
+/// First column of the means in a row of [`point_runs`].
+const OF_MEANS: usize = 37;
 
 /// One row of [`point_runs`].
 fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> rusqlite::Result<PointRun> {
-    let of_network = OF_STRESSES + COUNT;
-    let covered = of_network + NETWORK_COUNT;
+    let covered = OF_MEANS + MEANS;
     let last = row.as_ref().column_count() - 1;
     let has_result = row.get_ref(8)? != ValueRef::Null;
     if has_result
@@ -260,20 +256,15 @@ fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> rusqlite::Resul
         )));
     }
     let whole = |column| row.get(column).map(|n: Option<u64>| n.unwrap_or(0));
-    let mut stresses = [None; COUNT];
-    for (stress, column) in stresses.iter_mut().zip(OF_STRESSES..) {
-        *stress = row.get(column)?;
-    }
-    let mut network = [None; NETWORK_COUNT];
-    for (number, column) in network.iter_mut().zip(of_network..) {
-        *number = row.get(column)?;
+    let mut means = [None; MEANS];
+    for (mean, column) in means.iter_mut().zip(OF_MEANS..) {
+        *mean = row.get(column)?;
     }
     let params = point.params.clone();
     let discarded: Option<u64> = row.get(29)?;
     Ok(PointRun {
         position: whole(5)?,
-        stresses,
-        network,
+        means,
         key: key.to_string(),
         sample_every: whole(3)? as f64 * params.time_step,
         discard: discarded.map(|steps| steps as f64 * params.time_step),

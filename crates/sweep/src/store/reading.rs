@@ -1,15 +1,15 @@
 //! Opening a store to read it: while others write, without write access, on a full disk.
 
-use super::harden::harden;
 use super::lock::wait_for_lock;
 use super::log;
 use super::place::{self, address, refuse_other_than_files};
-use super::statements::Statements;
+use super::statements::{Statements, harden};
 use super::{Store, StoreError};
 use crate::disk::is_full;
+use crate::model::campaign::Campaign;
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Operations of `SQLite` from one look at the clock to the next.
@@ -132,5 +132,42 @@ fn needs_another_way(error: &StoreError) -> bool {
             Some(ErrorCode::CannotOpen | ErrorCode::ReadOnly | ErrorCode::DiskFull)
         ),
         _ => false,
+    }
+}
+
+/// A store, and the campaign file it is looked at with, if there is one.
+#[derive(Debug, Clone)]
+pub struct StoreSource {
+    path: PathBuf,
+    campaign: Option<Campaign>,
+}
+
+impl StoreSource {
+    /// The store at this place, by its whole path; with a campaign file, as that is now, what it requests. Without one the store is
+    /// shown as it was last run.
+    pub fn new(path: PathBuf, campaign: Option<Campaign>) -> Self {
+        Self { path, campaign }
+    }
+
+    /// The store.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The campaign file.
+    pub fn campaign(&self) -> Option<&Campaign> {
+        self.campaign.as_ref()
+    }
+
+    /// Opens it for reading, and shows of it what the campaign file requests, done or not, whatever it was last run with.
+    ///
+    /// # Errors
+    /// As [`Store::open_read_only`], and [`StoreError::OtherCampaign`].
+    pub fn open(&self) -> Result<Store, StoreError> {
+        let mut store = Store::open_read_only(&self.path)?;
+        if let Some(campaign) = &self.campaign {
+            store.show_as_requested(campaign)?;
+        }
+        Ok(store)
     }
 }

@@ -5,15 +5,14 @@ use super::ends::RunEnd;
 use super::statements::Statements;
 use crate::case::State;
 use crate::doubt::Doubt;
-use crate::model::networks;
-use crate::model::stresses::{self, STRESSES};
+use crate::model::sampled::{self, Number};
 use crate::statistics::{Averages, Distribution};
 use rusqlite::types::Value;
 use rusqlite::{Connection, params_from_iter};
 use sd_core::{Params, Sample};
 use std::sync::LazyLock;
 
-/// Columns of a result before those of the stresses, and after them.
+/// Columns of a result before the means of the stress and of the network, and after them.
 const BEFORE: &str = "discard_step, samples, viscosity, viscosity_quartile_1, viscosity_median, viscosity_quartile_3, \
      viscosity_stresslet, viscosity_stresslet_quartile_1, viscosity_stresslet_median, viscosity_stresslet_quartile_3, \
      normal_stress_difference, dissipation, contacts_per_sphere, activated_fraction, rolling_fraction, \
@@ -37,9 +36,8 @@ pub(super) static COVERED: LazyLock<String> = LazyLock::new(|| {
 /// The columns of a result.
 pub(super) fn columns() -> String {
     format!(
-        "{BEFORE}, {}, {}, {AFTER}",
-        stresses::names(STRESSES.iter(), ""),
-        networks::names("")
+        "{BEFORE}, {}, {AFTER}",
+        sampled::listed(Number::has_mean, "", "")
     )
 }
 
@@ -139,8 +137,7 @@ fn values(
         whole(counters.jammed_stages),
         Value::Text(doubts),
     ]);
-    values.extend(averages.stresses.iter().map(|mean| Value::from(*mean)));
-    values.extend(averages.network.iter().map(|mean| Value::from(*mean)));
+    values.extend(averages.means.map(Value::from));
     let steady = averages.steadiness;
     values.push(end.cpu_time_s.into());
     values.extend((0..4).map(|part| Value::from(steady.map(|s| s.parts[part]))));

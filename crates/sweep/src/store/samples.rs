@@ -3,8 +3,7 @@
 use super::digest::{Altered, Digest, whole};
 use super::statements::Statements;
 use crate::axes;
-use crate::model::networks::NETWORK;
-use crate::model::sampled;
+use crate::model::sampled::{self, Number};
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params, params_from_iter};
 use sd_core::Sample;
@@ -13,12 +12,12 @@ use std::sync::LazyLock;
 
 /// Reads the samples of a case.
 static SELECT: LazyLock<String> = LazyLock::new(|| {
-    let names = sampled::names();
+    let names = sampled::listed(Number::is_kept, "", "");
     format!("SELECT step, {names} FROM samples WHERE case_id = ?1 ORDER BY step")
 });
 /// Writes one.
 static INSERT: LazyLock<String> = LazyLock::new(|| {
-    let names = sampled::names();
+    let names = sampled::listed(Number::is_kept, "", "");
     let places = vec!["?"; 2 + names.split(", ").count()].join(", ");
     format!("INSERT INTO samples (case_id, step, {names}) VALUES ({places})")
 });
@@ -71,7 +70,7 @@ pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u6
 
 /// The digests of the samples of all cases as they are now.
 pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, i64>> {
-    let names = sampled::names();
+    let names = sampled::listed(Number::is_kept, "", "");
     let mut query = connection.prepare(&format!(
         "SELECT step, {names}, case_id FROM samples ORDER BY case_id, step"
     ))?;
@@ -93,7 +92,7 @@ pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, 
 
 /// Where two samples differ first, bit for bit, if they do.
 pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<String> {
-    let names = sampled::names();
+    let names = sampled::listed(Number::is_kept, "", "");
     let names = std::iter::once("step").chain(names.split(", "));
     let values = values(one.0, &one.1).into_iter().zip(values(two.0, &two.1));
     names.zip(values).find_map(|(name, (one, two))| {
@@ -102,7 +101,7 @@ pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<Str
             (one, two) => one == two,
         };
         // One of them may have been computed without looking at the network.
-        let unseen = NETWORK.iter().any(|column| column.name == name)
+        let unseen = sampled::named(name).is_some_and(Number::is_of_network)
             && [&one, &two].iter().any(|value| is_nothing(value));
         (!same && !unseen).then(|| format!("{name} is {}, and {}", shown(&one), shown(&two)))
     })

@@ -3,8 +3,7 @@
 use super::digest::Altered;
 use crate::axes::{AXES, Kind, Value as AxisValue};
 use crate::case::State;
-use crate::model::networks::NETWORK;
-use crate::model::stresses::{STRESSES, parts};
+use crate::model::sampled::{Number, listed};
 use rusqlite::types::{Type, Value, ValueRef};
 use rusqlite::{Connection, OptionalExtension, Row};
 use sd_core::Params;
@@ -38,17 +37,16 @@ fn statements() -> String {
         Kind::Count => format!("{} INTEGER", axis.key),
         Kind::Number => format!("{} REAL", axis.key),
     });
-    let parts = parts().map(|part| format!("{} REAL", part.name));
-    let stresses = STRESSES
-        .iter()
-        .map(|stress| format!("{} REAL", stress.name));
-    let network = NETWORK.map(|column| format!("{} REAL", column.name));
+    let reals = |which| listed(which, "", " REAL");
     STATEMENTS
-        .replace("{network}", &network.join(", "))
+        .replace("{network}", &reals(Number::is_of_network))
         .replace("{axes}", &axes.collect::<Vec<_>>().join(", "))
         .replace("{axes_of_points}", &axis_columns("p."))
-        .replace("{parts}", &parts.collect::<Vec<_>>().join(", "))
-        .replace("{stresses}", &stresses.collect::<Vec<_>>().join(", "))
+        .replace("{parts}", &reals(Number::is_part))
+        .replace(
+            "{stresses}",
+            &reals(|number| number.is_sum() || number.is_part()),
+        )
 }
 
 /// Makes the tables, without indices.
@@ -70,6 +68,15 @@ pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
         .filter(|line| line.starts_with(INDEX))
         .collect();
     connection.execute_batch(&indices.join("\n"))
+}
+
+/// Names of the indices of some cases, each with the condition that these meet.
+pub(super) fn partial_indices() -> impl Iterator<Item = (&'static str, &'static str)> {
+    STATEMENTS.lines().filter_map(|line| {
+        let index = line.strip_prefix("CREATE INDEX IF NOT EXISTS ")?;
+        let (name, of) = index.split_once(" ON cases ")?;
+        Some((name, of.split_once(" WHERE ")?.1.trim_end_matches(';')))
+    })
 }
 
 /// Lets a connection that only reads change some tables for itself.

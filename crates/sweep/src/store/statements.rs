@@ -1,5 +1,6 @@
-//! Shorthand for statements, which are kept prepared.
+//! Statements of a connection, which are kept prepared, and a connection that lets nothing be carried out but these.
 
+use rusqlite::config::DbConfig;
 use rusqlite::types::FromSql;
 use rusqlite::{CachedStatement, Connection, OptionalExtension as _, Params, Result, Row};
 
@@ -72,4 +73,22 @@ impl Statements for Connection {
     fn prepared(&self, sql: &str) -> Result<CachedStatement<'_>> {
         self.prepare_cached(sql)
     }
+}
+
+/// Largest text or blob that is read, in bytes.
+const LENGTH_LIMIT: i32 = 256 << 20;
+
+/// Lets nothing that is written in a store be carried out: no views, no triggers, no functions but those without effect.
+pub(super) fn harden(connection: &Connection) -> Result<()> {
+    for (option, value) in [
+        (DbConfig::SQLITE_DBCONFIG_TRUSTED_SCHEMA, false),
+        (DbConfig::SQLITE_DBCONFIG_ENABLE_TRIGGER, false),
+        (DbConfig::SQLITE_DBCONFIG_ENABLE_VIEW, false),
+        (DbConfig::SQLITE_DBCONFIG_DEFENSIVE, true),
+    ] {
+        connection.set_db_config(option, value)?;
+    }
+    connection.set_prepared_statement_cache_capacity(64);
+    connection.set_limit(rusqlite::limits::Limit::SQLITE_LIMIT_LENGTH, LENGTH_LIMIT)?;
+    Ok(())
 }

@@ -1,7 +1,7 @@
 //! All that the store knows of one case.
 
 use super::failures::{self, Attempt};
-use super::provenance::program;
+use super::processes::program;
 use super::schema::params;
 use super::statements::Statements;
 use super::{Store, StoreError, checkpoints, ends, results, samples};

@@ -31,19 +31,31 @@ impl Counts {
         self.done + self.jammed + self.failed + self.running + self.pending
     }
 
+    /// How many are in this state.
+    pub(crate) fn of(&mut self, state: State) -> &mut u64 {
+        match state {
+            State::Done => &mut self.done,
+            State::Jammed => &mut self.jammed,
+            State::Failed => &mut self.failed,
+            State::Running => &mut self.running,
+            State::Pending => &mut self.pending,
+        }
+    }
+
     /// A case ended in this state since they were counted.
     pub(crate) fn end(&mut self, state: State) {
-        let (open, ended) = match state {
-            State::Done => (&mut self.running, &mut self.done),
-            State::Jammed => (&mut self.running, &mut self.jammed),
-            State::Failed => (&mut self.running, &mut self.failed),
-            State::Pending | State::Running => return,
-        };
+        if matches!(state, State::Pending | State::Running) {
+            return;
+        }
         // It may have been claimed after the look into the store.
-        let open = if *open > 0 { open } else { &mut self.pending };
+        let open = if self.running > 0 {
+            &mut self.running
+        } else {
+            &mut self.pending
+        };
         if *open > 0 {
             *open -= 1;
-            *ended += 1;
+            *self.of(state) += 1;
         }
     }
 }
@@ -136,13 +148,7 @@ impl Store {
                     }
                 }
                 work.alive += u64::from(owner.is_some_and(|owner| alive.contains(&owner)));
-                *match state {
-                    State::Done => &mut work.counts.done,
-                    State::Jammed => &mut work.counts.jammed,
-                    State::Failed => &mut work.counts.failed,
-                    State::Running => &mut work.counts.running,
-                    State::Pending => &mut work.counts.pending,
-                } += 1;
+                *work.counts.of(state) += 1;
             }
             Ok(work)
         };

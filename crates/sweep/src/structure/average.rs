@@ -82,11 +82,6 @@ impl RunStructure {
         }
     }
 
-    /// Frames taken.
-    pub fn frames(&self) -> u64 {
-        self.frames
-    }
-
     /// n n averaged over the contacts.
     fn fabric(&self) -> Option<[[f64; 3]; 3]> {
         let number = self.contacts.number;
@@ -134,8 +129,6 @@ pub struct Structure {
     pub runs: u64,
     /// Their frames together.
     pub frames: u64,
-    /// 2 for a layer, 3 for a suspension.
-    pub dimensions: usize,
     /// The numbers of [`NAMED`], in that order; nothing where one has no meaning.
     pub scalars: Vec<Option<Band>>,
     /// g(r), r in a.
@@ -200,7 +193,6 @@ impl Structure {
         Some(Self {
             runs: runs.len() as u64,
             frames: runs.iter().map(|run| run.frames).sum(),
-            dimensions,
             scalars: scalars.collect(),
             radial: Curve {
                 x: first.radial_bins.middles(),

@@ -4,7 +4,7 @@
 //! back is bit for bit the one that was solved.
 
 use crate::spaces::radii_and_side;
-use crate::system::files::{cache_folder, read_whole};
+use crate::system::files::{cache_folder, folder_of, read_whole, write_whole};
 use sd_core::two_sphere::{NEAR_FIELD_VERSION, NearField};
 use sd_core::{Error, NearFields, Params};
 use std::io::Write;
@@ -82,17 +82,14 @@ fn read(place: &Path) -> Option<NearField> {
         .flatten()
 }
 
-/// Writes a table so that no reader ever sees half of it.
+/// Writes a table, with its checksum before it.
 fn write(place: &Path, table: &NearField) -> std::io::Result<()> {
     let content = postcard::to_stdvec(table).map_err(std::io::Error::other)?;
-    let directory = place.parent().unwrap_or(Path::new("."));
-    std::fs::create_dir_all(directory)?;
-    let draft = place.with_extension(std::process::id().to_string());
-    let mut file = std::fs::File::create(&draft)?;
-    file.write_all(blake3::hash(&content).as_bytes())?;
-    file.write_all(&content)?;
-    drop(file);
-    std::fs::rename(draft, place)
+    std::fs::create_dir_all(folder_of(place))?;
+    write_whole(place, |file| {
+        file.write_all(blake3::hash(&content).as_bytes())?;
+        file.write_all(&content)
+    })
 }
 
 #[cfg(test)]

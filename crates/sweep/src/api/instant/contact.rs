@@ -77,31 +77,32 @@ impl<S: Space> Contact<S> {
         hydrodynamics: Hydrodynamics,
     ) -> Result<ContactRequest<S>, (&'static str, String)> {
         let scheme = self.scheme;
-        let stray = |names: &[(&'static str, bool)]| {
-            names
-                .iter()
-                .find(|(_, given)| *given)
-                .map_or(Ok(()), |(name, _)| {
-                    Err((
-                        *name,
-                        format!("does not belong to scheme {scheme:?}").to_lowercase(),
-                    ))
-                })
-        };
-        let law = [
-            ("contact.roughness", self.roughness.is_some()),
-            ("contact.friction", self.friction.is_some()),
-            ("contact.critical_load", self.critical_load.is_some()),
+        // Which schemes have each value.
+        let surfaces = [Scheme::Rigid, Scheme::Procedure, Scheme::Laws];
+        let (laws, springs) = (self.laws.is_some(), self.springs.is_some());
+        let rolling_springs = self.rolling_springs.is_some();
+        let given = [
+            ("contact.laws", laws, &[Scheme::Laws][..]),
+            ("contact.springs", springs, &[Scheme::Laws]),
+            ("contact.rolling_springs", rolling_springs, &[Scheme::Laws]),
+            ("contact.roughness", self.roughness.is_some(), &surfaces),
+            ("contact.friction", self.friction.is_some(), &surfaces),
+            (
+                "contact.critical_load",
+                self.critical_load.is_some(),
+                &surfaces,
+            ),
+            ("contact.pairs", self.pairs.is_some(), &[Scheme::Listed]),
+            (
+                "contact.time_span",
+                self.time_span.is_some(),
+                &[Scheme::Rigid, Scheme::Laws],
+            ),
         ];
-        let pairs = [("contact.pairs", self.pairs.is_some())];
-        let span = [("contact.time_span", self.time_span.is_some())];
-        let chosen = [
-            ("contact.laws", self.laws.is_some()),
-            ("contact.springs", self.springs.is_some()),
-            ("contact.rolling_springs", self.rolling_springs.is_some()),
-        ];
-        if scheme != Scheme::Laws {
-            stray(&chosen)?;
+        let mut given = given.into_iter();
+        if let Some((name, ..)) = given.find(|(_, is, of)| *is && !of.contains(&scheme)) {
+            let words = format!("does not belong to scheme {scheme:?}");
+            return Err((name, words.to_lowercase()));
         }
         let need = |name: &'static str, value: Option<f64>| match value {
             Some(value) if value >= 0.0 => Ok(value),
@@ -109,15 +110,8 @@ impl<S: Space> Contact<S> {
             None => Err((name, format!("scheme {scheme:?} needs it").to_lowercase())),
         };
         match scheme {
-            Scheme::None => {
-                stray(&law)?;
-                stray(&pairs)?;
-                stray(&span)?;
-                Ok(ContactRequest::None)
-            }
+            Scheme::None => Ok(ContactRequest::None),
             Scheme::Listed => {
-                stray(&law)?;
-                stray(&span)?;
                 let pairs = self
                     .pairs
                     .ok_or(("contact.pairs", "scheme listed needs it".into()))?;
@@ -127,7 +121,6 @@ impl<S: Space> Contact<S> {
                 Ok(ContactRequest::Listed { pairs })
             }
             Scheme::Rigid | Scheme::Procedure | Scheme::Laws => {
-                stray(&pairs)?;
                 let roughness = need("contact.roughness", self.roughness)?;
                 let friction = need("contact.friction", self.friction)?;
                 let critical_load = need("contact.critical_load", self.critical_load)?;
@@ -137,7 +130,6 @@ impl<S: Space> Contact<S> {
                     critical_load,
                 };
                 if scheme == Scheme::Procedure {
-                    stray(&span)?;
                     if S::DIMENSIONS > 2 {
                         return Err((
                             "contact.scheme",

@@ -5,8 +5,8 @@ use crate::format::significant;
 use crate::spaces::try_start;
 use sd_core::Params;
 use std::collections::HashSet;
-use std::collections::VecDeque;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
 /// Time by the wall that all of them together take at most.
@@ -64,13 +64,6 @@ fn of_start(params: &Params) -> [u64; 6] {
     ]
 }
 
-/// What the threads share.
-struct Shared {
-    waiting: VecDeque<usize>,
-    outcomes: Vec<Option<Result<(), String>>>,
-    left: usize,
-}
-
 /// Makes a start layer for every point, those first that are hardest to pack. Each point is given with one of its seeds.
 pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<Tried> {
     let mut known = HashSet::new();
@@ -84,47 +77,34 @@ pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<
         None => p.area_fraction * grown(p).powi(2),
     };
     all.sort_by(|(a, _), (b, _)| Value::Number(covered(b)).order(&Value::Number(covered(a))));
-    let shared = Arc::new((
-        Mutex::new(Shared {
-            waiting: (0..all.len()).collect(),
-            outcomes: vec![None; all.len()],
-            left: all.len(),
-        }),
-        Condvar::new(),
-    ));
-    let all = Arc::new(all);
+    let (all, next) = (Arc::new(all), Arc::new(AtomicUsize::new(0)));
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let begun = Instant::now();
+    let (send, made) = mpsc::channel();
     for _ in 0..threads.min(all.len()) {
-        let (shared, all) = (Arc::clone(&shared), Arc::clone(&all));
+        let (all, next, send) = (Arc::clone(&all), Arc::clone(&next), send.clone());
         // Nobody waits for a layer that takes too long.
         std::thread::spawn(move || {
-            while begun.elapsed() < TIME
-                && let Some(place) = { lock(&shared.0).waiting.pop_front() }
-            {
-                let (params, seed) = &all[place];
-                let made = try_start(params, *seed);
-                let mut state = lock(&shared.0);
-                state.outcomes[place] = Some(made.map_err(|error| error.to_string()));
-                state.left -= 1;
-                shared.1.notify_all();
+            while begun.elapsed() < TIME {
+                let place = next.fetch_add(1, Ordering::Relaxed);
+                let Some((params, seed)) = all.get(place) else {
+                    return;
+                };
+                let made = try_start(params, *seed).map_err(|error| error.to_string());
+                let _ = send.send((place, made));
             }
         });
     }
-    let waited = shared
-        .1
-        .wait_timeout_while(lock(&shared.0), TIME, |state| state.left > 0);
-    drop(waited);
-    let outcomes = lock(&shared.0).outcomes.clone();
+    drop(send);
+    let mut outcomes = vec![None; all.len()];
+    while let Ok((place, outcome)) = made.recv_timeout(TIME.saturating_sub(begun.elapsed())) {
+        outcomes[place] = Some(outcome);
+    }
     let points = all.iter().map(|(params, _)| params.clone());
     points
         .zip(outcomes)
         .map(|(params, outcome)| Tried { params, outcome })
         .collect()
-}
-
-fn lock(state: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
-    state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

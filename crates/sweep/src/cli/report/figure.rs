@@ -24,45 +24,31 @@ pub(crate) struct FigureArguments {
     pub(super) figure: Option<PathBuf>,
     #[command(flatten)]
     drawing: Drawing,
+    #[command(flatten)]
+    choices: FigureChoices,
+}
+
+/// What else may be chosen of it.
+#[derive(Debug, clap::Args)]
+#[group(requires = "figure")]
+struct FigureChoices {
     /// Runs of a trace, each by its number in the campaign file or the beginning of its key [default: the mean over the finished runs of each point]
-    #[arg(long, value_name = "KEY", requires = "figure", hide_short_help = true)]
+    #[arg(long, value_name = "KEY", hide_short_help = true)]
     case: Vec<String>,
     /// Width of the figure, such as 85mm, 180mm or 3.35in [default: 85mm, and 180mm with panels]
-    #[arg(
-        long,
-        value_name = "LENGTH",
-        requires = "figure",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "LENGTH", hide_short_help = true)]
     width: Option<Length>,
     /// Size of the labels in points; numbers and legend are a tenth smaller [default: 8]
-    #[arg(
-        long,
-        value_name = "POINTS",
-        requires = "figure",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "POINTS", hide_short_help = true)]
     font_size: Option<f64>,
     /// Where the legend stands [default: below]
-    #[arg(
-        long,
-        value_enum,
-        value_name = "PLACE",
-        requires = "figure",
-        hide_short_help = true
-    )]
+    #[arg(long, value_enum, value_name = "PLACE", hide_short_help = true)]
     legend: Option<LegendPlace>,
     /// How intervals are drawn [default: bars]
-    #[arg(
-        long,
-        value_enum,
-        value_name = "FORM",
-        requires = "figure",
-        hide_short_help = true
-    )]
+    #[arg(long, value_enum, value_name = "FORM", hide_short_help = true)]
     intervals: Option<Intervals>,
     /// A TOML file with width, height, font_size, line_width, marker_size, colours, markers, legend, intervals, dpi
-    #[arg(long, value_name = "FILE", requires = "figure", hide_short_help = true)]
+    #[arg(long, value_name = "FILE", hide_short_help = true)]
     style: Option<PathBuf>,
 }
 
@@ -103,7 +89,7 @@ impl FigureArguments {
         if self.drawing.along.is_some() && self.drawing.kind == Kind::StateDiagram {
             return refuse("--along", "a state diagram has --x and --y");
         }
-        if !self.case.is_empty() && self.drawing.kind != Kind::Trace {
+        if !self.choices.case.is_empty() && self.drawing.kind != Kind::Trace {
             return refuse(
                 "--case",
                 "it names runs in time, so only --kind trace has it",
@@ -112,7 +98,7 @@ impl FigureArguments {
         Ok(Some(Asked {
             path,
             format: format_of("--figure", path)?,
-            cases: &self.case,
+            cases: &self.choices.case,
             drawing: Drawing {
                 look: self.look()?,
                 ..self.drawing.clone()
@@ -122,7 +108,7 @@ impl FigureArguments {
 
     /// How it is to look.
     fn look(&self) -> Result<Look, Error> {
-        let mut style = match &self.style {
+        let mut style = match &self.choices.style {
             None => Style::default(),
             Some(path) => {
                 let text = files::read_text(path, STYLE_LIMIT).map_err(|source| Error::Read {
@@ -132,13 +118,13 @@ impl FigureArguments {
                 Style::read(&text)?
             }
         };
-        style.legend = self.legend.unwrap_or(style.legend);
-        style.intervals = self.intervals.unwrap_or(style.intervals);
+        style.legend = self.choices.legend.unwrap_or(style.legend);
+        style.intervals = self.choices.intervals.unwrap_or(style.intervals);
         let look = Look {
             style,
             ..self.drawing.look.clone()
         };
-        Ok(look.with_sizes(self.width, self.font_size)?)
+        Ok(look.with_sizes(self.choices.width, self.choices.font_size)?)
     }
 }
 

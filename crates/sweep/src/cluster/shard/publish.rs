@@ -4,10 +4,11 @@ use super::ShardError;
 use crate::disk::is_full;
 use crate::store::{self, StoreError};
 use crate::system::files::{folder_of, with_suffix, write_whole};
+use crate::system::lock;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 /// Time between copies is at least this many times what the last one took.
@@ -44,7 +45,7 @@ impl Publisher {
 
     /// Whether it is time for the next copy.
     pub fn is_due(&self) -> bool {
-        let (ended, took) = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let (ended, took) = *lock(&self.last);
         ended.elapsed() >= self.every.max(took * SHARE)
     }
 
@@ -54,7 +55,7 @@ impl Publisher {
     /// [`ShardError::Publish`]. What was published before stays, and so does the store of the task.
     pub fn publish(&self) -> Result<(), ShardError> {
         let begun = Instant::now();
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = lock(&self.last);
         let result = self.copy();
         *last = (Instant::now(), begun.elapsed());
         result.map_err(|source| self.explain(source))

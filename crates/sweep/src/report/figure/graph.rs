@@ -5,7 +5,7 @@ use super::look::Look;
 use super::origin::Origin;
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::sketch::{Field, Form, Height, Line, Sketch, Spot};
-use super::{Format, Outline, file, layout, refused};
+use super::{Format, drawn, refused};
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
 
@@ -52,10 +52,7 @@ pub(in crate::report) fn draw_graphs_of(
         y: y.into(),
         ..Sketch::default()
     };
-    let look = Look::default();
-    let outline = Outline::of(&sketch, &look)?;
-    let page = layout::page(&outline);
-    file(&page, look.style.dpi, format, origin)
+    drawn(&sketch, &Look::default(), origin, format)
 }
 
 /// Data and what was fitted to them: its entry in the legend, the number that it is ordered by, and the places of both.
@@ -123,8 +120,5 @@ pub(in crate::report) fn draw_fit(
         y: y.into(),
         log: Some(log),
     };
-    let look = Look::default();
-    let outline = Outline::of(&sketch, &look)?;
-    let page = layout::page(&outline);
-    file(&page, look.style.dpi, format, origin)
+    drawn(&sketch, &Look::default(), origin, format)
 }

@@ -11,7 +11,7 @@ use super::legend::Legend;
 use super::look::LegendPlace;
 use super::outline::{Curve, Outline, Panel};
 use super::palette::{Colour, Marker};
-use super::scene::{Page, Place, Shape, Stroke, corners, marker, polygon};
+use super::scene::{Page, Place, Shape, Stroke, corners, marker};
 
 /// Length of a tick.
 const TICK: f64 = 3.0;
@@ -296,12 +296,7 @@ impl Frame<'_> {
     fn axes(&self) -> Vec<Shape> {
         let ink = Stroke::solid(Colour::INK, AXIS);
         let [[left, top], [_, bottom]] = self.corners;
-        let mut shapes = Vec::new();
-        shapes.extend(polygon(corners(self.corners)).map(|path| Shape::Path {
-            path,
-            fill: None,
-            stroke: Some(ink),
-        }));
+        let mut shapes = Vec::from_iter(Shape::edged(corners(self.corners), None, ink));
         let (x, y) = (&self.panel.x, &self.panel.y);
         let all = |ticks: &[(f64, String)], minor: &[f64]| -> Vec<(f64, f64)> {
             let long = ticks.iter().map(|tick| (tick.0, TICK));

@@ -201,46 +201,36 @@ impl FromStr for Range {
 
 /// What one figure asks for besides its style.
 #[derive(Debug, Clone, Default, clap::Args)]
+#[group(requires = "figure")]
 pub struct Look {
     /// Its style.
     #[arg(skip)]
     pub style: Style,
     /// A panel for every value of this axis
-    #[arg(long, value_name = "AXIS", value_parser = axis_among(|_| true), requires = "figure", hide_possible_values = true)]
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(|_| true), hide_possible_values = true)]
     pub panels: Option<&'static Axis>,
     /// A logarithmic vertical axis [default: where the numbers are positive and span more than a decade]
-    #[arg(long, requires = "figure", hide_short_help = true)]
+    #[arg(long, hide_short_help = true)]
     pub log_y: bool,
     /// Ends of the horizontal axis, such as 0.01..100; plateaus stay beside them
-    #[arg(
-        long,
-        value_name = "LOW..HIGH",
-        requires = "figure",
-        hide_short_help = true
-    )]
+    #[arg(long, value_name = "LOW..HIGH", hide_short_help = true)]
     pub x_range: Option<Range>,
     /// Ends of the vertical axis
     #[arg(
         long,
         value_name = "LOW..HIGH",
         allow_hyphen_values = true,
-        requires = "figure",
         hide_short_help = true
     )]
     pub y_range: Option<Range>,
     /// What the horizontal axis is called
-    #[arg(long, value_name = "TEXT", requires = "figure", hide_short_help = true)]
+    #[arg(long, value_name = "TEXT", hide_short_help = true)]
     pub x_label: Option<String>,
     /// What the vertical axis is called
-    #[arg(long, value_name = "TEXT", requires = "figure", hide_short_help = true)]
+    #[arg(long, value_name = "TEXT", hide_short_help = true)]
     pub y_label: Option<String>,
     /// An entry of the legend; given once for every curve, in their order
-    #[arg(
-        long = "label",
-        value_name = "TEXT",
-        requires = "figure",
-        hide_short_help = true
-    )]
+    #[arg(long = "label", value_name = "TEXT", hide_short_help = true)]
     pub labels: Vec<String>,
 }
 

@@ -11,7 +11,7 @@ pub(in crate::report) struct Origin {
     /// One line.
     pub(super) title: String,
     /// All of it, a line each: campaigns, programs that computed them, runs by their keys.
-    pub(super) text: String,
+    pub(in crate::report) text: String,
 }
 
 /// The program that draws.

@@ -24,7 +24,7 @@ pub(in crate::report) const COLOURS: [Colour; CURVES] = [
 ];
 
 /// The same on a dark ground.
-pub(super) const COLOURS_ON_DARK: [Colour; CURVES] = [
+pub(in crate::report) const COLOURS_ON_DARK: [Colour; CURVES] = [
     Colour(0x4aa8e0),
     Colour(0xf0803c),
     Colour(0xf2f2f2),
@@ -36,7 +36,7 @@ pub(super) const COLOURS_ON_DARK: [Colour; CURVES] = [
 ];
 
 /// Markers of curves.
-pub(super) const MARKERS: [Marker; CURVES] = [
+pub(in crate::report) const MARKERS: [Marker; CURVES] = [
     Marker::Circle,
     Marker::HollowSquare,
     Marker::Triangle,
@@ -47,8 +47,8 @@ pub(super) const MARKERS: [Marker; CURVES] = [
     Marker::HollowTriangle,
 ];
 
-/// Places of the map of ordered colours, evenly spaced.
-pub(super) const MAP: [Colour; 8] = [
+/// Places of a map of rising lightness, evenly spaced. Its yellow end is left out where a colour must be seen on white.
+pub(in crate::report) const HEAT: [Colour; 9] = [
     Colour(0x440154),
     Colour(0x46327e),
     Colour(0x365c8d),
@@ -57,18 +57,8 @@ pub(super) const MAP: [Colour; 8] = [
     Colour(0x35b779),
     Colour(0x4ac16d),
     Colour(0x6ccd5a),
+    Colour(0xfde725),
 ];
-
-/// The map with the yellow end of viridis, where a colour need not be seen on white.
-pub(super) const HEAT: [Colour; 9] = {
-    let mut all = [Colour(0xfde725); 9];
-    let mut place = 0;
-    while place < MAP.len() {
-        all[place] = MAP[place];
-        place += 1;
-    }
-    all
-};
 
 /// A colour, 0xRRGGBB.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
@@ -89,7 +79,7 @@ impl Colour {
 
     /// The colour of the curve `place` of `number` that have an order.
     pub(super) fn ordered(place: usize, number: usize) -> Self {
-        Self::along(&MAP, place as f64 / (number - 1).max(1) as f64)
+        Self::along(&HEAT[..8], place as f64 / (number - 1).max(1) as f64)
     }
 
     /// The colour of a number on a scale, 0 at its lower end and 1 at its upper one, beyond which it stays the same.

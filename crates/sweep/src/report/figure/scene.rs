@@ -115,6 +115,19 @@ impl Shape {
         })
     }
 
+    /// A polygon with an edge, filled or not.
+    pub(super) fn edged(
+        corners: impl IntoIterator<Item = Place>,
+        fill: Option<Colour>,
+        stroke: Stroke,
+    ) -> Option<Self> {
+        Some(Self::Path {
+            path: polygon(corners)?,
+            fill: fill.map(|colour| (colour, 1.0)),
+            stroke: Some(stroke),
+        })
+    }
+
     /// A disc.
     pub(super) fn disc(
         place: Place,

@@ -197,13 +197,10 @@ fn drafted<'r>(
     )?;
     let measured = Measured::of(drawing);
     draft.check_units(measured)?;
-    let mut sketch = match drawing.kind {
-        Kind::StateDiagram => {
-            let [_, y] = diagram::axes(reports, drawing)?;
-            draft.diagram(y)?
-        }
-        Kind::Contacts => draft.contacts(),
-        Kind::Trace => draft.in_time(traces),
+    let mut sketch = match (drawing.kind, diagram) {
+        (_, Some([_, y])) => draft.diagram(y)?,
+        (Kind::Contacts, None) => draft.contacts(),
+        (Kind::Trace, None) => draft.in_time(traces),
         _ => draft.of_points(measured),
     };
     if matches!(drawing.kind, Kind::Trace | Kind::Viscosity)

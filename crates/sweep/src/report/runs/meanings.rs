@@ -2,33 +2,24 @@
 
 use crate::axes::AXES;
 use crate::data::{Cells, DataColumn};
-use crate::model::networks::NETWORK;
-use crate::model::stresses::STRESSES;
-use crate::structure::meaning_of;
+use crate::model::sampled::named;
 
 /// Name, unit and meaning of a column.
 type Meaning = (&'static str, &'static str, &'static str);
+/// Its unit and meaning.
+type Found = (&'static str, &'static str);
 
-/// Columns of runs and of samples alike.
+/// Columns that say what a row is of.
 #[rustfmt::skip]
-const OF_BOTH: &[Meaning] = &[
+const OF_ROWS: &[Meaning] = &[
     ("key", "", "the run: a hash of all that decides its result"),
     ("seed", "1", "seed of its random numbers"),
-    ("stages", "1", "contact problems solved"),
-    ("unconverged_stages", "1", "contact problems that did not converge"),
-    ("inexact_stages", "1", "contact problems with friction off by more than 1e-3 of the largest force"),
-    ("jammed_stages", "1", "contact problems without an admissible motion"),
-    ("worst_residual", "a rate", "largest residual of the contact problem"),
-    ("worst_friction_error", "1", "largest inconsistency of a friction force with its law, over the largest force"),
-    ("jam_events", "1", "times the viscosity rose above the threshold of jamming"),
-    ("jammed_steps", "1", "steps begun above that threshold"),
-    ("jammed_steps_running", "1", "steps since it was last below"),
-    ("dissipation", "mu rate", "dissipation over area and rate"),
+    ("step", "1", "steps from the start of the run"),
 ];
 
 /// Columns of runs.
 #[rustfmt::skip]
-pub(super) const OF_RUNS: &[Meaning] = &[
+const OF_RUNS: &[Meaning] = &[
     ("state", "", "pending, running, done, jammed or failed"),
     ("discard_step", "1", "first step whose sample is averaged"),
     ("samples", "1", "samples averaged"),
@@ -65,43 +56,37 @@ pub(super) const OF_RUNS: &[Meaning] = &[
     ("viscosity_correlation", "1", "samples after which the viscosity counts as independent"),
 ];
 
-/// Columns of samples.
-#[rustfmt::skip]
-pub(super) const OF_SAMPLES: &[Meaning] = &[
-    ("step", "1", "steps from the start of the run"),
-    ("strain", "1", "strain from the start of the run"),
-    ("viscosity", "mu", "viscosity in full: stresslets and contact stress"),
-    ("viscosity_stresslet", "mu", "viscosity without contact stress"),
-    ("normal_stress_difference", "mu rate", "first normal stress difference, contacts included"),
-    ("shear_rate", "1", "shear rate Γ: imposed, or what the imposed stress leaves"),
-    ("contacts", "1", "pairs with a contact force"),
-    ("activated", "1", "contacts above the critical load"),
-    ("rolling", "1", "activated contacts that roll"),
-    ("slipping", "1", "activated contacts that slip"),
-    ("normal_velocity", "a rate", "mean normal velocity of the contacts, negative for approach"),
-    ("minimum_gap", "a", "smallest gap in the layer"),
-    ("minimum_gap_so_far", "a", "smallest gap of the run so far"),
-];
+/// Gives a column of runs its unit and its meaning.
+pub(super) fn explain_of_runs(column: &mut DataColumn) {
+    let own = listed(OF_RUNS, &column.name);
+    explain(column, |axis, number| own.or(axis).or(number));
+}
 
-/// Gives a column its unit and its meaning.
-pub(super) fn explain(column: &mut DataColumn, own: &[Meaning]) {
+/// Gives a column of samples its unit and its meaning.
+pub(super) fn explain_of_samples(column: &mut DataColumn) {
+    explain(column, |axis, number| number.or(axis));
+}
+
+/// Gives a column what is chosen of the axis and the number of a sample with its name.
+fn explain(
+    column: &mut DataColumn,
+    choose: impl FnOnce(Option<Found>, Option<Found>) -> Option<Found>,
+) {
     let name = column.name.as_ref();
-    let known = own.iter().chain(OF_BOTH).find(|known| known.0 == name);
-    let axis = || AXES.iter().find(|axis| axis.key == name);
-    let stress = || STRESSES.iter().find(|stress| stress.name == name);
-    let network = NETWORK.iter().find(|network| network.name == name);
-    if let Some(network) = network {
-        (column.unit, column.meaning) = ("1", meaning_of(network.name));
-        return;
+    let axis = AXES.iter().find(|axis| axis.key == name);
+    let axis = axis.map(|axis| (axis.unit, axis.meaning));
+    let number = named(name).map(|number| (number.unit, number.meaning()));
+    let found = listed(OF_ROWS, name).or_else(|| choose(axis, number));
+    if let Some((unit, meaning)) = found {
+        // A choice is a word in a sample and in a run, whatever its unit.
+        let is_word = matches!(column.cells, Cells::Word(_));
+        column.unit = if is_word { "" } else { unit };
+        column.meaning = meaning;
     }
-    let found = match (known, axis(), stress()) {
-        (Some((_, unit, meaning)), ..) => (*unit, *meaning),
-        (None, Some(axis), _) => (axis.unit, axis.meaning),
-        (None, None, Some(stress)) => ("mu rate", stress.meaning),
-        (None, None, None) => return,
-    };
-    // A choice is a word in a sample and in a run, whatever its unit.
-    let is_word = matches!(column.cells, Cells::Word(_));
-    column.unit = if is_word { "" } else { found.0 };
-    column.meaning = found.1;
+}
+
+/// What a list says of a name.
+fn listed(list: &[Meaning], name: &str) -> Option<Found> {
+    let known = list.iter().find(|known| known.0 == name);
+    known.map(|(_, unit, meaning)| (*unit, *meaning))
 }

@@ -3,7 +3,7 @@
 use super::{NumberFormat, Shape, Sheet, SheetColumn};
 use crate::format::Uncertain;
 use crate::report::error::ReportError;
-use crate::report::figure::origin_of;
+use crate::report::figure::Origin;
 use crate::report::points::Report;
 use std::io::{self, Write};
 
@@ -114,7 +114,8 @@ pub(crate) fn write_latex(
     shape: Shape,
     out: &mut dyn Write,
 ) -> Result<(), ReportError> {
-    Ok(Sheet::of(report, shape, None).write_latex(&origin_of(report), out)?)
+    let origin = Origin::of(std::slice::from_ref(report));
+    Ok(Sheet::of(report, shape, None).write_latex(&origin.text, out)?)
 }
 
 #[cfg(test)]

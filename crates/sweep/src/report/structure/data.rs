@@ -2,7 +2,7 @@
 
 use super::{Count, StructureReport};
 use crate::axes::{AXES, Kind, Value};
-use crate::data::{Cells, DataColumn};
+use crate::data::DataColumn;
 use crate::report::columns::point_row;
 use crate::structure::{Band, Curve, NAMED, Structure};
 use sd_core::Params;
@@ -24,51 +24,28 @@ impl StructureReport {
 
     /// A row for each point: all axes, then numbers and their intervals.
     pub fn table(&self) -> Vec<DataColumn> {
-        let rows = self.points.len();
         let mut table: Vec<DataColumn> = AXES
             .iter()
-            .map(|axis| {
-                let mut column = DataColumn::named(axis.key, axis.kind(), rows);
-                column.unit = axis.unit;
-                column.meaning = axis.meaning;
-                for params in self.params() {
-                    column.cells.push(Some(axis.value(params)));
-                }
-                column
-            })
+            .map(|axis| DataColumn::of_axis(axis, self.params()))
             .collect();
         let counts: [Count; 2] = [
-            ("runs", "runs averaged", |structure| structure.runs),
-            ("frames", "their frames together", |structure| {
-                structure.frames
-            }),
+            ("runs", "runs averaged", |s| s.runs),
+            ("frames", "their frames together", |s| s.frames),
         ];
         for (name, meaning, count) in counts {
-            let mut column = DataColumn::named(name, Kind::Count, rows);
-            column.meaning = meaning;
-            column.unit = "1";
-            for (_, structure) in &self.points {
-                column.cells.push(Some(Value::Count(count(structure))));
-            }
-            table.push(column);
+            let cells = self.points.iter().map(|(_, s)| Value::Count(count(s)));
+            table.push(DataColumn::of(name, Kind::Count, meaning, cells.map(Some)));
         }
-        for (name, meaning, number) in numbers() {
-            let mut means = DataColumn::named("", Kind::Number, rows);
-            let mut halves = DataColumn::named("", Kind::Number, rows);
-            for (_, structure) in &self.points {
-                let band = number(structure);
-                means.cells.push(band.map(|band| Value::Number(band.mean)));
-                let half = band.and_then(|band| band.ci95);
-                halves.cells.push(half.map(Value::Number));
-            }
-            halves.name = format!("{name}_ci95").into();
-            halves.meaning = "half width of its 95 % Student interval over runs";
-            means.name = name.into();
-            means.meaning = meaning;
-            for column in [&mut means, &mut halves] {
-                column.unit = "1";
-            }
-            table.extend([means, halves]);
+        let all: Vec<Vec<Number>> = self.points.iter().map(|(_, s)| numbers(s)).collect();
+        for (place, (name, meaning, _)) in all[0].iter().enumerate() {
+            let mut add = |name: String, meaning, of: fn(Band) -> Option<f64>| {
+                let cells = all.iter().map(|point| of(point[place].2?));
+                let cells = cells.map(|number| number.map(Value::Number));
+                table.push(DataColumn::of(name, Kind::Number, meaning, cells));
+            };
+            add(name.clone(), meaning, |band| Some(band.mean));
+            let half = "half width of its 95 % Student interval over runs";
+            add(format!("{name}_ci95"), half, |band| band.ci95);
         }
         table
     }
@@ -76,55 +53,31 @@ impl StructureReport {
     /// All curves, a row for each bin of each curve of each point: the axes that vary, what it is, the middle of the bin, the mean and half
     /// its interval. g(r, θ) has its angles beside its distances.
     pub fn curves(&self) -> Vec<DataColumn> {
-        let axes = self.axes();
-        let mut of_axes: Vec<Cells> = axes
-            .iter()
-            .map(|axis| Cells::with_capacity(axis.kind(), 0))
-            .collect();
-        let mut words = Cells::with_capacity(Kind::Word, 0);
-        let mut columns = [(); 4].map(|()| Cells::with_capacity(Kind::Number, 0));
-        let number = Value::Number;
-        let mut add = |params: &Params, name, cells: [Option<f64>; 4]| {
-            for (column, axis) in of_axes.iter_mut().zip(&axes) {
-                column.push(Some(axis.value(params)));
-            }
-            words.push(Some(Value::Word(name)));
-            for (column, cell) in columns.iter_mut().zip(cells) {
-                column.push(cell.map(number));
-            }
-        };
+        let mut rows: Vec<(&Params, &'static str, [Option<f64>; 4])> = Vec::new();
         for (params, (_, structure)) in self.params().zip(&self.points) {
             for (name, _, _, curve) in curves(structure) {
                 for (x, band) in curve.x.iter().zip(&curve.y) {
                     let half = band.and_then(|band| band.ci95);
-                    add(params, name, [Some(*x), None, band.map(|b| b.mean), half]);
+                    let cells = [Some(*x), None, band.map(|band| band.mean), half];
+                    rows.push((params, name, cells));
                 }
             }
-            let (distances, angles, rows) = &structure.with_angle;
-            for (r, row) in distances.iter().zip(rows) {
+            let (distances, angles, of_angles) = &structure.with_angle;
+            for (r, row) in distances.iter().zip(of_angles) {
                 for (angle, g) in angles.iter().zip(row) {
-                    add(
-                        params,
-                        "g_r_theta",
-                        [Some(*r), Some(*angle), Some(*g), None],
-                    );
+                    let cells = [Some(*r), Some(*angle), Some(*g), None];
+                    rows.push((params, "g_r_theta", cells));
                 }
             }
         }
+        let axes = self.axes().into_iter();
         let mut table: Vec<DataColumn> = axes
-            .iter()
-            .zip(of_axes)
-            .map(|(axis, cells)| DataColumn {
-                unit: axis.unit,
-                meaning: axis.meaning,
-                cells,
-                ..DataColumn::named(axis.key, axis.kind(), 0)
-            })
+            .map(|axis| DataColumn::of_axis(axis, rows.iter().map(|row| row.0)))
             .collect();
+        let names = rows.iter().map(|row| Some(Value::Word(row.1)));
         table.push(DataColumn {
-            cells: words,
-            meaning: "which curve",
-            ..DataColumn::named("quantity", Kind::Word, 0)
+            unit: "",
+            ..DataColumn::of("quantity", Kind::Word, "which curve", names)
         });
         let about = [
             (
@@ -141,50 +94,33 @@ impl StructureReport {
                 "half width of its 95 % Student interval over runs",
             ),
         ];
-        for ((name, meaning), cells) in about.into_iter().zip(columns) {
-            table.push(DataColumn {
-                cells,
-                meaning,
-                unit: "1",
-                ..DataColumn::named(name, Kind::Number, 0)
-            });
+        for (place, (name, meaning)) in about.into_iter().enumerate() {
+            let cells = rows.iter().map(|row| row.2[place].map(Value::Number));
+            table.push(DataColumn::of(name, Kind::Number, meaning, cells));
         }
         table
     }
 }
 
-/// Numbers of a structure that tables have: name, meaning, and where it is.
-type Number = (
-    String,
-    &'static str,
-    Box<dyn Fn(&Structure) -> Option<Band>>,
-);
+/// A number of a structure that tables have: name, meaning, value.
+type Number = (String, &'static str, Option<Band>);
 
 /// All of them.
-fn numbers() -> Vec<Number> {
-    let mut all: Vec<Number> = NAMED
-        .iter()
-        .enumerate()
-        .map(|(place, scalar)| -> Number {
-            let of = move |structure: &Structure| structure.scalars[place];
-            (scalar.name.to_owned(), scalar.meaning, Box::new(of))
-        })
+fn numbers(structure: &Structure) -> Vec<Number> {
+    let scalars = NAMED.iter().zip(&structure.scalars);
+    let mut all: Vec<Number> = scalars
+        .map(|(scalar, band)| (scalar.name.to_owned(), scalar.meaning, *band))
         .collect();
-    for (place, name) in [(0, "x"), (1, "y")] {
-        for (other, second) in [(0, "x"), (1, "y")] {
-            if other >= place {
-                let of = move |structure: &Structure| {
-                    structure.fabric.get(place)?.get(other).copied().flatten()
-                };
-                let meaning = "n n averaged over contacts";
-                all.push((format!("fabric_{name}{second}"), meaning, Box::new(of)));
-            }
-        }
+    for (name, row, column) in [("xx", 0, 0), ("xy", 0, 1), ("yy", 1, 1)] {
+        let rows = structure.fabric.get(row);
+        let band = rows.and_then(|row| row.get(column).copied().flatten());
+        let meaning = "n n averaged over contacts";
+        all.push((format!("fabric_{name}"), meaning, band));
     }
     all.push((
         "fabric_deviator".into(),
         "how far the fabric is from that of contacts without a preferred direction",
-        Box::new(|structure| structure.fabric_deviator),
+        structure.fabric_deviator,
     ));
     all
 }

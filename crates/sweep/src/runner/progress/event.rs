@@ -1,29 +1,24 @@
 //! Progress as lines of JSON, an object each, for programs that watch a run. Names and meanings are in `docs/json.md`.
 
+use crate::case::Case;
 use crate::store::{Claim, Counts};
 use serde_json::{Value, json};
 use std::time::Instant;
 
 /// A case under way.
-pub(super) struct Case {
+pub(super) struct UnderWay {
     key: String,
-    label: String,
-    seed: u64,
-    time_step: f64,
-    steps: u64,
+    pub(super) case: Case,
     begun: Instant,
     begun_at: u64,
 }
 
-impl Case {
+impl UnderWay {
     /// A case that is so many steps on.
     pub(super) fn of(claim: &Claim, steps: u64) -> Self {
         Self {
             key: claim.key.clone(),
-            label: claim.case.label(),
-            seed: claim.case.seed,
-            time_step: claim.case.params.time_step,
-            steps: claim.case.steps,
+            case: claim.case.clone(),
             begun: Instant::now(),
             begun_at: steps,
         }
@@ -31,12 +26,13 @@ impl Case {
 
     /// The line about it.
     pub(super) fn line(&self, steps: u64, viscosity: f64) -> String {
+        let case = &self.case;
         let here = steps.saturating_sub(self.begun_at) as f64;
-        let left = self.steps.saturating_sub(steps) as f64;
+        let left = case.steps.saturating_sub(steps) as f64;
         let eta_s = (here > 0.0).then(|| self.begun.elapsed().as_secs_f64() * left / here);
         json!({
-            "event": "case", "key": self.key, "case": self.label, "seed": self.seed,
-            "strain": steps as f64 * self.time_step, "strain_end": self.steps as f64 * self.time_step,
+            "event": "case", "key": self.key, "case": case.label(), "seed": case.seed,
+            "strain": steps as f64 * case.params.time_step, "strain_end": case.strain(),
             "viscosity": number(viscosity), "eta_s": eta_s,
         })
         .to_string()

@@ -7,7 +7,7 @@ use crate::report::figure::look::{Look, Range};
 use crate::report::figure::outline::Outline;
 use crate::report::figure::palette::Colour;
 use crate::report::figure::scale::{Scale, extent};
-use crate::report::figure::scene::{Anchor, Page, Place, Shape, Stroke, Text, corners, polygon};
+use crate::report::figure::scene::{Anchor, Page, Place, Shape, Stroke, Text, corners};
 use crate::report::figure::sketch::{Field, Sketch};
 
 /// Width of the colours of a key over the size of its letters.
@@ -182,17 +182,12 @@ impl Frame<'_> {
                     is_round: *is_round,
                     ..Stroke::solid(*colour, (width * per_a).max(THINNEST))
                 };
-                Shape::line(ends.each_ref().map(at), stroke)
-                    .into_iter()
-                    .collect()
+                Vec::from_iter(Shape::line(ends.each_ref().map(at), stroke))
             }
             Mark::Area { corners, colour } => {
-                let path = polygon(corners.iter().map(at));
                 // Neighbours meet without a seam.
-                let stroke = Some(Stroke::solid(*colour, 0.2));
-                let fill = Some((*colour, 1.0));
-                let shape = path.map(|path| Shape::Path { path, fill, stroke });
-                shape.into_iter().collect()
+                let stroke = Stroke::solid(*colour, 0.2);
+                Vec::from_iter(Shape::edged(corners.iter().map(at), Some(*colour), stroke))
             }
             Mark::Sphere {
                 centre,
@@ -203,9 +198,7 @@ impl Frame<'_> {
                 let ([x, y], radius) = (at(centre), radius * per_a);
                 let rim = Some(Stroke::solid(Colour::INK, RIM));
                 if !is_shaded {
-                    return Shape::disc([x, y], radius, *colour, rim)
-                        .into_iter()
-                        .collect();
+                    return Vec::from_iter(Shape::disc([x, y], radius, *colour, rim));
                 }
                 let shade = |number: usize| {
                     let part = number as f64 / (SHADES - 1) as f64;
@@ -258,13 +251,7 @@ impl Key {
         let from = right + size;
         let to = from + BAR * size;
         let ink = Stroke::solid(Colour::INK, AXIS);
-        let boxed = |ends: [Place; 2]| {
-            polygon(corners(ends)).map(|path| Shape::Path {
-                path,
-                fill: None,
-                stroke: Some(ink),
-            })
-        };
+        let boxed = |ends: [Place; 2]| Shape::edged(corners(ends), None, ink);
         let mut shapes = Vec::new();
         let mut texts = Vec::new();
         let mut write = |words: &str, y: f64| {
@@ -290,12 +277,9 @@ impl Key {
                     (is_open[0], 0.0, bottom, bottom + 0.6 * size),
                     (is_open[1], 1.0, top, top - 0.6 * size),
                 ] {
-                    let path = polygon([[from, y], [0.5 * (from + to), tip], [to, y]]);
-                    shapes.extend(path.filter(|_| is_open).map(|path| Shape::Path {
-                        path,
-                        fill: Some((Colour::heat(part), 1.0)),
-                        stroke: Some(ink),
-                    }));
+                    let corners = [[from, y], [0.5 * (from + to), tip], [to, y]];
+                    let arrow = Shape::edged(corners, Some(Colour::heat(part)), ink);
+                    shapes.extend(arrow.filter(|_| is_open));
                 }
                 shapes.extend(boxed([[from, top], [to, bottom]]));
                 for (place, words) in &scale.ticks {

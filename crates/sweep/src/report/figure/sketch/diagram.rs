@@ -2,7 +2,7 @@
 
 use super::draft::Draft;
 use super::{Form, Height, Line, Sketch, Spot};
-use crate::axes::{AXES, Axis};
+use crate::axes::{AXES, Axis, Value};
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
 use crate::report::figure::Drawing;
@@ -63,7 +63,7 @@ impl Draft<'_> {
         let mut lines = Vec::new();
         let mut enough = false;
         let (mut most_columns, mut most_points) = (0, 0);
-        for panel in 0..self.panel_number() {
+        for panel in 0..self.fields.len() {
             let points: Vec<&Point> = self
                 .points()
                 .filter(|point| self.panel(&point.params) == panel)
@@ -95,20 +95,14 @@ impl Draft<'_> {
     fn check_others(&self, points: &[&Point]) -> Result<(), ReportError> {
         let params = || points.iter().map(|point| &point.params);
         let is_drawn = |axis: &Axis| axis.key == self.along.key || axis.is_of_shear();
+        let is_of_panels = |axis: &Axis| self.panels.is_some_and(|panels| panels.key == axis.key);
         let others = AXES
             .iter()
-            .filter(|axis| !is_drawn(axis) && !self.is_of_panels(axis) && axis.varies(params()));
+            .filter(|axis| !is_drawn(axis) && !is_of_panels(axis) && axis.varies(params()));
         let mut named = Vec::new();
         for axis in others {
-            let mut values: Vec<String> = Vec::new();
-            for value in params()
-                .filter(|p| axis.means_something(p))
-                .map(|p| axis.value(p))
-            {
-                if !values.contains(&value.to_string()) {
-                    values.push(value.to_string());
-                }
-            }
+            let values = axis.distinct(params().filter(|p| axis.means_something(p)));
+            let values: Vec<String> = values.iter().map(Value::to_string).collect();
             named.push(format!("{} has {}", axis.key, values.join(", ")));
         }
         if named.is_empty() {
@@ -163,7 +157,7 @@ impl Draft<'_> {
                 let spot = |curve: &FlowCurve<'_>| {
                     let first = curve.points()[0];
                     let place = curve.crossings(limit, y)[branch];
-                    let height = place.map(|at| self.units_along(first, y, at));
+                    let height = place.map(|at| self.units.along(y, first.at(), at));
                     Spot {
                         x: self.place(self.value(first)),
                         y: height.map(Height::bare),
@@ -183,7 +177,7 @@ impl Draft<'_> {
 
     /// Where a point stands along the vertical axis, in the units asked for.
     fn height(&self, point: &Point, y: &Axis) -> f64 {
-        self.units_along(point, y, point.place(y))
+        self.units.along(y, point.at(), point.place(y))
     }
 }
 

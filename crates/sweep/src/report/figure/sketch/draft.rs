@@ -21,11 +21,11 @@ use sd_core::Params;
 pub(super) struct Draft<'r> {
     reports: &'r [Report],
     pub(super) along: &'static Axis,
-    panels: Option<&'static Axis>,
+    pub(super) panels: Option<&'static Axis>,
     /// Parameters of each panel, in the order of their values; one of nothing where there are no panels.
-    fields: Vec<Option<&'r Params>>,
+    pub(super) fields: Vec<Option<&'r Params>>,
     log: Option<LogAxis>,
-    units: Units,
+    pub(super) units: Units,
     starts: Starts,
 }
 
@@ -160,16 +160,6 @@ impl<'r> Draft<'r> {
         curves(self.reports, shared)
     }
 
-    /// How many panels there are.
-    pub(super) fn panel_number(&self) -> usize {
-        self.fields.len()
-    }
-
-    /// Whether each value of an axis has a panel of its own.
-    pub(super) fn is_of_panels(&self, axis: &Axis) -> bool {
-        self.panels.is_some_and(|panels| panels.key == axis.key)
-    }
-
     /// What an axis of shear is called, whichever of stress and rate is imposed, with its unit.
     pub(super) fn label_of_shear(&self, axis: &Axis) -> String {
         if axis.is_shear_stress() {
@@ -177,11 +167,6 @@ impl<'r> Draft<'r> {
         } else {
             self.units.label_of(axis)
         }
-    }
-
-    /// A place of a point along an axis in the units asked for.
-    pub(super) fn units_along(&self, point: &Point, axis: &Axis, place: f64) -> f64 {
-        self.units.along(axis, point.at(), place)
     }
 
     /// The panel of some parameters.

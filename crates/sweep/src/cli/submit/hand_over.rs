@@ -1,82 +1,58 @@
 //! Handing what a campaign lacks to a scheduler, as one array of tasks.
 
-mod folder;
-
-use super::Error;
-use super::plan::memory_bytes;
+use super::folder::{Draft, write_plan};
+use super::{Arguments, run_arguments};
+use crate::api::Error;
+use crate::api::plan::memory_bytes;
 use crate::campaign::Campaign;
+use crate::cli::Output;
 use crate::cluster::{Job, Scheduler, SchedulerError, shard, shard::Slices};
 use crate::store::{OpenCase, Store, Submission};
-use folder::{Draft, write_plan};
 use std::collections::HashSet;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 /// Seconds of a task aimed at where no time limit is given.
 const USUAL_TIME_S: f64 = 3600.0;
 
-/// What is handed over, and how.
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "switches, each with its own meaning"
-)]
-pub(crate) struct Options<'o> {
-    pub(crate) scheduler: &'o Scheduler,
-    /// Number of tasks; without one so many that each needs about half its time.
-    pub(crate) tasks: Option<usize>,
-    /// Cases each of them computes at a time.
-    pub(crate) workers: usize,
-    /// Tasks at work at a time, at most.
-    pub(crate) throttle: Option<usize>,
-    /// Time limit of a task in seconds.
-    pub(crate) time_s: Option<f64>,
-    /// Arguments of every task.
-    pub(crate) run_arguments: Vec<String>,
-    pub(crate) retry_failed: bool,
-    pub(crate) allow_mixed_versions: bool,
-    /// Also cases that tasks submitted before may still work on.
-    pub(crate) again: bool,
-    /// Nothing is written or submitted.
-    pub(crate) dry_run: bool,
-    /// Told what the user should know.
-    pub(crate) note: &'o dyn Fn(&str),
-}
-
 /// What was submitted, or would be.
-pub(crate) struct Submitted {
+pub(super) struct Submitted {
     /// Its name for the scheduler, unless nothing was submitted.
-    pub(crate) name: Option<String>,
-    pub(crate) cases: usize,
+    pub(super) name: Option<String>,
+    pub(super) cases: usize,
     /// Hash of the slices.
-    pub(crate) plan: String,
-    pub(crate) job: Job,
-    pub(crate) script: String,
+    pub(super) plan: String,
+    pub(super) job: Job,
+    pub(super) script: String,
     /// Estimated seconds of CPU of all of it.
-    pub(crate) cpu_s: f64,
+    pub(super) cpu_s: f64,
     /// Memory of a task, in bytes.
-    pub(crate) memory_bytes: f64,
+    pub(super) memory_bytes: f64,
 }
 
 /// Merges the shards there are and submits the open cases of a campaign; `None` if there are none.
-pub(crate) fn submit(
+pub(super) fn submit(
+    arguments: &Arguments,
+    scheduler: &Scheduler,
     campaign: &Campaign,
     path: &Path,
-    options: &Options<'_>,
+    output: &Output<'_>,
 ) -> Result<Option<Submitted>, Error> {
-    let limit = match options.scheduler.task_limit() {
-        Err(SchedulerError::Missing { .. }) if options.dry_run => {
+    let limit = match scheduler.task_limit() {
+        Err(SchedulerError::Missing { .. }) if arguments.dry_run => {
             crate::cluster::slurm::USUAL_ARRAY
         }
         limit => limit?,
     };
     let folder = shard::folder_of(path);
-    let draft = Draft::new(options.dry_run, path)?;
+    let draft = Draft::new(arguments.dry_run, path)?;
     let mut store = draft.open(campaign)?;
-    gather(options, &mut store, &folder)?;
-    let open = open(options, &store)?;
+    gather(arguments, &mut store, &folder, output)?;
+    let open = open(arguments, &store, output)?;
     if open.is_empty() {
         return Ok(None);
     }
-    let tasks = tasks(options, &open, limit)?;
+    let tasks = tasks(arguments, &open, limit)?;
     let slices = Slices::cut(&open, tasks);
     let text = campaign.text_elsewhere();
     let plan = slices.plan(&text);
@@ -86,12 +62,12 @@ pub(crate) fn submit(
         plan_folder: shard::plan_folder(&folder, &plan),
         folder,
         tasks,
-        workers: options.workers,
-        throttle: options.throttle,
-        run_arguments: options.run_arguments.clone(),
+        workers: arguments.workers_per_task.get(),
+        throttle: arguments.throttle.map(NonZeroUsize::get),
+        run_arguments: run_arguments(arguments)?,
     };
-    let script = options.scheduler.script(&job)?;
-    let name = if options.dry_run {
+    let script = scheduler.script(&job)?;
+    let name = if arguments.dry_run {
         None
     } else {
         let tasks_read = [
@@ -99,13 +75,7 @@ pub(crate) fn submit(
             ("slices", &slices.text(&plan)),
         ];
         write_plan(&job, &store, campaign, &open, tasks_read, &script)?;
-        Some(hand_over(
-            options.scheduler,
-            &job,
-            &plan,
-            &slices,
-            &mut store,
-        )?)
+        Some(hand_over(scheduler, &job, &plan, &slices, &mut store)?)
     };
     Ok(Some(Submitted {
         name,
@@ -119,10 +89,9 @@ pub(crate) fn submit(
 }
 
 /// Number of tasks: as many as asked for, if so many may be and have anything to do.
-fn tasks(options: &Options<'_>, open: &[OpenCase], limit: usize) -> Result<usize, SchedulerError> {
-    let asked = options
-        .tasks
-        .unwrap_or_else(|| usual_tasks(options, open, limit));
+fn tasks(arguments: &Arguments, open: &[OpenCase], limit: usize) -> Result<usize, SchedulerError> {
+    let asked = arguments.tasks.map(NonZeroUsize::get);
+    let asked = asked.unwrap_or_else(|| usual_tasks(arguments, open, limit));
     if asked > limit {
         return Err(SchedulerError::TooManyTasks { asked, limit });
     }
@@ -166,21 +135,26 @@ fn hand_over(
 }
 
 /// Brings the store up to date: shards there are, failed cases to be tried again; refuses to mix builds.
-fn gather(options: &Options<'_>, store: &mut Store, folder: &Path) -> Result<(), Error> {
+fn gather(
+    arguments: &Arguments,
+    store: &mut Store,
+    folder: &Path,
+    output: &Output<'_>,
+) -> Result<(), Error> {
     let shards: Vec<PathBuf> = shard::published(folder)
         .into_iter()
         .map(|shard| shard.path)
         .collect();
-    let merged = store.merge(&shards, options.allow_mixed_versions)?;
+    let merged = store.merge(&shards, arguments.allow_mixed_versions)?;
     for damaged in &merged.damaged {
-        (options.note)(&format!(
+        output.note(&format!(
             "not merged: {}: {}",
             damaged.path.display(),
             damaged.reason
         ));
     }
     let (build, known) = (crate::system::process::build(), store.known_builds()?);
-    if !options.allow_mixed_versions && !known.is_empty() && !known.contains(&build) {
+    if !arguments.allow_mixed_versions && !known.is_empty() && !known.contains(&build) {
         return Err(Error::Argument {
             argument: "--allow-mixed-versions",
             message: format!(
@@ -190,21 +164,21 @@ fn gather(options: &Options<'_>, store: &mut Store, folder: &Path) -> Result<(),
             ),
         });
     }
-    if options.retry_failed {
+    if arguments.retry_failed {
         store.retry_failed()?;
     }
     Ok(())
 }
 
 /// Open cases that no task has.
-fn open(options: &Options<'_>, store: &Store) -> Result<Vec<OpenCase>, Error> {
+fn open(arguments: &Arguments, store: &Store, output: &Output<'_>) -> Result<Vec<OpenCase>, Error> {
     let mut taken: HashSet<String> = HashSet::new();
     for submission in store.submissions()? {
-        if options.again {
+        if arguments.again {
             break;
         }
         let Some(job) = &submission.job else {
-            (options.note)(
+            output.note(
                 "a submission before was cut short before its job number was known: look with `squeue --me` whether it \
                  runs. What it computes is merged in any case",
             );
@@ -242,10 +216,11 @@ fn open(options: &Options<'_>, store: &Store) -> Result<Vec<OpenCase>, Error> {
 }
 
 /// So many tasks that each needs about half of its time by the estimate, which is no promise.
-fn usual_tasks(options: &Options<'_>, open: &[OpenCase], limit: usize) -> usize {
-    let time = options.time_s.unwrap_or(USUAL_TIME_S);
+fn usual_tasks(arguments: &Arguments, open: &[OpenCase], limit: usize) -> usize {
+    let time = arguments.time.as_ref();
+    let time = time.map_or(USUAL_TIME_S, |limit| limit.time.as_secs_f64());
     let cost: f64 = open.iter().map(|case| case.cost).sum();
-    let workers = options.workers;
+    let workers = arguments.workers_per_task.get();
     let tasks = crate::format::count((cost / (workers as f64 * time / 2.0)).ceil());
     tasks.clamp(1, limit.min(open.len().div_ceil(workers)).max(1))
 }

@@ -1,7 +1,9 @@
 //! One task of a campaign, in a store of its own that is published as a shard.
 
-use super::Error;
+use super::{Arguments, ClusterArguments, Part, compute, style};
+use crate::api::Error;
 use crate::campaign::{Campaign, Order};
+use crate::cli::{Output, note};
 use crate::cluster::shard::{self, Publisher, ShardError, Slices};
 use crate::cluster::{Requeue, Scheduler};
 use crate::exit;
@@ -9,40 +11,20 @@ use crate::runner::{Progress, RunObserver, Stop};
 use crate::store::{Counts, MergeMode, OpenCase, Store, StoreError, TaskName};
 use crate::system::process::Identity;
 use rustix::process::Signal;
+use serde::Serialize;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-/// Which task it is, and where it works.
-pub(crate) struct Options<'o> {
-    /// Its number, from 0.
-    pub(crate) task: usize,
-    /// How many there are.
-    pub(crate) tasks: usize,
-    /// The slices, as they were written; without them the campaign is cut here.
-    pub(crate) slices: Option<&'o Path>,
-    /// Folder that shards are published in.
-    pub(crate) shards: Option<&'o Path>,
-    /// Disk of this machine to work on.
-    pub(crate) scratch: Option<&'o Path>,
-    pub(crate) publish_every: Duration,
-    pub(crate) retry_failed: bool,
-    pub(crate) allow_mixed_versions: bool,
-    /// Told what the user should know.
-    pub(crate) note: &'o (dyn Fn(&str) + Sync),
-}
-
-struct Task<'t> {
+struct Task {
     publisher: Publisher,
     /// What started it, unless somebody did by hand, and its name there.
     started_by: Option<(Scheduler, TaskName)>,
     /// Marks that it was cancelled.
     cancelled: PathBuf,
-    /// Where notes go; nowhere if nobody wants them.
-    note: &'t (dyn Fn(&str) + Sync),
+    quiet: bool,
 }
 
-impl RunObserver for Task<'_> {
+impl RunObserver for Task {
     fn look(&self, progress: &Progress) {
         if self.publisher.is_due()
             && let Err(error) = self.publisher.publish()
@@ -55,16 +37,19 @@ impl RunObserver for Task<'_> {
     fn before_abort(&self, signal: i32, _: &Progress) {
         match self.publisher.publish() {
             Ok(()) => self.again(signal),
-            Err(error) => (self.note)(&error.to_string()),
+            Err(error) => note(self.quiet, &error.to_string()),
         }
     }
 }
 
-impl Task<'_> {
+impl Task {
     /// Has the task started again, after a signal with work left.
     fn again(&self, signal: i32) {
         let Some((scheduler, name)) = &self.started_by else {
-            (self.note)("work is left: give the same command again to go on");
+            note(
+                self.quiet,
+                "work is left: give the same command again to go on",
+            );
             return;
         };
         let again = if self.cancelled.exists() || signal == Signal::INT.as_raw() {
@@ -72,35 +57,42 @@ impl Task<'_> {
         } else {
             scheduler.start_again(name, signal == Signal::USR1.as_raw())
         };
-        (self.note)(&match again {
+        let what = match again {
             Requeue::Yes => format!("work is left: {} starts the task again", scheduler.name()),
             Requeue::Cancelled => "cancelled: `sweep submit` goes on from here".to_owned(),
             Requeue::No(why) => format!(
                 "work is left, and the task could not be started again ({why}): `sweep submit` goes on from here"
             ),
-        });
+        };
+        note(self.quiet, &what);
     }
 }
 
-/// Computes one slice of a campaign, of which only the cases of the slice are left. Gives the exit code and how far the slice is;
-/// `answer` is called with that and the shard before a scheduler may end this process.
-pub(crate) fn run_task(
-    campaign: &mut Campaign,
-    options: &Options<'_>,
-    stop: &Stop,
-    compute: impl FnOnce(&Campaign, &mut Store, &dyn RunObserver) -> Result<Counts, Error>,
-    answer: impl FnOnce(Counts, &Path) -> Result<(), Error>,
+/// Computes one slice of a campaign, and says how far it is before a scheduler may end this process.
+pub(super) fn run(
+    arguments: &Arguments,
+    part: Part,
+    mut campaign: Campaign,
+    output: &mut Output<'_>,
 ) -> Result<u8, Error> {
-    let plan = restrict(options, campaign)?;
-    let (mut store, task) = begin(options, &plan, campaign)?;
-    let computed = compute(campaign, &mut store, &task);
+    let stop = Stop::for_a_task()?;
+    let plan = restrict(arguments, part, &mut campaign)?;
+    let (mut store, task) = begin(arguments, part, &plan, &campaign, output)?;
+    let style = style(arguments, output);
+    let computed = compute(
+        arguments,
+        &campaign,
+        &mut store,
+        (&stop, Some(&task)),
+        style,
+    );
     // What there is counts, whatever ended the run.
     let published = task.publisher.publish();
     let counts = computed?;
     published?;
     drop(store);
     task.publisher.clean_up();
-    answer(counts, task.publisher.target())?;
+    answer(part, counts, task.publisher.target(), output)?;
     Ok(match stop.signal() {
         Some(signal) if counts.pending + counts.running > 0 => {
             task.again(signal);
@@ -112,17 +104,19 @@ pub(crate) fn run_task(
 }
 
 /// Makes the store of a task, with all that is known of its slice, and publishes it for the first time.
-fn begin<'t>(
-    options: &Options<'t>,
+fn begin(
+    arguments: &Arguments,
+    part: Part,
     plan: &str,
     campaign: &Campaign,
-) -> Result<(Store, Task<'t>), Error> {
-    let note = options.note;
+    output: &Output<'_>,
+) -> Result<(Store, Task), Error> {
+    let options = &arguments.cluster;
     let usual = || shard::folder_of(&campaign.default_store());
-    let folder = options.shards.map_or_else(usual, Path::to_owned);
+    let folder = options.shards.clone().unwrap_or_else(usual);
     let scratch = options
         .scratch
-        .map(Path::to_owned)
+        .clone()
         .or_else(|| std::env::var_os("SLURM_TMPDIR").map(PathBuf::from))
         .unwrap_or_else(|| folder.join("work"));
     for folder in [&folder, &scratch] {
@@ -131,32 +125,32 @@ fn begin<'t>(
             source,
         })?;
     }
-    let started_by = Scheduler::of_this_task(options.task);
+    let started_by = Scheduler::of_this_task(part.task);
     let name = started_by
         .as_ref()
-        .map_or_else(|| by_hand(options.task), |(_, name)| name.clone());
+        .map_or_else(|| by_hand(part.task), |(_, name)| name.clone());
     let file = shard::name(plan, &name);
     let work = scratch.join(&file);
     if work.exists() {
         for finding in Store::open(&work)?.forget_damaged()? {
-            note(&format!("damaged, and computed again: {}", finding.what));
+            output.note(&format!("damaged, and computed again: {}", finding.what));
         }
     }
     let (mut store, _) = Store::enter(&work, campaign, Order::default())?;
     let before = Before::of(&folder, plan, &name);
-    if go_on_from(&mut store, &before.others, options)? > 0 {
+    if go_on_from(&mut store, &before.others, options, output)? > 0 {
         // What failed in another job is in this slice because it is to be computed again.
         store.retry_failed()?;
     }
-    go_on_from(&mut store, &before.own, options)?;
-    if options.retry_failed {
+    go_on_from(&mut store, &before.own, options, output)?;
+    if arguments.retry_failed {
         store.retry_failed()?;
     }
     let task = Task {
         publisher: Publisher::new(work, folder.join(file), options.publish_every),
         cancelled: shard::cancel_mark(&folder, plan, &name.job),
         started_by,
-        note,
+        quiet: output.quiet,
     };
     store.work_for(name);
     // Whoever cannot publish should know before hours are computed, not after.
@@ -175,9 +169,10 @@ fn by_hand(task: usize) -> TaskName {
 }
 
 /// Leaves only the cases of the slice in a campaign. Gives the name of the plan.
-fn restrict(options: &Options<'_>, campaign: &mut Campaign) -> Result<String, Error> {
-    let (plan, keys) = if let Some(path) = options.slices {
-        Slices::read(path, options.task, options.tasks)?
+fn restrict(arguments: &Arguments, part: Part, campaign: &mut Campaign) -> Result<String, Error> {
+    let slices = arguments.cluster.slices.as_deref();
+    let (plan, keys) = if let Some(path) = slices {
+        Slices::read(path, part.task, part.tasks)?
     } else {
         let all: Vec<OpenCase> = campaign
             .certain()
@@ -187,10 +182,10 @@ fn restrict(options: &Options<'_>, campaign: &mut Campaign) -> Result<String, Er
                 begun: false,
             })
             .collect();
-        let mut slices = Slices::cut(&all, options.tasks);
+        let mut slices = Slices::cut(&all, part.tasks);
         (
             slices.plan(&campaign.text),
-            slices.tasks.swap_remove(options.task),
+            slices.tasks.swap_remove(part.task),
         )
     };
     let keys: HashSet<String> = keys.into_iter().collect();
@@ -201,7 +196,7 @@ fn restrict(options: &Options<'_>, campaign: &mut Campaign) -> Result<String, Er
         .retain(|(key, _)| keys.contains(&key.to_string()));
     if campaign.cases.len() < keys.len() {
         return Err(ShardError::Slices {
-            path: options.slices.map(Path::to_owned).unwrap_or_default(),
+            path: slices.map(Path::to_owned).unwrap_or_default(),
             reason: format!(
                 "{} of its cases are not in {}: these are slices of another campaign file",
                 keys.len() - campaign.cases.len(),
@@ -242,7 +237,12 @@ impl Before {
 
 /// Takes over what shards hold of the slice; gives the number of failures among it. A shard that cannot be used is no reason
 /// to stop: the slice is computed anew.
-fn go_on_from(store: &mut Store, sources: &[PathBuf], options: &Options<'_>) -> Result<u64, Error> {
+fn go_on_from(
+    store: &mut Store,
+    sources: &[PathBuf],
+    options: &ClusterArguments,
+    output: &Output<'_>,
+) -> Result<u64, Error> {
     let mut failures = 0;
     for source in sources {
         match store.merge_as(
@@ -253,14 +253,50 @@ fn go_on_from(store: &mut Store, sources: &[PathBuf], options: &Options<'_>) -> 
             Ok(merged) => {
                 failures += merged.failures;
                 for damaged in merged.damaged {
-                    (options.note)(&damaged.to_string());
+                    output.note(&damaged.to_string());
                 }
             }
             Err(error @ (StoreError::OtherBuild { .. } | StoreError::OtherCampaign { .. })) => {
-                (options.note)(&format!("{error}: not used"));
+                output.note(&format!("{error}: not used"));
             }
             Err(error) => return Err(error.into()),
         }
     }
     Ok(failures)
+}
+
+/// What is said at the end of a task.
+#[derive(Serialize)]
+struct Answer<'a> {
+    task: usize,
+    tasks: usize,
+    shard: &'a Path,
+    /// Cases of the slice by state.
+    #[serde(rename = "cases")]
+    counts: Counts,
+}
+
+/// Says how far the slice is.
+fn answer(part: Part, counts: Counts, shard: &Path, output: &mut Output<'_>) -> Result<(), Error> {
+    let left = counts.pending + counts.running;
+    if output.json {
+        output.json(&Answer {
+            task: part.task,
+            tasks: part.tasks,
+            shard,
+            counts,
+        })?;
+        return Ok(output.out.flush()?);
+    }
+    writeln!(
+        output.out,
+        "task {} of {}: {} cases done, {} jammed, {} failed, {left} left: {}",
+        part.task,
+        part.tasks,
+        counts.done,
+        counts.jammed,
+        counts.failed,
+        shard.display()
+    )?;
+    Ok(output.out.flush()?)
 }
