@@ -6,6 +6,7 @@ mod contact_laws;
 mod hydrodynamics;
 mod parameters;
 mod published_units;
+mod segments;
 mod start_layer;
 mod surface;
 
@@ -17,6 +18,7 @@ pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP};
 pub use hydrodynamics::{Hydrodynamics, LeadingOrder};
 pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
 pub use published_units::PublishedUnits;
+pub use segments::{Imposed, Segment};
 pub use start_layer::StartLayer;
 pub use surface::Surface;
 
@@ -93,6 +95,9 @@ pub struct Params {
     /// The layer a run begins with; `None`: the one that its seed makes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<Box<StartLayer>>,
+    /// Segments of the run, the first of which begins at strain 0; empty where one steady shear is imposed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub segments: Vec<Segment>,
 }
 
 /// Default of [`Params::size_ratio`].
@@ -137,6 +142,7 @@ impl Params {
         shear_stress: None,
         direction: 1.0,
         start: None,
+        segments: Vec::new(),
     };
 
     /// Whether friction can act in the run at all: neither is its coefficient 0 nor the rate that of the lower plateau.
@@ -211,6 +217,30 @@ mod infinite {
             Form::Text(text) => Err(serde::de::Error::custom(format!(
                 "expected a number or \"inf\", found {text:?}"
             ))),
+        }
+    }
+
+    /// The same of a value that may be missing.
+    pub(super) mod optional {
+        use serde::{Deserializer, Serializer};
+
+        /// Infinity becomes text.
+        #[expect(clippy::ref_option, reason = "the signature serde asks for")]
+        pub(in crate::model) fn serialize<S: Serializer>(
+            value: &Option<f64>,
+            s: S,
+        ) -> Result<S::Ok, S::Error> {
+            match value {
+                Some(value) => super::serialize(value, s),
+                None => s.serialize_none(),
+            }
+        }
+
+        /// Either form is read.
+        pub(in crate::model) fn deserialize<'de, D: Deserializer<'de>>(
+            d: D,
+        ) -> Result<Option<f64>, D::Error> {
+            super::deserialize(d).map(Some)
         }
     }
 }

@@ -9,7 +9,7 @@ pub use table::PARAMETERS;
 pub(super) use quantities::MOST_SPHERES;
 use quantities::{AREA_FRACTION, FRICTION};
 
-use super::{ContactLaws, ContactScheme, Params};
+use super::{ContactLaws, ContactScheme, Params, segments};
 use crate::error::Refusal;
 use crate::law::{NormalLaw, Quantity, TangentialLaw, Word, Words as _};
 
@@ -112,6 +112,14 @@ impl Parameter {
 
 /// Checks every value, and that they go together.
 pub(super) fn check(params: &Params) -> Result<(), Refusal> {
+    if !params.segments.is_empty() {
+        segments::check(params)?;
+        return params.flows().into_iter().try_for_each(|mut flow| {
+            // What has a meaning in one segment may have none in another.
+            settle(&mut flow);
+            check(&flow)
+        });
+    }
     for parameter in &PARAMETERS {
         if parameter.key != AREA_FRACTION.key || params.volume_fraction.is_none() {
             parameter.check(params)?;
@@ -318,7 +326,7 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
 /// Friction never acts at the lower plateau. The shear rate says at which load friction begins, and is a unit of some laws: without
 /// friction and without such laws it says nothing.
 fn fold(params: &mut Params) {
-    if params.shear_stress.is_some() {
+    if params.shear_stress.is_some() || !params.segments.is_empty() {
         return;
     }
     if params.shear_rate == 0.0 {
@@ -341,12 +349,18 @@ pub(super) fn settle(params: &mut Params) {
         }
     }
     fold(params);
+    let flows = if params.segments.is_empty() {
+        Vec::new()
+    } else {
+        params.flows()
+    };
     // Friction first: whether tangential laws act depends on it, and they stand above it.
     let friction = PARAMETERS
         .iter()
         .filter(|parameter| parameter.key == FRICTION.key);
     for parameter in friction.chain(&PARAMETERS) {
-        let meaningless = !(parameter.has_meaning)(params);
+        let has_meaning = parameter.has_meaning;
+        let meaningless = !has_meaning(params) && !flows.iter().any(has_meaning);
         match &parameter.form {
             Form::Choice(choice) if meaningless => {
                 (choice.put)(params, choice.default).expect("a default is one of the words");

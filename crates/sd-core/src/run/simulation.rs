@@ -17,7 +17,7 @@ use crate::contact::laws::Laws;
 use crate::contact::most_contacts;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
-use crate::model::{ContactScheme, DEEPEST_OVERLAP, Params};
+use crate::model::{ContactScheme, DEEPEST_OVERLAP, Imposed, Params};
 use crate::run::start::Started;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Midpoint, State, Stepper};
@@ -42,7 +42,11 @@ pub enum Flow {
 
 /// A layer or a suspension under shear.
 pub struct Simulation<S: Started = Layer> {
+    /// What is imposed in the step under way, or the last one.
     params: Params,
+    /// The run with all its segments, where it has several.
+    run: Option<Box<Params>>,
+    imposed: Imposed,
     /// Steps done.
     steps: u64,
     /// Side of the square or cubic cell, in a.
@@ -81,8 +85,9 @@ impl<S: Started> Simulation<S> {
         S::check(params)?;
         let start = S::start(params, seed)?;
         let mut memory = SchemeMemory::new(&params.contact);
-        let drive = Drive::new(params, None);
-        memory.stretch(&start, drive.laws(params).tangential_stiffness);
+        let first = params.in_step(&params.imposed(0));
+        let drive = Drive::new(&first, None);
+        memory.stretch(&start, drive.laws(&first).tangential_stiffness);
         let snapshot = Snapshot {
             version: SNAPSHOT_VERSION,
             steps: 0,
@@ -133,7 +138,10 @@ impl<S: Started> Simulation<S> {
         stage.start_far_field_from(&snapshot.far_field);
         stage.resistance.expect_contacts(params.roughness);
         let mut stepper = Stepper::default();
-        let drive = Drive::new(params, snapshot.critical_load);
+        let imposed = params.imposed(snapshot.steps.saturating_sub(1));
+        let run = (!params.segments.is_empty()).then(|| Box::new(params.clone()));
+        let params = params.in_step(&imposed);
+        let drive = Drive::new(&params, snapshot.critical_load);
         if params.contact != ContactScheme::Procedure {
             let choice = params.contact.laws();
             stepper = if choice.is_soft() {
@@ -148,7 +156,8 @@ impl<S: Started> Simulation<S> {
         let mut remembered = SchemeMemory::new(&params.contact);
         remembered.reserve(most);
         Ok(Self {
-            params: params.clone(),
+            run,
+            imposed,
             steps: snapshot.steps,
             side: snapshot.side,
             state: State {
@@ -156,11 +165,11 @@ impl<S: Started> Simulation<S> {
                 orientations: snapshot.orientations,
             },
             before: State::default(),
-            laws: drive.laws(params),
+            laws: drive.laws(&params),
             first: Vec::with_capacity(S::MODES * params.spheres),
             drive,
             background: S::Background::simple_shear(params.direction),
-            offset: S::offset(params),
+            offset: S::offset(&params),
             memory: snapshot.memory,
             counters: snapshot.counters,
             stage,
@@ -168,16 +177,18 @@ impl<S: Started> Simulation<S> {
             stress: StressWork::default(),
             frame: None,
             remembered,
+            params,
         })
     }
 
-    /// The cell at a strain.
+    /// The cell at a strain of the step under way.
     fn cell_at(&self, strain: f64) -> Result<Cell<S>, Error> {
-        let travelled = self.params.direction * strain * self.side;
+        let net = self.imposed.net_strain(strain, self.params.time_step);
+        let travelled = net * self.side;
         Cell::equal_sides(self.side, self.offset + travelled)
     }
 
-    /// Offset of the upper image cell at a strain, wrapped.
+    /// Offset of the upper image cell at a strain, wrapped; of a run in segments as long as what is imposed in the last step goes on.
     pub fn offset_at(&self, strain: f64) -> f64 {
         match self.cell_at(strain) {
             Ok(Cell::Periodic { offset, .. }) => offset,

@@ -39,7 +39,7 @@ impl WrittenPoints {
             return points;
         }
         for grid in &grids {
-            grid.each_point(|as_written, settled| {
+            grid.each_point(&protocol, |as_written, settled| {
                 let next = points.places.len();
                 points.places.entry(identity(as_written)).or_insert(next);
                 let all = points.folded.entry(identity(settled)).or_default();

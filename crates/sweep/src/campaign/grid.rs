@@ -161,12 +161,13 @@ impl Grid {
         let mut new = Vec::new();
         let mut meaning = vec![false; AXES.len()];
         let mut any = false;
+        let segments = protocol.protocol.imposed();
         self.each(|combination| {
             if new.len() > ENOUGH {
                 return;
             }
             let values = values_of(combination);
-            let (params, given) = match folded_params_of(&values) {
+            let (params, given) = match folded_params_of(&values, &segments) {
                 Ok(made) => made,
                 Err(unmade) => {
                     for problem in self.unmade(combination, unmade) {
@@ -235,10 +236,11 @@ impl Grid {
     }
 
     /// Calls for every point, without its start layer: its parameters as they are written, and settled.
-    pub(super) fn each_point(&self, mut take: impl FnMut(&Params, &Params)) {
+    pub(super) fn each_point(&self, protocol: &Written, mut take: impl FnMut(&Params, &Params)) {
+        let segments = protocol.protocol.imposed();
         self.each(|combination| {
             let values = values_of(combination);
-            if let Ok((params, given)) = folded_params_of(&values) {
+            if let Ok((params, given)) = folded_params_of(&values, &segments) {
                 take(given.as_ref().unwrap_or(&params), &params);
             }
         });
@@ -314,13 +316,23 @@ impl Grid {
         params: &Params,
         protocol: &Written,
     ) -> Result<(), Problem> {
-        let checked = params.validate().and_then(|()| check_start(params));
-        if let Err(error) = checked {
-            return Err(match error {
-                sd_core::Error::Refused(refusal) => self.refused(combination, &refusal),
-                other => Problem::at(&self.span, other.to_string(), "other values in this grid"),
-            });
+        let made = |error| match error {
+            sd_core::Error::Refused(refusal) => self.refused(combination, &refusal),
+            other => Problem::at(&self.span, other.to_string(), "other values in this grid"),
+        };
+        if !params.segments.is_empty() {
+            protocol.check_lengths(params.time_step, place(combination, "time_step"))?;
+            for (number, mut flow) in params.flows().into_iter().enumerate() {
+                flow.settle();
+                if let Err(error) = flow.validate() {
+                    return Err(protocol.of_segment(number, made(error)));
+                }
+            }
         }
+        params
+            .validate()
+            .and_then(|()| check_start(params))
+            .map_err(made)?;
         protocol.check_lengths(params.time_step, place(combination, "time_step"))
     }
 

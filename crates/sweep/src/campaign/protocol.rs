@@ -2,8 +2,9 @@
 
 use super::error::Problem;
 use super::reader::{Table, Values, number, of_axis, values, word, wrong_type};
+use super::segments::{self, SEGMENT, WrittenSegment};
 use crate::axes::Axis;
-use crate::protocol::{Discard, Protocol};
+use crate::protocol::{Discard, PlannedSegment, Protocol};
 use sd_core::model::Range;
 use std::collections::HashMap;
 use std::ops;
@@ -19,9 +20,9 @@ const SAMPLE_LIMIT: u64 = 1_000_000;
 /// Least samples of a run from which the strain to discard is picked.
 const LEAST_SAMPLES: f64 = 40.0;
 /// Lengths there are, as strains.
-const LENGTH: Range = Range::above_to(0.0, 1e7);
+pub(super) const LENGTH: Range = Range::above_to(0.0, 1e7);
 /// Strains that may be discarded.
-const DISCARDED: Range = Range::from_to(0.0, 1e7);
+pub(super) const DISCARDED: Range = Range::from_to(0.0, 1e7);
 
 /// What samples look at besides.
 const OBSERVE: &str = "observe";
@@ -50,6 +51,7 @@ pub(super) struct Written {
     /// The table, or the first line where there is none.
     table: ops::Range<usize>,
     places: HashMap<&'static str, ops::Range<usize>>,
+    segments: Vec<WrittenSegment>,
 }
 
 impl Written {
@@ -60,6 +62,7 @@ impl Written {
             time_step: None,
             table,
             places: HashMap::new(),
+            segments: Vec::new(),
         }
     }
 
@@ -76,6 +79,7 @@ impl Written {
             "checkpoint_every",
             "sample_every",
             OBSERVE,
+            SEGMENT,
         ];
         let table = Table::new(entries, span.clone(), "[protocol]", &known, problems);
         let before = problems.len();
@@ -97,11 +101,11 @@ impl Written {
                 default
             })
         };
-        let strain = read("strain", preset.strain, &LENGTH);
+        let mut strain = read("strain", preset.strain, &LENGTH);
         let auto = table.get("discard").filter(
             |written| matches!(written.get_ref(), DeValue::String(word) if word.as_ref() == "auto"),
         );
-        let discard = match preset.discard {
+        let mut discard = match preset.discard {
             _ if auto.is_some() => Discard::Auto,
             Discard::Strain(usual) => Discard::Strain(read("discard", usual, &DISCARDED)),
             Discard::Auto => Discard::Strain(read("discard", 0.0, &DISCARDED)),
@@ -116,6 +120,27 @@ impl Written {
         let observes_network = table
             .get(OBSERVE)
             .is_some_and(|written| observes_network(written, problems));
+        let segments = table.get(SEGMENT).map_or_else(Vec::new, |written| {
+            for key in ["strain", "discard"] {
+                if let Some(place) = places.get(key) {
+                    problems.push(
+                        Problem::at(
+                            place,
+                            format!("`{key}` of the whole run beside its segments"),
+                            format!("`{key}` in each [[protocol.segment]]"),
+                        )
+                        .of_key(key)
+                        .also(&written.span(), "the segments"),
+                    );
+                }
+            }
+            segments::read(written, problems)
+        });
+        let planned: Vec<PlannedSegment> = segments.iter().map(|one| one.segment).collect();
+        if let Some(last) = planned.last() {
+            strain = last.end();
+            discard = Discard::Strain(last.kept_from());
+        }
         let written = Self {
             protocol: Protocol {
                 strain,
@@ -123,10 +148,12 @@ impl Written {
                 checkpoint_every,
                 sample_every,
                 observes_network,
+                segments: planned,
             },
             time_step,
             table: span,
             places,
+            segments,
         };
         if problems.len() == before {
             written.check_averages(problems);
@@ -152,7 +179,7 @@ impl Written {
         time_step: f64,
         place: Option<&ops::Range<usize>>,
     ) -> Result<(), Problem> {
-        let p = self.protocol;
+        let p = &self.protocol;
         let place = place.unwrap_or(&self.table);
         let in_steps = p.with_time_step(time_step);
         let steps = p.strain / time_step;
@@ -165,6 +192,19 @@ impl Written {
             .also(place, "the time step"));
         }
         let whole = format!("a whole number of time steps, {time_step} each");
+        for segment in &self.segments {
+            for (key, value, span) in segment.lengths() {
+                if in_steps.whole_steps(value).is_none_or(|n| n == 0) {
+                    return Err(Problem::at(
+                        span,
+                        format!("`{key}` = {value} is not {whole}"),
+                        format!("`{key}` is {whole}"),
+                    )
+                    .of_key(key)
+                    .also(place, "the time step"));
+                }
+            }
+        }
         for (key, value) in [("strain", p.strain), ("sample_every", p.sample_every)] {
             if in_steps.whole_steps(value).is_none_or(|n| n == 0) {
                 return Err(Problem::at(
@@ -195,9 +235,31 @@ impl Written {
         Ok(())
     }
 
+    /// A problem of parameters in one of the segments: where this segment names the value, it is there.
+    pub(super) fn of_segment(&self, number: usize, problem: Problem) -> Problem {
+        match self.segments.get(number) {
+            Some(segment) => segment.problem(problem),
+            None => problem,
+        }
+    }
+
     /// Refuses runs of which nothing is left to average.
     fn check_averages(&self, problems: &mut Vec<Problem>) {
-        let p = self.protocol;
+        if !self.segments.is_empty() {
+            let every = self.protocol.sample_every;
+            let short = |one: &&WrittenSegment| every > one.segment.strain - one.segment.discard;
+            problems.extend(self.segments.iter().find(short).map(|one| {
+                let kept = one.segment.strain - one.segment.discard;
+                Problem::at(
+                    self.place("sample_every"),
+                    format!("`sample_every` = {every} may leave no sample of a segment"),
+                    format!("at most {kept}, what is averaged of the segment"),
+                )
+                .also(&one.place, "this segment")
+            }));
+            return;
+        }
+        let p = &self.protocol;
         let samples = p.strain / p.sample_every;
         if p.discard == Discard::Auto && samples < LEAST_SAMPLES {
             problems.push(

@@ -1,4 +1,5 @@
 mod hostile;
+mod segments;
 mod suspensions;
 
 use super::*;

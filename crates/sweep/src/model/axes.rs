@@ -6,7 +6,7 @@
 mod volume_fraction;
 
 use sd_core::Params;
-use sd_core::model::{Form, PARAMETERS, Parameter, Refusal};
+use sd_core::model::{Form, PARAMETERS, Parameter, Refusal, Segment};
 use serde::{Serialize, Serializer};
 use std::collections::HashSet;
 use std::fmt;
@@ -259,15 +259,16 @@ pub enum Unmade {
 /// # Errors
 /// A value that is missing, or does not go with the others. Ranges are not checked: see [`Params::validate`].
 pub fn params_of(values: &[Option<Value>]) -> Result<Params, Unmade> {
-    Ok(folded_params_of(values)?.0)
+    Ok(folded_params_of(values, &[])?.0)
 }
 
-/// The same, and where friction or shear rate have no effect beside the other, the parameters with both as they are given.
+/// The same of a run in segments, and where friction or shear rate have no effect beside the other, the parameters with both as they are given.
 ///
 /// # Errors
 /// As [`params_of`].
 pub(crate) fn folded_params_of(
     values: &[Option<Value>],
+    segments: &[Segment],
 ) -> Result<(Params, Option<Params>), Unmade> {
     let mut params = Params::UNWRITTEN;
     // The last axis first, since a choice stands above the numbers that have a meaning under it.
@@ -297,6 +298,7 @@ pub(crate) fn folded_params_of(
     if !missing.is_empty() {
         return Err(Unmade::Missing(missing));
     }
+    params.impose(segments);
     let (friction, shear_rate) = (params.friction, params.shear_rate);
     params.settle();
     let touches = params.contact.laws().normal.touches();

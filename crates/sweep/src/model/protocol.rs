@@ -1,15 +1,14 @@
 //! How every run of a campaign is made: its length, what is dropped and what is kept.
 
+use sd_core::model::Segment;
 use serde::{Deserialize, Serialize};
 
 /// The `[protocol]` table, but for the time step, which is a parameter of the run. All values are strains.
-///
-/// Stores written before have a time step here, which is not read.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Protocol {
-    /// Length of a run, a whole number of steps.
+    /// Length of a run, a whole number of steps; that of its segments together.
     pub strain: f64,
-    /// What is left out of the averages at the start of a run.
+    /// What is left out of the averages at the start of a run; in segments all before the last one, and of that what it discards.
     pub discard: Discard,
     /// Strain from one checkpoint to the next, at least one step.
     pub checkpoint_every: f64,
@@ -18,6 +17,32 @@ pub struct Protocol {
     /// Whether samples look at the network of contacts: `observe = ["network"]`. What a run computes does not depend on it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub observes_network: bool,
+    /// Segments of a run, in order; none where it is one steady shear at the rate or stress of its grid.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub segments: Vec<PlannedSegment>,
+}
+
+/// A segment of every run of a campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PlannedSegment {
+    /// What is imposed, and from which strain of the run on.
+    pub imposed: Segment,
+    /// Its length; what is sheared back counts as well.
+    pub strain: f64,
+    /// Strain since its start that is left out of its averages.
+    pub discard: f64,
+}
+
+impl PlannedSegment {
+    /// Strain of the run at its end.
+    pub fn end(&self) -> f64 {
+        self.imposed.start + self.strain
+    }
+
+    /// Strain of the run from which on its samples are averaged.
+    pub fn kept_from(&self) -> f64 {
+        self.imposed.start + self.discard
+    }
 }
 
 /// What is left out at the start of a run.
@@ -39,28 +64,37 @@ impl Default for Protocol {
             checkpoint_every: 0.1,
             sample_every: 0.02,
             observes_network: false,
+            segments: Vec::new(),
         }
     }
 }
 
 impl Protocol {
     /// The protocol in steps of this length.
-    pub fn with_time_step(self, time_step: f64) -> Steps {
+    pub fn with_time_step(&self, time_step: f64) -> Steps<'_> {
         Steps {
             protocol: self,
             time_step,
         }
     }
+
+    /// What is imposed in the segments of a run; empty where it has none.
+    pub fn imposed(&self) -> Vec<Segment> {
+        self.segments
+            .iter()
+            .map(|segment| segment.imposed)
+            .collect()
+    }
 }
 
 /// A protocol in steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Steps {
-    protocol: Protocol,
+pub struct Steps<'p> {
+    protocol: &'p Protocol,
     time_step: f64,
 }
 
-impl Steps {
+impl Steps<'_> {
     /// Whole steps in a strain; `None` if it is not a whole number of them.
     pub fn whole_steps(&self, strain: f64) -> Option<u64> {
         let steps = strain / self.time_step;
@@ -85,9 +119,14 @@ impl Steps {
     /// First step whose sample counts in the averages; `None` where each point has its own.
     pub fn discard_steps(&self) -> Option<u64> {
         match self.protocol.discard {
-            Discard::Strain(strain) => Some(count((strain / self.time_step - 1e-6).ceil())),
+            Discard::Strain(strain) => Some(self.first_step_from(strain)),
             Discard::Auto => None,
         }
+    }
+
+    /// First step that begins at a strain or after it.
+    pub fn first_step_from(&self, strain: f64) -> u64 {
+        count((strain / self.time_step - 1e-6).ceil())
     }
 }
 
@@ -111,7 +150,8 @@ mod tests {
 
     #[test]
     fn default_run_is_a_thousand_steps_and_250_samples() {
-        let protocol = Protocol::default().with_time_step(0.005);
+        let protocol = Protocol::default();
+        let protocol = protocol.with_time_step(0.005);
         assert_eq!(protocol.steps(), 1000);
         assert_eq!(protocol.sample_stride(), 4);
         assert_eq!(protocol.checkpoint_stride(), 20);

@@ -187,7 +187,7 @@ impl Shared<'_> {
             last_state: last_state.unwrap_or_default(),
             steps: run.steps(),
             counters: layer.map(|layer| *layer.counters()).unwrap_or_default(),
-            protocol: *self.protocol,
+            protocol: self.protocol.clone(),
             wall_time_s: spent.wall_s,
             cpu_time_s: spent.cpu_s,
             resumed: run.record.resumed,

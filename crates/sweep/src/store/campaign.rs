@@ -140,6 +140,7 @@ impl Store {
             }
             if last.as_ref().is_none_or(|last| entry.differs(last)) {
                 entry.enter(connection, last.is_none())?;
+                settle::go_on_from_shorter_runs(connection, campaign)?;
             }
             match me {
                 Some(me) => Ok(Ok(me)),

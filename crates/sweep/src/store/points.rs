@@ -137,7 +137,7 @@ pub(super) fn look(
         serde_json::from_str(&protocol).map_err(|_| Altered::error("the campaign"))?;
     let points: HashMap<i64, rusqlite::Result<KnownPoint>> =
         connection.all("SELECT * FROM points", [], |row| {
-            Ok((row.get(0)?, KnownPoint::read(row, protocol)))
+            Ok((row.get(0)?, KnownPoint::read(row, &protocol)))
         })?;
     let mut query = connection.prepare(&format!(
         "SELECT c.key, c.seed, c.steps, c.sample_stride, c.state, c.position, c.counts, c.point,
@@ -189,7 +189,7 @@ impl KnownPoint {
     ///
     /// # Errors
     /// [`Altered`] if it is not what was written.
-    fn read(row: &Row<'_>, protocol: Protocol) -> rusqlite::Result<Self> {
+    fn read(row: &Row<'_>, protocol: &Protocol) -> rusqlite::Result<Self> {
         let last = row.as_ref().column_count() - 1;
         let params = params(row, 1)?;
         let digest = Digest::default().with_row(row, 1..last)?.finish();

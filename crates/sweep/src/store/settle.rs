@@ -8,7 +8,8 @@ use super::failures::{self, Attempt};
 use super::results::{self, Covered};
 use super::statements::Statements;
 use super::{Store, StoreError, checkpoints, rules, samples, states};
-use crate::case::State;
+use crate::case::{Case, State};
+use crate::model::campaign::Campaign;
 use crate::protocol::{Discard, Protocol};
 use crate::statistics::mser_5;
 use crate::system::process;
@@ -139,6 +140,48 @@ pub(super) fn keep(
     Computed::of(connection, "c.id = ?1", [case])?
         .iter()
         .try_for_each(|case| case.settle_alone(connection, protocol, Some((end, samples))))
+}
+
+/// Lets new runs in segments go on from runs that were computed without the last of these, where they end before it begins.
+pub(super) fn go_on_from_shorter_runs(
+    connection: &Connection,
+    campaign: &Campaign,
+) -> rusqlite::Result<()> {
+    for (key, case) in &campaign.cases {
+        let mut shorter = case.params.before_last_segment();
+        if shorter.is_none() {
+            continue;
+        }
+        let key = key.to_string();
+        let new = "SELECT id FROM cases WHERE key = ?1 AND state = 'pending' AND steps_done = 0
+             AND NOT EXISTS (SELECT 1 FROM ends WHERE case_id = cases.id)";
+        let Some(id) = connection.value(new, [&key])? else {
+            continue;
+        };
+        while let Some((params, most)) = shorter {
+            let known = Case {
+                params,
+                ..case.clone()
+            };
+            let computed = "SELECT id FROM cases WHERE key = ?1";
+            let computed: Option<i64> = connection.value(computed, [known.key().to_string()])?;
+            let end = match computed {
+                Some(of) => RunEnd::of(connection, of)?.map(|end| (of, end)),
+                None => None,
+            };
+            if let Some((of, end)) = end
+                && !end.jammed
+                && end.steps <= most
+            {
+                let samples = samples::of(connection, of)?;
+                keep(connection, (id, &key), &end, &samples, &campaign.protocol)?;
+                states::reopen(connection, "id = ?2", &[id])?;
+                break;
+            }
+            shorter = known.params.before_last_segment();
+        }
+    }
+    Ok(())
 }
 
 /// Gives every case of the grid that was computed to an end the state and the result the protocol requests. Cases under way

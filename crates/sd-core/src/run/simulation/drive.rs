@@ -12,6 +12,7 @@ use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
 use crate::run::balance::{Balance, Next};
 use crate::run::start::Started;
 use crate::run::steppers::Stage;
+use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;
 use std::f64::consts::PI;
 
@@ -200,12 +201,45 @@ impl<S: Started> Simulation<S> {
         unreachable!("solves are limited")
     }
 
+    /// Imposes what the segments of the run ask for in a step.
+    pub(super) fn impose(&mut self, step: u64) {
+        let Some(run) = &self.run else {
+            return;
+        };
+        let imposed = run.imposed(step);
+        if imposed == self.imposed {
+            return;
+        }
+        let (stress, direction) = (self.params.shear_stress, self.params.direction);
+        self.params.take(run, &imposed);
+        self.imposed = imposed;
+        if self.params.direction != direction {
+            self.background = S::Background::simple_shear(self.params.direction);
+            if let SchemeMemory::Procedure { velocities, .. } = &mut self.memory {
+                // They say nothing of who approaches whom now.
+                velocities.clear();
+            }
+        }
+        if self.params.shear_stress.is_none() {
+            self.drive = Drive::Rate;
+            self.take_laws();
+        } else if self.params.shear_stress != stress {
+            // The laws, and springs in their units, follow with the first load that is tried.
+            self.drive = Drive::new(&self.params, None);
+        }
+    }
+
     /// Brings all that is in units of the critical load to this one.
     fn take_load(&mut self, new: f64) {
         if let Drive::Stress { load, begun, .. } = &mut self.drive {
             *load = new;
             *begun = true;
         }
+        self.take_laws();
+    }
+
+    /// Brings all that is in units of the flow to what is imposed now.
+    fn take_laws(&mut self) {
         let before = self.laws.tangential_stiffness;
         self.laws = self.drive.laws(&self.params);
         if let SchemeMemory::Laws(memory) = &mut self.memory

@@ -157,10 +157,10 @@ impl<S: Space> SchemeMemory<S> {
 impl Snapshot {
     /// The layer as another run may begin with it. `params` are those of the run that was left here.
     pub fn layer(&self, params: &Params) -> StartLayer {
-        let strain = self.steps as f64 * params.time_step;
         let before = params.start.as_ref().map_or(0.0, |start| start.offset);
-        let stiffness = Drive::new(params, self.critical_load)
-            .laws(params)
+        let last = params.in_step(&params.imposed(self.steps.saturating_sub(1)));
+        let stiffness = Drive::new(&last, self.critical_load)
+            .laws(&last)
             .tangential_stiffness;
         let stretches = |springs: fn(&ContactMemory) -> &Springs| match &self.memory {
             SchemeMemory::Laws(memory) if stiffness > 0.0 => {
@@ -169,7 +169,7 @@ impl Snapshot {
             }
             SchemeMemory::Laws(_) | SchemeMemory::Procedure { .. } => Vec::new(),
         };
-        let offset = before + params.direction * strain * self.side;
+        let offset = before + params.net_strain(self.steps) * self.side;
         StartLayer {
             side: self.side,
             offset: offset - self.side * (offset / self.side + 0.5).floor(),

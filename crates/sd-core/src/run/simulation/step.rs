@@ -98,6 +98,8 @@ impl<S: Started> Simulation<S> {
 
     /// [`Simulation::step`], compiled with its caller.
     pub(in crate::run) fn advance(&mut self) -> Result<Sample, Error> {
+        let drive = self.drive;
+        self.impose(self.steps);
         let (time, dt) = (self.strain(), self.params.time_step);
         let mut taken = Taken::at(time);
         let mut stepper = std::mem::take(&mut self.stepper);
@@ -119,6 +121,10 @@ impl<S: Started> Simulation<S> {
         };
         if result.is_err() {
             state.copy_from(&self.before);
+            if self.run.is_some() {
+                self.impose(self.steps.saturating_sub(1));
+                self.drive = drive;
+            }
         }
         self.stepper = stepper;
         self.state = state;

@@ -171,3 +171,35 @@ fn what_is_to_go_on_is_merged_with_its_last_state() {
     assert_eq!(claim.key, key);
     assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps(), 200);
 }
+
+#[test]
+fn a_segment_more_goes_on_from_the_finished_run() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut store, key) = store_with_a_run(directory.path());
+    let segments = |second: &str| {
+        let text = "[[protocol.segment]]\nstrain = 1.0\ndiscard = 0.5\n[[protocol.segment]]\nstrain = 1.0\n";
+        let (before, after) = CAMPAIGN
+            .split_once("strain = 1.0\ndiscard = 0.5\n")
+            .unwrap();
+        campaign(&format!("{before}{text}{second}{after}"))
+    };
+    store.take_in(&segments("direction = -1\n")).unwrap();
+    let claim = store.next().unwrap();
+    assert_ne!(claim.key, key);
+    assert_eq!(claim.case.steps, 400);
+    let [Ok(from)] = claim.checkpoints.as_slice() else {
+        panic!("{:?}", claim.checkpoints);
+    };
+    assert_eq!(from.snapshot.steps(), 200);
+    assert_eq!(from.samples, finished(State::Done).samples);
+    store.release([&claim]).unwrap();
+    // The run without it keeps its result.
+    store.take_in(&campaign(CAMPAIGN)).unwrap();
+    assert_eq!(run(&store, &key).state, State::Done);
+    // One that turns earlier has nothing to go on from.
+    let earlier = segments("")
+        .text
+        .replacen("strain = 1.0", "strain = 0.8", 1);
+    store.take_in(&campaign(&earlier)).unwrap();
+    assert_eq!(store.next().unwrap().checkpoints.len(), 0);
+}

@@ -1,0 +1,305 @@
+//! Reads and checks the segments of a protocol, `[[protocol.segment]]`.
+
+use super::error::Problem;
+use super::protocol::{DISCARDED, LENGTH};
+use super::reader::{Table, number, whole, wrong_type};
+use crate::axes::Axis;
+use crate::protocol::PlannedSegment;
+use sd_core::model::{Form, Range, Segment};
+use std::ops;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// The key of the segments.
+pub(super) const SEGMENT: &str = "segment";
+/// Segments that a run may have.
+const SEGMENT_LIMIT: usize = 1000;
+/// Cycles that an oscillation may have.
+const CYCLES: Range = Range::from_to(1.0, 1e6);
+
+/// A segment and the places its values were written at.
+pub(super) struct WrittenSegment {
+    pub(super) segment: PlannedSegment,
+    /// Its table.
+    pub(super) place: ops::Range<usize>,
+    places: Vec<(&'static str, ops::Range<usize>)>,
+}
+
+impl WrittenSegment {
+    /// Where a value is written, or its table.
+    fn place_of(&self, key: &str) -> &ops::Range<usize> {
+        let found = self.places.iter().find(|(name, _)| *name == key);
+        found.map_or(&self.place, |(_, place)| place)
+    }
+
+    /// Makes it the oscillation that is written in it.
+    fn oscillate(&mut self, oscillation: Oscillation, problems: &mut Vec<Problem>) {
+        for (key, instead) in [
+            (
+                "strain",
+                "`cycles`, each with 4 times the amplitude of strain",
+            ),
+            ("discard", "`average_last`, a number of cycles"),
+        ] {
+            if self.places.iter().any(|(name, _)| *name == key) {
+                problems.push(
+                    Problem::at(
+                        self.place_of(key),
+                        format!("`{key}` has no meaning in an oscillation"),
+                        format!("in `oscillation`: {instead}"),
+                    )
+                    .of_key(key),
+                );
+            }
+        }
+        let cycle = 4.0 * oscillation.amplitude;
+        self.segment.imposed.amplitude = Some(oscillation.amplitude);
+        self.segment.strain = cycle * oscillation.cycles;
+        self.segment.discard = cycle * (oscillation.cycles - oscillation.averaged);
+        self.places.push(("amplitude", oscillation.place));
+    }
+
+    /// The problem of a segment of which nothing is averaged.
+    fn keeps_nothing(&self) -> Option<Problem> {
+        let PlannedSegment {
+            strain, discard, ..
+        } = self.segment;
+        (discard >= strain).then(|| {
+            Problem::at(
+                self.place_of("discard"),
+                format!("`discard` = {discard} leaves nothing of a segment of strain {strain}"),
+                format!("`discard` is from 0 to below {strain}"),
+            )
+            .of_key("discard")
+            .also(self.place_of("strain"), "the length of the segment")
+        })
+    }
+
+    /// Strains that must be whole numbers of steps, each with its key and its place.
+    pub(super) fn lengths(&self) -> impl Iterator<Item = (&'static str, f64, &ops::Range<usize>)> {
+        self.places.iter().filter_map(|(key, place)| match *key {
+            "strain" => Some((*key, self.segment.strain, place)),
+            "amplitude" => Some((*key, self.segment.imposed.amplitude?, place)),
+            _ => None,
+        })
+    }
+
+    /// A problem of parameters in this segment, at the value that it names, or beside the other place.
+    pub(super) fn problem(&self, mut problem: Problem) -> Problem {
+        let key = problem.about.key.clone().unwrap_or_default();
+        match self.places.iter().find(|(name, _)| *name == key) {
+            Some((_, place)) => {
+                problem.labels.clear();
+                problem.also(place, "here")
+            }
+            None => problem.also(&self.place, "in this segment"),
+        }
+    }
+}
+
+/// What is known of a segment while it is read.
+struct Reader<'t, 'p> {
+    table: Table<'t>,
+    places: Vec<(&'static str, ops::Range<usize>)>,
+    problems: &'p mut Vec<Problem>,
+}
+
+impl<'t> Reader<'t, '_> {
+    fn get(&mut self, key: &'static str) -> Option<&'t Spanned<DeValue<'t>>> {
+        let written = self.table.get(key)?;
+        self.places.push((key, written.span()));
+        Some(written)
+    }
+
+    fn strain(&mut self, key: &'static str, range: &Range) -> Option<f64> {
+        let written = self.get(key)?;
+        let read = number(written, key, range, &format!("{range} (a strain)"));
+        read.map_err(|problem| self.problems.push(problem)).ok()
+    }
+
+    /// A value of an axis that a segment may name.
+    fn imposed(&mut self, key: &'static str) -> Option<f64> {
+        let written = self.get(key)?;
+        let Form::Number(of) = &Axis::of_key(key)?.form else {
+            return None;
+        };
+        let read = number(written, key, &of.quantity.range, &of.quantity.allowed());
+        read.map_err(|problem| self.problems.push(problem)).ok()
+    }
+}
+
+/// Reads the segments of a protocol.
+pub(super) fn read(
+    written: &Spanned<DeValue<'_>>,
+    problems: &mut Vec<Problem>,
+) -> Vec<WrittenSegment> {
+    let DeValue::Array(tables) = written.get_ref() else {
+        let allowed = "write tables: [[protocol.segment]]";
+        problems.push(wrong_type(written, SEGMENT, allowed));
+        return Vec::new();
+    };
+    if tables.is_empty() || tables.len() > SEGMENT_LIMIT {
+        problems.push(Problem::at(
+            &written.span(),
+            format!("a protocol of {} segments", tables.len()),
+            format!("1 to {SEGMENT_LIMIT} tables [[protocol.segment]], or none of the key"),
+        ));
+        return Vec::new();
+    }
+    let mut segments = Vec::with_capacity(tables.len());
+    let mut start = 0.0;
+    for table in tables {
+        let DeValue::Table(entries) = table.get_ref() else {
+            let allowed = "write tables: [[protocol.segment]]";
+            problems.push(wrong_type(table, SEGMENT, allowed));
+            continue;
+        };
+        let segment = read_segment(entries, table.span(), start, problems);
+        start = segment.segment.end();
+        segments.push(segment);
+    }
+    segments
+}
+
+/// Reads one segment, which begins at a strain.
+fn read_segment(
+    entries: &DeTable<'_>,
+    place: ops::Range<usize>,
+    start: f64,
+    problems: &mut Vec<Problem>,
+) -> WrittenSegment {
+    let known = [
+        "strain",
+        "direction",
+        "shear_rate",
+        "shear_stress",
+        "discard",
+        "oscillation",
+    ];
+    let name = "[[protocol.segment]]";
+    let table = Table::new(entries, place.clone(), name, &known, problems);
+    let before = problems.len();
+    let mut reader = Reader {
+        table,
+        places: Vec::new(),
+        problems,
+    };
+    let strain = reader.strain("strain", &LENGTH);
+    let discard = reader.strain("discard", &DISCARDED);
+    let direction = reader.imposed("direction");
+    let shear_rate = reader.imposed("shear_rate");
+    let shear_stress = reader.imposed("shear_stress");
+    let oscillation = reader.get("oscillation").map(oscillation);
+    let Reader {
+        table,
+        places,
+        problems,
+    } = reader;
+    let mut written = WrittenSegment {
+        segment: PlannedSegment {
+            imposed: Segment {
+                start,
+                direction,
+                shear_rate,
+                shear_stress,
+                amplitude: None,
+            },
+            strain: strain.unwrap_or(1.0),
+            discard: discard.unwrap_or(0.0),
+        },
+        place,
+        places,
+    };
+    if shear_rate.is_some() && shear_stress.is_some() {
+        problems.push(
+            Problem::at(
+                written.place_of("shear_stress"),
+                "`shear_rate` and `shear_stress` are both imposed in a segment",
+                "one of them: the other follows from the viscosity",
+            )
+            .of_key("shear_stress")
+            .also(written.place_of("shear_rate"), "and here"),
+        );
+    }
+    match oscillation {
+        Some(Ok(oscillation)) => written.oscillate(oscillation, problems),
+        Some(Err(mut wrong)) => problems.append(&mut wrong),
+        None if strain.is_none() && problems.len() == before => problems.extend(table.missing(
+            "strain",
+            "2.0` or `oscillation = { amplitude = 0.5, cycles = 6 }",
+        )),
+        None => problems.extend(written.keeps_nothing()),
+    }
+    written
+}
+
+/// An oscillation as it is written.
+struct Oscillation {
+    amplitude: f64,
+    cycles: f64,
+    /// Cycles that are averaged, the last ones.
+    averaged: f64,
+    /// Where the amplitude is written.
+    place: ops::Range<usize>,
+}
+
+/// Reads the table of an oscillation.
+fn oscillation(written: &Spanned<DeValue<'_>>) -> Result<Oscillation, Vec<Problem>> {
+    let DeValue::Table(entries) = written.get_ref() else {
+        let allowed = "write a table: { amplitude = 0.5, cycles = 6 }";
+        return Err(vec![wrong_type(written, "oscillation", allowed)]);
+    };
+    let mut problems = Vec::new();
+    let known = ["amplitude", "cycles", "average_last"];
+    let table = Table::new(
+        entries,
+        written.span(),
+        "oscillation",
+        &known,
+        &mut problems,
+    );
+    let mut read = |key: &'static str, example: &str| {
+        let Some(written) = table.get(key) else {
+            problems.extend(table.missing(key, example));
+            return None;
+        };
+        let read = if key == "amplitude" {
+            number(written, key, &LENGTH, &format!("{LENGTH} (a strain)"))
+        } else {
+            let allowed = format!("{CYCLES} (cycles)");
+            whole(written, key, &CYCLES, &allowed).map(|cycles| cycles as f64)
+        };
+        read.map_err(|problem| problems.push(problem)).ok()
+    };
+    let amplitude = read("amplitude", "0.5");
+    let cycles = read("cycles", "6");
+    let averaged = match table.get("average_last") {
+        Some(_) => read("average_last", "3"),
+        // The first is another than those that follow.
+        None => cycles.map(|cycles| (cycles - 1.0).max(1.0)),
+    };
+    if let (Some(cycles), Some(averaged), Some(written)) =
+        (cycles, averaged, table.get("average_last"))
+        && averaged > cycles
+    {
+        problems.push(
+            Problem::at(
+                &written.span(),
+                format!("`average_last` = {averaged} of {cycles} cycles"),
+                format!("`average_last` is a whole number from 1 to {cycles}"),
+            )
+            .of_key("average_last"),
+        );
+    }
+    match (amplitude, cycles, averaged, table.get("amplitude")) {
+        (Some(amplitude), Some(cycles), Some(averaged), Some(written)) if problems.is_empty() => {
+            Ok(Oscillation {
+                amplitude,
+                cycles,
+                averaged,
+                place: written.span(),
+            })
+        }
+        _ => Err(problems),
+    }
+}

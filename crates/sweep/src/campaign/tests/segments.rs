@@ -1,0 +1,218 @@
+//! Protocols of several segments.
+
+use super::*;
+use sd_core::model::Segment;
+
+/// The campaign at Γ = 0.1 with segments in place of the length of its runs.
+fn with(segments: &str) -> Result<Campaign, CampaignError> {
+    let one_rate = GOOD
+        .replace("[0, 0.1, inf]", "0.1")
+        .replace("seeds = 4", "seeds = 1");
+    let (protocol, grid) = one_rate
+        .split_once("strain = 1.0\ndiscard = 0.5\n")
+        .unwrap();
+    parse_text(&format!("{protocol}{segments}{grid}"))
+}
+
+/// What is refused, what is allowed, and at which text.
+#[track_caller]
+fn refused(segments: &str) -> String {
+    match with(segments) {
+        Ok(_) => panic!("{segments} is read"),
+        Err(error) => error.to_string(),
+    }
+}
+
+const SEGMENTS: &str = r"[[protocol.segment]]
+strain = 3.0
+[[protocol.segment]]
+strain = 2.0
+direction = -1
+discard = 0.5
+[[protocol.segment]]
+oscillation = { amplitude = 0.5, cycles = 6 }
+[[protocol.segment]]
+strain = 1.0
+shear_stress = 0.3
+discard = 0.2
+";
+
+#[test]
+fn segments_follow_each_other() {
+    let campaign = with(SEGMENTS).unwrap();
+    let protocol = &campaign.protocol;
+    assert_eq!(protocol.strain, 18.0);
+    assert_eq!(protocol.discard, Discard::Strain(17.2));
+    let kept: Vec<[f64; 3]> = protocol
+        .segments
+        .iter()
+        .map(|segment| [segment.imposed.start, segment.kept_from(), segment.end()])
+        .collect();
+    assert_eq!(
+        kept,
+        [
+            [0.0, 0.0, 3.0],
+            [3.0, 3.5, 5.0],
+            // Of six cycles the first is left out.
+            [5.0, 7.0, 17.0],
+            [17.0, 17.2, 18.0]
+        ]
+    );
+    let case = &campaign.cases.last().unwrap().1;
+    assert_eq!(case.steps, 1800);
+    let at = |start| Segment {
+        start,
+        ..Segment::default()
+    };
+    let imposed = [
+        at(0.0),
+        Segment {
+            direction: Some(-1.0),
+            ..at(3.0)
+        },
+        Segment {
+            amplitude: Some(0.5),
+            ..at(5.0)
+        },
+        Segment {
+            shear_stress: Some(0.3),
+            ..at(17.0)
+        },
+    ];
+    assert_eq!(case.params.segments, imposed);
+    assert_eq!(case.params.shear_rate, 0.1);
+}
+
+#[test]
+fn one_segment_is_the_run_without_any() {
+    let plain = with("strain = 1.0\ndiscard = 0.5\n").unwrap();
+    let one = |more: &str| with(&format!("[[protocol.segment]]\nstrain = 1.0\n{more}\n")).unwrap();
+    let keys = |campaign: &Campaign| campaign.cases.iter().map(|case| case.0).collect::<Vec<_>>();
+    assert_eq!(keys(&one("")), keys(&plain));
+    assert_eq!(keys(&one("shear_rate = 0.1")), keys(&plain));
+    let backwards = one("direction = -1");
+    assert_ne!(keys(&backwards), keys(&plain));
+    assert_eq!(backwards.cases[0].1.params.direction, -1.0);
+}
+
+#[test]
+fn the_key_of_a_run_knows_its_segments_but_not_the_length_of_the_last() {
+    let key = |text: &str| with(text).unwrap().cases[0].0;
+    assert_eq!(
+        key(SEGMENTS),
+        key(&SEGMENTS.replace("strain = 1.0", "strain = 9.0"))
+    );
+    assert_eq!(
+        key(SEGMENTS),
+        key(&SEGMENTS.replace("discard = 0.5", "discard = 0.1"))
+    );
+    for (from, to) in [
+        ("strain = 2.0", "strain = 2.5"),
+        ("direction = -1\n", ""),
+        ("amplitude = 0.5", "amplitude = 0.4"),
+        ("cycles = 6", "cycles = 7"),
+        ("shear_stress = 0.3", "shear_rate = 0.3"),
+    ] {
+        assert_ne!(key(SEGMENTS), key(&SEGMENTS.replace(from, to)), "{to}");
+    }
+}
+
+#[test]
+fn friction_that_acts_in_one_segment_is_not_folded_away() {
+    let text = "[[protocol.segment]]\nstrain = 1.0\nshear_rate = 0\n[[protocol.segment]]\nstrain = 1.0\nshear_rate = inf\n";
+    let campaign = with(text).unwrap();
+    let frictions: Vec<f64> = campaign
+        .cases
+        .iter()
+        .map(|(_, c)| c.params.friction)
+        .collect();
+    assert_eq!(frictions, [0.0, 0.3]);
+}
+
+#[test]
+fn protocols_that_cannot_be_are_refused_where_they_are_written() {
+    let one = |text: &str| format!("[[protocol.segment]]\n{text}\n");
+    let two =
+        |text: &str| format!("[[protocol.segment]]\nstrain = 1.0\n[[protocol.segment]]\n{text}\n");
+    for (text, expected) in [
+        (
+            two("strain = 1.0\nshear_rate = 1.0\nshear_stress = 0.3"),
+            "8:16: `shear_rate` and `shear_stress` are both imposed in a segment",
+        ),
+        (
+            one("oscillation = { amplitude = 0.5, cycles = 0 }"),
+            "4:43: `cycles` = 0 is out of range",
+        ),
+        (
+            one("oscillation = { amplitude = 0.5, cycles = 2, average_last = 3 }"),
+            "4:61: `average_last` = 3 of 2 cycles",
+        ),
+        (
+            one("oscillation = { cycles = 2 }"),
+            "oscillation has no `amplitude`",
+        ),
+        (one("oscillation = 0.5"), "`oscillation` cannot be of type"),
+        (
+            one("strain = 1.0\ndiscard = 1.5"),
+            "5:11: `discard` = 1.5 leaves nothing of a segment of strain 1",
+        ),
+        (
+            one("direction = -1"),
+            "[[protocol.segment]] has no `strain`",
+        ),
+        (one("strain = 1.0\ncycles = 2"), "unknown key `cycles`"),
+        (
+            one("strain = 1.005"),
+            "4:10: `strain` = 1.005 is not a whole number of time steps",
+        ),
+        (
+            one("oscillation = { amplitude = 0.505, cycles = 2 }"),
+            "`amplitude` = 0.505 is not a whole number of time steps",
+        ),
+        (
+            one("strain = 2.0\noscillation = { amplitude = 0.5, cycles = 2 }"),
+            "`strain` has no meaning in an oscillation",
+        ),
+        (
+            two("strain = 1.0\ndirection = 0.5"),
+            "7:13: `direction` = 0.5",
+        ),
+        (
+            two("strain = 1.0\nshear_rate = -1.0"),
+            "7:14: `shear_rate` = -1.0 is out of range",
+        ),
+        (
+            two("oscillation = { amplitude = 0.5, cycles = 2 }\nshear_stress = 0.3"),
+            "`shear_stress` = 0.3 is imposed in an oscillation",
+        ),
+        ("segment = 3\n".to_owned(), "`segment` cannot be of type"),
+        ("segment = []\n".to_owned(), "a protocol of 0 segments"),
+        (
+            format!("strain = 2.0\n{}", one("strain = 1.0")),
+            "3:10: `strain` of the whole run beside its segments",
+        ),
+        (
+            one("strain = 1.0\ndiscard = 0.99"),
+            "`sample_every` = 0.02 may leave no sample of a segment",
+        ),
+    ] {
+        let error = refused(&text);
+        assert!(error.contains(expected), "{text}\n{error}");
+    }
+    let springs = |text: &str| {
+        let text = two(text);
+        let campaign = GOOD
+            .replace("[0, 0.1, inf]", "0.1")
+            .replace(
+                "seeds = 4",
+                "seeds = 1\ncontact = \"linear-spring\"\nstiffness = 1e3",
+            )
+            .replace("strain = 1.0\ndiscard = 0.5\n", &text);
+        parse_text(&campaign).unwrap_err().to_string()
+    };
+    let error = springs("strain = 1.0\nshear_rate = inf");
+    assert!(
+        error.contains("7:14: `shear_rate` = inf has no meaning under laws"),
+        "{error}"
+    );
+}
