@@ -17,6 +17,7 @@ mod replay;
 mod report;
 mod run;
 mod scalars;
+mod segments;
 mod serve;
 mod show;
 mod solve;
@@ -96,6 +97,7 @@ enum Command {
     Cancel(cancel::Arguments),
     Status(status::Arguments),
     Report(Box<report::Arguments>),
+    Segments(segments::Arguments),
     Structure(structure::Arguments),
     Fit(fit::Arguments),
     Convert(convert::Arguments),
@@ -167,6 +169,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Cancel(arguments) => cancel::execute(&arguments, &mut output),
         Command::Status(arguments) => status::execute(&arguments, &mut output),
         Command::Report(arguments) => report::execute(&arguments, &mut output),
+        Command::Segments(arguments) => segments::execute(&arguments, &mut output),
         Command::Structure(arguments) => structure::execute(&arguments, &mut output),
         Command::Fit(arguments) => fit::execute(&arguments, &mut output),
         Command::Convert(arguments) => convert::execute(&arguments, &mut output),

@@ -1,6 +1,7 @@
 //! From samples to the average of a run, and from runs to a mean with its error.
 
 pub mod doubt;
+pub(crate) mod segments;
 mod steady;
 mod stopping;
 pub mod wyart_cates;

@@ -3,6 +3,7 @@
 use super::{Params, StiffnessUnit};
 use crate::error::Refusal;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
 
 /// A part of a run in which the same flow is imposed: a steady shear, or an oscillation.
 ///
@@ -78,6 +79,27 @@ impl Segment {
     }
 }
 
+/// Phase ωt of an oscillation γ0 sin ωt that has sheared forwards and backwards by so many times its amplitude in all.
+///
+/// ```
+/// use sd_core::model::phase;
+/// use std::f64::consts::PI;
+///
+/// assert_eq!([0.0, 1.0, 2.0].map(phase), [0.0, 0.5 * PI, PI]);
+/// ```
+pub fn phase(sheared: f64) -> f64 {
+    let cycles = (sheared / 4.0).floor();
+    let place = sheared - 4.0 * cycles;
+    let within = if place < 1.0 {
+        place.asin()
+    } else if place < 3.0 {
+        PI - (2.0 - place).asin()
+    } else {
+        2.0 * PI + (place - 4.0).asin()
+    };
+    2.0 * PI * cycles + within
+}
+
 /// Net steps of an oscillation with so many steps in a quarter of a cycle, after `steps` of them.
 fn displacement(steps: u64, quarter: u64) -> i64 {
     let place = (steps % (4 * quarter)).cast_signed();
@@ -138,13 +160,13 @@ impl Params {
             1 | 2 => (cycle + quarter, -1.0),
             _ => (cycle + 3 * quarter, 1.0),
         };
-        let phase = |steps| (displacement(steps, quarter) as f64 / quarter as f64).asin();
-        let passed = (phase(gone + 1) - phase(gone)).abs();
+        let quarter = quarter as f64;
+        let passed = phase((gone + 1) as f64 / quarter) - phase(gone as f64 / quarter);
         Imposed {
             direction: turned * imposed.direction,
             since: imposed.since + turned_at,
-            net_steps: net_steps + sign(current) * displacement(turned_at, quarter),
-            rate_share: 1.0 / (quarter as f64 * passed),
+            net_steps: net_steps + sign(current) * current.displacement(turned_at, self.time_step),
+            rate_share: 1.0 / (quarter * passed),
             ..imposed
         }
     }

@@ -46,6 +46,25 @@ impl StoreArguments {
         ))
     }
 
+    /// The same, to show one of the segments of its runs, by its number from 1, where one is asked for.
+    pub(super) fn open_segment(
+        &self,
+        segment: Option<usize>,
+        output: &Output<'_>,
+    ) -> Result<Store, Error> {
+        let Some(number) = segment else {
+            return self.open(output);
+        };
+        let source = self.find()?;
+        let store = source.open_segment(number)?;
+        let store = store.map_err(|message| Error::Argument {
+            argument: "--segment",
+            message,
+        })?;
+        say_warning(&store);
+        Ok(store)
+    }
+
     /// Opens the store for reading, and says so if it was last run with another version of the campaign file given.
     pub(crate) fn open(&self, output: &Output<'_>) -> Result<Store, Error> {
         let store = self.find()?.open()?;

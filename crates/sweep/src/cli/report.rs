@@ -7,7 +7,7 @@ use super::Output;
 use super::place::StoreArguments;
 use super::tables::{TableArguments, refuse_two_answers};
 use crate::api::Error;
-use crate::data::write_parquet;
+use crate::data::{self, DataColumn, write_parquet};
 use crate::exit;
 use crate::format::wrapped;
 use crate::report::{
@@ -54,6 +54,14 @@ pub(crate) struct Arguments {
         help_heading = "Points"
     )]
     selection: Vec<String>,
+    /// Averages and traces of this segment of the runs, from 1 [default: the last]
+    #[arg(
+        long,
+        value_name = "NUMBER",
+        help_heading = "Points",
+        hide_short_help = true
+    )]
+    segment: Option<usize>,
     /// Average runs with doubtful numbers too; they are counted in any case
     #[arg(long, help_heading = "Points", hide_short_help = true)]
     with_doubtful: bool,
@@ -132,7 +140,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
                 .into(),
         });
     }
-    let store = arguments.place.open(output)?;
+    let store = arguments.place.open_segment(arguments.segment, output)?;
     let report = Report {
         columns,
         units,
@@ -214,6 +222,23 @@ pub(in crate::cli) fn save(
         path: path.to_owned(),
         source,
     })
+}
+
+/// Writes a table into its file, as CSV or Parquet; `names`: of what it is, and of its campaign.
+pub(in crate::cli) fn save_table(
+    table: &[DataColumn],
+    names: [&str; 2],
+    path: &Path,
+    is_parquet: bool,
+    output: &mut Output<'_>,
+) -> Result<(), Error> {
+    let mut bytes = Vec::new();
+    if is_parquet {
+        write_parquet(table, names[0], names[1], &mut bytes)?;
+    } else {
+        data::write_csv(table, &mut bytes)?;
+    }
+    save(path, &bytes, output)
 }
 
 /// Writes the report of an open store.

@@ -3,15 +3,13 @@
 use super::Output;
 use super::place::StoreArguments;
 use super::report::figure::format_of;
-use super::report::save;
+use super::report::{save, save_table};
 use super::tables::refuse_two_answers;
 use crate::api::Error;
-use crate::data::{DataColumn, write_csv, write_parquet};
 use crate::exit;
 use crate::format::wrapped;
 use crate::report::{Selection, Shape, StructureKind, StructureReport};
-use crate::store::Store;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Print what the layers of a campaign look like: contacts, clusters, percolation, rigid clusters, fabric
 ///
@@ -66,15 +64,17 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let format = format.map(|path| format_of("--figure", path)).transpose()?;
     let store = arguments.place.open(output)?;
     let report = StructureReport::of(&store, &selection, arguments.case.as_deref())?;
+    let name = store.campaign_name()?;
+    let names = ["structure", &name];
     if let Some(path) = &arguments.csv {
-        write_table(&report.table(), path, false, &store, output)?;
+        save_table(&report.table(), names, path, false, output)?;
     }
     if let Some(path) = &arguments.parquet {
-        write_table(&report.table(), path, true, &store, output)?;
+        save_table(&report.table(), names, path, true, output)?;
     }
     if let Some(path) = &arguments.curves {
         let is_parquet = path.extension().is_some_and(|ending| ending == "parquet");
-        write_table(&report.curves(), path, is_parquet, &store, output)?;
+        save_table(&report.curves(), names, path, is_parquet, output)?;
     }
     if let (Some(path), Some(format)) = (&arguments.figure, format) {
         save(path, &report.draw(arguments.kind, format)?, output)?;
@@ -99,21 +99,4 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         writeln!(output.out, "{}", text.trim_end())?;
     }
     Ok(exit::DONE)
-}
-
-/// Writes a table into its file.
-fn write_table(
-    table: &[DataColumn],
-    path: &Path,
-    is_parquet: bool,
-    store: &Store,
-    output: &mut Output<'_>,
-) -> Result<(), Error> {
-    let mut bytes = Vec::new();
-    if is_parquet {
-        write_parquet(table, "structure", &store.campaign_name()?, &mut bytes)?;
-    } else {
-        write_csv(table, &mut bytes)?;
-    }
-    save(path, &bytes, output)
 }

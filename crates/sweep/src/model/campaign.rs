@@ -1,7 +1,7 @@
 //! A campaign: which runs there are, how each is made, and at which points a precision is requested.
 
 use super::case::{Case, CaseKey};
-use super::protocol::Protocol;
+use super::protocol::{Discard, Protocol};
 use crate::statistics::Precision;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -56,6 +56,31 @@ impl Campaign {
                 let is_later = next.as_ref().is_some_and(|range| range.contains(&place));
                 (!is_later).then_some(case)
             })
+    }
+
+    /// The campaign as far as one of its segments, by its number from 1, whose kept strain is averaged.
+    ///
+    /// # Errors
+    /// In words, where there is no such segment.
+    pub fn of_segment(mut self, number: usize) -> Result<Self, String> {
+        let count = self.protocol.segments.len();
+        let Some(segment) = number
+            .checked_sub(1)
+            .and_then(|k| self.protocol.segments.get(k))
+        else {
+            return Err(match count {
+                0 => "the campaign has no segments: [[protocol.segment]] in its file makes them"
+                    .into(),
+                _ => format!("the campaign has segments 1 to {count}, and no segment {number}"),
+            });
+        };
+        self.protocol.strain = segment.end();
+        self.protocol.discard = Discard::Strain(segment.kept_from());
+        self.protocol.segments.truncate(number);
+        for (_, case) in &mut self.cases {
+            case.steps = self.protocol.with_time_step(case.params.time_step).steps();
+        }
+        Ok(self)
     }
 
     /// Where its store is unless the user says otherwise: `results/NAME.sqlite` in its project, which is the folder that holds

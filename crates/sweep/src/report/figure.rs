@@ -178,8 +178,13 @@ pub fn traces(
         keys.push(key);
     }
     let (campaign, protocol) = (store.campaign_name()?, store.protocol()?);
+    // What is imposed last is shown, against the strain since its start.
+    let start = protocol
+        .segments
+        .last()
+        .map_or(0.0, |last| last.imposed.start);
     let usual = match protocol.discard {
-        crate::campaign::Discard::Strain(strain) => Some(strain),
+        crate::campaign::Discard::Strain(strain) => Some(strain - start),
         crate::campaign::Discard::Auto => None,
     };
     // Runs of a point, or the cases one by one.
@@ -207,11 +212,16 @@ pub fn traces(
             } else {
                 traces.is_empty()
             };
-            let trace = if is_meant {
+            let mut trace = if is_meant {
                 store.trace(&run.key)?
             } else {
                 Vec::new()
             };
+            if !protocol.segments.is_empty() {
+                // Strains are sums of steps.
+                trace.retain(|(strain, _)| (start - 1e-9..protocol.strain - 1e-9).contains(strain));
+                trace.iter_mut().for_each(|(strain, _)| *strain -= start);
+            }
             if !trace.is_empty() {
                 traces.push((run, trace));
             }
@@ -219,7 +229,9 @@ pub fn traces(
         let Some((first, _)) = traces.first() else {
             continue;
         };
-        let discards = traces.iter().map(|(run, _)| run.discard.or(usual));
+        let discards = traces
+            .iter()
+            .map(|(run, _)| run.discard.map(|discard| discard - start).or(usual));
         all.push(Trace {
             campaign: campaign.clone(),
             params: (*first.params).clone(),
@@ -236,7 +248,7 @@ pub fn traces(
 }
 
 /// The mean of traces at the strains that all of them have.
-fn mean_trace(traces: impl Iterator<Item = Vec<(f64, f64)>>) -> Vec<(f64, Estimate)> {
+pub(super) fn mean_trace(traces: impl Iterator<Item = Vec<(f64, f64)>>) -> Vec<(f64, Estimate)> {
     let mut at: BTreeMap<u64, (f64, Vec<f64>)> = BTreeMap::new();
     let mut number = 0;
     for trace in traces {

@@ -40,6 +40,8 @@ pub struct Report {
     pub with_doubtful: bool,
     /// What is discarded from every run.
     pub discard: Discard,
+    /// Number of the segment whose averages they are, from 1, of runs that have segments.
+    pub segment: Option<usize>,
     /// The points in the order of the file.
     pub points: Vec<Point>,
     /// Their first failures, those that are alike together.
@@ -175,6 +177,7 @@ impl Report {
             columns: Columns::default(),
             counts,
             discard: protocol.discard,
+            segment: Some(protocol.segments.len()).filter(|count| *count > 0),
             points,
             doubtful,
             with_doubtful: selection.with_doubtful,

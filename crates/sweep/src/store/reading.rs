@@ -170,4 +170,27 @@ impl StoreSource {
         }
         Ok(store)
     }
+
+    /// Opens it for reading, and shows the runs as far as one of their segments, by its number from 1, whose kept strain is averaged.
+    ///
+    /// # Errors
+    /// As [`StoreSource::open`], and a campaign that it holds no longer reads; within, in words, where there is no such segment.
+    pub fn open_segment(&self, number: usize) -> Result<Result<Store, String>, StoreError> {
+        let mut store = Store::open_read_only(&self.path)?;
+        let campaign = match &self.campaign {
+            Some(campaign) => campaign.clone(),
+            None => match Campaign::parse(&self.path.display().to_string(), store.campaign_text()?)
+            {
+                Ok(campaign) => campaign,
+                Err(error) => return Ok(Err(error.to_string())),
+            },
+        };
+        Ok(match campaign.of_segment(number) {
+            Ok(campaign) => {
+                store.show_as_requested(&campaign)?;
+                Ok(store)
+            }
+            Err(message) => Err(message),
+        })
+    }
 }

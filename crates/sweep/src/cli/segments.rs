@@ -1,0 +1,91 @@
+//! `sweep segments`.
+
+use super::Output;
+use super::place::StoreArguments;
+use super::report::figure::format_of;
+use super::report::{save, save_table};
+use super::tables::refuse_two_answers;
+use crate::api::Error;
+use crate::exit;
+use crate::format::wrapped;
+use crate::report::{SegmentReport, Selection, Shape};
+use std::path::PathBuf;
+
+/// Print what each segment of the runs says: averages, what a reversal leaves of the stress, harmonics of an oscillation
+///
+/// For campaigns with [[protocol.segment]] tables. Means over runs with 95 % intervals; what each number is stands in docs/protocols.md. The
+/// tables and figures of `sweep report` are those of the last segment, and of another with `--segment`. Reads only.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep segments reversal.toml\n  sweep segments reversal.toml --where shear_rate=10 --json\n  \
+                  sweep segments amplitudes.toml --csv moduli.csv --figure moduli.svg\n  \
+                  sweep report reversal.toml --segment 2 --figure recovery.svg --kind trace"
+)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    place: StoreArguments,
+    /// Only points with one of these values on an axis, or in a range; may be repeated
+    #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
+    selection: Vec<String>,
+    /// All columns on the screen, and not only as many as fit
+    #[arg(long)]
+    wide: bool,
+    /// Write all numbers, one row per segment of a point: FILE.csv or FILE.parquet
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// The same as Parquet
+    #[arg(long, value_name = "FILE")]
+    parquet: Option<PathBuf>,
+    /// Draw η′ and η″ against the amplitude of the oscillations: FILE.svg, FILE.pdf or FILE.png
+    #[arg(long, value_name = "FILE")]
+    figure: Option<PathBuf>,
+}
+
+/// Writes the segments.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let selection = Selection::parse(&arguments.selection)?;
+    let files = [
+        ("--csv", &arguments.csv),
+        ("--parquet", &arguments.parquet),
+        ("--figure", &arguments.figure),
+    ];
+    refuse_two_answers(&files, output)?;
+    let format = arguments.figure.as_deref();
+    let format = format.map(|path| format_of("--figure", path)).transpose()?;
+    let store = arguments.place.open(output)?;
+    let report = SegmentReport::of(&store, &selection)?;
+    if let (Some(path), Some(format)) = (&arguments.figure, format) {
+        save(path, &report.draw(format)?, output)?;
+    }
+    for (path, is_parquet) in [(&arguments.csv, false), (&arguments.parquet, true)] {
+        if let Some(path) = path {
+            let name = store.campaign_name()?;
+            save_table(
+                &report.table(),
+                ["segments", &name],
+                path,
+                is_parquet,
+                output,
+            )?;
+        }
+    }
+    if output.json {
+        output.json(&report.json())?;
+    } else if files.iter().all(|(_, path)| path.is_none()) {
+        let shape = Shape {
+            wide: arguments.wide,
+            ..Shape::default()
+        };
+        let sheet = report.sheet(shape, output.width);
+        let mut lines = vec![report.summary(), sheet.text(output.width)];
+        if sheet.is_cut {
+            lines.push("more columns: --wide; all of them: --csv FILE".into());
+        }
+        lines.push(
+            "mean over runs ± half the 95 % Student interval, over the strain that is given".into(),
+        );
+        let text = wrapped(&lines.join("\n"), output.width);
+        writeln!(output.out, "{}", text.trim_end())?;
+    }
+    Ok(exit::DONE)
+}

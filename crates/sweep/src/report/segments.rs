@@ -1,0 +1,499 @@
+//! What each segment of the runs of a campaign says, point by point.
+
+use super::axis_words::AxisWords;
+use super::columns::point_row;
+use super::curves::{Shared, labels};
+use super::error::ReportError;
+use super::figure::{Format, Origin, draw_graphs_of, mean_trace};
+use super::points::Report;
+use super::selection::Selection;
+use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
+use crate::axes::{AXES, Axis, Kind, Value};
+use crate::data::DataColumn;
+use crate::format::{Uncertain, short};
+use crate::protocol::PlannedSegment;
+use crate::statistics::Estimate;
+use crate::statistics::segments::{Cycle, RunSegment};
+use crate::store::Store;
+use sd_core::Params;
+use serde_json::{Map, Value as Json, json};
+
+/// The segments of the runs of a campaign.
+#[derive(Debug)]
+pub struct SegmentReport {
+    /// Its points, as tables have them.
+    report: Report,
+    segments: Vec<PlannedSegment>,
+    /// Of each point that has averaged runs, each segment: places in the report and among the segments.
+    rows: Vec<(usize, usize, PointSegment)>,
+}
+
+/// A segment of the runs of a point.
+#[derive(Debug)]
+struct PointSegment {
+    runs: u64,
+    /// In the order of [`NUMBERS`].
+    numbers: Vec<Option<Estimate>>,
+    /// Cycle by cycle of an oscillation, in the order of [`OF_CYCLES`].
+    cycles: Vec<[Option<Estimate>; 4]>,
+    /// Strain since its start, and viscosity.
+    trace: Vec<(f64, Estimate)>,
+}
+
+/// A number that runs have of a segment.
+struct Number {
+    name: &'static str,
+    heading: &'static str,
+    meaning: &'static str,
+    /// How soon it is left out on a narrow terminal, the highest first.
+    rank: u8,
+    of: fn(&RunSegment, &Params) -> Option<f64>,
+}
+
+/// All of them.
+const NUMBERS: [Number; 10] = [
+    Number {
+        name: "viscosity",
+        heading: "viscosity",
+        meaning: "relative viscosity over what is kept of the segment",
+        rank: 0,
+        of: |s, _| Some(s.averages.viscosity.as_ref()?.mean),
+    },
+    Number {
+        name: "viscosity_stresslet",
+        heading: "stresslet\nviscosity",
+        meaning: "the same without contact stress",
+        rank: 2,
+        of: |s, _| Some(s.averages.viscosity_stresslet.as_ref()?.mean),
+    },
+    Number {
+        name: "normal_stress_difference",
+        heading: "N1",
+        meaning: "first normal stress difference, in mu times the rate",
+        rank: 3,
+        of: |s, _| s.averages.normal_stress_difference,
+    },
+    Number {
+        name: "contacts_per_sphere",
+        heading: "contacts\n/ N",
+        meaning: "pairs in contact per sphere",
+        rank: 3,
+        of: |s, params| s.averages.contacts_per_sphere(params.spheres),
+    },
+    Number {
+        name: "hydrodynamic_share",
+        heading: "left by the\nreversal",
+        meaning: "viscosity in the first sample after a reversal over its mean before: what the fluid alone bears",
+        rank: 1,
+        of: |s, _| Some(s.reversal?.hydrodynamic_share),
+    },
+    Number {
+        name: "recovery_strain",
+        heading: "strain of\nrecovery",
+        meaning: "strain after which half of the drop at a reversal is made up for",
+        rank: 1,
+        of: |s, _| s.reversal?.recovery_strain,
+    },
+    Number {
+        name: "eta_prime",
+        heading: "η′",
+        meaning: "viscous part of the first harmonic of an oscillation, in mu",
+        rank: 0,
+        of: |s, _| Some(s.oscillation()?.viscosity[0]),
+    },
+    Number {
+        name: "eta_double_prime",
+        heading: "η″",
+        meaning: "elastic part of the first harmonic of an oscillation, in mu: G′/ω",
+        rank: 0,
+        of: |s, _| Some(s.oscillation()?.viscosity[1]),
+    },
+    Number {
+        name: "third_harmonic",
+        heading: "3rd/1st\nharmonic",
+        meaning: "third over first harmonic of the stress",
+        rank: 1,
+        of: |s, _| Some(s.oscillation()?.third_over_first()),
+    },
+    Number {
+        name: "yield_strain",
+        heading: "yield\nstrain",
+        meaning: "strain after a turning point at which the viscosity has risen half way to its largest value of the half cycle",
+        rank: 1,
+        of: |s, _| s.oscillation()?.yield_strain,
+    },
+];
+
+/// What single cycles have: name and value.
+const OF_CYCLES: [(&str, fn(&Cycle) -> Option<f64>); 4] = [
+    ("eta_prime", |cycle| Some(cycle.viscosity[0])),
+    ("eta_double_prime", |cycle| Some(cycle.viscosity[1])),
+    ("third_harmonic", |cycle| Some(cycle.third_over_first())),
+    ("yield_strain", |cycle| cycle.yield_strain),
+];
+
+/// Mean over the runs that have a finite value; `None` unless all of them do.
+fn over_runs(runs: &[RunSegment], of: impl Fn(&RunSegment) -> Option<f64>) -> Option<Estimate> {
+    let values: Option<Vec<f64>> = runs
+        .iter()
+        .map(|run| of(run).filter(|v| v.is_finite()))
+        .collect();
+    Estimate::of(&values?)
+}
+
+impl PointSegment {
+    /// Of the runs of a point.
+    fn of(runs: &[RunSegment], params: &Params) -> Self {
+        let cycles = runs.iter().map(|run| run.cycles.len()).min().unwrap_or(0);
+        let of_cycle = |cycle: usize| {
+            OF_CYCLES.map(|(_, of)| over_runs(runs, |run| of(run.cycles.get(cycle)?)))
+        };
+        Self {
+            runs: runs.len() as u64,
+            numbers: NUMBERS
+                .iter()
+                .map(|number| over_runs(runs, |run| (number.of)(run, params)))
+                .collect(),
+            cycles: (0..cycles).map(of_cycle).collect(),
+            trace: mean_trace(runs.iter().map(|run| run.trace.clone())),
+        }
+    }
+}
+
+impl SegmentReport {
+    /// Of the points selected.
+    ///
+    /// # Errors
+    /// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets, a campaign without segments, and where no run is
+    /// finished.
+    pub fn of(store: &Store, selection: &Selection) -> Result<Self, ReportError> {
+        let (report, runs, places) = Report::with_runs(store, selection)?;
+        let segments = store.protocol()?.segments;
+        if segments.is_empty() {
+            return Err(ReportError::argument(
+                "FILE",
+                "the campaign has no segments: [[protocol.segment]] in its file makes them, see docs/protocols.md",
+            ));
+        }
+        let mut of_point: Vec<Vec<Vec<RunSegment>>> =
+            vec![vec![Vec::new(); segments.len()]; report.points.len()];
+        for (run, place) in runs.iter().zip(places) {
+            if !selection.averages(run) {
+                continue;
+            }
+            let samples = store.samples(&run.key)?;
+            for (number, of_segment) in of_point[place].iter_mut().enumerate() {
+                of_segment.extend(RunSegment::of(&run.params, &segments, number, &samples));
+            }
+        }
+        let mut rows = Vec::new();
+        for (place, of_segments) in of_point.iter().enumerate() {
+            for (number, runs) in of_segments.iter().enumerate() {
+                if !runs.is_empty() {
+                    let params = &report.points[place].params;
+                    rows.push((place, number, PointSegment::of(runs, params)));
+                }
+            }
+        }
+        if rows.is_empty() {
+            return Err(ReportError::argument(
+                "FILE",
+                "no run of these points is finished and without doubt",
+            ));
+        }
+        Ok(Self {
+            report,
+            segments,
+            rows,
+        })
+    }
+
+    fn params(&self) -> impl Iterator<Item = &Params> {
+        let rows = self.rows.iter();
+        rows.map(|(place, ..)| &self.report.points[*place].params)
+    }
+
+    /// What a segment is, in words.
+    fn words(&self, number: usize) -> String {
+        let segment = &self.segments[number].imposed;
+        let mut words = Vec::new();
+        match segment.amplitude {
+            Some(amplitude) => words.push(format!("oscillation γ0 {}", short(amplitude, 6))),
+            None => words.push("shear".to_owned()),
+        }
+        words.extend(
+            segment
+                .direction
+                .filter(|d| *d < 0.0)
+                .map(|_| "backwards".to_owned()),
+        );
+        words.extend(
+            segment
+                .shear_rate
+                .map(|rate| format!("Γ {}", short(rate, 6))),
+        );
+        words.extend(
+            segment
+                .shear_stress
+                .map(|stress| format!("σ* {}", short(stress, 6))),
+        );
+        words.join(", ")
+    }
+
+    /// The table for people, for a terminal of this width.
+    pub(crate) fn sheet(&self, shape: Shape, width: Option<u16>) -> Sheet {
+        let report = &self.report;
+        let column = |head, cells| SheetColumn::new(head, cells, shape.format);
+        let axes: Vec<&Axis> = AXES
+            .iter()
+            .filter(|axis| axis.varies(self.params()))
+            .collect();
+        let mut columns: Vec<SheetColumn> = axes
+            .iter()
+            .map(|axis| {
+                let words = AxisWords::of(axis, report.units, &report.starts, self.params());
+                let cells = self.params().map(|params| Some(words.cell(params)));
+                column(Head::new(axis.key, axis.symbol, "", 0), cells.collect())
+            })
+            .collect();
+        let mut add =
+            |name,
+             heading,
+             rank,
+             cell: &dyn Fn(&(usize, usize, PointSegment)) -> Option<Uncertain>| {
+                let cells: Vec<_> = self.rows.iter().map(cell).collect();
+                if cells.iter().any(Option::is_some) {
+                    columns.push(column(Head::new(name, heading, "", rank), cells));
+                }
+            };
+        add("segment", "segment", 0, &|(_, number, _)| {
+            Some(Uncertain::Word(
+                format!("{} {}", number + 1, self.words(*number)).into(),
+            ))
+        });
+        add("strain", "strain", 1, &|(_, number, _)| {
+            let segment = &self.segments[*number];
+            let [from, to] = [segment.kept_from(), segment.end()].map(|strain| short(strain, 6));
+            Some(Uncertain::Word(format!("{from} to {to}").into()))
+        });
+        add("runs", "runs", 2, &|(.., of)| {
+            Some(Uncertain::Count(of.runs))
+        });
+        for (k, number) in NUMBERS.iter().enumerate() {
+            add(number.name, number.heading, number.rank, &|(.., of)| {
+                let estimate = of.numbers[k]?;
+                Some(match estimate.ci95 {
+                    Some(half) => Uncertain::Interval(estimate.mean, half),
+                    None => Uncertain::of(estimate.mean, 3),
+                })
+            });
+        }
+        let sheet = Sheet::new(axes.len() + 1, columns, NumberFormat::Plain);
+        if shape.wide {
+            sheet
+        } else {
+            sheet.fitted(width)
+        }
+    }
+
+    /// Name of the campaign, its segments, and at how many points there are runs.
+    pub fn summary(&self) -> String {
+        let mut places: Vec<usize> = self.rows.iter().map(|row| row.0).collect();
+        places.dedup();
+        format!(
+            "{}: {} segments at {} points",
+            self.report.campaign,
+            self.segments.len(),
+            places.len()
+        )
+    }
+
+    /// The object for programs; its names are a promise.
+    pub fn json(&self) -> Json {
+        let mut points: Vec<Map<String, Json>> = Vec::new();
+        let mut last = None;
+        for (place, number, of) in &self.rows {
+            if last != Some(*place) {
+                let mut point = point_row(&self.report.points[*place]);
+                point.insert("segments".into(), json!([]));
+                points.push(point);
+                last = Some(*place);
+            }
+            let own = points
+                .last_mut()
+                .and_then(|point| point["segments"].as_array_mut());
+            if let Some(own) = own {
+                own.push(Json::Object(self.object(*number, of)));
+            }
+        }
+        json!({ "campaign": self.report.campaign, "points": points })
+    }
+
+    /// One segment of a point.
+    fn object(&self, number: usize, of: &PointSegment) -> Map<String, Json> {
+        let segment = &self.segments[number];
+        let imposed = &segment.imposed;
+        let value = |number: Option<f64>| json!(number.map(Value::Number));
+        let mut object = Map::new();
+        let mut put = |name: &str, value: Json| {
+            object.insert(name.to_owned(), value);
+        };
+        put("segment", json!(number + 1));
+        put("start", json!(imposed.start));
+        put("kept_from", json!(segment.kept_from()));
+        put("end", json!(segment.end()));
+        put("direction", value(imposed.direction));
+        put("shear_rate", value(imposed.shear_rate));
+        put("shear_stress", value(imposed.shear_stress));
+        put("amplitude", value(imposed.amplitude));
+        put("runs", json!(of.runs));
+        for (number, estimate) in NUMBERS.iter().zip(&of.numbers) {
+            put(number.name, value(estimate.map(|e| e.mean)));
+            put(
+                &format!("{}_ci95", number.name),
+                value(estimate.and_then(|e| e.ci95)),
+            );
+        }
+        let cycles = of.cycles.iter().map(|cycle| {
+            let mut object = Map::new();
+            for ((name, _), estimate) in OF_CYCLES.iter().zip(cycle) {
+                object.insert((*name).to_owned(), value(estimate.map(|e| e.mean)));
+                let half = value(estimate.and_then(|e| e.ci95));
+                object.insert(format!("{name}_ci95"), half);
+            }
+            Json::Object(object)
+        });
+        put("cycles", cycles.collect());
+        put(
+            "trace",
+            json!({
+                "strain": of.trace.iter().map(|spot| spot.0).collect::<Vec<_>>(),
+                "viscosity": of.trace.iter().map(|spot| Value::Number(spot.1.mean)).collect::<Vec<_>>(),
+                "viscosity_ci95": of.trace.iter().map(|spot| spot.1.ci95).collect::<Vec<_>>(),
+            }),
+        );
+        object
+    }
+
+    /// A row for each segment of each point: all axes, the segment, numbers and their intervals.
+    pub fn table(&self) -> Vec<DataColumn> {
+        let mut table: Vec<DataColumn> = AXES
+            .iter()
+            .map(|axis| DataColumn::of_axis(axis, self.params()))
+            .collect();
+        let number = |name: &'static str, meaning, of: &dyn Fn(&PlannedSegment) -> Option<f64>| {
+            let cells = self.rows.iter().map(|row| of(&self.segments[row.1]));
+            let cells = cells.map(|number| number.map(Value::Number));
+            DataColumn::of(name, Kind::Number, meaning, cells)
+        };
+        let count =
+            |name: &'static str, meaning, of: &dyn Fn(&(usize, usize, PointSegment)) -> u64| {
+                let cells = self.rows.iter().map(|row| Some(Value::Count(of(row))));
+                DataColumn::of(name, Kind::Count, meaning, cells)
+            };
+        table.extend([
+            count("segment", "number of the segment, from 1", &|row| {
+                row.1 as u64 + 1
+            }),
+            number("start", "strain of the run at which it begins", &|s| {
+                Some(s.imposed.start)
+            }),
+            number(
+                "kept_from",
+                "strain of the run from which on it is averaged",
+                &|s| Some(s.kept_from()),
+            ),
+            number("end", "strain of the run at its end", &|s| Some(s.end())),
+            number(
+                "segment_direction",
+                "sense of its shear, where it names one",
+                &|s| s.imposed.direction,
+            ),
+            number(
+                "segment_shear_rate",
+                "its shear rate, where it names one",
+                &|s| s.imposed.shear_rate,
+            ),
+            number(
+                "segment_shear_stress",
+                "its shear stress, where it names one",
+                &|s| s.imposed.shear_stress,
+            ),
+            number("amplitude", "amplitude of its oscillation", &|s| {
+                s.imposed.amplitude
+            }),
+            count("runs", "runs averaged", &|row| row.2.runs),
+        ]);
+        for (k, number) in NUMBERS.iter().enumerate() {
+            let mut add = |name: String, meaning, of: fn(Estimate) -> Option<f64>| {
+                let cells = self.rows.iter().map(|row| of(row.2.numbers[k]?));
+                let cells = cells.map(|number| number.map(Value::Number));
+                table.push(DataColumn::of(name, Kind::Number, meaning, cells));
+            };
+            add(number.name.to_owned(), number.meaning, |e| Some(e.mean));
+            let half = "half width of its 95 % Student interval over runs";
+            add(format!("{}_ci95", number.name), half, |e| e.ci95);
+        }
+        table
+    }
+
+    /// Draws η′ and η″ of every point against the amplitude of its oscillations.
+    ///
+    /// # Errors
+    /// [`ReportError::Argument`] without two oscillations, or with more points than a figure holds.
+    pub fn draw(&self, format: Format) -> Result<Vec<u8>, ReportError> {
+        let amplitudes = self
+            .segments
+            .iter()
+            .filter_map(|segment| segment.imposed.amplitude);
+        if amplitudes.count() < 2 {
+            return Err(ReportError::argument(
+                "--figure",
+                "η′ and η″ are drawn against the amplitude of at least two oscillations; for the viscosity in time write `sweep report FILE \
+                 --segment NUMBER --figure NAME --kind trace`",
+            ));
+        }
+        let mut places: Vec<usize> = self.rows.iter().map(|row| row.0).collect();
+        places.dedup();
+        let all: Vec<(&str, &Params)> = places
+            .iter()
+            .map(|place| {
+                (
+                    self.report.campaign.as_str(),
+                    &self.report.points[*place].params,
+                )
+            })
+            .collect();
+        let shared = Shared {
+            along: None,
+            panels: None,
+            units: self.report.units,
+            starts: &self.report.starts,
+        };
+        let mut graphs: Vec<(String, Vec<[f64; 2]>)> = Vec::new();
+        for (label, place) in labels(&all, shared).iter().zip(&places) {
+            for name in ["eta_prime", "eta_double_prime"] {
+                let Some((k, number)) = NUMBERS.iter().enumerate().find(|(_, n)| n.name == name)
+                else {
+                    continue;
+                };
+                let own = self.rows.iter().filter(|row| row.0 == *place);
+                let mut spots: Vec<[f64; 2]> = own
+                    .filter_map(|(_, segment, of)| {
+                        let amplitude = self.segments[*segment].imposed.amplitude?;
+                        Some([amplitude, of.numbers[k]?.mean])
+                    })
+                    .collect();
+                spots.sort_by(|a, b| a[0].total_cmp(&b[0]));
+                let comma = if label.words.is_empty() { "" } else { ", " };
+                graphs.push((format!("{}{comma}{}", label.words, number.heading), spots));
+            }
+        }
+        let graphs: Vec<(&str, Vec<[f64; 2]>)> = graphs
+            .iter()
+            .map(|(label, spots)| (label.as_str(), spots.clone()))
+            .collect();
+        let origin = Origin::of(std::slice::from_ref(&self.report));
+        draw_graphs_of(&graphs, ["amplitude γ0", "η′, η″ (mu)"], format, &origin)
+    }
+}
