@@ -232,6 +232,7 @@ class Store:
     def structure(
         self, case: str | int | None = None, *, where: Mapping[str, Any] | None = None
     ) -> list[dict[str, Any]]: ...
+    def segments(self, *, where: Mapping[str, Any] | None = None) -> list[dict[str, Any]]: ...
     def draw(
         self,
         case: str | int,

@@ -11,8 +11,8 @@ use std::path::PathBuf;
 use sweep::axes::{AXES, Axis};
 use sweep::campaign::Campaign;
 use sweep::report::{
-    Drawing, Format, Kind, Look, Report, Selection, SphereView, StructureReport, draw_spheres,
-    outline, point_table, sample_table, traces,
+    Drawing, Format, Kind, Look, Report, SegmentReport, Selection, SphereView, StructureReport,
+    draw_spheres, outline, point_table, sample_table, traces,
 };
 use sweep::spaces::AnyFrame;
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
@@ -202,6 +202,28 @@ impl Store {
         let found = self.read(py, |store| {
             Ok(StructureReport::of(store, &selection, case.as_deref())?.json())
         })?;
+        values::answer(py, &found["points"])
+    }
+
+    /// What each segment of the runs says: averages, what a reversal leaves of the stress, harmonics of an oscillation.
+    ///
+    /// Parameters
+    /// ----------
+    /// where : dict, optional
+    ///     Only these points, as in `points`.
+    ///
+    /// Returns
+    /// -------
+    /// list of dict
+    ///     A point each, as `points` of `sweep segments --json` has it: its list ``segments`` has a dict for each.
+    #[pyo3(signature = (*, r#where=None))]
+    fn segments<'py>(
+        &self,
+        py: Python<'py>,
+        r#where: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let selection = selection(r#where)?;
+        let found = self.read(py, |store| Ok(SegmentReport::of(store, &selection)?.json()))?;
         values::answer(py, &found["points"])
     }
 

@@ -317,3 +317,22 @@ def test_an_error_of_the_callback_ends_the_run(tmp_path):
     with pytest.raises(ZeroDivisionError, match="mine"):
         small_campaign(seeds=50).run(tmp_path / "a.sqlite", progress=broken)
     assert small_campaign(seeds=50).store(tmp_path / "a.sqlite").counts()["running"] == 0
+
+
+def test_segments_of_a_protocol(tmp_path):
+    segments = [{"strain": 0.2}, {"strain": 0.2, "direction": -1}, {"oscillation": {"amplitude": 0.1, "cycles": 2}}]
+    campaign = sl.Campaign(
+        "reversal",
+        protocol={"time_step": 0.02, "segment": segments},
+        grid=[{**PARAMS, "shear_rate": 1.0, "seeds": 2}],
+    )
+    store = campaign.run(tmp_path / "reversal.sqlite", progress=False)
+    (point,) = store.segments()
+    start_up, back, oscillation = point["segments"]
+    assert (start_up["end"], back["direction"], oscillation["amplitude"]) == (0.2, -1.0, 0.1)
+    assert start_up["hydrodynamic_share"] is None
+    assert 0.0 < back["hydrodynamic_share"] < 1.5
+    assert len(oscillation["cycles"]) == 2
+    assert oscillation["eta_prime"] > 1.0
+    with pytest.raises(ValueError, match="`strain` = 0.0 is out of range"):
+        sl.Campaign("bad", protocol={"segment": [{"strain": 0.0}]}, grid=[{**PARAMS, "shear_rate": 1.0, "seeds": 1}])

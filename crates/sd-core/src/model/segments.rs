@@ -64,6 +64,15 @@ impl Segment {
         steps_in(self.start, time_step)
     }
 
+    /// Γ and σ* that are imposed in it; σ* is `None` where the rate is imposed.
+    fn shear(&self, run: &Params) -> (f64, Option<f64>) {
+        match (self.shear_rate, self.shear_stress) {
+            (None, None) => (run.shear_rate, run.shear_stress),
+            (_, Some(stress)) => (0.0, Some(stress)),
+            (Some(rate), None) => (rate, None),
+        }
+    }
+
     /// Steps in a quarter of a cycle, where it oscillates.
     fn quarter(&self, time_step: f64) -> Option<u64> {
         let amplitude = self.amplitude?;
@@ -183,6 +192,14 @@ impl Params {
         Some((shorter, last.first_step(self.time_step)))
     }
 
+    /// Γ and σ* that are imposed in the last segment, the rate being the largest of an oscillation; σ* is `None` where the rate is imposed.
+    pub fn last_shear(&self) -> (f64, Option<f64>) {
+        match self.segments.last() {
+            None => (self.shear_rate, self.shear_stress),
+            Some(segment) => segment.shear(self),
+        }
+    }
+
     /// The parameters of steady shear in each segment; of itself where it has none.
     pub fn flows(&self) -> Vec<Self> {
         if self.segments.is_empty() {
@@ -236,11 +253,7 @@ impl Params {
         let Some(segment) = run.segments.get(imposed.segment) else {
             return;
         };
-        (self.shear_rate, self.shear_stress) = match (segment.shear_rate, segment.shear_stress) {
-            (None, None) => (run.shear_rate, run.shear_stress),
-            (_, Some(stress)) => (0.0, Some(stress)),
-            (Some(rate), None) => (rate, None),
-        };
+        (self.shear_rate, self.shear_stress) = segment.shear(run);
         self.shear_rate *= imposed.rate_share;
         if let Some(laws) = self.contact.chosen_laws()
             && laws.stiffness_unit == StiffnessUnit::Flow

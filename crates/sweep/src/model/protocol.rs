@@ -36,13 +36,18 @@ pub struct PlannedSegment {
 impl PlannedSegment {
     /// Strain of the run at its end.
     pub fn end(&self) -> f64 {
-        self.imposed.start + self.strain
+        sum(self.imposed.start, self.strain)
     }
 
     /// Strain of the run from which on its samples are averaged.
     pub fn kept_from(&self) -> f64 {
-        self.imposed.start + self.discard
+        sum(self.imposed.start, self.discard)
     }
+}
+
+/// The sum of two strains as people write them, such as 2.4 for 1.6 + 0.8.
+fn sum(a: f64, b: f64) -> f64 {
+    ((a + b) * 1e9).round() / 1e9
 }
 
 /// What is left out at the start of a run.

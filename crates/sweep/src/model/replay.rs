@@ -11,7 +11,8 @@ pub(crate) fn replay(p: &Params, snapshot: &AnySnapshot) -> String {
     of_either!(snapshot, snapshot => replay_in(p, snapshot))
 }
 
-fn replay_in<S: Space>(p: &Params, snapshot: &Snapshot<S>) -> String {
+fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
+    let p = &run.in_step(&run.imposed(snapshot.steps));
     let load = snapshot.critical_load.unwrap_or(p.critical_load());
     // At Γ = 0 the load is infinite, which JSON cannot say; without friction it does not matter.
     let (friction, load) = if load.is_finite() {
@@ -45,7 +46,6 @@ fn replay_in<S: Space>(p: &Params, snapshot: &Snapshot<S>) -> String {
         }
     }
     let at_start = p.start.as_ref().map_or(0.0, |start| start.offset);
-    let strain = snapshot.steps as f64 * p.time_step;
     let spin = -0.5 * p.direction;
     let mut rate_of_strain = json!({"xx": 0.0, "yy": 0.0, "xy": 0.5 * p.direction});
     let mut angular_velocity = json!(spin);
@@ -58,7 +58,7 @@ fn replay_in<S: Space>(p: &Params, snapshot: &Snapshot<S>) -> String {
         "centres": snapshot.centres,
         "radii": snapshot.radii,
         "cell": vec![snapshot.side; S::DIMENSIONS],
-        "offset": at_start + p.direction * strain * snapshot.side,
+        "offset": at_start + run.net_strain(snapshot.steps) * snapshot.side,
         "background": {
             "rate_of_strain": rate_of_strain,
             "angular_velocity": angular_velocity,

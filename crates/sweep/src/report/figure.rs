@@ -220,7 +220,9 @@ pub fn traces(
             if !protocol.segments.is_empty() {
                 // Strains are sums of steps.
                 trace.retain(|(strain, _)| (start - 1e-9..protocol.strain - 1e-9).contains(strain));
-                trace.iter_mut().for_each(|(strain, _)| *strain -= start);
+                for (strain, _) in &mut trace {
+                    *strain -= start;
+                }
             }
             if !trace.is_empty() {
                 traces.push((run, trace));

@@ -192,9 +192,10 @@ impl FitReport {
 
 /// σ* of a point: imposed, or from the mean viscosity at the rate; 0 and infinity at the plateaus.
 fn stress(params: &Params, runs: &[f64]) -> f64 {
-    params.shear_stress.unwrap_or_else(|| {
+    let (rate, stress) = params.last_shear();
+    stress.unwrap_or_else(|| {
         let mean = runs.iter().sum::<f64>() / runs.len() as f64;
-        mean * params.shear_rate / (6.0 * PI)
+        mean * rate / (6.0 * PI)
     })
 }
 

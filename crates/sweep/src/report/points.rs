@@ -265,9 +265,9 @@ fn selected(
 impl Point {
     /// Γ: imposed, or that of the mean viscosity where the stress is imposed.
     pub(crate) fn shear_rate(&self) -> Option<f64> {
-        match self.params.shear_stress {
-            None => Some(self.params.shear_rate),
-            Some(stress) => self.viscosity.map(|eta| 6.0 * PI * stress / eta.mean),
+        match self.params.last_shear() {
+            (rate, None) => Some(rate),
+            (_, Some(stress)) => self.viscosity.map(|eta| 6.0 * PI * stress / eta.mean),
         }
     }
 
@@ -278,10 +278,11 @@ impl Point {
 
     /// σ*: imposed, or that of the mean viscosity where the rate is imposed.
     pub(super) fn shear_stress(&self) -> Option<Estimate> {
-        if let Some(stress) = self.params.shear_stress {
+        let (rate, stress) = self.params.last_shear();
+        if let Some(stress) = stress {
             return Some(Estimate::bare(stress));
         }
-        let factor = self.params.shear_rate / (6.0 * PI);
+        let factor = rate / (6.0 * PI);
         self.viscosity.map(|eta| Estimate {
             ci95: eta.ci95.map(|width| factor * width),
             ..Estimate::bare(factor * eta.mean)
@@ -290,7 +291,10 @@ impl Point {
 
     /// Its place along an axis: what was measured where rate or stress follow; not a number where nothing was.
     pub(super) fn place(&self, axis: &Axis) -> f64 {
-        if axis.is_shear_rate() {
+        // Segments may impose something else than the grid.
+        if axis.is_of_shear() && axis.means_something(&self.params) {
+            axis.number(&self.params)
+        } else if axis.is_shear_rate() {
             self.shear_rate().unwrap_or(f64::NAN)
         } else if axis.is_shear_stress() {
             self.shear_stress().map_or(f64::NAN, |stress| stress.mean)

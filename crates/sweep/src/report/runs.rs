@@ -112,9 +112,9 @@ impl Excerpt<'_> {
 /// What turning the numbers of a run into physical units has to know of it. Under an imposed stress its rate is that of its mean
 /// viscosity.
 fn at(run: &PointRun) -> At {
-    let rate = match run.params.shear_stress {
-        None => Some(run.params.shear_rate),
-        Some(stress) => run.viscosity.map(|eta| 6.0 * PI * stress / eta),
+    let rate = match run.params.last_shear() {
+        (rate, None) => Some(rate),
+        (_, Some(stress)) => run.viscosity.map(|eta| 6.0 * PI * stress / eta),
     };
     At::new(&run.params, rate)
 }

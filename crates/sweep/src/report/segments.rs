@@ -24,9 +24,12 @@ pub struct SegmentReport {
     /// Its points, as tables have them.
     report: Report,
     segments: Vec<PlannedSegment>,
-    /// Of each point that has averaged runs, each segment: places in the report and among the segments.
-    rows: Vec<(usize, usize, PointSegment)>,
+    /// Of each point that has averaged runs, each segment.
+    rows: Vec<Row>,
 }
+
+/// A segment of a point: its places in the report and among the segments, and what its runs say of it.
+type Row = (usize, usize, PointSegment);
 
 /// A segment of the runs of a point.
 #[derive(Debug)]
@@ -124,8 +127,11 @@ const NUMBERS: [Number; 10] = [
     },
 ];
 
+/// A number of one cycle.
+type OfCycle = fn(&Cycle) -> Option<f64>;
+
 /// What single cycles have: name and value.
-const OF_CYCLES: [(&str, fn(&Cycle) -> Option<f64>); 4] = [
+const OF_CYCLES: [(&str, OfCycle); 4] = [
     ("eta_prime", |cycle| Some(cycle.viscosity[0])),
     ("eta_double_prime", |cycle| Some(cycle.viscosity[1])),
     ("third_harmonic", |cycle| Some(cycle.third_over_first())),
@@ -256,16 +262,12 @@ impl SegmentReport {
                 column(Head::new(axis.key, axis.symbol, "", 0), cells.collect())
             })
             .collect();
-        let mut add =
-            |name,
-             heading,
-             rank,
-             cell: &dyn Fn(&(usize, usize, PointSegment)) -> Option<Uncertain>| {
-                let cells: Vec<_> = self.rows.iter().map(cell).collect();
-                if cells.iter().any(Option::is_some) {
-                    columns.push(column(Head::new(name, heading, "", rank), cells));
-                }
-            };
+        let mut add = |name, heading, rank, cell: &dyn Fn(&Row) -> Option<Uncertain>| {
+            let cells: Vec<_> = self.rows.iter().map(cell).collect();
+            if cells.iter().any(Option::is_some) {
+                columns.push(column(Head::new(name, heading, "", rank), cells));
+            }
+        };
         add("segment", "segment", 0, &|(_, number, _)| {
             Some(Uncertain::Word(
                 format!("{} {}", number + 1, self.words(*number)).into(),
@@ -386,11 +388,10 @@ impl SegmentReport {
             let cells = cells.map(|number| number.map(Value::Number));
             DataColumn::of(name, Kind::Number, meaning, cells)
         };
-        let count =
-            |name: &'static str, meaning, of: &dyn Fn(&(usize, usize, PointSegment)) -> u64| {
-                let cells = self.rows.iter().map(|row| Some(Value::Count(of(row))));
-                DataColumn::of(name, Kind::Count, meaning, cells)
-            };
+        let count = |name: &'static str, meaning, of: &dyn Fn(&Row) -> u64| {
+            let cells = self.rows.iter().map(|row| Some(Value::Count(of(row))));
+            DataColumn::of(name, Kind::Count, meaning, cells)
+        };
         table.extend([
             count("segment", "number of the segment, from 1", &|row| {
                 row.1 as u64 + 1

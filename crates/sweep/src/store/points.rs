@@ -191,7 +191,7 @@ impl KnownPoint {
     /// [`Altered`] if it is not what was written.
     fn read(row: &Row<'_>, protocol: &Protocol) -> rusqlite::Result<Self> {
         let last = row.as_ref().column_count() - 1;
-        let params = params(row, 1)?;
+        let mut params = params(row, 1)?;
         let digest = Digest::default().with_row(row, 1..last)?.finish();
         let cells: Vec<Value> = (2..last)
             .map(|column| row.get(column))
@@ -201,6 +201,8 @@ impl KnownPoint {
                 "the parameters of a point are not what was written",
             ));
         }
+        // The store may be looked at as far as one of its segments.
+        params.segments.truncate(protocol.segments.len());
         Ok(Self {
             text: row.get(1)?,
             steps: protocol.with_time_step(params.time_step).steps(),

@@ -23,6 +23,7 @@ mod progress;
 mod published;
 mod report;
 mod scripts;
+mod segments;
 mod slurm;
 mod structure;
 mod suspensions;

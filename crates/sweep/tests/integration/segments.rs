@@ -1,0 +1,154 @@
+//! Runs in segments: what `sweep segments` says of them, and `sweep report` of one.
+
+use crate::harness::{Computed, folder, json, refused, sweep};
+
+const CAMPAIGN: &str = r#"name = "segments"
+[protocol]
+time_step = 0.02
+sample_every = 0.02
+[[protocol.segment]]
+strain = 1.0
+discard = 0.4
+[[protocol.segment]]
+strain = 0.6
+direction = -1
+[[protocol.segment]]
+oscillation = { amplitude = 0.2, cycles = 3, average_last = 2 }
+[[protocol.segment]]
+oscillation = { amplitude = 0.4, cycles = 2 }
+[[grid]]
+area_fraction = 0.7
+friction = [0.0, 0.5]
+roughness = 0.01
+shear_rate = inf
+seeds = 2
+spheres = 30
+hydrodynamics = "ball-melrose"
+"#;
+
+static COMPUTED: Computed = Computed::new(CAMPAIGN, &[]);
+
+#[test]
+fn averages_of_segments_are_those_of_their_samples() {
+    let folder = COMPUTED.folder();
+    let at = folder.path();
+    let found = json(at, &["segments", "s.sqlite"]);
+    let points = found["points"].as_array().unwrap();
+    assert_eq!(points.len(), 2);
+    for (point, friction) in points.iter().zip([0.0, 0.5]) {
+        assert_eq!(point["friction"], friction);
+        let segments = point["segments"].as_array().unwrap();
+        assert_eq!(segments.len(), 4);
+        for (number, kept) in [[0.4, 1.0], [1.0, 1.6], [2.4, 4.0], [5.6, 7.2]]
+            .iter()
+            .enumerate()
+        {
+            let segment = &segments[number];
+            assert_eq!(segment["runs"], 2);
+            let strain = |key: &str| segment[key].as_f64().unwrap();
+            assert!((strain("kept_from") - kept[0]).abs() < 1e-9);
+            assert!((strain("end") - kept[1]).abs() < 1e-9);
+            // The report of the segment has the same averages.
+            let number = (number + 1).to_string();
+            let report = json(at, &["report", "s.sqlite", "--segment", &number]);
+            let averaged = report["points"].as_array().unwrap();
+            let same = averaged
+                .iter()
+                .find(|of| of["friction"] == friction)
+                .unwrap();
+            let difference = strain("viscosity") - same["viscosity"].as_f64().unwrap();
+            assert!(difference.abs() < 1e-12);
+        }
+        let share = segments[1]["hydrodynamic_share"].as_f64().unwrap();
+        assert!((0.1..1.0).contains(&share), "{share}");
+        assert!(segments[0]["hydrodynamic_share"].is_null());
+        assert!(segments[1]["eta_prime"].is_null());
+        assert_eq!(segments[2]["cycles"].as_array().unwrap().len(), 3);
+        let mean: f64 = segments[2]["cycles"].as_array().unwrap()[1..]
+            .iter()
+            .map(|cycle| 0.5 * cycle["eta_prime"].as_f64().unwrap())
+            .sum();
+        assert!((segments[2]["eta_prime"].as_f64().unwrap() - mean).abs() < 1e-12);
+        assert!(mean > 1.0);
+        let strains = segments[1]["trace"]["strain"].as_array().unwrap();
+        assert_eq!(strains.len(), 30);
+        assert_eq!(strains[0], 0.0);
+    }
+}
+
+#[test]
+fn tables_and_figures_are_written() {
+    let folder = COMPUTED.folder();
+    let at = folder.path();
+    let text = sweep(at, &["segments", "s.sqlite", "--wide"]);
+    for words in [
+        "2 shear, backwards",
+        "3 oscillation γ0 0.2",
+        "2.4 to 4",
+        "η″",
+    ] {
+        assert!(text.contains(words), "{text}");
+    }
+    sweep(
+        at,
+        &[
+            "segments",
+            "s.sqlite",
+            "--csv",
+            "s.csv",
+            "--parquet",
+            "s.parquet",
+            "--figure",
+            "s.svg",
+        ],
+    );
+    let csv = std::fs::read_to_string(at.join("s.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 1 + 2 * 4);
+    let trace = [
+        "report",
+        "s.sqlite",
+        "--segment",
+        "2",
+        "--figure",
+        "t.svg",
+        "--kind",
+        "trace",
+    ];
+    sweep(at, &trace);
+    assert!(
+        at.join("t.svg").exists() && at.join("s.svg").exists() && at.join("s.parquet").exists()
+    );
+    let plain = sweep(at, &["report", "s.sqlite"]);
+    assert!(
+        plain.contains("in segment 4 after a strain of 5.6"),
+        "{plain}"
+    );
+}
+
+#[test]
+fn what_there_is_not_is_said() {
+    let computed = COMPUTED.folder();
+    let at = computed.path();
+    let error = refused(at, &["report", "s.sqlite", "--segment", "5"]);
+    assert!(
+        error.contains("the campaign has segments 1 to 4"),
+        "{error}"
+    );
+    let plain = CAMPAIGN
+        .split("[[protocol.segment]]")
+        .next()
+        .unwrap()
+        .to_owned()
+        + "strain = 0.2\ndiscard = 0.1\n"
+        + &CAMPAIGN[CAMPAIGN.find("[[grid]]").unwrap()..];
+    let folder = folder("plain.toml", &plain);
+    let at = folder.path();
+    sweep(
+        at,
+        &["run", "plain.toml", "--quiet", "--store", "plain.sqlite"],
+    );
+    let error = refused(at, &["segments", "plain.sqlite"]);
+    assert!(error.contains("the campaign has no segments"), "{error}");
+    let error = refused(at, &["report", "plain.sqlite", "--segment", "1"]);
+    assert!(error.contains("the campaign has no segments"), "{error}");
+}
