@@ -11,6 +11,7 @@ use crate::campaign::Campaign;
 use crate::case::Case;
 use crate::costs::{COMPARABLE, Costs, Trial, trials};
 use crate::format::count;
+use crate::protocol::PlannedSegment;
 use crate::store::{CASE_BYTES, SAMPLE_BYTES, Store};
 use scatter::Sum;
 use sd_core::Params;
@@ -43,6 +44,9 @@ pub struct Plan {
     /// Axes and their values.
     #[serde(serialize_with = "as_object")]
     pub(crate) axes: Vec<Values>,
+    /// Segments of a run, in words.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) segments: Vec<String>,
     /// Runs computed at a time.
     pub(crate) workers: usize,
     /// Kinds of runs.
@@ -198,6 +202,12 @@ pub(crate) fn make(
         points: work.points.len(),
         precision: work.expected,
         axes: axes(campaign),
+        segments: campaign
+            .protocol
+            .segments
+            .iter()
+            .map(PlannedSegment::words)
+            .collect(),
         workers,
         computing_time_s,
         elapsed_s: (computing_time_s / workers as f64).max(longest.min(computing_time_s)),

@@ -1,5 +1,6 @@
 //! How every run of a campaign is made: its length, what is dropped and what is kept.
 
+use crate::format::short;
 use sd_core::model::Segment;
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +35,30 @@ pub struct PlannedSegment {
 }
 
 impl PlannedSegment {
+    /// What is imposed and for how long, in words.
+    pub fn words(&self) -> String {
+        format!(
+            "{} for a strain of {}",
+            self.imposed_words(),
+            short(self.strain, 6)
+        )
+    }
+
+    /// What is imposed, in words.
+    pub(crate) fn imposed_words(&self) -> String {
+        let mut words = vec![match self.imposed.amplitude {
+            Some(amplitude) => format!("oscillation γ0 {}", short(amplitude, 6)),
+            None => "shear".to_owned(),
+        }];
+        let back = self.imposed.direction.filter(|direction| *direction < 0.0);
+        words.extend(back.map(|_| "backwards".to_owned()));
+        let rate = self.imposed.shear_rate;
+        words.extend(rate.map(|rate| format!("Γ {}", short(rate, 6))));
+        let stress = self.imposed.shear_stress;
+        words.extend(stress.map(|stress| format!("σ* {}", short(stress, 6))));
+        words.join(", ")
+    }
+
     /// Strain of the run at its end.
     pub fn end(&self) -> f64 {
         sum(self.imposed.start, self.strain)

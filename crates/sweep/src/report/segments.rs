@@ -219,33 +219,6 @@ impl SegmentReport {
         rows.map(|(place, ..)| &self.report.points[*place].params)
     }
 
-    /// What a segment is, in words.
-    fn words(&self, number: usize) -> String {
-        let segment = &self.segments[number].imposed;
-        let mut words = Vec::new();
-        match segment.amplitude {
-            Some(amplitude) => words.push(format!("oscillation γ0 {}", short(amplitude, 6))),
-            None => words.push("shear".to_owned()),
-        }
-        words.extend(
-            segment
-                .direction
-                .filter(|d| *d < 0.0)
-                .map(|_| "backwards".to_owned()),
-        );
-        words.extend(
-            segment
-                .shear_rate
-                .map(|rate| format!("Γ {}", short(rate, 6))),
-        );
-        words.extend(
-            segment
-                .shear_stress
-                .map(|stress| format!("σ* {}", short(stress, 6))),
-        );
-        words.join(", ")
-    }
-
     /// The table for people, for a terminal of this width.
     pub(crate) fn sheet(&self, shape: Shape, width: Option<u16>) -> Sheet {
         let report = &self.report;
@@ -270,7 +243,7 @@ impl SegmentReport {
         };
         add("segment", "segment", 0, &|(_, number, _)| {
             Some(Uncertain::Word(
-                format!("{} {}", number + 1, self.words(*number)).into(),
+                format!("{} {}", number + 1, self.segments[*number].imposed_words()).into(),
             ))
         });
         add("strain", "strain", 1, &|(_, number, _)| {

@@ -35,6 +35,9 @@ fn tables(
         plan.campaign, plan.cases, plan.points
     )?;
     sheets.write(width, out)?;
+    if !plan.segments.is_empty() {
+        writeln!(out, "segments of a run: {}", plan.segments.join("; "))?;
+    }
     if plan.folded > 0 {
         writeln!(
             out,
