@@ -120,7 +120,8 @@ impl Written {
         let observes_network = table
             .get(OBSERVE)
             .is_some_and(|written| observes_network(written, problems));
-        let segments = table.get(SEGMENT).map_or_else(Vec::new, |written| {
+        let before_segments = problems.len();
+        let mut segments = table.get(SEGMENT).map_or_else(Vec::new, |written| {
             for key in ["strain", "discard"] {
                 if let Some(place) = places.get(key) {
                     problems.push(
@@ -136,6 +137,10 @@ impl Written {
             }
             segments::read(written, problems)
         });
+        if problems.len() > before_segments {
+            // What is wrong with them is said once, and not of every grid again.
+            segments.clear();
+        }
         let planned: Vec<PlannedSegment> = segments.iter().map(|one| one.segment).collect();
         if let Some(last) = planned.last() {
             strain = last.end();
