@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict, PyString};
 use sd_core::simulation::{Flow, Frame};
-use sd_core::start::Started;
+use sd_core::Started;
 use sd_core::{Bulk, Error, NearFields, Params, Sample, Simulation, Snapshot};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
