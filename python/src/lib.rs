@@ -9,6 +9,7 @@
 //! two_spheres scalars, pair
 //! instant     solve
 //! run         a layer or a suspension under shear, step by step
+//! steps       what is done for it in one space or the other
 //! table       a table of the program as Arrow
 //! campaign    campaigns: plan, run
 //! store       stores: points, runs, samples, frames, outlines of figures
@@ -19,6 +20,7 @@ mod campaign;
 mod errors;
 mod instant;
 mod run;
+mod steps;
 mod store;
 mod table;
 mod two_spheres;

@@ -1,9 +1,10 @@
 //! A layer or a suspension under shear, step by step.
 
-use crate::arrays::{Records, need_numpy, of_numbers, of_rows};
+use crate::arrays::{need_numpy, of_numbers, of_rows};
 use crate::campaign::one_case;
 use crate::errors::{SimulationError, raise};
-use crate::instant::{Arrays, tables_of};
+use crate::instant::tables_of;
+use crate::steps::{Place, RunIn, Stepped, Steps};
 use crate::values;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -11,7 +12,6 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict, PyString};
 use sd_core::simulation::{Flow, Frame};
-use sd_core::start::Started;
 use sd_core::{Bulk, Error, NearFields, Params, Sample, Simulation, Snapshot};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -19,7 +19,6 @@ use std::time::Instant;
 use sweep::axes::AXES;
 use sweep::data::is_of_network;
 use sweep::report::sample_fields;
-use sweep::spaces::{AnySnapshot, InSpace};
 use sweep::store::Checkpoint;
 use toml::Table;
 
@@ -72,191 +71,6 @@ pub(crate) struct Suspension;
 /// What a run is made of again.
 type Made<'py> = (Bound<'py, PyDict>, Bound<'py, PyBytes>);
 
-/// A run in either space.
-trait Steps: Send {
-    /// Does a step.
-    fn step(&mut self) -> Result<Sample, Error>;
-
-    /// What the next step measures.
-    fn sample(&mut self, params: &Params, tables: &NearFields) -> Result<Sample, Error>;
-
-    /// The pairs in contact, as records of [`Steps::fields`].
-    fn contacts(&mut self, params: &Params, tables: &NearFields) -> Result<Records, Error>;
-
-    /// Stresslets, one after the other.
-    fn stresslets(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<f64>, Error>;
-
-    fn place(&self) -> Place;
-    fn side(&self) -> f64;
-    fn radii(&self) -> &[f64];
-    fn flow(&self) -> Flow;
-    fn snapshot(&self) -> AnySnapshot;
-
-    /// Numbers of a centre, an orientation, a stresslet and a tangential force.
-    fn widths(&self) -> [usize; 4];
-}
-
-/// A space in which runs are stepped.
-trait Stepped: Started + Arrays {
-    /// The numbers of an orientation.
-    fn angles(orientation: &Self::Orientation) -> &[f64];
-
-    /// A snapshot of either space.
-    fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot;
-
-    /// The snapshot, if it is of this space.
-    fn unwrapped(snapshot: AnySnapshot) -> Result<Snapshot<Self>, &'static str>;
-}
-
-impl Stepped for sd_core::Layer {
-    fn angles(orientation: &f64) -> &[f64] {
-        std::slice::from_ref(orientation)
-    }
-
-    fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot {
-        InSpace::Layer(snapshot)
-    }
-
-    fn unwrapped(snapshot: AnySnapshot) -> Result<Snapshot<Self>, &'static str> {
-        match snapshot {
-            InSpace::Layer(snapshot) => Ok(snapshot),
-            InSpace::Suspension(_) => Err("snapshot: of a suspension, and this is a layer"),
-        }
-    }
-}
-
-impl Stepped for Bulk {
-    fn angles(orientation: &[f64; 4]) -> &[f64] {
-        orientation
-    }
-
-    fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot {
-        InSpace::Suspension(snapshot)
-    }
-
-    fn unwrapped(snapshot: AnySnapshot) -> Result<Snapshot<Self>, &'static str> {
-        match snapshot {
-            InSpace::Suspension(snapshot) => Ok(snapshot),
-            InSpace::Layer(_) => Err("snapshot: of a layer, and this is a suspension"),
-        }
-    }
-}
-
-/// A run of one space.
-struct RunIn<S: Stepped> {
-    run: Simulation<S>,
-    /// The next step, done on a copy by whoever wanted to know what it measures.
-    ahead: Option<Box<Ahead<S>>>,
-}
-
-/// A step done in advance.
-struct Ahead<S: Stepped> {
-    run: Simulation<S>,
-    sample: Sample,
-    frame: Frame<S>,
-}
-
-/// Where the spheres are after so many steps.
-struct Place {
-    steps: u64,
-    centres: Vec<f64>,
-    angles: Vec<f64>,
-}
-
-impl<S: Stepped> RunIn<S> {
-    /// What the next step measures.
-    fn look(&mut self, params: &Params, tables: &NearFields) -> Result<&Ahead<S>, Error> {
-        let ahead = if let Some(ahead) = self.ahead.take() {
-            ahead
-        } else {
-            // A run restored from a snapshot goes on with the same bits.
-            let mut run = Simulation::from_snapshot(params, self.run.snapshot(), tables)?;
-            let (sample, frame) = run.step_with_frame()?;
-            Box::new(Ahead { run, sample, frame })
-        };
-        Ok(self.ahead.insert(ahead))
-    }
-}
-
-impl<S: Stepped> Steps for RunIn<S>
-where
-    Simulation<S>: Send,
-    Frame<S>: Send,
-{
-    fn step(&mut self) -> Result<Sample, Error> {
-        match self.ahead.take() {
-            Some(ahead) => {
-                self.run = ahead.run;
-                Ok(ahead.sample)
-            }
-            None => self.run.step(),
-        }
-    }
-
-    fn sample(&mut self, params: &Params, tables: &NearFields) -> Result<Sample, Error> {
-        Ok(self.look(params, tables)?.sample)
-    }
-
-    fn contacts(&mut self, params: &Params, tables: &NearFields) -> Result<Records, Error> {
-        let mut records = Records::default();
-        for contact in &self.look(params, tables)?.frame.contacts {
-            records.sphere(contact.i);
-            records.sphere(contact.j);
-            let across = S::across(&contact.tangential_force);
-            let numbers = contact.normal.as_ref().iter().copied();
-            for number in numbers
-                .chain([contact.gap, contact.normal_force])
-                .chain(across)
-            {
-                records.number(number);
-            }
-            records.state(contact.state);
-        }
-        Ok(records)
-    }
-
-    fn stresslets(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<f64>, Error> {
-        let stresslets = self.look(params, tables)?.frame.stresslets.iter();
-        Ok(stresslets.flat_map(|s| s.as_ref().to_vec()).collect())
-    }
-
-    fn place(&self) -> Place {
-        let centres = self.run.centres().iter().map(S::point);
-        let angles = self.run.orientations().iter().flat_map(S::angles);
-        Place {
-            steps: self.run.steps(),
-            centres: centres.flat_map(|x| x.as_ref().to_vec()).collect(),
-            angles: angles.copied().collect(),
-        }
-    }
-
-    fn side(&self) -> f64 {
-        self.run.side()
-    }
-
-    fn radii(&self) -> &[f64] {
-        self.run.radii()
-    }
-
-    fn flow(&self) -> Flow {
-        self.run.flow()
-    }
-
-    fn snapshot(&self) -> AnySnapshot {
-        S::wrapped(self.run.snapshot())
-    }
-
-    fn widths(&self) -> [usize; 4] {
-        let across = S::across(&S::Tangent::default()).len();
-        [
-            S::DIMENSIONS,
-            S::angles(&S::UPRIGHT).len(),
-            S::STRAINS,
-            across,
-        ]
-    }
-}
-
 impl Run {
     fn of<S: Stepped>(
         py: Python<'_>,
@@ -276,7 +90,7 @@ impl Run {
             NearFields::default()
         };
         let run = py.detach(|| make(&params, &tables)).map_err(raise)?;
-        let run: Box<dyn Steps> = Box::new(RunIn { run, ahead: None });
+        let run: Box<dyn Steps> = Box::new(RunIn::from(run));
         let (place, [of_centre, of_orientation, ..]) = (run.place(), run.widths());
         let (centres, angles) = (of_numbers(py, place.centres), of_numbers(py, place.angles));
         Ok(Self {
@@ -373,67 +187,44 @@ impl Run {
     }
 }
 
-#[pymethods]
-impl Layer {
-    #[new]
-    fn new(
-        py: Python<'_>,
-        params: &Bound<'_, PyAny>,
-        seed: &Bound<'_, PyAny>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        let run = Run::begin::<sd_core::Layer>(py, params, seed)?;
-        Ok(PyClassInitializer::from(run).add_subclass(Self))
-    }
+/// The constructors of a class, whose runs are in a space and of such things.
+macro_rules! constructors {
+    ($class:ident, $space:ty, $thing:literal) => {
+        #[pymethods]
+        impl $class {
+            #[new]
+            fn new(
+                py: Python<'_>,
+                params: &Bound<'_, PyAny>,
+                seed: &Bound<'_, PyAny>,
+            ) -> PyResult<PyClassInitializer<Self>> {
+                let run = Run::begin::<$space>(py, params, seed)?;
+                Ok(PyClassInitializer::from(run).add_subclass(Self))
+            }
 
-    /// The layer that a snapshot was taken of; it goes on with the same bits.
-    ///
-    /// Parameters
-    /// ----------
-    /// params : dict
-    ///     The same as of the layer that the snapshot was taken of.
-    /// snapshot : bytes
-    ///     What `snapshot()` gave.
-    #[staticmethod]
-    fn from_snapshot(
-        py: Python<'_>,
-        params: &Bound<'_, PyAny>,
-        snapshot: &Bound<'_, PyAny>,
-    ) -> PyResult<Py<Self>> {
-        let run = Run::restored::<sd_core::Layer>(py, params, snapshot)?;
-        Py::new(py, PyClassInitializer::from(run).add_subclass(Self))
-    }
+            #[doc = concat!("The ", $thing, " that a snapshot was taken of; it goes on with the same bits.")]
+            ///
+            /// Parameters
+            /// ----------
+            /// params : dict
+            #[doc = concat!("    The same as of the ", $thing, " that the snapshot was taken of.")]
+            /// snapshot : bytes
+            ///     What `snapshot()` gave.
+            #[staticmethod]
+            fn from_snapshot(
+                py: Python<'_>,
+                params: &Bound<'_, PyAny>,
+                snapshot: &Bound<'_, PyAny>,
+            ) -> PyResult<Py<Self>> {
+                let run = Run::restored::<$space>(py, params, snapshot)?;
+                Py::new(py, PyClassInitializer::from(run).add_subclass(Self))
+            }
+        }
+    };
 }
 
-#[pymethods]
-impl Suspension {
-    #[new]
-    fn new(
-        py: Python<'_>,
-        params: &Bound<'_, PyAny>,
-        seed: &Bound<'_, PyAny>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        let run = Run::begin::<Bulk>(py, params, seed)?;
-        Ok(PyClassInitializer::from(run).add_subclass(Self))
-    }
-
-    /// The suspension that a snapshot was taken of; it goes on with the same bits.
-    ///
-    /// Parameters
-    /// ----------
-    /// params : dict
-    ///     The same as of the suspension that the snapshot was taken of.
-    /// snapshot : bytes
-    ///     What `snapshot()` gave.
-    #[staticmethod]
-    fn from_snapshot(
-        py: Python<'_>,
-        params: &Bound<'_, PyAny>,
-        snapshot: &Bound<'_, PyAny>,
-    ) -> PyResult<Py<Self>> {
-        let run = Run::restored::<Bulk>(py, params, snapshot)?;
-        Py::new(py, PyClassInitializer::from(run).add_subclass(Self))
-    }
-}
+constructors!(Layer, sd_core::Layer, "layer");
+constructors!(Suspension, Bulk, "suspension");
 
 #[pymethods]
 impl Run {

@@ -119,9 +119,10 @@ pub use model::{
     StiffnessUnit, TangentialLaw,
 };
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
+pub use run::started::Started;
 pub use run::steppers::rosenbrock::{self, Rosenbrock};
 pub use run::steppers::{RungeKutta, Stage, State};
-pub use run::{compiled, instant, pair, simulation, start, verify};
+pub use run::{instant, pair, simulation, start, verify};
 pub use space::neighbours::NeighbourList;
 pub use space::pair::{Neighbours, PairKey};
 pub use space::{Bulk, ImposedFlow, Layer, Space, bulk, cell, modes};

@@ -5,7 +5,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use sd_core::start::Started;
+use sd_core::Started;
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, Layer, LeadingOrder,
     NearFields, NormalLaw, Params, Simulation, StiffnessUnit, TangentialLaw, memory_bytes,

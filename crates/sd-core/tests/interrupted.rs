@@ -9,10 +9,10 @@ mod common;
 mod schemes;
 
 use schemes::{rigid, schemes, spring};
+use sd_core::Started;
 use sd_core::contact::ContactMemory;
 use sd_core::procedure::ContactList;
 use sd_core::simulation::{Counters, SchemeMemory};
-use sd_core::start::Started;
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, Layer, LeadingOrder,
     NearFields, NormalLaw, Params, Simulation, Snapshot, Space, StiffnessUnit, TangentialLaw,

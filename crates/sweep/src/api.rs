@@ -3,7 +3,12 @@
 mod error;
 mod explain;
 pub(crate) mod instant;
+pub(crate) mod jobs;
+pub(crate) mod merge;
 pub(crate) mod plan;
+pub(crate) mod status;
+pub(crate) mod submit;
+pub(crate) mod task;
 
 pub use error::Error;
 pub use explain::ErrorRenderer;

@@ -2,7 +2,7 @@
 //! hands it over, says which tasks are still there, and cancels. Which task computes which case is not theirs to decide.
 
 mod local;
-pub mod shard;
+pub(crate) mod shard;
 pub(crate) mod slurm;
 
 use crate::store::TaskName;
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 /// A job to be handed to a scheduler: so many tasks, each computing one slice of a campaign.
 #[derive(Debug, Clone)]
-pub struct Job {
+pub(crate) struct Job {
     /// Name of the campaign.
     pub campaign: String,
     /// The program, by its whole path.
@@ -34,7 +34,7 @@ pub struct Job {
 
 /// A task the scheduler still knows: waiting, at work, or about to end.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
-pub struct ActiveTask {
+pub(crate) struct ActiveTask {
     /// Its number; `None` speaks for all tasks of the job.
     pub task: Option<usize>,
     /// Its state in the words of the scheduler.
@@ -45,7 +45,7 @@ pub struct ActiveTask {
 
 /// What runs the tasks of a job.
 #[derive(Debug, Clone)]
-pub enum Scheduler {
+pub(crate) enum Scheduler {
     /// A cluster with Slurm.
     Slurm(Slurm),
     /// The background of this machine.
@@ -54,7 +54,7 @@ pub enum Scheduler {
 
 impl Scheduler {
     /// Its name in the store and on the command line.
-    pub const fn name(&self) -> &'static str {
+    pub(crate) const fn name(&self) -> &'static str {
         match self {
             Self::Slurm(_) => "slurm",
             Self::Local => "local",
@@ -62,14 +62,14 @@ impl Scheduler {
     }
 
     /// The scheduler of a job that is in a store.
-    pub fn by_name(name: &str) -> Option<Self> {
+    pub(crate) fn by_name(name: &str) -> Option<Self> {
         [Self::Slurm(Slurm::default()), Self::Local]
             .into_iter()
             .find(|scheduler| scheduler.name() == name)
     }
 
     /// The scheduler that started this process as task number `task` and can start it again, and what it calls the task.
-    pub fn of_this_task(task: usize) -> Option<(Self, TaskName)> {
+    pub(crate) fn of_this_task(task: usize) -> Option<(Self, TaskName)> {
         slurm::this_task(task).map(|name| (Self::Slurm(Slurm::default()), name))
     }
 
@@ -77,7 +77,7 @@ impl Scheduler {
     ///
     /// # Errors
     /// A scheduler that is not there.
-    pub fn task_limit(&self) -> Result<usize, SchedulerError> {
+    pub(crate) fn task_limit(&self) -> Result<usize, SchedulerError> {
         match self {
             Self::Slurm(_) => slurm::task_limit(),
             Self::Local => Ok(local::TASK_LIMIT),
@@ -88,7 +88,7 @@ impl Scheduler {
     ///
     /// # Errors
     /// [`SchedulerError::Path`] on a path that a script cannot name.
-    pub fn script(&self, job: &Job) -> Result<String, SchedulerError> {
+    pub(crate) fn script(&self, job: &Job) -> Result<String, SchedulerError> {
         match self {
             Self::Slurm(slurm) => slurm.script(job),
             Self::Local => local::script(job),
@@ -96,7 +96,7 @@ impl Scheduler {
     }
 
     /// The command that hands the script over: a program and its arguments.
-    pub fn command(&self, job: &Job) -> Vec<String> {
+    pub(crate) fn command(&self, job: &Job) -> Vec<String> {
         match self {
             Self::Slurm(slurm) => slurm.command(job),
             Self::Local => local::command(job),
@@ -107,7 +107,7 @@ impl Scheduler {
     ///
     /// # Errors
     /// A scheduler that is not there, that refuses, or whose answer cannot be understood.
-    pub fn submit(&self, job: &Job) -> Result<String, SchedulerError> {
+    pub(crate) fn submit(&self, job: &Job) -> Result<String, SchedulerError> {
         match self {
             Self::Slurm(slurm) => slurm.submit(job),
             Self::Local => local::submit(job),
@@ -118,7 +118,7 @@ impl Scheduler {
     ///
     /// # Errors
     /// A scheduler that is not there or does not answer.
-    pub fn active(&self, job: &str) -> Result<Vec<ActiveTask>, SchedulerError> {
+    pub(crate) fn active(&self, job: &str) -> Result<Vec<ActiveTask>, SchedulerError> {
         match self {
             Self::Slurm(_) => slurm::active(job),
             Self::Local => Ok(local::active(job)),
@@ -129,7 +129,7 @@ impl Scheduler {
     ///
     /// # Errors
     /// A scheduler that is not there or refuses.
-    pub fn cancel(&self, job: &str) -> Result<(), SchedulerError> {
+    pub(crate) fn cancel(&self, job: &str) -> Result<(), SchedulerError> {
         match self {
             Self::Slurm(_) => slurm::cancel(job),
             Self::Local => local::cancel(job),
@@ -138,7 +138,7 @@ impl Scheduler {
 
     /// Asks for a task to be started again, after a signal with work left. `in_advance`: the signal was the one asked for
     /// ahead of the time limit, which nobody else sends.
-    pub fn start_again(&self, task: &TaskName, in_advance: bool) -> Requeue {
+    pub(crate) fn start_again(&self, task: &TaskName, in_advance: bool) -> Requeue {
         match self {
             Self::Slurm(_) => slurm::start_again(task, in_advance),
             Self::Local => Requeue::No("the local scheduler does not start tasks again".into()),
@@ -148,7 +148,7 @@ impl Scheduler {
 
 /// What becomes of a task that was told to stop with work left.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Requeue {
+pub(crate) enum Requeue {
     /// It will be started again.
     Yes,
     /// It was cancelled, and stays so.
@@ -224,7 +224,7 @@ pub enum SchedulerError {
 ///
 /// # Errors
 /// [`SchedulerError::Word`] on a word with a NUL byte, which no command line can hold.
-pub fn quoted(word: &str) -> Result<String, SchedulerError> {
+pub(crate) fn quoted(word: &str) -> Result<String, SchedulerError> {
     shlex::try_quote(word)
         .map(Cow::into_owned)
         .map_err(|_| SchedulerError::Word {
@@ -242,7 +242,7 @@ fn quoted_path(path: &Path) -> Result<String, SchedulerError> {
 
 impl Job {
     /// The script of its tasks.
-    pub fn script_path(&self) -> PathBuf {
+    pub(crate) fn script_path(&self) -> PathBuf {
         self.plan_folder.join("job.sh")
     }
 

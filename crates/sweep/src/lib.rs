@@ -2,7 +2,7 @@
 //!
 //! One way through: a [`campaign`] file is laid out as [`case`]s, the [`runner`] computes them and keeps every
 //! state of every case in the [`store`], and a [`report`] averages what the store holds. The store is the only memory:
-//! a process may die at any line, and the next one goes on. On a cluster a scheduler of the [`cluster`] starts tasks that compute slices of the
+//! a process may die at any line, and the next one goes on. On a cluster a scheduler of the `cluster` starts tasks that compute slices of the
 //! campaign in stores of their own, published as shards and merged into the one store.
 //!
 //! # The rooms, from the ground up
@@ -34,16 +34,16 @@
 pub mod api;
 pub mod campaign;
 pub mod cli;
-pub mod cluster;
+mod cluster;
 mod costs;
 pub mod data;
 mod model;
 pub mod report;
 pub mod runner;
-pub mod serve;
-pub mod statistics;
+mod serve;
+mod statistics;
 pub mod store;
-pub mod structure;
+mod structure;
 mod system;
 mod text;
 pub mod trajectory;

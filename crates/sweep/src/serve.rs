@@ -73,7 +73,7 @@ struct Shared {
 ///
 /// # Errors
 /// An address that cannot be had, a system without sockets or signals.
-pub fn serve(
+pub(crate) fn serve(
     source: StoreSource,
     address: SocketAddr,
     ready: impl FnOnce(SocketAddr) -> io::Result<()>,

@@ -4,10 +4,10 @@ pub mod doubt;
 pub(crate) mod segments;
 mod steady;
 mod stopping;
-pub mod wyart_cates;
+pub(crate) mod wyart_cates;
 
-pub use steady::{Drift, Steadiness, correlation_samples, mser_5};
-pub use stopping::{Decision, Measure, Outcome, Precision, Verdict, relative_half_width};
+pub(crate) use steady::{Drift, Steadiness, mser_5};
+pub(crate) use stopping::{Decision, Measure, Outcome, Precision, Verdict, relative_half_width};
 
 use crate::model::sampled::{self, MEANS};
 use sd_core::Sample;
@@ -17,7 +17,7 @@ use std::collections::HashMap;
 
 /// Mean and quartiles of one quantity over the samples of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Distribution {
+pub(crate) struct Distribution {
     /// Mean.
     pub mean: f64,
     /// First quartile.
@@ -30,7 +30,7 @@ pub struct Distribution {
 
 impl Distribution {
     /// Of some values; `None` if there are none.
-    pub fn of(mut values: Vec<f64>) -> Option<Self> {
+    pub(crate) fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         Some(Self {
             mean: mean(&values)?,
@@ -42,7 +42,7 @@ impl Distribution {
 }
 
 /// Arithmetic mean; `None` of nothing.
-pub fn mean(values: &[f64]) -> Option<f64> {
+pub(crate) fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
@@ -131,7 +131,7 @@ fn student(freedom: f64, probability: f64) -> Option<f64> {
 
 /// Averages over the samples of a run from the discarded strain on.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Averages {
+pub(crate) struct Averages {
     /// Number of samples.
     pub samples: u64,
     /// Viscosity in full.
@@ -159,7 +159,7 @@ pub struct Averages {
 
 impl Averages {
     /// Of the samples whose step is at least `discard_step`.
-    pub fn of(samples: &[(u64, Sample)], discard_step: u64) -> Self {
+    pub(crate) fn of(samples: &[(u64, Sample)], discard_step: u64) -> Self {
         let kept: Vec<&Sample> = samples
             .iter()
             .filter(|(step, _)| *step >= discard_step)
@@ -196,28 +196,28 @@ impl Averages {
     }
 
     /// Contacts per sphere, averaged over the samples.
-    pub fn contacts_per_sphere(&self, spheres: usize) -> Option<f64> {
+    pub(crate) fn contacts_per_sphere(&self, spheres: usize) -> Option<f64> {
         ratio(self.contacts as f64, (self.samples * spheres as u64) as f64)
     }
 
     /// Activated contacts over contacts.
-    pub fn activated_fraction(&self) -> Option<f64> {
+    pub(crate) fn activated_fraction(&self) -> Option<f64> {
         ratio(self.activated as f64, self.contacts as f64)
     }
 
     /// Rolling contacts over activated ones.
-    pub fn rolling_fraction(&self) -> Option<f64> {
+    pub(crate) fn rolling_fraction(&self) -> Option<f64> {
         ratio(self.rolling as f64, self.activated as f64)
     }
 
     /// Mean approach velocity of a contact.
-    pub fn mean_approach_velocity(&self) -> Option<f64> {
+    pub(crate) fn mean_approach_velocity(&self) -> Option<f64> {
         ratio(self.approach, self.contacts as f64)
     }
 }
 
 /// A quotient; `None` where it has no meaning.
-pub fn ratio(numerator: f64, denominator: f64) -> Option<f64> {
+pub(crate) fn ratio(numerator: f64, denominator: f64) -> Option<f64> {
     (denominator > 0.0).then(|| numerator / denominator)
 }
 

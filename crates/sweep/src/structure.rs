@@ -23,10 +23,8 @@ mod scalars;
 #[cfg(test)]
 mod tests;
 
-pub use self::core::core;
-pub use average::{Band, Curve, RunStructure, Structure};
-pub use clusters::{Clusters, clusters};
-pub use network::{Link, Network};
-pub use pebble::PebbleGame;
+pub(crate) use average::{Band, Curve, RunStructure, Structure};
+pub(crate) use clusters::clusters;
+pub(crate) use network::{Link, Network};
 pub(crate) use scalars::meaning_of;
-pub use scalars::{NAMED, SCALARS, Scalar, observe, scalars};
+pub(crate) use scalars::{NAMED, observe};

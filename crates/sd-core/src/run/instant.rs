@@ -1,6 +1,6 @@
 //! One instant of one configuration: velocities, stresslets, contact forces.
 
-use super::compiled::Compiled;
+use super::started::Started;
 use crate::contact::laws::{Laws, Span};
 use crate::contact::memory::PairForces;
 use crate::contact::springs::Springs;
@@ -228,7 +228,7 @@ pub fn method<S: Space>(configuration: &Configuration<S>, request: &ContactReque
 ///
 /// # Errors
 /// Bad lengths, radii, overlaps, a cell too small, pairs out of range, an indefinite matrix.
-pub fn solve<S: Compiled>(
+pub fn solve<S: Started>(
     configuration: &Configuration<S>,
     request: &ContactRequest<S>,
     tables: &NearFields,

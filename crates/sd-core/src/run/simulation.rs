@@ -18,7 +18,7 @@ use crate::contact::most_contacts;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Imposed, Params};
-use crate::run::start::Started;
+use crate::run::started::Started;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Midpoint, State, Stepper};
 use crate::space::cell::Cell;

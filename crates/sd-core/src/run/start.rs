@@ -7,16 +7,14 @@ pub mod suspension;
 
 pub use given::fit;
 
-use super::compiled::Compiled;
 use crate::error::Error;
 use crate::model::{Params, Refusal, StartLayer, Words as _};
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
-use crate::space::{Bulk, Layer, Space};
+use crate::space::{Layer, Space};
 use crate::stage::Method;
 use packing::{Density, Packing};
 use std::f64::consts::PI;
-use suspension::Mixture;
 
 /// What is known of packing discs.
 const DISCS: Density = Density {
@@ -25,92 +23,6 @@ const DISCS: Density = Density {
     shakes: 100,
     balanced: 0.0,
 };
-
-/// A space in which runs can be made.
-pub trait Started: Compiled {
-    /// Refuses parameters of the other space.
-    ///
-    /// # Errors
-    /// [`Error::Refused`].
-    fn check(params: &Params) -> Result<(), Error>;
-
-    /// Radii and cell side: what is known without packing.
-    ///
-    /// # Errors
-    /// [`Error::CellTooSmall`].
-    fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error>;
-
-    /// What a run begins with.
-    ///
-    /// # Errors
-    /// As [`Started::radii_and_side`], and [`Error::CannotPack`].
-    fn start(params: &Params, seed: u64) -> Result<Start<Self>, Error>;
-
-    /// Offset of the cell at strain 0, in a.
-    fn offset(params: &Params) -> f64;
-}
-
-/// Refuses parameters of the other space.
-fn refuse_space(key: &'static str, allowed: &str) -> Error {
-    Refusal {
-        key,
-        value: "none".into(),
-        problem: "is missing".into(),
-        allowed: allowed.into(),
-        because: None,
-    }
-    .into()
-}
-
-impl Started for Layer {
-    fn check(params: &Params) -> Result<(), Error> {
-        match params.volume_fraction {
-            None => Ok(()),
-            Some(_) => Err(refuse_space("area_fraction", "a layer has one")),
-        }
-    }
-
-    fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
-        radii_and_side(params)
-    }
-
-    fn start(params: &Params, seed: u64) -> Result<Start, Error> {
-        first_layer(params, seed)
-    }
-
-    fn offset(params: &Params) -> f64 {
-        params.start.as_ref().map_or(0.0, |start| start.offset)
-    }
-}
-
-impl Started for Bulk {
-    fn check(params: &Params) -> Result<(), Error> {
-        match params.volume_fraction {
-            Some(_) => Ok(()),
-            None => Err(refuse_space("volume_fraction", "a suspension has one")),
-        }
-    }
-
-    fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
-        Mixture::of(params).radii_and_side()
-    }
-
-    fn start(params: &Params, seed: u64) -> Result<Start<Self>, Error> {
-        let suspension = Mixture::of(params).suspension(seed)?;
-        Ok(Start {
-            orientations: vec![Self::UPRIGHT; suspension.radii.len()],
-            springs: Vec::new(),
-            rolling_springs: Vec::new(),
-            radii: suspension.radii,
-            centres: suspension.centres,
-            side: suspension.side,
-        })
-    }
-
-    fn offset(_: &Params) -> f64 {
-        0.0
-    }
-}
 
 /// Radii, centres and cell of a layer or a suspension at strain 0.
 #[derive(Debug, Clone, PartialEq)]

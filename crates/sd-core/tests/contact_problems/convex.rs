@@ -16,7 +16,7 @@ use sd_core::contact::laws::{Laws, RESTITUTION};
 use sd_core::contact::memory::PairForces;
 use sd_core::contact::{Contact, ContactState};
 use sd_core::instant::{self, Configuration, ContactRequest};
-use sd_core::{Bulk, ImposedFlow as _, Layer, NearFields, Params, Resistance, Simulation, start};
+use sd_core::{Bulk, ImposedFlow as _, Layer, NearFields, Params, Resistance, Simulation, Started};
 
 /// Weights of velocities, by number.
 type Weights = Vec<(usize, f64)>;
@@ -29,7 +29,7 @@ struct Rows {
 }
 
 /// A space with its rows, written out again.
-trait Read: start::Started {
+trait Read: Started {
     fn rows(contact: &Contact<Self>) -> Rows;
     fn cell(side: f64, offset: f64) -> Cell<Self>;
 }

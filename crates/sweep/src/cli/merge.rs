@@ -3,12 +3,9 @@
 use super::Output;
 use super::place::{StoreArguments, say_warning};
 use crate::api::Error;
-use crate::campaign::{Campaign, Order};
-use crate::cluster::shard::{self, ShardError};
+use crate::api::merge::{Joined, join, shards_in, store_for};
 use crate::exit;
-use crate::store::{Counts, Disagreement, Merged, Store, StoreError, StoreSource};
-use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Join the shards that tasks published into the store of their campaign
 ///
@@ -34,8 +31,10 @@ pub(crate) struct Arguments {
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
-    let mixed = arguments.allow_mixed_versions;
-    let joined = join(&source, &arguments.shards, mixed)?;
+    let shards = shards_in(&arguments.shards, source.path())?;
+    let mut store = store_for(&source, &shards)?;
+    say_warning(&store);
+    let joined = join(&mut store, &shards, arguments.allow_mixed_versions)?;
     let clean = joined.merged.damaged.is_empty() && joined.disagreements.is_empty();
     if output.json {
         output.json(&joined)?;
@@ -101,84 +100,4 @@ fn write_text(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
         cases.failed
     )?;
     Ok(())
-}
-
-/// What came of it.
-#[derive(Serialize)]
-struct Joined {
-    #[serde(flatten)]
-    merged: Merged,
-    /// Cases of the store by state.
-    cases: Counts,
-    /// Results that do not agree.
-    disagreements: Vec<Disagreement>,
-    /// Shards of other builds in the store.
-    mixed_shards: u64,
-}
-
-/// Merges shards, or all in folders of them; of none those in the folder beside the store.
-fn join(source: &StoreSource, given: &[PathBuf], mixed: bool) -> Result<Joined, Error> {
-    let shards = if given.is_empty() {
-        in_folder(&shard::folder_of(source.path()))?
-    } else {
-        let mut all = Vec::new();
-        for given in given {
-            if given.is_dir() {
-                all.extend(in_folder(given)?);
-            } else if given.exists() {
-                all.push(given.clone());
-            } else {
-                let path = given.clone();
-                return Err(ShardError::Vanished { path }.into());
-            }
-        }
-        all
-    };
-    let mut store = open(source, &shards)?;
-    say_warning(&store);
-    Ok(Joined {
-        merged: store.merge(&shards, mixed)?,
-        cases: store.counts()?,
-        disagreements: store.disagreements()?,
-        mixed_shards: store.mixed_shards()?,
-    })
-}
-
-/// The shards in a folder.
-fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ShardError> {
-    if !folder.is_dir() {
-        return Err(ShardError::Vanished {
-            path: folder.to_owned(),
-        });
-    }
-    Ok(shard::published(folder)
-        .into_iter()
-        .map(|shard| shard.path)
-        .collect())
-}
-
-/// Opens the store; a new one gets the campaign of the file given, or else that of the first shard that can be read.
-fn open(source: &StoreSource, shards: &[PathBuf]) -> Result<Store, Error> {
-    let path = source.path();
-    if path.exists() {
-        return Ok(Store::open(path)?);
-    }
-    if let Some(campaign) = source.campaign() {
-        return Ok(Store::enter(path, campaign, Order::default())?.0);
-    }
-    let mut first = None;
-    for shard in shards {
-        match Store::campaign_of(shard) {
-            Ok(text) => {
-                let campaign = Campaign::parse(&shard.display().to_string(), text)?;
-                return Ok(Store::enter(path, &campaign, Order::default())?.0);
-            }
-            Err(error) => first = first.or(Some(error)),
-        }
-    }
-    Err(first
-        .unwrap_or_else(|| StoreError::Missing {
-            path: path.to_owned(),
-        })
-        .into())
 }

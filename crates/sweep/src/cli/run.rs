@@ -4,6 +4,7 @@ mod task;
 
 use super::Output;
 use super::place::{say_warning, store_of, workers, workers_or_all};
+use crate::api::task::Part;
 use crate::api::{Beginning, Begun, Error, begin, complete};
 use crate::campaign::{Campaign, Priority};
 use crate::disk::network_file_system;
@@ -108,13 +109,6 @@ pub(crate) struct ClusterArguments {
     /// Go on from shards another build of sweep computed; their bits may differ
     #[arg(long, hide_short_help = true)]
     allow_mixed_versions: bool,
-}
-
-/// A task of several.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Part {
-    task: usize,
-    tasks: usize,
 }
 
 /// Reads `I/N`.

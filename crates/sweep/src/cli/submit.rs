@@ -1,11 +1,9 @@
 //! `sweep submit`.
 
-mod folder;
-mod hand_over;
-
 use super::Output;
 use super::place::{positive, store_of, workers};
 use crate::api::Error;
+use crate::api::submit::{Submitted, Wanted, submit};
 use crate::campaign::Campaign;
 use crate::cluster::{
     Scheduler, SchedulerError, quoted,
@@ -14,7 +12,6 @@ use crate::cluster::{
 use crate::exit;
 use crate::format::{bytes, counted, duration, parse_duration, parse_positive_duration};
 use clap::ValueEnum;
-use hand_over::{Submitted, submit};
 use serde::Serialize;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -140,9 +137,19 @@ struct Answer<'a> {
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
-    let scheduler = scheduler(arguments)?;
+    let wanted = Wanted {
+        scheduler: scheduler(arguments)?,
+        tasks: arguments.tasks.map(NonZeroUsize::get),
+        workers: arguments.workers_per_task.get(),
+        throttle: arguments.throttle.map(NonZeroUsize::get),
+        run_arguments: run_arguments(arguments)?,
+        retry_failed: arguments.retry_failed,
+        mixed: arguments.allow_mixed_versions,
+        again: arguments.again,
+    };
     let path = store_of(&campaign, arguments.store.as_deref())?;
-    let submitted = submit(arguments, &scheduler, &campaign, &path, output)?;
+    let note = |text: &str| output.note(text);
+    let submitted = submit(wanted, &campaign, &path, arguments.dry_run, &note)?;
     let Some(submitted) = submitted else {
         if output.json {
             output.json(&Answer::default())?;
@@ -154,7 +161,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
         return Ok(exit::DONE);
     };
-    let (job, command) = (&submitted.job, scheduler.command(&submitted.job));
+    let job = &submitted.job;
     if output.json {
         output.json(&Answer {
             job: submitted.name.as_deref(),
@@ -162,7 +169,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             tasks: job.tasks,
             plan: Some(&submitted.plan),
             folder: Some(&job.folder),
-            command: Some(&command),
+            command: Some(&submitted.command),
             script: Some(&submitted.script),
         })?;
         return Ok(exit::DONE);
@@ -176,7 +183,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             job.plan_folder.display()
         )?;
     } else {
-        let words: Vec<String> = command
+        let words: Vec<String> = submitted
+            .command
             .iter()
             .map(|word| quoted(word))
             .collect::<Result<_, _>>()?;

@@ -7,10 +7,10 @@ mod error;
 mod publish;
 mod slices;
 
-pub use error::ShardError;
-pub use publish::Publisher;
+pub(crate) use error::ShardError;
+pub(crate) use publish::Publisher;
 pub(crate) use publish::no_room;
-pub use slices::Slices;
+pub(crate) use slices::Slices;
 
 use crate::store::TaskName;
 use std::path::{Path, PathBuf};
@@ -22,23 +22,23 @@ const ENDING: &str = ".sqlite";
 pub(crate) const BEGUN: &str = "begun.sqlite";
 
 /// The folder of shards that belongs to a store: `results/NAME.shards` for `results/NAME.sqlite`.
-pub fn folder_of(store: &Path) -> PathBuf {
+pub(crate) fn folder_of(store: &Path) -> PathBuf {
     store.with_extension("shards")
 }
 
 /// The folder of a plan among the shards.
-pub fn plan_folder(folder: &Path, plan: &str) -> PathBuf {
+pub(crate) fn plan_folder(folder: &Path, plan: &str) -> PathBuf {
     folder.join("plans").join(plan)
 }
 
 /// The mark that a job was cancelled: its tasks do not ask to be started again.
-pub fn cancel_mark(folder: &Path, plan: &str, job: &str) -> PathBuf {
+pub(crate) fn cancel_mark(folder: &Path, plan: &str, job: &str) -> PathBuf {
     let job = sanitize(job.split(';').next().unwrap_or(job));
     plan_folder(folder, plan).join(format!("cancelled-{job}"))
 }
 
 /// The name of a shard: plan, job, task, restart, node.
-pub fn name(plan: &str, task: &TaskName) -> String {
+pub(crate) fn name(plan: &str, task: &TaskName) -> String {
     format!(
         "{plan}.{}.{}.{}.{}{ENDING}",
         sanitize(&task.job),
@@ -62,7 +62,7 @@ pub(crate) fn sanitize(word: &str) -> String {
 
 /// A published shard, as its name tells.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Published {
+pub(crate) struct Published {
     /// The file.
     pub path: PathBuf,
     /// Hash of the slices it belongs to.
@@ -74,7 +74,7 @@ pub struct Published {
 }
 
 /// All shards in a folder, in the order of their names. A folder that is not there holds none.
-pub fn published(folder: &Path) -> Vec<Published> {
+pub(crate) fn published(folder: &Path) -> Vec<Published> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut found: Vec<Published> = entries
         .filter_map(|entry| {

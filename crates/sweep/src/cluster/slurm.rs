@@ -23,7 +23,7 @@ const CHOICES: [&str; 7] = [
 
 /// A Slurm cluster, and what a job asks of it.
 #[derive(Debug, Clone, Default)]
-pub struct Slurm {
+pub(crate) struct Slurm {
     /// Time limit of a task.
     pub time: Option<TimeLimit>,
     /// Partition.
@@ -36,7 +36,7 @@ pub struct Slurm {
 
 /// A time limit as Slurm writes it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TimeLimit {
+pub(crate) struct TimeLimit {
     /// As written.
     pub text: String,
     /// What it means.

@@ -79,7 +79,7 @@ fn sum(a: f64, b: f64) -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Discard {
-    /// As much as MSER-5 picks at each point: see [`crate::statistics::mser_5`].
+    /// As much as MSER-5 picks at each point: see `mser_5` in `statistics`.
     Auto,
     /// Samples before this strain; in [0, strain).
     #[serde(untagged)]

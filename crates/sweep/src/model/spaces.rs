@@ -1,7 +1,7 @@
 //! Layers and suspensions under one name: the one place where the parameters of a run choose the space it is computed in.
 
+use sd_core::Started;
 use sd_core::simulation::{Counters, Flow, Frame};
-use sd_core::start::Started;
 use sd_core::{Bulk, Error, Layer, NearFields, Params, Sample, Simulation, Snapshot, start};
 use serde::{Deserialize, Serialize};
 

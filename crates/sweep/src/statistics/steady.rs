@@ -52,7 +52,7 @@ impl Steadiness {
 ///
 /// # Source
 /// A. Sokal, Monte Carlo methods in statistical mechanics (1997), section 3.
-pub fn correlation_samples(values: &[f64]) -> Option<f64> {
+pub(crate) fn correlation_samples(values: &[f64]) -> Option<f64> {
     let n = values.len();
     let centre = mean(values)?;
     let deviations: Vec<f64> = values.iter().map(|value| value - centre).collect();
@@ -89,7 +89,7 @@ pub fn correlation_samples(values: &[f64]) -> Option<f64> {
 /// # Source
 /// MSER-5: K. P. White, Simulation 69, 323 (1997); K. P. White, M. J. Cobb and S. C. Spratt, Proc. Winter Simulation Conf. (2000),
 /// 755; at most half, as K. Hoad, S. Robinson and R. Davies, J. Oper. Res. Soc. 61, 1642 (2010).
-pub fn mser_5(values: &[f64]) -> Option<(usize, bool)> {
+pub(crate) fn mser_5(values: &[f64]) -> Option<(usize, bool)> {
     let batches: Vec<f64> = values.chunks_exact(BATCH).filter_map(mean).collect();
     if batches.len() < 4 || batches.iter().any(|batch| !batch.is_finite()) {
         return None;
@@ -107,7 +107,7 @@ pub fn mser_5(values: &[f64]) -> Option<(usize, bool)> {
 
 /// Whether the runs of a point drift, judged from the same parts of all of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Drift {
+pub(crate) struct Drift {
     /// Second half of the strain kept less the first, over the mean.
     pub halves: Estimate,
     /// First quarter of the strain kept less the rest, over the mean.
@@ -117,7 +117,7 @@ pub struct Drift {
 
 impl Drift {
     /// Of the parts of every run; `None` of no run.
-    pub fn of(runs: &[[f64; PARTS]]) -> Option<Self> {
+    pub(crate) fn of(runs: &[[f64; PARTS]]) -> Option<Self> {
         let whole: Vec<f64> = runs.iter().filter_map(|parts| mean(parts)).collect();
         let centre = mean(&whole)?.abs();
         let relative = |difference: fn(&[f64; PARTS]) -> f64| {
@@ -132,12 +132,12 @@ impl Drift {
     }
 
     /// Whether the halves differ by more than chance explains.
-    pub fn drifts(&self) -> bool {
+    pub(crate) fn drifts(&self) -> bool {
         self.beyond_chance(&self.halves)
     }
 
     /// Whether the first quarter differs from the rest by more than chance explains: the start is not forgotten.
-    pub fn remembers_start(&self) -> bool {
+    pub(crate) fn remembers_start(&self) -> bool {
         self.beyond_chance(&self.start)
     }
 

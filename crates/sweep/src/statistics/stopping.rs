@@ -68,6 +68,7 @@ impl Measure {
 
 /// What a campaign asks for at a point: seeds until the precision is reached.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[expect(clippy::struct_field_names, reason = "the words of the campaign file")]
 pub struct Precision {
     /// Half width of the 95 % interval over the mean; in (0, 1].
     pub precision: f64,
@@ -205,7 +206,7 @@ fn values(runs: &[Outcome], seeds: usize) -> Option<Vec<f64>> {
 }
 
 /// Half width of the 95 % interval of the mean over the mean; `None` of fewer than two values.
-pub fn relative_half_width(values: &[f64]) -> Option<f64> {
+pub(crate) fn relative_half_width(values: &[f64]) -> Option<f64> {
     let estimate = Estimate::of(values)?;
     let width = estimate.ci95? / estimate.mean.abs();
     Some(if width.is_nan() { f64::INFINITY } else { width })

@@ -11,9 +11,9 @@ use super::{quantile, student_95};
 use nalgebra::{SMatrix, SVector};
 
 /// How many parameters there are.
-pub const PARAMETERS: usize = 5;
+pub(crate) const PARAMETERS: usize = 5;
 /// Their names, in the order of [`Fit::values`].
-pub const NAMES: [&str; PARAMETERS] = ["c_0", "c_m", "sigma_c", "beta", "prefactor"];
+pub(crate) const NAMES: [&str; PARAMETERS] = ["c_0", "c_m", "sigma_c", "beta", "prefactor"];
 /// Error of a viscosity that is granted besides the scatter of its runs, relative: the model is no law.
 const FLOOR: f64 = 0.01;
 /// Steps of one fit at most, and the relative gain of a step below which it has converged.
@@ -29,7 +29,7 @@ type Inner = SVector<f64, PARAMETERS>;
 
 /// A point: its area or volume fraction, its shear stress in F_crit/a², 0 and infinity included, and the viscosities of its runs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Datum {
+pub(crate) struct Datum {
     /// c or φ.
     pub fraction: f64,
     /// σ*.
@@ -40,7 +40,7 @@ pub struct Datum {
 
 /// A fit.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Fit {
+pub(crate) struct Fit {
     /// c_0, c_m, σ_c, β, A.
     pub values: [f64; PARAMETERS],
     /// Their 95 % intervals by bootstrap over the runs; `None` where no point has two.
@@ -53,7 +53,7 @@ pub struct Fit {
 
 impl Fit {
     /// The viscosity of the fit; infinite where it has none.
-    pub fn viscosity(&self, fraction: f64, stress: f64) -> f64 {
+    pub(crate) fn viscosity(&self, fraction: f64, stress: f64) -> f64 {
         let [c_0, c_m, sigma_c, beta, prefactor] = self.values;
         let inner = Inner::from([c_0, c_m, sigma_c.ln(), beta.ln(), prefactor.ln()]);
         logarithm(&inner, fraction, stress).map_or(f64::INFINITY, f64::exp)
@@ -61,7 +61,7 @@ impl Fit {
 }
 
 /// Fits the model, and estimates intervals by so many replicates of the bootstrap. `None` where no parameters describe the points.
-pub fn fit(data: &[Datum], replicates: usize) -> Option<Fit> {
+pub(crate) fn fit(data: &[Datum], replicates: usize) -> Option<Fit> {
     let errors = errors(data);
     let heights: Vec<f64> = data.iter().map(|datum| mean(&datum.runs).ln()).collect();
     let problem = Problem {

@@ -51,6 +51,15 @@ pub struct Damaged {
     pub reason: String,
 }
 
+impl Damaged {
+    fn of(path: &Path, reason: &dyn fmt::Display) -> Self {
+        Self {
+            path: path.to_owned(),
+            reason: reason.to_string(),
+        }
+    }
+}
+
 impl fmt::Display for Damaged {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} cannot be used: {}", self.path.display(), self.reason)
@@ -120,10 +129,7 @@ impl Store {
                     }
                     _ => readable.push(shard),
                 },
-                Err(error) => merged.damaged.push(Damaged {
-                    path: path.clone(),
-                    reason: error.to_string(),
-                }),
+                Err(error) => merged.damaged.push(Damaged::of(path, &error)),
             }
         }
         let known = match mode {
@@ -190,10 +196,7 @@ impl Store {
         let store = match shards::open(&shard.path) {
             Ok((store, _)) => store,
             Err(error) => {
-                merged.damaged.push(Damaged {
-                    path: shard.path.clone(),
-                    reason: error.to_string(),
-                });
+                merged.damaged.push(Damaged::of(&shard.path, &error));
                 return Ok(());
             }
         };
@@ -241,10 +244,8 @@ impl Store {
         }
         written?;
         merged.shards += 1;
-        merged.damaged.extend(damage.map(|reason| Damaged {
-            path: shard.path.clone(),
-            reason,
-        }));
+        let damage = damage.map(|reason| Damaged::of(&shard.path, &reason));
+        merged.damaged.extend(damage);
         Ok(())
     }
 

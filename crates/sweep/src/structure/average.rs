@@ -14,7 +14,7 @@ const SIZES: usize = 14;
 
 /// What the frames of one run sum up to.
 #[derive(Debug, Clone)]
-pub struct RunStructure {
+pub(crate) struct RunStructure {
     dimensions: usize,
     frames: u64,
     radial_bins: Bins,
@@ -29,7 +29,7 @@ pub struct RunStructure {
 
 impl RunStructure {
     /// Of no frames yet, in cells like this.
-    pub fn new<S: Space>(network: &Network<S>) -> Self {
+    pub(crate) fn new<S: Space>(network: &Network<S>) -> Self {
         let radial_bins = radial_bins(&network.cell);
         let with_angle_bins = radial_bins_with_angle(&network.cell);
         let forces = vec![0.0; force_bins().len()];
@@ -55,7 +55,7 @@ impl RunStructure {
     }
 
     /// Takes a frame.
-    pub fn add<S: Space>(&mut self, network: &Network<S>) {
+    pub(crate) fn add<S: Space>(&mut self, network: &Network<S>) {
         self.frames += 1;
         let found = pairs(network);
         add(&mut self.pairs.radial, &found.radial);
@@ -97,7 +97,7 @@ fn add(sums: &mut [f64], more: &[f64]) {
 
 /// A quantity along an axis: in each bin the mean over runs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Curve {
+pub(crate) struct Curve {
     /// Middles of the bins, or for cluster sizes their lower ends.
     pub x: Vec<f64>,
     /// Mean over runs, and half its 95 % interval; nothing where no run has anything.
@@ -106,7 +106,7 @@ pub struct Curve {
 
 /// A mean over runs, and half its 95 % interval, which a single run has not.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Band {
+pub(crate) struct Band {
     /// The mean.
     pub mean: f64,
     /// Half the interval.
@@ -124,7 +124,7 @@ impl Band {
 
 /// What the runs of a point look like.
 #[derive(Debug, Clone)]
-pub struct Structure {
+pub(crate) struct Structure {
     /// Runs averaged.
     pub runs: u64,
     /// Their frames together.
@@ -153,7 +153,7 @@ pub struct Structure {
 
 impl Structure {
     /// Of the runs of a point; `None` of no frames.
-    pub fn of(runs: &[RunStructure]) -> Option<Self> {
+    pub(crate) fn of(runs: &[RunStructure]) -> Option<Self> {
         let runs: Vec<&RunStructure> = runs.iter().filter(|run| run.frames > 0).collect();
         let first = *runs.first()?;
         let dimensions = first.dimensions;
@@ -229,7 +229,7 @@ impl Structure {
     }
 
     /// A number by its name in [`NAMED`].
-    pub fn scalar(&self, name: &str) -> Option<Band> {
+    pub(crate) fn scalar(&self, name: &str) -> Option<Band> {
         let place = NAMED.iter().position(|scalar| scalar.name == name)?;
         self.scalars[place]
     }

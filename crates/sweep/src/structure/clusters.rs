@@ -13,7 +13,7 @@ type Winding = [i64; 3];
 
 /// The clusters of the spheres of a network.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Clusters {
+pub(crate) struct Clusters {
     /// Number of the cluster of each sphere, counted from 0 in the order of their first spheres.
     pub of_sphere: Vec<usize>,
     /// Spheres of each cluster; 1 for a sphere without contacts.
@@ -24,14 +24,14 @@ pub struct Clusters {
 
 impl Clusters {
     /// Spheres in the largest cluster over all spheres; a sphere without contacts is no cluster.
-    pub fn largest_share(&self) -> f64 {
+    pub(crate) fn largest_share(&self) -> f64 {
         let largest = self.sizes.iter().copied().filter(|size| *size > 1).max();
         largest.unwrap_or(0) as f64 / self.of_sphere.len().max(1) as f64
     }
 }
 
 /// The clusters that some contacts of a network make.
-pub fn clusters<'n, S: Space>(
+pub(crate) fn clusters<'n, S: Space>(
     network: &'n Network<S>,
     links: impl Iterator<Item = &'n Link<S>>,
 ) -> Clusters {

@@ -5,7 +5,7 @@ use sd_core::Space;
 
 /// Which spheres belong to the k-core of some contacts: what is left where spheres with fewer than `k` contacts with spheres that are left
 /// are taken away, until none is.
-pub fn core<'n, S: Space>(
+pub(crate) fn core<'n, S: Space>(
     network: &'n Network<S>,
     links: impl Iterator<Item = &'n Link<S>>,
     k: usize,

@@ -7,7 +7,7 @@ use sd_core::simulation::Frame;
 
 /// Spheres in their sheared periodic cell, and their loaded contacts.
 #[derive(Debug, Clone)]
-pub struct Network<S: Space> {
+pub(crate) struct Network<S: Space> {
     /// The cell.
     pub cell: Cell<S>,
     /// Centres, in a.
@@ -20,7 +20,7 @@ pub struct Network<S: Space> {
 
 /// A loaded contact.
 #[derive(Debug, Clone, Copy)]
-pub struct Link<S: Space> {
+pub(crate) struct Link<S: Space> {
     /// One sphere.
     pub i: usize,
     /// The other.
@@ -39,12 +39,12 @@ pub struct Link<S: Space> {
 
 impl<S: Space> Link<S> {
     /// Unit vector from `i` to `j`.
-    pub fn normal(&self) -> S::Vector {
+    pub(crate) fn normal(&self) -> S::Vector {
         self.separation / S::norm_squared(&self.separation).sqrt()
     }
 
     /// Whether friction acts.
-    pub fn is_frictional(&self) -> bool {
+    pub(crate) fn is_frictional(&self) -> bool {
         self.state != ContactState::Frictionless
     }
 }
@@ -52,7 +52,7 @@ impl<S: Space> Link<S> {
 impl<S: Space> Network<S> {
     /// Of spheres, and of pairs of them with a normal force, a friction force and a state each. Of a pair the nearest images are meant:
     /// spheres in contact are nearer than half a side of the cell.
-    pub fn new(
+    pub(crate) fn new(
         cell: Cell<S>,
         centres: Vec<S::Vector>,
         radii: Vec<f64>,
@@ -82,12 +82,12 @@ impl<S: Space> Network<S> {
     }
 
     /// Number of spheres.
-    pub fn spheres(&self) -> usize {
+    pub(crate) fn spheres(&self) -> usize {
         self.centres.len()
     }
 
     /// Contacts on which friction acts.
-    pub fn frictional(&self) -> impl Iterator<Item = &Link<S>> {
+    pub(crate) fn frictional(&self) -> impl Iterator<Item = &Link<S>> {
         self.links.iter().filter(|link| link.is_frictional())
     }
 

@@ -10,7 +10,7 @@ const FREEDOMS: usize = 3;
 
 /// The constraints of a layer, as far as they are independent.
 #[derive(Debug)]
-pub struct PebbleGame {
+pub(crate) struct PebbleGame {
     /// Spheres that the covered constraints of each sphere lead to: three at most.
     covered: Vec<Vec<usize>>,
     /// Constraints that are independent of those before them.
@@ -26,7 +26,10 @@ pub struct PebbleGame {
 
 impl PebbleGame {
     /// Plays the game for so many spheres with these constraints, each between two spheres. A contact that sticks is two.
-    pub fn play(spheres: usize, constraints: impl IntoIterator<Item = (usize, usize)>) -> Self {
+    pub(crate) fn play(
+        spheres: usize,
+        constraints: impl IntoIterator<Item = (usize, usize)>,
+    ) -> Self {
         let mut game = Self {
             covered: vec![Vec::with_capacity(FREEDOMS); spheres],
             independent: 0,
@@ -43,7 +46,7 @@ impl PebbleGame {
     }
 
     /// Constraints that are independent, and all.
-    pub fn constraints(&self) -> (usize, usize) {
+    pub(crate) fn constraints(&self) -> (usize, usize) {
         (self.independent, self.all)
     }
 
@@ -106,7 +109,7 @@ impl PebbleGame {
 
     /// The number of the rigid cluster of each sphere, counted from 0 in the order of their first spheres; a sphere that moves by itself is
     /// one of its own.
-    pub fn rigid_clusters(mut self) -> Vec<usize> {
+    pub(crate) fn rigid_clusters(mut self) -> Vec<usize> {
         const NONE: usize = usize::MAX;
         let n = self.covered.len();
         let mut cluster_of = vec![NONE; n];

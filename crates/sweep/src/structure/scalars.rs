@@ -13,7 +13,7 @@ const HELD: usize = 2;
 
 /// A number of a network: its name, and what it is.
 #[derive(Debug, Clone, Copy)]
-pub struct Scalar {
+pub(crate) struct Scalar {
     /// Its name in tables and in JSON.
     pub name: &'static str,
     /// What it is.
@@ -25,11 +25,11 @@ const fn scalar(name: &'static str, meaning: &'static str) -> Scalar {
 }
 
 /// How many numbers there are.
-pub const SCALARS: usize = 14;
+pub(crate) const SCALARS: usize = 14;
 
 /// All of them, in the order in which [`scalars`] has them.
 #[rustfmt::skip]
-pub static NAMED: [Scalar; SCALARS] = [
+pub(crate) static NAMED: [Scalar; SCALARS] = [
     scalar("coordination", "loaded contacts of a sphere"),
     scalar("coordination_without_rattlers", "loaded contacts of a sphere that is no rattler with others that are none"),
     scalar("rattlers", "share of spheres with fewer than two contacts, those taken away one after the other"),
@@ -53,7 +53,7 @@ pub(crate) fn meaning_of(name: &str) -> &'static str {
 }
 
 /// The numbers of a network that a run may sample: those that cost little.
-pub fn observe<S: Space>(network: &Network<S>) -> NetworkSample {
+pub(crate) fn observe<S: Space>(network: &Network<S>) -> NetworkSample {
     let n = network.spheres().max(1) as f64;
     let frictional = clusters(network, network.frictional());
     let [along_x, along_y, _] = frictional.percolates.map(|is| f64::from(u8::from(is)));
@@ -69,7 +69,7 @@ pub fn observe<S: Space>(network: &Network<S>) -> NetworkSample {
 }
 
 /// The numbers of a network, in the order of [`NAMED`]; NaN where one has no meaning.
-pub fn scalars<S: Space>(network: &Network<S>) -> [f64; SCALARS] {
+pub(crate) fn scalars<S: Space>(network: &Network<S>) -> [f64; SCALARS] {
     let n = network.spheres().max(1) as f64;
     let links = network.links.len() as f64;
     let is_held = core(network, network.links.iter(), HELD);

@@ -4,6 +4,7 @@
 mod chromium;
 mod keyboard;
 mod live;
+mod maps;
 mod views;
 
 use crate::harness::{Computed, sweep};

@@ -1,13 +1,14 @@
 //! The model of Wyart and Cates fitted to a campaign.
 
-use crate::harness::{Computed, json, refused, sweep};
+use crate::harness::{Computed, campaign, json, refused, sweep};
+use std::sync::LazyLock;
 
-const CAMPAIGN: &str = r#"name = "fit"
-[protocol]
-time_step = 0.02
-strain = 0.6
-discard = 0.2
-[[grid]]
+static COMPUTED: LazyLock<Computed> = LazyLock::new(|| {
+    Computed::new(
+        campaign(
+            "fit",
+            [0.6, 0.2],
+            r#"[[grid]]
 area_fraction = [0.45, 0.6, 0.68]
 friction = 1.0
 roughness = 0.01
@@ -15,9 +16,11 @@ shear_rate = [0.0, 0.1, 0.3, 1.0, inf]
 seeds = 3
 spheres = 24
 hydrodynamics = "ball-melrose"
-"#;
-
-static COMPUTED: Computed = Computed::new(CAMPAIGN, &[]);
+"#,
+        ),
+        &[],
+    )
+});
 
 #[test]
 fn parameters_have_intervals_and_residuals_are_those_of_the_points() {
@@ -84,12 +87,10 @@ fn parameters_have_intervals_and_residuals_are_those_of_the_points() {
 #[test]
 fn suspensions_are_fitted_by_their_volume_fraction() {
     let computed = Computed::new(
-        r#"name = "bulk"
-[protocol]
-time_step = 0.02
-strain = 0.3
-discard = 0.1
-[[grid]]
+        campaign(
+            "bulk",
+            [0.3, 0.1],
+            r#"[[grid]]
 volume_fraction = [0.35, 0.45, 0.5]
 friction = 1.0
 roughness = 0.01
@@ -99,6 +100,7 @@ spheres = 64
 hydrodynamics = "lubrication"
 tangential = "coulomb"
 "#,
+        ),
         &[],
     );
     let folder = computed.folder();
@@ -131,12 +133,10 @@ fn what_cannot_be_fitted_is_named() {
     assert!(error.contains("needs at least 6 points"), "{error}");
     assert!(error.contains("here are 5 points at 1 and 5"), "{error}");
     let several = Computed::new(
-        r#"name = "several"
-[protocol]
-time_step = 0.02
-strain = 0.1
-discard = 0.0
-[[grid]]
+        campaign(
+            "several",
+            [0.1, 0.0],
+            r#"[[grid]]
 area_fraction = [0.3, 0.4]
 friction = [0.5, 1.0]
 roughness = 0.01
@@ -145,6 +145,7 @@ seeds = 1
 spheres = 20
 hydrodynamics = "ball-melrose"
 "#,
+        ),
         &[],
     );
     let error = refused(several.folder().path(), &["fit", "s.sqlite"]);

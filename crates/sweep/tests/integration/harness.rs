@@ -118,6 +118,12 @@ pub(crate) fn folder(name: &str, campaign: &str) -> tempfile::TempDir {
     folder
 }
 
+/// A campaign of this name whose runs shear by so much strain, and discard some of it; with its grids.
+pub(crate) fn campaign(name: &str, [strain, discard]: [f64; 2], grids: &str) -> &'static str {
+    let protocol = format!("time_step = 0.02\nstrain = {strain}\ndiscard = {discard:?}");
+    format!("name = \"{name}\"\n[protocol]\n{protocol}\n{grids}").leak()
+}
+
 /// A campaign that is computed once, for all tests that look at its store.
 pub(crate) struct Computed {
     campaign: &'static str,

@@ -10,7 +10,7 @@ use crate::contact::{Pass, Quality, Status};
 use crate::error::Error;
 use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
 use crate::run::balance::{Balance, Next};
-use crate::run::start::Started;
+use crate::run::started::Started;
 use crate::run::steppers::Stage;
 use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;

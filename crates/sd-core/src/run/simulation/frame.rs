@@ -4,7 +4,7 @@ use super::{Sample, Simulation};
 use crate::contact::ContactState;
 use crate::contact::laws::Phase;
 use crate::error::Error;
-use crate::run::start::Started;
+use crate::run::started::Started;
 use crate::run::steppers::Stage;
 use crate::space::{ImposedFlow as _, Layer, Space};
 

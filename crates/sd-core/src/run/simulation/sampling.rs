@@ -7,7 +7,7 @@
 use super::step::is_inexact;
 use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
-use crate::run::start::Started;
+use crate::run::started::Started;
 use crate::run::steppers::Stage;
 use crate::stress::{ContactCounts, Stress};
 

@@ -5,7 +5,7 @@ use super::{SchemeMemory, Simulation};
 use crate::contact::laws::Span;
 use crate::contact::{Pass, Quality};
 use crate::error::Error;
-use crate::run::start::Started;
+use crate::run::started::Started;
 use crate::run::steppers::{Bearing, Stage};
 use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;

@@ -5,7 +5,7 @@ use super::{Sample, SchemeMemory, Simulation};
 use crate::contact::laws::Phase;
 use crate::contact::{ContactState, Quality, Status};
 use crate::error::Error;
-use crate::run::start::Started;
+use crate::run::started::Started;
 use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
 use crate::space::pair::Neighbours;
 use crate::space::{ImposedFlow as _, Space};

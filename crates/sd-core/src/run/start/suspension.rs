@@ -46,7 +46,7 @@ pub struct Suspension {
 
 impl Mixture {
     /// What a run with these parameters is made of.
-    pub(super) fn of(params: &Params) -> Self {
+    pub(in crate::run) fn of(params: &Params) -> Self {
         Self {
             spheres: params.spheres,
             volume_fraction: params.volume_fraction.unwrap_or(0.0),
@@ -57,7 +57,7 @@ impl Mixture {
     }
 
     /// Radii and cell side: what is known without packing.
-    pub(super) fn radii_and_side(&self) -> Result<(Vec<f64>, f64), Error> {
+    pub(in crate::run) fn radii_and_side(&self) -> Result<(Vec<f64>, f64), Error> {
         let large = if self.size_ratio == 1.0 {
             0
         } else {

@@ -1,6 +1,6 @@
 //! Vectors as they are written: two components in a layer, three in a suspension.
 
-use sd_core::compiled::Compiled;
+use sd_core::Started;
 use sd_core::{Bulk, Layer, Space, bulk, modes};
 use serde::de::{DeserializeOwned, Error, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -93,7 +93,7 @@ impl Amount {
 }
 
 /// A space whose configurations can be written.
-pub trait Written: Compiled {
+pub trait Written: Started {
     /// A vector.
     type Components: DeserializeOwned + fmt::Debug;
     /// An angular velocity or a torque.

@@ -16,7 +16,7 @@ const SHARE: u32 = 50;
 
 /// Publishes the store of a task now and then.
 #[derive(Debug)]
-pub struct Publisher {
+pub(crate) struct Publisher {
     /// The store the task works in.
     work: PathBuf,
     /// The shard all can read.
@@ -29,7 +29,7 @@ pub struct Publisher {
 
 impl Publisher {
     /// Of the store `work`, as the shard `target`.
-    pub fn new(work: PathBuf, target: PathBuf, every: Duration) -> Self {
+    pub(crate) fn new(work: PathBuf, target: PathBuf, every: Duration) -> Self {
         Self {
             work,
             target,
@@ -39,12 +39,12 @@ impl Publisher {
     }
 
     /// The shard.
-    pub fn target(&self) -> &Path {
+    pub(crate) fn target(&self) -> &Path {
         &self.target
     }
 
     /// Whether it is time for the next copy.
-    pub fn is_due(&self) -> bool {
+    pub(crate) fn is_due(&self) -> bool {
         let (ended, took) = *lock(&self.last);
         ended.elapsed() >= self.every.max(took * SHARE)
     }
@@ -53,7 +53,7 @@ impl Publisher {
     ///
     /// # Errors
     /// [`ShardError::Publish`]. What was published before stays, and so does the store of the task.
-    pub fn publish(&self) -> Result<(), ShardError> {
+    pub(crate) fn publish(&self) -> Result<(), ShardError> {
         let begun = Instant::now();
         let mut last = lock(&self.last);
         let result = self.copy();
@@ -75,7 +75,7 @@ impl Publisher {
     }
 
     /// Takes the store of the task away, which is published whole.
-    pub fn clean_up(&self) {
+    pub(crate) fn clean_up(&self) {
         for suffix in ["", "-wal", "-shm"] {
             let _ = std::fs::remove_file(with_suffix(&self.work, suffix));
         }

@@ -17,7 +17,7 @@ const SIZE_LIMIT: u64 = 1 << 30;
 
 /// The cases of every task, in the order of work.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Slices {
+pub(crate) struct Slices {
     /// Keys of cases by task.
     pub tasks: Vec<Vec<String>>,
 }
@@ -25,7 +25,7 @@ pub struct Slices {
 impl Slices {
     /// Cuts open cases into slices of equal estimated cost: the dearest first, each to the task that has least so far.
     /// The same cases give the same slices.
-    pub fn cut(open: &[OpenCase], tasks: usize) -> Self {
+    pub(crate) fn cut(open: &[OpenCase], tasks: usize) -> Self {
         let mut order: Vec<usize> = (0..open.len()).collect();
         order.sort_by(|a, b| open[*b].cost.total_cmp(&open[*a].cost).then(a.cmp(b)));
         let mut slices: Vec<Vec<usize>> = vec![Vec::new(); tasks];
@@ -58,7 +58,7 @@ impl Slices {
     }
 
     /// Hash of the slices and of the campaign they were cut from: names the plan.
-    pub fn plan(&self, campaign: &str) -> String {
+    pub(crate) fn plan(&self, campaign: &str) -> String {
         let mut hasher = blake3::Hasher::new();
         hasher.update(campaign.as_bytes());
         hasher.update(self.lines().as_bytes());
@@ -74,7 +74,7 @@ impl Slices {
     }
 
     /// As a file.
-    pub fn text(&self, plan: &str) -> String {
+    pub(crate) fn text(&self, plan: &str) -> String {
         let mut text = format!("{HEADER} {plan} {}\n", self.tasks.len());
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{}{END}", self.lines());
@@ -85,7 +85,7 @@ impl Slices {
     ///
     /// # Errors
     /// A file that is not there, not whole, or of another number of tasks.
-    pub fn read(
+    pub(crate) fn read(
         path: &Path,
         task: usize,
         tasks: usize,

@@ -1,7 +1,7 @@
 //! Suspensions that cannot be started, told without making one.
 
+use sd_core::Started as _;
 use sd_core::model::Refusal;
-use sd_core::start::Started as _;
 use sd_core::{Bulk, Error, Params};
 
 /// Volume fraction of the densest lattice, π/√18.

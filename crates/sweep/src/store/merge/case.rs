@@ -158,7 +158,7 @@ impl Merging<'_> {
             // Met before, and kept as the later attempt.
             return Ok(());
         }
-        let is_later = self.attempt(other)? > self.attempt(process)?;
+        let is_later = self.is_later(other, process)?;
         let (kept, other) = if is_later {
             (other, process)
         } else {
@@ -230,27 +230,13 @@ impl Merging<'_> {
         self.take_frames(ours, theirs)
     }
 
-    /// Puts processes in the order of their attempts: those of the store itself come last, and so win.
-    fn attempt(&self, process: i64) -> rusqlite::Result<(i64, i64, i64, String, i64)> {
-        self.connection.one(
-            "SELECT job, restart, started_at, host, pid FROM processes WHERE id = ?1",
-            [process],
-            |row| {
-                let job: Option<String> = row.get(0)?;
-                let restart: Option<i64> = row.get(1)?;
-                let number = |job: String| {
-                    let digits = job.split(|c: char| !c.is_ascii_digit()).next();
-                    digits.and_then(|digits| digits.parse().ok()).unwrap_or(0)
-                };
-                Ok((
-                    job.map_or(i64::MAX, number),
-                    restart.unwrap_or(0),
-                    row.get(2)?,
-                    row.get(3)?,
-                    row.get(4)?,
-                ))
-            },
-        )
+    /// Whether the attempt of a process is later than that of another one. Those of the store itself come last, and so win.
+    fn is_later(&self, one: i64, other: i64) -> rusqlite::Result<bool> {
+        // A job is named by its number, and what may follow that.
+        let attempt = "SELECT coalesce(CAST(job AS INTEGER), 0x7fffffffffffffff), coalesce(restart, 0), started_at, host, pid
+             FROM processes WHERE id";
+        let later = format!("SELECT ({attempt} = ?1) > ({attempt} = ?2)");
+        self.connection.one(&later, [one, other], |row| row.get(0))
     }
 
     /// Takes over failures the store does not have.

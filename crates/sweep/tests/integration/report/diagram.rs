@@ -1,15 +1,16 @@
 //! State diagrams.
 
 use super::words;
-use crate::harness::{Computed, edit, refused, sweep};
+use crate::harness::{Computed, campaign, edit, refused, sweep};
 use std::path::Path;
+use std::sync::LazyLock;
 
-const CAMPAIGN: &str = r#"name = "diagram"
-[protocol]
-time_step = 0.02
-strain = 0.2
-discard = 0.1
-[[grid]]
+static COMPUTED: LazyLock<Computed> = LazyLock::new(|| {
+    Computed::new(
+        campaign(
+            "diagram",
+            [0.2, 0.1],
+            r#"[[grid]]
 area_fraction = [0.5, 0.65, 0.7]
 friction = [0.3, 0.6]
 roughness = 0.01
@@ -17,9 +18,11 @@ shear_rate = [0.1, 1.0, 10.0]
 seeds = 1
 spheres = 20
 hydrodynamics = "ball-melrose"
-"#;
-
-static COMPUTED: Computed = Computed::new(CAMPAIGN, &[]);
+"#,
+        ),
+        &[],
+    )
+});
 
 const DIAGRAM: [&str; 6] = [
     "report",

@@ -1,58 +1,78 @@
 //! Handing what a campaign lacks to a scheduler, as one array of tasks.
 
-use super::folder::{Draft, write_plan};
-use super::{Arguments, run_arguments};
-use crate::api::Error;
-use crate::api::plan::memory_bytes;
+mod folder;
+
+use super::Error;
+use super::plan::memory_bytes;
 use crate::campaign::Campaign;
-use crate::cli::Output;
 use crate::cluster::{Job, Scheduler, SchedulerError, shard, shard::Slices};
 use crate::store::{OpenCase, Store, Submission};
+use folder::{Draft, write_plan};
 use std::collections::HashSet;
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 /// Seconds of a task aimed at where no time limit is given.
 const USUAL_TIME_S: f64 = 3600.0;
 
-/// What was submitted, or would be.
-pub(super) struct Submitted {
-    /// Its name for the scheduler, unless nothing was submitted.
-    pub(super) name: Option<String>,
-    pub(super) cases: usize,
-    /// Hash of the slices.
-    pub(super) plan: String,
-    pub(super) job: Job,
-    pub(super) script: String,
-    /// Estimated seconds of CPU of all of it.
-    pub(super) cpu_s: f64,
-    /// Memory of a task, in bytes.
-    pub(super) memory_bytes: f64,
+/// How the open cases of a campaign are submitted.
+pub(crate) struct Wanted {
+    pub(crate) scheduler: Scheduler,
+    /// Number of tasks; without one, so many that each needs about half of its time.
+    pub(crate) tasks: Option<usize>,
+    /// Cases that each task computes at a time.
+    pub(crate) workers: usize,
+    /// Tasks at work at a time, at most.
+    pub(crate) throttle: Option<usize>,
+    /// Further arguments of `sweep run`.
+    pub(crate) run_arguments: Vec<String>,
+    /// Whether failed cases are computed again.
+    pub(crate) retry_failed: bool,
+    /// Whether another build of the program may have computed what is stored.
+    pub(crate) mixed: bool,
+    /// Whether cases of tasks that may still be at work are submitted too.
+    pub(crate) again: bool,
 }
 
-/// Merges the shards there are and submits the open cases of a campaign; `None` if there are none.
-pub(super) fn submit(
-    arguments: &Arguments,
-    scheduler: &Scheduler,
+/// What was submitted, or would be.
+pub(crate) struct Submitted {
+    /// The command that hands the script over: a program and its arguments.
+    pub(crate) command: Vec<String>,
+    /// Its name for the scheduler, unless nothing was submitted.
+    pub(crate) name: Option<String>,
+    pub(crate) cases: usize,
+    /// Hash of the slices.
+    pub(crate) plan: String,
+    pub(crate) job: Job,
+    pub(crate) script: String,
+    /// Estimated seconds of CPU of all of it.
+    pub(crate) cpu_s: f64,
+    /// Memory of a task, in bytes.
+    pub(crate) memory_bytes: f64,
+}
+
+/// Merges the shards there are and submits the open cases of a campaign; `None` if there are none. A dry run writes
+/// nothing. What the user should know is given to `note`.
+pub(crate) fn submit(
+    wanted: Wanted,
     campaign: &Campaign,
     path: &Path,
-    output: &Output<'_>,
+    dry_run: bool,
+    note: &dyn Fn(&str),
 ) -> Result<Option<Submitted>, Error> {
+    let scheduler = &wanted.scheduler;
     let limit = match scheduler.task_limit() {
-        Err(SchedulerError::Missing { .. }) if arguments.dry_run => {
-            crate::cluster::slurm::USUAL_ARRAY
-        }
+        Err(SchedulerError::Missing { .. }) if dry_run => crate::cluster::slurm::USUAL_ARRAY,
         limit => limit?,
     };
     let folder = shard::folder_of(path);
-    let draft = Draft::new(arguments.dry_run, path)?;
+    let draft = Draft::new(dry_run, path)?;
     let mut store = draft.open(campaign)?;
-    gather(arguments, &mut store, &folder, output)?;
-    let open = open(arguments, &store, output)?;
+    gather(&wanted, &mut store, &folder, note)?;
+    let open = open(wanted.again, &store, note)?;
     if open.is_empty() {
         return Ok(None);
     }
-    let tasks = tasks(arguments, &open, limit)?;
+    let tasks = tasks(&wanted, &open, limit)?;
     let slices = Slices::cut(&open, tasks);
     let text = campaign.text_elsewhere();
     let plan = slices.plan(&text);
@@ -62,12 +82,12 @@ pub(super) fn submit(
         plan_folder: shard::plan_folder(&folder, &plan),
         folder,
         tasks,
-        workers: arguments.workers_per_task.get(),
-        throttle: arguments.throttle.map(NonZeroUsize::get),
-        run_arguments: run_arguments(arguments)?,
+        workers: wanted.workers,
+        throttle: wanted.throttle,
+        run_arguments: wanted.run_arguments,
     };
     let script = scheduler.script(&job)?;
-    let name = if arguments.dry_run {
+    let name = if dry_run {
         None
     } else {
         let tasks_read = [
@@ -79,6 +99,7 @@ pub(super) fn submit(
     };
     Ok(Some(Submitted {
         name,
+        command: scheduler.command(&job),
         cases: open.len(),
         plan,
         script,
@@ -89,9 +110,9 @@ pub(super) fn submit(
 }
 
 /// Number of tasks: as many as asked for, if so many may be and have anything to do.
-fn tasks(arguments: &Arguments, open: &[OpenCase], limit: usize) -> Result<usize, SchedulerError> {
-    let asked = arguments.tasks.map(NonZeroUsize::get);
-    let asked = asked.unwrap_or_else(|| usual_tasks(arguments, open, limit));
+fn tasks(wanted: &Wanted, open: &[OpenCase], limit: usize) -> Result<usize, SchedulerError> {
+    let usual = || usual_tasks(wanted, open, limit);
+    let asked = wanted.tasks.unwrap_or_else(usual);
     if asked > limit {
         return Err(SchedulerError::TooManyTasks { asked, limit });
     }
@@ -136,25 +157,25 @@ fn hand_over(
 
 /// Brings the store up to date: shards there are, failed cases to be tried again; refuses to mix builds.
 fn gather(
-    arguments: &Arguments,
+    wanted: &Wanted,
     store: &mut Store,
     folder: &Path,
-    output: &Output<'_>,
+    note: &dyn Fn(&str),
 ) -> Result<(), Error> {
     let shards: Vec<PathBuf> = shard::published(folder)
         .into_iter()
         .map(|shard| shard.path)
         .collect();
-    let merged = store.merge(&shards, arguments.allow_mixed_versions)?;
+    let merged = store.merge(&shards, wanted.mixed)?;
     for damaged in &merged.damaged {
-        output.note(&format!(
+        note(&format!(
             "not merged: {}: {}",
             damaged.path.display(),
             damaged.reason
         ));
     }
     let (build, known) = (crate::system::process::build(), store.known_builds()?);
-    if !arguments.allow_mixed_versions && !known.is_empty() && !known.contains(&build) {
+    if !wanted.mixed && !known.is_empty() && !known.contains(&build) {
         return Err(Error::Argument {
             argument: "--allow-mixed-versions",
             message: format!(
@@ -164,21 +185,21 @@ fn gather(
             ),
         });
     }
-    if arguments.retry_failed {
+    if wanted.retry_failed {
         store.retry_failed()?;
     }
     Ok(())
 }
 
 /// Open cases that no task has.
-fn open(arguments: &Arguments, store: &Store, output: &Output<'_>) -> Result<Vec<OpenCase>, Error> {
+fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>, Error> {
     let mut taken: HashSet<String> = HashSet::new();
     for submission in store.submissions()? {
-        if arguments.again {
+        if again {
             break;
         }
         let Some(job) = &submission.job else {
-            output.note(
+            note(
                 "a submission before was cut short before its job number was known: look with `squeue --me` whether it \
                  runs. What it computes is merged in any case",
             );
@@ -216,11 +237,13 @@ fn open(arguments: &Arguments, store: &Store, output: &Output<'_>) -> Result<Vec
 }
 
 /// So many tasks that each needs about half of its time by the estimate, which is no promise.
-fn usual_tasks(arguments: &Arguments, open: &[OpenCase], limit: usize) -> usize {
-    let time = arguments.time.as_ref();
+fn usual_tasks(wanted: &Wanted, open: &[OpenCase], limit: usize) -> usize {
+    let time = match &wanted.scheduler {
+        Scheduler::Slurm(slurm) => slurm.time.as_ref(),
+        Scheduler::Local => None,
+    };
     let time = time.map_or(USUAL_TIME_S, |limit| limit.time.as_secs_f64());
     let cost: f64 = open.iter().map(|case| case.cost).sum();
-    let workers = arguments.workers_per_task.get();
-    let tasks = crate::format::count((cost / (workers as f64 * time / 2.0)).ceil());
-    tasks.clamp(1, limit.min(open.len().div_ceil(workers)).max(1))
+    let tasks = crate::format::count((cost / (wanted.workers as f64 * time / 2.0)).ceil());
+    tasks.clamp(1, limit.min(open.len().div_ceil(wanted.workers)).max(1))
 }

@@ -1,4 +1,4 @@
-//! What `sweep submit` reads and writes: the store, or a copy of it, and the folder of the plan.
+//! What a submission reads and writes: the store, or a copy of it, and the folder of the plan.
 
 use crate::api::Error;
 use crate::campaign::Campaign;

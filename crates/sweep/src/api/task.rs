@@ -1,0 +1,234 @@
+//! One task of a campaign, in a store of its own that is published as a shard.
+
+use super::Error;
+use crate::campaign::{Campaign, Order};
+use crate::cluster::shard::{self, Publisher, ShardError, Slices};
+use crate::cluster::{Requeue, Scheduler};
+use crate::runner::{Progress, RunObserver};
+use crate::store::{MergeMode, OpenCase, Store, StoreError, TaskName};
+use crate::system::process::Identity;
+use rustix::process::Signal;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// A task of several.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Part {
+    pub(crate) task: usize,
+    pub(crate) tasks: usize,
+}
+
+/// Where a task works.
+pub(crate) struct TaskOptions {
+    /// The folder that shards are published in.
+    pub(crate) folder: PathBuf,
+    /// A folder on a disk of this machine.
+    pub(crate) scratch: PathBuf,
+    /// Time between publications.
+    pub(crate) publish_every: Duration,
+    /// Whether it goes on from what another build of the program computed.
+    pub(crate) mixed: bool,
+    /// Whether failed cases are computed again.
+    pub(crate) retry_failed: bool,
+}
+
+/// A task at work.
+pub(crate) struct Task {
+    pub(crate) publisher: Publisher,
+    /// What started it, unless somebody did by hand, and its name there.
+    started_by: Option<(Scheduler, TaskName)>,
+    /// Marks that it was cancelled.
+    cancelled: PathBuf,
+}
+
+impl RunObserver for Task {
+    fn look(&self, progress: &Progress) {
+        if self.publisher.is_due()
+            && let Err(error) = self.publisher.publish()
+        {
+            // Computing goes on: there may be room again at the next attempt.
+            progress.note(&format!("{error}; tried again in a while"));
+        }
+    }
+
+    fn before_abort(&self, signal: i32, progress: &Progress) {
+        match self.publisher.publish() {
+            Ok(()) => progress.note(&self.again(signal)),
+            Err(error) => progress.note(&error.to_string()),
+        }
+    }
+}
+
+impl Task {
+    /// Has the task started again, after a signal with work left. Says what becomes of it.
+    pub(crate) fn again(&self, signal: i32) -> String {
+        let Some((scheduler, name)) = &self.started_by else {
+            return "work is left: give the same command again to go on".to_owned();
+        };
+        let again = if self.cancelled.exists() || signal == Signal::INT.as_raw() {
+            Requeue::Cancelled
+        } else {
+            scheduler.start_again(name, signal == Signal::USR1.as_raw())
+        };
+        match again {
+            Requeue::Yes => format!("work is left: {} starts the task again", scheduler.name()),
+            Requeue::Cancelled => "cancelled: `sweep submit` goes on from here".to_owned(),
+            Requeue::No(why) => format!(
+                "work is left, and the task could not be started again ({why}): `sweep submit` goes on from here"
+            ),
+        }
+    }
+
+    /// Makes the store of a task, with all that is known of its slice, and publishes it for the first time.
+    pub(crate) fn begin(
+        options: &TaskOptions,
+        task: usize,
+        plan: &str,
+        campaign: &Campaign,
+        note: &dyn Fn(&str),
+    ) -> Result<(Store, Self), Error> {
+        let folder = &options.folder;
+        for folder in [folder, &options.scratch] {
+            std::fs::create_dir_all(folder).map_err(|source| ShardError::Folder {
+                path: folder.clone(),
+                source,
+            })?;
+        }
+        let started_by = Scheduler::of_this_task(task);
+        let name = started_by
+            .as_ref()
+            .map_or_else(|| by_hand(task), |(_, name)| name.clone());
+        let file = shard::name(plan, &name);
+        let work = options.scratch.join(&file);
+        if work.exists() {
+            for finding in Store::open(&work)?.forget_damaged()? {
+                note(&format!("damaged, and computed again: {}", finding.what));
+            }
+        }
+        let (mut store, _) = Store::enter(&work, campaign, Order::default())?;
+        let before = Before::of(folder, plan, &name);
+        if go_on_from(&mut store, &before.others, options.mixed, note)? > 0 {
+            // What failed in another job is in this slice because it is to be computed again.
+            store.retry_failed()?;
+        }
+        go_on_from(&mut store, &before.own, options.mixed, note)?;
+        if options.retry_failed {
+            store.retry_failed()?;
+        }
+        let task = Self {
+            publisher: Publisher::new(work, folder.join(file), options.publish_every),
+            cancelled: shard::cancel_mark(folder, plan, &name.job),
+            started_by,
+        };
+        store.work_for(name);
+        // Whoever cannot publish should know before hours are computed, not after.
+        task.publisher.publish()?;
+        Ok((store, task))
+    }
+}
+
+/// The name of a task that no scheduler started.
+fn by_hand(task: usize) -> TaskName {
+    TaskName {
+        job: "by-hand".into(),
+        task,
+        restart: 0,
+        node: Identity::of_this_process().host,
+    }
+}
+
+/// Leaves only the cases of the slice of a task in a campaign, as a file of slices has it or else cut here. Gives the name of the plan.
+pub(crate) fn restrict(
+    slices: Option<&Path>,
+    part: Part,
+    campaign: &mut Campaign,
+) -> Result<String, ShardError> {
+    let (plan, keys) = if let Some(path) = slices {
+        Slices::read(path, part.task, part.tasks)?
+    } else {
+        let all: Vec<OpenCase> = campaign
+            .certain()
+            .map(|(key, case)| OpenCase {
+                key: key.to_string(),
+                cost: case.cost(),
+                begun: false,
+            })
+            .collect();
+        let mut slices = Slices::cut(&all, part.tasks);
+        (
+            slices.plan(&campaign.text),
+            slices.tasks.swap_remove(part.task),
+        )
+    };
+    let keys: HashSet<String> = keys.into_iter().collect();
+    // A task computes what it was given; which seeds count is decided where all results meet.
+    campaign.rules.clear();
+    campaign
+        .cases
+        .retain(|(key, _)| keys.contains(&key.to_string()));
+    if campaign.cases.len() < keys.len() {
+        return Err(ShardError::Slices {
+            path: slices.map(Path::to_owned).unwrap_or_default(),
+            reason: format!(
+                "{} of its cases are not in {}: these are slices of another campaign file",
+                keys.len() - campaign.cases.len(),
+                campaign.file.display()
+            ),
+        });
+    }
+    Ok(plan)
+}
+
+/// Where the slice may have been begun.
+struct Before {
+    /// What was known when it was planned, and what other jobs with the same slices published.
+    others: Vec<PathBuf>,
+    /// What the task published itself before it was started again.
+    own: Vec<PathBuf>,
+}
+
+impl Before {
+    fn of(folder: &Path, plan: &str, name: &TaskName) -> Self {
+        let (own, published): (Vec<_>, Vec<_>) = shard::published(folder)
+            .into_iter()
+            .filter(|shard| shard.plan == plan && shard.task.task == name.task)
+            .partition(|shard| shard.task.job == shard::sanitize(&name.job));
+        let begun = shard::plan_folder(folder, plan).join(shard::BEGUN);
+        Self {
+            others: begun
+                .exists()
+                .then_some(begun)
+                .into_iter()
+                .chain(published.into_iter().map(|shard| shard.path))
+                .collect(),
+            own: own.into_iter().map(|shard| shard.path).collect(),
+        }
+    }
+}
+
+/// Takes over what shards hold of the slice; gives the number of failures among it. A shard that cannot be used is no reason
+/// to stop: the slice is computed anew.
+fn go_on_from(
+    store: &mut Store,
+    sources: &[PathBuf],
+    mixed: bool,
+    note: &dyn Fn(&str),
+) -> Result<u64, Error> {
+    let mut failures = 0;
+    for source in sources {
+        match store.merge_as(MergeMode::Task, std::slice::from_ref(source), mixed) {
+            Ok(merged) => {
+                failures += merged.failures;
+                for damaged in merged.damaged {
+                    note(&damaged.to_string());
+                }
+            }
+            Err(error @ (StoreError::OtherBuild { .. } | StoreError::OtherCampaign { .. })) => {
+                note(&format!("{error}: not used"));
+            }
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(failures)
+}

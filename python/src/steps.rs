@@ -1,0 +1,198 @@
+//! A run of one space or the other, as the classes of runs use it.
+
+use crate::arrays::Records;
+use crate::instant::Arrays;
+use sd_core::simulation::{Flow, Frame};
+use sd_core::{Bulk, Error, NearFields, Params, Sample, Simulation, Snapshot, Started};
+use sweep::spaces::{AnySnapshot, InSpace};
+
+/// A run in either space.
+pub(crate) trait Steps: Send {
+    /// Does a step.
+    fn step(&mut self) -> Result<Sample, Error>;
+
+    /// What the next step measures.
+    fn sample(&mut self, params: &Params, tables: &NearFields) -> Result<Sample, Error>;
+
+    /// The pairs in contact, as records of [`Steps::fields`].
+    fn contacts(&mut self, params: &Params, tables: &NearFields) -> Result<Records, Error>;
+
+    /// Stresslets, one after the other.
+    fn stresslets(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<f64>, Error>;
+
+    fn place(&self) -> Place;
+    fn side(&self) -> f64;
+    fn radii(&self) -> &[f64];
+    fn flow(&self) -> Flow;
+    fn snapshot(&self) -> AnySnapshot;
+
+    /// Numbers of a centre, an orientation, a stresslet and a tangential force.
+    fn widths(&self) -> [usize; 4];
+}
+
+/// A space in which runs are stepped.
+pub(crate) trait Stepped: Started + Arrays {
+    /// The numbers of an orientation.
+    fn angles(orientation: &Self::Orientation) -> &[f64];
+
+    /// A snapshot of either space.
+    fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot;
+
+    /// The snapshot, if it is of this space.
+    fn unwrapped(snapshot: AnySnapshot) -> Result<Snapshot<Self>, &'static str>;
+}
+
+impl Stepped for sd_core::Layer {
+    fn angles(orientation: &f64) -> &[f64] {
+        std::slice::from_ref(orientation)
+    }
+
+    fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot {
+        InSpace::Layer(snapshot)
+    }
+
+    fn unwrapped(snapshot: AnySnapshot) -> Result<Snapshot<Self>, &'static str> {
+        match snapshot {
+            InSpace::Layer(snapshot) => Ok(snapshot),
+            InSpace::Suspension(_) => Err("snapshot: of a suspension, and this is a layer"),
+        }
+    }
+}
+
+impl Stepped for Bulk {
+    fn angles(orientation: &[f64; 4]) -> &[f64] {
+        orientation
+    }
+
+    fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot {
+        InSpace::Suspension(snapshot)
+    }
+
+    fn unwrapped(snapshot: AnySnapshot) -> Result<Snapshot<Self>, &'static str> {
+        match snapshot {
+            InSpace::Suspension(snapshot) => Ok(snapshot),
+            InSpace::Layer(_) => Err("snapshot: of a layer, and this is a suspension"),
+        }
+    }
+}
+
+/// A run of one space.
+pub(crate) struct RunIn<S: Stepped> {
+    run: Simulation<S>,
+    /// The next step, done on a copy by whoever wanted to know what it measures.
+    ahead: Option<Box<Ahead<S>>>,
+}
+
+/// A step done in advance.
+struct Ahead<S: Stepped> {
+    run: Simulation<S>,
+    sample: Sample,
+    frame: Frame<S>,
+}
+
+/// Where the spheres are after so many steps.
+pub(crate) struct Place {
+    pub(crate) steps: u64,
+    pub(crate) centres: Vec<f64>,
+    pub(crate) angles: Vec<f64>,
+}
+
+impl<S: Stepped> From<Simulation<S>> for RunIn<S> {
+    fn from(run: Simulation<S>) -> Self {
+        Self { run, ahead: None }
+    }
+}
+
+impl<S: Stepped> RunIn<S> {
+    /// What the next step measures.
+    fn look(&mut self, params: &Params, tables: &NearFields) -> Result<&Ahead<S>, Error> {
+        let ahead = if let Some(ahead) = self.ahead.take() {
+            ahead
+        } else {
+            // A run restored from a snapshot goes on with the same bits.
+            let mut run = Simulation::from_snapshot(params, self.run.snapshot(), tables)?;
+            let (sample, frame) = run.step_with_frame()?;
+            Box::new(Ahead { run, sample, frame })
+        };
+        Ok(self.ahead.insert(ahead))
+    }
+}
+
+impl<S: Stepped> Steps for RunIn<S>
+where
+    Simulation<S>: Send,
+    Frame<S>: Send,
+{
+    fn step(&mut self) -> Result<Sample, Error> {
+        match self.ahead.take() {
+            Some(ahead) => {
+                self.run = ahead.run;
+                Ok(ahead.sample)
+            }
+            None => self.run.step(),
+        }
+    }
+
+    fn sample(&mut self, params: &Params, tables: &NearFields) -> Result<Sample, Error> {
+        Ok(self.look(params, tables)?.sample)
+    }
+
+    fn contacts(&mut self, params: &Params, tables: &NearFields) -> Result<Records, Error> {
+        let mut records = Records::default();
+        for contact in &self.look(params, tables)?.frame.contacts {
+            records.sphere(contact.i);
+            records.sphere(contact.j);
+            let across = S::across(&contact.tangential_force);
+            let numbers = contact.normal.as_ref().iter().copied();
+            for number in numbers
+                .chain([contact.gap, contact.normal_force])
+                .chain(across)
+            {
+                records.number(number);
+            }
+            records.state(contact.state);
+        }
+        Ok(records)
+    }
+
+    fn stresslets(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<f64>, Error> {
+        let stresslets = self.look(params, tables)?.frame.stresslets.iter();
+        Ok(stresslets.flat_map(|s| s.as_ref().to_vec()).collect())
+    }
+
+    fn place(&self) -> Place {
+        let centres = self.run.centres().iter().map(S::point);
+        let angles = self.run.orientations().iter().flat_map(S::angles);
+        Place {
+            steps: self.run.steps(),
+            centres: centres.flat_map(|x| x.as_ref().to_vec()).collect(),
+            angles: angles.copied().collect(),
+        }
+    }
+
+    fn side(&self) -> f64 {
+        self.run.side()
+    }
+
+    fn radii(&self) -> &[f64] {
+        self.run.radii()
+    }
+
+    fn flow(&self) -> Flow {
+        self.run.flow()
+    }
+
+    fn snapshot(&self) -> AnySnapshot {
+        S::wrapped(self.run.snapshot())
+    }
+
+    fn widths(&self) -> [usize; 4] {
+        let across = S::across(&S::Tangent::default()).len();
+        [
+            S::DIMENSIONS,
+            S::angles(&S::UPRIGHT).len(),
+            S::STRAINS,
+            across,
+        ]
+    }
+}
