@@ -99,6 +99,9 @@ pub fn complete(
     let counts = store.counts()?;
     if counts.pending + counts.running > 0 {
         compute_campaign(store, campaign, options)?;
+    } else {
+        // One may have died after its last case.
+        store.release_dead()?;
     }
     store.check_campaign()?;
     store.make_sure_of_the_file()?;

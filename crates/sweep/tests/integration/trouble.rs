@@ -224,6 +224,25 @@ fn status_works_while_a_run_writes_and_without_write_access() {
 }
 
 #[test]
+fn a_process_that_died_after_its_last_case_is_forgotten_by_the_next_run() {
+    let directory = directory_with(&QUICK.replace("strain = 1.0", "strain = 0.1"));
+    let at = directory.path();
+    let says = |arguments: &[&str]| {
+        String::from_utf8_lossy(&run(at, arguments).stderr).contains("did not end in order")
+    };
+    assert!(!says(&["run", "small.toml", "--quiet"]));
+    rusqlite::Connection::open(at.join("results/small.sqlite"))
+        .and_then(|store| store.execute("UPDATE processes SET ended_at = NULL", []))
+        .unwrap();
+    assert!(says(&["status", "small.toml"]));
+    assert!(
+        says(&["run", "small.toml", "--quiet"]),
+        "it says so once more"
+    );
+    assert!(!says(&["status", "small.toml"]));
+}
+
+#[test]
 fn failed_run_leaves_a_state_that_solve_reads() {
     let directory = directory_with(PUBLISHED);
     let ran = run(
