@@ -6,6 +6,7 @@ mod contact_laws;
 mod hydrodynamics;
 mod parameters;
 mod published_units;
+mod sizes;
 mod start_layer;
 mod surface;
 
@@ -17,6 +18,7 @@ pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP};
 pub use hydrodynamics::{Hydrodynamics, LeadingOrder};
 pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
 pub use published_units::PublishedUnits;
+pub use sizes::{Distribution, Kind as KindOfSizes, Sizes};
 pub use start_layer::StartLayer;
 pub use surface::Surface;
 
@@ -78,6 +80,9 @@ pub struct Params {
     /// Number of large spheres over all spheres; without meaning at size ratio 1.
     #[serde(default = "half")]
     pub large_fraction: f64,
+    /// Sizes other than one or two; the size ratio and the share of large spheres are then without meaning.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sizes: Option<Sizes>,
     /// Hydrodynamics.
     pub hydrodynamics: Hydrodynamics,
     /// Contact scheme.
@@ -131,6 +136,7 @@ impl Params {
         shear_rate: f64::NAN,
         size_ratio: 1.0,
         large_fraction: 0.5,
+        sizes: None,
         hydrodynamics: Hydrodynamics::Lubrication(LeadingOrder::USUAL),
         contact: ContactScheme::Laws(ContactLaws::PAPER),
         time_step: f64::NAN,
@@ -148,6 +154,11 @@ impl Params {
     /// stress is imposed it is found at every stage, and this says nothing.
     pub fn critical_load(&self) -> f64 {
         6.0 * std::f64::consts::PI / self.shear_rate.abs()
+    }
+
+    /// Whether the spheres are of several sizes.
+    pub fn is_mixed(&self) -> bool {
+        self.size_ratio > 1.0 || self.sizes.is_some()
     }
 
     /// Roughness, friction and critical load.

@@ -8,6 +8,7 @@ mod grid;
 mod protocol;
 mod reader;
 mod seeds;
+mod sizes;
 mod start;
 
 pub use crate::model::campaign::{CASE_LIMIT, Campaign, PointRule};

@@ -1,4 +1,5 @@
 mod hostile;
+mod sizes;
 mod suspensions;
 
 use super::*;
