@@ -45,7 +45,7 @@ fn viscosity<S: Compiled + Started>(params: &Params, change: f64, tables: &NearF
         forces: vec![S::Vector::default(); start.centres.len()],
         torques: vec![S::Spin::default(); start.centres.len()],
         centres: start.centres,
-        cell: Cell::equal_sides(start.side, 0.2 * start.side).unwrap(),
+        cell: Cell::equal_sides(start.side, 0.0).unwrap(),
         hydrodynamics: params.hydrodynamics,
         background: S::Background::simple_shear(1.0),
     };
@@ -117,7 +117,7 @@ fn check_interrupted<S: Compiled + Started>(params: &Params) {
 #[test]
 fn interrupted_runs_of_many_sizes_go_on_to_the_bit() {
     check_interrupted::<Layer>(&layer(60, 0.7, "lognormal 0.2"));
-    check_interrupted::<Bulk>(&suspension(60, 0.4, "schulz 0.15"));
+    check_interrupted::<Bulk>(&suspension(140, 0.4, "schulz 0.15"));
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn a_seed_decides_where_spheres_are_and_not_how_large() {
     for params in [
         layer(60, 0.7, "uniform 0.3"),
         layer(1_200, 0.5, "lognormal 0.1"),
-        suspension(60, 0.4, "lognormal 0.2"),
+        suspension(190, 0.4, "lognormal 0.15"),
     ] {
         assert_eq!(sorted(&params, 1), sorted(&params, 2));
     }

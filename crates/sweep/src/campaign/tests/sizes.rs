@@ -33,7 +33,7 @@ fn sizes_are_a_distribution_or_species_or_a_list_of_them() {
             "[{ lognormal = 0.2 }, [{ radius = 1, volume = 0.2 }, { radius = 1.25, volume = 0.5 }, { radius = 2, volume = 0.3 }]]",
             vec![
                 "lognormal 0.2",
-                "1:0.4054054054054054 1.25:0.518918918918919 2:0.07567567567567567",
+                "1:0.4052684903748734 1.25:0.5187436676798379 2:0.07598784194528875",
             ],
         ),
     ] {
@@ -41,7 +41,7 @@ fn sizes_are_a_distribution_or_species_or_a_list_of_them() {
         assert_eq!(sizes(&campaign), expected);
     }
     let suspension = with("sizes = { lognormal = 0.2 }")
-        .replace("area_fraction = [0.693]", "volume_fraction = 0.4");
+        .replace("area_fraction = [0.693]", "volume_fraction = 0.1");
     assert_eq!(sizes(&parse_text(&suspension).unwrap()), ["lognormal 0.2"]);
 }
 
