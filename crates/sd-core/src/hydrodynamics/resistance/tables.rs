@@ -148,12 +148,32 @@ impl<T> BySizes<T> {
 pub(crate) enum NearTerms {
     /// Exact pairs without their far field, from tables of a few size ratios.
     Exact(BySizes<Arc<NearField>>),
-    /// The same of many sizes, from one table.
-    ExactRange(Arc<NearFieldRange>),
     /// Leading-order lubrication of a few sizes.
     LeadingOrder(BySizes<LeadingOrderPair>),
-    /// The same of many sizes, made anew for every pair.
-    LeadingOrderRange(LeadingOrder),
+    /// Either of many sizes.
+    Many(ManySizes),
+}
+
+/// Where the terms of many sizes come from.
+pub(crate) enum ManySizes {
+    /// One table of exact pairs.
+    Exact(Arc<NearFieldRange>),
+    /// Leading-order lubrication, made anew for every pair.
+    LeadingOrder(LeadingOrder),
+}
+
+impl ManySizes {
+    /// The term of a pair.
+    #[inline(never)]
+    fn term(&self, [a, b]: [f64; 2], gap: f64) -> PairTerm {
+        match self {
+            Self::Exact(range) => vectorised(
+                #[inline(always)]
+                || range.evaluate(a, b, gap),
+            ),
+            Self::LeadingOrder(numbers) => LeadingOrderPair::new([a, b], *numbers).evaluate(gap),
+        }
+    }
 }
 
 impl NearTerms {
@@ -168,10 +188,12 @@ impl NearTerms {
     ) -> Result<Self, Error> {
         let many = largest_of_many(radii);
         match (hydrodynamics.leading_order(), many) {
-            (None, Some(largest)) => return Ok(Self::ExactRange(tables.range(largest)?)),
+            (None, Some(largest)) => {
+                return Ok(Self::Many(ManySizes::Exact(tables.range(largest)?)));
+            }
             (Some(&numbers), Some(largest)) => {
                 check_size_ratio(largest)?;
-                return Ok(Self::LeadingOrderRange(numbers));
+                return Ok(Self::Many(ManySizes::LeadingOrder(numbers)));
             }
             (Some(&numbers), None) => {
                 let pairs = BySizes::new(radii, |radii| {
@@ -211,6 +233,13 @@ impl NearTerms {
         terms: &mut Vec<T>,
     ) {
         terms.clear();
+        if let Self::Many(many) = self {
+            terms.extend(pairs.map(|([i, j], gap)| {
+                let gap = gap.max(least);
+                finish(many.term([radii[i], radii[j]], gap), [i, j], gap)
+            }));
+            return;
+        }
         vectorised(
             #[inline(always)]
             || match self {
@@ -221,26 +250,13 @@ impl NearTerms {
                         terms.push(finish(term, [i, j], gap));
                     }
                 }
-                Self::ExactRange(range) => {
-                    for ([i, j], gap) in pairs {
-                        let gap = gap.max(least);
-                        let term = range.evaluate(radii[i], radii[j], gap);
-                        terms.push(finish(term, [i, j], gap));
-                    }
-                }
                 Self::LeadingOrder(leading) => {
                     for ([i, j], gap) in pairs {
                         let gap = gap.max(least);
                         terms.push(finish(leading.of(i, j).evaluate(gap), [i, j], gap));
                     }
                 }
-                Self::LeadingOrderRange(numbers) => {
-                    for ([i, j], gap) in pairs {
-                        let gap = gap.max(least);
-                        let pair = LeadingOrderPair::new([radii[i], radii[j]], *numbers);
-                        terms.push(finish(pair.evaluate(gap), [i, j], gap));
-                    }
-                }
+                Self::Many(_) => {}
             },
         );
     }
@@ -249,9 +265,9 @@ impl NearTerms {
     pub(super) fn slip_resistance(&self, [i, j]: [usize; 2], radii: &[f64], gap: f64) -> f64 {
         match self {
             Self::Exact(tables) => tables.of(i, j).slip_resistance(radii[i], radii[j], gap),
-            Self::ExactRange(range) => range.slip_resistance(radii[i], radii[j], gap),
             Self::LeadingOrder(leading) => leading.of(i, j).slip_resistance(gap),
-            Self::LeadingOrderRange(numbers) => {
+            Self::Many(ManySizes::Exact(range)) => range.slip_resistance(radii[i], radii[j], gap),
+            Self::Many(ManySizes::LeadingOrder(numbers)) => {
                 LeadingOrderPair::new([radii[i], radii[j]], *numbers).slip_resistance(gap)
             }
         }

@@ -67,6 +67,7 @@ impl FarPair {
 
     /// The term of spheres of about the size ratio of this table, of which the first has radius 1 and the second is no smaller, and w:
     /// that of spheres of this size ratio and with the same product of the radii.
+    #[inline(never)]
     pub(crate) fn evaluate_near(
         &self,
         radius_i: f64,

@@ -186,7 +186,7 @@ impl TwistRange {
     }
 
     /// The entries of spheres of two radii at a gap, in a; positive.
-    #[inline(always)]
+    #[inline(never)]
     pub(crate) fn evaluate(&self, radius_i: f64, radius_j: f64, gap: f64) -> [f64; 3] {
         let logarithm = (2.0 * gap / (radius_i + radius_j)).ln();
         if logarithm > LAST {
