@@ -7,6 +7,7 @@ mod hydrodynamics;
 mod parameters;
 mod published_units;
 mod segments;
+mod sizes;
 mod start_layer;
 mod surface;
 
@@ -19,6 +20,7 @@ pub use hydrodynamics::{Hydrodynamics, LeadingOrder};
 pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
 pub use published_units::PublishedUnits;
 pub use segments::{Imposed, Segment, phase};
+pub use sizes::{Distribution, Kind as KindOfSizes, Sizes};
 pub use start_layer::StartLayer;
 pub use surface::Surface;
 
@@ -80,6 +82,9 @@ pub struct Params {
     /// Number of large spheres over all spheres; without meaning at size ratio 1.
     #[serde(default = "half")]
     pub large_fraction: f64,
+    /// Sizes other than one or two; the size ratio and the share of large spheres are then without meaning.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sizes: Option<Sizes>,
     /// Hydrodynamics.
     pub hydrodynamics: Hydrodynamics,
     /// Contact scheme.
@@ -136,6 +141,7 @@ impl Params {
         shear_rate: f64::NAN,
         size_ratio: 1.0,
         large_fraction: 0.5,
+        sizes: None,
         hydrodynamics: Hydrodynamics::Lubrication(LeadingOrder::USUAL),
         contact: ContactScheme::Laws(ContactLaws::PAPER),
         time_step: f64::NAN,
@@ -154,6 +160,11 @@ impl Params {
     /// stress is imposed it is found at every stage, and this says nothing.
     pub fn critical_load(&self) -> f64 {
         6.0 * std::f64::consts::PI / self.shear_rate.abs()
+    }
+
+    /// Whether the spheres are of several sizes.
+    pub fn is_mixed(&self) -> bool {
+        self.size_ratio > 1.0 || self.sizes.is_some()
     }
 
     /// Roughness, friction and critical load.

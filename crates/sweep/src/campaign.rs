@@ -9,6 +9,7 @@ mod protocol;
 mod reader;
 mod seeds;
 mod segments;
+mod sizes;
 mod start;
 
 pub use crate::model::campaign::{CASE_LIMIT, Campaign, PointRule};

@@ -29,7 +29,6 @@ mod skyline;
 mod tables;
 
 use crate::error::Error;
-use crate::hydrodynamics::two_sphere::TwistTable;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::model::Hydrodynamics;
 use crate::space::Layer;
@@ -46,7 +45,8 @@ pub(crate) use pairwise::{Motion, side_by_side_mut};
 use skyline::SkylineResistance;
 
 pub use tables::NearFields;
-pub(crate) use tables::{BySizes, NearTerms};
+pub(crate) use tables::NearTerms;
+use tables::Twists;
 
 /// How `R_FU` is held.
 enum Form<S: Fluid> {
@@ -63,7 +63,7 @@ pub struct Resistance<S: Fluid = Layer> {
     radii: Vec<f64>,
     near: NearTerms,
     /// X^C of exact pairs, where spheres twist.
-    twists: Option<BySizes<TwistTable>>,
+    twists: Option<Twists>,
     /// Range of the pair sum in s'.
     range: f64,
     /// Gap below which near-field terms are those of this gap, in a.
@@ -181,7 +181,7 @@ impl<S: Fluid> Resistance<S> {
             radii: radii.to_vec(),
             near: NearTerms::new(hydrodynamics, radii, tables)?,
             twists: if S::TWISTS && hydrodynamics.leading_order().is_none() {
-                Some(BySizes::new(radii, |radii| Ok(TwistTable::new(radii)))?)
+                Some(Twists::new(radii, tables)?)
             } else {
                 None
             },
@@ -221,7 +221,7 @@ impl<S: Fluid> Resistance<S> {
         let gaps = pairs.iter().map(|pair| ([pair.i, pair.j], pair.gap));
         let twists = self.twists.as_ref();
         let finish = |term, [i, j]: [usize; 2], gap| {
-            let twist = twists.map_or([0.0; 3], |tables| tables.of(i, j).evaluate(gap));
+            let twist = twists.map_or([0.0; 3], |twists| twists.evaluate([i, j], radii, gap));
             S::term(term, twist)
         };
         self.near.evaluate(radii, gaps, least, finish, terms);

@@ -125,6 +125,9 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
             parameter.check(params)?;
         }
     }
+    if let Some(sizes) = params.sizes {
+        sizes.check(params.spheres)?;
+    }
     check_suspension(params)?;
     check_together(params)?;
     check_step(params)

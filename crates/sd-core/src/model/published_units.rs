@@ -22,6 +22,18 @@ pub struct PublishedUnits {
 impl PublishedUnits {
     /// That of the layers of a run.
     pub fn of(params: &Params) -> Self {
+        let isolated = |moment: &dyn Fn(i32) -> f64| {
+            5.0 / 3.0 * params.area_fraction * moment(3) / (moment(1) * moment(2))
+        };
+        if let Some(sizes) = params.sizes {
+            // There are no small spheres: their unit is the mean radius.
+            let radii = sizes.radii(params.spheres);
+            let sum = |power: i32| radii.iter().map(|a| a.powi(power)).sum::<f64>();
+            return Self {
+                mean_radius: 1.0,
+                isolated: isolated(&|power| sum(power) / radii.len() as f64),
+            };
+        }
         let large = if params.size_ratio > 1.0 {
             params.large_fraction
         } else {
@@ -31,7 +43,7 @@ impl PublishedUnits {
         let moment = |power: i32| 1.0 - large + large * params.size_ratio.powi(power);
         Self {
             mean_radius: moment(1),
-            isolated: 5.0 / 3.0 * params.area_fraction * moment(3) / (moment(1) * moment(2)),
+            isolated: isolated(&moment),
         }
     }
 

@@ -87,16 +87,24 @@ pub fn check(params: &Params) -> Result<(), Error> {
             "roughness",
         );
     }
-    // Two radii of mean 1, and the mean square of all.
-    let large = number_of_large(params) as f64 / n;
-    let small_radius = 1.0 / (1.0 - large + large * params.size_ratio);
-    let largest = if large > 0.0 {
-        params.size_ratio * small_radius
+    let (largest, mean_square) = if let Some(sizes) = params.sizes {
+        let radii = sizes.radii(params.spheres);
+        let squares: f64 = radii.iter().map(|a| a * a).sum();
+        (radii[0], squares / n)
     } else {
-        small_radius
+        // Two radii of mean 1, and the mean square of all.
+        let large = number_of_large(params) as f64 / n;
+        let small_radius = 1.0 / (1.0 - large + large * params.size_ratio);
+        let largest = if large > 0.0 {
+            params.size_ratio * small_radius
+        } else {
+            small_radius
+        };
+        let mean_square = small_radius
+            * small_radius
+            * (1.0 - large + large * params.size_ratio * params.size_ratio);
+        (largest, mean_square)
     };
-    let mean_square =
-        small_radius * small_radius * (1.0 - large + large * params.size_ratio * params.size_ratio);
     let area = n * PI * mean_square;
     let side = (area / params.area_fraction).sqrt();
     let Err(Error::CellTooSmall { side, needed, .. }) =
@@ -142,7 +150,10 @@ fn number_of_large(params: &Params) -> usize {
 /// # Errors
 /// [`Error::CellTooSmall`].
 pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
-    let radii = radii(params.spheres, params.size_ratio, number_of_large(params));
+    let radii = match params.sizes {
+        Some(sizes) => sizes.radii(params.spheres).to_vec(),
+        None => radii(params.spheres, params.size_ratio, number_of_large(params)),
+    };
     let area: f64 = radii.iter().map(|a| PI * a * a).sum();
     let side = (area / params.area_fraction).sqrt();
     Cell::<Layer>::equal_sides(side, 0.0)?.check_range(&radii)?;
@@ -205,7 +216,7 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
             advice: "lower the area fraction or the roughness, use other numbers of spheres, or two sizes",
         })?;
     if params.spheres > Params::LARGE_ABOVE {
-        packing.number_by_rows();
+        packing.number_by_rows(params.sizes);
     }
     Ok(Start {
         orientations: vec![0.0; packing.radii.len()],

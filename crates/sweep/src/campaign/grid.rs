@@ -6,6 +6,7 @@ use super::error::Problem;
 use super::protocol::Written;
 use super::reader::{Located, Table, Values, nearest, of_axis, values};
 use super::seeds::{SEEDS, Seeds};
+use super::sizes::SIZES;
 use crate::axes::{AXES, Axis, Unmade, Value, folded_params_of, params_of};
 use crate::case::Case;
 use crate::spaces::check_start;
@@ -68,6 +69,21 @@ impl Grid {
             problems.extend(table.missing(SEEDS, "8"));
             Seeds::List(Vec::new())
         };
+        if let Some(sizes) = table.get(SIZES) {
+            for key in ["size_ratio", "large_fraction"] {
+                if let Some(other) = table.get(key) {
+                    problems.push(
+                        Problem::at(
+                            &other.span(),
+                            format!("`{key}` and `sizes` both say how large the spheres are"),
+                            "one of them in a grid",
+                        )
+                        .also(&sizes.span(), "and here")
+                        .of_key(key),
+                    );
+                }
+            }
+        }
         let start = table
             .get(START)
             .zip(folder)

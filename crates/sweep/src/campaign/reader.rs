@@ -3,6 +3,7 @@
 //! A fault does not end the reading: it is noted, and the next value is read, so that a person sees all faults at once.
 
 use super::error::Problem;
+use super::sizes;
 use crate::axes::{Axis, Value};
 use sd_core::model::{Form, Range};
 use std::collections::HashMap;
@@ -130,6 +131,7 @@ pub(super) fn values(
     let span = written.span();
     let single = std::slice::from_ref(written);
     let list: Vec<&Spanned<DeValue<'_>>> = match written.get_ref() {
+        list @ DeValue::Array(_) if sizes::is_list_of_species(list) => single.iter().collect(),
         DeValue::Array(list) => list.iter().collect(),
         _ => single.iter().collect(),
     };
@@ -172,6 +174,7 @@ pub(super) fn values(
 /// A value of an axis.
 pub(super) fn of_axis(written: &Spanned<DeValue<'_>>, axis: &Axis) -> Result<Value, Problem> {
     match &axis.form {
+        Form::Choice(_) if axis.key == sizes::SIZES => sizes::read(written),
         Form::Choice(choice) => {
             let words: Vec<&str> = (choice.words)().iter().map(|word| word.word).collect();
             word(written, axis.key, &words).map(Value::Word)

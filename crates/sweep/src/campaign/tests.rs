@@ -1,5 +1,6 @@
 mod hostile;
 mod segments;
+mod sizes;
 mod suspensions;
 
 use super::*;

@@ -272,7 +272,10 @@ mod tests {
         let point = params();
         for (text, part) in [
             ("friction", "KEY=VALUE"),
-            ("seed=3", "area_fraction, volume_fraction, size_ratio"),
+            (
+                "seed=3",
+                "area_fraction, volume_fraction, sizes, size_ratio",
+            ),
             ("friction=", "missing"),
             ("friction=nan", "not a number"),
             ("friction=many", "not a number"),

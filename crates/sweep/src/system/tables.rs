@@ -5,6 +5,7 @@
 
 use crate::spaces::radii_and_side;
 use crate::system::files::{cache_folder, folder_of, read_whole, write_whole};
+use sd_core::model::Sizes;
 use sd_core::two_sphere::{NEAR_FIELD_VERSION, NearField};
 use sd_core::{Error, NearFields, Params};
 use std::io::Write;
@@ -20,11 +21,12 @@ const SIZE_LIMIT: u64 = 1 << 28;
 pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, Error> {
     let mut seen = std::collections::HashSet::new();
     let mut all: Vec<f64> = Vec::new();
-    for p in params.filter(|p| p.size_ratio > 1.0 && p.hydrodynamics.needs_tables()) {
+    for p in params.filter(|p| p.is_mixed() && p.hydrodynamics.needs_tables()) {
         let kind = (
             p.spheres,
             p.size_ratio.to_bits(),
             p.large_fraction.to_bits(),
+            p.sizes.map(Sizes::text),
         );
         if !seen.insert(kind) {
             continue;

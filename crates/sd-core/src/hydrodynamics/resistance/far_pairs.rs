@@ -8,9 +8,9 @@
 //! about twice as many steps.
 
 use super::fluid::{Fluid, NearTerm};
-use super::tables::BySizes;
+use super::tables::{BySizes, largest_of_many};
 use crate::error::Error;
-use crate::hydrodynamics::two_sphere::{FarPair, check_size_ratio};
+use crate::hydrodynamics::two_sphere::{FarPair, PairTerm, check_size_ratio};
 use crate::space::pair::Neighbours;
 
 /// Pairs closer than this, in s', are near.
@@ -21,9 +21,39 @@ const LARGEST: f64 = 0.95;
 /// The far field of twists is left out, as it is small: P need not be exact.
 const NO_TWIST: [f64; 3] = [0.0; 3];
 
+/// Step of the size ratios of the tables for many sizes, as a factor's logarithm. Radii are then taken as other ones within a quarter of
+/// it, so that `R2B∞ − D ≥ −1.015 w D`, and P stays positive definite.
+const STEP: f64 = 0.02;
+
+/// `R2B∞ − D` of all pairs.
+enum Tables {
+    /// Of a few sizes.
+    Few(BySizes<FarPair>),
+    /// Of many, near enough: by size ratio, in steps of [`STEP`] from 1.
+    Many(Vec<FarPair>),
+}
+
+impl Tables {
+    /// The term of a pair in range, and w.
+    fn evaluate<S: Fluid>(&self, pair: &Neighbours<S>, radii: &[f64]) -> (PairTerm, f64) {
+        let many = match self {
+            Self::Few(tables) => return tables.of(pair.i, pair.j).evaluate(pair.distance),
+            Self::Many(tables) => tables,
+        };
+        let (a, b) = (radii[pair.i], radii[pair.j]);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "at most the number of tables"
+        )]
+        let step = ((a / b).ln().abs() / STEP).round() as usize;
+        many[step.min(many.len() - 1)].evaluate_near(a, b, pair.distance)
+    }
+}
+
 /// `θ (R2B∞ − D)` of near pairs.
 pub(super) struct FarPairs<S: Fluid> {
-    tables: BySizes<FarPair>,
+    tables: Tables,
     /// Number of each near pair among all pairs, and its term.
     terms: Vec<(usize, S::Term)>,
     /// w of each sphere.
@@ -36,12 +66,23 @@ impl<S: Fluid> FarPairs<S> {
     /// # Errors
     /// [`Error::OutOfRange`] for a size ratio outside 0.01 to 100.
     pub(super) fn new(radii: &[f64]) -> Result<Self, Error> {
-        let tables = BySizes::new(radii, |radii| {
-            check_size_ratio(radii[1] / radii[0])?;
-            Ok(FarPair::new(radii, NEAR))
-        });
+        let tables = if let Some(largest) = largest_of_many(radii) {
+            let last = check_size_ratio(largest)?.ln() + STEP;
+            let steps = (0..).map(|step| STEP * f64::from(step));
+            let ratios = steps.take_while(|step| *step < last).map(f64::exp);
+            Tables::Many(
+                ratios
+                    .map(|ratio| FarPair::new([1.0, ratio], NEAR))
+                    .collect(),
+            )
+        } else {
+            Tables::Few(BySizes::new(radii, |radii| {
+                check_size_ratio(radii[1] / radii[0])?;
+                Ok(FarPair::new(radii, NEAR))
+            })?)
+        };
         Ok(Self {
-            tables: tables?,
+            tables,
             terms: Vec::new(),
             totals: vec![0.0; radii.len()],
         })
@@ -53,7 +94,7 @@ impl<S: Fluid> FarPairs<S> {
         self.totals.fill(0.0);
         for (number, pair) in pairs.iter().enumerate() {
             if pair.distance < 0.5 * NEAR * (radii[pair.i] + radii[pair.j]) {
-                let (term, weight) = self.tables.of(pair.i, pair.j).evaluate(pair.distance);
+                let (term, weight) = self.tables.evaluate(pair, radii);
                 self.terms.push((number, S::term(term, NO_TWIST)));
                 self.totals[pair.i] += weight;
                 self.totals[pair.j] += weight;

@@ -1,24 +1,52 @@
 //! Where near-field terms come from: tables of any size ratios, shared between runs, and the terms of the pairs of sizes in one layer.
 
 use crate::error::Error;
-use crate::hydrodynamics::two_sphere::{LeadingOrderPair, NearField, PairTerm, check_size_ratio};
+use crate::hydrodynamics::two_sphere::{
+    LeadingOrderPair, NearField, NearFieldRange, PairTerm, RANGES, TwistRange, TwistTable,
+    check_size_ratio, range_of,
+};
 use crate::linalg::simd::vectorised;
-use crate::model::Hydrodynamics;
-use std::sync::Arc;
+use crate::model::{Hydrodynamics, LeadingOrder};
+use std::sync::{Arc, OnceLock};
+
+/// Most sizes of which every pair has a table of its own; of more sizes one table has all size ratios up to the largest.
+const FEW_SIZES: usize = 6;
 
 /// Near-field tables by size ratio, shared between runs.
 #[derive(Debug, Clone, Default)]
 pub struct NearFields {
     /// Tables of unequal spheres; equal ones are in the program.
     tables: Vec<Arc<NearField>>,
+    /// What was made of them for many sizes, by range of size ratios.
+    ranges: Arc<[OnceLock<Arc<NearFieldRange>>; RANGES.len()]>,
+    /// The same of twists.
+    twists: Arc<[OnceLock<Arc<TwistRange>>; RANGES.len()]>,
+}
+
+/// The sizes among the radii, each once, in increasing order.
+fn sizes(radii: &[f64]) -> Vec<f64> {
+    let mut distinct: Vec<f64> = radii.to_vec();
+    distinct.sort_by(f64::total_cmp);
+    distinct.dedup();
+    distinct
+}
+
+/// The largest size ratio, where there are more than a few sizes.
+pub(super) fn largest_of_many(radii: &[f64]) -> Option<f64> {
+    let sizes = sizes(radii);
+    let is_many = sizes.len() > FEW_SIZES;
+    is_many.then(|| sizes[sizes.len() - 1] / sizes[0])
 }
 
 impl NearFields {
-    /// The size ratios, larger over smaller radius, that a set of radii needs besides 1, in increasing order.
+    /// The size ratios, larger over smaller radius, whose tables a set of radii needs besides that of 1: those of its pairs, or for many
+    /// sizes those that [`NearFieldRange`] is made from.
     pub fn ratios(radii: &[f64]) -> Vec<f64> {
-        let mut distinct: Vec<f64> = radii.to_vec();
-        distinct.sort_by(f64::total_cmp);
-        distinct.dedup();
+        if let Some(largest) = largest_of_many(radii) {
+            // A size ratio out of range is refused where the tables are used.
+            return NearFieldRange::ratios(largest).unwrap_or_default();
+        }
+        let distinct = sizes(radii);
         let mut ratios: Vec<f64> = distinct
             .iter()
             .enumerate()
@@ -45,6 +73,30 @@ impl NearFields {
             .iter()
             .find(|t| same_ratio(t.size_ratio(), size_ratio))
     }
+
+    /// The table of all size ratios up to one.
+    fn range(&self, largest: f64) -> Result<Arc<NearFieldRange>, Error> {
+        let place = &self.ranges[range_of(largest)?];
+        if let Some(range) = place.get() {
+            return Ok(Arc::clone(range));
+        }
+        let tables = NearFieldRange::ratios(largest)?
+            .into_iter()
+            .map(|ratio| match self.find(ratio) {
+                Some(table) => Ok(Arc::clone(table)),
+                None => Ok(Arc::new(NearField::new(ratio)?)),
+            })
+            .collect::<Result<Vec<_>, Error>>()?;
+        let range = Arc::new(NearFieldRange::new(largest, &tables)?);
+        Ok(Arc::clone(place.get_or_init(|| range)))
+    }
+
+    /// The same of twists.
+    fn twist_range(&self, largest: f64) -> Result<Arc<TwistRange>, Error> {
+        let range = range_of(largest)?;
+        let made = self.twists[range].get_or_init(|| Arc::new(TwistRange::new(RANGES[range].0)));
+        Ok(Arc::clone(made))
+    }
 }
 
 /// Whether two size ratios are one up to rounding.
@@ -67,9 +119,7 @@ impl<T> BySizes<T> {
         radii: &[f64],
         mut make: impl FnMut([f64; 2]) -> Result<T, Error>,
     ) -> Result<Self, Error> {
-        let mut distinct: Vec<f64> = radii.to_vec();
-        distinct.sort_by(f64::total_cmp);
-        distinct.dedup();
+        let distinct = sizes(radii);
         let sizes = radii
             .iter()
             .map(|a| distinct.partition_point(|b| b < a))
@@ -96,10 +146,34 @@ impl<T> BySizes<T> {
 
 /// Where the near-field terms of pairs come from.
 pub(crate) enum NearTerms {
-    /// Exact pairs without their far field, from tables.
+    /// Exact pairs without their far field, from tables of a few size ratios.
     Exact(BySizes<Arc<NearField>>),
-    /// Leading-order lubrication.
+    /// Leading-order lubrication of a few sizes.
     LeadingOrder(BySizes<LeadingOrderPair>),
+    /// Either of many sizes.
+    Many(ManySizes),
+}
+
+/// Where the terms of many sizes come from.
+pub(crate) enum ManySizes {
+    /// One table of exact pairs.
+    Exact(Arc<NearFieldRange>),
+    /// Leading-order lubrication, made anew for every pair.
+    LeadingOrder(LeadingOrder),
+}
+
+impl ManySizes {
+    /// The term of a pair.
+    #[inline(never)]
+    fn term(&self, [a, b]: [f64; 2], gap: f64) -> PairTerm {
+        match self {
+            Self::Exact(range) => vectorised(
+                #[inline(always)]
+                || range.evaluate(a, b, gap),
+            ),
+            Self::LeadingOrder(numbers) => LeadingOrderPair::new([a, b], *numbers).evaluate(gap),
+        }
+    }
 }
 
 impl NearTerms {
@@ -112,12 +186,23 @@ impl NearTerms {
         radii: &[f64],
         tables: &NearFields,
     ) -> Result<Self, Error> {
-        if let Some(&numbers) = hydrodynamics.leading_order() {
-            let pairs = BySizes::new(radii, |radii| {
-                check_size_ratio(radii[1] / radii[0])?;
-                Ok(LeadingOrderPair::new(radii, numbers))
-            })?;
-            return Ok(Self::LeadingOrder(pairs));
+        let many = largest_of_many(radii);
+        match (hydrodynamics.leading_order(), many) {
+            (None, Some(largest)) => {
+                return Ok(Self::Many(ManySizes::Exact(tables.range(largest)?)));
+            }
+            (Some(&numbers), Some(largest)) => {
+                check_size_ratio(largest)?;
+                return Ok(Self::Many(ManySizes::LeadingOrder(numbers)));
+            }
+            (Some(&numbers), None) => {
+                let pairs = BySizes::new(radii, |radii| {
+                    check_size_ratio(radii[1] / radii[0])?;
+                    Ok(LeadingOrderPair::new(radii, numbers))
+                })?;
+                return Ok(Self::LeadingOrder(pairs));
+            }
+            (None, None) => {}
         }
         let mut known = tables.clone();
         let equal = Arc::new(NearField::equal_spheres());
@@ -148,6 +233,13 @@ impl NearTerms {
         terms: &mut Vec<T>,
     ) {
         terms.clear();
+        if let Self::Many(many) = self {
+            terms.extend(pairs.map(|([i, j], gap)| {
+                let gap = gap.max(least);
+                finish(many.term([radii[i], radii[j]], gap), [i, j], gap)
+            }));
+            return;
+        }
         vectorised(
             #[inline(always)]
             || match self {
@@ -164,6 +256,7 @@ impl NearTerms {
                         terms.push(finish(leading.of(i, j).evaluate(gap), [i, j], gap));
                     }
                 }
+                Self::Many(_) => {}
             },
         );
     }
@@ -173,6 +266,40 @@ impl NearTerms {
         match self {
             Self::Exact(tables) => tables.of(i, j).slip_resistance(radii[i], radii[j], gap),
             Self::LeadingOrder(leading) => leading.of(i, j).slip_resistance(gap),
+            Self::Many(ManySizes::Exact(range)) => range.slip_resistance(radii[i], radii[j], gap),
+            Self::Many(ManySizes::LeadingOrder(numbers)) => {
+                LeadingOrderPair::new([radii[i], radii[j]], *numbers).slip_resistance(gap)
+            }
+        }
+    }
+}
+
+/// X^C of exact pairs.
+pub(super) enum Twists {
+    /// Of a few sizes.
+    Few(BySizes<TwistTable>),
+    /// Of many.
+    Many(Arc<TwistRange>),
+}
+
+impl Twists {
+    /// Those of spheres of the given radii.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a size ratio outside 0.01 to 100.
+    pub(super) fn new(radii: &[f64], tables: &NearFields) -> Result<Self, Error> {
+        Ok(match largest_of_many(radii) {
+            None => Self::Few(BySizes::new(radii, |radii| Ok(TwistTable::new(radii)))?),
+            Some(largest) => Self::Many(tables.twist_range(largest)?),
+        })
+    }
+
+    /// The entries of spheres i and j.
+    #[inline(always)]
+    pub(super) fn evaluate(&self, [i, j]: [usize; 2], radii: &[f64], gap: f64) -> [f64; 3] {
+        match self {
+            Self::Few(tables) => tables.of(i, j).evaluate(gap),
+            Self::Many(range) => range.evaluate(radii[i], radii[j], gap),
         }
     }
 }

@@ -7,6 +7,7 @@
 
 use super::pair_frame::{self, ENTRIES};
 use super::pair_term::PairTerm;
+use super::table::scaled;
 use crate::hydrodynamics::far_field::unbounded::self_mobility;
 use nalgebra::SVector;
 use std::f64::consts::PI;
@@ -22,6 +23,8 @@ const LEAST: f64 = 2.0;
 pub(crate) struct FarPair {
     /// Half the sum of the radii, in a.
     mean_radius: f64,
+    /// Radius of the second sphere over that of the first.
+    size_ratio: f64,
     /// Largest distance in s'.
     range: f64,
     /// Coefficients by Chebyshev polynomial of the distance between [`LEAST`] and the range.
@@ -48,6 +51,7 @@ impl FarPair {
         }
         Self {
             mean_radius,
+            size_ratio: radii[1] / radii[0],
             range,
             coefficients,
         }
@@ -56,6 +60,34 @@ impl FarPair {
     /// The term of a pair in range, and w; `distance` between the centres, in a.
     #[inline(always)]
     pub(crate) fn evaluate(&self, distance: f64) -> (PairTerm, f64) {
+        let sums = self.sums(distance);
+        let entries: &[f64; ENTRIES] = sums.first_chunk().expect("more lanes than entries");
+        (PairTerm::new(entries), sums[ENTRIES])
+    }
+
+    /// The term of spheres of about the size ratio of this table, of which the first has radius 1 and the second is no smaller, and w:
+    /// that of spheres of this size ratio and with the same product of the radii.
+    #[inline(never)]
+    pub(crate) fn evaluate_near(
+        &self,
+        radius_i: f64,
+        radius_j: f64,
+        distance: f64,
+    ) -> (PairTerm, f64) {
+        let small = (radius_i * radius_j / self.size_ratio).sqrt();
+        let large = small * self.size_ratio;
+        let sums = self.sums(self.mean_radius * 2.0 * distance / (radius_i + radius_j));
+        let radii = if radius_i > radius_j {
+            [large, small]
+        } else {
+            [small, large]
+        };
+        (scaled(&sums, radii[0], radii[1]), sums[ENTRIES])
+    }
+
+    /// The entries of a pair in range, then w.
+    #[inline(always)]
+    fn sums(&self, distance: f64) -> [f64; LANES] {
         let place = (distance / self.mean_radius - LEAST) / (self.range - LEAST);
         let x = 2.0 * place.clamp(0.0, 1.0) - 1.0;
         let (mut before, mut polynomial) = (x, 1.0_f64);
@@ -66,8 +98,7 @@ impl FarPair {
             }
             (before, polynomial) = (polynomial, 2.0 * x * polynomial - before);
         }
-        let entries: &[f64; ENTRIES] = sums.first_chunk().expect("more lanes than entries");
-        (PairTerm::new(entries), sums[ENTRIES])
+        sums
     }
 }
 
@@ -92,6 +123,26 @@ fn values(radii: [f64; 2], distance: f64) -> [f64; LANES] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn terms_of_a_near_size_ratio_are_near() {
+        let (table, ratio) = (FarPair::new([1.0, 1.5], 2.4), 1.52);
+        let radii = [0.7, 0.7 * ratio];
+        let (expected, weight) = FarPair::new(radii, 2.4).evaluate(1.9);
+        let drag = pair_frame::isolated_entries(radii);
+        let largest = drag.into_iter().fold(0.0, f64::max);
+        for [a, b] in [radii, [radii[1], radii[0]]] {
+            let (term, near) = table.evaluate_near(a, b, 1.9);
+            let turned = nalgebra::SMatrix::<f64, 12, 12>::from_fn(|row, column| {
+                let sign = |mode: usize| if mode % 6 < 2 { -1.0 } else { 1.0 };
+                sign(row) * sign(column) * term.matrix()[((row + 6) % 12, (column + 6) % 12)]
+            });
+            let found = if a > b { turned } else { term.matrix() };
+            let error = (found - expected.matrix()).abs().max() / largest;
+            assert!(error > 0.0 && error < 0.02, "{a} {b}: {error:e}");
+            assert!((near - weight).abs() < 0.01, "{near} {weight}");
+        }
+    }
 
     #[test]
     fn polynomials_meet_the_inverse_mobility() {

@@ -62,7 +62,7 @@ pub(super) fn singular_functions(xi: f64) -> [f64; 3] {
 }
 
 /// The singular terms of every function at ξ.
-fn singular_part(coefficients: &[Scalars; 3], xi: f64) -> [f64; 20] {
+pub(super) fn singular_part(coefficients: &[Scalars; 3], xi: f64) -> [f64; 20] {
     let f = singular_functions(xi);
     let g = coefficients.map(Scalars::to_array);
     std::array::from_fn(|k| g[0][k] * f[0] + g[1][k] * f[1] + g[2][k] * f[2])
@@ -159,6 +159,20 @@ impl NearContact {
     /// Coefficients of the fitted terms, both labellings one after the other.
     pub(super) fn fitted(&self) -> &[[f64; 20]] {
         &self.fitted
+    }
+
+    /// Both labellings at ξ without the singular terms.
+    pub(super) fn regular(&self, xi: f64) -> [[f64; 20]; 2] {
+        let terms = terms(xi / self.scale);
+        std::array::from_fn(|label| {
+            let mut sum = [0.0; 20];
+            for (term, row) in terms.iter().zip(&self.fitted[label * TERMS..]) {
+                for (total, coefficient) in sum.iter_mut().zip(row) {
+                    *total += term * coefficient;
+                }
+            }
+            sum
+        })
     }
 
     /// Both labellings at ξ.

@@ -6,6 +6,12 @@
 //! for each of the 34 entries of the pair frame; p is a polynomial on every interval of a uniform grid in ln ξ.
 //! R2B∞ is the inverse of the far-field mobility of the two spheres alone. Beyond ξ = 1 the singular terms are left in p.
 
+mod range;
+
+pub(super) use range::Cells;
+pub use range::NearFieldRange;
+pub(crate) use range::{RANGES, range_of};
+
 use super::near_contact::{self, NearContact, singular_functions};
 use super::pair_frame::{self, ENTRIES, EXCHANGED, LENGTH_POWER};
 use super::pair_term::PairTerm;
@@ -92,9 +98,14 @@ pub(super) fn node_xi(interval: usize, node: usize) -> f64 {
     (FIRST + WIDTH * (interval as f64 + 0.5 + 0.5 * node_position(node))).exp()
 }
 
-/// Chebyshev nodes of [−1, 1], ascending.
+/// A Chebyshev node of [−1, 1] among [`NODES`], ascending.
 fn node_position(node: usize) -> f64 {
-    -((node as f64 + 0.5) / NODES as f64 * std::f64::consts::PI).cos()
+    positions::<NODES>()[node]
+}
+
+/// Chebyshev nodes of [−1, 1], ascending.
+fn positions<const N: usize>() -> [f64; N] {
+    std::array::from_fn(|node| -((node as f64 + 0.5) / N as f64 * std::f64::consts::PI).cos())
 }
 
 /// All nodes at which values are solved for, at a size ratio ≥ 1.
@@ -120,13 +131,18 @@ pub(super) fn locate(logarithm: f64) -> (usize, f64) {
 
 /// The matrix from values at the nodes to coefficients of powers.
 pub(super) fn powers_from_nodes() -> [[f64; NODES]; NODES] {
+    powers_from_values(&positions())
+}
+
+/// The matrix from values at these places to coefficients of powers.
+fn powers_from_values<const N: usize>(positions: &[f64; N]) -> [[f64; N]; N] {
     // Lagrange polynomials, multiplied out: well conditioned at this degree.
     std::array::from_fn(|node| {
-        let mut coefficients = [0.0; NODES];
+        let mut coefficients = [0.0; N];
         coefficients[0] = 1.0;
-        for (degree, other) in (0..NODES).filter(|&other| other != node).enumerate() {
-            let (x, root) = (node_position(node), node_position(other));
-            let mut product = [0.0; NODES];
+        for (degree, other) in (0..N).filter(|&other| other != node).enumerate() {
+            let (x, root) = (positions[node], positions[other]);
+            let mut product = [0.0; N];
             for k in 0..=degree {
                 product[k + 1] += coefficients[k] / (x - root);
                 product[k] -= coefficients[k] * root / (x - root);
@@ -135,6 +151,38 @@ pub(super) fn powers_from_nodes() -> [[f64; NODES]; NODES] {
         }
         coefficients
     })
+}
+
+/// The term with these entries of the smaller sphere as i and of radius 1, for spheres of these radii.
+#[inline(always)]
+pub(super) fn scaled(sums: &[f64], radius_i: f64, radius_j: f64) -> PairTerm {
+    let mut entries = [0.0; ENTRIES];
+    let length = radius_i.min(radius_j);
+    let scales = [length, length * length, length * length * length];
+    if radius_i > radius_j {
+        for (k, entry) in entries.iter_mut().enumerate() {
+            let (from, sign) = EXCHANGED[k];
+            *entry = sign * scales[LENGTH_POWER[k]] * sums[from];
+        }
+    } else if length.to_bits() == 1.0_f64.to_bits() {
+        entries.copy_from_slice(&sums[..ENTRIES]);
+    } else {
+        for (k, entry) in entries.iter_mut().enumerate() {
+            *entry = scales[LENGTH_POWER[k]] * sums[k];
+        }
+    }
+    PairTerm::new(&entries)
+}
+
+/// The value of a polynomial in the place x of an interval of ln ξ; below the grid it goes on as a straight line.
+fn with_tail(powers: &[f64; NODES], logarithm: f64, x: f64) -> f64 {
+    let (mut sum, mut slope) = (0.0, 0.0);
+    for power in powers.iter().rev() {
+        slope = slope * x + sum;
+        sum = sum * x + power;
+    }
+    let below = (logarithm - FIRST).min(0.0) * 2.0 / WIDTH;
+    sum + slope * below
 }
 
 impl NearField {
@@ -266,9 +314,8 @@ impl NearField {
     pub fn evaluate(&self, radius_i: f64, radius_j: f64, gap: f64) -> PairTerm {
         let xi = 2.0 * gap / (radius_i + radius_j);
         let logarithm = xi.ln();
-        let mut entries = [0.0; ENTRIES];
         if logarithm > LAST {
-            return PairTerm::new(&entries);
+            return PairTerm::new(&[0.0; ENTRIES]);
         }
         let (interval, x) = locate(logarithm);
         let powers = &self.regular[interval];
@@ -292,21 +339,7 @@ impl NearField {
             }
             sums[block * BLOCK..(block + 1) * BLOCK].copy_from_slice(&sum);
         }
-        let length = radius_i.min(radius_j);
-        let scales = [length, length * length, length * length * length];
-        if radius_i > radius_j {
-            for (k, entry) in entries.iter_mut().enumerate() {
-                let (from, sign) = EXCHANGED[k];
-                *entry = sign * scales[LENGTH_POWER[k]] * sums[from];
-            }
-        } else if length.to_bits() == 1.0_f64.to_bits() {
-            entries.copy_from_slice(&sums[..ENTRIES]);
-        } else {
-            for (k, entry) in entries.iter_mut().enumerate() {
-                *entry = scales[LENGTH_POWER[k]] * sums[k];
-            }
-        }
-        PairTerm::new(&entries)
+        scaled(&sums, radius_i, radius_j)
     }
 
     /// Resistance K to slip at the contact of a free pair, from the whole two-sphere resistance.
@@ -321,14 +354,8 @@ impl NearField {
     pub fn slip_resistance(&self, radius_i: f64, radius_j: f64, gap: f64) -> f64 {
         let logarithm = (2.0 * gap / (radius_i + radius_j)).ln();
         let (interval, x) = locate(logarithm);
-        let powers = &self.regular[interval];
-        let (mut sum, mut slope) = (0.0, 0.0);
-        for power in powers[SLIP / BLOCK].iter().rev() {
-            slope = slope * x + sum;
-            sum = sum * x + power[SLIP % BLOCK];
-        }
-        let below = (logarithm - FIRST).min(0.0) * 2.0 / WIDTH;
-        radius_i.min(radius_j) * (sum + slope * below)
+        let powers = self.regular[interval][SLIP / BLOCK].map(|power| power[SLIP % BLOCK]);
+        radius_i.min(radius_j) * with_tail(&powers, logarithm, x)
     }
 }
 

@@ -6,6 +6,7 @@ use nalgebra::{SMatrix, SVector};
 use rand::{Rng, RngExt, SeedableRng};
 use serde_json::Value;
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Names in the reference file, in the order of [`Scalars::to_array`].
 const NAMES: [&str; 10] = ["XA", "YA", "YB", "YC", "XG", "YG", "YH", "XM", "YM", "ZM"];
@@ -214,8 +215,13 @@ fn table_error(table: &NearField, radii: [f64; 2], xi: f64) -> f64 {
         &both_labellings(radii[1] / radii[0], xi),
         radii,
     ));
-    let expected = normalised(&(resistance - far_field(radii, gap)), radii);
-    let found = normalised(&table.evaluate(radii[0], radii[1], gap).matrix(), radii);
+    let found = table.evaluate(radii[0], radii[1], gap).matrix();
+    pair_error(&found, &(resistance - far_field(radii, gap)), radii)
+}
+
+/// Worst difference of a pair term from what it should be, of the entry or of the geometric mean of the drags it joins.
+fn pair_error(found: &PairMatrix, expected: &PairMatrix, radii: [f64; 2]) -> f64 {
+    let [found, expected] = [found, expected].map(|matrix| normalised(matrix, radii));
     expected
         .iter()
         .zip(&found)
@@ -261,6 +267,70 @@ fn table_meets_solutions_at_extreme_size_ratios() {
             }
         }
     }
+}
+
+/// Draws size ratios log-uniform in 1 to the largest of a range, both ends among them, and for each gaps log-uniform in ξ from 1e-2 to 50,
+/// where it compares with solutions, and from 1e-8 on, where it compares with the table of that ratio.
+fn check_range(largest: f64, ratios: usize) {
+    let start = std::time::Instant::now();
+    let tables: Vec<Arc<NearField>> = NearFieldRange::ratios(largest)
+        .unwrap()
+        .into_iter()
+        .map(|ratio| Arc::new(NearField::new(ratio).unwrap()))
+        .collect();
+    let range = NearFieldRange::new(largest, &tables).unwrap();
+    let time = start.elapsed();
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    let mut worst = [0.0_f64; 3];
+    for k in 0..ratios {
+        let ratio = match k {
+            0 => 1.0,
+            1 => largest,
+            _ => log_uniform(&mut random, 1.0, largest),
+        };
+        let table = NearField::new(ratio).unwrap();
+        for draw in 0..400 {
+            let radii = if random.random() {
+                [0.8, 0.8 * ratio]
+            } else {
+                [1.3 * ratio, 1.3]
+            };
+            let mean = 0.5 * (radii[0] + radii[1]);
+            let xi = log_uniform(&mut random, 1e-8, 50.0);
+            let known = table.evaluate(radii[0], radii[1], mean * xi).matrix();
+            let found = range.evaluate(radii[0], radii[1], mean * xi).matrix();
+            worst[0] = worst[0].max(pair_error(&found, &known, radii));
+            let known = table.slip_resistance(radii[0], radii[1], mean * xi);
+            let found = range.slip_resistance(radii[0], radii[1], mean * xi);
+            worst[1] = worst[1].max((found / known - 1.0).abs());
+            if draw < 20 {
+                let xi = log_uniform(&mut random, 1e-2, 50.0);
+                let solved = two_sphere_resistance(radii[0], radii[1], mean * (2.0 + xi)).unwrap()
+                    - far_field(radii, mean * xi);
+                let found = range.evaluate(radii[0], radii[1], mean * xi).matrix();
+                worst[2] = worst[2].max(pair_error(&found, &solved, radii));
+            }
+        }
+    }
+    let [of_table, of_slip, of_solved] = worst;
+    println!(
+        "up to {largest}: {of_table:.1e} {of_slip:.1e} {of_solved:.1e}, {} tables in {time:.1?}",
+        tables.len()
+    );
+    assert!(worst.iter().all(|worst| *worst < 1e-8), "{worst:?}");
+}
+
+#[test]
+fn range_meets_solutions_at_random_size_ratios_and_gaps() {
+    check_range(4.0, 12);
+    check_range(12.0, 12);
+}
+
+#[test]
+#[ignore = "half a minute: the most unequal spheres"]
+fn range_meets_solutions_at_extreme_size_ratios() {
+    check_range(26.0, 12);
+    check_range(100.0, 12);
 }
 
 #[test]

@@ -16,7 +16,7 @@
 //! Jeffery, Proc. London Math. Soc. 14, 327 (1915), in the normalisation of [`super::Scalars`].
 
 use super::check_size_ratio;
-use super::table::{INTERVALS, LAST, NODES, locate, node_xi, powers_from_nodes};
+use super::table::{Cells, INTERVALS, LAST, NODES, locate, node_xi, powers_from_nodes};
 use crate::error::Error;
 use std::f64::consts::PI;
 
@@ -88,26 +88,29 @@ pub(crate) struct TwistTable {
     per_mean: f64,
 }
 
+/// The twist entries of spheres of radii a and b at ξ.
+fn entries([a, b]: [f64; 2], xi: f64) -> [f64; 3] {
+    let distance = 0.5 * (a + b) * (2.0 + xi);
+    let [first, second] = functions(b / a, xi);
+    let cubes = [a, b].map(|radius| 8.0 * PI * radius.powi(3));
+    let t = (a * b / (distance * distance)).powi(3);
+    let far = (1.0 - t).recip();
+    [
+        cubes[0] * (first[0] - far),
+        cubes[0] * (first[1] + (b / distance).powi(3) * far),
+        cubes[1] * (second[0] - far),
+    ]
+}
+
 impl TwistTable {
     /// The table of spheres with these radii, in a; takes a millisecond.
     pub(crate) fn new(radii: [f64; 2]) -> Self {
-        let [a, b] = radii;
         let to_powers = powers_from_nodes();
         let powers = (0..INTERVALS)
             .map(|interval| {
                 let mut powers = [[0.0; 3]; NODES];
                 for (node, weights) in to_powers.iter().enumerate() {
-                    let xi = node_xi(interval, node);
-                    let distance = 0.5 * (a + b) * (2.0 + xi);
-                    let [first, second] = functions(b / a, xi);
-                    let cubes = [a, b].map(|radius| 8.0 * PI * radius.powi(3));
-                    let t = (a * b / (distance * distance)).powi(3);
-                    let far = (1.0 - t).recip();
-                    let values = [
-                        cubes[0] * (first[0] - far),
-                        cubes[0] * (first[1] + (b / distance).powi(3) * far),
-                        cubes[1] * (second[0] - far),
-                    ];
+                    let values = entries(radii, node_xi(interval, node));
                     for (power, weight) in powers.iter_mut().zip(weights) {
                         for (power, value) in power.iter_mut().zip(values) {
                             *power += weight * value;
@@ -119,7 +122,7 @@ impl TwistTable {
             .collect();
         Self {
             powers,
-            per_mean: 2.0 / (a + b),
+            per_mean: 2.0 / (radii[0] + radii[1]),
         }
     }
 
@@ -131,13 +134,75 @@ impl TwistTable {
             return [0.0; 3];
         }
         let (interval, x) = locate(logarithm);
-        let mut sums = [0.0_f64; 3];
-        for power in self.powers[interval].iter().rev() {
-            for (sum, power) in sums.iter_mut().zip(power) {
-                *sum = sum.mul_add(x, *power);
+        horner(&self.powers[interval], x)
+    }
+}
+
+/// Polynomials of one variable, entry by entry.
+#[inline(always)]
+fn horner<const N: usize>(powers: &[[f64; 3]; N], x: f64) -> [f64; 3] {
+    let mut sums = [0.0_f64; 3];
+    for power in powers.iter().rev() {
+        for (sum, power) in sums.iter_mut().zip(power) {
+            *sum = sum.mul_add(x, *power);
+        }
+    }
+    sums
+}
+
+/// Nodes of a cell of [`TwistRange`] in ln λ.
+const COARSE: usize = 7;
+
+/// The twist entries at any size ratio up to a largest, as [`super::NearFieldRange`] has the others.
+#[derive(Debug)]
+pub(crate) struct TwistRange {
+    cells: Cells,
+    /// By cell in ln λ and in ln ξ, power of ln ξ and of ln λ; the smaller sphere is i, of radius 1.
+    powers: Vec<[[[f64; 3]; COARSE]; NODES]>,
+}
+
+impl TwistRange {
+    /// Takes 0.1 s up to size ratio 4, 0.3 s up to 26.
+    pub(crate) fn new(largest: f64) -> Self {
+        let cells = Cells::new(largest);
+        let to_powers = powers_from_nodes();
+        let mut powers = Vec::new();
+        for (cell, t, coarse) in cells.nodes::<COARSE>() {
+            powers.resize((cell + 1) * INTERVALS, [[[0.0; 3]; COARSE]; NODES]);
+            for interval in 0..INTERVALS {
+                for (node, fine) in to_powers.iter().enumerate() {
+                    let values = entries([1.0, t.exp()], node_xi(interval, node));
+                    for (powers, fine) in powers[cell * INTERVALS + interval].iter_mut().zip(fine) {
+                        for (power, coarse) in powers.iter_mut().zip(coarse) {
+                            for (power, value) in power.iter_mut().zip(values) {
+                                *power += fine * coarse * value;
+                            }
+                        }
+                    }
+                }
             }
         }
-        sums
+        Self { cells, powers }
+    }
+
+    /// The entries of spheres of two radii at a gap, in a; positive.
+    #[inline(never)]
+    pub(crate) fn evaluate(&self, radius_i: f64, radius_j: f64, gap: f64) -> [f64; 3] {
+        let logarithm = (2.0 * gap / (radius_i + radius_j)).ln();
+        if logarithm > LAST {
+            return [0.0; 3];
+        }
+        let length = radius_i.min(radius_j);
+        let (interval, x) = locate(logarithm);
+        let (cell, y) = self.cells.locate(radius_i.max(radius_j) / length);
+        let powers = &self.powers[cell * INTERVALS + interval];
+        let [own, coupling, other] = horner(&powers.each_ref().map(|powers| horner(powers, y)), x)
+            .map(|entry| length * length * length * entry);
+        if radius_i > radius_j {
+            [other, coupling, own]
+        } else {
+            [own, coupling, other]
+        }
     }
 }
 
@@ -225,6 +290,25 @@ mod tests {
         let [own, other] = twist(ratio, s_prime).unwrap();
         assert!((other / -(ratio / r).powi(3) - 1.0).abs() < 1e-5, "{other}");
         assert!((own - 1.0).abs() < 1e-10, "{own}");
+    }
+
+    #[test]
+    fn range_meets_the_closed_form() {
+        let range = TwistRange::new(12.0);
+        for k in 0..60 {
+            let xi = (-18.0 + 0.36 * f64::from(k)).exp();
+            let ratio = 12.0_f64.powf(f64::from(k * 37 % 60) / 59.0);
+            for [a, b] in [[0.7, 0.7 * ratio], [1.2 * ratio, 1.2]] {
+                let found = range.evaluate(a, b, 0.5 * (a + b) * xi);
+                let drags = [a.powi(3), (a * b).powf(1.5), b.powi(3)];
+                for ((found, expected), drag) in
+                    found.into_iter().zip(entries([a, b], xi)).zip(drags)
+                {
+                    let error = (found - expected).abs() / (8.0 * PI * drag);
+                    assert!(error < 1e-9, "{a} {b} {xi}: {error:.1e}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::error::Refusal;
 use crate::law::{NormalLaw, TangentialLaw, Word, Words, rolling_friction};
-use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, Params};
+use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, Params, Sizes};
 
 /// Word for the paper's steps in the place of a normal law.
 const PROCEDURE: Word = Word {
@@ -153,8 +153,30 @@ pub(super) fn has_chosen_laws(params: &Params) -> bool {
     *params.contact.laws() != ContactLaws::PAPER
 }
 
-pub(super) fn is_mixed(params: &Params) -> bool {
-    params.size_ratio > 1.0
+/// Whether there are two sizes.
+pub(super) fn has_two_sizes(params: &Params) -> bool {
+    params.size_ratio > 1.0 && params.sizes.is_none()
+}
+
+/// The word for sizes that are those of `size_ratio` and `large_fraction`.
+pub(super) const ONE_OR_TWO: &str = "by size_ratio";
+
+/// Makes the spheres of these sizes: of one or two by their ratio and share.
+pub(super) fn put_sizes(params: &mut Params, word: &str) -> Result<(), Refusal> {
+    if word == ONE_OR_TWO {
+        params.sizes = None;
+        return Ok(());
+    }
+    let sizes: Sizes = word.parse()?;
+    params.sizes = None;
+    match sizes.as_two() {
+        Some([size_ratio, large_fraction]) => {
+            params.size_ratio = size_ratio;
+            params.large_fraction = large_fraction;
+        }
+        None => params.sizes = Some(sizes),
+    }
+    Ok(())
 }
 
 pub(super) fn is_soft(params: &Params) -> bool {

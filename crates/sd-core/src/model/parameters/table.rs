@@ -1,11 +1,11 @@
 //! The table of parameters.
 
 use super::choices::{
-    alone, contact_word, contact_words, has_chosen_laws, has_leading_order, has_lubrication_gap,
-    has_spring, has_tangential_spring, is_mixed, may_adhere, needs_leading_order,
-    needs_lubrication_gap, needs_repulsion, needs_rolling, needs_spring, needs_tangential_spring,
-    needs_touch, put_contact, put_hydrodynamics, put_law, put_spheres, put_tangential, read,
-    repels, resists_rolling, rubs, tangential_words,
+    ONE_OR_TWO, alone, contact_word, contact_words, has_chosen_laws, has_leading_order,
+    has_lubrication_gap, has_spring, has_tangential_spring, has_two_sizes, may_adhere,
+    needs_leading_order, needs_lubrication_gap, needs_repulsion, needs_rolling, needs_spring,
+    needs_tangential_spring, needs_touch, put_contact, put_hydrodynamics, put_law, put_sizes,
+    put_spheres, put_tangential, read, repels, resists_rolling, rubs, tangential_words,
 };
 use super::quantities::{
     AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, ROUGHNESS, SHEAR_RATE,
@@ -19,13 +19,13 @@ use crate::law::rolling_friction::ROLLING_FRICTION;
 use crate::law::tangential::stick_slide::{TANGENTIAL_STIFFNESS, USUAL_STIFFNESS};
 use crate::law::{FrictionOnset, Quantity, StiffnessUnit, Words as _};
 use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
-use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, LeadingOrder};
+use crate::model::{ContactLaws, ContactScheme, Distribution, Hydrodynamics, LeadingOrder, Sizes};
 
 /// All parameters of a run, in the order of columns and of nested loops.
 ///
 /// A choice stands above the numbers that have a meaning under it. Values are therefore put into [`crate::Params`] from the last
 /// entry to the first.
-pub static PARAMETERS: [Parameter; 26] = [
+pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         key: "hydrodynamics",
         symbol: "hydrodynamics",
@@ -118,22 +118,40 @@ pub static PARAMETERS: [Parameter; 26] = [
         ..number(&AREA_FRACTION)
     },
     Parameter {
-        is_shown: is_mixed,
+        key: "sizes",
+        symbol: "sizes",
+        meaning: "sizes of the spheres",
+        example: "{ lognormal = 0.2 }",
+        is_shown: |p| p.sizes.is_some(),
+        form: Form::Choice(Choice {
+            words: || Distribution::WORDS.to_vec(),
+            default: ONE_OR_TWO,
+            get: |p| p.sizes.map_or(ONE_OR_TWO, Sizes::text),
+            put: put_sizes,
+        }),
+        ..CHOICE
+    },
+    Parameter {
+        has_meaning: |p| p.sizes.is_none(),
+        needs: Some(|| "no `sizes`".into()),
+        is_shown: has_two_sizes,
         form: Form::Number(Number {
             quantity: &SIZE_RATIO,
-            default: Some(|_| 1.0),
+            // Two species have put theirs.
+            default: Some(|p| p.size_ratio),
             get: |p| p.size_ratio,
             put: |p, value| p.size_ratio = value,
+            without: Some(1.0),
             ..NEEDED
         }),
         ..number(&SIZE_RATIO)
     },
     Parameter {
-        has_meaning: is_mixed,
-        is_shown: is_mixed,
+        has_meaning: has_two_sizes,
+        is_shown: has_two_sizes,
         form: Form::Number(Number {
             quantity: &LARGE_FRACTION,
-            default: Some(|_| 0.5),
+            default: Some(|p| p.large_fraction),
             get: |p| p.large_fraction,
             put: |p, value| p.large_fraction = value,
             without: Some(0.5),

@@ -226,7 +226,12 @@ impl<S: Started> Snapshot<S> {
             return refuse("a critical load that is none");
         }
         let (radii, side) = S::radii_and_side(params)?;
-        if self.radii != radii || self.side.to_bits() != side.to_bits() {
+        let mut own = self.radii.clone();
+        if params.sizes.is_some() {
+            // The start may have numbered spheres of all sizes by rows.
+            own.sort_by(|a, b| b.total_cmp(a));
+        }
+        if own != radii || self.side.to_bits() != side.to_bits() {
             return refuse("other radii or cell than the parameters give");
         }
         Ok(())

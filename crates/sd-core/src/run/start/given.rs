@@ -54,10 +54,13 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
     {
         return refuse(
             format!("a layer with a sphere of radius {}", given.radii[sphere]),
-            format!(
-                "does not go with `size_ratio` = {} and `large_fraction` = {}",
-                params.size_ratio, params.large_fraction
-            ),
+            match params.sizes {
+                Some(sizes) => format!("does not go with `sizes` = {}", sizes.text()),
+                None => format!(
+                    "does not go with `size_ratio` = {} and `large_fraction` = {}",
+                    params.size_ratio, params.large_fraction
+                ),
+            },
             format!("radius {radius} in its place, in units of the mean radius"),
         );
     }

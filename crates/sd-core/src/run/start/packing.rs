@@ -6,6 +6,7 @@
 //! get stuck are shaken and relaxed again, ever more gently. Relaxations and the steps of each are
 //! counted, so that packing ends, with centres or with the fraction reached.
 
+use crate::model::Sizes;
 use crate::space::Space;
 use crate::space::cell::Cell;
 use crate::space::neighbours::NeighbourList;
@@ -111,20 +112,32 @@ impl<S: Space> Packing<S> {
         Err(fraction * power((2.0 + smallest) / (2.0 + self.gap)))
     }
 
-    /// Numbers spheres of the same size row by row along the flow. Neighbours are then neighbours
+    /// Numbers spheres row by row along the flow: those of the same size, or of many sizes all. Neighbours are then neighbours
     /// in memory too, and stay so for long, since shear moves whole rows past each other.
-    pub(super) fn number_by_rows(&mut self) {
+    pub(super) fn number_by_rows(&mut self, sizes: Option<Sizes>) {
+        let in_rows = |a: &S::Vector, b: &S::Vector| {
+            let rows = (1..S::DIMENSIONS).rev().map(|k| {
+                let [row_a, row_b] = [a, b].map(|x| (x[k] / ROW).floor());
+                row_a.total_cmp(&row_b)
+            });
+            rows.fold(Ordering::Equal, Ordering::then)
+                .then(a[0].total_cmp(&b[0]))
+        };
+        if sizes.is_some() {
+            let mut spheres: Vec<_> = self
+                .centres
+                .iter()
+                .copied()
+                .zip(self.radii.clone())
+                .collect();
+            spheres.sort_by(|a, b| in_rows(&a.0, &b.0));
+            (self.centres, self.radii) = spheres.into_iter().unzip();
+            return;
+        }
         let mut rest = self.centres.as_mut_slice();
         for alike in self.radii.chunk_by(|a, b| a == b) {
             let (same_size, others) = rest.split_at_mut(alike.len());
-            same_size.sort_by(|a, b| {
-                let rows = (1..S::DIMENSIONS).rev().map(|k| {
-                    let [row_a, row_b] = [a, b].map(|x| (x[k] / ROW).floor());
-                    row_a.total_cmp(&row_b)
-                });
-                rows.fold(Ordering::Equal, Ordering::then)
-                    .then(a[0].total_cmp(&b[0]))
-            });
+            same_size.sort_by(in_rows);
             rest = others;
         }
     }

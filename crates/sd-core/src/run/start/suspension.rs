@@ -4,7 +4,7 @@
 use super::packing::{Density, Packing};
 use super::radii;
 use crate::error::Error;
-use crate::model::Params;
+use crate::model::{Params, Sizes};
 use crate::space::Bulk;
 use crate::space::cell::Cell;
 use nalgebra::Vector3;
@@ -31,6 +31,8 @@ pub struct Mixture {
     pub size_ratio: f64,
     /// Share of the number that is large.
     pub large_fraction: f64,
+    /// Sizes other than one or two, in place of these.
+    pub sizes: Option<Sizes>,
 }
 
 /// Radii, centres and cell of a suspension at strain 0.
@@ -53,6 +55,7 @@ impl Mixture {
             roughness: params.roughness,
             size_ratio: params.size_ratio,
             large_fraction: params.large_fraction,
+            sizes: params.sizes,
         }
     }
 
@@ -63,7 +66,10 @@ impl Mixture {
         } else {
             self.number_of_large()
         };
-        let radii = radii(self.spheres, self.size_ratio, large);
+        let radii = match self.sizes {
+            Some(sizes) => sizes.radii(self.spheres).to_vec(),
+            None => radii(self.spheres, self.size_ratio, large),
+        };
         let volume: f64 = radii.iter().map(|a| 4.0 / 3.0 * PI * a.powi(3)).sum();
         let side = (volume / self.volume_fraction).cbrt();
         Cell::<Bulk>::equal_sides(side, 0.0)?.check_range(&radii)?;
@@ -143,7 +149,7 @@ impl Mixture {
                 reached,
                 advice: "random spheres, with the roughness around them, fill at most about 0.64: lower the volume fraction or the roughness, or use two sizes",
             })?;
-        packing.number_by_rows();
+        packing.number_by_rows(self.sizes);
         Ok(Suspension {
             radii: packing.radii,
             centres: packing.centres,
@@ -163,6 +169,7 @@ mod tests {
         roughness: 0.01,
         size_ratio: 1.0,
         large_fraction: 0.5,
+        sizes: None,
     };
 
     /// Smallest gap between any two images, by brute force.

@@ -51,7 +51,7 @@ fn some_frame<S: Space>(params: &Params) -> Frame<S> {
         rolling_force: S::Tangent::default(),
         state: sd_core::contact::ContactState::Rolling,
     };
-    let mixed = params.size_ratio > 1.0;
+    let mixed = params.is_mixed();
     Frame {
         radii: (0..n).map(|i| if mixed { i as f64 } else { 1.0 }).collect(),
         centres: vec![S::Point::default(); n],

@@ -4,6 +4,7 @@ use crate::axes::Value;
 use crate::format::significant;
 use crate::spaces::try_start;
 use sd_core::Params;
+use sd_core::model::Sizes;
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, mpsc};
@@ -53,15 +54,16 @@ fn fraction(params: &Params) -> String {
 }
 
 /// What the start of a seed depends on.
-fn of_start(params: &Params) -> [u64; 6] {
-    [
+fn of_start(params: &Params) -> ([u64; 6], Option<&'static str>) {
+    let numbers = [
         params.spheres as u64,
         params.area_fraction.to_bits(),
         params.volume_fraction.unwrap_or(0.0).to_bits(),
         params.roughness.to_bits(),
         params.size_ratio.to_bits(),
         params.large_fraction.to_bits(),
-    ]
+    ];
+    (numbers, params.sizes.map(Sizes::text))
 }
 
 /// Makes a start layer for every point, those first that are hardest to pack. Each point is given with one of its seeds.

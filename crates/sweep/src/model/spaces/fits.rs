@@ -24,10 +24,10 @@ pub(super) fn check(params: &Params) -> Result<(), Error> {
     };
     // Spheres with the roughness around them.
     let growth = (1.0 + 0.5 * params.roughness).powi(3);
-    let closest = if params.size_ratio == 1.0 {
-        CLOSEST_AT_RANDOM
-    } else {
+    let closest = if params.is_mixed() {
         CLOSEST
+    } else {
+        CLOSEST_AT_RANDOM
     };
     let most = closest / growth;
     if volume_fraction > most {

@@ -1,0 +1,143 @@
+//! Layers and suspensions of many sizes.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use sd_core::cell::Cell;
+use sd_core::compiled::Compiled;
+use sd_core::instant::{Configuration, ContactRequest, solve};
+use sd_core::start::Started;
+use sd_core::{
+    Bulk, ContactScheme, Hydrodynamics, ImposedFlow as _, Layer, LeadingOrder, NearFields, Params,
+    Simulation,
+};
+
+/// Parameters of a layer of these sizes.
+fn layer(spheres: usize, area_fraction: f64, sizes: &str) -> Params {
+    Params {
+        spheres,
+        area_fraction,
+        roughness: 0.01,
+        friction: 0.3,
+        shear_rate: f64::INFINITY,
+        sizes: Some(sizes.parse().unwrap()),
+        hydrodynamics: Hydrodynamics::BallMelrose,
+        contact: ContactScheme::Rigid,
+        time_step: 0.005,
+        ..Params::UNWRITTEN
+    }
+}
+
+/// The same of a suspension.
+fn suspension(spheres: usize, volume_fraction: f64, sizes: &str) -> Params {
+    Params {
+        area_fraction: 0.0,
+        volume_fraction: Some(volume_fraction),
+        ..layer(spheres, 0.0, sizes)
+    }
+}
+
+/// Viscosity of the start of seed 1 in simple shear, with radii changed by a share of each that grows from sphere to sphere.
+fn viscosity<S: Compiled + Started>(params: &Params, change: f64, tables: &NearFields) -> f64 {
+    let start = S::start(params, 1).unwrap();
+    let radii = start.radii.iter().enumerate();
+    let configuration = Configuration::<S> {
+        radii: radii.map(|(k, a)| a * (1.0 + change * k as f64)).collect(),
+        forces: vec![S::Vector::default(); start.centres.len()],
+        torques: vec![S::Spin::default(); start.centres.len()],
+        centres: start.centres,
+        cell: Cell::equal_sides(start.side, 0.0).unwrap(),
+        hydrodynamics: params.hydrodynamics,
+        background: S::Background::simple_shear(1.0),
+    };
+    let instant = solve(&configuration, &ContactRequest::None, tables).unwrap();
+    let stress = instant.stress.unwrap();
+    let difference = stress.viscosity - 1.0 - stress.dissipation;
+    assert!(difference.abs() < 1e-8 * stress.viscosity, "{difference:e}");
+    stress.viscosity
+}
+
+#[test]
+fn many_sizes_go_over_into_a_few_as_they_come_together() {
+    // Three sizes have tables of their own; as many sizes as spheres, each within 1e-9 of these, have one table of all size ratios.
+    let sizes = "1:0.4 1.3:0.3 1.9:0.3";
+    let tables = NearFields::default();
+    let check = |params: &Params| {
+        let of = |change| match params.volume_fraction {
+            None => viscosity::<Layer>(params, change, &tables),
+            Some(_) => viscosity::<Bulk>(params, change, &tables),
+        };
+        let (few, many) = (of(0.0), of(1e-11));
+        let difference = (few / many - 1.0).abs();
+        println!(
+            "{:?} {} {difference:.1e}",
+            params.hydrodynamics, params.spheres
+        );
+        assert!(
+            difference > 0.0 && difference < 1e-7,
+            "{params:?}: {difference:e}"
+        );
+    };
+    for hydrodynamics in [
+        Hydrodynamics::BallMelrose,
+        Hydrodynamics::StokesianDynamics,
+        Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+    ] {
+        // The far field of the larger layer and suspension is iterated.
+        for spheres in [50, 150] {
+            let params = Params {
+                hydrodynamics,
+                ..layer(spheres, 0.6, sizes)
+            };
+            check(&params);
+        }
+        let params = Params {
+            hydrodynamics,
+            ..suspension(120, 0.3, sizes)
+        };
+        check(&params);
+    }
+}
+
+/// Makes two runs of twelve steps, one of them interrupted, and compares bits.
+fn check_interrupted<S: Compiled + Started>(params: &Params) {
+    params.validate().unwrap();
+    let tables = NearFields::default();
+    let mut whole = Simulation::<S>::new(params, 3, &tables).unwrap();
+    let whole_samples: Vec<_> = (0..12).map(|_| whole.step().unwrap()).collect();
+    let mut first = Simulation::<S>::new(params, 3, &tables).unwrap();
+    let mut samples: Vec<_> = (0..5).map(|_| first.step().unwrap()).collect();
+    // Of another process, which has made its tables anew.
+    let mut second =
+        Simulation::<S>::from_snapshot(params, first.snapshot(), &NearFields::default()).unwrap();
+    samples.extend((0..7).map(|_| second.step().unwrap()));
+    assert_eq!(samples, whole_samples);
+    assert_eq!(second.snapshot(), whole.snapshot());
+}
+
+#[test]
+fn interrupted_runs_of_many_sizes_go_on_to_the_bit() {
+    check_interrupted::<Layer>(&layer(60, 0.7, "lognormal 0.2"));
+    check_interrupted::<Bulk>(&suspension(140, 0.4, "schulz 0.15"));
+}
+
+#[test]
+fn a_seed_decides_where_spheres_are_and_not_how_large() {
+    let sorted = |params: &Params, seed| {
+        let mut radii = match params.volume_fraction {
+            None => Layer::start(params, seed).unwrap().radii,
+            Some(_) => Bulk::start(params, seed).unwrap().radii,
+        };
+        radii.sort_by(f64::total_cmp);
+        radii
+    };
+    for params in [
+        layer(60, 0.7, "uniform 0.3"),
+        layer(1_200, 0.5, "lognormal 0.1"),
+        suspension(190, 0.4, "lognormal 0.15"),
+    ] {
+        assert_eq!(sorted(&params, 1), sorted(&params, 2));
+    }
+    let params = layer(60, 0.7, "uniform 0.3");
+    let centres = |seed| Layer::start(&params, seed).unwrap().centres;
+    assert_ne!(centres(1), centres(2));
+}
