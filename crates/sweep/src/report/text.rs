@@ -91,7 +91,9 @@ fn legend(report: &Report, sheet: &Sheet, shape: Shape) -> Vec<String> {
     };
     let after = match report.discard {
         Discard::Strain(strain) if let Some(segment) = report.segment => {
-            format!("in segment {segment} after a strain of {strain}; all segments: `sweep segments`")
+            format!(
+                "in segment {segment} after a strain of {strain}; all segments: `sweep segments`"
+            )
         }
         Discard::Strain(strain) => format!("after a strain of {strain}"),
         Discard::Auto => "after the strain MSER-5 picks at each point".into(),
