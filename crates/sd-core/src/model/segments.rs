@@ -131,8 +131,8 @@ impl Segment {
             return refuse(
                 "cross_shear",
                 written,
-                "has no meaning in a layer".into(),
-                "suspensions: a layer has no vorticity direction".into(),
+                "has no meaning: a layer has no vorticity direction".into(),
+                "suspensions, which have a `volume_fraction`".into(),
                 None,
             );
         }

@@ -11,7 +11,9 @@ pub(crate) fn replay(p: &Params, snapshot: &AnySnapshot) -> String {
     of_either!(snapshot, snapshot => replay_in(p, snapshot))
 }
 
-fn replay_in<S: Space>(p: &Params, snapshot: &Snapshot<S>) -> String {
+fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
+    let imposed = run.imposed(snapshot.steps);
+    let p = &run.in_step(&imposed);
     let load = snapshot.critical_load.unwrap_or(p.critical_load());
     // At Γ = 0 the load is infinite, which JSON cannot say; without friction it does not matter.
     let (friction, load) = if load.is_finite() {
@@ -45,26 +47,30 @@ fn replay_in<S: Space>(p: &Params, snapshot: &Snapshot<S>) -> String {
         }
     }
     let at_start = p.start.as_ref().map_or(0.0, |start| start.offset);
-    let strain = snapshot.steps as f64 * p.time_step;
-    let spin = -0.5 * p.direction;
-    let mut rate_of_strain = json!({"xx": 0.0, "yy": 0.0, "xy": 0.5 * p.direction});
+    let spin = -0.5 * imposed.direction;
+    let mut rate_of_strain = json!({"xx": 0.0, "yy": 0.0, "xy": 0.5 * imposed.direction});
     let mut angular_velocity = json!(spin);
     if S::DIMENSIONS > 2 {
+        let cross = 0.5 * imposed.cross_rate();
         rate_of_strain["xz"] = json!(0.0);
-        rate_of_strain["yz"] = json!(0.0);
-        angular_velocity = json!([0.0, 0.0, spin]);
+        rate_of_strain["yz"] = json!(cross);
+        angular_velocity = json!([cross, 0.0, spin]);
     }
-    json!({
+    let mut input = json!({
         "centres": snapshot.centres,
         "radii": snapshot.radii,
         "cell": vec![snapshot.side; S::DIMENSIONS],
-        "offset": at_start + p.direction * strain * snapshot.side,
+        "offset": at_start + run.net_strain(snapshot.steps) * snapshot.side,
         "background": {
             "rate_of_strain": rate_of_strain,
             "angular_velocity": angular_velocity,
         },
         "hydrodynamics": p.hydrodynamics,
         "contact": contact,
-    })
-    .to_string()
+    });
+    let cross_strain = run.cross_strain(snapshot.steps);
+    if cross_strain != 0.0 {
+        input["cross_offset"] = json!(cross_strain * snapshot.side);
+    }
+    input.to_string()
 }
