@@ -284,18 +284,17 @@ impl Params {
         };
         let crossed_before: f64 = over().map(|(one, steps)| crossed(one, steps)).sum();
         let gone = step - first(current);
-        let cross = match current.cross_shear {
-            None => CrossStrain {
+        let cross = if current.cross_shear.is_some() {
+            let [now, next] = [gone, gone + 1].map(|steps| crossed(current, steps));
+            CrossStrain {
+                since: step as f64 * self.time_step,
+                strain: crossed_before + now,
+                rate: (next - now) / self.time_step,
+            }
+        } else {
+            CrossStrain {
                 strain: crossed_before,
                 ..CrossStrain::default()
-            },
-            Some(_) => {
-                let [now, next] = [gone, gone + 1].map(|steps| crossed(current, steps));
-                CrossStrain {
-                    since: step as f64 * self.time_step,
-                    strain: crossed_before + now,
-                    rate: (next - now) / self.time_step,
-                }
             }
         };
         let imposed = Imposed {

@@ -215,11 +215,11 @@ impl<S: Started> Simulation<S> {
         self.imposed = imposed;
         self.background = S::Background::simple_shear(self.params.direction)
             .with_cross_shear(imposed.cross_rate());
-        if self.params.direction != direction {
-            if let SchemeMemory::Procedure { velocities, .. } = &mut self.memory {
-                // They say nothing of who approaches whom now.
-                velocities.clear();
-            }
+        if self.params.direction != direction
+            && let SchemeMemory::Procedure { velocities, .. } = &mut self.memory
+        {
+            // They say nothing of who approaches whom now.
+            velocities.clear();
         }
         if self.params.shear_stress.is_none() {
             self.drive = Drive::Rate;
